@@ -1,0 +1,1 @@
+"""The three papers, each a folder with only what is its own."""

@@ -1,0 +1,171 @@
+"""What an effect is, and the registry of those that are known.
+
+A vibration record is made in five stages, and an `Effect` is one modelling choice that acts in one of them:
+
+    shaft angle -> excitation -> path -> disturbance -> acquisition
+
+A twin is a chain of effects. A user adds one in five lines, and everything downstream treats it alike::
+
+    @register
+    @dataclass(frozen=True)
+    class Hum(Effect):
+        "A tone that nobody modelled."
+
+        stage: ClassVar[Stage] = Stage.DISTURBANCE
+        level: float = parameter(0.1, unit="healthy rms", plausible=(0.01, 1.0), doc="amplitude of the tone")
+
+        def apply(self, draft: Draft, rng: np.random.Generator) -> None:
+            draft.x += self.level * draft.reference_rms * np.sin(2 * np.pi * 100.0 * draft.t)
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import enum
+import math
+import re
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any, ClassVar, TypeVar, cast
+
+import numpy as np
+
+from twingap.errors import TwingapError
+
+if TYPE_CHECKING:
+    from twingap.effects.draft import Draft
+
+
+class Stage(enum.IntEnum):
+    """The five stages in which a record is made, in order."""
+
+    SHAFT = 0
+    EXCITATION = 1
+    PATH = 2
+    DISTURBANCE = 3
+    ACQUISITION = 4
+
+
+def parameter(
+    default: float,
+    *,
+    unit: str,
+    plausible: tuple[float, float],
+    doc: str,
+    allowed: tuple[float, float] = (0.0, math.inf),
+    log: bool = False,
+) -> Any:
+    """A typed parameter of an effect: a dataclass field that knows its unit and range.
+
+    Parameters
+    ----------
+    default : float
+        A middling value: visible, not extreme.
+    unit : str
+        "" for dimensionless.
+    plausible : (float, float)
+        Where real machines lie: bounds for fitting and for random draws.
+    doc : str
+        What it is, in a few words.
+    allowed : (float, float)
+        Closed interval outside which the effect has no meaning; construction fails there.
+    log : bool
+        Fit and draw on a logarithmic scale.
+    """
+    about = {"unit": unit, "plausible": plausible, "allowed": allowed, "doc": doc, "log": log}
+    return dataclasses.field(default=default, metadata=about)
+
+
+class Effect(ABC):
+    """One modelling choice, acting in one stage. Subclasses are frozen dataclasses of `parameter` fields.
+
+    Attributes
+    ----------
+    stage : Stage
+        Where in the chain it acts.
+    references : tuple[str, ...]
+        Equation, DOI or standard behind it.
+    """
+
+    stage: ClassVar[Stage]
+    references: ClassVar[tuple[str, ...]] = ()
+
+    @abstractmethod
+    def apply(self, draft: Draft, rng: np.random.Generator) -> None:
+        """Change the record under construction in place.
+
+        Parameters
+        ----------
+        draft : Draft
+            The record so far; an effect touches only what its stage owns (see `Draft`).
+        rng : numpy.random.Generator
+            The effect's own stream for this record.
+        """
+
+    def cannot_act_on(self, draft: Draft) -> str | None:
+        """Why this effect cannot act on this draft, or None when it can.
+
+        A draft of a foreign simulator has a waveform but no impacts, for instance.
+        """
+        return None
+
+    @property
+    def name(self) -> str:
+        """The name in twins, reports and studies: the class name in snake case."""
+        return effect_name(type(self))
+
+    def __post_init__(self) -> None:
+        for field in dataclasses.fields(cast(Any, self)):
+            value, allowed = getattr(self, field.name), field.metadata.get("allowed", (-math.inf, math.inf))
+            if isinstance(value, (int, float)) and not (math.isfinite(value) and allowed[0] <= value <= allowed[1]):
+                raise TwingapError(
+                    f"{value!r} found, {field.metadata.get('unit') or 'a number'} between {allowed[0]:g} and "
+                    f"{allowed[1]:g} expected",
+                    where=f"effect {self.name}: {field.name}",
+                )
+
+
+E_ = TypeVar("E_", bound=type[Effect])
+_REGISTRY: dict[str, type[Effect]] = {}
+
+
+def effect_name(kind: type[Effect]) -> str:
+    """SecondResonance -> second_resonance."""
+    return re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "_", kind.__name__).lower()
+
+
+def register(kind: E_) -> E_:
+    """Class decorator: make an effect known by its name. A later registration replaces an earlier one of that name."""
+    if not (isinstance(kind, type) and issubclass(kind, Effect)):
+        raise TypeError(f"{kind!r} is not a subclass of Effect")
+    if not isinstance(getattr(kind, "stage", None), Stage):
+        raise TypeError(f"{kind.__name__} has no stage: add  stage: ClassVar[Stage] = Stage.DISTURBANCE")
+    _REGISTRY[effect_name(kind)] = kind
+    return kind
+
+
+def catalogue() -> dict[str, type[Effect]]:
+    """All known effects by name, in the order of their stages, then of registration."""
+    return dict(sorted(_REGISTRY.items(), key=lambda item: item[1].stage))
+
+
+def make_effect(name: str, parameters: Mapping[str, float] | None = None, where: object = None) -> Effect:
+    """An effect by its name, with its default parameters except for those given.
+
+    Raises
+    ------
+    TwingapError
+        For an unknown effect or parameter, or a value out of range.
+    """
+    from twingap.config import build
+
+    kind = _REGISTRY.get(name)
+    if kind is None:
+        raise TwingapError(f"unknown effect {name!r}", where=where, mend=f"known effects: {', '.join(catalogue())}")
+    return build(kind, parameters or {}, f"{where}: {name}" if where is not None else f"effect {name}")
+
+
+def in_order(effects: tuple[Effect, ...]) -> tuple[Effect, ...]:
+    """The effects in the order in which they act, whatever the order in which they were named."""
+    order = {name: place for place, name in enumerate(catalogue())}
+    return tuple(sorted(effects, key=lambda effect: (effect.stage, order.get(effect.name, len(order)))))

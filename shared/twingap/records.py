@@ -1,0 +1,206 @@
+"""Conditions, records and record sets: the one form in which vibration enters and leaves.
+
+    Condition --(a twin, a rig, a machine)--> Record = Condition + samples;  RecordSet = many, of one machine
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from types import MappingProxyType
+from typing import Any, overload
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from twingap.bearing import FAULTS, Bearing
+from twingap.errors import TwingapError
+
+Array = NDArray[np.float64]
+UNITS = ("m/s^2", "g", "")
+
+
+@dataclass(frozen=True)
+class Condition:
+    """What a record is of: everything about it but its samples.
+
+    Parameters
+    ----------
+    name : str
+        Unique within its set (column `record`).
+    speed_rpm : float
+        Mean shaft speed, rev/min, positive.
+    fs_hz : float
+        Sampling rate, Hz.
+    n_samples : int
+        Length.
+    fault : str or None
+        One of `twingap.bearing.FAULTS`; None = unknown.
+    load_n, time_s : float or None
+        Radial load in N; time since the start of the run in s. None = not given.
+    group : str or None
+        Recording or bearing that the record was cut from; the record's own name when None.
+    extra : Mapping[str, Any]
+        Other columns, handed on untouched.
+
+    Raises
+    ------
+    TwingapError
+        For values that no record can have.
+    """
+
+    name: str
+    speed_rpm: float
+    fs_hz: float
+    n_samples: int
+    fault: str | None = None
+    load_n: float | None = None
+    time_s: float | None = None
+    group: str | None = None
+    extra: Mapping[str, Any] = field(default_factory=lambda: MappingProxyType({}))
+
+    def __post_init__(self) -> None:
+        where = f"record {self.name!r}"
+        for key, value in (("speed_rpm", self.speed_rpm), ("fs_hz", self.fs_hz)):
+            if not (np.isfinite(value) and value > 0):
+                raise TwingapError(f"{key} = {value!r}, a positive number expected", where=where)
+        if self.n_samples < 1:
+            raise TwingapError(f"n_samples = {self.n_samples}, at least 1 expected", where=where)
+        if self.fault is not None and self.fault not in FAULTS:
+            raise TwingapError(f"unknown fault {self.fault!r}", where=where, mend=f"use one of {', '.join(FAULTS)}")
+        if self.load_n is not None and not (np.isfinite(self.load_n) and self.load_n >= 0):
+            raise TwingapError(f"load_n = {self.load_n!r}, a number of at least 0 expected", where=where)
+        if self.time_s is not None and not np.isfinite(self.time_s):
+            raise TwingapError(f"time_s = {self.time_s!r}, a finite number expected", where=where)
+        if self.group is None:
+            object.__setattr__(self, "group", self.name)
+
+    @property
+    def duration_s(self) -> float:
+        """Length in seconds."""
+        return self.n_samples / self.fs_hz
+
+
+@dataclass(frozen=True)
+class Record:
+    """A condition and the vibration measured or simulated under it.
+
+    Parameters
+    ----------
+    condition : Condition
+    samples : Array [samples]
+        In the unit of its record set.
+    """
+
+    condition: Condition
+    samples: Array
+
+    def __post_init__(self) -> None:
+        if self.samples.shape != (self.condition.n_samples,):
+            raise TwingapError(
+                f"has samples of shape {self.samples.shape}, ({self.condition.n_samples},) expected",
+                where=f"record {self.condition.name!r}",
+            )
+
+
+class RecordSet(Sequence[Record]):
+    """Records of one machine. Samples may stay on disk until asked for.
+
+    Parameters
+    ----------
+    name : str
+    unit : {"m/s^2", "g", ""}
+        Of all samples; "" = unknown.
+    bearing : Bearing or None
+        Bearing under test.
+    conditions : sequence of Condition
+        One a record, names unique.
+    load : callable, int -> Array
+        Gives the samples of record i.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        unit: str,
+        bearing: Bearing | None,
+        conditions: Iterable[Condition],
+        load: Callable[[int], Array],
+    ) -> None:
+        self.name, self.unit, self.bearing = name, unit, bearing
+        self.conditions = tuple(conditions)
+        self._load = load
+        if unit not in UNITS:
+            raise TwingapError(
+                f"unit = {unit!r}", where=f"record set {name!r}", mend='use "m/s^2", "g" or "" (unknown)'
+            )
+        if not self.conditions:
+            raise TwingapError("holds no records", where=f"record set {name!r}")
+        seen: set[str] = set()
+        for condition in self.conditions:
+            if condition.name in seen:
+                raise TwingapError(
+                    f"record {condition.name!r} appears twice", where=f"record set {name!r}", mend="rename one of them"
+                )
+            seen.add(condition.name)
+
+    @classmethod
+    def from_records(cls, name: str, unit: str, bearing: Bearing | None, records: Iterable[Record]) -> RecordSet:
+        """A set held in memory."""
+        held = tuple(records)
+        return cls(name, unit, bearing, (r.condition for r in held), lambda i: held[i].samples)
+
+    def __len__(self) -> int:
+        return len(self.conditions)
+
+    def __iter__(self) -> Iterator[Record]:
+        return (self[i] for i in range(len(self)))
+
+    @overload
+    def __getitem__(self, index: int) -> Record: ...
+    @overload
+    def __getitem__(self, index: slice) -> RecordSet: ...
+    def __getitem__(self, index: int | slice) -> Record | RecordSet:
+        if isinstance(index, slice):
+            return self.take(range(len(self))[index])
+        place = range(len(self))[index]
+        return Record(self.conditions[place], self._load(place))
+
+    def take(self, places: Iterable[int]) -> RecordSet:
+        """The records at these places, in this order."""
+        kept = [range(len(self))[p] for p in places]
+        load = self._load
+        return RecordSet(self.name, self.unit, self.bearing, (self.conditions[p] for p in kept), lambda i: load(kept[i]))
+
+    def select(self, keep: Callable[[Condition], bool]) -> RecordSet:
+        """The records whose condition `keep` accepts.
+
+        Raises
+        ------
+        TwingapError
+            When none is left.
+        """
+        return self.take(i for i, condition in enumerate(self.conditions) if keep(condition))
+
+    @property
+    def groups(self) -> tuple[str, ...]:
+        """Distinct groups, in order of first appearance."""
+        return tuple(dict.fromkeys(c.group for c in self.conditions if c.group is not None))
+
+    @property
+    def table(self) -> pd.DataFrame:
+        """One row per record: record, speed_rpm, fault, load_n, time_s, fs_hz, n_samples, group and further columns."""
+        rows = [
+            {
+                "record": c.name, "speed_rpm": c.speed_rpm, "fault": c.fault, "load_n": c.load_n, "time_s": c.time_s,
+                "fs_hz": c.fs_hz, "n_samples": c.n_samples, "group": c.group, **c.extra,
+            }
+            for c in self.conditions
+        ]  # fmt: skip
+        return pd.DataFrame(rows)
+
+    def without_labels(self) -> RecordSet:
+        """The same records with every fault unknown: what a diagnosis of unlabelled data may see."""
+        hidden = tuple(replace(c, fault=None) for c in self.conditions)
+        return RecordSet(self.name, self.unit, self.bearing, hidden, self._load)
