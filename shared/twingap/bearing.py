@@ -55,9 +55,7 @@ class Bearing:
                 where=where,
             )
         if not 0 <= self.contact_angle_deg < 90:
-            raise TwingapError(
-                f"contact_angle_deg = {self.contact_angle_deg:g}, expected 0 <= angle < 90", where=where
-            )
+            raise TwingapError(f"contact_angle_deg = {self.contact_angle_deg:g}, expected 0 <= angle < 90", where=where)
         # Neighbouring rollers may touch but not overlap on the pitch circle.
         if self.roller_diameter_mm > self.pitch_diameter_mm * math.sin(math.pi / self.n_rollers):
             raise TwingapError(

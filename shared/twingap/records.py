@@ -1,6 +1,6 @@
 """Conditions, records and record sets: the one form in which vibration enters and leaves.
 
-    Condition --(a twin, a rig, a machine)--> Record = Condition + samples;  RecordSet = many, of one machine
+Condition --(a twin, a rig, a machine)--> Record = Condition + samples;  RecordSet = many, of one machine
 """
 
 from __future__ import annotations
@@ -171,7 +171,9 @@ class RecordSet(Sequence[Record]):
         """The records at these places, in this order."""
         kept = [range(len(self))[p] for p in places]
         load = self._load
-        return RecordSet(self.name, self.unit, self.bearing, (self.conditions[p] for p in kept), lambda i: load(kept[i]))
+        return RecordSet(
+            self.name, self.unit, self.bearing, (self.conditions[p] for p in kept), lambda i: load(kept[i])
+        )
 
     def select(self, keep: Callable[[Condition], bool]) -> RecordSet:
         """The records whose condition `keep` accepts.

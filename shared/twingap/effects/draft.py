@@ -1,11 +1,11 @@
 """The record while it is being made: what each stage of the chain reads and writes.
 
-    stage         owns
-    SHAFT         turns, cage_speed_ratio
-    EXCITATION    impacts, cage_lag, gain, force
-    PATH          modes, filters
-    DISTURBANCE   x (adds to it)
-    ACQUISITION   x (replaces it)
+stage         owns
+SHAFT         turns, cage_speed_ratio
+EXCITATION    impacts, cage_lag, gain, force
+PATH          modes, filters
+DISTURBANCE   x (adds to it)
+ACQUISITION   x (replaces it)
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """What a twin is: a chain of effects around a model of the excitation and of the path.
 
-    Condition -> Draft -> SHAFT effects -> excite -> EXCITATION effects -> PATH effects -> respond
-                       -> white noise -> DISTURBANCE effects -> ACQUISITION effects -> Record
+Condition -> Draft -> SHAFT effects -> excite -> EXCITATION effects -> PATH effects -> respond
+                   -> white noise -> DISTURBANCE effects -> ACQUISITION effects -> Record
 """
 
 from __future__ import annotations
