@@ -1,0 +1,20 @@
+"""Public data sets: manifests, verification, fetching, and one reader each.
+
+Only this package knows where files come from: `load("cwru", fs_hz=12000.0)` gives a `RecordSet` like any other.
+"""
+
+from twingap.data.manifest import DataFile, Manifest, manifest_names, manifest_of
+from twingap.data.registry import READERS, load
+from twingap.data.resample import resampled
+from twingap.data.root import data_root
+
+__all__ = [
+    "READERS",
+    "DataFile",
+    "Manifest",
+    "data_root",
+    "load",
+    "manifest_names",
+    "manifest_of",
+    "resampled",
+]

@@ -1,0 +1,239 @@
+"""Manifests: what a public data set consists of, as Croissant JSON-LD (https://docs.mlcommons.org/croissant, 1.0).
+
+data_manifests/cwru.json --read_manifest--> Manifest: owner, licence, citation, files with size and checksum, facts
+
+What Croissant has no word for stands under `twingap:` in the same file: the git blob id where no sha256 is known,
+whether a file is the owner's own or a third party's conversion, which file a conversion stands in for. Facts of each
+recording (fault, load, speed, sampling rate) are the record set `recordings` with its data inline, so that readers need
+no tables of their own.
+"""
+
+from __future__ import annotations
+
+import fnmatch
+import json
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any
+
+from twingap.errors import TwingapError
+
+CROISSANT = "http://mlcommons.org/croissant/1.0"
+_OWN = "twingap:"
+
+
+@dataclass(frozen=True)
+class DataFile:
+    """One file of a data set.
+
+    Parameters
+    ----------
+    path : str
+        Below the data root, with forward slashes.
+    url : str or None
+        Where its owner offers it; None when it cannot be downloaded by itself.
+    size_bytes : int or None
+    sha256, git_blob : str or None
+        Hex digests; `git_blob` is SHA-1 over ``"blob <size>\\0"`` and the bytes. None = not known.
+    converted : bool
+        Whether a third party changed the form of the owner's file.
+    provenance : str or None
+        How a converted file came about.
+    stands_in_for : str or None
+        Path of the owner's file that it replaces when that is absent.
+    contained_in : str or None
+        Path of the archive that holds it.
+    """
+
+    path: str
+    url: str | None
+    size_bytes: int | None = None
+    sha256: str | None = None
+    git_blob: str | None = None
+    converted: bool = False
+    provenance: str | None = None
+    stands_in_for: str | None = None
+    contained_in: str | None = None
+
+    @property
+    def checksum(self) -> str | None:
+        """The strongest digest known, as ``algorithm:hex``."""
+        if self.sha256:
+            return f"sha256:{self.sha256}"
+        return f"git-blob:{self.git_blob}" if self.git_blob else None
+
+
+@dataclass(frozen=True)
+class FilePattern:
+    """Files known only by the pattern of their paths: expected, but without size or checksum.
+
+    Parameters
+    ----------
+    pattern : str
+        Path below the data root; ``*`` stands for anything.
+    contained_in : str or None
+        Path of the archive that holds them.
+    """
+
+    pattern: str
+    contained_in: str | None = None
+
+    def matches(self, path: str) -> bool:
+        """Whether `path` (below the data root, forward slashes) is one of these files."""
+        return fnmatch.fnmatchcase(path, self.pattern)
+
+
+@dataclass(frozen=True)
+class Manifest:
+    """A data set: whose it is, what may be done with it, and of which files it consists.
+
+    Parameters
+    ----------
+    name : str
+        Short name; also the folder below the data root.
+    title, description, url, licence, citation : str
+        `licence` says so plainly where the owner publishes none.
+    bearing : str or None
+        Name in `twingap.bearing.BEARINGS`.
+    unit : str
+        Of all samples, as in record sets.
+    how_to_get : str or None
+        What to do where no download by program exists; None where `fetch` can do it.
+    made_here : bool
+        Whether twingap makes the records itself (virtual rigs).
+    files, patterns : tuple
+    recordings : tuple of Mapping
+        Facts of each recording, by field name; None values are left out.
+    """
+
+    name: str
+    title: str
+    description: str
+    url: str | None
+    licence: str
+    citation: str
+    bearing: str | None
+    unit: str
+    how_to_get: str | None
+    made_here: bool
+    files: tuple[DataFile, ...]
+    patterns: tuple[FilePattern, ...]
+    recordings: tuple[Mapping[str, Any], ...]
+
+    def file(self, path: str) -> DataFile | None:
+        """The file at this path below the data root, or None."""
+        return next((f for f in self.files if f.path == path), None)
+
+    @property
+    def size_bytes(self) -> int | None:
+        """Bytes to download from the owner; None when unknown."""
+        sizes = [f.size_bytes for f in self.files if f.url]
+        known = [s for s in sizes if s is not None]
+        return sum(known) if sizes and len(known) == len(sizes) else None
+
+
+def manifests_folder() -> Path:
+    """Where the manifests lie: inside an installed package, or at the root of a checkout."""
+    installed = Path(__file__).parent / "manifests"
+    checkout = Path(__file__).parents[3] / "data_manifests"
+    for folder in (installed, checkout):
+        if folder.is_dir():
+            return folder
+    raise TwingapError("the data manifests are missing", where=installed, mend="install twingap anew")
+
+
+def manifest_names() -> tuple[str, ...]:
+    """Names of the data sets, in alphabetical order."""
+    return tuple(sorted(path.stem for path in manifests_folder().glob("*.json")))
+
+
+def manifest_of(name: str) -> Manifest:
+    """The manifest of a data set, by its name.
+
+    Raises
+    ------
+    TwingapError
+        For a name that no manifest has.
+    """
+    names = manifest_names()
+    if name not in names:
+        raise TwingapError(f"no data set {name!r}", mend=f"use one of {', '.join(names)}")
+    return read_manifest(manifests_folder() / f"{name}.json")
+
+
+def read_manifest(path: str | os.PathLike[str]) -> Manifest:
+    """Read a Croissant manifest.
+
+    Raises
+    ------
+    TwingapError
+        When it cannot be read, is not JSON, or lacks what a manifest needs; names file and key.
+    """
+    try:
+        document = json.loads(Path(path).read_text(encoding="utf-8"))
+    except OSError as error:
+        raise TwingapError(f"cannot be read: {error.strerror}", where=path) from error
+    except ValueError as error:
+        raise TwingapError(f"is not JSON: {error}", where=path) from error
+    try:
+        return _from_croissant(document)
+    except KeyError as error:
+        raise TwingapError(f"key {error.args[0]!r} is missing", where=path) from error
+    except (TypeError, AttributeError, ValueError) as error:
+        raise TwingapError(f"is not a Croissant data set: {error}", where=path) from error
+
+
+def _from_croissant(document: Mapping[str, Any]) -> Manifest:
+    """The parts of a Croissant document that twingap uses."""
+    if document.get("conformsTo") != CROISSANT:
+        raise ValueError(f"conformsTo = {document.get('conformsTo')!r}, {CROISSANT!r} expected")
+    files: list[DataFile] = []
+    patterns: list[FilePattern] = []
+    for item in document.get("distribution", ()):
+        archive = item.get("containedIn", {}).get("@id")
+        if item["@type"] == "cr:FileSet":
+            includes = item["includes"]
+            found = [includes] if isinstance(includes, str) else includes
+            patterns += [FilePattern(f"{document['name']}/{pattern}", archive) for pattern in found]
+        else:
+            files.append(_file(item, archive))
+    recordings = [
+        MappingProxyType({key.split("/", 1)[1]: value for key, value in row.items() if value is not None})
+        for record_set in document.get("recordSet", ())
+        if record_set["@id"] == "recordings"
+        for row in record_set["data"]
+    ]
+    return Manifest(
+        name=document["name"],
+        title=document["alternateName"],
+        description=document["description"],
+        url=document.get("url"),
+        licence=document["license"],
+        citation=document["citeAs"],
+        bearing=document.get(f"{_OWN}bearing"),
+        unit=document.get(f"{_OWN}unit", ""),
+        how_to_get=document.get(f"{_OWN}howToGet"),
+        made_here=bool(document.get(f"{_OWN}madeHere", False)),
+        files=tuple(files),
+        patterns=tuple(patterns),
+        recordings=tuple(recordings),
+    )
+
+
+def _file(item: Mapping[str, Any], archive: str | None) -> DataFile:
+    """One Croissant FileObject."""
+    size, url = item.get("contentSize"), item.get("contentUrl", "")
+    return DataFile(
+        path=item["@id"],
+        url=url if url.startswith(("https://", "http://")) else None,
+        size_bytes=None if size is None else int(size.removesuffix("B")),
+        sha256=item.get("sha256"),
+        git_blob=item.get(f"{_OWN}gitBlobId"),
+        converted=item.get(f"{_OWN}form") == "converted",
+        provenance=item.get(f"{_OWN}provenance"),
+        stands_in_for=item.get(f"{_OWN}standsInFor"),
+        contained_in=archive,
+    )

@@ -1,0 +1,57 @@
+"""The readers by name: `load("cwru")` gives a record set, wherever its files come from."""
+
+from __future__ import annotations
+
+import importlib
+import inspect
+import os
+from collections.abc import Callable
+from typing import Any, Final
+
+from twingap.errors import TwingapError
+from twingap.records import RecordSet
+
+READERS: Final[dict[str, str]] = {
+    "cwru": "twingap.data.cwru:load_cwru",
+}
+"""Data set -> its reader, imported on first use."""
+
+
+def reader(name: str) -> Callable[..., RecordSet]:
+    """The reader of a data set.
+
+    Raises
+    ------
+    TwingapError
+        For a name without a reader.
+    """
+    if name not in READERS:
+        raise TwingapError(f"no data set {name!r}", mend=f"use one of {', '.join(READERS)}")
+    module, function = READERS[name].split(":")
+    found: Callable[..., RecordSet] = getattr(importlib.import_module(module), function)
+    return found
+
+
+def load(name: str, root: str | os.PathLike[str] | None = None, **options: Any) -> RecordSet:
+    """A public data set as a record set; samples are read on access.
+
+    Parameters
+    ----------
+    name : str
+        One of `READERS`.
+    root : path-like, optional
+        Data root; the environment variable TWINGAP_DATA when absent.
+    **options
+        The reader's own: `channel`, `fs_hz`...
+
+    Raises
+    ------
+    TwingapError
+        For an unknown name or option, and when the data are not at hand or cannot be read.
+    """
+    read = reader(name)
+    known = [option for option in inspect.signature(read).parameters if option != "root"]
+    for option in options:
+        if option not in known:
+            raise TwingapError(f"the reader of {name} has no option {option!r}", mend=f"use {', '.join(known)}")
+    return read(root, **options)

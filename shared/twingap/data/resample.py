@@ -1,0 +1,66 @@
+"""Records brought to a common sampling rate, when they are read."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+from fractions import Fraction
+
+import numpy as np
+from scipy.signal import resample_poly
+
+from twingap.errors import TwingapError
+from twingap.records import Array, Condition, RecordSet
+
+
+def resampled(records: RecordSet, fs_hz: float | None) -> RecordSet:
+    """The same records at sampling rate `fs_hz`, each resampled on access.
+
+    A zero-phase FIR low-pass (Kaiser window, `scipy.signal.resample_poly`) guards against aliasing: 48 kHz to 12 kHz is
+    decimation by 4. Records that have the rate already, or all when `fs_hz` is None, are handed on untouched.
+
+    Parameters
+    ----------
+    records : RecordSet
+    fs_hz : float or None
+        Wanted sampling rate, Hz.
+
+    Raises
+    ------
+    TwingapError
+        For a rate that is not positive, or too far from a ratio of small whole numbers to filter well.
+    """
+    if fs_hz is None or all(c.fs_hz == fs_hz for c in records.conditions):
+        return records
+    if not (math.isfinite(fs_hz) and fs_hz > 0):
+        raise TwingapError(f"fs_hz = {fs_hz!r}, a positive number expected")
+    ratios = [_ratio(fs_hz, condition) for condition in records.conditions]
+    conditions = [
+        replace(c, fs_hz=float(fs_hz), n_samples=-(-c.n_samples * r.numerator // r.denominator))
+        for c, r in zip(records.conditions, ratios, strict=True)
+    ]
+    return RecordSet(records.name, records.unit, records.bearing, conditions, _loader(records, ratios))
+
+
+def _loader(records: RecordSet, ratios: list[Fraction]) -> Callable[[int], Array]:
+    def load(place: int) -> Array:
+        samples, ratio = records[place].samples, ratios[place]
+        if ratio == 1:
+            return samples
+        # A line between the ends of the record keeps its offset from ringing at the edges.
+        return np.asarray(resample_poly(samples, ratio.numerator, ratio.denominator, padtype="line"), dtype=np.float64)
+
+    return load
+
+
+def _ratio(fs_hz: float, condition: Condition) -> Fraction:
+    """Output over input rate as a ratio of small whole numbers."""
+    ratio = Fraction(fs_hz).limit_denominator(10**6) / Fraction(condition.fs_hz).limit_denominator(10**6)
+    if max(ratio.numerator, ratio.denominator) > 1000:
+        raise TwingapError(
+            f"{condition.fs_hz:g} Hz cannot be resampled to {fs_hz:g} Hz: {ratio} is no ratio of small numbers",
+            where=f"record {condition.name!r}",
+            mend="choose a rate that divides it",
+        )
+    return ratio
