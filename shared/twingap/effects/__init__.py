@@ -10,7 +10,8 @@ from twingap.effects.base import (
     parameter,
     register,
 )
-from twingap.effects.draft import Draft, Impacts, Mode
+from twingap.effects.draft import Draft, Impacts
+from twingap.effects.ringing import Mode
 
 __all__ = [
     "Draft",

@@ -6,6 +6,17 @@ EXCITATION    impacts, cage_lag, gain, force
 PATH          modes, filters
 DISTURBANCE   x (adds to it)
 ACQUISITION   x (replaces it)
+
+What an effect can move differs with the simulator (`excitation`), and so does who applies what it wrote:
+
+field              "impacts"                   "rollers"                          "waveform"
+turns              when the impacts strike     the contact's shaft angle          x is resampled over the angle
+cage_speed_ratio   fault_order                 the rollers' speed                 none: mean_slip refuses
+cage_lag           none (impacts move)         cage angle = ftf ratio             x(turns - cage_lag)
+                                               (turns - cage_lag)
+gain               none (amplitudes change)    respond(): x = gain x + ...        x = gain x
+force              respond(): through modes    respond(): ... + through modes     none: what needs it refuses
+filters            respond(): x                respond(): x                       x
 """
 
 from __future__ import annotations
@@ -18,28 +29,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twingap.bearing import Bearing
+from twingap.effects.ringing import Mode
 from twingap.records import Condition
 
 Array = NDArray[np.float64]
-
-
-@dataclass(frozen=True)
-class Mode:
-    """One damped structural mode, h(t) = gain exp(-zeta w t) sin(sqrt(1 - zeta^2) w t).
-
-    Parameters
-    ----------
-    frequency_hz : float
-        Natural frequency w / (2 pi), Hz.
-    damping_ratio : float
-        zeta, dimensionless, between 0 and 1.
-    gain : float
-        Amplitude of its response to a unit impact.
-    """
-
-    frequency_hz: float
-    damping_ratio: float
-    gain: float = 1.0
 
 
 @dataclass
@@ -85,15 +78,17 @@ class Draft:
         What the simulator lets an effect act on: a list of impacts (phenomenological), rollers that move through a
         loaded contact (dynamics), or nothing but a finished waveform (a foreign simulator).
     cage_lag : Array [samples] or None
-        Random departure of the roller train from the cage's mean angle, in shaft turns ("rollers" only).
+        Random delay of the roller train ("rollers"), or of the whole waveform ("waveform"), in shaft turns: what would
+        have been at shaft angle `turns - cage_lag` is at `turns`. Add to it with `delay`.
     impacts : Impacts or None
         None for healthy records, and for simulators that hand over a finished waveform.
     force : Array [samples] or None
         Broadband force that passes through the modes like the impacts do (structure noise, roughness).
     gain : Array [samples] or None
-        Factor on a finished waveform that stands for modulated impacts (only simulators without impacts use it).
+        Factor on the waveform that stands for modulated impacts, for simulators that have none ("rollers", "waveform").
+        Multiply it with `modulate`.
     modes : list[Mode]
-        The path: structural modes in parallel.
+        The path: structural modes in parallel. Empty for a finished waveform; "rollers" hold their linearised contact.
     filters : list of callables, Array -> Array
         The path after the modes (mounting, sensor), applied in turn to x.
     x : Array [samples]
@@ -116,6 +111,11 @@ class Draft:
     x: Array = field(default_factory=lambda: np.empty(0))
 
     @property
+    def faulty(self) -> bool:
+        """Whether this record's bearing has a defect for rollers to strike."""
+        return self.condition.fault not in (None, "healthy")
+
+    @property
     def shaft_hz(self) -> float:
         """Mean shaft speed, turns per second."""
         return self.condition.speed_rpm / 60
@@ -124,6 +124,18 @@ class Draft:
     def fault_order(self) -> float:
         """Impacts per shaft turn of this record's fault, slip included."""
         return self.bearing.slipped(self.cage_speed_ratio)[self.condition.fault or "healthy"]
+
+    def modulate(self, factor: Array | float) -> None:
+        """Multiply the gain of a waveform without impacts."""
+        self.gain = (np.ones(self.t.size) if self.gain is None else self.gain) * factor
+
+    def delay(self, turns: Array) -> None:
+        """Delay the roller train or the waveform by so many shaft turns more, sample by sample."""
+        self.cage_lag = turns if self.cage_lag is None else self.cage_lag + turns
+
+    def push(self, force: Array) -> None:
+        """Add a broadband force before the path."""
+        self.force = force if self.force is None else self.force + force
 
     def when(self, turns: Array) -> Array:
         """Times (s) at which the shaft passes the given angles (turns), within and beyond the record."""
