@@ -1,0 +1,82 @@
+"""What every signal function accepts: finite numbers, time last."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from twingap.errors import TwingapError
+
+Array = NDArray[np.float64]
+
+
+def as_signals(x: ArrayLike, *, where: str, at_least: int = 1) -> Array:
+    """`x` as float64 `[..., samples]`, refused when it holds anything but finite numbers.
+
+    Parameters
+    ----------
+    x : array_like [..., samples]
+    where : str
+        The function that asks, for the message.
+    at_least : int
+        Fewest samples that make sense to it.
+
+    Returns
+    -------
+    Array [..., samples]
+        A view where that is possible: not to be written to.
+
+    Raises
+    ------
+    TwingapError
+        For text, complex numbers, NaN, infinities, a scalar, no signals, or too few samples.
+    """
+    given = np.asarray(x)
+    if given.dtype.kind not in "biuf":
+        raise TwingapError(f"signal of type {given.dtype}, real numbers expected", where=where)
+    if given.ndim == 0:
+        raise TwingapError("signal is a single number, an array [..., samples] expected", where=where)
+    if given.shape[-1] < at_least:
+        raise TwingapError(
+            f"signal has {given.shape[-1]} samples, at least {at_least} expected",
+            where=where,
+            mend="use longer records",
+        )
+    if given.size == 0:
+        raise TwingapError(f"no signals: array of shape {given.shape}", where=where)
+    signals = np.asarray(given, dtype=np.float64)
+    if not np.isfinite(signals).all():
+        bad = int(np.count_nonzero(~np.isfinite(signals)))
+        raise TwingapError(
+            f"signal holds {bad} values that are NaN or infinite (of {signals.size})",
+            where=where,
+            mend="cut them out or fill the gaps first",
+        )
+    return signals
+
+
+def positive(value: float, name: str, *, where: str) -> float:
+    """`value` as float, refused unless it is finite and above zero."""
+    number = float(value)
+    if not (math.isfinite(number) and number > 0):
+        raise TwingapError(f"{name} = {value!r}, a positive number expected", where=where)
+    return number
+
+
+def whole(value: int, name: str, *, where: str, at_least: int = 1) -> int:
+    """`value` as int, refused unless it is a whole number of at least `at_least`."""
+    if isinstance(value, bool) or int(value) != value or value < at_least:
+        raise TwingapError(f"{name} = {value!r}, a whole number of at least {at_least} expected", where=where)
+    return int(value)
+
+
+def band(low_hz: float, high_hz: float, nyquist_hz: float, *, where: str) -> tuple[float, float]:
+    """The band, refused unless 0 <= low < high <= nyquist."""
+    if not 0 <= low_hz < high_hz <= nyquist_hz * (1 + 1e-12):
+        raise TwingapError(
+            f"band {low_hz:g} to {high_hz:g} Hz, expected 0 <= low < high <= {nyquist_hz:g} Hz (half the sampling rate)",
+            where=where,
+        )
+    return float(low_hz), min(float(high_hz), nyquist_hz)
