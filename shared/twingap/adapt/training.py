@@ -1,0 +1,244 @@
+"""One training loop for the plain network, with and without adversarial adaptation.
+
+labelled source ----> extractor -> classifier -> cross-entropy
+                          |
+unlabelled target ------> + -> reversal -> discriminator -> domain loss      (method "dann" only)
+
+With the same seed both methods start from the same weights and see the same source batches in the same order; they
+differ in the domain loss and in nothing else (with its weight at 0 the weights agree bit for bit, and a test says so).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor, nn
+
+from twingap.adapt.dann import DomainDiscriminator, adversarial_schedule, reverse_gradient
+from twingap.adapt.nets import PlainCNN, best_device
+
+Inputs = NDArray[np.float32]
+Labels = NDArray[np.int64]
+Method = Literal["source_only", "dann"]
+State = dict[str, Tensor]
+
+
+@dataclass(frozen=True)
+class Training:
+    """How to train.
+
+    Parameters
+    ----------
+    steps : int
+        Gradient steps.
+    batch : int
+        Source samples per step, and as many target samples.
+    learning_rate, weight_decay : float
+        Of AdamW.
+    checkpoints : int
+        States kept for selection, evenly spaced, the last at the end.
+    adversarial_weight : float
+        Highest weight of the reversed gradient ("dann").
+    """
+
+    steps: int = 1200
+    batch: int = 64
+    learning_rate: float = 1e-3
+    weight_decay: float = 1e-4
+    checkpoints: int = 8
+    adversarial_weight: float = 1.0
+
+
+@dataclass(frozen=True)
+class Checkpoint:
+    """The network after some steps.
+
+    Parameters
+    ----------
+    step : int
+    state : State
+        Weights of the `PlainCNN`, on the processor.
+    source_loss : float
+        Mean cross-entropy on source batches since the last checkpoint.
+    domain_accuracy : float
+        Share of samples whose domain the discriminator told right since then; NaN without one.
+    """
+
+    step: int
+    state: State
+    source_loss: float
+    domain_accuracy: float
+
+
+@dataclass(frozen=True)
+class Trained:
+    """A finished training.
+
+    Parameters
+    ----------
+    checkpoints : tuple[Checkpoint, ...]
+    length, channels, n_classes : int
+        The network's shape.
+    device : str
+        Where it was trained.
+    """
+
+    checkpoints: tuple[Checkpoint, ...]
+    length: int
+    channels: int
+    n_classes: int
+    device: str = field(compare=False)
+
+    def network(self, place: int = -1) -> PlainCNN:
+        """The network of one checkpoint, on the processor, ready to predict."""
+        net = PlainCNN(self.length, self.n_classes, self.channels)
+        net.load_state_dict(self.checkpoints[place].state)
+        return net.eval()
+
+
+@contextmanager
+def reproducible(seed: int) -> Iterator[None]:
+    """A scope in which torch draws from `seed`, on one thread, with deterministic algorithms.
+
+    Everything global that it touches (random state, number of threads, determinism switches) is put back at its end:
+    one thread, since sums over threads depend on their number; parallel work is done by whole trainings.
+    """
+    threads, deterministic = torch.get_num_threads(), torch.are_deterministic_algorithms_enabled()
+    cudnn = (torch.backends.cudnn.deterministic, torch.backends.cudnn.benchmark)
+    gpus = list(range(torch.cuda.device_count())) if torch.cuda.is_available() else []
+    with torch.random.fork_rng(devices=gpus):
+        torch.manual_seed(seed)
+        torch.set_num_threads(1)
+        torch.use_deterministic_algorithms(True, warn_only=True)
+        torch.backends.cudnn.deterministic, torch.backends.cudnn.benchmark = True, False
+        try:
+            yield
+        finally:
+            torch.set_num_threads(threads)
+            torch.use_deterministic_algorithms(deterministic)
+            torch.backends.cudnn.deterministic, torch.backends.cudnn.benchmark = cudnn
+
+
+def train(
+    source: Inputs,
+    labels: Labels,
+    target: Inputs,
+    method: Method,
+    settings: Training,
+    seed: int,
+    n_classes: int,
+    device: str = "auto",
+) -> Trained:
+    """Train on labelled source windows and, with "dann", on unlabelled target windows.
+
+    Parameters
+    ----------
+    source : Inputs [windows, channels, length]
+    labels : Labels [windows]
+    target : Inputs [windows, channels, length]
+        Not looked at by "source_only". There is no argument for target labels.
+    method : {"source_only", "dann"}
+    settings : Training
+    seed : int
+        Weights and order of batches.
+    n_classes : int
+    device : str
+        "auto", "cpu" or "cuda".
+
+    Returns
+    -------
+    Trained
+        Same seed, same bytes on the same kind of device.
+    """
+    place = best_device(device)
+    with reproducible(seed):
+        net = PlainCNN(source.shape[2], n_classes, source.shape[1]).to(place)
+        discriminator = DomainDiscriminator().to(place)
+        parameters = [*net.parameters(), *(discriminator.parameters() if method == "dann" else ())]
+        optimiser = torch.optim.AdamW(parameters, lr=settings.learning_rate, weight_decay=settings.weight_decay)
+        x, y = torch.from_numpy(source).to(place), torch.from_numpy(labels).to(place)
+        other = torch.from_numpy(target).to(place)
+        source_order, target_order = (
+            _batches(len(x), settings.batch, seed, 0),
+            _batches(len(other), settings.batch, seed, 1),
+        )
+        class_loss, domain_loss = nn.CrossEntropyLoss(), nn.BCEWithLogitsLoss()
+        marks = {round((i + 1) * settings.steps / settings.checkpoints) for i in range(settings.checkpoints)}
+        kept: list[Checkpoint] = []
+        losses: list[Tensor] = []
+        told: list[Tensor] = []
+        for step in range(settings.steps):
+            chosen = next(source_order)
+            features = net.extractor(x[chosen])
+            loss = class_loss(net.classifier(features), y[chosen])
+            losses.append(loss.detach())
+            if method == "dann":
+                weight = adversarial_schedule(step / settings.steps, settings.adversarial_weight)
+                both = torch.cat([features, net.extractor(other[next(target_order)])])
+                domain = (torch.arange(len(both), device=place) >= len(features)).float()
+                guess = discriminator(reverse_gradient(both, weight))
+                loss = loss + domain_loss(guess, domain)
+                told.append(((guess.detach() > 0) == (domain > 0.5)).float().mean())
+            optimiser.zero_grad(set_to_none=True)
+            loss.backward()
+            optimiser.step()
+            if step + 1 in marks:
+                state = {name: value.detach().cpu().clone() for name, value in net.state_dict().items()}
+                accuracy = float(torch.stack(told).mean()) if told else float("nan")
+                kept.append(Checkpoint(step + 1, state, float(torch.stack(losses).mean()), accuracy))
+                losses, told = [], []
+    return Trained(tuple(kept), source.shape[2], source.shape[1], n_classes, str(place))
+
+
+def _batches(n: int, batch: int, seed: int, stream: int) -> Iterator[Tensor]:
+    """Indices of endless batches: every sample once before any comes again."""
+    rng = np.random.default_rng([seed, stream])
+    pool = np.empty(0, dtype=np.int64)
+    while True:
+        while pool.size < batch:
+            pool = np.concatenate([pool, rng.permutation(n)])
+        yield torch.from_numpy(pool[:batch].copy())
+        pool = pool[batch:]
+
+
+@dataclass(frozen=True)
+class Outputs:
+    """What a network says of some windows.
+
+    Parameters
+    ----------
+    logits : NDArray[float32] [windows, classes]
+    features : NDArray[float32] [windows, 100]
+    """
+
+    logits: NDArray[np.float32]
+    features: NDArray[np.float32]
+
+    @property
+    def probabilities(self) -> NDArray[np.float64]:
+        """Softmax of the logits [windows, classes]."""
+        shifted = self.logits.astype(np.float64) - self.logits.max(axis=1, keepdims=True)
+        raised = np.exp(shifted)
+        return np.asarray(raised / raised.sum(axis=1, keepdims=True))
+
+    @property
+    def predicted(self) -> Labels:
+        """Most probable class [windows]."""
+        return np.asarray(self.logits.argmax(axis=1), dtype=np.int64)
+
+
+def outputs(net: PlainCNN, inputs: Inputs, batch: int = 512) -> Outputs:
+    """Run a network over windows, on one thread, so that the bytes do not depend on the machine's cores."""
+    logits, features = [], []
+    with reproducible(0), torch.no_grad():
+        for start in range(0, len(inputs), batch):
+            seen = net.extractor(torch.from_numpy(inputs[start : start + batch]))
+            features.append(seen.numpy())
+            logits.append(net.classifier(seen).numpy())
+    return Outputs(np.concatenate(logits), np.concatenate(features))
