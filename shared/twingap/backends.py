@@ -1,0 +1,173 @@
+"""Where independent tasks run: this process, local processes, or a dask or ray cluster, all through joblib."""
+
+from __future__ import annotations
+
+import contextlib
+import importlib
+import logging
+import os
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import Any, Final, Literal, get_args
+
+from twingap.errors import TwingapError
+
+Backend = Literal["loky", "threading", "sequential", "dask", "ray"]
+BACKENDS: Final[tuple[str, ...]] = get_args(Backend)
+
+WORKER_DIED: Final = frozenset(
+    {"TerminatedWorkerError", "BrokenProcessPool", "KilledWorker", "WorkerCrashedError", "ActorDiedError",
+     "RayActorError", "OutOfMemoryError", "NodeDiedError"}
+)  # fmt: skip
+"""Names of the errors by which joblib, dask and ray say that a worker process is gone."""
+
+
+@dataclass(frozen=True)
+class Pool:
+    """An open backend.
+
+    Parameters
+    ----------
+    backend : str
+    n_jobs : int
+        Tasks at once.
+    threads_inside : int or None
+        Limit that each task must set for itself; None where the pool has set it already.
+    """
+
+    backend: str
+    n_jobs: int
+    threads_inside: int | None
+
+
+@contextmanager
+def open_pool(backend: str, address: str | None, n_jobs: int | None, threads: int) -> Iterator[Pool]:
+    """Open a backend for the length of the block.
+
+    Parameters
+    ----------
+    backend : {"loky", "threading", "sequential", "dask", "ray"}
+        loky: local processes.
+    address : str or None
+        Of a running dask or ray cluster; None starts one on this machine.
+    n_jobs : int or None
+        Tasks at once; None = all cores (of the cluster).
+    threads : int
+        Threads that each task may use inside (BLAS, OpenMP, torch, numba).
+
+    Raises
+    ------
+    TwingapError
+        For an unknown backend, a library that is not installed, a cluster that does not answer.
+    """
+    if backend not in BACKENDS:
+        raise TwingapError(f"unknown backend {backend!r}", mend=f"use one of {', '.join(BACKENDS)}")
+    if address is not None and backend not in ("dask", "ray"):
+        raise TwingapError(f"backend {backend!r} has no address ({address!r} given)", mend="use dask or ray, or none")
+    if n_jobs is not None and n_jobs < 1:
+        raise TwingapError(f"n_jobs = {n_jobs}, at least 1 expected")
+    if backend in ("dask", "ray"):
+        opened = _dask(address, n_jobs) if backend == "dask" else _ray(address, n_jobs)
+        with opened as count:
+            yield Pool(backend, count, threads)
+        return
+    import joblib
+
+    count = n_jobs or joblib.cpu_count()
+    if backend == "loky" and count > 1:
+        with joblib.parallel_config(backend="loky", n_jobs=count, inner_max_num_threads=threads):
+            yield Pool("loky", count, None)
+        return
+    with limited_threads(threads):
+        if backend == "threading":
+            with joblib.parallel_config(backend="threading", n_jobs=count):
+                yield Pool("threading", count, None)
+        else:
+            yield Pool("sequential", 1, None)
+
+
+@contextmanager
+def limited_threads(threads: int) -> Iterator[None]:
+    """At most this many threads in BLAS, OpenMP, torch and numba within the block, also when it loads them first."""
+    import joblib
+    import threadpoolctl  # type: ignore[import-untyped]
+
+    names = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")  # read when a library is loaded
+    before = {name: os.environ.get(name) for name in names}
+    torch, numba = sys.modules.get("torch"), sys.modules.get("numba")
+    torch_before = joblib.cpu_count(only_physical_cores=True) if torch is None else torch.get_num_threads()
+    numba_before = None if numba is None else numba.get_num_threads()
+    os.environ.update(dict.fromkeys(names, str(threads)))
+    try:
+        if torch is not None:
+            torch.set_num_threads(threads)
+        if numba is not None:
+            numba.set_num_threads(min(threads, numba.config.NUMBA_NUM_THREADS))
+        with threadpoolctl.threadpool_limits(threads):
+            yield
+    finally:
+        for name, value in before.items():
+            if value is None:
+                del os.environ[name]
+            else:
+                os.environ[name] = value
+        if numba is not None:
+            numba.set_num_threads(numba_before)
+        if (torch := sys.modules.get("torch")) is not None:
+            torch.set_num_threads(torch_before)
+
+
+@contextmanager
+def _dask(address: str | None, n_jobs: int | None) -> Iterator[int]:
+    try:
+        distributed: Any = importlib.import_module("distributed")
+    except ImportError:
+        raise TwingapError("backend dask is not installed", mend="pip install 'dask[distributed]'") from None
+    import joblib
+
+    logging.getLogger("distributed").setLevel(logging.ERROR)
+    with contextlib.ExitStack() as stack:
+        if address is None:
+            local = distributed.LocalCluster(
+                n_workers=n_jobs or joblib.cpu_count(), threads_per_worker=1, dashboard_address=None
+            )
+            address = stack.enter_context(local).scheduler_address
+        try:
+            client = stack.enter_context(distributed.Client(address, timeout=5))
+        except (OSError, TimeoutError, ValueError) as error:
+            mend = "start a scheduler there (dask scheduler), or leave the address out"
+            raise TwingapError(f"no dask scheduler answers: {error}", where=address, mend=mend) from error
+        cores = sum(client.ncores().values())
+        if cores == 0:
+            raise TwingapError("the dask cluster has no workers", where=address, mend=f"dask worker {address}")
+        with joblib.parallel_config(backend="dask", n_jobs=n_jobs or cores):
+            yield n_jobs or cores
+
+
+@contextmanager
+def _ray(address: str | None, n_jobs: int | None) -> Iterator[int]:
+    try:
+        ray: Any = importlib.import_module("ray")
+        register_ray: Any = importlib.import_module("ray.util.joblib").register_ray
+    except ImportError:
+        raise TwingapError("backend ray is not installed", mend="pip install 'ray[default]'") from None
+    import joblib
+
+    started = not ray.is_initialized()
+    if started:
+        here: dict[str, Any] = {} if address else {"num_cpus": n_jobs or joblib.cpu_count(), "include_dashboard": False}
+        try:
+            ray.init(address=address or "local", log_to_driver=False, logging_level=logging.ERROR, **here)
+        except (OSError, RuntimeError, ValueError) as error:
+            mend = "start a cluster there (ray start --head), or leave the address out"
+            raise TwingapError(f"no ray cluster answers: {error}", where=address, mend=mend) from error
+    try:
+        register_ray()
+        cores = int(ray.cluster_resources().get("CPU", 1))
+        with joblib.parallel_config(backend="ray", n_jobs=n_jobs or cores):
+            yield n_jobs or cores
+    finally:
+        if started:
+            ray.shutdown()

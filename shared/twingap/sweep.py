@@ -1,0 +1,308 @@
+"""Many independent jobs (task x method x seed) on one machine or a cluster; an interrupted sweep resumes.
+
+jobs --key--> in the store? --yes--> Result
+                   no --> worker: function(job) --> parent: store, on_result --> Result
+
+Only the parent writes results and calls back, so whatever `on_result` does (log to a database, move a bar) never races.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import functools
+import os
+import sys
+import time
+import traceback
+from collections import deque
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Generic, TypeVar
+
+from numpy.typing import NDArray
+
+from twingap.backends import WORKER_DIED, Pool, limited_threads, open_pool
+from twingap.errors import TwingapError
+from twingap.provenance import canonical, digest_of_code, plain
+from twingap.result_store import Identity, ResultStore, decode, encode
+
+J = TypeVar("J")
+
+
+@dataclass(frozen=True)
+class Result(Generic[J]):
+    """A finished job.
+
+    Parameters
+    ----------
+    job : J
+    value : Any
+        What the function returned, as it comes back from the store: tuples are lists, dataclasses are dicts.
+    label : str
+        The job in words.
+    key : str
+        Its place in the store.
+    seconds : float
+        How long it took, in the run that computed it.
+    why : str
+        Why it ran now; "" when it was taken from the store.
+    """
+
+    job: J
+    value: Any
+    label: str
+    key: str
+    seconds: float
+    why: str
+
+
+@dataclass(frozen=True)
+class Failure(Generic[J]):
+    """A job that raised or whose worker died."""
+
+    job: J
+    label: str
+    error: str
+    traceback: str
+
+
+class SweepError(TwingapError):
+    """Some jobs failed; all the others are done and kept.
+
+    Attributes
+    ----------
+    results : list[Result]
+        The jobs that succeeded, in job order.
+    failures : list[Failure]
+    """
+
+    def __init__(self, failures: list[Failure[Any]], results: list[Result[Any]], folder: Path | None) -> None:
+        self.failures, self.results = failures, results
+        names = ", ".join(f"[{f.label}]" for f in failures[:3]) + (", ..." if len(failures) > 3 else "")
+        mend = "mend the cause and run again: only these jobs will run"
+        if folder is not None:
+            mend = f"tracebacks are in {folder / 'failed'}; {mend}"
+        total = len(failures) + len(results)
+        super().__init__(f"{len(failures)} of {total} jobs failed: {names}: {failures[0].error}", mend=mend)
+
+
+def sweep(
+    function: Callable[[J], Any],
+    jobs: Sequence[J],
+    *,
+    store: str | os.PathLike[str] | None = None,
+    backend: str = "loky",
+    address: str | None = None,
+    n_jobs: int | None = None,
+    threads: int = 1,
+    version: str | None = None,
+    data: Mapping[str, str] | None = None,
+    on_result: Callable[[Result[J]], None] | None = None,
+    describe: Callable[[J], str] | None = None,
+) -> list[Result[J]]:
+    """Run `function` on every job, in parallel, taking from the store what is there.
+
+    Parameters
+    ----------
+    function : callable
+        Of one job. Defined at module level, so that workers can import it; `functools.partial` may bind further
+        arguments, whose digests then belong in `data`. It returns numbers, text, arrays, or lists and dicts of them,
+        depends on nothing but its arguments (seeds are part of the job), and does not log.
+    jobs : sequence
+        Frozen dataclasses or mappings of what JSON can hold. A job that appears twice runs once.
+    store : path-like, optional
+        Folder of results. None keeps nothing.
+    backend, address, n_jobs
+        Where to run; see `twingap.backends.open_pool`.
+    threads : int
+        Threads that one job may use inside. 1 makes results independent of the number of cores.
+    version : str, optional
+        Of the code: results of another version are not taken. Default: digest of the module of `function`; when more
+        code matters, pass ``digest_of_code(...)`` of all that does.
+    data : mapping, optional
+        Name -> digest of all data that `function` reads besides its job.
+    on_result : callable, optional
+        Called in this process for each result as it becomes known, those from the store first.
+    describe : callable, optional
+        A job in words, for progress and errors; a job of the same description that differs has "changed".
+
+    Returns
+    -------
+    list[Result]
+        In the order of `jobs`, the same whether or not the sweep was interrupted in between.
+
+    Raises
+    ------
+    SweepError
+        When jobs failed, after all the others have finished.
+    TwingapError
+        For a backend that is not there, or a store that cannot be used.
+    """
+    name, version = _name(function), version or digest_of_code(_bare(function))
+    if isinstance(function, functools.partial) and not data:
+        raise TypeError("a partial binds data that the results depend on: pass their digests as data={name: digest}")
+    plan: dict[str, _Planned[J]] = {}
+    keys = []
+    for job in jobs:
+        identity = Identity(name, plain(job), version, dict(data or {}))
+        keys.append(identity.key)
+        plan.setdefault(identity.key, _Planned(job, (describe or in_words)(job), identity))
+
+    kept = None if store is None else ResultStore(store)
+    with contextlib.nullcontext() if kept is None else kept.claimed():
+        done: dict[str, Result[J]] = {}
+        failures: dict[str, Failure[J]] = {}
+        for key, item in plan.items():
+            if kept is not None and (held := kept.read(key)) is not None:
+                done[key] = Result(item.job, held[0], item.label, key, held[1], "")
+                if on_result is not None:
+                    on_result(done[key])
+        todo = {key: item for key, item in plan.items() if key not in done}
+        why = {key: kept.why_missing(i.label, i.identity) if kept else "no result" for key, i in todo.items()}
+        if todo:
+            with open_pool(backend, address, n_jobs, threads) as pool:
+                for key, outcome in _outcomes(pool, function, {key: item.job for key, item in todo.items()}):
+                    item = todo[key]
+                    if isinstance(outcome, _Raised):
+                        failures[key] = Failure(item.job, item.label, outcome.error, outcome.traceback)
+                        if kept is not None:
+                            kept.write_failure(item.label, key, outcome.traceback)
+                        continue
+                    if kept is not None:
+                        kept.write(item.label, item.identity, outcome.text, outcome.arrays, outcome.seconds)
+                    value = decode(outcome.text, outcome.arrays)
+                    done[key] = Result(item.job, value, item.label, key, outcome.seconds, why[key])
+                    if on_result is not None:
+                        on_result(done[key])
+    if failures:
+        in_order = [failures[key] for key in plan if key in failures]
+        raise SweepError(in_order, [done[key] for key in plan if key in done], kept.folder if kept else None)
+    return [done[key] for key in keys]
+
+
+def in_words(job: object) -> str:
+    """``task=0->2, seed=1``: a job's fields, for people."""
+    table = plain(job)
+    if not isinstance(table, Mapping):
+        return str(table)
+    return ", ".join(f"{key}={value if isinstance(value, str) else canonical(value)}" for key, value in table.items())
+
+
+@dataclass(frozen=True)
+class _Planned(Generic[J]):
+    job: J
+    label: str
+    identity: Identity
+
+
+@dataclass(frozen=True)
+class _Returned:
+    text: str
+    arrays: dict[str, NDArray[Any]]
+    seconds: float
+
+
+@dataclass(frozen=True)
+class _Raised:
+    error: str
+    traceback: str
+
+
+def _attempt(
+    key: str, function: Callable[[Any], Any], job: Any, threads: int | None
+) -> tuple[str, _Returned | _Raised]:
+    """Run one job, in a worker. What it raises comes back as text, since not every exception can be sent."""
+    begin = time.perf_counter()
+    try:
+        if threads is None:
+            value = function(job)
+        else:
+            with limited_threads(threads):
+                value = function(job)
+        text, arrays = encode(value)
+    except (Exception, SystemExit) as error:
+        line = str(error) if isinstance(error, TwingapError) else f"{type(error).__name__}: {error}"
+        return key, _Raised(" ".join(line.split())[:500], traceback.format_exc())
+    return key, _Returned(text, arrays, time.perf_counter() - begin)
+
+
+def _outcomes(
+    pool: Pool, function: Callable[[J], Any], jobs: Mapping[str, J]
+) -> Iterator[tuple[str, _Returned | _Raised]]:
+    """Each job's outcome, as it comes. When a worker dies, the jobs that were under way then run one by one.
+
+    A dead worker takes all that run beside it along and does not say which job killed it. Run alone, the culprit is
+    known, and a job that fell only because many together ran out of memory succeeds.
+    """
+    waiting = deque(jobs)
+    while waiting:
+        under_way: set[str] = set()
+        try:
+            yield from _parallel(pool, function, jobs, waiting, under_way)
+        except _WorkerDiedError:
+            for key in [key for key in jobs if key in under_way]:
+                try:
+                    yield from _parallel(pool, function, jobs, deque([key]), set())
+                except _WorkerDiedError as error:
+                    text = "its worker process died (killed, out of memory, or crashed in compiled code)"
+                    yield key, _Raised(text, f"{text}\n{error.__cause__!r}")
+
+
+class _WorkerDiedError(Exception):
+    """A worker process is gone."""
+
+
+def _parallel(
+    pool: Pool, function: Callable[[J], Any], jobs: Mapping[str, J], waiting: deque[str], under_way: set[str]
+) -> Iterator[tuple[str, _Returned | _Raised]]:
+    """Outcomes of the waiting jobs; those sent but not back are under way."""
+    if pool.backend == "sequential":
+        while waiting:
+            key = waiting.popleft()
+            yield _attempt(key, function, jobs[key], pool.threads_inside)
+        return
+    import joblib
+
+    def tasks() -> Iterator[Any]:
+        while waiting:
+            key = waiting.popleft()
+            under_way.add(key)
+            yield joblib.delayed(_attempt)(key, function, jobs[key], pool.threads_inside)
+
+    # One job at a time to a worker, and few in line, so that little is lost when a worker dies.
+    outcomes = joblib.Parallel(return_as="generator_unordered", batch_size=1, pre_dispatch="2*n_jobs")(tasks())
+    try:
+        while True:
+            try:
+                key, outcome = next(outcomes)
+            except StopIteration:
+                return
+            except Exception as error:
+                if type(error).__name__ in WORKER_DIED:
+                    raise _WorkerDiedError from error
+                mend = "what was finished is kept; run the same again to go on"
+                line = f"{type(error).__name__}: {error}"[:300]
+                raise TwingapError(line, where=f"backend {pool.backend}", mend=mend) from error
+            under_way.discard(key)
+            yield key, outcome
+    finally:
+        outcomes.close()
+
+
+def _bare(function: Callable[..., Any]) -> Callable[..., Any]:
+    """The function inside a partial."""
+    return _bare(function.func) if isinstance(function, functools.partial) else function
+
+
+def _name(function: Callable[..., Any]) -> str:
+    """Qualified name of a module-level function."""
+    bare = _bare(function)
+    name = getattr(bare, "__qualname__", "<lambda>")
+    if "<" in name:
+        raise TypeError(f"{name}: workers can only import a function that is defined at module level")
+    module = bare.__module__
+    if module == "__main__":
+        # The same script has another name when imported; its file's name does not change.
+        module = Path(getattr(sys.modules["__main__"], "__file__", None) or "__main__").stem
+    return f"{module}.{name}"
