@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import dataclasses
+import json
 import math
 import os
+import re
 import tomllib
 import types
 import typing
@@ -26,13 +28,16 @@ def read_toml(path: str | os.PathLike[str]) -> dict[str, Any]:
         When the file is missing, a folder, not UTF-8 or not TOML.
     """
     try:
-        return tomllib.loads(Path(path).read_text(encoding="utf-8"))
-    except tomllib.TOMLDecodeError as error:
-        raise TwingapError(f"is not valid TOML: {error}", where=path) from error
+        # utf-8-sig: some editors begin UTF-8 files with a byte-order mark.
+        return tomllib.loads(Path(path).read_text(encoding="utf-8-sig"))
     except UnicodeDecodeError as error:
         raise TwingapError("is not UTF-8 text", where=path, mend="save it as UTF-8") from error
     except OSError as error:
-        raise TwingapError(f"cannot be read: {error.strerror}", where=path) from error
+        raise TwingapError(f"cannot be read: {error.strerror or error}", where=path) from error
+    except ValueError as error:  # TOMLDecodeError, and what Python says of impossible dates and endless numbers
+        raise TwingapError(f"is not valid TOML: {error}", where=path) from error
+    except RecursionError as error:
+        raise TwingapError("is not valid TOML: nested too deeply", where=path) from error
 
 
 def build(kind: type[T], table: Mapping[str, Any], where: object) -> T:
@@ -64,7 +69,57 @@ def build(kind: type[T], table: Mapping[str, Any], where: object) -> T:
             values[name] = _convert(hints[name], table[name], f"{where}: {name}")
         elif field.default is dataclasses.MISSING and field.default_factory is dataclasses.MISSING:
             raise TwingapError(f"key {name!r} is missing", where=where, mend=f"add {name} = {_expected(hints[name])}")
-    return kind(**values)
+    try:
+        return kind(**values)
+    except TwingapError as error:  # the object's own checks do not know the file
+        what = error.what if error.where is None else f"{error.where}: {error.what}"
+        raise TwingapError(what, where=where, mend=error.mend) from error
+
+
+def to_toml(table: Mapping[str, Any]) -> str:
+    """TOML text of (nested) tables, from which `read_toml` restores equal values.
+
+    Parameters
+    ----------
+    table : Mapping
+        Values are str, bool, int, float, paths, lists or tuples of these, or Mappings (tables); None is left out,
+        since TOML has no such value.
+
+    Raises
+    ------
+    TypeError
+        For other values.
+    """
+    return "\n".join(_toml_lines(table, ())) + "\n"
+
+
+def _toml_lines(table: Mapping[str, Any], path: tuple[str, ...]) -> list[str]:
+    given = {key: value for key, value in table.items() if value is not None}
+    lines = [f"{_toml_key(k)} = {_toml_value(v)}" for k, v in given.items() if not isinstance(v, Mapping)]
+    for key, value in given.items():
+        if isinstance(value, Mapping):
+            inner = (*path, key)
+            lines += ["", f"[{'.'.join(map(_toml_key, inner))}]", *_toml_lines(value, inner)]
+    return lines[1:] if not path and lines[:1] == [""] else lines
+
+
+def _toml_key(key: str) -> str:
+    return key if re.fullmatch(r"[A-Za-z0-9_-]+", key, re.ASCII) else _toml_value(key)
+
+
+def _toml_value(value: Any) -> str:
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, int):
+        return str(value)
+    if isinstance(value, float):
+        return repr(float(value))
+    if isinstance(value, (str, Path)):
+        # TOML's basic strings are JSON's, but for one control character that JSON leaves bare.
+        return json.dumps(str(value), ensure_ascii=False).replace("\x7f", "\\u007f")
+    if isinstance(value, (list, tuple)):
+        return "[" + ", ".join(map(_toml_value, value)) + "]"
+    raise TypeError(f"{value!r} has no place in TOML")
 
 
 def _convert(kind: Any, value: Any, where: str) -> Any:
@@ -73,15 +128,20 @@ def _convert(kind: Any, value: Any, where: str) -> Any:
     if dataclasses.is_dataclass(kind) and isinstance(value, Mapping):
         return build(typing.cast(type, kind), value, where)
     if origin in (Union, types.UnionType):
-        return _convert(next(a for a in arguments if a is not type(None)), value, where)
-    if origin is Literal and value in arguments:
+        return _convert_union(kind, value, where)
+    if origin is Literal and any(value == a and type(value) is type(a) for a in arguments):
         return value
     if origin is tuple and isinstance(value, list):
         return tuple(_convert(arguments[0], item, f"{where}[{i}]") for i, item in enumerate(value))
     if origin is dict and isinstance(value, Mapping):
         return {key: _convert(arguments[1], item, f"{where}.{key}") for key, item in value.items()}
-    if kind is float and isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value):
-        return float(value)
+    if kind is float and isinstance(value, (int, float)) and not isinstance(value, bool):
+        try:
+            number = float(value)
+        except OverflowError:  # a whole number beyond any float
+            number = math.inf
+        if math.isfinite(number):
+            return number
     if kind is int and isinstance(value, int) and not isinstance(value, bool):
         return value
     if kind in (str, bool) and isinstance(value, kind):
@@ -90,7 +150,29 @@ def _convert(kind: Any, value: Any, where: str) -> Any:
         return Path(value)
     if kind is Any:
         return value
-    raise TwingapError(f"{value!r} found, {_expected(kind)} expected", where=where)
+    raise TwingapError(f"{_shown(value)} found, {_expected(kind)} expected", where=where)
+
+
+def _convert_union(kind: Any, value: Any, where: str) -> Any:
+    """The first of the kinds that fits."""
+    kinds = [a for a in typing.get_args(kind) if a is not type(None)]
+    if len(kinds) == 1:
+        return _convert(kinds[0], value, where)
+    for one in kinds:
+        try:
+            return _convert(one, value, where)
+        except TwingapError:
+            continue
+    raise TwingapError(f"{_shown(value)} found, {_expected(kind)} expected", where=where)
+
+
+def _shown(value: Any) -> str:
+    """A value as errors show it: not a page of it."""
+    try:
+        text = repr(value)
+    except ValueError:  # Python prints no whole number of more than 4300 digits
+        return "an endless number"
+    return text if len(text) <= 80 else text[:77] + "..."
 
 
 def _expected(kind: Any) -> str:
@@ -99,7 +181,7 @@ def _expected(kind: Any) -> str:
     if origin is Literal:
         return "one of " + ", ".join(repr(a) for a in arguments)
     if origin in (Union, types.UnionType):
-        return _expected(next(a for a in arguments if a is not type(None)))
+        return " or ".join(_expected(a) for a in arguments if a is not type(None))
     if origin is tuple:
         return f"a list, each {_expected(arguments[0])}"
     if dataclasses.is_dataclass(kind) or origin is dict:

@@ -1,13 +1,18 @@
-"""Files written whole or not at all, and their digests."""
+"""Files written whole or not at all, and their digests.
+
+Both context managers hand out a temporary place beside the target and rename it into place at the end, which is one
+step for the file system. An error or an interruption (Ctrl-C) before that leaves what was there, and folders made on
+the way are removed again.
+"""
 
 from __future__ import annotations
 
 import hashlib
 import os
+import secrets
 import shutil
-import tempfile
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from twingap.errors import TwingapError
@@ -20,35 +25,34 @@ def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
     Parameters
     ----------
     path : path-like
-        The file to write. Its folder is made when missing.
+        The file to write. Its folder is made when missing. A link is followed, so that what it points to is replaced.
 
     Yields
     ------
     Path
-        Temporary file with the same suffix, to be written by the caller.
+        Temporary, empty file with the same suffix, to be written by the caller.
 
     Raises
     ------
     TwingapError
-        When the place cannot be written (no permission, no space, a file where a folder should be).
+        When the place cannot be written (no permission, no space, a file where a folder should be, a device).
     """
-    target = Path(path)
-    with _explained(target):
-        target.parent.mkdir(parents=True, exist_ok=True)
+    shown = Path(path)
+    with _explained(shown):
+        target = Path(os.path.realpath(shown))
         if target.is_dir():
-            raise IsADirectoryError(f"{target} is a folder")
-        handle, name = tempfile.mkstemp(prefix=f".{target.stem}-", suffix=target.suffix, dir=target.parent)
-        os.close(handle)
-        temporary = Path(name)
-        try:
-            yield temporary
-            # mkstemp makes files private to their owner; the result should be as readable as any other file.
-            umask = os.umask(0)
-            os.umask(umask)
-            temporary.chmod(0o666 & ~umask)
-            os.replace(temporary, target)
-        finally:
-            temporary.unlink(missing_ok=True)
+            raise TwingapError("is a folder, a file expected", where=shown, mend="name a file")
+        if target.exists() and not target.is_file():
+            # Root may rename over /dev/null.
+            raise TwingapError("is not a regular file", where=shown, mend="name a file")
+        with _parents(target.parent):
+            temporary = _beside(target)
+            temporary.touch(exist_ok=False)
+            try:
+                yield temporary
+                temporary.replace(target)
+            finally:
+                temporary.unlink(missing_ok=True)
 
 
 @contextmanager
@@ -62,26 +66,50 @@ def replacing_folder(path: str | os.PathLike[str]) -> Iterator[Path]:
     TwingapError
         When `path` holds something already, or cannot be written.
     """
-    target = Path(path)
-    with _explained(target):
+    shown = Path(path)
+    with _explained(shown):
+        target = Path(os.path.realpath(shown))
         if target.exists() and (not target.is_dir() or any(target.iterdir())):
-            raise TwingapError("exists already and is not an empty folder", where=target, mend="name a new folder")
-        target.parent.mkdir(parents=True, exist_ok=True)
-        temporary = Path(tempfile.mkdtemp(prefix=f".{target.name}-", dir=target.parent))
-        try:
-            yield temporary
-            umask = os.umask(0)
-            os.umask(umask)
-            temporary.chmod(0o777 & ~umask)
-            os.replace(temporary, target)
-        finally:
-            shutil.rmtree(temporary, ignore_errors=True)
+            raise TwingapError("exists already and is not an empty folder", where=shown, mend="name a new folder")
+        if target.is_mount():
+            # Found now rather than after hours of work: nothing can be renamed over a mount point.
+            raise TwingapError("is a mount point", where=shown, mend="name a new folder inside it")
+        with _parents(target.parent):
+            temporary = _beside(target)
+            temporary.mkdir()
+            try:
+                yield temporary
+                with suppress(FileNotFoundError):
+                    target.rmdir()
+                temporary.replace(target)
+            finally:
+                shutil.rmtree(temporary, ignore_errors=True)
 
 
 def sha256(path: str | os.PathLike[str]) -> str:
     """Hex sha256 of a file, read in one pass at disk speed."""
     with open(path, "rb") as stream:
         return hashlib.file_digest(stream, "sha256").hexdigest()
+
+
+def _beside(target: Path) -> Path:
+    """A new hidden name in the same folder, short enough for any file system."""
+    stem = target.stem.encode()[:100].decode(errors="ignore")
+    return target.with_name(f".{stem}-{secrets.token_hex(6)}{target.suffix if len(target.suffix) < 20 else ''}")
+
+
+@contextmanager
+def _parents(folder: Path) -> Iterator[None]:
+    """Make a folder and those above it; when the block fails, remove those that were made and are empty still."""
+    made = [place for place in (folder, *folder.parents) if not place.exists()]
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        yield
+    except BaseException:
+        with suppress(OSError):
+            for place in made:
+                place.rmdir()
+        raise
 
 
 @contextmanager
@@ -94,3 +122,7 @@ def _explained(target: Path) -> Iterator[None]:
         raise TwingapError(
             f"cannot be written: {reason}", where=target, mend="choose a folder that is writable and has space"
         ) from error
+    except ValueError as error:
+        if "null" not in str(error):  # the caller's own
+            raise
+        raise TwingapError("is no file name", where=repr(target), mend="leave out null characters") from error

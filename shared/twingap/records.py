@@ -1,13 +1,16 @@
 """Conditions, records and record sets: the one form in which vibration enters and leaves.
 
 Condition --(a twin, a rig, a machine)--> Record = Condition + samples;  RecordSet = many, of one machine
+
+On disk: `twingap.record_folder`; splits: `twingap.record_split`.
 """
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from types import MappingProxyType
+from pathlib import Path
 from typing import Any, overload
 
 import numpy as np
@@ -58,7 +61,7 @@ class Condition:
     load_n: float | None = None
     time_s: float | None = None
     group: str | None = None
-    extra: Mapping[str, Any] = field(default_factory=lambda: MappingProxyType({}))
+    extra: Mapping[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         where = f"record {self.name!r}"
@@ -149,7 +152,30 @@ class RecordSet(Sequence[Record]):
     def from_records(cls, name: str, unit: str, bearing: Bearing | None, records: Iterable[Record]) -> RecordSet:
         """A set held in memory."""
         held = tuple(records)
-        return cls(name, unit, bearing, (r.condition for r in held), lambda i: held[i].samples)
+        samples = tuple(r.samples for r in held)
+        return cls(name, unit, bearing, (r.condition for r in held), samples.__getitem__)
+
+    @classmethod
+    def read(cls, folder: str | os.PathLike[str]) -> RecordSet:
+        """Read a record set; samples stay on disk until asked for. See `twingap.record_folder.read_record_set`."""
+        from twingap.record_folder import read_record_set  # it builds on this module
+
+        return read_record_set(folder)
+
+    def write(self, folder: str | os.PathLike[str]) -> Path:
+        """Write this set, whole or not at all. See `twingap.record_folder.write_records`, also for streams."""
+        from twingap.record_folder import write_records
+
+        # The rate of most records is stated once.
+        rates = [condition.fs_hz for condition in self.conditions]
+        return write_records(folder, self.name, self.unit, self.bearing, max(rates, key=rates.count), self)
+
+    @property
+    def digest(self) -> str:
+        """Hex sha256 of what the records say, however they are stored. See `twingap.record_folder.digest`."""
+        from twingap.record_folder import digest
+
+        return digest(self)
 
     def __len__(self) -> int:
         return len(self.conditions)
@@ -170,10 +196,8 @@ class RecordSet(Sequence[Record]):
     def take(self, places: Iterable[int]) -> RecordSet:
         """The records at these places, in this order."""
         kept = [range(len(self))[p] for p in places]
-        load = self._load
-        return RecordSet(
-            self.name, self.unit, self.bearing, (self.conditions[p] for p in kept), lambda i: load(kept[i])
-        )
+        load = _Taken(self._load, kept)
+        return RecordSet(self.name, self.unit, self.bearing, (self.conditions[p] for p in kept), load)
 
     def select(self, keep: Callable[[Condition], bool]) -> RecordSet:
         """The records whose condition `keep` accepts.
@@ -196,13 +220,44 @@ class RecordSet(Sequence[Record]):
         rows = [
             {
                 "record": c.name, "speed_rpm": c.speed_rpm, "fault": c.fault, "load_n": c.load_n, "time_s": c.time_s,
-                "fs_hz": c.fs_hz, "n_samples": c.n_samples, "group": c.group, **c.extra,
+                "fs_hz": c.fs_hz, "n_samples": c.n_samples, "group": c.group,
             }
             for c in self.conditions
         ]  # fmt: skip
-        return pd.DataFrame(rows)
+        # A further column cannot stand in for one of these.
+        return pd.DataFrame([{**row, **dict(c.extra), **row} for row, c in zip(rows, self.conditions, strict=True)])
+
+    def common_groups(self, other: RecordSet) -> tuple[str, ...]:
+        """Groups that both sets have; none between the parts of an honest split."""
+        theirs = set(other.groups)
+        return tuple(group for group in self.groups if group in theirs)
+
+    def split(
+        self, fractions: Sequence[float], rng: np.random.Generator, *, cover_faults: bool = True
+    ) -> tuple[RecordSet, ...]:
+        """Random parts that share no group, every fault in each. See `twingap.record_split.split`."""
+        from twingap.record_split import split
+
+        return split(self, fractions, rng, cover_faults=cover_faults)
+
+    def leave_one_group_out(self, *, cover_faults: bool = True) -> Iterator[tuple[RecordSet, RecordSet]]:
+        """Pairs (all others, one group). See `twingap.record_split.leave_one_group_out`."""
+        from twingap.record_split import leave_one_group_out
+
+        return leave_one_group_out(self, cover_faults=cover_faults)
 
     def without_labels(self) -> RecordSet:
         """The same records with every fault unknown: what a diagnosis of unlabelled data may see."""
         hidden = tuple(replace(c, fault=None) for c in self.conditions)
         return RecordSet(self.name, self.unit, self.bearing, hidden, self._load)
+
+
+@dataclass(frozen=True)
+class _Taken:
+    """Gives the samples of some records of a set; a class, since worker processes cannot be sent closures."""
+
+    load: Callable[[int], Array]
+    kept: Sequence[int]
+
+    def __call__(self, index: int) -> Array:
+        return self.load(self.kept[index])

@@ -1,0 +1,327 @@
+"""The six formats of sample files, each as two functions: what a file holds, and the values of one vector in it.
+
+Nothing is ever unpickled. Parsers of damaged files raise what they like; `twingap.record_files` explains it.
+"""
+
+from __future__ import annotations
+
+import csv
+import math
+import os
+import warnings
+import zipfile
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import IO, Any, Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twingap.errors import TwingapError
+
+
+class Entry(NamedTuple):
+    """One array in a file, by its header.
+
+    Parameters
+    ----------
+    name : str
+        Key, column name, or index where columns have no names.
+    n_samples : int
+    problem : str or None
+        Why it is no vector of samples, or None when it is one.
+    """
+
+    name: str
+    n_samples: int
+    problem: str | None = None
+
+
+class Contents(NamedTuple):
+    """What a file holds.
+
+    Parameters
+    ----------
+    entries : tuple of Entry
+    keyed : bool
+        Entries are known by key alone, not by index.
+    fs_hz : float or None
+        Sampling rate that the file itself states.
+    """
+
+    entries: tuple[Entry, ...]
+    keyed: bool = False
+    fs_hz: float | None = None
+
+
+@dataclass(frozen=True)
+class Format:
+    """How one type of file is inspected (path -> contents), and loaded (path, name, place of an entry -> values)."""
+
+    inspect: Callable[[Path], Contents]
+    load: Callable[[Path, str, int], Any]
+
+
+def not_real(dtype: np.dtype[Any]) -> str | None:
+    """Why values of this type are no samples, or None when they are."""
+    if dtype.kind in "fiu":
+        return None
+    names = {"c": "complex numbers", "b": "true/false values", "U": "text", "S": "text", "O": "objects"}
+    return f"holds {names.get(dtype.kind, f'values of type {dtype}')}, real numbers expected"
+
+
+def _length(shape: Iterable[int]) -> tuple[int, str | None]:
+    """Samples in an array of this shape, and why it is no vector."""
+    shape = tuple(shape)
+    if not shape or any(n < 0 for n in shape) or sum(n != 1 for n in shape) > 1:
+        return 0, f"has shape {shape}, one vector expected"
+    return math.prod(shape), None
+
+
+# --- .npy and .npz -------------------------------------------------------------------------------------------------
+
+_MOST_COLUMNS: Final = 10_000
+
+
+def _npy_header(stream: IO[bytes]) -> tuple[tuple[int, ...], np.dtype[Any]]:
+    """Shape and dtype of the .npy data that begins here; the stream is left at its first value."""
+    pickled = TwingapError(
+        "holds pickled objects, which are never loaded", mend="save it as an array of numbers, without objects"
+    )
+    start = stream.read(1)
+    stream.seek(0)
+    if start == b"\x80":  # how every pickle begins
+        raise pickled
+    version = np.lib.format.read_magic(stream)
+    read = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
+    shape, _, dtype = read(stream)
+    if dtype.hasobject:
+        raise pickled
+    return shape, dtype
+
+
+def _has_columns(shape: tuple[int, ...]) -> bool:
+    return len(shape) == 2 and min(shape) > 1
+
+
+def _inspect_npy(path: Path) -> Contents:
+    with path.open("rb") as stream:
+        shape, dtype = _npy_header(stream)
+        here = stream.tell()
+        missing = math.prod(shape) * dtype.itemsize - (stream.seek(0, os.SEEK_END) - here)
+    if missing > 0:
+        raise TwingapError(f"is truncated: {missing} bytes are missing", mend="copy or write it again")
+    problem = not_real(dtype)
+    if _has_columns(shape):
+        if shape[1] > _MOST_COLUMNS:
+            mend = "save it with samples along the first axis"
+            raise TwingapError(f"has {shape[1]} columns of {shape[0]} samples", mend=mend)
+        return Contents(tuple(Entry(str(i), shape[0], problem) for i in range(shape[1])))
+    length, odd = _length(shape)
+    return Contents((Entry("0", length, odd or problem),))
+
+
+def _load_npy(path: Path, name: str, place: int) -> Any:
+    with path.open("rb") as stream:
+        shape, _ = _npy_header(stream)
+    if _has_columns(shape):
+        return np.load(path, mmap_mode="r", allow_pickle=False)[:, place]
+    return np.load(path, allow_pickle=False)
+
+
+def _inspect_npz(path: Path) -> Contents:
+    entries = []
+    with zipfile.ZipFile(path) as archive:
+        for member in archive.namelist():
+            if not member.endswith(".npy"):
+                continue
+            with archive.open(member) as stream:
+                try:
+                    shape, dtype = _npy_header(stream)
+                except TwingapError as error:
+                    raise TwingapError(f"key {member[:-4]!r} {error.what}", mend=error.mend) from error
+            length, odd = _length(shape)
+            entries.append(Entry(member[:-4], length, odd or not_real(dtype)))
+    return Contents(tuple(entries), keyed=True)
+
+
+def _load_npz(path: Path, name: str, place: int) -> Any:
+    with np.load(path, allow_pickle=False) as archive:
+        return archive[name]
+
+
+# --- .mat ----------------------------------------------------------------------------------------------------------
+
+_MAT_NUMBERS: Final = ("double", "single", "int8", "int16", "int32", "int64", "uint8", "uint16", "uint32", "uint64")
+
+
+def _inspect_mat(path: Path) -> Contents:
+    from scipy.io import whosmat
+
+    with path.open("rb") as stream:
+        start = stream.read(1024)
+    if b"\x89HDF\r\n\x1a\n" in start or start.startswith(b"MATLAB 7.3"):
+        mend = 'save it again in MATLAB with  save(name, "-v7")'
+        raise TwingapError("is a MATLAB 7.3 file (HDF5), which is not read", mend=mend)
+    entries = []
+    for name, shape, kind in whosmat(str(path), appendmat=False):
+        length, odd = _length(shape)
+        wrong = None if kind in _MAT_NUMBERS else f"holds values of type {kind!r}, real numbers expected"
+        entries.append(Entry(name, length, wrong or odd))
+    return Contents(tuple(entries), keyed=True)
+
+
+def _load_mat(path: Path, name: str, place: int) -> Any:
+    from scipy.io import loadmat
+
+    return loadmat(str(path), appendmat=False, variable_names=[name])[name]
+
+
+# --- .csv ----------------------------------------------------------------------------------------------------------
+
+
+def _csv_layout(path: Path) -> tuple[list[str], int, int]:
+    """Column names (indices where there is no header row), lines before the data, rows of data."""
+    # utf-8-sig: spreadsheets begin UTF-8 files with a byte-order mark.
+    with path.open(encoding="utf-8-sig") as stream:
+        first, skipped = "", 0
+        for line in stream:
+            if line != "\n":
+                first = line
+                break
+            skipped += 1
+        rows = int(first != "") + sum(line != "\n" for line in stream)
+    fields = next(csv.reader([first]), [])
+    if any(field.strip() and not _is_number(field) for field in fields):
+        return [field.strip() for field in fields], skipped + 1, rows - 1
+    return [str(i) for i in range(len(fields))], skipped, rows
+
+
+def _inspect_csv(path: Path) -> Contents:
+    names, _, rows = _csv_layout(path)
+    return Contents(tuple(Entry(name, rows) for name in names))
+
+
+def _load_csv(path: Path, name: str, place: int) -> Any:
+    # Arrow refuses rows with a field too many or too few, as decimal commas make them; pandas would shift or drop.
+    import pyarrow as pa
+    from pyarrow import csv as arrow_csv
+
+    names, skipped, _ = _csv_layout(path)
+    columns, wanted = [str(i) for i in range(len(names))], str(place)
+    try:
+        table = arrow_csv.read_csv(
+            path,
+            read_options=arrow_csv.ReadOptions(use_threads=False, column_names=columns, skip_rows=skipped),
+            convert_options=arrow_csv.ConvertOptions(
+                include_columns=[wanted], column_types={wanted: pa.float64()}, null_values=[], check_utf8=False
+            ),
+        )
+    except pa.ArrowInvalid:
+        raise _csv_fault(path, name, place, skipped, len(names)) from None
+    return table.column(0).to_numpy()
+
+
+def _csv_fault(path: Path, name: str, place: int, skipped: int, width: int) -> TwingapError:
+    """Name the line that is at fault."""
+    with path.open(encoding="utf-8-sig", newline="") as stream:
+        rows = csv.reader(stream)
+        for row in rows:
+            where = f"{path}, line {rows.line_num}"
+            if not row or rows.line_num <= skipped:
+                continue
+            if len(row) != width:
+                mend = "separate fields by commas and write decimal points"
+                return TwingapError(f"has {len(row)} fields, {width} expected", where=where, mend=mend)
+            if not _is_number(text := row[place]):
+                what = f"{text!r} found, a number expected" if text else "is empty"
+                return TwingapError(what, where=f"{where}, column {name}")
+    return TwingapError("is not a table of numbers", where=path)
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return "_" not in text  # which Python takes for a separator of digits
+
+
+# --- .parquet ------------------------------------------------------------------------------------------------------
+
+
+def _inspect_parquet(path: Path) -> Contents:
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    with pq.ParquetFile(path) as file:
+        rows, schema = file.metadata.num_rows, file.schema_arrow
+    entries = []
+    for field in schema:
+        real = pa.types.is_floating(field.type) or pa.types.is_integer(field.type)
+        problem = None if real else f"holds values of type {field.type}, real numbers expected"
+        entries.append(Entry(field.name, rows, problem))
+    return Contents(tuple(entries))
+
+
+def _load_parquet(path: Path, name: str, place: int) -> Any:
+    import pyarrow.parquet as pq
+
+    with pq.ParquetFile(path) as file:
+        if file.schema_arrow.names.count(name) > 1:
+            raise TwingapError(f"has several columns {name!r}", where=path, mend="rename them")
+        column = file.read(columns=[name], use_threads=False).column(name)
+    if column.null_count:
+        gap = column.is_null().index(True).as_py()
+        where = f"{path}, channel {name}"
+        raise TwingapError(f"sample {gap} is missing", where=where, mend="mend it or leave the record out")
+    return column.to_numpy()
+
+
+# --- .wav ----------------------------------------------------------------------------------------------------------
+
+
+def _read_wav(path: Path) -> tuple[int, NDArray[Any]]:
+    from scipy.io import wavfile
+
+    with path.open("rb") as stream:
+        head = stream.read(8)
+    if head[:4] == b"RIFF" and int.from_bytes(head[4:], "little") + 8 > path.stat().st_size:
+        raise TwingapError("is truncated", mend="copy or write it again")
+    with warnings.catch_warnings():
+        # Recorders add chunks of their own; they are of no concern here.
+        warnings.simplefilter("ignore", wavfile.WavFileWarning)
+        try:
+            return wavfile.read(path, mmap=True)
+        except ValueError:
+            return wavfile.read(path)  # 24-bit samples cannot be mapped
+
+
+def _inspect_wav(path: Path) -> Contents:
+    rate, data = _read_wav(path)
+    channels = 1 if data.ndim == 1 else data.shape[1]
+    return Contents(tuple(Entry(str(i), len(data)) for i in range(channels)), fs_hz=float(rate))
+
+
+def _load_wav(path: Path, name: str, place: int) -> Any:
+    _, data = _read_wav(path)
+    values = data if data.ndim == 1 else data[:, place]
+    # Full scale = 1, as audio tools have it, so that one recording saved in 8, 16, 24 or 32 bits or as float reads
+    # alike; SciPy hands 24-bit samples over in the upper bytes of 32.
+    if values.dtype.kind == "u":
+        return (values.astype(np.float64) - 128) / 128
+    if values.dtype.kind == "i":
+        return values / 2.0 ** (8 * values.dtype.itemsize - 1)
+    return values
+
+
+FORMATS: Final = {
+    ".npy": Format(_inspect_npy, _load_npy),
+    ".npz": Format(_inspect_npz, _load_npz),
+    ".mat": Format(_inspect_mat, _load_mat),
+    ".csv": Format(_inspect_csv, _load_csv),
+    ".parquet": Format(_inspect_parquet, _load_parquet),
+    ".wav": Format(_inspect_wav, _load_wav),
+}
+"""By suffix, in lower case."""
