@@ -1,0 +1,409 @@
+"""Twin files: what is already modelled, in TOML.
+
+::
+
+    [twin]
+    model = "phenomenological"              # or "contact", or a model of your own (`register_model`)
+    preset = "paper"                        # optional; contact: "paper" or "physical"
+    effects = ["slip_jitter", "load_zone"]  # effects that the twin already has
+
+    [parameters]                            # optional fixed values; whatever is absent is identified from the records
+    resonance_hz = 3400.0
+    [parameters.impact_amplitude]           # one value per fault
+    inner = 1.5
+    [parameters.slip_jitter]                # parameters of an effect
+    sigma = 0.02
+
+    [bearing]                               # optional; used when the records do not bring a geometry
+    name = "6205"
+    n_rollers = 9
+    roller_diameter_mm = 7.94
+    pitch_diameter_mm = 39.04
+
+    [intervals]                             # written by identification: parameter = [lo, hi]
+    [identified]                            # written by identification: where the values come from
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import os
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any
+
+from twingap.bearing import Bearing
+from twingap.config import build, read_toml, to_toml
+from twingap.effects import Effect, catalogue, make_effect
+from twingap.errors import TwingapError
+from twingap.files import replacing
+from twingap.twins.base import Twin
+
+Parameters = Mapping[str, Any]
+"""Parameter -> number, or table of numbers (impact amplitude per fault, parameters of an effect)."""
+
+EMPTY: Mapping[str, Any] = MappingProxyType({})
+
+
+@dataclass(frozen=True)
+class Model:
+    """A kind of twin that twin files can name.
+
+    Parameters
+    ----------
+    name : str
+        As in ``[twin] model``.
+    parameters : type
+        Frozen dataclass of its parameters, every field with a default: numbers, and ``dict[str, float]`` where there
+        is one number per fault. Its ``__post_init__`` refuses values that have no meaning with `TwingapError`.
+    build : callable
+        ``build(parameters, bearing, effects, unit) -> Twin``.
+    presets : Mapping[str, parameters]
+        Named starting points for ``[twin] preset``.
+    """
+
+    name: str
+    parameters: type[Any]
+    build: Callable[[Any, Bearing, tuple[Effect, ...], str], Twin]
+    presets: Mapping[str, Any] = field(default_factory=lambda: EMPTY)
+
+
+MODELS: dict[str, Model] = {}
+"""Models by name. A user's own joins with `register_model`."""
+
+
+def register_model(model: Model) -> Model:
+    """Make a model known to twin files. A later registration replaces an earlier one of that name."""
+    MODELS[model.name] = model
+    return model
+
+
+@dataclass(frozen=True)
+class Provenance:
+    """Where identified values come from: table ``[identified]``.
+
+    Parameters
+    ----------
+    records_sha256 : str
+        Digest of the records used.
+    level : float
+        Coverage that the intervals claim.
+    version : str
+        Version of twingap.
+    method : str
+        How the resonance was found.
+    seed : int
+        Seed of the run, -1 when a generator was passed in.
+    notes : tuple[str, ...]
+        What could not be identified, and what was done instead.
+    """
+
+    records_sha256: str = ""
+    level: float = 0.9
+    version: str = ""
+    method: str = ""
+    seed: int = -1
+    notes: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class TwinSpec:
+    """A twin as its file describes it.
+
+    Parameters
+    ----------
+    model : str
+        Name of a registered `Model`.
+    effects : tuple[str, ...]
+        Effects beyond the baseline, by name.
+    preset : str or None
+        Starting point of the defaults.
+    parameters : Mapping
+        Values that the file gives; what is absent is free.
+    bearing : Bearing or None
+        Geometry for records that bring none.
+    intervals : Mapping[str, (float, float)]
+        Parameter (dotted for one within a table: ``impact_amplitude.inner``) -> interval.
+    identified : Provenance or None
+        Where identified values come from; None before identification.
+
+    Raises
+    ------
+    TwingapError
+        For an unknown model, preset, effect or parameter, and for values out of range.
+    """
+
+    model: str
+    effects: tuple[str, ...] = ()
+    preset: str | None = None
+    parameters: Parameters = field(default_factory=lambda: EMPTY)
+    bearing: Bearing | None = None
+    intervals: Mapping[str, tuple[float, float]] = field(default_factory=lambda: EMPTY)
+    identified: Provenance | None = None
+
+    def __post_init__(self) -> None:
+        _check(self, "twin")
+
+    def given(self, name: str) -> bool:
+        """Whether the file fixes this parameter (dotted for one within a table)."""
+        return name in flat(self.parameters)
+
+    def with_values(
+        self, values: Mapping[str, float], intervals: Mapping[str, tuple[float, float]], identified: Provenance
+    ) -> TwinSpec:
+        """The same twin with these parameters (dotted names) set."""
+        merged = nested({**flat(self.parameters), **values})
+        return dataclasses.replace(self, parameters=merged, intervals=dict(intervals), identified=identified)
+
+
+@dataclass(frozen=True)
+class _TwinTable:
+    """Table [twin]."""
+
+    model: str
+    effects: tuple[str, ...] = ()
+    preset: str | None = None
+
+
+def read_twin(path: str | os.PathLike[str]) -> TwinSpec:
+    """Read a twin file.
+
+    Raises
+    ------
+    TwingapError
+        Naming file, key, value and what was expected.
+    """
+    tables = read_toml(path)
+    known = ("twin", "parameters", "bearing", "intervals", "identified")
+    for name, value in tables.items():
+        if name not in known:
+            raise TwingapError(f"unknown key {name!r}", where=path, mend=f"known tables: {', '.join(known)}")
+        if not isinstance(value, Mapping):
+            raise TwingapError(f"{value!r} found, a table expected", where=f"{path}: {name}", mend=f"write [{name}]")
+        _check_numbers(value, f"{path}: [{name}]")
+    if "twin" not in tables:
+        raise TwingapError("table [twin] is missing", where=path, mend='add [twin] with model = "phenomenological"')
+    twin = build(_TwinTable, tables["twin"], f"{path}: [twin]")
+    with _located(path):
+        bearing = build(Bearing, tables["bearing"], f"{path}: [bearing]") if "bearing" in tables else None
+        identified = (
+            build(Provenance, tables["identified"], f"{path}: [identified]") if "identified" in tables else None
+        )
+        intervals = {
+            name: _interval(value, f"{path}: [intervals] {name}")
+            for name, value in flat(tables.get("intervals", {})).items()
+        }
+        return TwinSpec(
+            twin.model, twin.effects, twin.preset, tables.get("parameters", {}), bearing, intervals, identified
+        )
+
+
+def write_twin(path: str | os.PathLike[str], spec: TwinSpec) -> None:
+    """Write a twin file, whole or not at all; `read_twin` gives the same spec back."""
+    with replacing(path) as temporary:
+        temporary.write_text(to_toml(tables_of(spec)), encoding="utf-8", newline="\n")
+
+
+def build_twin(spec: TwinSpec, bearing: Bearing | None = None, unit: str = "m/s^2") -> Twin:
+    """The twin that a spec describes; parameters that it leaves open have their documented defaults.
+
+    Parameters
+    ----------
+    spec : TwinSpec
+    bearing : Bearing or None
+        Geometry from the records; it comes before the spec's own.
+    unit : {"m/s^2", "g", ""}
+        Unit of the samples it is to make.
+
+    Returns
+    -------
+    Twin
+
+    Raises
+    ------
+    TwingapError
+        When neither the records nor the spec bring a geometry.
+    """
+    bearing = bearing or spec.bearing
+    if bearing is None:
+        raise TwingapError(
+            "the bearing's geometry is not known",
+            where="twin",
+            mend="add a [bearing] table to recordset.toml or to the twin file",
+        )
+    model = model_of(spec)
+    effects = tuple(make_effect(name, spec.parameters.get(name), "twin") for name in spec.effects)
+    return model.build(model_parameters(spec), bearing, effects, unit)
+
+
+def model_of(spec: TwinSpec) -> Model:
+    """The registered model that a spec names."""
+    _load_own_models()
+    if spec.model not in MODELS:
+        raise TwingapError(
+            f"{spec.model!r} found, a known model expected",
+            where="[twin] model",
+            mend=f"use one of {', '.join(MODELS)}",
+        )
+    return MODELS[spec.model]
+
+
+def model_parameters(spec: TwinSpec) -> Any:
+    """The model's parameters: preset or defaults, overlaid by what the spec gives."""
+    model = model_of(spec)
+    if spec.preset is not None and spec.preset not in model.presets:
+        names = ", ".join(repr(name) for name in model.presets)
+        raise TwingapError(
+            f"{spec.preset!r} found, {f'one of {names}' if names else 'no preset'} expected",
+            where="[twin] preset",
+            mend=None if names else f"leave it out: model {model.name!r} has no presets",
+        )
+    start = model.parameters() if spec.preset is None else model.presets[spec.preset]
+    defaults = {f.name: getattr(start, f.name) for f in dataclasses.fields(start) if f.init}
+    table = dict(defaults)
+    for name, value in spec.parameters.items():
+        if name in spec.effects:
+            continue
+        if name not in defaults:
+            raise _unknown_parameter(name, spec, defaults)
+        default = defaults[name]
+        if isinstance(default, Mapping):
+            if not isinstance(value, Mapping):
+                raise TwingapError(
+                    f"{value!r} found, a table expected",
+                    where=f"[parameters] {name}",
+                    mend=f"write [parameters.{name}] with {', '.join(default)}",
+                )
+            for key in value:
+                if key not in default:
+                    raise TwingapError(
+                        f"unknown key {key!r}", where=f"[parameters.{name}]", mend=f"known keys: {', '.join(default)}"
+                    )
+            table[name] = {**default, **value}
+        else:
+            table[name] = value
+    return build(model.parameters, {k: v for k, v in table.items() if v is not None}, "[parameters]")
+
+
+def _unknown_parameter(name: str, spec: TwinSpec, defaults: Mapping[str, Any]) -> TwingapError:
+    if name in catalogue():
+        return TwingapError(
+            f"effect {name!r} has parameters but is not among the twin's effects",
+            where=f"[parameters.{name}]",
+            mend=f"add {name!r} to effects, or remove the table",
+        )
+    known = ", ".join((*defaults, *spec.effects))
+    return TwingapError(f"unknown parameter {name!r}", where="[parameters]", mend=f"known parameters: {known}")
+
+
+def _check(spec: TwinSpec, where: object) -> None:
+    """Refuse what cannot be built, without needing a bearing."""
+    seen: set[str] = set()
+    for name in spec.effects:
+        if name in seen:
+            raise TwingapError(f"effect {name!r} is named twice", where="[twin] effects", mend="name it once")
+        seen.add(name)
+        given = spec.parameters.get(name, {})
+        if not isinstance(given, Mapping):
+            raise TwingapError(
+                f"{given!r} found, a table expected", where=f"[parameters] {name}", mend=f"write [parameters.{name}]"
+            )
+        make_effect(name, given, "[parameters]" if name in catalogue() else "[twin] effects")
+    values = dataclasses.asdict(model_parameters(spec))
+    known = flat(values) | {f"{n}.{f.name}": 0 for n in seen for f in dataclasses.fields(catalogue()[n])}  # type: ignore[arg-type]
+    for name, (lo, hi) in spec.intervals.items():
+        if name not in known:
+            raise TwingapError(f"unknown parameter {name!r}", where="[intervals]", mend="remove it")
+        if not lo <= hi:
+            raise TwingapError(f"[{lo!r}, {hi!r}] found, lo <= hi expected", where=f"[intervals] {name}")
+
+
+def _check_numbers(value: Any, where: str) -> None:
+    """Refuse numbers that are not finite, and whole numbers too large to become floating-point ones."""
+    if isinstance(value, Mapping):
+        for key, item in value.items():
+            _check_numbers(item, f"{where} {key}")
+    elif isinstance(value, list):
+        for item in value:
+            _check_numbers(item, where)
+    elif isinstance(value, (int, float)) and not abs(value) < 1e300:
+        shown = f"{value!r}" if isinstance(value, float) else "a number beyond 1e300"
+        raise TwingapError(f"{shown} found, a finite number expected", where=where)
+
+
+def _interval(value: Any, where: str) -> tuple[float, float]:
+    if (
+        isinstance(value, (list, tuple))
+        and len(value) == 2
+        and all(isinstance(v, (int, float)) and not isinstance(v, bool) for v in value)
+    ):
+        return float(value[0]), float(value[1])
+    raise TwingapError(f"{value!r} found, [lo, hi] expected", where=where)
+
+
+@contextmanager
+def _located(path: str | os.PathLike[str]) -> Iterator[None]:
+    """Add the file to errors that do not name it yet."""
+    try:
+        yield
+    except TwingapError as error:
+        place = str(Path(path))
+        if place in str(error):
+            raise
+        inner = str(error.where or "")
+        where = f"{place}: {inner}" if inner else place
+        raise TwingapError(error.what, where=where, mend=error.mend) from error
+
+
+def flat(table: Mapping[str, Any]) -> dict[str, Any]:
+    """One level of nesting as dotted names."""
+    out: dict[str, Any] = {}
+    for key, value in table.items():
+        if isinstance(value, Mapping):
+            out.update({f"{key}.{name}": item for name, item in value.items()})
+        else:
+            out[key] = value
+    return out
+
+
+def nested(dotted: Mapping[str, Any]) -> dict[str, Any]:
+    """Dotted names as one level of nesting."""
+    out: dict[str, Any] = {}
+    for key, value in dotted.items():
+        outer, _, inner = key.partition(".")
+        if inner:
+            out.setdefault(outer, {})[inner] = value
+        else:
+            out[outer] = value
+    return out
+
+
+def tables_of(spec: TwinSpec) -> dict[str, Any]:
+    """A spec as the tables of its file; what is absent is left out."""
+    tables: dict[str, Any] = {"twin": {"model": spec.model, "preset": spec.preset, "effects": spec.effects}}
+    if spec.parameters:
+        tables["parameters"] = dict(spec.parameters)
+    if spec.bearing is not None:
+        tables["bearing"] = dataclasses.asdict(spec.bearing)
+    if spec.intervals:
+        tables["intervals"] = nested(spec.intervals)
+    if spec.identified is not None:
+        tables["identified"] = dataclasses.asdict(spec.identified)
+    return tables
+
+
+def _load_own_models() -> None:
+    """Register the models that twingap brings, on first need: reading about a twin should not compile anything."""
+    if "phenomenological" not in MODELS:
+        from twingap.twins.phenomenological import PhenomenologicalParameters, PhenomenologicalTwin
+
+        register_model(
+            Model(
+                "phenomenological",
+                PhenomenologicalParameters,
+                lambda parameters, bearing, effects, unit: PhenomenologicalTwin(bearing, parameters, effects, unit),
+            )
+        )
