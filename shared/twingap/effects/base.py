@@ -23,6 +23,7 @@ from __future__ import annotations
 import dataclasses
 import enum
 import math
+import numbers
 import re
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
@@ -54,6 +55,7 @@ def parameter(
     doc: str,
     allowed: tuple[float, float] = (0.0, math.inf),
     log: bool = False,
+    fitted: bool = True,
 ) -> Any:
     """A typed parameter of an effect: a dataclass field that knows its unit and range.
 
@@ -71,8 +73,10 @@ def parameter(
         Closed interval outside which the effect has no meaning; construction fails there.
     log : bool
         Fit and draw on a logarithmic scale.
+    fitted : bool
+        False for a convention or a switch (50 or 60 Hz, say), which fitting leaves alone.
     """
-    about = {"unit": unit, "plausible": plausible, "allowed": allowed, "doc": doc, "log": log}
+    about = {"unit": unit, "plausible": plausible, "allowed": allowed, "doc": doc, "log": log, "fitted": fitted}
     return dataclasses.field(default=default, metadata=about)
 
 
@@ -116,11 +120,18 @@ class Effect(ABC):
 
     def __post_init__(self) -> None:
         for field in dataclasses.fields(cast(Any, self)):
-            value, allowed = getattr(self, field.name), field.metadata.get("allowed", (-math.inf, math.inf))
-            if isinstance(value, (int, float)) and not (math.isfinite(value) and allowed[0] <= value <= allowed[1]):
+            if "allowed" not in field.metadata:
+                continue
+            value, (low, high) = getattr(self, field.name), field.metadata["allowed"]
+            whole = field.type in (int, bool, "int", "bool")
+            if (
+                not isinstance(value, numbers.Integral if whole else numbers.Real)
+                or not math.isfinite(value)
+                or not low <= value <= high
+            ):
+                unit = field.metadata["unit"] or ("a whole number" if whole else "a number")
                 raise TwingapError(
-                    f"{value!r} found, {field.metadata.get('unit') or 'a number'} between {allowed[0]:g} and "
-                    f"{allowed[1]:g} expected",
+                    f"{value!r} found, {unit} between {low:g} and {high:g} expected",
                     where=f"effect {self.name}: {field.name}",
                 )
 

@@ -43,16 +43,24 @@ class Impacts:
     ----------
     turns : Array [impacts]
         Shaft angle of each impact, in turns since the record's start; negative for impacts before it, whose ringing
-        still reaches into the record. Excitation effects that move impacts move these.
+        still reaches into the record. What weighs impacts by angle reads these, as q(iT) does in eq. 1 of paper 1.
     amplitudes : Array [impacts]
         Strength of each, in record units.
     passes : NDArray[int64] [impacts]
         Number of the roller pass that made it (several impacts may belong to one pass).
+    delays : Array [impacts] or None
+        Random lateness of each against its place, in turns: tau_i of eq. 1. None is no lateness.
     """
 
     turns: Array
     amplitudes: Array
     passes: NDArray[np.int64]
+    delays: Array | None = None
+
+    @property
+    def struck(self) -> Array:
+        """Shaft angle at which each strikes in the end, turns."""
+        return self.turns if self.delays is None else self.turns + self.delays
 
 
 @dataclass

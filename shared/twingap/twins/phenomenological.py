@@ -178,7 +178,7 @@ class PhenomenologicalTwin(Twin):
             condition, impacts = draft.condition, draft.impacts
             times = amplitudes = None
             if impacts is not None:
-                times, amplitudes = draft.when(impacts.turns), impacts.amplitudes
+                times, amplitudes = draft.when(impacts.struck), impacts.amplitudes
             draft.x = ring(draft.modes, condition.fs_hz, condition.n_samples, times, amplitudes, draft.force)
             for act in draft.filters:
                 draft.x = act(draft.x)

@@ -1,0 +1,75 @@
+"""A chain of effects on a finished waveform: simulated records of a foreign simulator, or measured ones.
+
+x --> SHAFT: resampled over the new angle --> EXCITATION: delayed over the angle, times a gain --> PATH: filters
+  --> DISTURBANCE: added to --> ACQUISITION: what the converter does --> Record
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import numpy as np
+
+from twingap.bearing import Bearing
+from twingap.effects.angle import at_angles
+from twingap.effects.base import Effect, Stage, in_order
+from twingap.effects.draft import Draft
+from twingap.errors import TwingapError
+from twingap.records import Record
+from twingap.streams import Streams
+
+
+def apply_to_waveform(
+    effects: Iterable[Effect], record: Record, bearing: Bearing, reference_rms: float, streams: Streams
+) -> Record:
+    """The record with these effects added to what it holds already.
+
+    Parameters
+    ----------
+    effects : iterable of Effect
+        In any order; they act in the order of the chain.
+    record : Record
+        Left as it is.
+    bearing : Bearing
+        Geometry of the bearing under test.
+    reference_rms : float
+        RMS of the machine's healthy vibration in the record's unit: the yardstick of disturbances and of the converter.
+    streams : Streams
+        The record's random streams; each effect draws from its own.
+
+    Returns
+    -------
+    Record
+        Of the same condition.
+
+    Raises
+    ------
+    TwingapError
+        When an effect cannot act on a finished waveform (`Effect.cannot_act_on` says why), or the yardstick is not
+        positive.
+    """
+    if not (np.isfinite(reference_rms) and reference_rms > 0):
+        raise TwingapError(f"reference_rms = {reference_rms!r}, a positive number expected")
+    condition = record.condition
+    t = np.arange(condition.n_samples) / condition.fs_hz
+    evenly = t * (condition.speed_rpm / 60)
+    x = np.array(record.samples, dtype=float)
+    draft = Draft(condition, bearing, reference_rms, t, evenly, excitation="waveform", x=x)
+    chain = in_order(tuple(effects))
+    for stage in Stage:
+        for effect in chain:
+            if effect.stage == stage:
+                if reason := effect.cannot_act_on(draft):
+                    raise TwingapError(reason, where=f"record {condition.name!r}, effect {effect.name}")
+                effect.apply(draft, streams(effect.name))
+        if stage is Stage.SHAFT and draft.turns is not evenly:
+            draft.x = at_angles(draft.x, evenly, draft.turns)
+        elif stage is Stage.EXCITATION:
+            if draft.cage_lag is not None:
+                draft.x = at_angles(draft.x, draft.turns, draft.turns - draft.cage_lag)
+            if draft.gain is not None:
+                draft.x = draft.x * draft.gain
+        elif stage is Stage.PATH:
+            for act in draft.filters:
+                draft.x = act(draft.x)
+    return Record(condition, draft.x)

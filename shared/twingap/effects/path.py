@@ -1,0 +1,121 @@
+"""Effects on the path from the bearing to the sensor: structural modes and low-pass."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import ClassVar
+
+import numpy as np
+import scipy.fft
+from numpy.typing import NDArray
+
+from twingap.effects.base import Effect, Stage, parameter, register
+from twingap.effects.draft import Draft
+from twingap.effects.ringing import Mode
+
+Array = NDArray[np.float64]
+
+
+@register
+@dataclass(frozen=True)
+class SecondResonance(Effect):
+    """One more structural mode, beside the first: a peak that stays at its frequency whatever the speed.
+
+    Impacts and broadband forces pass through both modes in parallel. Rollers and finished waveforms have passed a path
+    already: what they hold around the frequency is raised by up to 1 + gain.
+    """
+
+    stage: ClassVar[Stage] = Stage.PATH
+    references: ClassVar[tuple[str, ...]] = (
+        "Randall & Antoni 2011, Rolling element bearing diagnostics - a tutorial, doi:10.1016/j.ymssp.2010.07.017",
+    )
+    frequency_hz: float = parameter(
+        1600.0, unit="Hz", plausible=(300.0, 20000.0), allowed=(1.0, 1e7), log=True, doc="natural frequency"
+    )
+    damping_ratio: float = parameter(
+        0.04, unit="", plausible=(0.01, 0.2), allowed=(1e-4, 0.99), log=True, doc="damping ratio zeta"
+    )
+    gain: float = parameter(
+        0.6, unit="", plausible=(0.1, 5.0), log=True, doc="its response to an impact over that of the first mode"
+    )
+
+    def apply(self, draft: Draft, rng: np.random.Generator) -> None:
+        if draft.excitation == "impacts":
+            draft.modes.append(Mode(self.frequency_hz, self.damping_ratio, self.gain))
+            return
+        fs_hz, settling_s = draft.condition.fs_hz, 1 / (self.damping_ratio * self.frequency_hz)
+        draft.filters.append(
+            lambda x: _filtered(
+                x, fs_hz, settling_s, lambda n: _raised(n, fs_hz, self.frequency_hz, self.damping_ratio, self.gain)
+            )
+        )
+
+    def cannot_act_on(self, draft: Draft) -> str | None:
+        return beyond_nyquist(draft, self.frequency_hz)
+
+
+@register
+@dataclass(frozen=True)
+class SensorRolloff(Effect):
+    """A low-pass of the sensor or its mounting: smooth loss above a corner, the same in all records.
+
+    The analogue Butterworth response, so that the loss is right up to half the sampling rate and for corners above it.
+    The measuring chain's white noise and disturbances come after the sensor and keep their level.
+    """
+
+    stage: ClassVar[Stage] = Stage.PATH
+    references: ClassVar[tuple[str, ...]] = (
+        "ISO 5348, Mechanical mounting of accelerometers",
+        "Butterworth 1930, On the theory of filter amplifiers",
+    )
+    corner_hz: float = parameter(
+        3000.0, unit="Hz", plausible=(500.0, 15000.0), allowed=(1.0, 1e7), log=True, doc="frequency of 3 dB loss"
+    )
+    order: int = parameter(2, unit="", plausible=(1, 6), allowed=(1, 12), doc="order: 6 dB per octave each")
+
+    def apply(self, draft: Draft, rng: np.random.Generator) -> None:
+        fs_hz = draft.condition.fs_hz
+        draft.filters.append(
+            lambda x: _filtered(x, fs_hz, 1 / self.corner_hz, lambda n: _low_pass(n, fs_hz, self.corner_hz, self.order))
+        )
+
+
+def beyond_nyquist(draft: Draft, frequency_hz: float) -> str | None:
+    """Why a frequency cannot appear in this record, or None when it can."""
+    if frequency_hz < draft.condition.fs_hz / 2:
+        return None
+    return (
+        f"{frequency_hz:g} Hz lies above half the sampling rate of record {draft.condition.name!r}, "
+        f"{draft.condition.fs_hz:g} Hz"
+    )
+
+
+def _filtered(x: Array, fs_hz: float, settling_s: float, response: Callable[[int], Array]) -> Array:
+    """A causal filter given by its frequency response for a transform of n samples.
+
+    The start is mirrored in front of the record, so that the filter has settled when the record begins.
+    """
+    lead = min(x.size - 1, math.ceil(4 * settling_s * fs_hz))
+    length = scipy.fft.next_fast_len(x.size + lead, real=True)
+    spectrum = scipy.fft.rfft(np.concatenate((x[lead:0:-1], x)), length)
+    spectrum *= response(length)
+    return np.asarray(scipy.fft.irfft(spectrum, length)[lead : lead + x.size])
+
+
+@lru_cache(maxsize=16)
+def _low_pass(n: int, fs_hz: float, corner_hz: float, order: int) -> Array:
+    """Analogue Butterworth response at the frequencies of a real transform of n samples."""
+    place = 1j * scipy.fft.rfftfreq(n, 1 / fs_hz)[:, None] / corner_hz
+    poles = np.exp(1j * np.pi * (2 * np.arange(1, order + 1) + order - 1) / (2 * order))
+    return np.asarray(np.prod(-poles / (place - poles), axis=1))
+
+
+@lru_cache(maxsize=16)
+def _raised(n: int, fs_hz: float, centre_hz: float, damping_ratio: float, gain: float) -> Array:
+    """1 + gain times a resonance of unit height, at the frequencies of a real transform of n samples."""
+    f = scipy.fft.rfftfreq(n, 1 / fs_hz)
+    band = 2j * damping_ratio * f * centre_hz
+    return np.asarray(1 + gain * band / (centre_hz**2 - f**2 + band))
