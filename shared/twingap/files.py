@@ -115,14 +115,23 @@ def _parents(folder: Path) -> Iterator[None]:
 @contextmanager
 def _explained(target: Path) -> Iterator[None]:
     """Turn the operating system's refusals into the one error that users see."""
+    if "\0" in str(target):
+        raise TwingapError("is no file name", where=repr(str(target)), mend="leave out null characters")
     try:
         yield
     except OSError as error:
         reason = error.strerror or str(error)
-        raise TwingapError(
-            f"cannot be written: {reason}", where=target, mend="choose a folder that is writable and has space"
-        ) from error
-    except ValueError as error:
-        if "null" not in str(error):  # the caller's own
-            raise
-        raise TwingapError("is no file name", where=repr(target), mend="leave out null characters") from error
+        mend = "choose a folder that is writable and has space"
+        named = Path(os.fsdecode(error.filename)) if isinstance(error.filename, (str, bytes)) else None
+        if named is not None and not _near(named, target):
+            # What went wrong in the block was about another file, one that the caller reads.
+            raise TwingapError(f"cannot be used: {reason}", where=named) from error
+        raise TwingapError(f"cannot be written: {reason}", where=target, mend=mend) from error
+
+
+def _near(named: Path, target: Path) -> bool:
+    """Whether a path is the target, above it, or in a temporary place beside it."""
+    named, target = Path(os.path.realpath(named)), Path(os.path.realpath(target))
+    if named == target or named in target.parents:
+        return True
+    return any(p.parent == target.parent and p.name.startswith(".") for p in (named, *named.parents))

@@ -1,0 +1,93 @@
+"""Conditions to simulate, from a record set or from a plain table.
+
+RECORDSET folder  --lengths and rates of its records--> conditions, bearing
+CSV               --n_samples or duration_s, fs_hz----> conditions, no bearing
+
+Used by `twingap simulate TWIN.toml --records RECORDSET_OR_CSV`.
+"""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import Final
+
+from twingap.bearing import Bearing
+from twingap.errors import TwingapError
+from twingap.record_table import COLUMNS, Row, extras, read_table
+from twingap.records import Condition, RecordSet
+
+_MOST_SAMPLES: Final = 10**9
+"""8 GB: a longer record is a slip of the pen (milliseconds for seconds, say)."""
+
+
+def read_conditions(
+    path: str | os.PathLike[str], *, fs_hz: float | None = None, duration_s: float | None = None
+) -> tuple[tuple[Condition, ...], Bearing | None]:
+    """Conditions of records to be made, and the bearing when it is known.
+
+    Parameters
+    ----------
+    path : path-like
+        A record set (its folder, or the records.csv or recordset.toml in it), or a CSV with the columns of
+        records.csv: `record` and `speed_rpm`, and where wanted `fault`, `load_n`, `time_s`, `fs_hz`, `group`,
+        `n_samples` or `duration_s`, and any others, which are handed on. Columns `file` and `channel` say nothing
+        about records that are still to be made and are left out.
+    fs_hz : float, optional
+        Sampling rate of rows that state none, Hz. (A record set's records have their own.)
+    duration_s : float, optional
+        Length of rows that state none, s; rounded to whole samples.
+
+    Returns
+    -------
+    tuple of Condition, Bearing or None
+        A CSV knows no bearing.
+
+    Raises
+    ------
+    TwingapError
+        Naming file, row, column and reason.
+    """
+    path = Path(path)
+    if path.is_dir():
+        records = RecordSet.read(path)
+        return records.conditions, records.bearing
+    if path.name in ("records.csv", "recordset.toml") and (path.parent / "recordset.toml").is_file():
+        records = RecordSet.read(path.parent)
+        return records.conditions, records.bearing
+    if not path.exists():
+        raise TwingapError("no such file or folder", where=path, mend="name a record set or a CSV of conditions")
+    if path.suffix.lower() != ".csv" or not path.is_file():
+        raise TwingapError(
+            "is neither a record set nor a CSV", where=path, mend="name a record set's folder or a .csv file"
+        )
+    rows = read_table(path, ("record", "speed_rpm"))
+    rest = extras(rows, (*COLUMNS, "n_samples", "duration_s"))
+    conditions = []
+    for row, extra in zip(rows, rest, strict=True):
+        rate = row.rate(fs_hz)
+        conditions.append(row.condition(rate, _length(row, rate, duration_s), extra))
+    return tuple(conditions), None
+
+
+def _length(row: Row, rate: float, duration_s: float | None) -> int:
+    """Samples of the record that a row asks for."""
+    n_samples = row.number_in("n_samples", positive=True)
+    seconds = row.number_in("duration_s", positive=True)
+    if n_samples is not None:
+        if n_samples != int(n_samples):
+            raise TwingapError(f"{n_samples:g} found, a whole number expected", where=row.where("n_samples"))
+        if seconds is not None and round(seconds * rate) != n_samples:
+            what = f"{seconds:g} s at {rate:g} Hz are not the {n_samples:g} samples of column n_samples"
+            raise TwingapError(what, where=row.where("duration_s"), mend="give one of the two")
+        column = "n_samples"
+    else:
+        seconds, column = seconds or duration_s, "duration_s"
+        if seconds is None:
+            mend = "add a column n_samples or duration_s"
+            raise TwingapError("no length is given", where=row.where(), mend=mend)
+        n_samples = seconds * rate
+    if not 0.5 <= n_samples <= _MOST_SAMPLES:
+        what = f"{n_samples:g} samples, 1 to {_MOST_SAMPLES:g} expected"
+        raise TwingapError(what, where=row.where(column), mend="check the unit")
+    return max(1, round(n_samples))
