@@ -11,6 +11,9 @@ from twingap.errors import TwingapError
 
 Array = NDArray[np.float64]
 
+_LARGEST = 1e70
+"""Fourth powers of larger numbers overflow; no vibration comes near."""
+
 
 def as_signals(x: ArrayLike, *, where: str, at_least: int = 1) -> Array:
     """`x` as float64 `[..., samples]`, refused when it holds anything but finite numbers.
@@ -31,7 +34,7 @@ def as_signals(x: ArrayLike, *, where: str, at_least: int = 1) -> Array:
     Raises
     ------
     TwingapError
-        For text, complex numbers, NaN, infinities, a scalar, no signals, or too few samples.
+        For text, complex numbers, NaN, infinities, numbers beyond 1e70, a scalar, no signals, or too few samples.
     """
     given = np.asarray(x)
     if given.dtype.kind not in "biuf":
@@ -54,6 +57,8 @@ def as_signals(x: ArrayLike, *, where: str, at_least: int = 1) -> Array:
             where=where,
             mend="cut them out or fill the gaps first",
         )
+    if max(-signals.min(), signals.max()) > _LARGEST:
+        raise TwingapError(f"signal holds values above {_LARGEST:g}", where=where, mend="check the unit, or the reader")
     return signals
 
 
@@ -76,7 +81,15 @@ def band(low_hz: float, high_hz: float, nyquist_hz: float, *, where: str) -> tup
     """The band, refused unless 0 <= low < high <= nyquist."""
     if not 0 <= low_hz < high_hz <= nyquist_hz * (1 + 1e-12):
         raise TwingapError(
-            f"band {low_hz:g} to {high_hz:g} Hz, expected 0 <= low < high <= {nyquist_hz:g} Hz (half the sampling rate)",
+            f"band {low_hz:g} to {high_hz:g} Hz, 0 <= low < high <= {nyquist_hz:g} Hz (half the rate) expected",
             where=where,
         )
     return float(low_hz), min(float(high_hz), nyquist_hz)
+
+
+def without_mean(signals: Array) -> Array:
+    """Signals less their means; exactly zero for a constant, whose mean is off by rounding."""
+    centred = signals - signals.mean(axis=-1, keepdims=True)
+    largest = np.abs(signals).max(axis=-1, keepdims=True)
+    nothing = np.abs(centred).max(axis=-1, keepdims=True) <= 1e-14 * largest
+    return np.where(nothing, 0.0, centred)

@@ -11,10 +11,10 @@ doi:10.1109/TSP.2013.2288675, in the conventions of vmdpy 0.2 (after the authors
 - at most 500 iterates, the zero one included; modes and centre frequencies are those of the iterate before the last;
 - the Nyquist bin, zero for a mirrored signal, is given the value of its neighbour (kept for even lengths alone).
 
-Mirrored at both ends, a signal is one period of an even function about half a sample before its first. So its spectrum
-is its cosine transform times a known phase, and as every step of the method multiplies spectra by real numbers, the
-phase never changes: the iteration runs on real numbers, half as many as the spectrum has, exactly. For the same reason a
-signal of odd length needs no special care; vmdpy drops its last sample, here it is kept.
+Mirrored at both ends, a signal is one period of a function that is even about half a sample before its first. So its
+spectrum is its cosine transform times a known phase, and as every step of the method multiplies spectra by real
+numbers, the phase never changes: the iteration runs on real numbers, half as many as the spectrum has, exactly. For the
+same reason a signal of odd length needs no special care; vmdpy drops its last sample, here it is kept.
 """
 
 from __future__ import annotations
@@ -36,8 +36,6 @@ Start = Literal["zero", "uniform", "random"]
 _STARTS: tuple[Start, ...] = ("zero", "uniform", "random")
 _TASK_SAMPLES = 16384
 """Short signals are handed to a thread in groups of about this many samples."""
-_LARGEST = 1e100
-"""Above this, fourth powers of spectra could overflow."""
 
 
 @dataclass(frozen=True)
@@ -137,8 +135,6 @@ def vmd(
     most = whole(max_iterations, "max_iterations", where=where, at_least=2) - 1
     shape, samples = signals.shape[:-1], signals.shape[-1]
     rows = signals.reshape(-1, samples)
-    if not relative and np.abs(rows).max() > _LARGEST:
-        raise TwingapError(f"values above {_LARGEST:g}", where=where, mend="use relative=True, or another unit")
     centres = _starting_centres(init, modes, shape, samples, dc, rng, where)
     values = np.empty((rows.shape[0], modes, samples))
     iterations = np.empty(rows.shape[0], dtype=np.int64)
@@ -227,8 +223,8 @@ def _from_spectra(spectra: Array, out: Array) -> None:
     samples = spectra.shape[-1]
     out[...] = fft.idct(spectra, type=2, axis=-1)
     if samples % 2 == 0:
-        # vmdpy gives the Nyquist bin the (complex) value of the bin below it. Its phase there is pi k (1 - 2a) / 2N with
-        # a = N/2 mirrored samples ahead of the first; k = N - 1.
+        # vmdpy gives the Nyquist bin the (complex) value of the bin below it, k = N - 1, whose phase is
+        # pi k (1 - 2a) / 2N with a = N/2 mirrored samples ahead of the first.
         phase = -math.pi * (samples - 1) ** 2 / (2 * samples)
         sign = 1.0 if samples % 4 == 0 else -1.0
         nyquist = spectra[:, -1] * (sign * math.cos(phase) / (2 * samples))

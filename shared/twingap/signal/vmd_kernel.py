@@ -1,7 +1,7 @@
 """The inner loop of variational mode decomposition, compiled.
 
-All arrays are real: see `twingap.signal.vmd` for why. One pass over the spectrum per iteration does everything: since an
-iteration filters with the centre frequencies of the one before, its filters at one frequency need nothing from other
+All arrays are real: see `twingap.signal.vmd` for why. One pass over the spectrum per iteration does everything: since
+an iteration filters with the centre frequencies of the one before, its filters at one frequency need nothing from other
 frequencies. The spectrum is walked in blocks that stay in cache while all modes pass over them.
 
 Slices are handed to the block functions rather than bounds: only then does the compiler see a loop it can vectorise.
@@ -24,7 +24,7 @@ EPSILON = float(np.spacing(1.0))
 _FAST = {"reassoc", "contract", "nsz", "arcp"}
 
 
-@numba.njit(nogil=True, cache=True, error_model="numpy", fastmath=_FAST)
+@numba.njit(nogil=True, cache=True, error_model="numpy", fastmath=_FAST)  # type: ignore[untyped-decorator]
 def filter_block(
     new: Array, old: Array, residual: Array, dual: Array, frequency: Array, alpha: float, centre: float
 ) -> tuple[float, float, float]:
@@ -44,7 +44,7 @@ def filter_block(
     return moment, energy, change
 
 
-@numba.njit(nogil=True, cache=True, error_model="numpy", fastmath=_FAST)
+@numba.njit(nogil=True, cache=True, error_model="numpy", fastmath=_FAST)  # type: ignore[untyped-decorator]
 def filter_block_slack(
     new: Array, old: Array, residual: Array, frequency: Array, alpha: float, centre: float
 ) -> tuple[float, float, float]:
@@ -64,7 +64,7 @@ def filter_block_slack(
     return moment, energy, change
 
 
-@numba.njit(nogil=True, cache=True, error_model="numpy")
+@numba.njit(nogil=True, cache=True, error_model="numpy")  # type: ignore[untyped-decorator]
 def decompose(
     spectrum: Array,
     frequency: Array,
