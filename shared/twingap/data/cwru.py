@@ -19,7 +19,7 @@ from twingap.bearing import BEARINGS
 from twingap.data import matlab
 from twingap.data.manifest import Manifest, manifest_of
 from twingap.data.resample import resampled
-from twingap.data.root import data_root
+from twingap.data.root import data_root, not_at_hand
 from twingap.errors import TwingapError
 from twingap.records import Array, Condition, RecordSet
 
@@ -65,11 +65,7 @@ def load_cwru(
             conditions.append(condition)
             loaders.append(loader)
     if not conditions:
-        raise TwingapError(
-            f"holds no CWRU recording with channel {channel}",
-            where=folder / "cwru",
-            mend=f"run `twingap data fetch cwru`, or take the files from {facts.url}",
-        )
+        raise not_at_hand(facts, folder, f"no CWRU recording with channel {channel}")
     records = RecordSet("cwru", facts.unit, BEARINGS[facts.bearing or "6205"], conditions, lambda i: loaders[i]())
     return resampled(records, fs_hz)
 

@@ -46,6 +46,8 @@ class DataFile:
         Path of the owner's file that it replaces when that is absent.
     contained_in : str or None
         Path of the archive that holds it.
+    holds : tuple of str
+        Endings of the archives within this archive, such as ".rar", that Python cannot unpack by itself.
     """
 
     path: str
@@ -57,6 +59,7 @@ class DataFile:
     provenance: str | None = None
     stands_in_for: str | None = None
     contained_in: str | None = None
+    holds: tuple[str, ...] = ()
 
     @property
     def checksum(self) -> str | None:
@@ -76,10 +79,13 @@ class FilePattern:
         Path below the data root; ``*`` stands for anything.
     contained_in : str or None
         Path of the archive that holds them.
+    count : int or None
+        How many there are in the whole set.
     """
 
     pattern: str
     contained_in: str | None = None
+    count: int | None = None
 
     def matches(self, path: str) -> bool:
         """Whether `path` (below the data root, forward slashes) is one of these files."""
@@ -197,7 +203,8 @@ def _from_croissant(document: Mapping[str, Any]) -> Manifest:
         if item["@type"] == "cr:FileSet":
             includes = item["includes"]
             found = [includes] if isinstance(includes, str) else includes
-            patterns += [FilePattern(f"{document['name']}/{pattern}", archive) for pattern in found]
+            count = item.get(f"{_OWN}fileCount")
+            patterns += [FilePattern(f"{document['name']}/{pattern}", archive, count) for pattern in found]
         else:
             files.append(_file(item, archive))
     recordings = [
@@ -236,4 +243,5 @@ def _file(item: Mapping[str, Any], archive: str | None) -> DataFile:
         provenance=item.get(f"{_OWN}provenance"),
         stands_in_for=item.get(f"{_OWN}standsInFor"),
         contained_in=archive,
+        holds=tuple(item.get(f"{_OWN}holds", ())),
     )

@@ -13,6 +13,12 @@ from twingap.records import RecordSet
 
 READERS: Final[dict[str, str]] = {
     "cwru": "twingap.data.cwru:load_cwru",
+    "femto": "twingap.data.femto:load_femto",
+    "hit_sm": "twingap.data.hit_sm:load_hit_sm",
+    "ims": "twingap.data.ims:load_ims",
+    "smart_maintenance": "twingap.data.smart_maintenance:load_smart_maintenance",
+    "virtual_cwru": "twingap.data.virtual:load_virtual_cwru",
+    "xjtu_sy": "twingap.data.xjtu_sy:load_xjtu_sy",
 }
 """Data set -> its reader, imported on first use."""
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
+from twingap.data.manifest import Manifest
 from twingap.errors import TwingapError
 
 VARIABLE = "TWINGAP_DATA"
@@ -19,17 +20,18 @@ def data_root(root: str | os.PathLike[str] | None = None, *, must_exist: bool = 
         When neither is set, or the folder does not exist and `must_exist`.
     """
     text = os.fspath(root) if root is not None else os.environ.get(VARIABLE, "")
+    mend = f"let {VARIABLE} or --root name the folder that holds the data sets"
     if not text:
-        raise TwingapError(
-            "no data root is set", mend=f"set {VARIABLE} or give --root: the folder that holds the data sets"
-        )
+        raise TwingapError("no data root is set", mend=mend)
     path = Path(text).expanduser()
     if path.exists() and not path.is_dir():
-        raise TwingapError(
-            "is a file, a folder expected", where=path, mend=f"let {VARIABLE} or --root name the data root"
-        )
+        raise TwingapError("is a file, a folder expected", where=path, mend=mend)
     if must_exist and not path.exists():
-        raise TwingapError(
-            "does not exist", where=path, mend=f"let {VARIABLE} or --root name the folder that holds the data sets"
-        )
+        raise TwingapError("does not exist", where=path, mend=mend)
     return path
+
+
+def not_at_hand(facts: Manifest, root: Path, what: str) -> TwingapError:
+    """The error for a data set of which nothing that was asked for lies under the root."""
+    mend = facts.how_to_get or f"run `twingap data fetch {facts.name}`, or take the files from {facts.url}"
+    return TwingapError(f"holds {what}", where=root / facts.name, mend=mend)

@@ -1,0 +1,77 @@
+"""HIT-SM: 6205 bearings on a SpectraQuest machinery fault simulator at 600, 900 and 1200 rpm.
+
+<root>/hit_sm/IR2_600.mat: one vector of 262,144 samples at 51.2 kHz, under a name that differs per file; unit unknown
+"""
+
+from __future__ import annotations
+
+import math
+import os
+from pathlib import Path
+
+from twingap.bearing import BEARINGS
+from twingap.data import matlab
+from twingap.data.manifest import manifest_of
+from twingap.data.resample import resampled
+from twingap.data.root import data_root, not_at_hand
+from twingap.errors import TwingapError
+from twingap.records import Condition, RecordSet
+
+
+def load_hit_sm(root: str | os.PathLike[str] | None = None, *, fs_hz: float | None = None) -> RecordSet:
+    """Every recording at hand, one record each.
+
+    Parameters
+    ----------
+    root : path-like, optional
+        Data root; TWINGAP_DATA when absent.
+    fs_hz : float or None
+        Rate to which records are brought; None keeps 51.2 kHz.
+
+    Returns
+    -------
+    RecordSet
+        Unit unknown (the authors state none). `group` is the recording; extra columns defect_arc_deg,
+        cantilever_load_kg (a mass on the overhung shaft: the bearing's own load is not given, so `load_n` stays empty)
+        and bearing_id (one bearing per state, as far as the authors say).
+
+    Raises
+    ------
+    TwingapError
+        When no recording is at hand, or a file cannot be read or holds more than one vector.
+    """
+    folder, facts = data_root(root), manifest_of("hit_sm")
+    at_hand = [row for row in facts.recordings if (folder / row["file"]).is_file()]
+    if not at_hand:
+        raise not_at_hand(facts, folder, "no HIT-SM recording")
+    vectors = [_the_vector(folder / row["file"]) for row in at_hand]
+    conditions = [
+        Condition(
+            name=row["recording"],
+            speed_rpm=float(row["speed_rpm"]),
+            fs_hz=float(row["fs_hz"]),
+            n_samples=n_samples,
+            fault=row["fault"],
+            extra={key: row[key] for key in ("defect_arc_deg", "cantilever_load_kg", "bearing_id")},
+        )
+        for row, (_, _, n_samples) in zip(at_hand, vectors, strict=True)
+    ]
+    records = RecordSet(
+        "hit_sm",
+        facts.unit,
+        BEARINGS[facts.bearing or "6205"],
+        conditions,
+        lambda i: matlab.vector(vectors[i][0], vectors[i][1]),
+    )
+    return resampled(records, fs_hz)
+
+
+def _the_vector(path: Path) -> tuple[Path, str, int]:
+    """The one vector of a file: where, its name and its length."""
+    found = {name: math.prod(shape) for name, shape in matlab.shapes(path).items() if math.prod(shape) > 1}
+    if len(found) != 1:
+        raise TwingapError(
+            f"holds {', '.join(found) or 'no vector'}", where=path, mend="exactly one vector is expected"
+        )
+    [(name, n_samples)] = found.items()
+    return path, name, n_samples

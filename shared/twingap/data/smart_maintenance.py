@@ -1,0 +1,132 @@
+"""Smart Maintenance (Flanders Make): indented 6205 bearings run to failure at varying speed.
+
+<root>/smart_maintenance/A148/measurements.csv     file, time_s, speed_rpm: a row per measurement
+<root>/smart_maintenance/A148/00001.npy (or .csv)  acceleration in g at 50 kHz: a vector, or one column without header
+
+The set is not public and its own layout is not published: this one is ASSUMED, as the least that a user who has the
+data must write down. Published (paper 1, section 4.1 and table 3) are the bearings A148 to A156, FAG 6205-C-TVH with an
+indentation on the inner race, 9 kN, 1000 to 2000 rpm in steps of 100 rpm held for 60 s, 50 kHz, and that a life ends at
+15 g peak to peak.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from twingap.bearing import BEARINGS
+from twingap.data.manifest import manifest_of
+from twingap.data.resample import resampled
+from twingap.data.root import data_root, not_at_hand
+from twingap.data.tables import columns
+from twingap.errors import TwingapError
+from twingap.records import Array, Condition, RecordSet
+
+
+def load_smart_maintenance(root: str | os.PathLike[str] | None = None, *, fs_hz: float | None = None) -> RecordSet:
+    """Every measurement of every run at hand, one record each, in g.
+
+    Parameters
+    ----------
+    root : path-like, optional
+        Data root; TWINGAP_DATA when absent.
+    fs_hz : float or None
+        Rate to which records are brought; None keeps 50 kHz.
+
+    Returns
+    -------
+    RecordSet
+        `fault` is unknown along the run; column end_fault is where the indentation was. `group` and bearing_id are the
+        run's bearing; further columns end_of_life_peak_to_peak_g and anomaly_s (when the paper's method found the first
+        anomaly).
+
+    Raises
+    ------
+    TwingapError
+        When no run is at hand, or one is not laid out as above; names file, row and column.
+    """
+    folder, facts = data_root(root), manifest_of("smart_maintenance")
+    conditions: list[Condition] = []
+    paths: list[Path] = []
+    for run in facts.recordings:
+        index = folder / "smart_maintenance" / run["folder"] / "measurements.csv"
+        if index.is_file():
+            for path, time_s, speed_rpm in _measurements(index):
+                conditions.append(_condition(run, path, time_s, speed_rpm))
+                paths.append(path)
+    if not conditions:
+        raise not_at_hand(facts, folder, "no Smart Maintenance run")
+    bearing = BEARINGS[facts.bearing or "6205"]
+    return resampled(
+        RecordSet("smart_maintenance", facts.unit, bearing, conditions, lambda i: _samples(paths[i])), fs_hz
+    )
+
+
+def _measurements(index: Path) -> list[tuple[Path, float, float]]:
+    """Path, time and speed of each measurement that the table lists."""
+    try:
+        table = pd.read_csv(index, dtype=str, keep_default_na=False)
+    except (OSError, ValueError) as error:
+        raise TwingapError(f"cannot be read as a table: {error}", where=index) from error
+    for column in ("file", "time_s", "speed_rpm"):
+        if column not in table:
+            raise TwingapError(
+                f"column {column!r} is missing", where=index, mend="columns file, time_s, speed_rpm are expected"
+            )
+    found = []
+    for row, (name, *texts) in enumerate(table[["file", "time_s", "speed_rpm"]].itertuples(index=False), start=2):
+        numbers = []
+        for column, text in zip(("time_s", "speed_rpm"), texts, strict=True):
+            try:
+                number = float(text)
+            except ValueError:
+                number = math.nan
+            if not math.isfinite(number):
+                raise TwingapError(f"{column} = {text!r}, a number expected", where=f"{index}, line {row}")
+            numbers.append(number)
+        path = index.parent / name
+        if not name or not path.is_file():
+            raise TwingapError(f"file {name!r} does not exist", where=f"{index}, line {row}")
+        found.append((path, numbers[0], numbers[1]))
+    return found
+
+
+def _samples(path: Path) -> Array:
+    if path.suffix != ".npy":
+        return columns(path, 1).ravel()
+    return np.array(_mapped(path), dtype=np.float64)
+
+
+def _mapped(path: Path) -> np.ndarray[Any, np.dtype[Any]]:
+    try:
+        samples = np.load(path, mmap_mode="r", allow_pickle=False)
+    except (OSError, ValueError, EOFError) as error:
+        raise TwingapError(f"cannot be read as an array: {error}", where=path) from error
+    if samples.ndim != 1:
+        raise TwingapError(f"has shape {samples.shape}, one vector expected", where=path)
+    return samples  # type: ignore[no-any-return]
+
+
+def _condition(run: Mapping[str, Any], path: Path, time_s: float, speed_rpm: float) -> Condition:
+    bearing_id = run["bearing_id"]
+    return Condition(
+        name=f"{bearing_id}_{path.stem}",
+        speed_rpm=speed_rpm,
+        fs_hz=float(run["fs_hz"]),
+        n_samples=len(_mapped(path)) if path.suffix == ".npy" else columns(path, 1).shape[1],
+        load_n=float(run["load_n"]),
+        time_s=time_s,
+        group=bearing_id,
+        extra={
+            "bearing_id": bearing_id,
+            "end_fault": run["end_fault"],
+            "anomaly_s": 60 * run["anomaly_min"],
+            "end_of_life_peak_to_peak_g": run["end_of_life_peak_to_peak_g"],
+        },
+    )

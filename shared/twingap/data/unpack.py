@@ -1,0 +1,146 @@
+"""Archives of data sets: unpacked, with the archives inside them, into the places where readers look.
+
+owner's archive --unpack--> temporary folder --each file that a pattern of the manifest names--> <root>/<name>/...
+
+Zip needs nothing but Python; for .7z and .rar an unpacker must be installed, as Python has none.
+"""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import tempfile
+import zipfile
+from collections.abc import Iterable
+from pathlib import Path, PurePosixPath
+from typing import Final
+
+from twingap.data.manifest import FilePattern
+from twingap.errors import TwingapError
+
+_PROGRAMS: Final = {
+    # IMS uses an old RAR method that 7z cannot read, so it comes last for .rar.
+    ".rar": ("unar", "unrar", "bsdtar", "7z"),
+    ".7z": ("7z", "7zz", "bsdtar", "unar"),
+}
+
+
+def _command(program: str, archive: Path, folder: Path) -> list[str]:
+    match program:
+        case "unar":
+            return [
+                "unar",
+                "-quiet",
+                "-force-overwrite",
+                "-no-directory",
+                "-output-directory",
+                str(folder),
+                str(archive),
+            ]
+        case "unrar":
+            return ["unrar", "x", "-y", "-idq", str(archive), f"{folder}{os.sep}"]
+        case "bsdtar":
+            return ["bsdtar", "-xf", str(archive), "-C", str(folder)]
+        case _:
+            return [program, "x", "-y", "-bso0", f"-o{folder}", str(archive)]
+
+
+def require_unpackers(endings: Iterable[str]) -> None:
+    """Make sure that archives with these endings can be unpacked, before a long download.
+
+    Raises
+    ------
+    TwingapError
+        Naming the programs of which one must be installed.
+    """
+    for ending in endings:
+        programs = _PROGRAMS.get(ending, ())
+        if programs and not any(shutil.which(program) for program in programs):
+            raise TwingapError(
+                f"no program for {ending} archives is installed", mend=f"install one of {', '.join(programs)}"
+            )
+
+
+def unpack(archive: Path, folder: Path, name: str, patterns: Iterable[FilePattern]) -> int:
+    """Unpack an archive and move the files that the patterns name to their places.
+
+    Parameters
+    ----------
+    archive : Path
+    folder : Path
+        The data set's folder.
+    name : str
+        The data set's name, with which the patterns begin.
+    patterns : iterable of FilePattern
+
+    Returns
+    -------
+    int
+        How many files were put in place.
+
+    Raises
+    ------
+    TwingapError
+        When an archive is broken, holds none of the files, or no program can unpack it.
+    """
+    wanted = list(patterns)
+    folder.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory(prefix=".unpack-", dir=folder) as temporary:
+        within = Path(temporary)
+        _extract(archive, within / "0", set())
+        n = 0
+        for path in sorted(p for p in within.rglob("*") if p.is_file()):
+            place = _place(path.relative_to(within), name, wanted)
+            if place is not None:
+                target = folder / place
+                target.parent.mkdir(parents=True, exist_ok=True)
+                path.replace(target)
+                n += 1
+    if not n:
+        raise TwingapError(
+            f"holds none of {', '.join(p.pattern for p in wanted)}", where=archive, mend="fetch the archive anew"
+        )
+    return n
+
+
+def _place(path: Path, name: str, patterns: list[FilePattern]) -> PurePosixPath | None:
+    """The shortest tail of an unpacked path that a pattern names: where the file belongs below the set's folder."""
+    parts = path.parts
+    for start in range(len(parts) - 1, -1, -1):
+        tail = PurePosixPath(*parts[start:])
+        if any(p.matches(f"{name}/{tail}") for p in patterns):
+            return tail
+    return None
+
+
+def _extract(archive: Path, folder: Path, done: set[str]) -> None:
+    """Extract an archive and those inside it; the same one, met again under its name, is passed over."""
+    folder.mkdir(parents=True, exist_ok=True)
+    if archive.suffix.lower() == ".zip":
+        try:
+            with zipfile.ZipFile(archive) as held:
+                held.extractall(folder)
+        except (zipfile.BadZipFile, OSError, EOFError, ValueError) as error:
+            raise TwingapError(f"cannot be unpacked: {error}", where=archive, mend="fetch it anew") from error
+    else:
+        _by_program(archive, folder)
+    inner = [p for p in sorted(folder.rglob("*")) if p.is_file() and p.suffix.lower() in (".zip", *_PROGRAMS)]
+    for path in inner:
+        if path.name not in done:
+            done.add(path.name)
+            _extract(path, path.parent / f"{path.stem}.unpacked", done)
+        path.unlink()
+
+
+def _by_program(archive: Path, folder: Path) -> None:
+    ending = archive.suffix.lower()
+    require_unpackers([ending])
+    said = ""
+    for program in _PROGRAMS.get(ending, ()):
+        if shutil.which(program):
+            run = subprocess.run(_command(program, archive, folder), capture_output=True, text=True, check=False)
+            if run.returncode == 0:
+                return
+            said = f"{program}: {(run.stderr or run.stdout).strip()[-200:]}"
+    raise TwingapError(f"cannot be unpacked: {said}", where=archive, mend="install unar, or unpack it by hand")

@@ -1,0 +1,94 @@
+"""XJTU-SY: fifteen UER204 bearings run to failure under three conditions.
+
+<root>/xjtu_sy/35Hz12kN/Bearing1_1/1.csv: Horizontal_vibration_signals,Vertical_vibration_signals; 32,768 rows, 25.6 kHz
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, Final, Literal
+
+from twingap.bearing import BEARINGS
+from twingap.data.manifest import manifest_of
+from twingap.data.resample import resampled
+from twingap.data.root import data_root, not_at_hand
+from twingap.data.tables import columns
+from twingap.errors import TwingapError
+from twingap.records import Condition, RecordSet
+
+Axis = Literal["horizontal", "vertical"]
+HEADER: Final = ("Horizontal_vibration_signals", "Vertical_vibration_signals")
+_COLUMN: Final = {"horizontal": 0, "vertical": 1}
+
+
+def load_xjtu_sy(
+    root: str | os.PathLike[str] | None = None, *, axis: Axis = "horizontal", fs_hz: float | None = None
+) -> RecordSet:
+    """Every snapshot of every run at hand, one record each, in g.
+
+    Parameters
+    ----------
+    root : path-like, optional
+        Data root; TWINGAP_DATA when absent.
+    axis : {"horizontal", "vertical"}
+        Accelerometer; the load acts horizontally.
+    fs_hz : float or None
+        Rate to which records are brought; None keeps 25.6 kHz.
+
+    Returns
+    -------
+    RecordSet
+        `fault` is unknown along the run; column end_fault names what had failed at its end, several joined by "+".
+        `time_s` counts snapshots of 60 s; `group` and bearing_id are the run's bearing; further columns are
+        condition and axis.
+
+    Raises
+    ------
+    TwingapError
+        When no run is at hand; on access, when a file is not as the authors describe.
+    """
+    if axis not in _COLUMN:
+        raise TwingapError(f"unknown axis {axis!r}", mend="use horizontal or vertical")
+    folder, facts = data_root(root), manifest_of("xjtu_sy")
+    conditions: list[Condition] = []
+    paths: list[Path] = []
+    for run in facts.recordings:
+        for number, path in _snapshots(folder / "xjtu_sy", run):
+            conditions.append(_condition(run, number, axis))
+            paths.append(path)
+    if not conditions:
+        raise not_at_hand(facts, folder, "no XJTU-SY run")
+    bearing = BEARINGS[facts.bearing or "UER204"]
+    records = RecordSet(
+        "xjtu_sy", facts.unit, bearing, conditions, lambda i: columns(paths[i], 2, HEADER)[_COLUMN[axis]]
+    )
+    return resampled(records, fs_hz)
+
+
+def _snapshots(folder: Path, run: Mapping[str, Any]) -> list[tuple[int, Path]]:
+    """Number and path of a run's snapshots; the archive may have been unpacked into a folder of its own name."""
+    for place in (folder / run["folder"], folder / "XJTU-SY_Bearing_Datasets" / run["folder"]):
+        if place.is_dir():
+            return sorted((int(p.stem), p) for p in place.glob("*.csv") if p.stem.isdecimal())
+    return []
+
+
+def _condition(run: Mapping[str, Any], number: int, axis: Axis) -> Condition:
+    bearing_id = run["bearing_id"]
+    return Condition(
+        name=f"{bearing_id}_{number:04d}",
+        speed_rpm=float(run["speed_rpm"]),
+        fs_hz=float(run["fs_hz"]),
+        n_samples=run["n_samples"],
+        load_n=float(run["load_n"]),
+        time_s=float((number - 1) * run["snapshot_period_s"]),
+        group=bearing_id,
+        extra={
+            "bearing_id": bearing_id,
+            "condition": run["condition"],
+            "end_fault": run["end_fault"],
+            "axis": axis,
+        },
+    )
