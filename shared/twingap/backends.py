@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 import contextlib
+import functools
 import importlib
 import logging
 import os
+import signal
 import sys
+import threading
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -35,11 +39,14 @@ class Pool:
         Tasks at once.
     threads_inside : int or None
         Limit that each task must set for itself; None where the pool has set it already.
+    leader : int or None
+        Process that local workers must not outlive.
     """
 
     backend: str
     n_jobs: int
     threads_inside: int | None
+    leader: int | None = None
 
 
 @contextmanager
@@ -78,7 +85,7 @@ def open_pool(backend: str, address: str | None, n_jobs: int | None, threads: in
     count = n_jobs or joblib.cpu_count()
     if backend == "loky" and count > 1:
         with joblib.parallel_config(backend="loky", n_jobs=count, inner_max_num_threads=threads):
-            yield Pool("loky", count, None)
+            yield Pool("loky", count, None, os.getpid())
         return
     with limited_threads(threads):
         if backend == "threading":
@@ -86,6 +93,18 @@ def open_pool(backend: str, address: str | None, n_jobs: int | None, threads: in
                 yield Pool("threading", count, None)
         else:
             yield Pool("sequential", 1, None)
+
+
+@functools.cache
+def end_with(leader: int) -> None:
+    """Make this worker end when its leader does. loky's workers survive a killed leader for minutes, memory and all."""
+
+    def watch() -> None:
+        while os.getppid() == leader:
+            time.sleep(0.5)
+        os._exit(1)
+
+    threading.Thread(target=watch, daemon=True).start()
 
 
 @contextmanager
@@ -130,12 +149,12 @@ def _dask(address: str | None, n_jobs: int | None) -> Iterator[int]:
     logging.getLogger("distributed").setLevel(logging.ERROR)
     with contextlib.ExitStack() as stack:
         if address is None:
-            local = distributed.LocalCluster(
-                n_workers=n_jobs or joblib.cpu_count(), threads_per_worker=1, dashboard_address=None
-            )
+            count = n_jobs or joblib.cpu_count()
+            with _deaf_to_interrupts():
+                local = distributed.LocalCluster(n_workers=count, threads_per_worker=1, dashboard_address=None)
             address = stack.enter_context(local).scheduler_address
         try:
-            client = stack.enter_context(distributed.Client(address, timeout=5))
+            client = stack.enter_context(distributed.Client(address, timeout=3))
         except (OSError, TimeoutError, ValueError) as error:
             mend = "start a scheduler there (dask scheduler), or leave the address out"
             raise TwingapError(f"no dask scheduler answers: {error}", where=address, mend=mend) from error
@@ -144,6 +163,19 @@ def _dask(address: str | None, n_jobs: int | None) -> Iterator[int]:
             raise TwingapError("the dask cluster has no workers", where=address, mend=f"dask worker {address}")
         with joblib.parallel_config(backend="dask", n_jobs=n_jobs or cores):
             yield n_jobs or cores
+
+
+@contextmanager
+def _deaf_to_interrupts() -> Iterator[None]:
+    """Processes started within the block ignore Ctrl-C: this process hears it and ends them in good order."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
 
 
 @contextmanager

@@ -136,6 +136,8 @@ class ResultStore:
                 f"cannot be written: {error.strerror}", where=self.folder, mend="name another"
             ) from error
         try:
+            for left in self.folder.glob(".[0-9a-f]*"):  # half-written files of a process that was killed
+                left.unlink(missing_ok=True)
             yield
         finally:
             lock.release()
@@ -188,10 +190,10 @@ class ResultStore:
         now = plain(identity)
         others = [h for h in self._others() if h["identity"].get("function") == identity.function]
         same_job = [h["identity"] for h in others if h["identity"].get("job") == now["job"]]
-        if any(h.get("version") != now["version"] for h in same_job):
-            return "code changed"
-        if same_job:
+        if any(h.get("version") == now["version"] for h in same_job):
             return "data changed"
+        if same_job:
+            return "code changed" if any(h.get("data") == now["data"] for h in same_job) else "code and data changed"
         return "job changed" if any(h["label"] == label for h in others) else "no result"
 
     def _others(self) -> list[dict[str, Any]]:

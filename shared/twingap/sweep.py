@@ -14,6 +14,7 @@ import os
 import sys
 import time
 import traceback
+import warnings
 from collections import deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -22,7 +23,7 @@ from typing import Any, Generic, TypeVar
 
 from numpy.typing import NDArray
 
-from twingap.backends import WORKER_DIED, Pool, limited_threads, open_pool
+from twingap.backends import WORKER_DIED, Pool, end_with, limited_threads, open_pool
 from twingap.errors import TwingapError
 from twingap.provenance import canonical, digest_of_code, plain
 from twingap.result_store import Identity, ResultStore, decode, encode
@@ -209,17 +210,14 @@ class _Raised:
     traceback: str
 
 
-def _attempt(
-    key: str, function: Callable[[Any], Any], job: Any, threads: int | None
-) -> tuple[str, _Returned | _Raised]:
+def _attempt(key: str, function: Callable[[Any], Any], job: Any, pool: Pool) -> tuple[str, _Returned | _Raised]:
     """Run one job, in a worker. What it raises comes back as text, since not every exception can be sent."""
+    if pool.leader is not None:
+        end_with(pool.leader)
     begin = time.perf_counter()
     try:
-        if threads is None:
+        with contextlib.nullcontext() if pool.threads_inside is None else limited_threads(pool.threads_inside):
             value = function(job)
-        else:
-            with limited_threads(threads):
-                value = function(job)
         text, arrays = encode(value)
     except (Exception, SystemExit) as error:
         line = str(error) if isinstance(error, TwingapError) else f"{type(error).__name__}: {error}"
@@ -260,7 +258,7 @@ def _parallel(
     if pool.backend == "sequential":
         while waiting:
             key = waiting.popleft()
-            yield _attempt(key, function, jobs[key], pool.threads_inside)
+            yield _attempt(key, function, jobs[key], pool)
         return
     import joblib
 
@@ -268,7 +266,7 @@ def _parallel(
         while waiting:
             key = waiting.popleft()
             under_way.add(key)
-            yield joblib.delayed(_attempt)(key, function, jobs[key], pool.threads_inside)
+            yield joblib.delayed(_attempt)(key, function, jobs[key], pool)
 
     # One job at a time to a worker, and few in line, so that little is lost when a worker dies.
     outcomes = joblib.Parallel(return_as="generator_unordered", batch_size=1, pre_dispatch="2*n_jobs")(tasks())
@@ -287,7 +285,9 @@ def _parallel(
             under_way.discard(key)
             yield key, outcome
     finally:
-        outcomes.close()
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", UserWarning)  # that jobs under way are dropped, which an interruption means
+            outcomes.close()
 
 
 def _bare(function: Callable[..., Any]) -> Callable[..., Any]:
