@@ -179,7 +179,8 @@ def most_impulsive_band(x: ArrayLike, fs_hz: float, *, max_level: int | None = N
     fs_hz : float
         Sampling rate, Hz.
     max_level : int, optional
-        As in `fast_kurtogram`.
+        As in `fast_kurtogram`. A band shows only modulations slower than its width: keep it wider than three times the
+        fault frequency.
 
     Returns
     -------
