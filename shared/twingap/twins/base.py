@@ -7,9 +7,11 @@ Condition -> Draft -> SHAFT effects -> excite -> EXCITATION effects -> PATH effe
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections import deque
 from collections.abc import Iterable, Iterator, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
 from itertools import islice
-from typing import ClassVar
+from typing import ClassVar, Literal
 
 import numpy as np
 
@@ -38,10 +40,16 @@ class Twin(ABC):
         Its name in twin files.
     batch : int
         How many records it makes at once (one vector's worth of trajectories, say).
+    excitation : {"impacts", "rollers", "waveform"}
+        What its drafts let an effect act on, see `Draft`.
+    inherent_effects : frozenset[str]
+        Effects that follow from its own physics: naming one is allowed and changes nothing.
     """
 
     model: ClassVar[str]
     batch: ClassVar[int] = 1
+    excitation: ClassVar[Literal["impacts", "rollers", "waveform"]] = "impacts"
+    inherent_effects: ClassVar[frozenset[str]] = frozenset()
 
     def __init__(self, bearing: Bearing, effects: Iterable[Effect] = (), unit: str = "m/s^2") -> None:
         self.bearing, self.unit = bearing, unit
@@ -71,13 +79,22 @@ class Twin(ABC):
 
     def make(self, conditions: Sequence[Condition], streams: Sequence[Streams]) -> list[Record]:
         """Make one record per condition, each from its own random streams."""
+        drafts = self.prepare(conditions, streams)
+        self.respond(drafts)
+        return self.finish(drafts, streams)
+
+    def prepare(self, conditions: Sequence[Condition], streams: Sequence[Streams]) -> list[Draft]:
+        """The first half of `make`: all that happens before the structure responds."""
         drafts = [self._begin(condition) for condition in conditions]
         for draft, own in zip(drafts, streams, strict=True):
             self._act(Stage.SHAFT, draft, own)
             self.excite(draft, own)
             self._act(Stage.EXCITATION, draft, own)
             self._act(Stage.PATH, draft, own)
-        self.respond(drafts)
+        return drafts
+
+    def finish(self, drafts: Sequence[Draft], streams: Sequence[Streams]) -> list[Record]:
+        """The second half of `make`: all that is added to the structure's response."""
         for draft, own in zip(drafts, streams, strict=True):
             if self.white_noise_rms > 0:
                 draft.x += self.white_noise_rms * own("white_noise").standard_normal(draft.x.size)
@@ -85,23 +102,51 @@ class Twin(ABC):
             self._act(Stage.ACQUISITION, draft, own)
         return [Record(draft.condition, draft.x) for draft in drafts]
 
-    def stream(self, conditions: Iterable[Condition], rng: np.random.Generator) -> Iterator[Record]:
-        """Make records one batch at a time, in bounded memory however many there are.
+    def stream(
+        self, conditions: Iterable[Condition], rng: np.random.Generator, threads: int | None = None
+    ) -> Iterator[Record]:
+        """Make records one batch at a time, in order and in bounded memory however many there are.
 
         Parameters
         ----------
         conditions : iterable of Condition
         rng : numpy.random.Generator
-            Drawn from once; record i depends on that draw and on i alone.
+            Drawn from once; record i depends on that draw and on i alone, so the bytes are the same on any number of
+            threads.
+        threads : int, optional
+            Batches made at once. None is `default_threads()`.
 
         Yields
         ------
         Record
         """
-        root, source, done = root_entropy(rng), iter(conditions), 0
-        while batch := list(islice(source, self.batch)):
-            yield from self.make(batch, [Streams(root, done + i) for i in range(len(batch))])
-            done += len(batch)
+        root, batches = root_entropy(rng), _batches(conditions, self.batch)
+
+        def made(start: int, batch: list[Condition]) -> list[Record]:
+            return self.make(batch, [Streams(root, start + i) for i in range(len(batch))])
+
+        threads = threads or self.default_threads()
+        if threads == 1:
+            for start, batch in batches:
+                yield from made(start, batch)
+            return
+        with ThreadPoolExecutor(threads) as pool:
+            waiting: deque[Future[list[Record]]] = deque()
+            try:
+                for start, batch in batches:
+                    waiting.append(pool.submit(made, start, batch))
+                    # A few batches ahead keep every thread busy while the caller takes the oldest.
+                    if len(waiting) > 2 * threads:
+                        yield from waiting.popleft().result()
+                while waiting:
+                    yield from waiting.popleft().result()
+            finally:
+                for future in waiting:
+                    future.cancel()
+
+    def default_threads(self) -> int:
+        """How many batches to make at once when nobody says. 1 for a model whose kernel uses all cores by itself."""
+        return 1
 
     def simulate(self, conditions: Iterable[Condition], rng: np.random.Generator) -> RecordSet:
         """The records of these conditions, in memory. For many, write `stream` to disk instead."""
@@ -109,11 +154,20 @@ class Twin(ABC):
 
     def _begin(self, condition: Condition) -> Draft:
         t = np.arange(condition.n_samples) / condition.fs_hz
-        return Draft(condition, self.bearing, self.reference_rms, t, t * (condition.speed_rpm / 60))
+        turns = t * (condition.speed_rpm / 60)
+        return Draft(condition, self.bearing, self.reference_rms, t, turns, excitation=self.excitation)
 
     def _act(self, stage: Stage, draft: Draft, streams: Streams) -> None:
         for effect in self.effects:
-            if effect.stage == stage:
+            if effect.stage == stage and effect.name not in self.inherent_effects:
                 if reason := effect.cannot_act_on(draft):
                     raise TwingapError(reason, where=f"twin {self.model}, effect {effect.name}")
                 effect.apply(draft, streams(effect.name))
+
+
+def _batches(conditions: Iterable[Condition], size: int) -> Iterator[tuple[int, list[Condition]]]:
+    """Place of the first, and the conditions, of each batch."""
+    source, done = iter(conditions), 0
+    while batch := list(islice(source, size)):
+        yield done, batch
+        done += len(batch)

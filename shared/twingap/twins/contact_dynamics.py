@@ -1,0 +1,370 @@
+"""From records to trajectories: static equilibrium, internal step, and groups of sixteen for the kernel.
+
+Jobs (bearing, parameters, condition, angles) --> equilibrium, oversampling --> groups of like jobs --> kernel
+                                                                                 --> acceleration in y, per job
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import firwin
+
+from twingap.bearing import Bearing
+from twingap.errors import TwingapError
+from twingap.records import Condition
+from twingap.twins.contact_parameters import ContactParameters
+
+Array = NDArray[np.float64]
+
+STEP_ANGLE: Final = 0.25
+"""Largest angle (rad) by which the fastest contact mode may turn in an internal step. RK4 is stable up to 2.8; at 0.25
+it loses less than 2e-6 of the amplitude and 1e-5 rad of phase per step."""
+
+STEPS_PER_EDGE: Final = 6
+"""Internal steps that a smooth edge must last."""
+
+UNSTABLE_ANGLE: Final = 1.0
+"""An `oversampling` set by hand that turns the fastest contact mode further than this per step is refused."""
+
+LADDER: Final = tuple(sorted({a * 2**b for a in (4, 5, 6, 7) for b in range(9)} | {1, 2, 3}))
+"""Oversampling factors in use: few enough that records share vector groups, at most a quarter too fine."""
+
+HALF_TAPS: Final = 16
+"""The low-pass before decimation reaches so many output samples to each side: flat to 0.4 fs, closed from 0.5 fs."""
+
+
+SETTLED: Final = 7.0
+"""Decay times of the contact mode between the equilibrium and a record's start: exp(-7) of a wrong start is left."""
+
+SETTLING_S: Final = (0.03, 0.5)
+"""Shortest and longest time for that, s."""
+
+CAGE_POSITIONS: Final = 12
+"""Positions of the cage, evenly over a roller pitch, over which the equilibrium is averaged."""
+
+
+@dataclass(frozen=True)
+class Statics:
+    """What the equilibrium depends on, in SI units (stiffness in N/m^exponent)."""
+
+    stiffness: float
+    exponent: float
+    mass_kg: float
+    clearance_m: float
+    force_x: float
+    force_y: float
+
+
+@dataclass(frozen=True)
+class Equilibrium:
+    """The ring at rest under its load, linearised; means over the rollers' positions.
+
+    Parameters
+    ----------
+    x, y : float
+        Displacement, m.
+    squeeze : float
+        Largest compression of a roller, m.
+    w_y : float
+        Natural frequency in the load's direction, rad/s.
+    w_max : float
+        Highest natural frequency in any direction and at any position, rad/s.
+    """
+
+    x: float
+    y: float
+    squeeze: float
+    w_y: float
+    w_max: float
+
+
+@lru_cache(maxsize=1024)
+def equilibrium(bearing: Bearing, own: Statics) -> Equilibrium:
+    """Static equilibrium, averaged over the rollers' positions.
+
+    A ring without load floats in its clearance and has no stiffness; it is linearised under its own weight instead.
+    """
+    cage = np.arange(CAGE_POSITIONS) / (CAGE_POSITIONS * bearing.n_rollers)
+    xy, stiffness, squeeze = settle(bearing.n_rollers, own, cage)
+    w = np.sqrt(np.linalg.eigvalsh(stiffness)[:, -1] / own.mass_kg)
+    w_y = math.sqrt(float(stiffness[:, 1, 1].mean()) / own.mass_kg)
+    return Equilibrium(float(xy[:, 0].mean()), float(xy[:, 1].mean()), float(squeeze.max()), w_y, float(w.max()))
+
+
+def statics(own: ContactParameters, load_n: float | None) -> Statics:
+    """The static problem for a record with this load (None: the parameters' own)."""
+    load = own.load_n if load_n is None else load_n
+    if math.hypot(load, own.load_x_n) < own.mass_kg * 9.81:
+        load = own.mass_kg * 9.81
+    return Statics(own.stiffness, own.exponent, own.mass_kg, 1e-6 * own.clearance_um, own.load_x_n, load)
+
+
+def settle(n_rollers: int, own: Statics, cage: Array) -> tuple[Array, Array, Array]:
+    """Where the ring rests, for each cage angle.
+
+    The contacts' energy is convex, so Newton's method with a line search on it converges from anywhere; it starts from
+    the load's direction, squeezed as a loaded contact of the usual load distribution would be.
+
+    Parameters
+    ----------
+    n_rollers : int
+    own : Statics
+    cage : Array [positions]
+        Angle of the cage, turns.
+
+    Returns
+    -------
+    Array [positions, 2], Array [positions, 2, 2], Array [positions]
+        Displacement (m), stiffness (N/m), compression of the most loaded roller (m).
+    """
+    angles = 2 * np.pi * (cage[:, None] + np.arange(n_rollers) / n_rollers)
+    e = np.stack([np.cos(angles), np.sin(angles)], axis=-1)
+    force = np.array([own.force_x, own.force_y])
+    size, n = float(np.hypot(*force)), own.exponent
+    guess = (5 * size / (n_rollers * own.stiffness)) ** (1 / n)
+    xy = np.tile(force / size * (own.clearance_m + guess), (cage.size, 1))
+
+    def squeezed(at: Array) -> Array:
+        return np.maximum((e @ at[:, :, None])[:, :, 0] - own.clearance_m, 0.0)
+
+    def energy(at: Array) -> Array:
+        potential: Array = own.stiffness / (n + 1) * (squeezed(at) ** (n + 1)).sum(axis=1) - at @ force
+        return potential
+
+    for _ in range(60):
+        delta = squeezed(xy)
+        residual = own.stiffness * np.einsum("pj,pjk->pk", delta**n, e) - force
+        slope = np.where(delta > 0, n * own.stiffness * np.maximum(delta, 1e-300) ** (n - 1), 0.0)
+        hessian = np.einsum("pj,pjk,pjl->pkl", slope, e, e)
+        if np.abs(residual).max() <= 1e-12 * size:
+            break
+        # A ring on one roller has no stiffness across: a little of the other keeps the step finite.
+        ridge = 1e-9 * np.trace(hessian, axis1=1, axis2=2)[:, None, None] * np.eye(2)
+        step = -np.linalg.solve(hessian + ridge, residual[:, :, None])[:, :, 0]
+        before, length = energy(xy), np.ones(cage.size)
+        for _ in range(30):
+            worse = energy(xy + length[:, None] * step) > before + 1e-14 * np.abs(before)
+            if not worse.any():
+                break
+            length = np.where(worse, length / 2, length)
+        xy = xy + length[:, None] * step
+    return xy, hessian, squeezed(xy).max(axis=1)
+
+
+@dataclass(frozen=True)
+class Job:
+    """One trajectory to integrate.
+
+    Parameters
+    ----------
+    bearing, parameters, condition
+        Of its record.
+    turns : Array [samples]
+        Shaft angle since the record's start, turns.
+    cage_speed_ratio : float
+        Cage speed over its kinematic value.
+    cage_lag : Array [samples] or None
+        Delay of the roller train, in shaft turns.
+    starts : (float, float, float)
+        Angles of shaft, cage and (for a ball defect) the ball's spin at the record's start, turns.
+    """
+
+    bearing: Bearing
+    parameters: ContactParameters
+    condition: Condition
+    turns: Array
+    cage_speed_ratio: float = 1.0
+    cage_lag: Array | None = None
+    starts: tuple[float, float, float] = (0.0, 0.0, 0.0)
+
+    @property
+    def equilibrium(self) -> Equilibrium:
+        """Where the ring rests."""
+        return equilibrium(self.bearing, statics(self.parameters, self.condition.load_n))
+
+    @property
+    def depth_m(self) -> float:
+        """Depth of this record's defect, m; 0 when healthy."""
+        return 1e-6 * self.parameters.defect_depth_um.get(self.condition.fault or "", 0.0)
+
+    @property
+    def half_width(self) -> float:
+        """Half the defect's width, in passes of a roller (for a ball: in half spins).
+
+        Raises
+        ------
+        TwingapError
+            When two rollers could be in the defect at once.
+        """
+        own, bearing = self.parameters, self.bearing
+        across = bearing.ratio * bearing.pitch_diameter_mm
+        raceway = {
+            "outer": math.pi * (bearing.pitch_diameter_mm + across) / bearing.n_rollers,
+            "inner": math.pi * (bearing.pitch_diameter_mm - across) / bearing.n_rollers,
+            "ball": math.pi * bearing.roller_diameter_mm / 2,
+        }
+        half = 0.5 * own.defect_width_mm / raceway.get(self.condition.fault or "", raceway["inner"])
+        if half > 0.5:
+            raise TwingapError(
+                f"defect_width_mm = {own.defect_width_mm:g} is wider than the distance between two rollers",
+                where="contact parameters",
+                mend=f"at most {own.defect_width_mm * 0.5 / half:.3g} mm for {bearing.name!r}",
+            )  # fmt: skip
+        return half
+
+    def oversampling(self) -> int:
+        """Internal steps per sample.
+
+        The smallest of `LADDER` with which the fastest contact mode turns by at most `STEP_ANGLE` per step (its
+        stiffness taken at twice the static squeeze plus the defect's depth: a ring that drops rebounds that far),
+        damping acts over as many, and a smooth edge lasts at least `STEPS_PER_EDGE`.
+
+        Raises
+        ------
+        TwingapError
+            When none of them does, or the one set by hand is unstable.
+        """
+        own, rest = self.parameters, self.equilibrium
+        dt, where = 1 / self.condition.fs_hz, f"record {self.condition.name!r}, contact twin"
+        stiffer = 2 + self.depth_m / rest.squeeze
+        turning = max(rest.w_max * stiffer ** (0.5 * (own.exponent - 1)), own.damping / own.mass_kg)
+        needed = turning * dt / STEP_ANGLE
+        if own.oversampling is not None:
+            if turning * dt / own.oversampling > UNSTABLE_ANGLE:
+                raise TwingapError(
+                    f"oversampling = {own.oversampling} is unstable with a contact mode of "
+                    f"{turning / (2 * math.pi):.0f} Hz",
+                    where=where, mend=f"use at least {math.ceil(needed)}, or leave it out",
+                )  # fmt: skip
+            return own.oversampling
+        if own.edge > 0 and self.depth_m > 0:
+            passes_per_s = self.bearing.fault_order(self.condition.fault or "") * self.condition.speed_rpm / 60
+            needed = max(needed, STEPS_PER_EDGE * dt * passes_per_s / (own.edge * self.half_width))
+        for factor in LADDER:
+            if factor >= needed:
+                return factor
+        raise TwingapError(
+            f"this contact needs {needed:.3g} internal steps per sample, more than {LADDER[-1]}",
+            where=where, mend="lower stiffness or speed, raise mass_kg or fs_hz, or widen the defect",
+        )  # fmt: skip
+
+    def settling(self) -> int:
+        """Samples between the equilibrium and the record's start."""
+        shortest, longest = SETTLING_S
+        decay = self.parameters.damping / (2 * self.parameters.mass_kg)
+        return math.ceil(min(max(SETTLED / max(decay, 1e-9), shortest), longest) * self.condition.fs_hz)
+
+    def rows(self, oversampling: int) -> list[float]:
+        """This lane's parameters, in the order of `contact_kernel.ROWS`."""
+        own, z, mass = self.parameters, self.bearing.n_rollers, self.parameters.mass_kg
+        load = own.load_n if self.condition.load_n is None else self.condition.load_n
+        spin = 2 * self.bearing.bsf / (1 - self.bearing.ftf)
+        phase = {
+            "outer": (0.0, -z, z * own.outer_angle_deg / 360, 1.0),
+            "inner": (z, -z, 0.0, 1.0),
+            "ball": (spin, -spin, 2 * self.starts[2] - spin * (self.starts[0] - self.starts[1]), 0.0),
+        }.get(self.condition.fault or "", (0.0, 0.0, 0.0, 0.0))
+        return [
+            0.5 / (self.condition.fs_hz * oversampling), own.stiffness / mass, own.damping / mass,
+            1e-6 * own.clearance_um, own.load_x_n / mass, load / mass, 1e-6 * own.eccentricity_um * 4 * math.pi**2,
+            self.depth_m, 1e300 if own.edge == 0 else 1 / own.edge, 1 / self.half_width, *phase,
+        ]  # fmt: skip
+
+    def angles(self, before: int, points: int) -> tuple[Array, Array]:
+        """Shaft and cage angle (turns) at `points` samples, the first `before` samples ahead of the record.
+
+        Outside the record the shaft goes on at its mean speed and the roller train keeps its delay.
+        """
+        per_sample = self.condition.speed_rpm / (60 * self.condition.fs_hz)
+        after = points - before - self.turns.size
+        turns = np.pad(self.turns, (before, after), mode="edge")
+        turns[:before] -= per_sample * np.arange(before, 0, -1)
+        turns[points - after :] += per_sample * np.arange(1, after + 1)
+        late = 0.0 if self.cage_lag is None else np.pad(self.cage_lag, (before, after), mode="edge")
+        cage = self.bearing.ftf * self.cage_speed_ratio * (turns - late)
+        return turns + self.starts[0], cage + self.starts[1]
+
+
+def accelerations(jobs: Sequence[Job]) -> list[tuple[Array, int]]:
+    """Integrate jobs, whatever they are, sixteen of a kind at a time.
+
+    Returns
+    -------
+    list of (Array [lead + samples], int)
+        For each job its acceleration in y (m/s^2) at the record's rate, with `lead` samples from before the record.
+
+    Raises
+    ------
+    TwingapError
+        When a trajectory leaves the range of numbers.
+    """
+    kinds: dict[tuple[int, int, str], list[int]] = {}
+    for place, job in enumerate(jobs):
+        kind = (job.oversampling(), job.bearing.n_rollers, job.parameters.contact)
+        kinds.setdefault(kind, []).append(place)
+    done: dict[int, tuple[Array, int]] = {}
+    for (factor, n_rollers, contact), places in kinds.items():
+        done |= _of_a_kind(jobs, places, factor, n_rollers, contact == "point")
+    return [done[place] for place in range(len(jobs))]
+
+
+def _of_a_kind(
+    jobs: Sequence[Job], places: list[int], factor: int, n_rollers: int, point_contact: bool
+) -> dict[int, tuple[Array, int]]:
+    """Integrate jobs that share step and bearing; lanes left over repeat the last job."""
+    from twingap.twins.contact_kernel import LANES, ROWS, integrate  # compiled code: only when it is needed
+
+    taps = low_pass(factor)
+    half = taps.size // (2 * factor)
+    leads = {place: jobs[place].settling() for place in places}
+    # Interval i lies between points i and i + 1; the filter looks `half` of them ahead of a sample, and one at least.
+    intervals = {p: half + leads[p] + jobs[p].condition.n_samples - 1 + max(half, 1) for p in places}
+    ordered = sorted(places, key=lambda place: intervals[place])
+    ordered += [ordered[-1]] * (-len(ordered) % LANES)
+    lanes = [ordered[at : at + LANES] for at in range(0, len(ordered), LANES)]
+    lengths = np.array([max(intervals[place] for place in group) for group in lanes])
+    points = int(lengths.max()) + 1
+    turns, cage = np.empty((2, len(lanes), points, LANES))
+    state, rows = np.zeros((len(lanes), 4, LANES)), np.empty((len(lanes), len(ROWS), LANES))
+    for g, group in enumerate(lanes):
+        for lane, place in enumerate(group):
+            job = jobs[place]
+            turns[g, :, lane], cage[g, :, lane] = job.angles(half + leads[place], points)
+            rows[g, :, lane] = job.rows(factor)
+            state[g, :2, lane] = job.equilibrium.x, job.equilibrium.y
+    output = np.empty((len(lanes), points - taps.size // factor, LANES))
+    integrate(n_rollers, state, turns, cage, rows, factor, taps, output, lengths=lengths, point_contact=point_contact)
+    done: dict[int, tuple[Array, int]] = {}
+    for g, group in enumerate(lanes):
+        for lane, place in enumerate(group):
+            kept = output[g, : leads[place] + jobs[place].condition.n_samples, lane].copy()
+            if not np.isfinite(kept).all():
+                raise TwingapError(
+                    "the contact's motion leaves the range of numbers",
+                    where=f"record {jobs[place].condition.name!r}, contact twin",
+                    mend="leave oversampling out, or bring stiffness, load and mass_kg into their plausible range",
+                )
+            done[place] = (kept, leads[place])
+    return done
+
+
+@lru_cache(maxsize=64)
+def low_pass(factor: int) -> Array:
+    """Weights of the internal accelerations around a sample, before only every `factor`-th is kept.
+
+    A symmetric windowed sinc (Kaiser, 54 dB): no delay, flat to 0.4 fs, closed from 0.5 fs, as a measuring card's.
+    Plain sampling would fold what a hard edge excites above fs / 2 into the band.
+    """
+    if factor == 1:
+        return np.ones(1)
+    size = 2 * HALF_TAPS * factor
+    taps = firwin(size + 1, 0.9, window=("kaiser", 5.0), fs=2 * factor)[:size]
+    taps[0] = 0.0  # the counterpart of the last tap, which falls into the next block
+    return np.asarray(taps / taps.sum(), dtype=np.float64)
