@@ -15,7 +15,7 @@ import numpy as np
 import scipy.fft
 from numpy.typing import NDArray
 
-from twingap.effects.angle import harmonics
+from twingap.effects.angle import cosine, harmonics
 from twingap.effects.base import Effect, Stage, parameter, register
 from twingap.effects.draft import Draft
 from twingap.effects.path import beyond_nyquist
@@ -30,7 +30,7 @@ _RANDALL = "Randall & Antoni 2011, Rolling element bearing diagnostics - a tutor
 
 
 def _add_harmonics(draft: Draft, turns: Array, base_hz: float, levels: Reals, phases_turns: Reals) -> None:
-    """Add cosines at multiples 1, 2, ... of `turns`, of `levels` healthy RMS, as far as the sampling rate shows them."""
+    """Add cosines at multiples 1, 2, ... of `turns`, of `levels` healthy RMS, below half the sampling rate."""
     count = min(levels.size, math.ceil(draft.condition.fs_hz / 2 / base_hz) - 1)
     amplitudes = draft.reference_rms * levels * np.exp(2j * np.pi * phases_turns)
     draft.x += harmonics(turns, amplitudes[: max(count, 0)].tolist())
@@ -144,8 +144,8 @@ class DriveInterference(Effect):
 
     def apply(self, draft: Draft, rng: np.random.Generator) -> None:
         phases = rng.random(2)
-        carrier = np.cos(2 * np.pi * (self.carrier_hz * draft.t + phases[0]))
-        carrier *= 1 + self.depth * np.cos(2 * np.pi * (self.sideband_order * draft.turns + phases[1]))
+        carrier = cosine(self.carrier_hz * draft.t + phases[0])
+        carrier *= 1 + self.depth * cosine(self.sideband_order * draft.turns + phases[1])
         draft.x += self.level * draft.reference_rms * carrier
 
     def cannot_act_on(self, draft: Draft) -> str | None:
@@ -186,7 +186,7 @@ class GearMesh(Effect):
         # The highest side line lies one order above its mesh harmonic.
         count = math.ceil((draft.condition.fs_hz / 2 / draft.shaft_hz - 1) / self.teeth) - 1
         amplitudes = (levels * np.exp(2j * np.pi * phases))[: max(count, 0)]
-        swing = 1 + self.depth * np.cos(2 * np.pi * (draft.turns + rng.random()))
+        swing = 1 + self.depth * cosine(draft.turns + rng.random())
         draft.x += swing * harmonics(self.teeth * draft.turns, amplitudes.tolist())
 
     def cannot_act_on(self, draft: Draft) -> str | None:

@@ -1,7 +1,7 @@
 """Effects on the excitation: when and how hard rollers strike, and what else drives the structure.
 
 On impacts (phenomenological twin) they change angles and amplitudes. On rollers (contact twin) and on a finished
-waveform there is no list of impacts: timing becomes a delay of roller train or waveform, strength a gain on the waveform.
+waveform there is no list of impacts: timing becomes a delay of roller train or waveform, strength a gain on the latter.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from twingap.effects.angle import at_angles
+from twingap.effects.angle import at_angles, cosine
 from twingap.effects.base import Effect, Stage, parameter, register
 from twingap.effects.draft import Draft, Impacts
 from twingap.effects.ringing import response_rms
@@ -164,7 +164,7 @@ class LoadZone(_FaultEffect):
         rate = rates.get(str(draft.condition.fault))
         if rate is None:
             return 1.0
-        return 1 + self.depth * np.cos(2 * np.pi * (rate * turns + rng.random()))
+        return 1 + self.depth * cosine(rate * turns + rng.random())
 
 
 @register
@@ -185,7 +185,7 @@ class CageModulation(_FaultEffect):
 
     def _weight(self, draft: Draft, turns: Array, rng: np.random.Generator) -> Array:
         rate = draft.bearing.ftf * draft.cage_speed_ratio
-        return np.asarray(1 + self.depth * np.cos(2 * np.pi * (rate * turns + rng.random())))
+        return 1 + self.depth * cosine(rate * turns + rng.random())
 
 
 @register
@@ -256,7 +256,7 @@ class DistributedRoughness(Effect):
 
     def apply(self, draft: Draft, rng: np.random.Generator) -> None:
         force = rng.standard_normal(draft.t.size)
-        swell = 1 + self.depth * np.cos(2 * np.pi * (draft.turns + rng.random()))
+        swell = 1 + self.depth * cosine(draft.turns + rng.random())
         rms = math.sqrt(1 + self.depth**2 / 2) * response_rms(draft.modes, draft.condition.fs_hz)
         force *= swell
         force *= self.level * draft.reference_rms / rms

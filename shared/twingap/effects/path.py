@@ -24,8 +24,8 @@ Array = NDArray[np.float64]
 class SecondResonance(Effect):
     """One more structural mode, beside the first: a peak that stays at its frequency whatever the speed.
 
-    Impacts and broadband forces pass through both modes in parallel. Rollers and finished waveforms have passed a path
-    already: what they hold around the frequency is raised by up to 1 + gain.
+    Impacts, rollers' contacts and broadband forces pass through both modes in parallel. A finished waveform has passed a
+    path already: what it holds around the frequency is raised by up to 1 + gain.
     """
 
     stage: ClassVar[Stage] = Stage.PATH
@@ -43,7 +43,7 @@ class SecondResonance(Effect):
     )
 
     def apply(self, draft: Draft, rng: np.random.Generator) -> None:
-        if draft.excitation == "impacts":
+        if draft.excitation != "waveform":
             draft.modes.append(Mode(self.frequency_hz, self.damping_ratio, self.gain))
             return
         fs_hz, settling_s = draft.condition.fs_hz, 1 / (self.damping_ratio * self.frequency_hz)

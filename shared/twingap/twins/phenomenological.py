@@ -20,7 +20,17 @@ from typing import ClassVar
 import numpy as np
 
 from twingap.bearing import FAULTS, Bearing
-from twingap.effects import Draft, Effect, Impacts, Mode
+from twingap.effects import (
+    DamageGrowth,
+    Draft,
+    Effect,
+    Impacts,
+    ImpactScatter,
+    LoadZone,
+    Mode,
+    SlipJitter,
+    SpeedGain,
+)
 from twingap.effects.ringing import response_rms, ring
 from twingap.errors import TwingapError
 from twingap.streams import Streams
@@ -182,6 +192,37 @@ class PhenomenologicalTwin(Twin):
             draft.x = ring(draft.modes, condition.fs_hz, condition.n_samples, times, amplitudes, draft.force)
             for act in draft.filters:
                 draft.x = act(draft.x)
+
+
+def paper1_chain(
+    rate_per_s: float = 1e-3, onset_s: float = 0.0, reference_speed_rpm: float = 1000.0
+) -> tuple[Effect, ...]:
+    """Eq. 1 of paper 1 over the baseline: x_k(t) = S(k) D(k) sum_i h(t - i T - tau_i) q(i T) A_i + n(t).
+
+    Where the paper gives no number, the usual public ones: q = 1 + 0.3 cos at shaft rate, impacts late by 2 % of their
+    spacing (not accumulating), strengths scattered by 10 %. n(t) is the baseline's noise.
+
+    Parameters
+    ----------
+    rate_per_s : float
+        a of eq. 12, per second of `time_s`.
+    onset_s : float
+        Time of K_anomaly in eq. 12.
+    reference_speed_rpm : float
+        Speed at which S = 1; eq. 10 with c constant. The slowest of the paper's test is the default.
+
+    Returns
+    -------
+    tuple of Effect
+        S, D, tau, q, A.
+    """
+    return (
+        SpeedGain(exponent=1.0, reference_speed_rpm=reference_speed_rpm),
+        DamageGrowth(rate_per_s=rate_per_s, onset_s=onset_s),
+        SlipJitter(sigma=0.02),
+        LoadZone(depth=0.3),
+        ImpactScatter(sigma=0.1),
+    )
 
 
 def periodic_impacts(draft: Draft, amplitude: float, phase: float) -> Impacts:
