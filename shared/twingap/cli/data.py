@@ -2,6 +2,270 @@
 
 from __future__ import annotations
 
+import json
+import math
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
 import typer
 
+from twingap.cli.options import Json, Seed, progress_console, wrote
+from twingap.errors import TwingapError
+
+if TYPE_CHECKING:
+    from rich.progress import Progress
+
+    from twingap.data.manifest import Manifest
+    from twingap.data.verify import Verification
+    from twingap.records import Record, RecordSet
+
 app = typer.Typer(help="Public data sets: list, verify, fetch, export.", no_args_is_help=True)
+
+Root = Annotated[
+    Path | None, typer.Option("--root", help="Folder that holds the data sets, one folder each; default TWINGAP_DATA.")
+]
+Name = Annotated[str, typer.Argument(help="A data set's name, as `twingap data list` gives it.", show_default=False)]
+
+
+@app.command("list")
+def list_sets(
+    root: Root = None,
+    quick: Annotated[bool, typer.Option("--quick", help="Compare sizes only; do not hash what is present.")] = False,
+    as_json: Json = False,
+) -> None:
+    """The data sets: licence, size, where from, what of them is present and verified under the data root."""
+    from twingap.data import data_root, manifest_names, manifest_of
+
+    try:
+        folder: Path | None = data_root(root)
+    except TwingapError:
+        if root is not None:
+            raise
+        folder = None  # the sets can be listed without any data
+    all_facts = [manifest_of(name) for name in manifest_names()]
+    checks = _verify_all(all_facts, folder, quick=quick) if folder is not None else [None] * len(all_facts)
+    if as_json:
+        print(
+            json.dumps([_listing(f, c) for f, c in zip(all_facts, checks, strict=True)], indent=2, ensure_ascii=False)
+        )
+        return
+    print(f"data root: {folder}" if folder else "data root: none set (TWINGAP_DATA or --root)")
+    for facts, check in zip(all_facts, checks, strict=True):
+        print(f"\n{facts.name}: {facts.title}")
+        print(f"  size     {'made on demand' if facts.made_here else _human(facts.size_bytes)}")
+        print(f"  licence  {facts.licence}")
+        print(f"  from     {facts.url or 'twingap itself'}")
+        print(f"  here     {_presence(facts, check)}")
+
+
+@app.command("verify")
+def verify_sets(
+    names: Annotated[
+        list[str] | None, typer.Argument(metavar="[NAME]...", help="Data sets; all by default.", show_default=False)
+    ] = None,
+    root: Root = None,
+    as_json: Json = False,
+) -> None:
+    """Check every present file against its manifest; exit 2 when one is altered.
+
+    Missing and unexpected files are named but no error: nobody needs to have all sets.
+    """
+    from twingap.data import data_root, manifest_names, manifest_of
+
+    asked = [manifest_of(name) for name in dict.fromkeys(names or manifest_names())]
+    checks = _verify_all(asked, data_root(root))
+    if as_json:
+        print(json.dumps([asdict(c) | {"intact": c.intact} for c in checks], indent=2, ensure_ascii=False))
+    else:
+        for facts, check in zip(asked, checks, strict=True):
+            _print_check(facts, check, in_full=bool(names))
+    altered = [finding.path for check in checks for finding in check.findings if finding.status == "altered"]
+    if altered:
+        shown = ", ".join(altered[:5]) + (f" and {len(altered) - 5} more" if len(altered) > 5 else "")
+        raise TwingapError(
+            f"{len(altered)} altered file{'s' * (len(altered) > 1)}: {shown}",
+            mend="remove them and fetch their data set anew",
+        )
+
+
+@app.command("fetch")
+def fetch_set(name: Name, root: Root = None, as_json: Json = False) -> None:
+    """Download a data set from its owner: resumed where it broke off, verified, unpacked."""
+    from twingap.data import data_root, manifest_of
+    from twingap.data.fetch import fetch
+
+    facts, folder = manifest_of(name), data_root(root, must_exist=False)
+    with _bytes_bar(name, None) as (bar, task):
+        fetched = fetch(
+            facts,
+            folder,
+            progress=lambda path, have, total: bar.update(task, description=path, completed=have, total=total),
+        )
+    place = folder / facts.name
+    if as_json:
+        result = {
+            "name": name,
+            "folder": str(place),
+            "downloaded": [str(path) for path in fetched.downloaded],
+            "kept": [str(path) for path in fetched.kept],
+            "unpacked": fetched.unpacked,
+        }
+        print(json.dumps(result, indent=2, ensure_ascii=False))
+    else:
+        print(
+            f"{name}: {len(fetched.downloaded)} files downloaded and verified, {len(fetched.kept)} were there already, "
+            f"{fetched.unpacked} unpacked"
+        )
+    wrote(place, as_json=as_json)
+
+
+@app.command("export")
+def export_set(
+    name: Name,
+    out: Annotated[Path, typer.Option("--out", help="New folder for the record set.", show_default=False)],
+    where: Annotated[
+        list[str] | None,
+        typer.Option(help='Keep records with column=value, such as "load_hp=2"; repeat for several conditions.'),
+    ] = None,
+    option: Annotated[
+        list[str] | None, typer.Option(help="Option of the reader as key=value, such as channel=FE or fs_hz=12000.")
+    ] = None,
+    seed: Seed = 0,
+    root: Root = None,
+    as_json: Json = False,
+) -> None:
+    """A public data set as a record set."""
+    from rich.progress import track
+
+    from twingap.data import load
+    from twingap.data import where as chosen
+    from twingap.data.registry import takes
+    from twingap.record_folder import write_records
+
+    options = dict(_key_value(text) for text in option or ())
+    if takes(name, "seed"):
+        options.setdefault("seed", seed)
+    records = load(name, root, **options)
+    if where:
+        records = chosen(records, where)
+
+    def with_bar(records: RecordSet) -> Iterator[Record]:
+        yield from track(
+            records,
+            description=f"export {name}",
+            total=len(records),
+            console=progress_console,
+            transient=True,
+            disable=_quiet(),
+        )
+
+    rates = [condition.fs_hz for condition in records.conditions]
+    rate = max(dict.fromkeys(rates), key=rates.count)
+    write_records(out, records.name, records.unit, records.bearing, rate, with_bar(records))
+    if as_json:
+        counts = records.table["fault"].fillna("unknown").value_counts(sort=False).to_dict()
+        result = {"name": name, "folder": str(out), "records": len(records), "groups": len(records.groups)}
+        print(json.dumps({**result, "faults": counts}, indent=2, ensure_ascii=False))
+    else:
+        print(f"{name}: {len(records)} records in {len(records.groups)} groups")
+    wrote(out, as_json=as_json)
+
+
+def _verify_all(all_facts: list[Manifest], root: Path, *, quick: bool = False) -> list[Verification]:
+    """Verify data sets one after the other, under one progress bar."""
+    from twingap.data.verify import bytes_to_hash, verify
+
+    total = 0 if quick else sum(bytes_to_hash(facts, root) for facts in all_facts)
+    with _bytes_bar("verify", total) as (bar, task):
+        return [verify(facts, root, quick=quick, progress=lambda size: bar.advance(task, size)) for facts in all_facts]
+
+
+@contextmanager
+def _bytes_bar(what: str, total: int | None) -> Iterator[tuple[Progress, Any]]:
+    from rich.progress import BarColumn, DownloadColumn, Progress, TextColumn, TransferSpeedColumn
+
+    columns = (TextColumn("{task.description}"), BarColumn(), DownloadColumn(), TransferSpeedColumn())
+    with Progress(*columns, console=progress_console, transient=True, disable=_quiet()) as bar:
+        yield bar, bar.add_task(what, total=total)
+
+
+def _quiet() -> bool:
+    """Whether to leave bars out: standard error that goes into a file should hold errors alone."""
+    return not progress_console.is_terminal
+
+
+def _print_check(facts: Manifest, check: Verification, *, in_full: bool) -> None:
+    """What was found of one set: a line in all, then one for each file that is not as it should be."""
+    if facts.made_here:
+        print(f"{facts.name}: made on demand, nothing to verify")
+        return
+    if not check.here and not in_full:
+        print(f"{facts.name}: not here")
+        return
+    counts = {s: check.count(s) for s in ("ok", "unchecked", "missing", "unexpected", "altered")}
+    print(f"{facts.name}: {', '.join(f'{n} {status}' for status, n in counts.items() if n)}")
+    for finding in check.findings:
+        if finding.status != "ok":
+            sums = f"expected {finding.expected or 'nothing known'}, found {finding.found or 'none'}"
+            print(f"  {finding.status}: {finding.path}: {sums}{'; ' + finding.mend if finding.mend else ''}")
+
+
+def _listing(facts: Manifest, check: Verification | None) -> dict[str, Any]:
+    """One data set for `list --json`."""
+    return {
+        "name": facts.name,
+        "title": facts.title,
+        "licence": facts.licence,
+        "citation": facts.citation,
+        "url": facts.url,
+        "how_to_get": facts.how_to_get,
+        "made_here": facts.made_here,
+        "size_bytes": facts.size_bytes,
+        "files": len(facts.files),
+        "present": None if check is None else sum(f.status in ("ok", "unchecked", "altered") for f in check.findings),
+        "verified": None if check is None else check.count("ok"),
+        "altered": None if check is None else check.count("altered"),
+        "unexpected": None if check is None else check.count("unexpected"),
+    }
+
+
+def _presence(facts: Manifest, check: Verification | None) -> str:
+    if facts.made_here:
+        return "always"
+    if check is None:
+        return "unknown: no data root"
+    if not check.here:
+        return "no"
+    counts = {
+        f"{check.count('ok')} of {len(facts.files)} files verified": check.count("ok"),
+        f"{check.count('unchecked')} unchecked": check.count("unchecked"),
+        f"{check.count('altered')} ALTERED": check.count("altered"),
+        f"{check.count('unexpected')} unexpected": check.count("unexpected"),
+    }
+    return ", ".join(text for text, n in counts.items() if n)
+
+
+def _human(size_bytes: int | None) -> str:
+    if size_bytes is None:
+        return "unknown"
+    power = min(3, int(math.log(max(size_bytes, 1), 1000)))
+    return f"{size_bytes / 1000**power:.3g} {('B', 'kB', 'MB', 'GB')[power]}"
+
+
+def _key_value(text: str) -> tuple[str, Any]:
+    """An option of a reader: none, numbers and text."""
+    key, equals, value = text.partition("=")
+    if not equals or not key.strip():
+        raise TwingapError(f"{text!r} is no option", where="--option", mend="write key=value")
+    value = value.strip()
+    if value.lower() == "none":
+        return key.strip(), None
+    for kind in (int, float):
+        try:
+            return key.strip(), kind(value)
+        except ValueError:
+            continue
+    return key.strip(), value

@@ -3,18 +3,22 @@
 Only this package knows where files come from: `load("cwru", fs_hz=12000.0)` gives a `RecordSet` like any other.
 """
 
+from twingap.data.cut import cut
 from twingap.data.manifest import DataFile, Manifest, manifest_names, manifest_of
 from twingap.data.registry import READERS, load
 from twingap.data.resample import resampled
 from twingap.data.root import data_root
+from twingap.data.where import where
 
 __all__ = [
     "READERS",
     "DataFile",
     "Manifest",
+    "cut",
     "data_root",
     "load",
     "manifest_names",
     "manifest_of",
     "resampled",
+    "where",
 ]

@@ -10,17 +10,19 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
 
 from twingap.bearing import BEARINGS
-from twingap.data import matlab
+from twingap.data.lazy import Each
 from twingap.data.manifest import Manifest, manifest_of
 from twingap.data.resample import resampled
 from twingap.data.root import data_root, not_at_hand
 from twingap.errors import TwingapError
+from twingap.record_files import inspect
 from twingap.records import Array, Condition, RecordSet
 
 Channel = Literal["DE", "FE", "BA"]
@@ -66,7 +68,7 @@ def load_cwru(
             loaders.append(loader)
     if not conditions:
         raise not_at_hand(facts, folder, f"no CWRU recording with channel {channel}")
-    records = RecordSet("cwru", facts.unit, BEARINGS[facts.bearing or "6205"], conditions, lambda i: loaders[i]())
+    records = RecordSet("cwru", facts.unit, BEARINGS[facts.bearing or "6205"], conditions, Each(tuple(loaders)))
     return resampled(records, fs_hz)
 
 
@@ -90,35 +92,39 @@ def _recording(
 def _from_mat(path: Path, recording: dict[str, Any], channel: Channel, source: str) -> list[tuple[Condition, Loader]]:
     # 99.mat also holds the arrays of 98, so keys are chosen by number, not by ending.
     prefix = f"X{int(recording['recording']):03d}"
-    key, found = f"{prefix}_{channel}_time", matlab.shapes(path)
-    if key not in found:
-        if not any(name.startswith(prefix) for name in found):
-            raise TwingapError(f"has no array {key!r}", where=path, mend=f"it holds {', '.join(found) or 'nothing'}")
+    file = inspect(path)
+    held = [c.name for c in file.channels if c.name.startswith(prefix)]
+    if held and f"{prefix}_{channel}_time" not in held:
         return []  # BA is missing from the normal baseline, for one
+    samples = file.find(f"{prefix}_{channel}_time")
     speed_rpm = float(recording["nominal_speed_rpm"])
-    if f"{prefix}RPM" in found:
-        speed_rpm = float(matlab.vector(path, f"{prefix}RPM")[0])
-    n_samples = int(np.prod(found[key]))
-    condition = _condition(recording["recording"], n_samples, speed_rpm, recording, channel, source)
-    return [(condition, lambda: matlab.vector(path, key))]
+    if f"{prefix}RPM" in held:
+        speed_rpm = float(file.find(f"{prefix}RPM").load()[0])
+    condition = _condition(recording["recording"], samples.n_samples, speed_rpm, recording, channel, source)
+    return [(condition, samples.load)]
 
 
 def _from_windows(path: Path, recording: dict[str, Any], source: str) -> list[tuple[Condition, Loader]]:
+    n_windows, length = _windows(path).shape
+    speed_rpm, number = float(recording["nominal_speed_rpm"]), recording["recording"]
+    return [
+        (_condition(f"{number}_{row:03d}", length, speed_rpm, recording, "DE", source), partial(_window, path, row))
+        for row in range(n_windows)
+    ]
+
+
+def _windows(path: Path) -> np.ndarray[Any, np.dtype[Any]]:
     try:
-        windows = np.load(path, mmap_mode="r", allow_pickle=False)
-    except (OSError, ValueError) as error:
+        windows: np.ndarray[Any, np.dtype[Any]] = np.load(path, mmap_mode="r", allow_pickle=False)
+    except (OSError, ValueError, EOFError) as error:
         raise TwingapError(f"cannot be read as an array: {error}", where=path, mend="verify the data set") from error
     if windows.ndim != 2:
         raise TwingapError(f"has shape {windows.shape}, [windows, samples] expected", where=path)
+    return windows
 
-    def loader(row: int) -> Loader:
-        return lambda: np.array(np.load(path, mmap_mode="r", allow_pickle=False)[row], dtype=np.float64)
 
-    speed_rpm, number = float(recording["nominal_speed_rpm"]), recording["recording"]
-    return [
-        (_condition(f"{number}_{row:03d}", windows.shape[1], speed_rpm, recording, "DE", source), loader(row))
-        for row in range(windows.shape[0])
-    ]
+def _window(path: Path, row: int) -> Array:
+    return np.array(_windows(path)[row], dtype=np.float64)
 
 
 def _condition(

@@ -9,13 +9,14 @@ from __future__ import annotations
 import os
 import re
 from collections.abc import Callable, Mapping
+from functools import partial
 from pathlib import Path
 from typing import Any, Final, Literal
 
 import numpy as np
 
 from twingap.bearing import BEARINGS
-from twingap.data.latest import Latest
+from twingap.data.lazy import Each, Latest
 from twingap.data.manifest import manifest_of
 from twingap.data.resample import resampled
 from twingap.data.root import data_root, not_at_hand
@@ -24,6 +25,7 @@ from twingap.errors import TwingapError
 from twingap.records import Array, Condition, RecordSet
 
 Axis = Literal["horizontal", "vertical"]
+Snapshots = np.ndarray[Any, np.dtype[np.float32]]
 N_SAMPLES: Final = 2560
 _COLUMN: Final = {"horizontal": 4, "vertical": 5}
 _SNAPSHOT: Final = re.compile(r"acc_(\d+)\.csv")
@@ -67,16 +69,16 @@ def load_femto(
         if snapshots:
             for number, path in snapshots:
                 conditions.append(_condition(run, number, N_SAMPLES, axis, "original"))
-                loaders.append(lambda path=path: columns(path, 6)[_COLUMN[axis]])  # type: ignore[misc]
+                loaders.append(partial(_from_text, path, _COLUMN[axis]))
         elif npz is not None and npz.is_file() and axis == "horizontal":
             n_snapshots, n_samples = converted(npz).shape
             for row in range(n_snapshots):
                 conditions.append(_condition(run, row + 1, n_samples, axis, f"third-party conversion {npz.name}"))
-                loaders.append(lambda npz=npz, row=row: converted(npz)[row].astype(np.float64))  # type: ignore[misc]
+                loaders.append(partial(_from_npz, converted, npz, row))
     if not conditions:
         raise not_at_hand(facts, folder, f"no FEMTO run with the {axis} accelerometer")
     bearing = BEARINGS[facts.bearing or "PRONOSTIA"]
-    return resampled(RecordSet("femto", facts.unit, bearing, conditions, lambda i: loaders[i]()), fs_hz)
+    return resampled(RecordSet("femto", facts.unit, bearing, conditions, Each(tuple(loaders))), fs_hz)
 
 
 def _owner_files(folder: Path, run: Mapping[str, Any]) -> list[tuple[int, Path]]:
@@ -89,10 +91,19 @@ def _owner_files(folder: Path, run: Mapping[str, Any]) -> list[tuple[int, Path]]
     return []
 
 
-def _horizontal(path: Path) -> np.ndarray[Any, np.dtype[np.float32]]:
+def _from_text(path: Path, column: int) -> Array:
+    samples: Array = columns(path, 6)[column]
+    return samples
+
+
+def _from_npz(converted: Latest[Snapshots], path: Path, row: int) -> Array:
+    return np.array(converted(path)[row], dtype=np.float64)
+
+
+def _horizontal(path: Path) -> Snapshots:
     try:
         with np.load(path, allow_pickle=False) as archive:
-            snapshots: np.ndarray[Any, np.dtype[np.float32]] = archive["horizontal_g"]
+            snapshots: Snapshots = archive["horizontal_g"]
     except (OSError, ValueError, KeyError, EOFError) as error:
         raise TwingapError(f"cannot be read: {error}", where=path, mend="verify the data set") from error
     except Exception as error:  # zipfile and zlib errors of a broken archive

@@ -111,36 +111,40 @@ def download(file: DataFile, place: Path, *, progress: Progress | None = None) -
     TwingapError
         When it cannot be reached, or what arrives is not what the manifest says; then nothing is put in place.
     """
-    import pooch
-
     if file.url is None:
         raise TwingapError("has no public address", where=file.path)
     staging = place.parent / ".fetch"
     staging.mkdir(parents=True, exist_ok=True)
+    try:
+        _into_place(file, place, staging, progress)
+    finally:
+        for folder in (staging, place.parent):  # nothing is left where nothing arrived
+            with contextlib.suppress(OSError):
+                folder.rmdir()
+
+
+def _into_place(file: DataFile, place: Path, staging: Path, progress: Progress | None) -> None:
+    import pooch
+
     pooch.get_logger().setLevel("WARNING")  # progress is ours to show
-    known = f"sha256:{file.sha256}" if file.sha256 else None
-    part = staging / f"{place.name}.part"
     arrived = staging / place.name
     arrived.unlink(missing_ok=True)  # pooch takes what is there when it knows no hash
+    resuming = _Resuming(staging / f"{place.name}.part", file, progress)
+    changed = "run again; if it repeats, the owner changed it"
     try:
-        pooch.retrieve(file.url, known, fname=place.name, path=staging, downloader=_Resuming(part, file, progress))
+        known = f"sha256:{file.sha256}" if file.sha256 else None
+        pooch.retrieve(file.url, known, fname=place.name, path=staging, downloader=resuming)
     except ValueError as error:
-        raise TwingapError(
-            f"is not what the manifest says: {error}",
-            where=file.url,
-            mend="run again; if it repeats, the owner changed it",
-        ) from error
+        raise TwingapError(f"is not what the manifest says: {error}", where=file.url, mend=changed) from error
     if not matches(file, arrived):
         found = f"{digest(arrived, 'git-blob' if file.git_blob else 'sha256')} ({arrived.stat().st_size} bytes)"
         arrived.unlink()
         raise TwingapError(
             f"is not what the manifest says: {file.checksum} ({file.size_bytes} bytes) expected, {found} found",
             where=file.url,
-            mend="run again; if it repeats, the owner changed it",
+            mend=changed,
         )
     arrived.replace(place)
-    with contextlib.suppress(OSError):  # other files may be under way there
-        staging.rmdir()
 
 
 class _Resuming:

@@ -5,16 +5,14 @@
 
 from __future__ import annotations
 
-import math
 import os
-from pathlib import Path
 
 from twingap.bearing import BEARINGS
-from twingap.data import matlab
+from twingap.data.lazy import Each
 from twingap.data.manifest import manifest_of
 from twingap.data.resample import resampled
 from twingap.data.root import data_root, not_at_hand
-from twingap.errors import TwingapError
+from twingap.record_files import inspect
 from twingap.records import Condition, RecordSet
 
 
@@ -44,34 +42,18 @@ def load_hit_sm(root: str | os.PathLike[str] | None = None, *, fs_hz: float | No
     at_hand = [row for row in facts.recordings if (folder / row["file"]).is_file()]
     if not at_hand:
         raise not_at_hand(facts, folder, "no HIT-SM recording")
-    vectors = [_the_vector(folder / row["file"]) for row in at_hand]
+    vectors = [inspect(folder / row["file"]).find() for row in at_hand]
     conditions = [
         Condition(
             name=row["recording"],
             speed_rpm=float(row["speed_rpm"]),
             fs_hz=float(row["fs_hz"]),
-            n_samples=n_samples,
+            n_samples=vector.n_samples,
             fault=row["fault"],
             extra={key: row[key] for key in ("defect_arc_deg", "cantilever_load_kg", "bearing_id")},
         )
-        for row, (_, _, n_samples) in zip(at_hand, vectors, strict=True)
+        for row, vector in zip(at_hand, vectors, strict=True)
     ]
-    records = RecordSet(
-        "hit_sm",
-        facts.unit,
-        BEARINGS[facts.bearing or "6205"],
-        conditions,
-        lambda i: matlab.vector(vectors[i][0], vectors[i][1]),
-    )
+    bearing = BEARINGS[facts.bearing or "6205"]
+    records = RecordSet("hit_sm", facts.unit, bearing, conditions, Each(tuple(vector.load for vector in vectors)))
     return resampled(records, fs_hz)
-
-
-def _the_vector(path: Path) -> tuple[Path, str, int]:
-    """The one vector of a file: where, its name and its length."""
-    found = {name: math.prod(shape) for name, shape in matlab.shapes(path).items() if math.prod(shape) > 1}
-    if len(found) != 1:
-        raise TwingapError(
-            f"holds {', '.join(found) or 'no vector'}", where=path, mend="exactly one vector is expected"
-        )
-    [(name, n_samples)] = found.items()
-    return path, name, n_samples

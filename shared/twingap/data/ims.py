@@ -11,19 +11,20 @@ import os
 import re
 from collections.abc import Mapping
 from datetime import datetime
+from functools import partial
 from pathlib import Path
 from typing import Any, Final
 
 import pandas as pd
 
 from twingap.bearing import BEARINGS
-from twingap.data.latest import Latest
+from twingap.data.lazy import Each, Latest
 from twingap.data.manifest import manifest_of
 from twingap.data.resample import resampled
 from twingap.data.root import data_root, not_at_hand
 from twingap.data.tables import columns
 from twingap.errors import TwingapError
-from twingap.records import Condition, RecordSet
+from twingap.records import Array, Condition, RecordSet
 
 N_SAMPLES: Final = 20_480
 _SNAPSHOT: Final = re.compile(r"\d{4}(\.\d\d){5}")
@@ -39,7 +40,7 @@ _FOLDERS: Final = {
 def load_ims(
     root: str | os.PathLike[str] | None = None, *, test: int | None = None, fs_hz: float | None = None
 ) -> RecordSet:
-    """Every raw snapshot at hand, one record per bearing and channel; unit unknown.
+    """Every raw snapshot at hand, one record per bearing and accelerometer; unit unknown.
 
     Parameters
     ----------
@@ -55,7 +56,7 @@ def load_ims(
     RecordSet
         `fault` is unknown along the run; column end_fault names the defect found at its end, if any. `time_s` counts
         from the test's first snapshot, by the clock in the file names. `group` and bearing_id are test and bearing;
-        further columns test, bearing, channel.
+        further columns test, bearing, accelerometer.
 
     Raises
     ------
@@ -66,27 +67,21 @@ def load_ims(
     tests = (_known(test),) if test is not None else tuple(_FOLDERS)
     folder, facts = data_root(root), manifest_of("ims")
     conditions: list[Condition] = []
-    places: list[tuple[Path, int, int]] = []
+    loads: list[partial[Array]] = []
+    snapshot = Latest(columns)  # the columns of one snapshot are asked for one after the other
     for number in tests:
         rows = [row for row in facts.recordings if row["test"] == number]
         snapshots = _snapshots(folder / "ims", number)
         for path in snapshots:
             elapsed_s = (_clock(path.name) - _clock(snapshots[0].name)).total_seconds()
             for row in rows:
-                conditions.append(_condition(row, path.name, elapsed_s, two_channels=len(rows) > 4))
-                places.append((path, len(rows), row["column"]))
+                conditions.append(_condition(row, path.name, elapsed_s, two_axes=len(rows) > 4))
+                loads.append(partial(_column, snapshot, path, len(rows), row["column"]))
     if not conditions:
         there = any((folder / "ims").glob("set*_features.csv"))
         raise not_at_hand(facts, folder, "feature tables only, no raw snapshot" if there else "no raw snapshot")
-    # The columns of one snapshot are asked for one after the other.
-    snapshot = Latest(lambda key: columns(*key))
-    records = RecordSet(
-        "ims",
-        facts.unit,
-        BEARINGS[facts.bearing or "ZA-2115"],
-        conditions,
-        lambda i: snapshot(places[i][:2])[places[i][2]].copy(),
-    )
+    bearing = BEARINGS[facts.bearing or "ZA-2115"]
+    records = RecordSet("ims", facts.unit, bearing, conditions, Each(tuple(loads)))
     return resampled(records, fs_hz)
 
 
@@ -103,7 +98,7 @@ def ims_features(root: str | os.PathLike[str] | None = None, *, test: int = 2) -
     Returns
     -------
     pandas.DataFrame
-        A row per snapshot, bearing and channel: test, bearing, channel, bearing_id, filename, time_s, speed_rpm,
+        A row per snapshot, bearing and channel: test, bearing, accelerometer, bearing_id, filename, time_s, speed_rpm,
         load_n, end_fault, then rms, mean, std, max, kurt (excess), skew and, where the second table is there, its
         columns. The definitions of the spectral ones are not documented by their author: check before use.
 
@@ -131,15 +126,20 @@ def ims_features(root: str | os.PathLike[str] | None = None, *, test: int = 2) -
             column: match[3]
             for column in wide.columns
             if (match := _FEATURE.fullmatch(column))
-            and (int(match[1]), int(match[2])) == (row["bearing"], row["channel"])
+            and (int(match[1]), int(match[2])) == (row["bearing"], row["accelerometer"])
         }
         part = wide[list(own)].rename(columns=own)
-        head = {key: row.get(key) for key in ("test", "bearing", "channel", "bearing_id")}
+        head = {key: row.get(key) for key in ("test", "bearing", "accelerometer", "bearing_id")}
         tail = {key: row.get(key) for key in ("speed_rpm", "load_n", "end_fault")}
         lead = pd.DataFrame({**head, "filename": wide["filename"], "time_s": time_s, **tail}, index=wide.index)
         parts.append(pd.concat([lead, part], axis=1))
     tidy = pd.concat(parts, ignore_index=True)
-    return tidy.sort_values(["time_s", "bearing", "channel"], ignore_index=True, kind="stable")
+    return tidy.sort_values(["time_s", "bearing", "accelerometer"], ignore_index=True, kind="stable")
+
+
+def _column(snapshot: Latest[Array], path: Path, n_columns: int, column: int) -> Array:
+    samples: Array = snapshot(path, n_columns)[column].copy()
+    return samples
 
 
 def _known(test: int) -> int:
@@ -169,8 +169,8 @@ def _clock(name: str) -> datetime:
     return datetime.strptime(name, "%Y.%m.%d.%H.%M.%S")
 
 
-def _condition(row: Mapping[str, Any], snapshot: str, elapsed_s: float, *, two_channels: bool) -> Condition:
-    name = f"{row['bearing_id']}-ch{row['channel']}" if two_channels else row["bearing_id"]
+def _condition(row: Mapping[str, Any], snapshot: str, elapsed_s: float, *, two_axes: bool) -> Condition:
+    name = f"{row['bearing_id']}-{row['accelerometer']}" if two_axes else row["bearing_id"]
     return Condition(
         name=f"{name}_{snapshot}",
         speed_rpm=float(row["speed_rpm"]),
@@ -179,5 +179,5 @@ def _condition(row: Mapping[str, Any], snapshot: str, elapsed_s: float, *, two_c
         load_n=float(row["load_n"]),
         time_s=elapsed_s,
         group=row["bearing_id"],
-        extra={key: row.get(key) for key in ("bearing_id", "test", "bearing", "channel", "end_fault")},
+        extra={key: row.get(key) for key in ("bearing_id", "test", "bearing", "accelerometer", "end_fault")},
     )

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import dataclasses
 import importlib
 import inspect
 import os
+import typing
 from collections.abc import Callable
 from typing import Any, Final
 
+from twingap.config import build
 from twingap.errors import TwingapError
 from twingap.records import RecordSet
 
@@ -56,8 +59,22 @@ def load(name: str, root: str | os.PathLike[str] | None = None, **options: Any) 
         For an unknown name or option, and when the data are not at hand or cannot be read.
     """
     read = reader(name)
-    known = [option for option in inspect.signature(read).parameters if option != "root"]
-    for option in options:
-        if option not in known:
-            raise TwingapError(f"the reader of {name} has no option {option!r}", mend=f"use {', '.join(known)}")
+    given = {key: value for key, value in options.items() if value is not None}
+    build(_options(read), given, f"data set {name}")  # refuses unknown names and values of another type
     return read(root, **options)
+
+
+def _options(read: Callable[..., RecordSet]) -> type[Any]:
+    """A dataclass of a reader's options, for their names and types."""
+    hints = typing.get_type_hints(read)
+    fields = [
+        (key, hints[key], dataclasses.field(default=parameter.default))
+        for key, parameter in inspect.signature(read).parameters.items()
+        if key != "root"
+    ]
+    return dataclasses.make_dataclass("Options", fields)
+
+
+def takes(name: str, option: str) -> bool:
+    """Whether the reader of a data set has an option of this name."""
+    return option in inspect.signature(reader(name)).parameters

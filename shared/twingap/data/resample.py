@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from fractions import Fraction
 
 import numpy as np
@@ -40,18 +39,22 @@ def resampled(records: RecordSet, fs_hz: float | None) -> RecordSet:
         replace(c, fs_hz=float(fs_hz), n_samples=-(-c.n_samples * r.numerator // r.denominator))
         for c, r in zip(records.conditions, ratios, strict=True)
     ]
-    return RecordSet(records.name, records.unit, records.bearing, conditions, _loader(records, ratios))
+    return RecordSet(records.name, records.unit, records.bearing, conditions, _Resampled(records, tuple(ratios)))
 
 
-def _loader(records: RecordSet, ratios: list[Fraction]) -> Callable[[int], Array]:
-    def load(place: int) -> Array:
-        samples, ratio = records[place].samples, ratios[place]
+@dataclass(frozen=True)
+class _Resampled:
+    """Gives the samples of record i at its new rate."""
+
+    records: RecordSet
+    ratios: tuple[Fraction, ...]
+
+    def __call__(self, index: int) -> Array:
+        samples, ratio = self.records[index].samples, self.ratios[index]
         if ratio == 1:
             return samples
         # A line between the ends of the record keeps its offset from ringing at the edges.
         return np.asarray(resample_poly(samples, ratio.numerator, ratio.denominator, padtype="line"), dtype=np.float64)
-
-    return load
 
 
 def _ratio(fs_hz: float, condition: Condition) -> Fraction:

@@ -17,16 +17,16 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pandas as pd
 
 from twingap.bearing import BEARINGS
+from twingap.data.lazy import Each
 from twingap.data.manifest import manifest_of
 from twingap.data.resample import resampled
 from twingap.data.root import data_root, not_at_hand
-from twingap.data.tables import columns
 from twingap.errors import TwingapError
-from twingap.records import Array, Condition, RecordSet
+from twingap.record_files import Channel, inspect
+from twingap.records import Condition, RecordSet
 
 
 def load_smart_maintenance(root: str | os.PathLike[str] | None = None, *, fs_hz: float | None = None) -> RecordSet:
@@ -53,19 +53,18 @@ def load_smart_maintenance(root: str | os.PathLike[str] | None = None, *, fs_hz:
     """
     folder, facts = data_root(root), manifest_of("smart_maintenance")
     conditions: list[Condition] = []
-    paths: list[Path] = []
+    channels: list[Channel] = []
     for run in facts.recordings:
         index = folder / "smart_maintenance" / run["folder"] / "measurements.csv"
         if index.is_file():
             for path, time_s, speed_rpm in _measurements(index):
-                conditions.append(_condition(run, path, time_s, speed_rpm))
-                paths.append(path)
+                channels.append(inspect(path).find())
+                conditions.append(_condition(run, channels[-1], time_s, speed_rpm))
     if not conditions:
         raise not_at_hand(facts, folder, "no Smart Maintenance run")
     bearing = BEARINGS[facts.bearing or "6205"]
-    return resampled(
-        RecordSet("smart_maintenance", facts.unit, bearing, conditions, lambda i: _samples(paths[i])), fs_hz
-    )
+    loads = tuple(channel.load for channel in channels)
+    return resampled(RecordSet("smart_maintenance", facts.unit, bearing, conditions, Each(loads)), fs_hz)
 
 
 def _measurements(index: Path) -> list[tuple[Path, float, float]]:
@@ -97,29 +96,13 @@ def _measurements(index: Path) -> list[tuple[Path, float, float]]:
     return found
 
 
-def _samples(path: Path) -> Array:
-    if path.suffix != ".npy":
-        return columns(path, 1).ravel()
-    return np.array(_mapped(path), dtype=np.float64)
-
-
-def _mapped(path: Path) -> np.ndarray[Any, np.dtype[Any]]:
-    try:
-        samples = np.load(path, mmap_mode="r", allow_pickle=False)
-    except (OSError, ValueError, EOFError) as error:
-        raise TwingapError(f"cannot be read as an array: {error}", where=path) from error
-    if samples.ndim != 1:
-        raise TwingapError(f"has shape {samples.shape}, one vector expected", where=path)
-    return samples  # type: ignore[no-any-return]
-
-
-def _condition(run: Mapping[str, Any], path: Path, time_s: float, speed_rpm: float) -> Condition:
+def _condition(run: Mapping[str, Any], samples: Channel, time_s: float, speed_rpm: float) -> Condition:
     bearing_id = run["bearing_id"]
     return Condition(
-        name=f"{bearing_id}_{path.stem}",
+        name=f"{bearing_id}_{samples.path.stem}",
         speed_rpm=speed_rpm,
         fs_hz=float(run["fs_hz"]),
-        n_samples=len(_mapped(path)) if path.suffix == ".npy" else columns(path, 1).shape[1],
+        n_samples=samples.n_samples,
         load_n=float(run["load_n"]),
         time_s=time_s,
         group=bearing_id,

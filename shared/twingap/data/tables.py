@@ -11,8 +11,8 @@ from twingap.errors import TwingapError
 from twingap.records import Array
 
 
-def columns(path: str | os.PathLike[str], n_columns: int, header: tuple[str, ...] | None = None) -> Array:
-    """A text file of numbers as [columns, samples].
+def columns(path: str | os.PathLike[str], n_columns: int) -> Array:
+    """A text file of numbers, without header, as [columns, samples].
 
     Commas, semicolons, tabs and blanks are told apart by the first line.
 
@@ -21,8 +21,6 @@ def columns(path: str | os.PathLike[str], n_columns: int, header: tuple[str, ...
     path : path-like
     n_columns : int
         How many columns it must have.
-    header : tuple of str, optional
-        Names expected on the first line; None = there is no such line.
 
     Raises
     ------
@@ -33,19 +31,17 @@ def columns(path: str | os.PathLike[str], n_columns: int, header: tuple[str, ...
         with open(path, encoding="utf-8-sig", errors="strict") as stream:
             first = stream.readline().strip()
         separator = next((mark for mark in (";", ",", "\t") if mark in first), r"\s+")
-        if header is not None and tuple(name.strip() for name in first.split(separator)) != header:
-            raise TwingapError(
-                f"begins with {first[:80]!r}", where=path, mend=f"the header {','.join(header)} is expected"
-            )
-        table = pd.read_csv(path, sep=separator, header=None, skiprows=0 if header is None else 1, dtype=np.float64)
+        table = pd.read_csv(path, sep=separator, header=None, dtype=np.float64)
     except OSError as error:
         raise TwingapError(f"cannot be read: {error.strerror}", where=path) from error
-    except TwingapError:
-        raise
     except ValueError as error:  # pandas' parser errors and text that is not UTF-8 are ValueErrors
         raise TwingapError(
             f"is not a table of numbers: {error}", where=path, mend="verify the data set and fetch it anew"
         ) from error
     if table.shape[1] != n_columns:
         raise TwingapError(f"has {table.shape[1]} columns, {n_columns} expected", where=path)
-    return np.ascontiguousarray(table.to_numpy().T)
+    samples = np.ascontiguousarray(table.to_numpy().T)
+    if not np.isfinite(samples).all():
+        row = int(np.argmin(np.isfinite(samples).all(axis=0)))
+        raise TwingapError("holds no number", where=f"{path}, line {row + 1}", mend="verify the data set")
+    return samples
