@@ -120,7 +120,8 @@ def _explained(target: Path) -> Iterator[None]:
     try:
         yield
     except OSError as error:
-        reason = error.strerror or str(error)
+        # NumPy reports a full disk by the bytes that it could not write.
+        reason = error.strerror or f"the disk may be full ({error})"
         mend = "choose a folder that is writable and has space"
         named = Path(os.fsdecode(error.filename)) if isinstance(error.filename, (str, bytes)) else None
         if named is not None and not _near(named, target):

@@ -73,7 +73,8 @@ class Channel:
             values = np.asarray(FORMATS[self.path.suffix.lower()].load(self.path, self.name, self.place))
             if problem := not_real(values.dtype):
                 raise TwingapError(problem, where=self.where)
-            samples = np.array(values, dtype=np.float64).ravel()
+            with np.errstate(invalid="ignore", over="ignore"):  # found below, as samples that are not finite
+                samples = np.array(values, dtype=np.float64).ravel()
         if samples.size != self.n_samples:
             raise TwingapError(f"holds {samples.size} samples, {self.n_samples} expected", where=self.where)
         if not (finite := np.isfinite(samples)).all():

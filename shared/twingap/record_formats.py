@@ -8,12 +8,14 @@ from __future__ import annotations
 import csv
 import math
 import os
+import struct
 import warnings
 import zipfile
+import zlib
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import IO, Any, Final, NamedTuple
+from typing import IO, Any, Final, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -164,8 +166,12 @@ def _inspect_mat(path: Path) -> Contents:
     if b"\x89HDF\r\n\x1a\n" in start or start.startswith(b"MATLAB 7.3"):
         mend = 'save it again in MATLAB with  save(name, "-v7")'
         raise TwingapError("is a MATLAB 7.3 file (HDF5), which is not read", mend=mend)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        warnings.filterwarnings("error", message=".*byte ordering")  # of machines long gone: read wrongly
+        variables = whosmat(str(path), appendmat=False)
     entries = []
-    for name, shape, kind in whosmat(str(path), appendmat=False):
+    for name, shape, kind in variables:
         length, odd = _length(shape)
         wrong = None if kind in _MAT_NUMBERS else f"holds values of type {kind!r}, real numbers expected"
         entries.append(Entry(name, length, wrong or odd))
@@ -175,7 +181,59 @@ def _inspect_mat(path: Path) -> Contents:
 def _load_mat(path: Path, name: str, place: int) -> Any:
     from scipy.io import loadmat
 
-    return loadmat(str(path), appendmat=False, variable_names=[name])[name]
+    _check_mat(path, name)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # about variables that are not wanted
+        return loadmat(str(path), appendmat=False, variable_names=[name])[name]
+
+
+def _check_mat(path: Path, name: str) -> None:
+    """Refuse a damaged file on which SciPy would end the whole process.
+
+    SciPy 1.17 looks the data type of a numeric array up in a table without checking that it is one; a damaged byte
+    there is a segmentation fault. So the tags up to that one are walked here first (MAT-file format, level 5).
+    """
+    with path.open("rb") as stream:
+        head = stream.read(128)
+        if not head[124:128].endswith((b"IM", b"MI")):
+            return  # level 4 has no such table
+        order: Literal["<", ">"] = "<" if head.endswith(b"IM") else ">"
+        while len(tag := stream.read(8)) == 8:
+            kind, size = struct.unpack(order + "II", tag)
+            here = stream.tell()
+            start = stream.read(min(size, 4096))
+            if kind == 15:  # compressed
+                start = zlib.decompressobj().decompress(start, 4096)[8:]
+            problem = _mat_problem(start, order, name.encode("latin-1", errors="replace"))
+            if problem is not None:
+                raise TwingapError(problem, where=f"{path}, channel {name}")
+            stream.seek(here + size)
+
+
+def _mat_problem(element: bytes, order: Literal["<", ">"], name: bytes) -> str | None:
+    """Why SciPy must not load this variable, if it is the one of this name and holds numbers; None when it may.
+
+    Its parts, a tag before each: flags, dimensions, name, numbers (twice where they are complex).
+    """
+    flags = struct.unpack_from(order + "I", element, 8)[0] if len(element) >= 16 else 0
+    if not 6 <= flags & 0xFF <= 15:
+        return None  # cells, structures, objects, text, sparse: never loaded
+    at = 16
+    for part in ("dimensions", "name", "numbers"):
+        if len(element) < at + 8:
+            break
+        kind, size = struct.unpack_from(order + "II", element, at)
+        small = kind >> 16  # up to 4 bytes lie within the tag itself
+        text = element[at + 4 : at + 4 + small] if small else element[at + 8 : at + 8 + size]
+        if part == "name" and text != name:
+            return None
+        if part == "numbers" and (kind & 0xFFFF if small else kind) in _MAT_DATA_TYPES:
+            return "holds complex numbers, real numbers expected" if flags & 0x800 else None
+        at += 8 if small else 8 + (size + 7) // 8 * 8
+    return "is damaged: its data are of no known type"
+
+
+_MAT_DATA_TYPES: Final = (1, 2, 3, 4, 5, 6, 7, 9, 12, 13)
 
 
 # --- .csv ----------------------------------------------------------------------------------------------------------

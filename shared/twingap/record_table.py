@@ -92,7 +92,7 @@ class Row:
         """Sampling rate of this row, or else `fs_hz`, Hz."""
         rate = self.number_in("fs_hz", positive=True) or fs_hz
         if rate is None:
-            mend = "give fs_hz for all records in recordset.toml, or here"
+            mend = "add a column fs_hz here, or give one rate for all (fs_hz in recordset.toml)"
             raise TwingapError("no sampling rate is given", where=self.where("fs_hz"), mend=mend)
         return rate
 
