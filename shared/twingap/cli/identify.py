@@ -1,7 +1,82 @@
-"""`twingap identify`."""
+"""`twingap identify`: a twin's free parameters from records."""
 
 from __future__ import annotations
 
+import json
+from pathlib import Path
+from typing import Annotated
 
-def identify() -> None:
-    """To be written."""
+import typer
+
+from twingap.cli.options import Json, Seed, progress_console, show, wrote
+
+
+def identify(
+    twin: Annotated[Path, typer.Argument(metavar="TWIN.toml", help="What is modelled; absent parameters are free.")],
+    recordset: Annotated[Path, typer.Argument(metavar="RECORDSET", help="Records to identify them from.")],
+    out: Annotated[Path, typer.Option(metavar="TWIN2.toml", help="The identified twin.")],
+    figures: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="Folder for the fit's figures [beside TWIN2.toml]")
+    ] = None,
+    level: Annotated[float, typer.Option(help="Coverage of the intervals.", min=0.5, max=0.999)] = 0.9,
+    method: Annotated[
+        str, typer.Option(help="whittle: mode and noises jointly; eq8: spectral peak and logarithmic decrement.")
+    ] = "whittle",
+    seed: Seed = 0,
+    as_json: Json = False,
+) -> None:
+    """Identify the twin's free parameters from records, with intervals and the fit's figures."""
+    import numpy as np
+    from rich.progress import Progress
+
+    from twingap.errors import TwingapError
+    from twingap.files import replacing
+    from twingap.identify import identify as run
+    from twingap.identify.figures import write_figure
+    from twingap.record_folder import read_record_set
+    from twingap.twins.twin_file import read_twin, write_twin
+
+    spec = read_twin(twin)
+    if out.exists() and out.samefile(twin):
+        raise TwingapError("is the twin file that is read", where=out, mend="name another file with --out")
+    records = read_record_set(recordset)
+    figure = (out.parent if figures is None else figures) / f"{out.stem}_fit.png"
+    # Both places are tried before the work begins, and filled only after it has ended well.
+    with replacing(out) as text, replacing(figure) as drawing:
+        with Progress(console=progress_console, transient=True, disable=not progress_console.is_terminal) as progress:
+            task = progress.add_task("reading", total=1.0)
+            found = run(
+                spec,
+                records,
+                np.random.default_rng(seed),
+                level=level,
+                method=method,
+                seed=seed,
+                report=lambda what, fraction: progress.update(task, description=what, completed=fraction),
+            )
+        write_twin(text, found.spec)
+        write_figure(drawing, found.fits)
+    if as_json:
+        about = {
+            "parameters": {
+                name: {"value": e.value, "ci": None if e.interval is None else list(e.interval), "level": level}
+                for name, e in found.estimates.items()
+            },
+            "notes": list(found.notes),
+            "twin": str(out),
+            "figures": [str(figure)],
+        }
+        print(json.dumps(about, indent=2, ensure_ascii=False))
+    else:
+        rows = [
+            {
+                "parameter": n,
+                "value": f"{e.value:.4g}",
+                f"{level:.0%} interval": e.interval and "{:.4g} to {:.4g}".format(*e.interval),
+            }
+            for n, e in found.estimates.items()
+        ]
+        show(rows, False, title=f"{spec.model} twin from {len(records)} records")
+        for note in found.notes:
+            print(f"note: {note}")
+    wrote(out, figure, as_json=as_json)

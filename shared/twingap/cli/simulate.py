@@ -1,7 +1,104 @@
-"""`twingap simulate`."""
+"""`twingap simulate`: a twin's records for given conditions."""
 
 from __future__ import annotations
 
+import json
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
 
-def simulate() -> None:
-    """To be written."""
+import typer
+
+from twingap.cli.options import Json, Seed, progress_console, show, wrote
+
+if TYPE_CHECKING:
+    from twingap.records import Condition, Record
+
+
+def simulate(
+    twin: Annotated[Path, typer.Argument(metavar="TWIN.toml", help="What is modelled.")],
+    records: Annotated[
+        Path,
+        typer.Option(metavar="RECORDSET_OR_CSV", help="Conditions to simulate: a record set, or a table of them."),
+    ],
+    out: Annotated[Path, typer.Option(metavar="DIR", help="New folder for the record set.")],
+    fs_hz: Annotated[float | None, typer.Option("--fs-hz", help="Sampling rate of rows that state none, Hz.")] = None,
+    duration_s: Annotated[float | None, typer.Option("--duration-s", help="Length of rows that state none, s.")] = None,
+    seed: Seed = 0,
+    as_json: Json = False,
+) -> None:
+    """Simulate the twin's records for the conditions (speed, fault, load, time) of a record set or a CSV."""
+    import numpy as np
+
+    from twingap.conditions import read_conditions
+    from twingap.record_folder import write_records
+    from twingap.twins.twin_file import build_twin, read_twin
+
+    spec = read_twin(twin)
+    conditions, bearing = read_conditions(records, fs_hz=fs_hz, duration_s=duration_s)
+    _refuse_unknown_faults(conditions, records)
+    unit = _unit(records, None if spec.identified is None else spec.identified.unit)
+    bearing = bearing or spec.bearing
+    if bearing is None:
+        raise _no_bearing(twin, records)
+    model = build_twin(spec, bearing, unit)
+    made = model.stream(conditions, np.random.default_rng(seed))
+    write_records(out, f"{spec.model} twin", unit, bearing, None, _with_bar(made, len(conditions)))
+    rows = [
+        {"fault": fault, "records": sum(c.fault == fault for c in conditions)}
+        for fault in dict.fromkeys(c.fault for c in conditions)
+    ]
+    if as_json:
+        about = {"out": str(out), "records": len(conditions), "unit": unit, "seed": seed, "faults": rows}
+        print(json.dumps(about, indent=2, ensure_ascii=False))
+    else:
+        show(rows, False, title=f"{len(conditions)} records of the {spec.model} twin")
+    wrote(out, as_json=as_json)
+
+
+def _refuse_unknown_faults(conditions: Iterable[Condition], where: Path) -> None:
+    """Before any work: nothing can be simulated without knowing which fault."""
+    from twingap.errors import TwingapError
+
+    for condition in conditions:
+        if condition.fault is None:
+            raise TwingapError(
+                "the fault is unknown, so nothing can be simulated",
+                where=f"{where}: record {condition.name!r}",
+                mend="fill the column fault (healthy, inner, outer, ball, cage)",
+            )
+
+
+def _unit(records: Path, identified: str | None) -> str:
+    """Unit of the twin: the one it was identified in, else that of the record set, else m/s^2."""
+    from twingap.records import RecordSet
+
+    if identified is not None:
+        return identified
+    return RecordSet.read(records).unit if records.is_dir() else "m/s^2"
+
+
+def _no_bearing(twin: Path, records: Path) -> Exception:
+    from twingap.errors import TwingapError
+
+    return TwingapError(
+        f"the bearing's geometry is neither there nor in {twin}",
+        where=records,
+        mend="add a [bearing] table to the twin file (or to recordset.toml)",
+    )
+
+
+def _with_bar(made: Iterable[Record], total: int) -> Iterator[Record]:
+    """The records, with a progress bar as they come."""
+    from rich.progress import track
+
+    return iter(
+        track(
+            made,
+            "simulating",
+            total=total,
+            console=progress_console,
+            transient=True,
+            disable=not progress_console.is_terminal,
+        )
+    )

@@ -89,6 +89,8 @@ class Provenance:
     ----------
     records_sha256 : str
         Digest of the records used.
+    unit : str
+        Of those records: the unit that amplitudes and scale are in.
     level : float
         Coverage that the intervals claim.
     version : str
@@ -102,6 +104,7 @@ class Provenance:
     """
 
     records_sha256: str = ""
+    unit: str = "m/s^2"
     level: float = 0.9
     version: str = ""
     method: str = ""

@@ -1,0 +1,92 @@
+"""From records to an identified twin.
+
+TWIN spec + records --(the model's own identification)--> values, intervals, curves, notes --> spec with all of them
+"""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+import numpy as np
+
+from twingap import __version__
+from twingap.errors import TwingapError
+from twingap.identify.result import Identified, Outcome, Report
+from twingap.provenance import digest_of_records
+from twingap.records import RecordSet
+from twingap.twins.twin_file import Provenance, TwinSpec, model_of
+
+LEVEL = 0.9
+"""Coverage that intervals claim unless asked for another."""
+
+
+class Identification(Protocol):
+    """How one model's free parameters are found."""
+
+    def __call__(
+        self, spec: TwinSpec, records: RecordSet, rng: np.random.Generator, *, level: float, method: str, report: Report
+    ) -> Outcome: ...
+
+
+def _phenomenological() -> Identification:
+    from twingap.identify.phenomenological import identify_phenomenological
+
+    return identify_phenomenological
+
+
+IDENTIFICATIONS = {"phenomenological": _phenomenological}
+"""Model -> function that imports and returns its `Identification`. A user's own model may join."""
+
+
+def identify(
+    spec: TwinSpec,
+    records: RecordSet,
+    rng: np.random.Generator,
+    *,
+    level: float = LEVEL,
+    method: str = "whittle",
+    seed: int = -1,
+    report: Report = lambda what, fraction: None,
+) -> Identified:
+    """Identify the parameters that a twin leaves free.
+
+    Parameters
+    ----------
+    spec : TwinSpec
+        What is fixed; what is absent is free. Parameters of effects are not identified: they keep what the spec or
+        their defaults say.
+    records : RecordSet
+        Healthy records for resonance, damping, noise levels and scale; faulty ones for the impacts. Where a kind is
+        missing, what can be found without is found, and `notes` say what was not.
+    rng : numpy.random.Generator
+    level : float
+        Coverage of the intervals, between 0.5 and 0.999.
+    method : {"whittle", "eq8"}
+        How resonance and damping are found: jointly with the noises by likelihood, or by eq. 8 of paper 1.
+    seed : int
+        Only noted in the provenance.
+    report : callable
+        Told of progress.
+
+    Returns
+    -------
+    Identified
+
+    Raises
+    ------
+    TwingapError
+        When there is nothing to identify from.
+    """
+    if not 0.5 <= level <= 0.999:
+        raise TwingapError(f"level = {level:g}, a number between 0.5 and 0.999 expected", where="identification")
+    if model_of(spec).name not in IDENTIFICATIONS:
+        raise TwingapError(
+            f"model {spec.model!r} has no identification",
+            where="[twin] model",
+            mend=f"give all its parameters, or use one of {', '.join(IDENTIFICATIONS)}",
+        )
+    outcome = IDENTIFICATIONS[spec.model]()(spec, records, rng, level=level, method=method, report=report)
+    provenance = Provenance(digest_of_records(records), records.unit, level, __version__, method, seed, outcome.notes)
+    values = {name: estimate.value for name, estimate in outcome.estimates.items()}
+    intervals = {name: e.interval for name, e in outcome.estimates.items() if e.interval is not None}
+    return Identified(spec.with_values(values, intervals, provenance), outcome.estimates, outcome.fits, outcome.notes)

@@ -1,0 +1,82 @@
+"""Intervals for identified parameters: the jackknife over recordings.
+
+Records of one group (one recording, one mounted bearing) share more than their parameters, so whole groups are left
+out in turn. The spread of the estimates gives a standard error, Student's t with as many degrees of freedom as there
+are clusters less one the width: two groups give an honest, wide interval (t = 6.3 at 90 %). Source: Tukey 1958; Efron
+and Stein 1981, doi:10.1214/aos/1176345462.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import t as student
+
+Array = NDArray[np.float64]
+
+MOST_CLUSTERS = 12
+"""More groups than this are pooled: the interval gains nothing, and every cluster costs a fit."""
+
+
+@dataclass(frozen=True)
+class Spread:
+    """Standard errors of several estimates, and what they are worth.
+
+    Parameters
+    ----------
+    variance : Array [estimates]
+    freedom : Array [estimates]
+        Degrees of freedom.
+    """
+
+    variance: Array
+    freedom: Array
+
+    def __add__(self, other: Spread) -> Spread:
+        """Of a sum of independent estimates; degrees of freedom after Satterthwaite 1946."""
+        total = self.variance + other.variance
+        below = self.variance**2 / self.freedom + other.variance**2 / other.freedom
+        freedom = np.where(below > 0, total**2 / np.where(below > 0, below, 1), self.freedom + other.freedom)
+        return Spread(total, freedom)
+
+    def at(self, place: int) -> Spread:
+        """Of one of the estimates."""
+        return Spread(self.variance[place : place + 1], self.freedom[place : place + 1])
+
+    def interval(self, estimate: Array, level: float) -> Array:
+        """Two-sided interval [estimates, 2] around `estimate`."""
+        half = student.ppf(0.5 + level / 2, self.freedom) * np.sqrt(self.variance)
+        return np.stack([estimate - half, estimate + half], axis=-1)
+
+
+def clusters(groups: Sequence[str]) -> NDArray[np.int64]:
+    """Cluster of each record: its group, groups pooled in turn when many; records themselves when all share one."""
+    distinct = list(dict.fromkeys(groups))
+    if len(distinct) == 1:
+        return np.arange(len(groups)) % MOST_CLUSTERS
+    place = {group: i % MOST_CLUSTERS for i, group in enumerate(distinct)}
+    return np.array([place[group] for group in groups])
+
+
+def jackknife(estimate: Callable[[NDArray[np.bool_]], Array], of: NDArray[np.int64]) -> Spread:
+    """Spread of an estimate by leaving out one cluster at a time.
+
+    Parameters
+    ----------
+    estimate : callable
+        Boolean array [records] of those to keep -> Array [estimates].
+    of : NDArray[int64] [records]
+        Cluster of each record, at least two distinct.
+
+    Returns
+    -------
+    Spread
+    """
+    names = np.unique(of)
+    without = np.array([estimate(of != name) for name in names])
+    count = len(names)
+    variance = (count - 1) / count * np.sum((without - without.mean(axis=0)) ** 2, axis=0)
+    return Spread(variance, np.full(variance.shape, count - 1.0))

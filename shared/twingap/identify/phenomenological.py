@@ -1,0 +1,374 @@
+"""The phenomenological twin's free parameters from records.
+
+healthy records --Whittle or eq. 8--> mode, two noises --+--> scale, relative noise levels
+faulty records  --energy in the mode's band, less theirs-+--> impact amplitude per fault
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import expit, logit
+
+from twingap.bearing import FAULTS
+from twingap.errors import TwingapError
+from twingap.identify.impacts import band, band_energy, impact_gain, unit_spectra
+from twingap.identify.intervals import Spread, clusters, jackknife
+from twingap.identify.resonance import Fixed, HealthyFit, equation_8, whittle
+from twingap.identify.result import Estimate, Fit, Outcome, Report
+from twingap.identify.spectra import SHORTEST, Spectra, spectra
+from twingap.records import Record, RecordSet
+from twingap.streams import root_entropy
+from twingap.twins.phenomenological import PhenomenologicalTwin
+from twingap.twins.twin_file import TwinSpec, build_twin, flat
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+METHODS = ("whittle", "eq8")
+COLOURING = ("second_resonance", "sensor_rolloff", "coloured_noise", "distributed_roughness")
+"""Effects that change the healthy spectrum, which the fit takes to be one mode and white noise."""
+MOST_RECORDS = 300
+"""Records used of each state: beyond this the intervals hardly shrink."""
+
+
+def identify_phenomenological(
+    spec: TwinSpec, records: RecordSet, rng: np.random.Generator, *, level: float, method: str, report: Report
+) -> Outcome:
+    """Identify what `spec` leaves free: mode, noise levels, scale, impact amplitudes. See `identify`."""
+    if method not in METHODS:
+        raise TwingapError(f"method {method!r}", where="identification", mend=f"use one of {', '.join(METHODS)}")
+    root = root_entropy(rng)
+    records, notes = _chosen(records)
+    records = _in_blocks(records, notes)
+    healthy = _is(records, "healthy")
+    faults = [fault for fault in FAULTS[1:] if _is(records, fault).any()]
+    everything = np.ones(len(records), bool)
+    baseline = healthy if healthy.any() else everything
+    if not healthy.any():
+        notes.append(
+            "no healthy record: noise levels were read between the lines of the other records, "
+            "and structure_noise_rms may hold part of the impacts' energy"
+        )
+    if len(_groups(records, baseline)) == 1:
+        notes.append(
+            "all records that the noise was fitted to are of one group: intervals hold the scatter within it only"
+        )
+    for name in COLOURING:
+        if name in spec.effects:
+            notes.append(f"the twin's {name} was not undone: resonance, damping and noise levels describe the records")
+    report("spectra", 0.0)
+    problem = _Problem(spec, records, spectra(records), method, ~everything)
+    report("resonance and noise", 0.0)
+    problem, fit = problem.begin(baseline, notes)
+    amplitudes = {
+        fault: _Amplitude.of(problem, fault, fit, root)
+        for fault in faults
+        if f"impact_amplitude.{fault}" not in problem.given
+    }
+    names = [*problem.coordinates(fit), *(f"impact_amplitude.{fault}" for fault in amplitudes)]
+
+    def estimate(keep: Mask, start: HealthyFit) -> Array:
+        """Coordinates of everything, with the fit on these baseline records and the amplitudes on all faulty ones."""
+        own = problem.refit(keep, baseline, start)
+        scale = problem.levels(own)["scale"]
+        powers = [a.power(own, keep & healthy, everything) / scale**2 for a in amplitudes.values()]
+        return np.array([*problem.coordinates(own).values(), *powers])
+
+    at = estimate(everything, fit)
+    if method == "eq8":
+        notes.append("eq. 8 reads one peak and its decay: values without intervals")
+        estimates = {name: Estimate(value) for name, value in problem.values(fit).items()}
+        for name, power in zip(names[len(estimates) :], at[len(estimates) :], strict=True):
+            estimates[name] = Estimate(float(np.sqrt(max(power, 0.0))))
+    else:
+        estimates = _with_intervals(problem, fit, healthy, baseline, amplitudes, estimate, at, level, notes, report)
+    for fault in FAULTS[1:]:
+        if fault not in faults and f"impact_amplitude.{fault}" not in problem.given:
+            notes.append(f"no record of fault {fault!r}: its impact amplitude keeps the default")
+    return Outcome(estimates, _fits(problem, fit, healthy, baseline, amplitudes), tuple(notes))
+
+
+def _with_intervals(
+    problem: _Problem,
+    fit: HealthyFit,
+    healthy: Mask,
+    baseline: Mask,
+    amplitudes: Mapping[str, _Amplitude],
+    estimate: Callable[[Mask, HealthyFit], Array],
+    at: Array,
+    level: float,
+    notes: list[str],
+    report: Report,
+) -> dict[str, Estimate]:
+    """Values with jackknife intervals: over the records of the fit, and for amplitudes over the faulty ones as well."""
+    places = np.flatnonzero(baseline | problem.mode_from)
+    of = clusters([str(problem.records.conditions[p].group) for p in places])
+    done = 0
+
+    def without(keep: Mask) -> Array:
+        nonlocal done
+        report("intervals", done / (of.max() + 1))
+        done += 1
+        mask = np.ones(len(problem.records), bool)
+        mask[places] = keep
+        return estimate(mask, fit)
+
+    spread = jackknife(without, of)
+    out = {}
+    values = problem.values(fit)
+    for name, (lo, hi) in zip(values, spread.interval(at, level), strict=False):
+        out[name] = Estimate(values[name], problem.interval(name, lo, hi))
+    scale = problem.levels(fit)["scale"]
+    for place, (fault, amplitude) in enumerate(amplitudes.items(), start=len(values)):
+        own = spread.at(place) + amplitude.spread(fit, healthy, scale)
+        lo, hi = own.interval(at[place : place + 1], level)[0]
+        if lo <= 0:
+            notes.append(f"the impacts of fault {fault!r} do not stand out of the healthy energy around the resonance")
+        value, lo, hi = (float(np.sqrt(max(v, 0.0))) for v in (at[place], lo, hi))
+        out[f"impact_amplitude.{fault}"] = Estimate(value, (lo, hi))
+    return out
+
+
+@dataclass(frozen=True)
+class _Problem:
+    """Records seen as spectra, what is fixed, and where the mode is read."""
+
+    spec: TwinSpec
+    records: RecordSet
+    measured: list[Spectra]
+    method: str
+    mode_from: Mask  # records other than the baseline that show the mode, when the baseline does not
+    mode_start: HealthyFit | None = None
+    mode_unknown: bool = False
+
+    @property
+    def given(self) -> Mapping[str, float]:
+        """Values that the spec fixes, dotted."""
+        return flat(self.spec.parameters)
+
+    @property
+    def twin(self) -> PhenomenologicalTwin:
+        """The twin as it stands before identification."""
+        twin = build_twin(self.spec, self.records.bearing, self.records.unit)
+        assert isinstance(twin, PhenomenologicalTwin)
+        return twin
+
+    @property
+    def fixed(self) -> Fixed:
+        """Of the healthy model, in record units."""
+        given = self.given
+        scale = given.get("scale")
+        rms = [
+            None if scale is None or name not in given else scale * given[name]
+            for name in ("structure_noise_rms", "white_noise_rms")
+        ]
+        return Fixed(given.get("resonance_hz"), given.get("damping_ratio"), *rms)
+
+    def of(self, keep: Mask) -> list[Spectra]:
+        """Spectra of some records."""
+        taken = [s.take(keep) for s in self.measured]
+        return [s for s in taken if s.places.size]
+
+    def begin(self, baseline: Mask, notes: list[str]) -> tuple[_Problem, HealthyFit]:
+        """Settle where the mode is read, and fit from a grid; `notes` grows by what could not be found."""
+        fit = whittle(self.of(baseline), fixed=self.fixed)
+        settled = self
+        if {"resonance_hz", "damping_ratio"} <= self.given.keys():
+            return settled, fit
+        if self.method == "whittle" and not fit.stands_out:
+            others = self.of(~baseline)
+            if others and (shown := whittle(others, lines=True)).stands_out:
+                notes.append("no resonance stands out of healthy noise: resonance and damping were read off the faults")
+                settled, fit = replace(self, mode_from=~baseline, mode_start=shown), shown
+            else:
+                notes.append("no resonance stands out of the noise: resonance_hz and damping_ratio keep their defaults")
+                settled = replace(self, mode_unknown=True)
+        return settled, settled.refit(np.ones(len(self.records), bool), baseline, fit)
+
+    def refit(self, keep: Mask, baseline: Mask, start: HealthyFit) -> HealthyFit:
+        """The fit on these records, from a good start."""
+        own, mode = self.of(keep & baseline), None
+        if self.method == "eq8":
+            mode = equation_8(own)
+        elif self.mode_from.any():
+            mode = whittle(self.of(keep & self.mode_from), lines=True, start=self.mode_start)
+        elif self.mode_unknown:
+            mode = replace(start, resonance_hz=self.twin.parameters.resonance_hz)
+            mode = replace(mode, damping_ratio=self.twin.parameters.damping_ratio)
+        fixed = self.fixed
+        if mode is not None:
+            known = (fixed.resonance_hz, fixed.damping_ratio)
+            f, zeta = (
+                k if k is not None else m for k, m in zip(known, (mode.resonance_hz, mode.damping_ratio), strict=True)
+            )
+            fixed = replace(fixed, resonance_hz=f, damping_ratio=zeta)
+        return whittle(own, start=start, fixed=fixed)
+
+    def levels(self, fit: HealthyFit) -> dict[str, float]:
+        """Noise levels in multiples of scale, and scale, by the twin's convention: healthy RMS = scale where free."""
+        given, structure, white = self.given, fit.structure_noise_rms, fit.white_noise_rms
+        asked = (given.get("structure_noise_rms"), given.get("white_noise_rms"))
+        if "scale" in given:
+            scale = given["scale"]
+        elif asked[0] and asked[1]:
+            scale = math.hypot(structure, white) / math.hypot(asked[0], asked[1])
+        elif asked[0]:
+            scale = structure / asked[0]
+        elif asked[1]:
+            scale = white / asked[1]
+        else:
+            scale = math.hypot(structure, white)
+        relative = [
+            float(rms / scale if level is None else level) for level, rms in zip(asked, (structure, white), strict=True)
+        ]
+        return {"structure_noise_rms": relative[0], "white_noise_rms": relative[1], "scale": float(scale)}
+
+    @property
+    def conventional(self) -> bool:
+        """Whether the two relative noise levels are tied by structure^2 + white^2 = 1."""
+        return not {"scale", "structure_noise_rms", "white_noise_rms"} & self.given.keys()
+
+    def values(self, fit: HealthyFit) -> dict[str, float]:
+        """The healthy parameters that are free."""
+        found = {"resonance_hz": fit.resonance_hz, "damping_ratio": fit.damping_ratio, **self.levels(fit)}
+        kept = self.given.keys() | ({"resonance_hz", "damping_ratio"} if self.mode_unknown else set())
+        return {name: value for name, value in found.items() if name not in kept}
+
+    def coordinates(self, fit: HealthyFit) -> dict[str, float]:
+        """The same on scales where errors are nearly normal: logarithms, and the logit of a share of power."""
+        tied = ("structure_noise_rms", "white_noise_rms") if self.conventional else ()
+        return {
+            name: float(logit(np.clip(value**2, 1e-12, 1 - 1e-12)) if name in tied else np.log(max(value, 1e-12)))
+            for name, value in self.values(fit).items()
+        }
+
+    def interval(self, name: str, lo: float, hi: float) -> tuple[float, float]:
+        """Back from coordinates."""
+        if self.conventional and name in ("structure_noise_rms", "white_noise_rms"):
+            return float(np.sqrt(expit(lo))), float(np.sqrt(expit(hi)))
+        # Beyond e^40 an interval says "unknown" as well.
+        low, high = (float(np.exp(np.clip(v, -40, 40))) for v in (lo, hi))
+        return low, min(high, 1.0) if name == "damping_ratio" else high
+
+
+@dataclass(frozen=True)
+class _Amplitude:
+    """What one fault adds: measured and unit-impact energies in the mode's band, per rate."""
+
+    problem: _Problem
+    fault: str
+    sides: tuple[tuple[Spectra, Mask, Array, float], ...]  # spectra, band, unit PSDs, gain at the first fit
+
+    @classmethod
+    def of(cls, problem: _Problem, fault: str, fit: HealthyFit, root: int) -> _Amplitude:
+        """Gather them."""
+        sides = []
+        for s in problem.of(_is(problem.records, fault)):
+            inside = band(s, fit)
+            unit = unit_spectra(problem.twin, fit, s, problem.records, root)
+            sides.append((s, inside, unit, impact_gain(s, fit, inside)))
+        return cls(problem, fault, tuple(sides))
+
+    def power(self, fit: HealthyFit, healthy: Mask, keep: Mask) -> float:
+        """Amplitude squared in record units, not clipped, from these healthy and these faulty records."""
+        above, unit = 0.0, 0.0
+        for s, inside, template, gain in self.sides:
+            own = keep[s.places]
+            if not own.any():
+                continue
+            floor = float(band_energy(s, self.floor(s, fit, healthy), inside))
+            weights = s.averages[own]
+            above += float(weights @ (band_energy(s, s.psd[own], inside) - floor))
+            unit += float(weights @ band_energy(s, template[own], inside)) * impact_gain(s, fit, inside) / gain
+        return above / unit
+
+    def floor(self, spectra: Spectra, fit: HealthyFit, healthy: Mask) -> Array:
+        """PSD without the fault: measured where there are healthy records at this rate, fitted otherwise."""
+        same = [s for s in self.problem.of(healthy) if s.fs_hz == spectra.fs_hz] if healthy.any() else []
+        return same[0].mean(lines=True)[0] if same else fit.psd(spectra)
+
+    def spread(self, fit: HealthyFit, healthy: Mask, scale: float) -> Spread:
+        """Of the amplitude squared in multiples of scale, from the scatter of the faulty records."""
+        places = np.concatenate([s.places for s, *_ in self.sides])
+
+        def without(keep: Mask) -> Array:
+            mask = np.zeros(len(self.problem.records), bool)
+            mask[places[keep]] = True
+            return np.array([self.power(fit, healthy, mask) / scale**2])
+
+        return jackknife(without, clusters([str(self.problem.records.conditions[p].group) for p in places]))
+
+
+def _is(records: RecordSet, fault: str) -> Mask:
+    return np.array([c.fault == fault for c in records.conditions])
+
+
+def _groups(records: RecordSet, keep: Mask) -> set[str]:
+    return {str(c.group) for c, k in zip(records.conditions, keep, strict=True) if k}
+
+
+def _chosen(records: RecordSet) -> tuple[RecordSet, list[str]]:
+    """At most `MOST_RECORDS` of each state, evenly spread over the set."""
+    places: dict[str | None, list[int]] = {}
+    for place, condition in enumerate(records.conditions):
+        places.setdefault(condition.fault, []).append(place)
+    kept: list[int] = []
+    notes = []
+    for fault, own in places.items():
+        if len(own) > MOST_RECORDS:
+            notes.append(
+                f"{MOST_RECORDS} of {len(own)} records of state {fault or 'unknown'!r} were used, evenly spread"
+            )
+            own = [own[i] for i in np.linspace(0, len(own) - 1, MOST_RECORDS).round().astype(int)]
+        kept += own
+    return records.take(sorted(kept)), notes
+
+
+def _in_blocks(records: RecordSet, notes: list[str], count: int = 4) -> RecordSet:
+    """States of which there is one record only have it cut in blocks, so that its scatter can be seen."""
+    states = [c.fault for c in records.conditions]
+    if all(states.count(state) > 1 for state in states):
+        return records
+    made: list[Record] = []
+    for place, condition in enumerate(records.conditions):
+        if states.count(condition.fault) > 1:
+            made.append(records[place])
+            continue
+        size = condition.n_samples // count
+        if size < SHORTEST:
+            raise TwingapError(
+                f"{condition.n_samples} samples are too few for the only record of state {condition.fault or 'unknown'!r}",
+                where=f"record {condition.name!r}",
+                mend=f"bring {count * SHORTEST} samples, or two records",
+            )
+        notes.append(f"one record of state {condition.fault or 'unknown'!r}: its intervals hold its own scatter only")
+        samples = records[place].samples
+        for i in range(count):
+            block = replace(condition, name=f"{condition.name} block {i + 1}", n_samples=size)
+            made.append(Record(block, samples[i * size : (i + 1) * size]))
+    return RecordSet.from_records(records.name, records.unit, records.bearing, made)
+
+
+def _fits(
+    problem: _Problem, fit: HealthyFit, healthy: Mask, baseline: Mask, amplitudes: Mapping[str, _Amplitude]
+) -> tuple[Fit, ...]:
+    """Measured spectra beside fitted ones."""
+    unit, out = problem.records.unit, []
+    for s in problem.of(baseline):
+        title = f"{'healthy' if healthy.any() else 'all'} records, {len(s.places)} at {s.fs_hz:g} Hz"
+        averages = s.mean()[1]
+        out.append(
+            Fit(title, s.f_hz, s.mean(lines=True)[0], fit.psd(s), s.usable & (averages > 0), fit.resonance_hz, unit)
+        )
+    for fault, amplitude in amplitudes.items():
+        power = max(0.0, amplitude.power(fit, healthy, np.ones(len(problem.records), bool)))
+        for s, inside, template, _ in amplitude.sides:
+            fitted = fit.psd(s) + power * s.averages @ template / s.averages.sum()
+            title = f"fault {fault}, {len(s.places)} records at {s.fs_hz:g} Hz"
+            out.append(Fit(title, s.f_hz, s.mean(lines=True)[0], fitted, inside, fit.resonance_hz, unit, band=True))
+    return tuple(out)

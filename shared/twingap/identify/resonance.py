@@ -1,0 +1,286 @@
+"""The healthy part of the twin from spectra: resonance, damping and the two noises.
+
+PSDs of healthy records --(lines left out)--> `whittle`: resonance, damping, structure noise and white noise jointly
+                                          \\-> `equation_8`: peak of the spectrum, then logarithmic decrement
+
+Both take records at several sampling rates at once. Sources: eq. 8 of paper 1 (Simulation-based remaining useful life
+prediction of rolling element bearings under varying operating conditions); Whittle's likelihood as in Dzhaparidze 1986.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import minimize
+from scipy.signal import find_peaks
+from scipy.stats import chi2
+
+from twingap.errors import TwingapError
+from twingap.identify.mode import autocorrelation
+from twingap.identify.spectra import Spectra
+
+Array = NDArray[np.float64]
+
+DAMPING_RANGE = (1e-3, 0.5)
+_GRID_DAMPING = np.geomspace(0.004, 0.3, 8)
+
+
+@dataclass(frozen=True)
+class Fixed:
+    """Parameters of the healthy model that are known already; None = free. RMS values in record units."""
+
+    resonance_hz: float | None = None
+    damping_ratio: float | None = None
+    structure_noise_rms: float | None = None
+    white_noise_rms: float | None = None
+
+
+NOTHING = Fixed()
+
+
+@dataclass(frozen=True)
+class HealthyFit:
+    """The healthy part of the twin.
+
+    Parameters
+    ----------
+    resonance_hz, damping_ratio : float
+        The dominant mode.
+    structure_noise_rms : float
+        RMS of white noise after the mode, record units.
+    white_noise_rms : float
+        RMS of the white noise added to it, record units.
+    deviance : float
+        Twice the gain in log likelihood over white noise alone; nan for eq. 8.
+    bins : int
+        Bins fitted.
+    """
+
+    resonance_hz: float
+    damping_ratio: float
+    structure_noise_rms: float
+    white_noise_rms: float
+    deviance: float = np.nan
+    bins: int = 0
+
+    @property
+    def stands_out(self) -> bool:
+        """Whether a mode shows at all above white noise: one false alarm in a thousand, wherever in the spectrum."""
+        return not self.deviance < chi2.isf(1e-3 / max(self.bins, 1), 3)
+
+    def psd(self, spectra: Spectra) -> Array:
+        """Expected PSD of healthy records by the estimator behind `spectra` [bins]."""
+        acf = autocorrelation(self.resonance_hz, self.damping_ratio, spectra.fs_hz, spectra.segment)
+        acf *= self.structure_noise_rms**2
+        acf[0] += self.white_noise_rms**2
+        return spectra.expected(acf)
+
+
+def whittle(
+    measured: Sequence[Spectra],
+    *,
+    lines: bool = False,
+    start: HealthyFit | None = None,
+    fixed: Fixed = NOTHING,
+) -> HealthyFit:
+    """Fit the mode and the white floor to averaged PSDs by Whittle's likelihood.
+
+    Parameters
+    ----------
+    measured : sequence of Spectra
+        Healthy records, one entry per sampling rate.
+    lines : bool
+        Fit lines as well: for faulty records, whose lines carry the shape of the mode.
+    start : HealthyFit, optional
+        Where to begin; a grid over the whole band otherwise.
+    fixed : Fixed
+        What is known already.
+
+    Returns
+    -------
+    HealthyFit
+    """
+    averaged = [s.mean(lines=lines) for s in measured]
+    kept = [s.usable & (n > 0) for s, (_, n) in zip(measured, averaged, strict=True)]
+    if not any(k.any() for k in kept):
+        raise TwingapError("no part of the spectrum is free of lines", mend="identify from longer records")
+    means, totals = [p for p, _ in averaged], [n[k] for (_, n), k in zip(averaged, kept, strict=True)]
+    # The likelihood sees only ratios: work in units of the records' own power.
+    power = float(np.average([p[k].mean() if k.any() else 0.0 for p, k in zip(means, kept, strict=True)]))
+    scaled = [np.maximum(p / power, 1e-12) for p in means]
+    top = min(s.fs_hz for s in measured) / 2
+
+    def shape(spectra: Spectra, frequency: Array | float, damping: Array | float) -> Array:
+        """Expected PSD of unit structure noise, relative to that of unit white noise."""
+        acf = autocorrelation(frequency, damping, spectra.fs_hz, spectra.segment)
+        return spectra.expected(acf) * spectra.fs_hz / 2
+
+    def loss(at: Array) -> float:
+        frequency, damping = float(np.exp(at[0])), float(np.exp(at[1]))
+        out = 0.0
+        for s, p, k, n in zip(measured, scaled, kept, totals, strict=True):
+            model = (np.exp(at[2]) * shape(s, frequency, damping)[k] + np.exp(at[3])) * 2 / s.fs_hz
+            out += float(np.sum(n * (np.log(model) + p[k] / model)))
+        return out
+
+    lowest = min(float(s.f_hz[k][0]) for s, k in zip(measured, kept, strict=True) if k.any())
+    bounds = np.log([(lowest, 0.98 * top), DAMPING_RANGE, (1e-10, 1e10), (1e-10, 1e10)])
+    known = _as_point(fixed, power)
+    bounds = np.where(np.isfinite(known)[:, None], known[:, None], bounds)
+    if start is not None:
+        begins = [np.where(np.isfinite(known), known, _as_point(start, power))]
+    else:
+        frequencies = np.exp(np.unique(bounds[0])) if np.ptp(bounds[0]) == 0 else np.linspace(top / 60, 0.97 * top, 60)
+        dampings = np.exp(np.unique(bounds[1])) if np.ptp(bounds[1]) == 0 else _GRID_DAMPING
+        begins = _grid(measured, scaled, kept, totals, frequencies, dampings, shape)
+    runs = [
+        minimize(loss, np.clip(b, *bounds.T), method="L-BFGS-B", bounds=bounds.tolist(), options={"ftol": 1e-13})
+        for b in begins
+    ]
+    best = min(runs, key=lambda run: float(run.fun))
+    level = sum(
+        float(np.sum(n * p[k])) * s.fs_hz / 2 for s, p, k, n in zip(measured, scaled, kept, totals, strict=True)
+    )
+    level /= sum(float(n.sum()) for n in totals)
+    flat = sum(
+        float(np.sum(n * (np.log(level * 2 / s.fs_hz) + p[k] * s.fs_hz / 2 / level)))
+        for s, p, k, n in zip(measured, scaled, kept, totals, strict=True)
+    )
+    f, zeta, structure, floor = np.exp(best.x)
+    return HealthyFit(
+        float(f), float(zeta), float(np.sqrt(structure * power)), float(np.sqrt(floor * power)),
+        max(0.0, 2 * (flat - float(best.fun))), sum(int(k.sum()) for k in kept),
+    )  # fmt: skip
+
+
+def _as_point(known: HealthyFit | Fixed, power: float) -> Array:
+    """Logarithms of the four parameters in units of `power`; nan where not known."""
+    rms = (known.structure_noise_rms, known.white_noise_rms)
+    values = [known.resonance_hz, known.damping_ratio, *(None if v is None else v**2 / power for v in rms)]
+    return np.log([np.nan if v is None else max(v, 1e-10) for v in values])
+
+
+def _grid(
+    measured: Sequence[Spectra],
+    scaled: Sequence[Array],
+    kept: Sequence[NDArray[np.bool_]],
+    totals: Sequence[Array],
+    frequencies: Array,
+    dampings: Array,
+    shape: Callable[[Spectra, Array, Array], Array],
+) -> list[Array]:
+    """The best few points of a coarse grid, amplitudes by multiplicative updates (Fevotte 2009, Itakura-Saito)."""
+    f, zeta = (a.ravel() for a in np.meshgrid(frequencies, dampings, indexing="ij"))
+    sides = []
+    for s, p, k, n in zip(measured, scaled, kept, totals, strict=True):
+        if not k.any():
+            continue
+        # Neighbouring bins together: the grid only has to find the right hill.
+        step = max(1, int(k.sum()) // 256)
+        cut = int(k.sum()) // step * step
+        coarse = p[k][:cut].reshape(-1, step).mean(axis=1) * s.fs_hz / 2
+        with_mode = shape(s, f, zeta)[:, k][:, :cut].reshape(f.size, -1, step).mean(axis=2)
+        sides.append((coarse, np.stack([with_mode, np.ones_like(with_mode)]), float(n.mean()) * step))
+    amplitudes = np.full((2, f.size), np.mean([c.mean() for c, _, _ in sides]) / 2)
+    for _ in range(25):
+        up, down = np.zeros_like(amplitudes), np.zeros_like(amplitudes)
+        for coarse, basis, worth in sides:
+            inverse = 1 / np.maximum(np.einsum("ag,agk->gk", amplitudes, basis), 1e-12)
+            up += worth * np.einsum("gk,agk->ag", coarse * inverse**2, basis)
+            down += worth * np.einsum("gk,agk->ag", inverse, basis)
+        amplitudes *= np.sqrt(up / np.maximum(down, 1e-12))
+    value = np.zeros(f.size)
+    for coarse, basis, worth in sides:
+        model = np.maximum(np.einsum("ag,agk->gk", amplitudes, basis), 1e-12)
+        value += worth * np.sum(np.log(model) + coarse / model, axis=1)
+    picked: list[int] = []
+    for place in np.argsort(value):
+        if all(abs(np.log(f[place] / f[other])) > 0.1 for other in picked):
+            picked.append(int(place))
+        if len(picked) == 3:
+            break
+    return [np.log([f[i], zeta[i], *np.maximum(amplitudes[:, i], 1e-9)]) for i in picked]
+
+
+def equation_8(measured: Sequence[Spectra], *, lowest_hz: float = 0.0) -> HealthyFit:
+    """Eq. 8 of paper 1: the dominant peak of the spectrum, and damping by the logarithmic decrement.
+
+    The paper reads the decrement off single impact responses; here it is read off the autocovariance, which for a mode
+    driven by noise or by rare impacts decays as the response itself does, and is far less noisy. Maxima x1, x2 one
+    period apart: delta = ln|x1 / x2|, zeta = delta / sqrt(4 pi^2 + delta^2).
+
+    Parameters
+    ----------
+    measured : sequence of Spectra
+        Healthy records; the entry with most averages is used.
+    lowest_hz : float
+        The peak is sought above it.
+
+    Returns
+    -------
+    HealthyFit
+        The white noise is the floor of the spectrum, the structure noise what lies above it.
+
+    Raises
+    ------
+    TwingapError
+        When nothing stands out of the floor, or the peak does not ring.
+    """
+    averaged = [s.mean() for s in measured]
+    place = max(range(len(measured)), key=lambda i: float(averaged[i][1].max()))
+    s, (psd, averages) = measured[place], averaged[place]
+    keep = s.usable & (averages > 0) & (s.f_hz >= lowest_hz)
+    if keep.sum() < 8:
+        raise TwingapError("no part of the spectrum is free of lines", mend="identify from longer records")
+    clean = np.interp(s.f_hz, s.f_hz[keep], psd[keep])
+    smooth = np.convolve(clean, np.hanning(9) / np.hanning(9).sum(), mode="same")
+    smoother = np.convolve(clean, np.hanning(19) / np.hanning(19).sum(), mode="same")
+    peak = int(np.argmax(np.where(s.usable & (s.f_hz >= lowest_hz), smoother, 0)))
+    floor = float(np.quantile(smooth[keep], 0.1))
+    above = np.maximum(smooth - floor, 0)
+    # The dominant hill alone: on either side down to the floor's scatter, or to the valley before the next hill.
+    low = high = peak
+    while low > 1 and above[low - 1] > 0.02 * above[peak] and above[low - 1] < 3 * above[low : peak + 1].min():
+        low -= 1
+    while (
+        high < above.size - 2
+        and above[high + 1] > 0.02 * above[peak]
+        and above[high + 1] < 3 * above[peak : high + 1].min()
+    ):
+        high += 1
+    hill = np.where((np.arange(psd.size) >= low) & (np.arange(psd.size) <= high), np.maximum(clean - floor, 0), 0.0)
+    if not hill.any():
+        raise TwingapError("no peak stands out of the spectrum's floor", mend='use method "whittle"')
+    delta = _decrement(s, hill)
+    width = s.fs_hz / s.segment
+    structure = float(np.sum(np.where(s.usable, np.maximum(clean - floor, 0), 0)) * width)
+    return HealthyFit(
+        float(s.f_hz[peak]), float(delta / np.hypot(2 * np.pi, delta)), float(np.sqrt(structure)),
+        float(np.sqrt(floor * s.fs_hz / 2)),
+    )  # fmt: skip
+
+
+def _decrement(spectra: Spectra, hill: Array) -> float:
+    """Logarithmic decrement of the free decay behind one hill of the spectrum: slope over its positive maxima."""
+    fine = 16
+    # Zero padding in frequency interpolates the decay, so that maxima do not fall between samples.
+    padded = np.zeros(fine * spectra.segment // 2 + 1)
+    padded[: hill.size] = hill
+    decay = np.fft.irfft(padded)[: fine * spectra.segment // 4]
+    taper = np.interp(np.arange(decay.size) / fine, np.arange(spectra.segment), spectra.taper)
+    decay = decay / taper
+    peaks, _ = find_peaks(decay)
+    heights = np.concatenate([decay[:1], decay[peaks]])
+    # From the second maximum on (the first holds what little white noise is left), down to a tenth.
+    usable = heights > 0.1 * heights[0]
+    last = int(np.argmin(usable)) if not usable.all() else heights.size
+    chosen = np.arange(heights.size)[1 : max(last, 2)]
+    if chosen.size == 0 or heights[chosen[0]] <= 0:
+        raise TwingapError("the dominant peak does not ring", mend='use method "whittle"')
+    if chosen.size == 1:
+        return float(np.log(heights[0] / heights[1]))
+    slope = np.polyfit(chosen, np.log(heights[chosen]), 1)[0]
+    return float(max(-slope, 1e-6))
