@@ -24,8 +24,8 @@ Array = NDArray[np.float64]
 class SecondResonance(Effect):
     """One more structural mode, beside the first: a peak that stays at its frequency whatever the speed.
 
-    Impacts, rollers' contacts and broadband forces pass through both modes in parallel. A finished waveform has passed a
-    path already: what it holds around the frequency is raised by up to 1 + gain.
+    Impacts, rollers' contacts and broadband forces pass through both modes in parallel. A finished waveform has passed
+    a path already: what it holds around the frequency is raised by up to 1 + gain.
     """
 
     stage: ClassVar[Stage] = Stage.PATH

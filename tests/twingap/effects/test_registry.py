@@ -1,0 +1,148 @@
+"""The catalogue: complete, typed, referenced, open to users, and strict about parameters."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+import re
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+import pytest
+
+from twingap import BEARINGS, Condition, TwingapError
+from twingap.effects import Draft, Effect, Stage, base, catalogue, in_order, make_effect, parameter, register
+from twingap.twins.phenomenological import PhenomenologicalTwin
+
+SPECIFIED = {
+    Stage.SHAFT: "speed_fluctuation mean_slip",
+    Stage.EXCITATION: "slip_jitter impact_scatter load_zone cage_modulation entry_exit distributed_roughness speed_gain "
+    "damage_growth",
+    Stage.PATH: "second_resonance sensor_rolloff",
+    Stage.DISTURBANCE: "shaft_harmonics looseness mains_interference drive_interference gear_mesh foreign_bearing "
+    "coloured_noise impulsive_noise waviness",
+    Stage.ACQUISITION: "clipping quantisation dropout",
+}
+NAMES = " ".join(SPECIFIED.values()).split()
+
+
+def test_catalogue_is_the_specification() -> None:
+    assert {name: kind.stage for name, kind in catalogue().items()} == {
+        name: stage for stage, names in SPECIFIED.items() for name in names.split()
+    }
+    assert len(NAMES) == 24
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_every_effect_is_typed_and_referenced(name: str) -> None:
+    kind: Any = catalogue()[name]
+    assert dataclasses.is_dataclass(kind)
+    assert kind.__dataclass_params__.frozen  # type: ignore[attr-defined]
+    assert kind.__doc__
+    assert kind.references
+    assert any(re.search(r"\d", text) for text in kind.references), "a year, an equation or a standard's number"
+    fields = dataclasses.fields(kind)
+    assert fields
+    for field in fields:
+        about = field.metadata
+        low, high = about["plausible"]
+        assert field.type in ("float", "int", "bool")
+        assert isinstance(about["unit"], str)
+        assert about["doc"]
+        assert about["allowed"][0] <= low < high <= about["allowed"][1]
+        assert low <= field.default <= high
+        assert not about["log"] or low > 0, "a logarithmic range starts above 0"
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_plausible_corners_simulate(name: str) -> None:
+    kind: Any = catalogue()[name]
+    conditions = [
+        Condition(f"{f}", 1500, 51200, 4000, f, time_s=60.0) for f in ("healthy", "inner", "outer", "ball", "cage")
+    ]
+    for side in (0, 1):
+        values = {f.name: f.metadata["plausible"][side] for f in dataclasses.fields(kind) if f.metadata["fitted"]}
+        if name == "coloured_noise":
+            values["high_hz"] = max(values["high_hz"], 2 * values["low_hz"])
+        effect = kind(**values)
+        twin = PhenomenologicalTwin(BEARINGS["6205"], effects=[effect])
+        for record in twin.simulate(conditions, np.random.default_rng(0)):
+            assert np.isfinite(record.samples).all()
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_out_of_range_is_refused(name: str) -> None:
+    kind: Any = catalogue()[name]
+    for field in dataclasses.fields(kind):
+        low, high = field.metadata["allowed"]
+        wrong: list[Any] = [math.nan, math.inf, "3", None, low - 1]
+        if math.isfinite(high):
+            wrong.append(high * 2 + 1)
+        for value in wrong:
+            with pytest.raises(TwingapError, match=f"{name}: {field.name}"):
+                kind(**{field.name: value})
+
+
+def test_whole_numbers_stay_whole() -> None:
+    assert make_effect("gear_mesh", {"teeth": 17}) == catalogue()["gear_mesh"](teeth=17)  # type: ignore[call-arg]
+    with pytest.raises(TwingapError, match="a whole number between 1 and 100000 expected"):
+        catalogue()["gear_mesh"](teeth=17.5)  # type: ignore[call-arg]
+
+
+@pytest.mark.parametrize(
+    ("name", "parameters", "message"),
+    [
+        ("slip_jiter", {}, "unknown effect 'slip_jiter'; known effects: speed_fluctuation, "),
+        ("clipping", {"rails": 3.0}, "effect clipping: unknown key 'rails'; known keys: rail"),
+        ("clipping", {"rail": "3"}, "effect clipping: rail: '3' found, a finite number expected"),
+        ("clipping", {"rail": -1.0}, "effect clipping: rail: -1.0 found, healthy rms between 1e-09 and 1e+09 expected"),
+        ("mains_interference", {"mains_hz": 55.0}, "effect mains_interference: mains_hz: 55.0 found, 50 or 60 Hz expected"),
+        ("coloured_noise", {"low_hz": 900.0, "high_hz": 300.0}, "low_hz = 900, below high_hz = 300 expected"),
+    ],
+)  # fmt: skip
+def test_errors_say_what_and_where(name: str, parameters: dict[str, float], message: str) -> None:
+    with pytest.raises(TwingapError) as caught:
+        make_effect(name, parameters)
+    assert message in str(caught.value)
+
+
+def test_effects_act_in_the_order_of_the_chain() -> None:
+    named = tuple(make_effect(name) for name in reversed(NAMES))
+    assert [effect.name for effect in in_order(named)] == NAMES
+
+
+def test_user_adds_an_effect_in_five_lines(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(base, "_REGISTRY", dict(base._REGISTRY))
+
+    @register
+    @dataclass(frozen=True)
+    class Hum(Effect):
+        "A tone that nobody modelled."
+
+        stage: ClassVar[Stage] = Stage.DISTURBANCE
+        level: float = parameter(0.1, unit="healthy rms", plausible=(0.01, 1.0), doc="amplitude of the tone")
+
+        def apply(self, draft: Draft, rng: np.random.Generator) -> None:
+            draft.x += self.level * draft.reference_rms * np.sin(2 * np.pi * 100.0 * draft.t)
+
+    assert catalogue()["hum"] is Hum
+    condition = Condition("a", 1800, 12000, 12000, "healthy")
+    plain, hummed = (
+        PhenomenologicalTwin(BEARINGS["6205"], effects=chain).simulate([condition], np.random.default_rng(1))[0].samples
+        for chain in ([], [make_effect("hum", {"level": 0.5})])
+    )
+    np.testing.assert_allclose(hummed - plain, 0.5 * np.sin(2 * np.pi * 100 * np.arange(12000) / 12000), atol=1e-12)
+    with pytest.raises(TwingapError, match="hum: level"):
+        make_effect("hum", {"level": -1.0})
+
+
+def test_registering_what_is_no_effect_says_why() -> None:
+    with pytest.raises(TypeError, match="not a subclass of Effect"):
+        register(int)  # type: ignore[type-var]
+
+    class Stageless(Effect):
+        def apply(self, draft: Draft, rng: np.random.Generator) -> None: ...
+
+    with pytest.raises(TypeError, match="has no stage"):
+        register(Stageless)
