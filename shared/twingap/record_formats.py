@@ -121,7 +121,7 @@ def _inspect_npy(path: Path) -> Contents:
             raise TwingapError(f"has {shape[1]} columns of {shape[0]} samples", mend=mend)
         return Contents(tuple(Entry(str(i), shape[0], problem) for i in range(shape[1])))
     length, odd = _length(shape)
-    return Contents((Entry("0", length, odd or problem),))
+    return Contents((Entry("0", length, problem or odd),))
 
 
 def _load_npy(path: Path, name: str, place: int) -> Any:
@@ -144,7 +144,7 @@ def _inspect_npz(path: Path) -> Contents:
                 except TwingapError as error:
                     raise TwingapError(f"key {member[:-4]!r} {error.what}", mend=error.mend) from error
             length, odd = _length(shape)
-            entries.append(Entry(member[:-4], length, odd or not_real(dtype)))
+            entries.append(Entry(member[:-4], length, not_real(dtype) or odd))
     return Contents(tuple(entries), keyed=True)
 
 
@@ -192,6 +192,7 @@ def _check_mat(path: Path, name: str) -> None:
 
     SciPy 1.17 looks the data type of a numeric array up in a table without checking that it is one; a damaged byte
     there is a segmentation fault. So the tags up to that one are walked here first (MAT-file format, level 5).
+    Known upstream: https://github.com/scipy/scipy/pull/25349.
     """
     with path.open("rb") as stream:
         head = stream.read(128)
