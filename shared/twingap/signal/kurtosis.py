@@ -173,7 +173,7 @@ def fast_kurtogram(x: ArrayLike, fs_hz: float, *, max_level: int | None = None) 
     Each node filters its parent's complex envelope with a short filter and keeps every second (third) sample; samples
     that the filters' run-in touches are left out. The filters are Antoni's; unlike his code, the tree starts from the
     analytic signal: his leaks negative frequencies into the bands at 0 Hz and half the rate, and so sees a kurtosis of
-    0.18 there in Gaussian noise; at level 0 it takes the kurtosis of a real signal, half as high again as an envelope's.
+    0.18 there in Gaussian noise; at level 0 it takes the kurtosis of a real signal, half as high again as of envelopes.
 
     Parameters
     ----------

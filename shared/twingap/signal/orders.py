@@ -21,6 +21,8 @@ from twingap.signal.spectrum import Spectrum, amplitude_spectrum
 
 _FINER = 4
 """Cubic interpolation is good well below half the rate only: signals are brought to this multiple of it first."""
+_HALF_LENGTH = 64
+"""Angle steps on either side that the anti-aliasing filter sees: passes 0.92 of half the rate, stops all of it."""
 
 
 def turns_from_speed(speed_rpm: ArrayLike, fs_hz: float) -> Array:
@@ -108,13 +110,13 @@ def to_angle(x: ArrayLike, turns: ArrayLike, samples_per_turn: int) -> Array:
     turns : array_like [samples] or [..., samples]
         Shaft angle at each sample, in turns, strictly increasing.
     samples_per_turn : int
-        Twice the highest order wanted, and a little more (the filter's slope takes the last tenth).
+        Twice the highest order wanted, and a tenth more for the filter's slope.
 
     Returns
     -------
     Array [..., angles]
-        From the first sample on; all records as long as the one of fewest turns. A few samples at either end feel the
-        record's edges.
+        From the first sample on; all records as long as the one of fewest turns. Where the filter is needed, up to 64
+        samples at either end feel the record's edges.
 
     Raises
     ------
@@ -143,12 +145,16 @@ def to_angle(x: ArrayLike, turns: ArrayLike, samples_per_turn: int) -> Array:
     rows = signals.reshape(-1, samples)
     angles = np.broadcast_to(angle, signals.shape).reshape(-1, samples)
     places = np.arange((count - 1) * finer + 1) / (per_turn * finer)
+    taps = sps.firwin(2 * _HALF_LENGTH * finer + 1, min(0.96 / finer, 0.99), window=("kaiser", 8.0))
     out = np.empty((rows.shape[0], count))
     for row, own, result in zip(rows, angles, out, strict=True):
         when = CubicSpline(own - own[0], np.arange(samples))(places)
-        dense = sps.resample_poly(row, _FINER, 1, padtype="line")
+        # Mirrored, a record is periodic without a jump, and zeros added to its spectrum fill in between its samples.
+        dense = sps.resample(np.concatenate((row, row[::-1])), 2 * samples * _FINER)[: (samples - 1) * _FINER + 1]
         fine = CubicSpline(np.arange(dense.size) / _FINER, dense)(np.clip(when, 0, samples - 1))
-        result[:] = fine if finer == 1 else sps.resample_poly(fine, 1, finer, padtype="line")[:count]
+        if finer > 1:
+            fine = sps.resample_poly(fine, 1, finer, window=taps, padtype="line")  # type: ignore[call-overload]
+        result[:] = fine[:count]
     return out.reshape(*signals.shape[:-1], count)
 
 

@@ -96,7 +96,8 @@ def vmd(
         Narrowness of the modes, (samples/cycle)^2: a mode is halved 1/sqrt(alpha) cycles/sample off its centre per
         pass. Bearing signals: 2000 to 2500.
     tau : float
-        Step of the dual ascent; 0 leaves noise out of the modes, above 0 makes them add up to the signal.
+        Step of the dual ascent; 0 leaves noise out of the modes, above 0 drives their sum towards the signal (in
+        noise the centre frequencies then keep wandering, and the tolerance is rarely met).
     dc : bool
         Hold the first mode at frequency 0.
     init : {"zero", "uniform", "random"} or {0, 1, 2} or array_like [K] or [..., K]
