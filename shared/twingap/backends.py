@@ -1,4 +1,8 @@
-"""Where independent tasks run: this process, local processes, or a dask or ray cluster, all through joblib."""
+"""Where independent tasks run: this process, local processes or a dask cluster, all through joblib, or a ray cluster.
+
+Ray has a joblib backend too, but one that returns nothing before everything is done, so that an interruption would lose
+all of it; its own tasks are used instead.
+"""
 
 from __future__ import annotations
 
@@ -8,6 +12,7 @@ import importlib
 import logging
 import os
 import signal
+import socket
 import sys
 import threading
 import time
@@ -178,28 +183,36 @@ def _deaf_to_interrupts() -> Iterator[None]:
         signal.signal(signal.SIGINT, before)
 
 
+def _check_answers(address: str) -> None:
+    """Knock at the door first: ray itself ends this process, without an exception, when nobody opens."""
+    host, _, port = address.removeprefix("ray://").rpartition(":")
+    try:
+        socket.create_connection((host, int(port)), timeout=3).close()
+    except (OSError, ValueError, OverflowError) as error:
+        mend = "start a cluster there (ray start --head), or leave the address out"
+        raise TwingapError(f"no ray cluster answers: {error}", where=address, mend=mend) from error
+
+
 @contextmanager
 def _ray(address: str | None, n_jobs: int | None) -> Iterator[int]:
     try:
         ray: Any = importlib.import_module("ray")
-        register_ray: Any = importlib.import_module("ray.util.joblib").register_ray
     except ImportError:
         raise TwingapError("backend ray is not installed", mend="pip install 'ray[default]'") from None
     import joblib
 
+    if address not in (None, "auto", "local"):
+        _check_answers(str(address))
     started = not ray.is_initialized()
     if started:
         here: dict[str, Any] = {} if address else {"num_cpus": n_jobs or joblib.cpu_count(), "include_dashboard": False}
         try:
             ray.init(address=address or "local", log_to_driver=False, logging_level=logging.ERROR, **here)
         except (OSError, RuntimeError, ValueError) as error:
-            mend = "start a cluster there (ray start --head), or leave the address out"
-            raise TwingapError(f"no ray cluster answers: {error}", where=address, mend=mend) from error
+            mend = "a cluster that asks for a token wants it in RAY_AUTH_TOKEN" if address else None
+            raise TwingapError(f"ray does not start: {error}", where=address, mend=mend) from error
     try:
-        register_ray()
-        cores = int(ray.cluster_resources().get("CPU", 1))
-        with joblib.parallel_config(backend="ray", n_jobs=n_jobs or cores):
-            yield n_jobs or cores
+        yield n_jobs or int(ray.cluster_resources().get("CPU", 1))
     finally:
         if started:
             ray.shutdown()

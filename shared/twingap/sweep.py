@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import contextlib
 import functools
+import importlib
 import os
 import sys
 import time
@@ -29,6 +30,7 @@ from twingap.provenance import canonical, digest_of_code, plain
 from twingap.result_store import Identity, ResultStore, decode, encode
 
 J = TypeVar("J")
+DIED = "its worker process died (killed, out of memory, or crashed in compiled code)"
 
 
 @dataclass(frozen=True)
@@ -243,8 +245,7 @@ def _outcomes(
                 try:
                     yield from _parallel(pool, function, jobs, deque([key]), set())
                 except _WorkerDiedError as error:
-                    text = "its worker process died (killed, out of memory, or crashed in compiled code)"
-                    yield key, _Raised(text, f"{text}\n{error.__cause__!r}")
+                    yield key, _Raised(DIED, f"{DIED}\n{error.__cause__!r}")
 
 
 class _WorkerDiedError(Exception):
@@ -259,6 +260,9 @@ def _parallel(
         while waiting:
             key = waiting.popleft()
             yield _attempt(key, function, jobs[key], pool)
+        return
+    if pool.backend == "ray":
+        yield from _with_ray(pool, function, jobs, waiting)
         return
     import joblib
 
@@ -279,15 +283,45 @@ def _parallel(
             except Exception as error:
                 if type(error).__name__ in WORKER_DIED:
                     raise _WorkerDiedError from error
-                mend = "what was finished is kept; run the same again to go on"
-                line = f"{type(error).__name__}: {error}"[:300]
-                raise TwingapError(line, where=f"backend {pool.backend}", mend=mend) from error
+                raise _backend_failed(pool, error) from error
             under_way.discard(key)
             yield key, outcome
     finally:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", UserWarning)  # that jobs under way are dropped, which an interruption means
             outcomes.close()
+
+
+def _with_ray(
+    pool: Pool, function: Callable[[J], Any], jobs: Mapping[str, J], waiting: deque[str]
+) -> Iterator[tuple[str, _Returned | _Raised]]:
+    """Outcomes of the waiting jobs on ray, which says itself which job killed its worker."""
+    ray: Any = importlib.import_module("ray")
+    attempt, shared = ray.remote(num_cpus=1, max_retries=0)(_attempt), ray.put(function)
+    sent: dict[Any, str] = {}
+    try:
+        while waiting or sent:
+            while waiting and len(sent) < 2 * pool.n_jobs:
+                key = waiting.popleft()
+                sent[attempt.remote(key, shared, jobs[key], pool)] = key
+            (ready, *_), _ = ray.wait(list(sent), num_returns=1)
+            key = sent.pop(ready)
+            try:
+                outcome = ray.get(ready)[1]
+            except Exception as error:
+                if type(error).__name__ not in WORKER_DIED:
+                    raise _backend_failed(pool, error) from error
+                outcome = _Raised(DIED, f"{DIED}\n{error!r}")
+            yield key, outcome
+    finally:
+        for reference in sent:
+            ray.cancel(reference, force=True)
+
+
+def _backend_failed(pool: Pool, error: Exception) -> TwingapError:
+    line = f"{type(error).__name__}: {error}"[:300]
+    mend = "what was finished is kept; run the same again to go on"
+    return TwingapError(line, where=f"backend {pool.backend}", mend=mend)
 
 
 def _bare(function: Callable[..., Any]) -> Callable[..., Any]:
