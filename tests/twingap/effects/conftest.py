@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import pytest
@@ -26,7 +26,9 @@ class Lab:
     n_samples: int = 48000
     speed_rpm: float = 1800.0
     seed: int = 5
-    parameters: PhenomenologicalParameters = PhenomenologicalParameters(resonance_hz=3000.0)
+    parameters: PhenomenologicalParameters = field(
+        default_factory=lambda: PhenomenologicalParameters(resonance_hz=3000.0)
+    )
     bearing = BEARINGS["6205"]
 
     def where(self, **changes: object) -> Lab:

@@ -28,7 +28,7 @@ from twingap.effects.base import Stage
 from twingap.errors import TwingapError
 
 DISTURBANCES = [name for name, kind in catalogue().items() if kind.stage is Stage.DISTURBANCE]
-TONAL = "shaft_harmonics looseness mains_interference drive_interference gear_mesh waviness".split()
+TONAL = ["shaft_harmonics", "looseness", "mains_interference", "drive_interference", "gear_mesh", "waviness"]
 
 
 def lines_of(lab: Any, x: np.ndarray, part: float = 0.02) -> np.ndarray:

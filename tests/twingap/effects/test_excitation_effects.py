@@ -23,7 +23,7 @@ from twingap.effects import (
 )
 from twingap.twins.phenomenological import periodic_impacts
 
-ON_FAULTS = "slip_jitter impact_scatter load_zone cage_modulation entry_exit damage_growth".split()
+ON_FAULTS = ["slip_jitter", "impact_scatter", "load_zone", "cage_modulation", "entry_exit", "damage_growth"]
 
 
 @pytest.mark.parametrize("name", ON_FAULTS)
@@ -136,7 +136,7 @@ def test_entry_and_exit_make_a_comb_at_one_over_the_delay(quiet: Any, speed_rpm:
 
 
 def test_entry_and_exit_strike_no_new_order(lab: Any) -> None:
-    without, with_it = (lab.envelope(x) for x in lab.pair(EntryExit(), count=4))
+    with_it = lab.envelope(lab.make([EntryExit()], count=4))
     line = lab.bearing.bpfo * lab.fr
     assert lab.prominence(with_it, line) > 20
     for foreign in (0.5 * line, 1.5 * line, line + lab.fr, line + lab.bearing.ftf * lab.fr):

@@ -17,8 +17,8 @@ from twingap.twins.phenomenological import PhenomenologicalTwin
 
 SPECIFIED = {
     Stage.SHAFT: "speed_fluctuation mean_slip",
-    Stage.EXCITATION: "slip_jitter impact_scatter load_zone cage_modulation entry_exit distributed_roughness speed_gain "
-    "damage_growth",
+    Stage.EXCITATION: "slip_jitter impact_scatter load_zone cage_modulation entry_exit "
+    "distributed_roughness speed_gain damage_growth",
     Stage.PATH: "second_resonance sensor_rolloff",
     Stage.DISTURBANCE: "shaft_harmonics looseness mains_interference drive_interference gear_mesh foreign_bearing "
     "coloured_noise impulsive_noise waviness",
@@ -97,7 +97,7 @@ def test_whole_numbers_stay_whole() -> None:
         ("clipping", {"rails": 3.0}, "effect clipping: unknown key 'rails'; known keys: rail"),
         ("clipping", {"rail": "3"}, "effect clipping: rail: '3' found, a finite number expected"),
         ("clipping", {"rail": -1.0}, "effect clipping: rail: -1.0 found, healthy rms between 1e-09 and 1e+09 expected"),
-        ("mains_interference", {"mains_hz": 55.0}, "effect mains_interference: mains_hz: 55.0 found, 50 or 60 Hz expected"),
+        ("mains_interference", {"mains_hz": 55.0}, "mains_interference: mains_hz: 55.0 found, 50 or 60 Hz expected"),
         ("coloured_noise", {"low_hz": 900.0, "high_hz": 300.0}, "low_hz = 900, below high_hz = 300 expected"),
     ],
 )  # fmt: skip
