@@ -33,12 +33,8 @@ STEPS_PER_EDGE: Final = 6
 UNSTABLE_ANGLE: Final = 1.0
 """An `oversampling` set by hand that turns the fastest contact mode further than this per step is refused."""
 
-LADDER: Final = tuple(sorted({a * 2**b for a in (4, 5, 6, 7) for b in range(9)} | {1, 2, 3}))
+LADDER: Final = tuple(sorted({a * 2**b for a in (4, 5, 6, 7) for b in range(1, 9)} | {2, 4, 6}))
 """Oversampling factors in use: few enough that records share vector groups, at most a quarter too fine."""
-
-HALF_TAPS: Final = 16
-"""The low-pass before decimation reaches so many output samples to each side: flat to 0.4 fs, closed from 0.5 fs."""
-
 
 SETTLED: Final = 7.0
 """Decay times of the contact mode between the equilibrium and a record's start: exp(-7) of a wrong start is left."""
@@ -319,13 +315,17 @@ def _of_a_kind(
     jobs: Sequence[Job], places: list[int], factor: int, n_rollers: int, point_contact: bool
 ) -> dict[int, tuple[Array, int]]:
     """Integrate jobs that share step and bearing; lanes left over repeat the last job."""
-    from twingap.twins.contact_kernel import LANES, ROWS, integrate  # compiled code: only when it is needed
+    from twingap.twins.contact_kernel import (
+        LANES,
+        LOOK_AHEAD,
+        LOOK_BACK,
+        ROWS,
+        integrate,
+    )  # compiled code: only when it is needed
 
-    taps = low_pass(factor)
-    half = taps.size // (2 * factor)
-    leads = {place: jobs[place].settling() for place in places}
-    # Interval i lies between points i and i + 1; the filter looks `half` of them ahead of a sample, and one at least.
-    intervals = {p: half + leads[p] + jobs[p].condition.n_samples - 1 + max(half, 1) for p in places}
+    first, second = low_pass(factor)
+    leads = {place: LOOK_BACK + jobs[place].settling() for place in places}
+    intervals = {place: leads[place] + jobs[place].condition.n_samples - 1 + LOOK_AHEAD for place in places}
     ordered = sorted(places, key=lambda place: intervals[place])
     ordered += [ordered[-1]] * (-len(ordered) % LANES)
     lanes = [ordered[at : at + LANES] for at in range(0, len(ordered), LANES)]
@@ -336,35 +336,46 @@ def _of_a_kind(
     for g, group in enumerate(lanes):
         for lane, place in enumerate(group):
             job = jobs[place]
-            turns[g, :, lane], cage[g, :, lane] = job.angles(half + leads[place], points)
+            turns[g, :, lane], cage[g, :, lane] = job.angles(leads[place], points)
             rows[g, :, lane] = job.rows(factor)
             state[g, :2, lane] = job.equilibrium.x, job.equilibrium.y
-    output = np.empty((len(lanes), points - taps.size // factor, LANES))
-    integrate(n_rollers, state, turns, cage, rows, factor, taps, output, lengths=lengths, point_contact=point_contact)
+    output = np.empty((len(lanes), points - LOOK_BACK - LOOK_AHEAD, LANES))
+    integrate(n_rollers, state, turns, cage, rows, first, second, output, lengths=lengths, point_contact=point_contact)
     done: dict[int, tuple[Array, int]] = {}
     for g, group in enumerate(lanes):
         for lane, place in enumerate(group):
-            kept = output[g, : leads[place] + jobs[place].condition.n_samples, lane].copy()
+            lead = leads[place] - LOOK_BACK
+            kept = output[g, : lead + jobs[place].condition.n_samples, lane].copy()
             if not np.isfinite(kept).all():
                 raise TwingapError(
                     "the contact's motion leaves the range of numbers",
                     where=f"record {jobs[place].condition.name!r}, contact twin",
                     mend="leave oversampling out, or bring stiffness, load and mass_kg into their plausible range",
                 )
-            done[place] = (kept, leads[place])
+            done[place] = (kept, lead)
     return done
 
 
 @lru_cache(maxsize=64)
-def low_pass(factor: int) -> Array:
-    """Weights of the internal accelerations around a sample, before only every `factor`-th is kept.
+def low_pass(factor: int) -> tuple[Array, Array]:
+    """Weights that bring `factor` accelerations per sample down to one, in two stages.
 
-    A symmetric windowed sinc (Kaiser, 54 dB): no delay, flat to 0.4 fs, closed from 0.5 fs, as a measuring card's.
-    Plain sampling would fold what a hard edge excites above fs / 2 into the band.
+    Both are symmetric windowed sincs: no delay, flat to 0.4 fs (0.5 %), closed from 0.5 fs (49 dB), like a measuring
+    card's. Plain sampling would fold into the band what a hard edge excites above it. The first stage only protects the
+    band below fs / 2 and so is short; the second, at 2 fs, is steep.
+
+    Returns
+    -------
+    Array [6, factor / 2], Array [64]
+        As `contact_kernel.integrate` wants them.
     """
-    if factor == 1:
-        return np.ones(1)
-    size = 2 * HALF_TAPS * factor
-    taps = firwin(size + 1, 0.9, window=("kaiser", 5.0), fs=2 * factor)[:size]
-    taps[0] = 0.0  # the counterpart of the last tap, which falls into the next block
-    return np.asarray(taps / taps.sum(), dtype=np.float64)
+    steps = factor // 2
+    if steps == 1:
+        short = np.eye(6)[3]
+    else:
+        short = firwin(6 * steps + 1, 1.0, window=("kaiser", 4.5), fs=factor)[:-1]
+        short[0] = 0.0  # the counterpart of the tap that falls into the next half sample
+    steep = firwin(65, 0.45, window=("kaiser", 5.0), fs=2.0)[:-1]
+    steep[0] = 0.0
+    # Times run from earliest to latest; the kernel's first row is that of the latest half sample.
+    return np.ascontiguousarray((short / short.sum()).reshape(6, steps)[::-1]), steep / steep.sum()

@@ -1,7 +1,7 @@
 """The contact model's inner loop: fixed-step RK4, sixteen trajectories to a group, one group to a thread.
 
-state, turns [groups, intervals + 1, 16] --> RK4 (oversampling steps per interval) --> ring of accelerations
-                                                             --> low-pass FIR --> accelerations [groups, samples, 16]
+state, turns [groups, intervals + 1, 16] --> RK4, many steps per interval --> low-pass, two values per interval
+                                                       --> low-pass, one --> accelerations [groups, samples, 16]
 
 What makes it fast, and the same to the bit whatever the number of threads and whoever shares the group:
 
@@ -33,6 +33,10 @@ _ONE_AT_A_TIME = threading.Lock()
 
 LANES: Final = 16
 """Trajectories in a group: two AVX-512 or four AVX2 registers of doubles, enough to hide latencies."""
+
+LOOK_BACK: Final = 18
+LOOK_AHEAD: Final = 17
+"""Intervals before and after a sample that the two low-pass filters need."""
 
 ROWS: Final[dict[str, int]] = {
     name: row
@@ -109,29 +113,28 @@ def _accelerate(x, y, vx, vy, c, s, depth, roller, stiffness, damping, clearance
 
 
 @njit
-def _filtered(ring, taps, oldest, output, ready):  # type: ignore[no-untyped-def]
+def _weighed(ring, taps, oldest, output, ready):  # type: ignore[no-untyped-def]
     sums = np.zeros(16)
-    for tap in range(taps.shape[0] - oldest):
+    for tap in range(taps.shape[0]):
+        at = 16 * (oldest + tap)
         for lane in range(16):
-            sums[lane] += taps[tap] * ring[oldest + tap, lane]
-    first = taps.shape[0] - oldest
-    for tap in range(oldest):
-        for lane in range(16):
-            sums[lane] += taps[first + tap] * ring[tap, lane]
+            sums[lane] += taps[tap] * ring[at + lane]
     for lane in range(16):
         output[ready, lane] = sums[lane]
 
 
 @njit
-def _run(state, turns, cage, rows, intervals, oversampling, taps, output, along, across, line):  # type: ignore[no-untyped-def]
+def _run(state, turns, cage, rows, intervals, first, second, output, along, across, line):  # type: ignore[no-untyped-def]
     z = float(len(along))
-    blocks = taps.shape[0] // oversampling
-    ring = np.zeros((blocks * oversampling, 16))
-    part = 1.0 / oversampling
+    steps = first.shape[1]
+    part = 0.5 / steps
+    # Half-sample values, each kept twice and a ring's length apart, so that the filter finds its window in one piece.
+    size = second.shape[0]
+    ring = np.zeros(2 * size * 16)
     # One workspace whose shape the compiler knows: it then sees that rows never overlap, and fills whole vectors.
-    # 0-3 state; 4, 5 acceleration and filter sum; 6-9 cage, 10-13 shaft (angle, half-step turn); 14 unbalance;
-    # 15, 16 phase and its step over the interval; from 18 the parameters.
-    w = np.zeros((32, 16))
+    # 0-3 state; 4 spare; 5-8 cage, 9-12 shaft (angle, half-step turn); 13 unbalance; 14, 15 phase and its step over the
+    # interval; 16, 17 spare; 18-31 the parameters; 32-37 the first low-pass, one unfinished half sample each.
+    w = np.zeros((38, 16))
     for lane in range(16):
         for row in range(4):
             w[row, lane] = state[row, lane]
@@ -139,81 +142,92 @@ def _run(state, turns, cage, rows, intervals, oversampling, taps, output, along,
             w[18 + row, lane] = rows[row, lane]
     for i in range(intervals):
         for lane in range(16):
-            w[5, lane] = turns[i, lane]
-            w[15, lane] = turns[i + 1, lane] - w[5, lane]
+            w[14, lane] = turns[i, lane]
+            w[15, lane] = turns[i + 1, lane] - w[14, lane]
             w[16, lane] = cage[i, lane]
             w[17, lane] = cage[i + 1, lane] - w[16, lane]
         for lane in range(16):
-            t, dt, c, dc = w[5, lane], w[15, lane], w[16, lane], w[17, lane]
-            w[6, lane], w[7, lane] = _turn(c - math.floor(c))
-            w[8, lane], w[9, lane] = _turn(0.5 * part * dc)
-            w[10, lane], w[11, lane] = _turn(t - math.floor(t))
-            w[12, lane], w[13, lane] = _turn(0.5 * part * dt)
+            t, dt, c, dc = w[14, lane], w[15, lane], w[16, lane], w[17, lane]
+            w[5, lane], w[6, lane] = _turn(c - math.floor(c))
+            w[7, lane], w[8, lane] = _turn(0.5 * part * dc)
+            w[9, lane], w[10, lane] = _turn(t - math.floor(t))
+            w[11, lane], w[12, lane] = _turn(0.5 * part * dt)
             speed = dt * part / (2.0 * w[18, lane])
-            w[14, lane] = w[24, lane] * speed * speed
+            w[13, lane] = w[24, lane] * speed * speed
             p = w[28, lane] * t + w[29, lane] * c + w[30, lane]
             # Whole rounds of all rollers change nothing, but would cost digits late in a long record.
-            w[15, lane] = p - z * math.floor(p / z)
-            w[16, lane] = w[28, lane] * dt + w[29, lane] * dc
-        place = (i % blocks) * oversampling
-        for step in range(oversampling):
-            u0, u1, u2 = step * part, (step + 0.5) * part, (step + 1) * part
+            w[14, lane] = p - z * math.floor(p / z)
+            w[15, lane] = w[28, lane] * dt + w[29, lane] * dc
+        for half in range(2):
+            for step in range(steps):
+                inside = half * steps + step
+                u0, u1, u2 = inside * part, (inside + 0.5) * part, (inside + 1) * part
+                f0, f1, f2 = first[0, step], first[1, step], first[2, step]
+                f3, f4, f5 = first[3, step], first[4, step], first[5, step]
+                for lane in range(16):
+                    g, k, cm = w[18, lane], w[19, lane], w[20, lane]
+                    gap, fx, fy = w[21, lane], w[22, lane], w[23, lane]
+                    deep, steep, narrow, moves = w[25, lane], w[26, lane], w[27, lane], w[31, lane]
+                    h, rc, rs = 2.0 * g, w[7, lane], w[8, lane]
+                    c0, s0 = w[5, lane], w[6, lane]
+                    c1, s1 = c0 * rc - s0 * rs, s0 * rc + c0 * rs
+                    c2, s2 = c1 * rc - s1 * rs, s1 * rc + c1 * rs
+                    qc, qs, unbalance = w[11, lane], w[12, lane], w[13, lane]
+                    d0, e0 = w[9, lane], w[10, lane]
+                    d1, e1 = d0 * qc - e0 * qs, e0 * qc + d0 * qs
+                    d2, e2 = d1 * qc - e1 * qs, e1 * qc + d1 * qs
+                    p, dp = w[14, lane], w[15, lane]
+                    b0, j0 = _defect(p + dp * u0, deep, steep, narrow, moves, z)
+                    b1, j1 = _defect(p + dp * u1, deep, steep, narrow, moves, z)
+                    b2, j2 = _defect(p + dp * u2, deep, steep, narrow, moves, z)
+                    x, y, vx, vy = w[0, lane], w[1, lane], w[2, lane], w[3, lane]
+                    px, py = fx + unbalance * d0, fy + unbalance * e0
+                    qx, qy = fx + unbalance * d1, fy + unbalance * e1
+                    rx, ry = fx + unbalance * d2, fy + unbalance * e2
+                    # Classical RK4 for x'' = a: the stages' velocities are (vx, vy), (ux, uy), (wx, wy), (zx, zy).
+                    ax, ay = _accelerate(x, y, vx, vy, c0, s0, b0, j0, k, cm, gap, px, py, along, across, line)
+                    ux, uy = vx + g * ax, vy + g * ay
+                    x1, y1 = x + g * vx, y + g * vy
+                    bx, by = _accelerate(x1, y1, ux, uy, c1, s1, b1, j1, k, cm, gap, qx, qy, along, across, line)
+                    wx, wy = vx + g * bx, vy + g * by
+                    x2, y2 = x + g * ux, y + g * uy
+                    cx, cy = _accelerate(x2, y2, wx, wy, c1, s1, b1, j1, k, cm, gap, qx, qy, along, across, line)
+                    zx, zy = vx + h * cx, vy + h * cy
+                    x3, y3 = x + h * wx, y + h * wy
+                    dx, dy = _accelerate(x3, y3, zx, zy, c2, s2, b2, j2, k, cm, gap, rx, ry, along, across, line)
+                    sixth = h * (1.0 / 6.0)
+                    w[0, lane] = x + h * (vx + sixth * (ax + bx + cx))
+                    w[1, lane] = y + h * (vy + sixth * (ay + by + cy))
+                    w[2, lane] = vx + sixth * (ax + 2.0 * (bx + cx) + dx)
+                    w[3, lane] = vy + sixth * (ay + 2.0 * (by + cy) + dy)
+                    w[5, lane], w[6, lane], w[9, lane], w[10, lane] = c2, s2, d2, e2
+                    w[32, lane] += f0 * ay
+                    w[33, lane] += f1 * ay
+                    w[34, lane] += f2 * ay
+                    w[35, lane] += f3 * ay
+                    w[36, lane] += f4 * ay
+                    w[37, lane] += f5 * ay
+            place = (2 * i + half) % size
             for lane in range(16):
-                g, k, cm = w[18, lane], w[19, lane], w[20, lane]
-                gap, fx, fy = w[21, lane], w[22, lane], w[23, lane]
-                deep, steep, narrow, moves = w[25, lane], w[26, lane], w[27, lane], w[31, lane]
-                h, rc, rs = 2.0 * g, w[8, lane], w[9, lane]
-                c0, s0 = w[6, lane], w[7, lane]
-                c1, s1 = c0 * rc - s0 * rs, s0 * rc + c0 * rs
-                c2, s2 = c1 * rc - s1 * rs, s1 * rc + c1 * rs
-                qc, qs, unbalance = w[12, lane], w[13, lane], w[14, lane]
-                d0, e0 = w[10, lane], w[11, lane]
-                d1, e1 = d0 * qc - e0 * qs, e0 * qc + d0 * qs
-                d2, e2 = d1 * qc - e1 * qs, e1 * qc + d1 * qs
-                p, dp = w[15, lane], w[16, lane]
-                b0, j0 = _defect(p + dp * u0, deep, steep, narrow, moves, z)
-                b1, j1 = _defect(p + dp * u1, deep, steep, narrow, moves, z)
-                b2, j2 = _defect(p + dp * u2, deep, steep, narrow, moves, z)
-                x, y, vx, vy = w[0, lane], w[1, lane], w[2, lane], w[3, lane]
-                fx0, fy0 = fx + unbalance * d0, fy + unbalance * e0
-                fx1, fy1 = fx + unbalance * d1, fy + unbalance * e1
-                fx2, fy2 = fx + unbalance * d2, fy + unbalance * e2
-                # Classical RK4 for x'' = a: the stages' velocities are (vx, vy), (ux, uy), (wx, wy), (zx, zy).
-                ax, ay = _accelerate(x, y, vx, vy, c0, s0, b0, j0, k, cm, gap, fx0, fy0, along, across, line)
-                ux, uy = vx + g * ax, vy + g * ay
-                bx, by = _accelerate(
-                    x + g * vx, y + g * vy, ux, uy, c1, s1, b1, j1, k, cm, gap, fx1, fy1, along, across, line
-                )
-                wx, wy = vx + g * bx, vy + g * by
-                cx, cy = _accelerate(
-                    x + g * ux, y + g * uy, wx, wy, c1, s1, b1, j1, k, cm, gap, fx1, fy1, along, across, line
-                )
-                zx, zy = vx + h * cx, vy + h * cy
-                dx, dy = _accelerate(
-                    x + h * wx, y + h * wy, zx, zy, c2, s2, b2, j2, k, cm, gap, fx2, fy2, along, across, line
-                )
-                sixth = h * (1.0 / 6.0)
-                w[0, lane] = x + h * (vx + sixth * (ax + bx + cx))
-                w[1, lane] = y + h * (vy + sixth * (ay + by + cy))
-                w[2, lane] = vx + sixth * (ax + 2.0 * (bx + cx) + dx)
-                w[3, lane] = vy + sixth * (ay + 2.0 * (by + cy) + dy)
-                w[4, lane] = ay
-                w[6, lane], w[7, lane], w[10, lane], w[11, lane] = c2, s2, d2, e2
+                w[4, lane] = w[32, lane]
+                w[32, lane], w[33, lane], w[34, lane] = w[33, lane], w[34, lane], w[35, lane]
+                w[35, lane], w[36, lane], w[37, lane] = w[36, lane], w[37, lane], 0.0
             for lane in range(16):
-                ring[place + step, lane] = w[4, lane]
-        ready = i + 1 - blocks
+                ring[16 * place + lane] = w[4, lane]
+                ring[16 * (place + size) + lane] = w[4, lane]
+        ready = i - (LOOK_BACK + LOOK_AHEAD - 1)
         if ready >= 0:
-            _filtered(ring, taps, ((i + 1) % blocks) * oversampling, output, ready)
+            _weighed(ring, second, (2 * i + 2) % size, output, ready)
     for lane in range(16):
         for row in range(4):
             state[row, lane] = w[row, lane]
 
 
 @njit(parallel=True, cache=True)
-def _integrate(state, turns, cage, rows, lengths, oversampling, taps, output, along, across, line):  # type: ignore[no-untyped-def]
+def _integrate(state, turns, cage, rows, lengths, first, second, output, along, across, line):  # type: ignore[no-untyped-def]
     for group in prange(state.shape[0]):
         _run(
-            state[group], turns[group], cage[group], rows[group], lengths[group], oversampling, taps, output[group],
+            state[group], turns[group], cage[group], rows[group], lengths[group], first, second, output[group],
             along, across, line,
         )  # fmt: skip
 
@@ -224,8 +238,8 @@ def integrate(
     turns: Array,
     cage: Array,
     rows: Array,
-    oversampling: int,
-    taps: Array,
+    first: Array,
+    second: Array,
     output: Array,
     *,
     lengths: NDArray[np.int64] | None = None,
@@ -243,12 +257,13 @@ def integrate(
         Angle of shaft and cage at each output sample, turns; linear between.
     rows : Array [groups, len(ROWS), 16]
         Parameters, see `ROWS`.
-    oversampling : int
-        Internal steps per interval.
-    taps : Array [blocks * oversampling]
-        Low-pass: output i weighs the accelerations of intervals i to i + blocks - 1.
-    output : Array [groups, intervals + 1 - blocks, 16]
-        Filled with the acceleration in y, m/s^2.
+    first : Array [6, steps]
+        Low-pass from the internal rate to two values per sample, `steps` internal steps apart: the value between two
+        half samples weighs the accelerations of three before (rows 5, 4, 3) and three after it (rows 2, 1, 0).
+    second : Array [2 * 32]
+        Low-pass from there to the record's rate, over 32 half samples before and after a sample.
+    output : Array [groups, intervals + 1 - LOOK_BACK - LOOK_AHEAD, 16]
+        Filled with the acceleration in y, m/s^2, at sample LOOK_BACK and those after it.
     lengths : NDArray[int64] [groups], optional
         Intervals to integrate in each group; all of them when left out. What lies beyond stays as it was.
     point_contact : bool
@@ -261,4 +276,4 @@ def integrate(
     line = None if point_contact else 10.0 / 9.0
     # numba's simplest threading layer ends the process when two Python threads enter at once.
     with _ONE_AT_A_TIME:
-        _integrate(state, turns, cage, rows, lengths, oversampling, taps, output, along, across, line)
+        _integrate(state, turns, cage, rows, lengths, first, second, output, along, across, line)

@@ -52,7 +52,7 @@ class ContactParameters:
     white_noise_rms : float
         RMS of the white noise of the measuring chain, m/s^2 of the model.
     oversampling : int or None
-        Internal steps per sample; None: chosen from the fastest contact mode and the shortest edge.
+        Internal steps per sample, even; None: chosen from the fastest contact mode and the shortest edge.
 
     Raises
     ------
@@ -114,8 +114,10 @@ class ContactParameters:
                 raise TwingapError(f"defect_depth_um.{fault} = {depth!r}, um between 0 and 10000 expected", where=where)
         if self.contact not in ("point", "line"):
             raise TwingapError(f"contact = {self.contact!r}, 'point' or 'line' expected", where=where)
-        if self.oversampling is not None and not 1 <= self.oversampling <= 4096:
-            raise TwingapError(f"oversampling = {self.oversampling!r}, a number from 1 to 4096 expected", where=where)
+        if self.oversampling is not None and (self.oversampling % 2 or not 2 <= self.oversampling <= 4096):
+            raise TwingapError(
+                f"oversampling = {self.oversampling!r}, an even number from 2 to 4096 expected", where=where
+            )
 
     @property
     def exponent(self) -> float:
