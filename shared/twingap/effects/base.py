@@ -22,6 +22,7 @@ from __future__ import annotations
 
 import dataclasses
 import enum
+import functools
 import math
 import numbers
 import re
@@ -140,6 +141,7 @@ E_ = TypeVar("E_", bound=type[Effect])
 _REGISTRY: dict[str, type[Effect]] = {}
 
 
+@functools.cache
 def effect_name(kind: type[Effect]) -> str:
     """SecondResonance -> second_resonance."""
     return re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "_", kind.__name__).lower()

@@ -14,6 +14,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numba import njit
@@ -101,6 +102,11 @@ def response_rms(modes: Sequence[Mode], fs_hz: float) -> float:
 
     The closed form of sqrt(sum_n h(n / fs)^2), so that a wanted RMS after the path can be turned into one before it.
     """
+    return _response_rms(tuple(modes), fs_hz)
+
+
+@lru_cache(maxsize=256)
+def _response_rms(modes: tuple[Mode, ...], fs_hz: float) -> float:
     turns = [np.exp(mode.pole / fs_hz) for mode in modes]
     power = sum(
         a.gain * b.gain * 0.5 * float(np.real(1 / (1 - p * np.conj(q)) - 1 / (1 - p * q)))
