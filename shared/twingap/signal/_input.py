@@ -36,7 +36,10 @@ def as_signals(x: ArrayLike, *, where: str, at_least: int = 1) -> Array:
     TwingapError
         For text, complex numbers, NaN, infinities, numbers beyond 1e70, a scalar, no signals, or too few samples.
     """
-    given = np.asarray(x)
+    try:
+        given = np.asarray(x)
+    except ValueError:
+        raise TwingapError("signals of different lengths", where=where, mend="cut them to one length") from None
     if given.dtype.kind not in "biuf":
         raise TwingapError(f"signal of type {given.dtype}, real numbers expected", where=where)
     if given.ndim == 0:
@@ -64,7 +67,10 @@ def as_signals(x: ArrayLike, *, where: str, at_least: int = 1) -> Array:
 
 def positive(value: float, name: str, *, where: str) -> float:
     """`value` as float, refused unless it is finite and above zero."""
-    number = float(value)
+    try:
+        number = float(value)
+    except (TypeError, ValueError):
+        number = math.nan
     if not (math.isfinite(number) and number > 0):
         raise TwingapError(f"{name} = {value!r}, a positive number expected", where=where)
     return number
@@ -72,9 +78,14 @@ def positive(value: float, name: str, *, where: str) -> float:
 
 def whole(value: int, name: str, *, where: str, at_least: int = 1) -> int:
     """`value` as int, refused unless it is a whole number of at least `at_least`."""
-    if isinstance(value, bool) or int(value) != value or value < at_least:
+    try:
+        number = int(value)
+        wrong = isinstance(value, bool) or number != value or number < at_least
+    except (TypeError, ValueError, OverflowError):
+        wrong = True
+    if wrong:
         raise TwingapError(f"{name} = {value!r}, a whole number of at least {at_least} expected", where=where)
-    return int(value)
+    return number
 
 
 def band(low_hz: float, high_hz: float, nyquist_hz: float, *, where: str) -> tuple[float, float]:

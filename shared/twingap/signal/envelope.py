@@ -17,7 +17,7 @@ from scipy import fft
 from scipy import signal as sps
 
 from twingap.errors import TwingapError
-from twingap.signal._input import Array, as_signals, band, positive, whole
+from twingap.signal._input import Array, as_signals, band, positive, whole, without_mean
 from twingap.signal.kurtosis import Band, fast_kurtogram
 from twingap.signal.spectrum import Spectrum, amplitude_spectrum, nearest_bin
 
@@ -159,8 +159,7 @@ def squared_envelope_spectrum(
     TwingapError
         For NaN, infinities, fewer than 2 samples, a band out of range.
     """
-    signals = as_signals(x, where="squared_envelope_spectrum", at_least=2)
-    signals = signals - signals.mean(axis=-1, keepdims=True)
+    signals = without_mean(as_signals(x, where="squared_envelope_spectrum", at_least=2))
     part = analytic_signal(signals) if band_hz is None else demodulate(signals, fs_hz, band_hz)
     squared = part.real**2 + part.imag**2
     if normalise:

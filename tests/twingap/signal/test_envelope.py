@@ -85,7 +85,8 @@ def test_normalised_spectrum_does_not_depend_on_unit_or_sign(scale, sign):
 
 
 def test_silence_has_an_empty_envelope_spectrum():
-    assert (squared_envelope_spectrum(np.full((2, 64), 0.1), 64.0).values == 0).all()
+    assert (squared_envelope_spectrum(np.full((2, 63), 0.1), 63.0).values == 0).all()
+    assert (squared_envelope_spectrum(np.full((2, 63), 0.1), 63.0, (3.0, 20.0)).values == 0).all()
 
 
 @pytest.mark.parametrize("name", sorted(BEARINGS))
@@ -135,6 +136,14 @@ def test_a_slipped_line_is_found_within_the_tolerance_only():
     far = lines_at(spectrum, 5.2, harmonics=1, tolerance=0.02)
     assert far.strengths[0, 0] == 0
     assert far.prominence[0, 0] == 1
+
+
+def test_a_neighbouring_sideband_is_not_taken_for_the_line():
+    axis = np.arange(0, 50, 0.05)
+    values = np.ones(axis.size)
+    values[[392, 400]] = 9.0, 5.0  # orders 19.6 and 20: the taller within 2 % of the other
+    lines = lines_at(Spectrum(axis, values), 20.0, harmonics=1, sideband_order=0.4, sidebands=1, tolerance=0.02)
+    assert lines.strengths[0].tolist() == [9.0, 5.0, 1.0]
 
 
 def test_sidebands_below_zero_are_not_lines():
