@@ -115,7 +115,7 @@ def _from_windows(path: Path, recording: dict[str, Any], source: str) -> list[tu
 
 def _windows(path: Path) -> np.ndarray[Any, np.dtype[Any]]:
     try:
-        windows: np.ndarray[Any, np.dtype[Any]] = np.load(path, mmap_mode="r", allow_pickle=False)
+        windows = np.lib.format.open_memmap(path, mode="r")  # refuses pickled objects and all but .npy
     except (OSError, ValueError, EOFError) as error:
         raise TwingapError(f"cannot be read as an array: {error}", where=path, mend="verify the data set") from error
     if windows.ndim != 2:

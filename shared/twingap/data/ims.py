@@ -116,9 +116,12 @@ def ims_features(root: str | os.PathLike[str] | None = None, *, test: int = 2) -
         if column not in wide:
             raise TwingapError(f"column {column!r} is missing", where=path, mend="verify the data set")
     more = folder / "ims" / f"set{test}_shape_spectral_features.csv"
-    if more.is_file():
-        wide = wide.merge(_table(more), on="file_index", how="left", validate="one_to_one")
-    clock = pd.to_datetime(wide["filename"].astype(str), format="%Y.%m.%d.%H.%M.%S")
+    try:
+        if more.is_file():
+            wide = wide.merge(_table(more), on="file_index", how="left", validate="one_to_one")
+        clock = pd.to_datetime(wide["filename"].astype(str), format="%Y.%m.%d.%H.%M.%S")
+    except (ValueError, KeyError) as error:
+        raise TwingapError(f"rows cannot be told apart: {error}", where=path, mend="verify the data set") from error
     time_s = (clock - clock.iloc[0]).dt.total_seconds()
     parts = []
     for row in (row for row in facts.recordings if row["test"] == test):

@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 from fractions import Fraction
 
 import numpy as np
-from scipy.signal import resample_poly
 
 from twingap.errors import TwingapError
 from twingap.records import Array, Condition, RecordSet
@@ -53,6 +52,8 @@ class _Resampled:
         samples, ratio = self.records[index].samples, self.ratios[index]
         if ratio == 1:
             return samples
+        from scipy.signal import resample_poly  # takes a second, which listing and verifying need not wait
+
         # A line between the ends of the record keeps its offset from ringing at the edges.
         return np.asarray(resample_poly(samples, ratio.numerator, ratio.denominator, padtype="line"), dtype=np.float64)
 
