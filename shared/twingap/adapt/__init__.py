@@ -8,12 +8,14 @@ from twingap.adapt.evaluate import Scores, bootstrap_interval, score, t_interval
 from twingap.adapt.nets import FEATURES, PlainCNN, best_device
 from twingap.adapt.selection import CRITERIA, DEFAULT, Evidence, select
 from twingap.adapt.training import Checkpoint, Method, Outputs, Trained, Training, outputs, reproducible, train
+from twingap.adapt.views import VIEWS, inputs
 from twingap.adapt.windows import Windows, cut, joined, split_by_group
 
 __all__ = [
     "CRITERIA",
     "DEFAULT",
     "FEATURES",
+    "VIEWS",
     "Checkpoint",
     "DomainDiscriminator",
     "Evidence",
@@ -28,6 +30,7 @@ __all__ = [
     "best_device",
     "bootstrap_interval",
     "cut",
+    "inputs",
     "joined",
     "outputs",
     "reproducible",

@@ -29,7 +29,7 @@ class PlainCNN(nn.Module):
 
     Notes
     -----
-    Shapes for one channel of length 2048 (122,864 parameters with four classes):
+    Shapes for one channel of length 2048 (124,424 parameters with four classes):
 
     ==========================  ==========
     layer                       output

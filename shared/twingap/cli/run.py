@@ -1,7 +1,85 @@
-"""`twingap run`."""
+"""`twingap run`: a paper's tables and figures."""
 
 from __future__ import annotations
 
+import enum
+from pathlib import Path
+from typing import Annotated
 
-def run() -> None:
-    """To be written."""
+import typer
+
+from twingap.cli.options import Json, Seed, progress_console, show, wrote
+from twingap.errors import TwingapError
+
+
+class Paper(enum.StrEnum):
+    """The papers by number."""
+
+    paper1 = "paper1"
+    paper2 = "paper2"
+    paper3 = "paper3"
+
+
+class ProfileName(enum.StrEnum):
+    """How much is run."""
+
+    smoke = "smoke"
+    full = "full"
+
+
+def run(
+    paper: Annotated[Paper, typer.Argument(help="Which paper.")],
+    profile: Annotated[
+        ProfileName, typer.Option(help="smoke: minutes; full: all tasks and seeds.")
+    ] = ProfileName.smoke,
+    backend: Annotated[str, typer.Option(help="Where trainings run: loky (local processes), dask or ray.")] = "loky",
+    address: Annotated[str | None, typer.Option(help="Of a running dask or ray cluster.")] = None,
+    out: Annotated[Path | None, typer.Option(help="Folder of tables, figures and results [.twingap/PAPER].")] = None,
+    root: Annotated[Path | None, typer.Option(help="Data root; TWINGAP_DATA when absent.")] = None,
+    seed: Seed = 0,
+    json: Json = False,
+) -> None:
+    """A paper's tables and figures, tracked and resumable: what was finished before is taken up again."""
+    if paper is not Paper.paper3:
+        raise TwingapError(f"{paper.value} is not reproduced yet", mend="run paper3")
+    from rich.progress import (
+        BarColumn,
+        MofNCompleteColumn,
+        Progress,
+        TextColumn,
+        TimeElapsedColumn,
+        TimeRemainingColumn,
+    )
+
+    from papers.paper3_zoa_dann import pipeline, tables
+    from twingap.track import MlflowTracker, state_folder
+
+    tracker = MlflowTracker()
+    columns = (
+        TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), TimeRemainingColumn(),
+    )  # fmt: skip
+    with Progress(*columns, console=progress_console) as bar:
+        line = bar.add_task("reading", total=None)
+        outcome = pipeline.run(
+            profile.value,
+            out=out or state_folder() / paper.value,
+            root=root,
+            seed=seed,
+            backend=backend,
+            address=address,
+            tracker=tracker,
+            progress=lambda what, done, total: bar.update(line, description=what, completed=done, total=total),
+        )
+    if json:
+        show(tables.plain(outcome.rows), True)
+    else:
+        for task, rows in tables.shown(outcome.rows).items():
+            show(rows, False, f"{task}: trained on the contact twin, judged on {outcome.target.title}")
+        count = sum(len(result.trainings) for result in outcome.tasks)
+        print("accuracy of windows: mean ± std over seeds and 95 % interval for the mean; right: recordings by vote;")
+        print("oracle: the checkpoint that target labels would have chosen, which no method may claim")
+        print(f"{count} trainings: {outcome.computed} run now, {count - outcome.computed} taken up from earlier runs")
+        print(f"MLflow run {outcome.run_id} in {tracker.uri}; to look at it: twingap ui")
+        if not outcome.target.real:
+            print("no CWRU records at hand: for real ones, twingap data fetch cwru and set TWINGAP_DATA")
+    wrote(outcome.out / "tables", outcome.out / "figures", as_json=json)

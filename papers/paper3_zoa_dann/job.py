@@ -1,0 +1,206 @@
+"""One training and its judgement: what the sweep runs once per task, input, method and seed.
+
+source (labelled) ---+--> train --> checkpoints --> select without target labels --> judge on other recordings
+adapt (no labels) ---+                                      |                                   |
+                                                    scores of every criterion         oracle, in a column of its own
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from papers.paper3_zoa_dann.options import IdentificationOptions, SourceOptions
+from papers.paper3_zoa_dann.source import Recipe, identify, simulate
+from twingap.adapt import (
+    CRITERIA,
+    Evidence,
+    Method,
+    Trained,
+    Training,
+    Windows,
+    inputs,
+    outputs,
+    score,
+    select,
+    split_by_group,
+    train,
+)
+from twingap.bearing import Bearing
+
+
+@dataclass(frozen=True)
+class Job:
+    """One training.
+
+    Parameters
+    ----------
+    task : str
+    view : str
+        What the network is shown, a key of `twingap.adapt.VIEWS`.
+    method : {"source_only", "dann"}
+    seed : int
+    training : Training
+    criterion : str
+        By which a checkpoint is chosen.
+    held_out : float
+        Share of virtual bearings kept for source validation.
+    recipe : Recipe
+        Of the simulated windows.
+    embedded : int
+        Windows per domain to embed by t-SNE; 0 for none.
+    """
+
+    task: str
+    view: str
+    method: Method
+    seed: int
+    training: Training
+    criterion: str
+    held_out: float
+    recipe: Recipe
+    embedded: int = 0
+
+
+@dataclass(frozen=True)
+class Measured:
+    """The recordings of one task, as windows.
+
+    Parameters
+    ----------
+    adapt : Windows
+        Unlabelled.
+    evaluate : Windows
+        Labelled: looked at after training and selection.
+    """
+
+    adapt: Windows
+    evaluate: Windows
+
+    def __post_init__(self) -> None:
+        if self.adapt.labels is not None or set(self.adapt.group) & set(self.evaluate.group):
+            raise AssertionError("adaptation must be unlabelled and share no recording with evaluation")
+
+    @property
+    def digest(self) -> str:
+        """Hex sha256 of both."""
+        return windows_digest((self.adapt, self.evaluate))
+
+
+def fit(job: Job, adapt: Windows) -> tuple[Trained, Windows]:
+    """Train; also the simulated windows held out for validation. Target labels cannot reach here."""
+    rng = np.random.default_rng([job.seed, 2])
+    fitted, held = split_by_group(simulate(job.recipe), job.held_out, rng)
+    assert fitted.labels is not None
+    x, x_adapt = inputs(fitted, job.view), inputs(adapt.unlabelled(), job.view)
+    return train(x, fitted.labels, x_adapt, job.method, job.training, job.seed, len(job.recipe.classes)), held
+
+
+def train_and_judge(job: Job, measured: Measured) -> dict[str, Any]:
+    """Train, choose a checkpoint without target labels, and judge it.
+
+    Returns
+    -------
+    dict
+        ``criteria`` (criterion -> score per checkpoint), ``chosen`` (criterion -> place of its checkpoint),
+        ``accuracy`` (target accuracy per checkpoint: known only to the judge), figures of the checkpoint chosen by
+        ``job.criterion`` (confusion, probabilities, recordings right), of training, and the embedding if asked for.
+    """
+    trained, held = fit(job, measured.adapt)
+    assert held.labels is not None
+    x_held, x_adapt = inputs(held, job.view), inputs(measured.adapt, job.view)
+    nets = [trained.network(place) for place in range(len(trained.checkpoints))]
+    evidence = [Evidence(outputs(net, x_held), held.labels, outputs(net, x_adapt)) for net in nets]
+    criteria = {name: [rule(e) for e in evidence] for name, rule in CRITERIA.items()}
+    chosen = {name: select(evidence, name) for name in CRITERIA}
+    place = chosen[job.criterion]
+    # Only from here on are target labels looked at.
+    labels = measured.evaluate.labels
+    assert labels is not None
+    x_evaluate = inputs(measured.evaluate, job.view)
+    judged = [outputs(net, x_evaluate) for net in nets]
+    scores = [score(o.probabilities, labels, measured.evaluate.group) for o in judged]
+    result: dict[str, Any] = {
+        "criteria": criteria,
+        "chosen": chosen,
+        "place": place,
+        "accuracy": [s.accuracy for s in scores],
+        "balanced_accuracy": [s.balanced_accuracy for s in scores],
+        "confusion": scores[place].confusion,
+        "recordings_right": scores[place].recordings_right,
+        "recordings": scores[place].recordings,
+        "probabilities": judged[place].probabilities.astype(np.float32),
+        "source_accuracy": float(np.mean(evidence[place].source.predicted == held.labels)),
+        "steps": [c.step for c in trained.checkpoints],
+        "source_loss": [c.source_loss for c in trained.checkpoints],
+        "domain_accuracy": [None if np.isnan(c.domain_accuracy) else c.domain_accuracy for c in trained.checkpoints],
+        "device": trained.device,
+    }
+    if job.embedded:
+        own = _spread(len(held), job.embedded), _spread(len(labels), job.embedded)
+        features = np.concatenate([evidence[place].source.features[own[0]], judged[place].features[own[1]]])
+        result["embedding"] = _embed(features, job.seed)
+        result["embedding_labels"] = np.concatenate([held.labels[own[0]], labels[own[1]]])
+        result["embedding_is_target"] = np.arange(len(features)) >= len(own[0])
+    return result
+
+
+def _spread(n: int, wanted: int) -> NDArray[np.int64]:
+    """At most `wanted` places, evenly spread over n."""
+    return np.unique(np.linspace(0, n - 1, min(n, wanted)).astype(np.int64))
+
+
+def _embed(features: NDArray[np.float32], seed: int) -> NDArray[np.float32]:
+    """t-SNE of features, standardised, in two dimensions [windows, 2]."""
+    from sklearn.manifold import TSNE
+
+    scaled = (features - features.mean(axis=0)) / (features.std(axis=0) + 1e-6)
+    perplexity = min(30.0, (len(features) - 1) / 3)
+    return np.asarray(
+        TSNE(perplexity=perplexity, init="pca", random_state=seed).fit_transform(scaled), dtype=np.float32
+    )
+
+
+@dataclass(frozen=True)
+class Identification:
+    """One identification of the twin.
+
+    Parameters
+    ----------
+    task : str
+    bearing : Bearing
+    classes : tuple[str, ...]
+    source : SourceOptions
+    options : IdentificationOptions
+    evaluations : int
+    """
+
+    task: str
+    bearing: Bearing
+    classes: tuple[str, ...]
+    source: SourceOptions
+    options: IdentificationOptions
+    evaluations: int
+
+
+def identify_twin(job: Identification, adapt: Windows) -> dict[str, float]:
+    """The twin's free parameters from the unlabelled windows of one task; see `source.identify`."""
+    return identify(adapt, job.bearing, job.classes, job.source, job.options, job.evaluations)
+
+
+def windows_digest(parts: Sequence[Windows]) -> str:
+    """Hex sha256 of windows, in steps of 1e-6 of the unit, so that it does not depend on a processor's last bit."""
+    whole = hashlib.sha256()
+    for w in parts:
+        whole.update(repr((w.samples.shape, sorted(set(w.fs_hz)), w.labels is None)).encode())
+        whole.update(np.round(w.samples * 1e6).astype("<i8").tobytes())
+        whole.update(np.round(w.speed_rpm * 1e3).astype("<i8").tobytes())
+        whole.update("\n".join(w.group).encode())
+        if w.labels is not None:
+            whole.update(w.labels.astype("<i8").tobytes())
+    return whole.hexdigest()

@@ -1,0 +1,250 @@
+"""The source: labelled records of the contact twin, made like the unlabelled recordings that are adapted to.
+
+adaptation recordings (no labels) --averaged spectrum--> stiffness, damping, noises --> a population of virtual
+bearings about them (defect, clearance, load, speed drawn) --contact twin--> labelled windows
+
+The paper identifies k and c from the spectrum of measured faults, whose classes it must know. Here the classes are
+unknown, so the spectrum averaged over all adaptation recordings is compared with that averaged over simulated records
+of all classes alike. The share of white noise, which the paper's model does not have, is found with them. How far a
+fault stands above the noise cannot be told without labels: it is drawn, widely.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import qmc
+
+from papers.paper3_zoa_dann.options import IdentificationOptions, SourceOptions
+from twingap.adapt import Windows, cut, joined
+from twingap.bearing import Bearing
+from twingap.effects import Effect, make_effect
+from twingap.effects.path import SecondResonance
+from twingap.errors import TwingapError
+from twingap.records import Condition
+from twingap.signal.spectrum import averaged_spectrum
+from twingap.twins.contact import ContactTwin
+from twingap.twins.contact_parameters import DEFECTS, PRESETS, ContactParameters, sink_depth_um
+
+Array = NDArray[np.float64]
+FREE = ("stiffness", "damping", "white_share")
+"""What is identified, all on a log scale: K, c, and the white part of the noise's power (the rest rings along)."""
+
+
+def mean_log_spectrum(windows: Windows, segment_samples: int) -> Array:
+    """Spectrum in dB averaged over recordings, each scaled to unit variance first [bins]."""
+    rows = []
+    for group in dict.fromkeys(windows.group):
+        x = windows.samples[windows.group == group]
+        x = (x - x.mean(axis=1, keepdims=True)) / x.std()
+        amplitude = averaged_spectrum(x, float(windows.fs_hz[0]), segment_samples=segment_samples).values
+        rows.append(np.sqrt(np.mean(amplitude**2, axis=0)))
+    return np.asarray(20 * np.log10(np.mean(rows, axis=0)[1:-1]))
+
+
+def identify(
+    measured: Windows,
+    bearing: Bearing,
+    classes: Sequence[str],
+    source: SourceOptions,
+    options: IdentificationOptions,
+    evaluations: int,
+) -> dict[str, float]:
+    """The contact twin's free parameters from unlabelled windows.
+
+    Half of the evaluations go to a quasi-random (Sobol) sample of the box, the rest to ever smaller steps around the
+    best so far.
+
+    Parameters
+    ----------
+    measured : Windows
+        Labels are not read.
+    bearing : Bearing
+    classes : sequence of str
+        Simulated in equal parts.
+    source, options
+    evaluations : int
+        Of the objective; 0 gives the preset's values.
+
+    Returns
+    -------
+    dict
+        `FREE` (to four digits, so that a machine's last bit changes nothing downstream), and ``rmse_db_before``,
+        ``rmse_db``: distance of the spectra with the preset's values and with these.
+    """
+    preset = PRESETS[source.preset]
+    wanted = mean_log_spectrum(measured, options.segment_samples)
+    length = source.windows_per_record * measured.samples.shape[1]
+    fs_hz, speed_rpm = float(measured.fs_hz[0]), float(np.median(measured.speed_rpm))
+    middle_snr_db = float(np.mean(source.snr_db))
+
+    def distance(values: Mapping[str, float]) -> float:
+        own = dataclasses.replace(preset, stiffness=values["stiffness"], damping=values["damping"])
+        try:
+            made = [
+                _with_noise(own, bearing, source, (), fault, middle_snr_db, values["white_share"], fs_hz).simulate(
+                    [
+                        Condition(f"{fault}-{i}", speed_rpm, fs_hz, length, fault, preset.load_n)
+                        for i in range(options.records_per_class)
+                    ],
+                    np.random.default_rng(0),
+                )
+                for fault in classes
+            ]
+        except TwingapError:  # a contact mode above half the sampling rate, for one
+            return np.inf
+        windows = joined(cut(m, measured.samples.shape[1], source.windows_per_record) for m in made)
+        simulated = mean_log_spectrum(windows, options.segment_samples)
+        return float(np.sqrt(np.mean((simulated - wanted) ** 2)))
+
+    start = {"stiffness": preset.stiffness, "damping": preset.damping, "white_share": 0.5}
+    before = distance(start)
+    best, lowest = start, before
+    low, high = np.log([options.stiffness, options.damping, options.white_share]).T
+    rng = np.random.default_rng(0)
+    spread = qmc.Sobol(len(FREE), rng=rng).random_base2(max(1, int(np.ceil(np.log2(max(evaluations // 2, 2))))))
+    for count in range(evaluations):
+        if count < evaluations // 2:
+            place = low + spread[count] * (high - low)
+        else:
+            width = 0.25 * 0.1 ** ((count - evaluations // 2) / (evaluations - evaluations // 2))
+            step = width * (high - low) * rng.standard_normal(len(FREE))
+            place = np.clip(np.log([best[name] for name in FREE]) + step, low, high)
+        tried = {name: float(f"{value:.4g}") for name, value in zip(FREE, np.exp(place), strict=True)}
+        found = distance(tried)
+        if found < lowest:
+            best, lowest = tried, found
+    return {**best, "rmse_db_before": round(before, 6), "rmse_db": round(lowest, 6)}
+
+
+@dataclass(frozen=True)
+class Recipe:
+    """All that the simulated windows of a task depend on, so that any worker anywhere makes the same ones.
+
+    Parameters
+    ----------
+    stiffness, damping, white_share : float
+        As identified.
+    speeds_rpm : tuple[float, ...]
+        Of the adaptation recordings; simulated speeds lie around them.
+    fs_hz : float
+    bearing : Bearing
+    classes : tuple[str, ...]
+    options : SourceOptions
+    bearings_per_class, records_per_bearing, window_samples : int
+    seed : int
+    """
+
+    stiffness: float
+    damping: float
+    white_share: float
+    speeds_rpm: tuple[float, ...]
+    fs_hz: float
+    bearing: Bearing
+    classes: tuple[str, ...]
+    options: SourceOptions
+    bearings_per_class: int
+    records_per_bearing: int
+    window_samples: int
+    seed: int
+
+    def twin_toml(self) -> str:
+        """The identified twin as a twin file; the white share is in a comment, since noise levels are drawn."""
+        effects = ", ".join(f'"{name}"' for name in self.options.effects)
+        lines = [
+            f"# white part of the noise's power: {self.white_share!r}",
+            "[twin]",
+            'model = "contact"',
+            f'preset = "{self.options.preset}"',
+            f"effects = [{effects}]",
+            "",
+            "[parameters]",
+            f"stiffness = {self.stiffness!r}",
+            f"damping = {self.damping!r}",
+        ]
+        return "\n".join(lines) + "\n"
+
+
+@lru_cache(maxsize=2)
+def simulate(recipe: Recipe) -> Windows:
+    """Labelled windows of a population of virtual bearings; group = virtual bearing."""
+    parts = []
+    rng, source = np.random.default_rng(recipe.seed), recipe.options
+    length = source.windows_per_record * recipe.window_samples
+    for fault in recipe.classes:
+        for number in range(recipe.bearings_per_class):
+            twin, load_n = _virtual_bearing(recipe, fault, rng)
+            conditions = []
+            for i in range(recipe.records_per_bearing):
+                speed = rng.choice(recipe.speeds_rpm) * (1 + source.speed_spread * rng.uniform(-1, 1))
+                group = f"{fault}-{number}"
+                conditions.append(
+                    Condition(f"{group}-{i}", float(speed), recipe.fs_hz, length, fault, load_n, group=group)
+                )
+            made = twin.simulate(conditions, rng)
+            parts.append(cut(made, recipe.window_samples, source.windows_per_record, recipe.classes))
+    return joined(parts)
+
+
+def _virtual_bearing(recipe: Recipe, fault: str, rng: np.random.Generator) -> tuple[ContactTwin, float]:
+    """One twin of the population and its load. The draws are the same whatever the fault."""
+    source, preset = recipe.options, PRESETS[recipe.options.preset]
+    width_mm = _log_uniform(source.width_mm, rng)
+    sink_um = sink_depth_um(width_mm, recipe.bearing.roller_diameter_mm)
+    depth_um = sink_um * _uniform(source.depth_share, rng)
+    spread = np.exp(source.parameter_spread * rng.standard_normal(3))
+    load_n, snr_db = _uniform(source.load_n, rng), _uniform(source.snr_db, rng)
+    resonance = SecondResonance(
+        _log_uniform(source.resonance_hz, rng),
+        _log_uniform(source.resonance_damping, rng),
+        _log_uniform(source.resonance_gain, rng),
+    )
+    own = dataclasses.replace(
+        preset,
+        stiffness=recipe.stiffness * float(spread[0]),
+        damping=recipe.damping * float(spread[1]),
+        mass_kg=preset.mass_kg * float(spread[2]),
+        load_n=load_n,
+        clearance_um=_uniform(source.clearance_um, rng),
+        defect_width_mm=width_mm,
+        defect_depth_um=dict.fromkeys(DEFECTS, depth_um),
+    )
+    twin = _with_noise(own, recipe.bearing, source, (resonance,), fault, snr_db, recipe.white_share, recipe.fs_hz)
+    return twin, load_n
+
+
+def _with_noise(
+    own: ContactParameters,
+    bearing: Bearing,
+    source: SourceOptions,
+    more: tuple[Effect, ...],
+    fault: str,
+    snr_db: float,
+    white_share: float,
+    fs_hz: float,
+) -> ContactTwin:
+    """The twin whose noise lies `snr_db` below the vibration of its fault (of an inner-race fault, when healthy)."""
+    effects = (*(make_effect(name) for name in source.effects), *more)
+    silent = dataclasses.replace(own, structure_noise_rms=0.0, white_noise_rms=0.0)
+    pilot = Condition("pilot", 1780.0, fs_hz, 4096, "inner" if fault == "healthy" else fault, own.load_n)
+    quiet = ContactTwin(bearing, silent, effects).simulate([pilot], np.random.default_rng(0))[0].samples
+    noise = float(np.std(quiet)) * 10 ** (-snr_db / 20)
+    noisy = dataclasses.replace(
+        own,
+        structure_noise_rms=noise * float(np.sqrt(1 - white_share)),
+        white_noise_rms=noise * float(np.sqrt(white_share)),
+    )
+    return ContactTwin(bearing, noisy, effects)
+
+
+def _log_uniform(bounds: Sequence[float], rng: np.random.Generator) -> float:
+    return float(np.exp(_uniform(np.log(bounds), rng)))
+
+
+def _uniform(bounds: Sequence[float] | Array, rng: np.random.Generator) -> float:
+    return float(rng.uniform(bounds[0], bounds[1]))

@@ -1,0 +1,218 @@
+"""Tables of the result: rows that say in themselves which data they are of."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pandas as pd
+
+from papers.paper3_zoa_dann.options import Options
+from twingap import files
+from twingap.adapt import Scores, t_interval
+
+if TYPE_CHECKING:
+    from papers.paper3_zoa_dann.job import Job
+    from papers.paper3_zoa_dann.pipeline import TaskResult
+    from twingap.sweep import Result
+
+LABELS = {"source_only": "without adaptation", "dann": "DANN"}
+"""Methods in words."""
+
+
+def std(values: Sequence[float]) -> float:
+    """Standard deviation over seeds (n - 1); NaN for fewer than two."""
+    return float(np.std(values, ddof=1)) if len(values) > 1 else float("nan")
+
+
+def cells(result: TaskResult) -> dict[tuple[str, str], list[Result[Job]]]:
+    """The trainings of a task by (input, method), seeds in order."""
+    found: dict[tuple[str, str], list[Result[Job]]] = {}
+    for training in result.trainings:
+        found.setdefault((training.job.view, training.job.method), []).append(training)
+    return found
+
+
+def accuracy(results: Sequence[TaskResult], options: Options, data: str) -> list[dict[str, Any]]:
+    """One row per task, input and method, then the yardsticks; accuracies as fractions.
+
+    ``oracle`` is the accuracy of the checkpoint that target labels would have chosen: no method may claim it.
+    "chosen by ..." takes, for each seed, the input and method with the highest label-free score.
+    """
+    rows = []
+    for result in results:
+        for (view, method), trainings in cells(result).items():
+            rows.append(_row(result, data, view, LABELS[method], trainings, options))
+        rows.append(
+            _row(result, data, "any", f"chosen by {options.judging.criterion}", _chosen(result, options), options)
+        )
+        rows.append(_yardstick(result, data, "-", "majority class", result.majority))
+        rows.append(_yardstick(result, data, "envelope", "analyst's rule", result.analyst))
+        rows.append(_yardstick(result, data, "envelope", "analyst's rule, whole recordings", result.analyst_whole))
+    return rows
+
+
+def _chosen(result: TaskResult, options: Options) -> list[Result[Job]]:
+    """For each seed the training that the label-free criterion prefers over inputs and methods."""
+    criterion = options.judging.criterion
+    by_seed: dict[int, list[Result[Job]]] = {}
+    for training in result.trainings:
+        by_seed.setdefault(training.job.seed, []).append(training)
+    return [max(ts, key=lambda t: t.value["criteria"][criterion][t.value["place"]]) for ts in by_seed.values()]
+
+
+def _row(
+    result: TaskResult, data: str, view: str, method: str, trainings: list[Result[Job]], options: Options
+) -> dict[str, Any]:
+    values = [t.value["accuracy"][t.value["place"]] for t in trainings]
+    row: dict[str, Any] = {
+        "data": data,
+        "task": result.task.title,
+        "input": view,
+        "method": method,
+        "seeds": len(values),
+        "accuracy": float(np.mean(values)),
+        "std": std(values),
+    }
+    for level in options.judging.levels:
+        low, high = t_interval(values, level)
+        # An accuracy cannot leave 0 to 1: cutting the interval there loses no coverage.
+        row[f"low_{100 * level:.0f}"], row[f"high_{100 * level:.0f}"] = max(low, 0.0), min(high, 1.0)
+    row["balanced"] = float(np.mean([t.value["balanced_accuracy"][t.value["place"]] for t in trainings]))
+    row["recordings_right"] = float(np.mean([t.value["recordings_right"] for t in trainings]))
+    row["recordings"] = trainings[0].value["recordings"]
+    row["oracle"] = float(np.mean([max(t.value["accuracy"]) for t in trainings]))
+    row["source_accuracy"] = float(np.mean([t.value["source_accuracy"] for t in trainings]))
+    return row
+
+
+def _yardstick(result: TaskResult, data: str, view: str, method: str, found: Scores | float) -> dict[str, Any]:
+    row: dict[str, Any] = {
+        "data": data, "task": result.task.title, "input": view, "method": method, "seeds": 0,
+        "accuracy": found if isinstance(found, float) else found.accuracy,
+    }  # fmt: skip
+    if isinstance(found, Scores):
+        row |= {
+            "balanced": found.balanced_accuracy,
+            "recordings_right": float(found.recordings_right),
+            "recordings": found.recordings,
+        }
+    return row
+
+
+def frame(rows: Sequence[dict[str, Any]]) -> pd.DataFrame:
+    """Rows as a table; what a row lacks is empty."""
+    return pd.DataFrame(list(rows))
+
+
+def shown(rows: Sequence[dict[str, Any]]) -> dict[str, list[dict[str, Any]]]:
+    """The accuracy table for people, by task: per cent, mean +- std and the 95 % interval over seeds."""
+    tasks: dict[str, list[dict[str, Any]]] = {}
+    for row in frame(rows).to_dict("records"):
+        spread, low, high = (_per_cent(row.get(name), 1) for name in ("std", "low_95", "high_95"))
+        right, of = row.get("recordings_right"), row.get("recordings")
+        view = str(row["input"]).replace("_", " ")
+        tasks.setdefault(str(row["task"]), []).append(
+            {
+                "data": row["data"],
+                "method": row["method"] if view in ("-", "any", "envelope") else f"{row['method']}, {view}",
+                "accuracy %": _per_cent(row["accuracy"], 1) + (f" ± {spread}" if spread else ""),
+                "95 %": f"{float(low):.0f} to {float(high):.0f}" if low else "",
+                "right": "" if pd.isna(right) else f"{right:.1f} of {of:.0f}",
+                "oracle": _per_cent(row.get("oracle"), 0),
+            }
+        )
+    return tasks
+
+
+def _per_cent(value: Any, digits: int) -> str:
+    return "" if value is None or pd.isna(value) else f"{100 * value:.{digits}f}"
+
+
+def confusion(results: Sequence[TaskResult], options: Options, data: str) -> pd.DataFrame:
+    """Windows by true and predicted class, summed over seeds, and those of the analyst's rule."""
+    classes, rows = options.target.classes, []
+    for result in results:
+        counts = {
+            (view, LABELS[method]): np.sum([t.value["confusion"] for t in trainings], axis=0)
+            for (view, method), trainings in cells(result).items()
+        }
+        counts["envelope", "analyst's rule"] = result.analyst.confusion
+        for (view, method), table in counts.items():
+            for true, line in zip(classes, table, strict=True):
+                rows.append(
+                    {"data": data, "task": result.task.title, "input": view, "method": method, "true": true}
+                    | {f"called {name}": int(n) for name, n in zip(classes, line, strict=True)}
+                )
+    return pd.DataFrame(rows)
+
+
+def recordings(results: Sequence[TaskResult], options: Options, data: str) -> pd.DataFrame:
+    """What each recording's windows are called, as shares over windows and seeds."""
+    classes, rows = options.target.classes, []
+    for result in results:
+        groups = result.measured.evaluate.group
+        for (view, method), trainings in cells(result).items():
+            for condition in result.task.evaluate.conditions:
+                own = groups == condition.group
+                called = np.concatenate([t.value["probabilities"][own].argmax(axis=1) for t in trainings])
+                shares = np.bincount(called, minlength=len(classes)) / called.size
+                rows.append(
+                    {
+                        "data": data, "task": result.task.title, "input": view, "method": LABELS[method],
+                        "recording": condition.name, "bearing": condition.extra["bearing_id"], "true": condition.fault,
+                    }
+                    | {f"called {name}": round(float(s), 3) for name, s in zip(classes, shares, strict=True)}
+                )  # fmt: skip
+    return pd.DataFrame(rows)
+
+
+def selection(results: Sequence[TaskResult], data: str) -> pd.DataFrame:
+    """Accuracy by the criterion that chose the checkpoint, mean over seeds; the last and the oracle beside them."""
+    rows = []
+    for result in results:
+        for (view, method), trainings in cells(result).items():
+            row: dict[str, Any] = {"data": data, "task": result.task.title, "input": view, "method": LABELS[method]}
+            for name in trainings[0].value["chosen"]:
+                row[name] = float(np.mean([t.value["accuracy"][t.value["chosen"][name]] for t in trainings]))
+            row["last checkpoint"] = float(np.mean([t.value["accuracy"][-1] for t in trainings]))
+            row["oracle (target labels)"] = float(np.mean([max(t.value["accuracy"]) for t in trainings]))
+            rows.append(row)
+    return pd.DataFrame(rows)
+
+
+def identification(results: Sequence[TaskResult], data: str) -> pd.DataFrame:
+    """What was identified from the unlabelled recordings of each task."""
+    return pd.DataFrame([{"data": data, "task": r.task.title, **r.identified} for r in results])
+
+
+def markdown(table: pd.DataFrame) -> str:
+    """The table in Markdown, numbers to three digits."""
+
+    def text(value: Any) -> str:
+        if isinstance(value, float):
+            return (
+                ""
+                if np.isnan(value)
+                else (f"{value:.3g}" if abs(value) >= 1e4 else f"{value:.3f}".rstrip("0").rstrip("."))
+            )
+        return str(value)
+
+    lines = ["| " + " | ".join(table.columns) + " |", "|" + "---|" * len(table.columns)]
+    lines += ["| " + " | ".join(text(v) for v in row) + " |" for row in table.itertuples(index=False)]
+    return "\n".join(lines) + "\n"
+
+
+def write(table: pd.DataFrame, base: Path, data: str) -> None:
+    """Write ``base.csv`` and ``base.md``."""
+    with files.replacing(base.with_name(base.name + ".csv")) as path:
+        table.to_csv(path, index=False, float_format="%.6g", lineterminator="\n")
+    with files.replacing(base.with_name(base.name + ".md")) as path:
+        path.write_text(f"{base.name} ({data})\n\n{markdown(table)}", encoding="utf-8")
+
+
+def plain(rows: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
+    """Rows that JSON can hold: NaN becomes None."""
+    return [{k: None if isinstance(v, float) and np.isnan(v) else v for k, v in row.items()} for row in rows]

@@ -1,0 +1,154 @@
+"""The target: recordings, and which of them are adapted to and which are judged on.
+
+data set, or virtual rig --> recordings --> Task: adapt (labels taken away) | evaluate (other recordings, labelled)
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from papers.paper3_zoa_dann.options import TargetOptions
+from twingap import data
+from twingap.errors import TwingapError
+from twingap.records import Condition, RecordSet
+from twingap.rigs import make_rig
+
+
+@dataclass(frozen=True)
+class Target:
+    """The machine that is diagnosed.
+
+    Parameters
+    ----------
+    records : RecordSet
+        Recordings at the loads in question, labelled.
+    title : str
+        What stands beside every number: "CWRU", or "virtual rig, not CWRU".
+    real : bool
+    """
+
+    records: RecordSet
+    title: str
+    real: bool
+
+
+@dataclass(frozen=True)
+class Task:
+    """One question put to the methods.
+
+    Parameters
+    ----------
+    name : str
+        As in the configuration.
+    title : str
+        In words.
+    adapt : RecordSet
+        Recordings to adapt to, their faults taken away.
+    evaluate : RecordSet
+        Recordings to judge on.
+
+    Raises
+    ------
+    TwingapError
+        When a recording is on both sides.
+    """
+
+    name: str
+    title: str
+    adapt: RecordSet
+    evaluate: RecordSet
+
+    def __post_init__(self) -> None:
+        both = set(self.adapt.groups) & set(self.evaluate.groups)
+        if both:
+            raise TwingapError(f"recordings {sorted(both)} are adapted to and judged on", where=f"task {self.name}")
+        if any(c.fault is not None for c in self.adapt.conditions):
+            raise TwingapError("the recordings of adaptation carry labels", where=f"task {self.name}")
+
+
+def load_target(options: TargetOptions, root: Path | None, rig_duration_s: float) -> Target:
+    """The public records when they are at hand, else the virtual rig.
+
+    Parameters
+    ----------
+    options : TargetOptions
+    root : Path or None
+        Data root; TWINGAP_DATA when None.
+    rig_duration_s : float
+        Length of the rig's recordings.
+
+    Raises
+    ------
+    TwingapError
+        When `root` is given and does not hold what is needed: who names data wants those used.
+    """
+    try:
+        records = _wanted(data.load(options.data_set, root), options)
+        return Target(records, options.data_set.upper(), real=True)
+    except TwingapError:
+        if root is not None:
+            raise
+    rig = make_rig(options.stand_in, duration_s=rig_duration_s)
+    return Target(_wanted(rig.records(options.stand_in_seed), options), "virtual rig, not CWRU", real=False)
+
+
+def _wanted(records: RecordSet, options: TargetOptions) -> RecordSet:
+    """Recordings at the loads in question, of whole recordings only, every class at every load."""
+    kept = records.select(
+        lambda c: c.extra["load_hp"] in options.loads_hp and c.fault in options.classes and c.group == c.name
+    )
+    present = {(c.fault, c.extra["load_hp"]) for c in kept.conditions}
+    for hp in options.loads_hp:
+        for fault in options.classes:
+            if (fault, hp) not in present:
+                raise TwingapError(
+                    f"holds no {fault} recording at {hp} hp",
+                    where=f"data set {records.name}",
+                    mend="complete it (`twingap data list` says what is missing), or leave it out altogether",
+                )
+    return kept
+
+
+def make_tasks(names: Sequence[str], records: RecordSet) -> list[Task]:
+    """Tasks by name.
+
+    Parameters
+    ----------
+    names : sequence of str
+        ``load_A_to_B``: adapt to all recordings at A hp, judge on all at B hp (the same bearings, another load).
+        ``unseen_S_A_to_B``: as well, the defective bearings of size S (inch) are left out of adaptation, and only they
+        and the healthy bearing (there is but one) are judged.
+    records : RecordSet
+        With the columns load_hp and fault_size_inch.
+
+    Raises
+    ------
+    TwingapError
+        For a name of another form, or sizes and loads that the records lack.
+    """
+    return [_task(name, records) for name in names]
+
+
+def _task(name: str, records: RecordSet) -> Task:
+    words = name.split("_")
+    try:
+        if words[0] == "load":
+            size, (low, high) = None, (int(words[1]), int(words[3]))
+        elif words[0] == "unseen":
+            size, (low, high) = float(words[1]), (int(words[2]), int(words[4]))
+        else:
+            raise ValueError(name)
+    except (ValueError, IndexError):
+        raise TwingapError(f"unknown task {name!r}", mend="name it load_0_to_2 or unseen_0.014_0_to_2") from None
+
+    def of_size(c: Condition) -> bool:
+        return size is not None and abs(float(c.extra["fault_size_inch"]) - size) < 1e-9
+
+    adapt = records.select(lambda c: c.extra["load_hp"] == low and not of_size(c)).without_labels()
+    evaluate = records.select(
+        lambda c: c.extra["load_hp"] == high and (size is None or of_size(c) or c.fault == "healthy")
+    )
+    title = f"{low} hp to {high} hp" + ("" if size is None else f", unseen bearings ({size:g} in)")
+    return Task(name, title, adapt, evaluate)
