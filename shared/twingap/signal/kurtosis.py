@@ -33,7 +33,7 @@ def spectral_kurtosis(x: ArrayLike, fs_hz: float, *, window_samples: int, overla
 
     SK(f) = M / (M - 1) ((M + 1) / M <|X|^4> / <|X|^2>^2 - 2) over M frames. 0 for Gaussian noise, -1 for a steady tone,
     large where bursts are shorter than the record. With frames that do not overlap its standard deviation in Gaussian
-    noise is `gaussian_sk_sd(M)`. Overlap steadies it: for the same record (simulated, 50 frames' length) to 0.71 of that
+    noise is `gaussian_sk_sd(M)`. Overlap steadies it: for the same record (simulated, 50 frames long) to 0.71 of that
     at overlap 1/2 and 0.59 at 3/4, where its mean is -0.01; `gaussian_sk_sd` of the larger M then is not its scatter.
 
     Parameters
