@@ -14,6 +14,10 @@ import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
 
 from twingap.errors import TwingapError
 
@@ -86,6 +90,18 @@ def replacing_folder(path: str | os.PathLike[str]) -> Iterator[Path]:
                 shutil.rmtree(temporary, ignore_errors=True)
 
 
+def save_npy(path: str | os.PathLike[str], array: NDArray[Any]) -> None:
+    """Write an array as .npy, or raise OSError.
+
+    `numpy.save` loses the end of an array on a full disk without a word: it writes through a C stream whose closing it
+    does not check. Python's own streams do.
+    """
+    array = np.ascontiguousarray(array)
+    with open(path, "wb") as stream:
+        np.lib.format.write_array_header_1_0(stream, np.lib.format.header_data_from_array_1_0(array))
+        stream.write(array.data)
+
+
 def sha256(path: str | os.PathLike[str]) -> str:
     """Hex sha256 of a file, read in one pass at disk speed."""
     with open(path, "rb") as stream:
@@ -120,7 +136,7 @@ def _explained(target: Path) -> Iterator[None]:
     try:
         yield
     except OSError as error:
-        # NumPy reports a full disk by the bytes that it could not write.
+        # NumPy reports a full disk by the number of values that it could not write.
         reason = error.strerror or f"the disk may be full ({error})"
         mend = "choose a folder that is writable and has space"
         named = Path(os.fsdecode(error.filename)) if isinstance(error.filename, (str, bytes)) else None

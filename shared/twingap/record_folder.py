@@ -18,7 +18,7 @@ import numpy as np
 from twingap.bearing import Bearing
 from twingap.config import build, read_toml, to_toml
 from twingap.errors import TwingapError
-from twingap.files import replacing_folder
+from twingap.files import replacing_folder, save_npy
 from twingap.record_files import Array, Channel, SampleFile, inspect
 from twingap.record_table import COLUMNS, Row, extras, read_table, write_table
 from twingap.records import UNITS, Condition, Record, RecordSet
@@ -148,7 +148,7 @@ def write_records(
             file = f"samples/{len(rows) // _PER_FOLDER:04d}/{len(rows):06d}.npy"
             if len(rows) % _PER_FOLDER == 0:
                 (temporary / file).parent.mkdir(parents=True)
-            np.save(temporary / file, np.ascontiguousarray(record.samples, dtype=np.float64), allow_pickle=False)
+            save_npy(temporary / file, record.samples.astype("<f8"))
             fs_hz = condition.fs_hz if fs_hz is None else fs_hz
             rows.append(_row(condition, file, fs_hz))
         if not rows:

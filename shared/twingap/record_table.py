@@ -25,6 +25,7 @@ COLUMNS: Final = ("record", "file", "channel", "speed_rpm", "fault", "load_n", "
 
 _WHOLE: Final = re.compile(r"[+-]?(0|[1-9]\d*)", re.ASCII)
 _NUMBER: Final = re.compile(r"[+-]?((0|[1-9]\d*)(\.\d*)?|\.\d+)([eE][+-]?\d+)?|[+-]?inf", re.ASCII)
+_DIGITS: Final = 400  # no number is longer; Python refuses to make numbers of some that are
 _TRUTHS: Final = {"true": True, "false": False, "True": True, "False": False}
 
 
@@ -180,8 +181,7 @@ def _typed(texts: list[str]) -> list[Any]:
         (_TRUTHS.__contains__, _TRUTHS.__getitem__),
     )
     for fits, make in kinds:
-        # Python turns no more than 4300 digits into a number; such text stays text.
-        if all(len(text) < 400 and fits(text) for text in given):
+        if all(len(text) <= _DIGITS and fits(text) for text in given):
             return [make(text.strip()) if text.strip() else None for text in texts]
     return [text or None for text in texts]
 
@@ -195,10 +195,15 @@ def write_table(path: Path, rows: Iterable[Mapping[str, Any]], columns: Sequence
         For a value that a table cannot hold.
     """
     with path.open("w", encoding="utf-8", newline="") as stream:
-        writer = csv.writer(stream, lineterminator="\n")
-        writer.writerow(columns)
+        stream.write(",".join(map(_quoted, columns)) + "\n")
         for row in rows:
-            writer.writerow([as_text(row.get(column), f"record {row['record']!r}, {column}") for column in columns])
+            cells = (as_text(row.get(column), f"record {row['record']!r}, {column}") for column in columns)
+            stream.write(",".join(map(_quoted, cells)) + "\n")
+
+
+def _quoted(text: str) -> str:
+    # csv.writer, asked for lines that end in \n, leaves a lone \r bare, which every reader takes for a line's end.
+    return '"' + text.replace('"', '""') + '"' if any(c in text for c in ',"\r\n') else text
 
 
 def as_text(value: Any, where: str) -> str:
@@ -208,8 +213,9 @@ def as_text(value: Any, where: str) -> str:
         return ""
     if isinstance(value, bool):
         return "true" if value else "false"
-    if isinstance(value, (int, float)):
+    if isinstance(value, float) or (isinstance(value, int) and abs(value) < 10**_DIGITS):
         return repr(value)
-    if isinstance(value, str):
+    if isinstance(value, str) and len(value) < csv.field_size_limit():
         return value
-    raise TwingapError(f"{value!r} cannot be written to a table", where=where, mend="use text, a number, true or false")
+    shown = f"{type(value).__name__} of such length" if isinstance(value, (int, str)) else repr(value)
+    raise TwingapError(f"{shown} does not fit a table", where=where, mend="use text, a number, true or false")

@@ -8,10 +8,11 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from twingap.errors import TwingapError
-from twingap.files import replacing, replacing_folder, sha256
+from twingap.files import replacing, replacing_folder, save_npy, sha256
 
 BOTH = pytest.mark.parametrize("place", [replacing, replacing_folder])
 
@@ -91,9 +92,11 @@ def test_a_folder_that_holds_something_is_not_replaced(tmp_path: Path) -> None:
 @BOTH
 def test_a_file_where_a_folder_should_be(tmp_path: Path, place: type) -> None:
     (tmp_path / "file").write_text("mine")
-    with pytest.raises(TwingapError, match=r"file/sub/x: cannot be written: Not a directory; choose a folder"):
-        with place(tmp_path / "file" / "sub" / "x"):
-            raise AssertionError("too late")
+    with (
+        pytest.raises(TwingapError, match=r"file/sub/x: cannot be written: Not a directory; choose a folder"),
+        place(tmp_path / "file" / "sub" / "x"),
+    ):
+        raise AssertionError("too late")
     assert _tree(tmp_path) == ["file"]
 
 
@@ -127,9 +130,11 @@ def test_no_permission(tmp_path: Path, place: type) -> None:
 
 
 def test_an_error_about_another_file_names_that_file(tmp_path: Path) -> None:
-    with pytest.raises(TwingapError, match=r"other/gone.txt: cannot be used: No such file"):
-        with replacing(tmp_path / "x"):
-            (tmp_path / "other" / "gone.txt").read_text()
+    with (
+        pytest.raises(TwingapError, match=r"other/gone.txt: cannot be used: No such file"),
+        replacing(tmp_path / "x"),
+    ):
+        (tmp_path / "other" / "gone.txt").read_text()
     assert _tree(tmp_path) == []
 
 
@@ -175,6 +180,15 @@ def test_an_interruption_leaves_nothing(tmp_path: Path, place: str) -> None:
         _, trace = program.communicate(timeout=60)
     assert "KeyboardInterrupt" in trace
     assert _tree(tmp_path) == []
+
+
+@pytest.mark.parametrize("shape", [(0,), (7,), (3, 4)])
+@pytest.mark.parametrize("dtype", ["<f8", ">f4", "i2"])
+def test_arrays_are_written_as_numpy_writes_them(tmp_path: Path, shape: tuple[int, ...], dtype: str) -> None:
+    array = np.arange(np.prod(shape)).reshape(shape).astype(dtype)
+    save_npy(tmp_path / "a.npy", array)
+    np.save(tmp_path / "b.npy", array)
+    assert sha256(tmp_path / "a.npy") == sha256(tmp_path / "b.npy")
 
 
 def test_sha256(tmp_path: Path) -> None:
