@@ -34,7 +34,13 @@ def _phenomenological() -> Identification:
     return identify_phenomenological
 
 
-IDENTIFICATIONS = {"phenomenological": _phenomenological}
+def _contact() -> Identification:
+    from twingap.identify.contact import identify_contact
+
+    return identify_contact
+
+
+IDENTIFICATIONS = {"phenomenological": _phenomenological, "contact": _contact}
 """Model -> function that imports and returns its `Identification`. A user's own model may join."""
 
 

@@ -45,11 +45,14 @@ def band_energy(spectra: Spectra, psd: Array, inside: NDArray[np.bool_]) -> Arra
     return np.asarray(psd[..., inside].sum(axis=-1) * spectra.fs_hz / spectra.segment)
 
 
-def impact_gain(spectra: Spectra, fit: HealthyFit, inside: NDArray[np.bool_]) -> float:
-    """Band energy that one unit impact per second leaves, by the mode alone: how the template scales with the fit."""
+def impact_gain(spectra: Spectra, fit: HealthyFit) -> Array:
+    """Power that the mode passes at each bin [bins], for equal impacts: how unit spectra change with the fit.
+
+    A ratio of two of these moves every line by what the mode passes there; in a sharp mode that is far from the change
+    of the whole band.
+    """
     mode = spectra.expected(autocorrelation(fit.resonance_hz, fit.damping_ratio, spectra.fs_hz, spectra.segment))
-    total = impulse_energy(fit.resonance_hz, fit.damping_ratio, spectra.fs_hz) / spectra.fs_hz
-    return total * float(band_energy(spectra, mode, inside))
+    return mode * impulse_energy(fit.resonance_hz, fit.damping_ratio, spectra.fs_hz)
 
 
 def unit_spectra(twin: PhenomenologicalTwin, fit: HealthyFit, spectra: Spectra, records: RecordSet, root: int) -> Array:

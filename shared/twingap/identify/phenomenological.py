@@ -123,6 +123,14 @@ def _with_intervals(
     values = problem.values(fit)
     for name, (lo, hi) in zip(values, spread.interval(at, level), strict=False):
         out[name] = Estimate(values[name], problem.interval(name, lo, hi))
+    if problem.mode_from.any():
+        # A mode read off lines is biased by where they lie, by more than its scatter; what rests on it is, too.
+        notes.append("a resonance read off the faults' lines has no interval, nor has what rests on it")
+        sound = ("white_noise_rms", "scale")
+        out = {name: e if name in sound else Estimate(e.value) for name, e in out.items()}
+        for place, fault in enumerate(amplitudes, start=len(values)):
+            out[f"impact_amplitude.{fault}"] = Estimate(float(np.sqrt(max(at[place], 0.0))))
+        return out
     scale = problem.levels(fit)["scale"]
     for place, (fault, amplitude) in enumerate(amplitudes.items(), start=len(values)):
         own = spread.at(place) + amplitude.spread(fit, healthy, scale)
@@ -262,7 +270,7 @@ class _Amplitude:
 
     problem: _Problem
     fault: str
-    sides: tuple[tuple[Spectra, Mask, Array, float], ...]  # spectra, band, unit PSDs, gain at the first fit
+    sides: tuple[tuple[Spectra, Mask, Array, Array], ...]  # spectra, band, unit PSDs, gain at the first fit
 
     @classmethod
     def of(cls, problem: _Problem, fault: str, fit: HealthyFit, root: int) -> _Amplitude:
@@ -271,7 +279,7 @@ class _Amplitude:
         for s in problem.of(_is(problem.records, fault)):
             inside = band(s, fit)
             unit = unit_spectra(problem.twin, fit, s, problem.records, root)
-            sides.append((s, inside, unit, impact_gain(s, fit, inside)))
+            sides.append((s, inside, unit, impact_gain(s, fit)))
         return cls(problem, fault, tuple(sides))
 
     def power(self, fit: HealthyFit, healthy: Mask, keep: Mask) -> float:
@@ -284,7 +292,8 @@ class _Amplitude:
             floor = float(band_energy(s, self.floor(s, fit, healthy), inside))
             weights = s.averages[own]
             above += float(weights @ (band_energy(s, s.psd[own], inside) - floor))
-            unit += float(weights @ band_energy(s, template[own], inside)) * impact_gain(s, fit, inside) / gain
+            moved = template[own] * (impact_gain(s, fit) / gain)
+            unit += float(weights @ band_energy(s, moved, inside))
         return above / unit
 
     def floor(self, spectra: Spectra, fit: HealthyFit, healthy: Mask) -> Array:
@@ -342,7 +351,7 @@ def _in_blocks(records: RecordSet, notes: list[str], count: int = 4) -> RecordSe
         size = condition.n_samples // count
         if size < SHORTEST:
             raise TwingapError(
-                f"{condition.n_samples} samples are too few for the only record of state {condition.fault or 'unknown'!r}",
+                f"{condition.n_samples} samples are too few for the only record of fault {condition.fault!r}",
                 where=f"record {condition.name!r}",
                 mend=f"bring {count * SHORTEST} samples, or two records",
             )

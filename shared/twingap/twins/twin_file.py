@@ -410,3 +410,15 @@ def _load_own_models() -> None:
                 lambda parameters, bearing, effects, unit: PhenomenologicalTwin(bearing, parameters, effects, unit),
             )
         )
+    if "contact" not in MODELS:
+        from twingap.twins.contact import ContactTwin
+        from twingap.twins.contact_parameters import PRESETS, ContactParameters
+
+        register_model(
+            Model(
+                "contact",
+                ContactParameters,
+                lambda parameters, bearing, effects, unit: ContactTwin(bearing, parameters, effects, unit),
+                PRESETS,
+            )
+        )
