@@ -2,6 +2,85 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING, Annotated, Any
 
-def bench() -> None:
-    """To be written."""
+import typer
+
+from twingap.cli.options import Json, Seed, TrackingUri, progress, say, say_json, show
+
+if TYPE_CHECKING:
+    from benchmarks.harness import Measurement
+
+
+def bench(
+    name: Annotated[str | None, typer.Argument(help="Which benchmark; all of them when left out.")] = None,
+    quick: Annotated[bool, typer.Option("--quick", help="Small sizes: shows that it works, not how fast.")] = False,
+    strict: Annotated[bool, typer.Option("--strict", help="Exit 1 when a target is missed.")] = False,
+    track: Annotated[bool, typer.Option(help="Log the table and the targets as a run.")] = True,
+    tracking_uri: TrackingUri = None,
+    seed: Seed = 0,
+    as_json: Json = False,
+) -> None:
+    """Run benchmarks, each against its peer in the same run, as ratios."""
+    import benchmarks
+    from twingap.errors import TwingapError
+    from twingap.track import MlflowTracker, NullTracker, Tracker
+
+    if name is not None and name not in benchmarks.names():
+        raise TwingapError(f"unknown benchmark {name!r}", mend=f"known: {', '.join(benchmarks.names()) or 'none'}")
+    chosen = benchmarks.names() if name is None else (name,)
+    # A store that cannot be used should say so before the measuring, not after it.
+    tracker: Tracker = MlflowTracker(tracking_uri, experiment="bench") if track else NullTracker()
+    done: dict[str, Measurement] = {}
+    with progress("benchmarks", len(chosen)) as step:
+        for each in chosen:
+            done[each] = benchmarks.measure(each, quick=quick, seed=seed)
+            _log(tracker, each, done[each], {"benchmark": each, "quick": quick, "seed": seed})
+            step(each)
+    if as_json:
+        say_json([_report(each, measurement, quick) for each, measurement in done.items()])
+    else:
+        for each, measurement in done.items():
+            _print(each, measurement, quick)
+    if strict and not all(target.met for measurement in done.values() for target in measurement.targets):
+        raise typer.Exit(1)
+
+
+def _log(tracker: Any, name: str, measurement: Measurement, parameters: dict[str, Any]) -> None:
+    import pandas as pd
+
+    with tracker.run(f"bench {name}", tags={"benchmark": name}) as run:
+        run.parameters(parameters)
+        run.table("measured", pd.DataFrame(list(measurement.rows)))
+        targets = [_target(t) for t in measurement.targets]
+        if targets:
+            run.table("targets", pd.DataFrame(targets))
+            run.metrics({t.name: t.value for t in measurement.targets})
+            run.metrics({"targets met": sum(t.met for t in measurement.targets) / len(targets)})
+        run.text("notes.txt", "\n".join((measurement.title, *measurement.notes)))
+
+
+def _target(target: Any) -> dict[str, Any]:
+    return {"target": target.name, "measured": target.value, "at least": target.at_least, "met": bool(target.met)}
+
+
+def _report(name: str, measurement: Measurement, quick: bool) -> dict[str, Any]:
+    return {
+        "benchmark": name,
+        "title": measurement.title,
+        "quick": quick,
+        "rows": [dict(row) for row in measurement.rows],
+        "targets": [_target(target) for target in measurement.targets],
+        "notes": list(measurement.notes),
+    }
+
+
+def _print(name: str, measurement: Measurement, quick: bool) -> None:
+    show([dict(row) for row in measurement.rows], False, title=f"{name}: {measurement.title}")
+    for target in measurement.targets:
+        verdict = "met   " if target.met else "missed"
+        say(f"{verdict}  {target.name}: {target.value:.4g} (at least {target.at_least:.4g})")
+    say(*measurement.notes)
+    if quick and measurement.targets:
+        say("--quick sizes: run without it before judging a target")
+    say("")

@@ -2,17 +2,31 @@
 
 from __future__ import annotations
 
+import contextlib
+import io
 import json
+import math
 import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 from rich.table import Table
 
 Seed = Annotated[int, typer.Option(help="Seed of everything random; same seed, same bytes.", min=0)]
 Json = Annotated[bool, typer.Option("--json", help="Print the machine-readable result instead of the table.")]
+TrackingUri = Annotated[
+    str | None,
+    typer.Option(
+        help="Where runs are kept, as MLflow writes it: sqlite:///PATH or http://SERVER. "
+        "Default: MLFLOW_TRACKING_URI, else .twingap/mlflow.db here (TWINGAP_HOME moves it).",
+        show_default=False,
+    ),
+]
 
 progress_console = Console(stderr=True)
 """Progress bars go to standard error, so that standard output holds the result alone."""
@@ -21,17 +35,91 @@ progress_console = Console(stderr=True)
 def show(rows: list[dict[str, Any]], as_json: bool, title: str = "") -> None:
     """Print rows as a table, or as JSON."""
     if as_json:
-        print(json.dumps(rows, indent=2, ensure_ascii=False))
+        say_json(rows)
         return
+    _speak_any_alphabet()
     table = Table(title=title or None)
     for column in rows[0] if rows else ():
         table.add_column(column)
     for row in rows:
-        table.add_row(*("" if value is None else str(value) for value in row.values()))
-    Console().print(table)
+        table.add_row(*(_cell(value) for value in row.values()))
+    # Cells hold data, never markup; what goes into a file or a pipe is not squeezed into 80 columns.
+    wide = {} if sys.stdout.isatty() else {"width": 200}
+    Console(markup=False, highlight=False, **wide).print(table)  # type: ignore[arg-type]
+
+
+def say(*lines: str) -> None:
+    """Print lines as they are."""
+    _speak_any_alphabet()
+    for line in lines:
+        print(line)
+
+
+def say_json(value: Any) -> None:
+    """Print as JSON that any parser takes: NaN and infinities as null, NumPy numbers as numbers."""
+    from twingap.provenance import plain
+
+    _speak_any_alphabet()
+    unicode = (sys.stdout.encoding or "").lower().replace("-", "").startswith("utf")
+    print(json.dumps(_finite(plain(value)), indent=2, ensure_ascii=not unicode, allow_nan=False))
 
 
 def wrote(*paths: Path, as_json: bool = False) -> None:
     """End a command with the paths of what it wrote."""
+    _speak_any_alphabet()
     for path in paths:
         print(path, file=sys.stderr if as_json else sys.stdout)
+
+
+@contextmanager
+def progress(title: str, total: int | None = None) -> Iterator[Callable[[str], None]]:
+    """A bar on standard error, silent where that is not a terminal.
+
+    Parameters
+    ----------
+    title : str
+    total : int or None
+        Steps; None when not known.
+
+    Yields
+    ------
+    callable, str -> None
+        To be called once per step, with a word on what was done.
+    """
+    columns = (
+        TextColumn("{task.description}", markup=False), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(),
+        TimeRemainingColumn(), TextColumn("{task.fields[now]}", markup=False),
+    )  # fmt: skip
+    quiet = not progress_console.is_terminal
+    with Progress(*columns, console=progress_console, transient=True, disable=quiet) as bar:
+        task = bar.add_task(title, total=total, now="")
+
+        def step(now: str = "") -> None:
+            bar.update(task, advance=1, now=now)
+
+        yield step
+
+
+def _cell(value: Any) -> str:
+    """A value for people: numbers to four digits that count."""
+    if value is None:
+        return ""
+    if isinstance(value, float):
+        return f"{value:.4g}" if abs(value) < 1e5 else f"{value:.3e}" if math.isfinite(value) else str(value)
+    return str(value)
+
+
+def _finite(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {key: _finite(item) for key, item in value.items()}
+    if isinstance(value, list):
+        return [_finite(item) for item in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+def _speak_any_alphabet() -> None:
+    """Let a terminal or pipe that lacks a letter get its escape (\\xfc) rather than end the command."""
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper) and stream.errors == "strict":
+            with contextlib.suppress(io.UnsupportedOperation, ValueError):
+                stream.reconfigure(errors="backslashreplace")

@@ -1,7 +1,33 @@
-"""`twingap ui`."""
+"""`twingap ui`: the tracking UI on the runs made here."""
 
 from __future__ import annotations
 
+import contextlib
+import sys
+from typing import Annotated
 
-def ui() -> None:
-    """To be written."""
+import typer
+
+from twingap.cli.options import TrackingUri, say
+from twingap.errors import TwingapError
+
+
+def ui(
+    port: Annotated[int, typer.Option(help="Port to serve at.", min=1, max=65535)] = 5000,
+    host: Annotated[str, typer.Option(help="Address to serve at; 0.0.0.0 lets other machines in.")] = "127.0.0.1",
+    tracking_uri: TrackingUri = None,
+) -> None:
+    """Show the runs made here in the MLflow UI, until Ctrl-C."""
+    from twingap.track import tracking_uri as store
+    from twingap.track_server import serving
+
+    uri = store(tracking_uri)
+    if uri.startswith(("http://", "https://")):
+        say(f"the runs are on a tracking server; open {uri}")
+        return
+    with contextlib.suppress(KeyboardInterrupt), serving(uri, host, port) as server:
+        shown = "127.0.0.1" if host == "0.0.0.0" else host
+        say(f"runs of {uri}", f"http://{shown}:{port}   (Ctrl-C ends it)")
+        sys.stdout.flush()
+        server.wait()
+        raise TwingapError("the UI ended by itself", where=uri, mend="start it again")

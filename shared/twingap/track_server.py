@@ -1,0 +1,148 @@
+"""The MLflow UI as a child process that ends with its block."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import signal
+import socket
+import sqlite3
+import subprocess
+import sys
+import tempfile
+import time
+import urllib.error
+import urllib.request
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from twingap.errors import TwingapError
+from twingap.track import sqlite_path, state_folder
+
+PATIENCE_S = 60.0
+
+
+def runs_in(database: Path) -> int:
+    """How many runs an SQLite store holds, 0 when there is no store; deleted runs do not count.
+
+    Raises
+    ------
+    TwingapError
+        When the file is no tracking store.
+    """
+    if not database.exists():
+        return 0
+    try:
+        with contextlib.closing(sqlite3.connect(f"{database.as_uri()}?mode=ro", uri=True)) as connection:
+            (count,) = connection.execute("SELECT count(*) FROM runs WHERE lifecycle_stage = 'active'").fetchone()
+            return int(count)
+    except sqlite3.Error as error:
+        raise TwingapError(f"is no tracking store: {error}", where=database, mend="check --tracking-uri") from error
+
+
+@contextmanager
+def serving(uri: str, host: str, port: int, *, need_runs: bool = True) -> Iterator[subprocess.Popen[bytes]]:
+    """Serve the store at `uri`; yield the server's process once it answers, and end it with the block.
+
+    Parameters
+    ----------
+    uri : str
+        ``sqlite:///...`` or another database. Its artifacts are served along.
+    host : str
+    port : int
+    need_runs : bool
+        An SQLite store without runs is an error: there would be nothing to see.
+
+    Raises
+    ------
+    TwingapError
+        When there are no runs, the port is taken, the address is not this machine's, or the server does not start.
+    """
+    database = sqlite_path(uri)
+    if database is not None:
+        if need_runs and runs_in(database) == 0:
+            mend = "make one with twingap run or twingap bench, or name another store with --tracking-uri"
+            raise TwingapError("no runs here yet", where=database, mend=mend)
+        uri = f"sqlite:///{database}"
+    _check_free(host, port)
+    home = state_folder() if database is None else database.parent
+    options = {
+        "backend-store-uri": uri, "artifacts-destination": (home / "artifacts").as_uri(),
+        "host": host, "port": str(port), "workers": "1",
+    }  # fmt: skip
+    command = [sys.executable, "-m", "mlflow", "server", *(f"--{key}={value}" for key, value in options.items())]
+    # The scheduler of MLflow's own evaluation jobs is of no use here; neither are reports of usage.
+    quiet = {"MLFLOW_DISABLE_TELEMETRY": "true", "MLFLOW_SERVER_ENABLE_JOB_EXECUTION": "false"}
+    with tempfile.TemporaryFile() as log:
+        server = subprocess.Popen(
+            command,
+            stdin=subprocess.DEVNULL, stdout=log, stderr=subprocess.STDOUT,
+            env={**quiet, **os.environ},
+            start_new_session=True,  # Ctrl-C reaches this process, which then ends the server and its workers
+        )  # fmt: skip
+        try:
+            with _ending_on_terminate():
+                if not _answers(server, host, port):
+                    log.seek(0)
+                    said = [line for line in log.read().decode(errors="replace").splitlines() if line.strip()]
+                    raise TwingapError(
+                        f"the UI does not start: {said[-1][:300] if said else 'it says nothing'}", where=uri
+                    )
+                yield server
+        finally:
+            _end(server)
+
+
+def _check_free(host: str, port: int) -> None:
+    family = socket.AF_INET6 if ":" in host else socket.AF_INET
+    with socket.socket(family, socket.SOCK_STREAM) as probe:
+        # As servers do: a port that another server held a moment ago is free.
+        probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        try:
+            probe.bind((host, port))
+        except OSError as error:
+            taken = isinstance(error, PermissionError) or "in use" in str(error)
+            mend = f"choose another with --port, {port + 1} say" if taken else "choose an address of this machine"
+            raise TwingapError(f"cannot serve there: {error.strerror}", where=f"{host}:{port}", mend=mend) from error
+
+
+def _answers(server: subprocess.Popen[bytes], host: str, port: int) -> bool:
+    """Wait until the server answers; False when it ended or took too long."""
+    reach = {"0.0.0.0": "127.0.0.1", "::": "[::1]"}.get(host, f"[{host}]" if ":" in host else host)
+    until = time.monotonic() + PATIENCE_S
+    direct = urllib.request.build_opener(urllib.request.ProxyHandler({}))
+    while server.poll() is None and time.monotonic() < until:
+        try:
+            with direct.open(f"http://{reach}:{port}/health", timeout=2):
+                return True
+        except (urllib.error.URLError, OSError):
+            time.sleep(0.2)
+    return False
+
+
+def _end(server: subprocess.Popen[bytes]) -> None:
+    """End the server and its workers: asked first, killed after ten seconds."""
+    for number, patience in ((signal.SIGTERM, 10), (signal.SIGKILL, 10)):
+        with contextlib.suppress(ProcessLookupError):
+            os.killpg(server.pid, number)
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            server.wait(patience)
+            break
+    with contextlib.suppress(ProcessLookupError):
+        os.killpg(server.pid, signal.SIGKILL)  # a worker that outlived it
+
+
+@contextmanager
+def _ending_on_terminate() -> Iterator[None]:
+    """Let SIGTERM and a closed terminal unwind like Ctrl-C does, so that the server ends too."""
+
+    def interrupt(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    before = {number: signal.signal(number, interrupt) for number in (signal.SIGTERM, signal.SIGHUP)}
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
