@@ -51,6 +51,7 @@ __all__ = [
     "make_together",
     "respond_together",
     "sink_depth_um",
+    "through",
 ]
 
 Array = NDArray[np.float64]
@@ -183,7 +184,7 @@ def respond_together(twins: Sequence[ContactTwin], drafts: Sequence[Draft]) -> N
         contact *= np.pad(gain, (lead, 0), mode="edge")
         total = contact.copy()
         for mode in draft.modes[1:]:
-            total += _through(mode, draft.modes[0], contact, draft.condition.fs_hz)
+            total += through(mode, draft.modes[0], contact, draft.condition.fs_hz)
         draft.x = total[lead:].copy()
         if draft.force is not None:
             draft.x += ring(draft.modes, draft.condition.fs_hz, draft.t.size, force=draft.force)
@@ -209,7 +210,7 @@ def make_together(
     return [twin.finish(drafts, streams) for twin, drafts in zip(twins, prepared, strict=True)]
 
 
-def _through(new: Mode, old: Mode, x: Array, fs_hz: float) -> Array:
+def through(new: Mode, old: Mode, x: Array, fs_hz: float) -> Array:
     """What mode `new` makes of the hits that have made `x` through mode `old`.
 
     Both modes sampled are b / (1 - 2 r cos(a) / z + r^2 / z^2), so one over the other is a filter of second order.

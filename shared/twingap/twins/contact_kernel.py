@@ -24,7 +24,7 @@ import threading
 from typing import Final
 
 import numpy as np
-from numba import njit, prange
+from numba import get_num_threads, njit, prange, set_num_threads
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
@@ -274,6 +274,13 @@ def integrate(
     if lengths is None:
         lengths = np.full(state.shape[0], turns.shape[1] - 1)
     line = None if point_contact else 10.0 / 9.0
+    threads = get_num_threads()
     # numba's simplest threading layer ends the process when two Python threads enter at once.
     with _ONE_AT_A_TIME:
-        _integrate(state, turns, cage, rows, lengths, first, second, output, along, across, line)
+        set_num_threads(
+            min(threads, max(state.shape[0], 1))
+        )  # waking a thread that gets no group costs more than it runs
+        try:
+            _integrate(state, turns, cage, rows, lengths, first, second, output, along, across, line)
+        finally:
+            set_num_threads(threads)
