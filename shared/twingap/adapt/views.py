@@ -33,8 +33,8 @@ def spectrum(windows: Windows) -> Array:
     """Logarithm of the amplitude spectrum, standardised per window."""
     x = waveform(windows)
     amplitude = np.abs(np.fft.rfft(x * np.hanning(x.shape[1]), axis=1))[:, 1:]
-    level = np.log(amplitude + 1e-3 * amplitude.mean(axis=1, keepdims=True))
-    return np.asarray((level - level.mean(axis=1, keepdims=True)) / level.std(axis=1, keepdims=True))
+    level = np.log(amplitude + 1e-3 * amplitude.mean(axis=1, keepdims=True) + 1e-9)
+    return np.asarray((level - level.mean(axis=1, keepdims=True)) / np.maximum(level.std(axis=1, keepdims=True), 1e-9))
 
 
 def envelope_spectrum(windows: Windows) -> Array:
