@@ -188,7 +188,7 @@ def read_manifest(path: str | os.PathLike[str]) -> Manifest:
         return _from_croissant(document)
     except KeyError as error:
         raise TwingapError(f"key {error.args[0]!r} is missing", where=path) from error
-    except (TypeError, AttributeError, ValueError) as error:
+    except (TypeError, AttributeError, ValueError, IndexError) as error:
         raise TwingapError(f"is not a Croissant data set: {error}", where=path) from error
 
 

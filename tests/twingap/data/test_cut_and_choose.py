@@ -88,6 +88,11 @@ def test_resampling_keeps_a_slow_tone_in_place(fs_hz: float, n: int) -> None:
     np.testing.assert_allclose(out.samples[inside], wanted[inside], atol=0.02)
 
 
+def test_resampling_does_not_ring_at_the_ends_of_an_offset() -> None:
+    flat = Record(Condition("a", 600, 100.0, 1000), np.full(1000, 3.0))
+    np.testing.assert_allclose(resampled(records(flat), 25.0)[0].samples, 3.0, atol=1e-3)
+
+
 def test_resampling_leaves_the_right_rate_alone() -> None:
     whole = records(record("a"), record("b", fs_hz=200.0))
     assert resampled(whole, None) is whole

@@ -7,6 +7,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
 
 from twingap.bearing import BEARINGS, FAULTS
 from twingap.data import READERS, manifest_names, manifest_of
@@ -163,3 +165,33 @@ def test_a_broken_manifest_is_one_line(tmp_path: Path, text: str, said: str) -> 
 def test_unknown_name_lists_the_known_ones() -> None:
     with pytest.raises(TwingapError, match="no data set 'cwr'; use one of cwru, femto"):
         manifest_of("cwr")
+
+
+JSON_VALUES = st.recursive(
+    st.none() | st.booleans() | st.integers() | st.floats(allow_nan=False) | st.text(max_size=8),
+    lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=8), inner, max_size=3),
+    max_leaves=6,
+)
+
+
+@settings(max_examples=300, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(name=st.sampled_from(("cwru", "xjtu_sy", "ims")), value=JSON_VALUES, data=st.data())
+def test_a_manifest_damaged_anywhere_is_read_or_refused_in_one_line(
+    tmp_path: Path, name: str, value: Any, data: st.DataObject
+) -> None:
+    document = json.loads((manifests_folder() / f"{name}.json").read_text(encoding="utf-8"))
+    place: Any = document
+    while True:
+        keys = list(place) if isinstance(place, dict) else list(range(len(place)))
+        key = data.draw(st.sampled_from(keys))
+        if not isinstance(place[key], dict | list) or not place[key] or data.draw(st.booleans()):
+            place[key] = value
+            break
+        place = place[key]
+    path = tmp_path / "damaged.json"
+    path.write_text(json.dumps(document), encoding="utf-8")
+    try:
+        read_manifest(path)
+    except TwingapError as error:
+        assert "damaged.json" in str(error)
+        assert "\n" not in str(error)

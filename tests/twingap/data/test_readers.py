@@ -164,16 +164,18 @@ XJTU_HEADER = "Horizontal_vibration_signals,Vertical_vibration_signals"
 def test_xjtu_sy_reads_runs_in_order_of_time(tmp_path: Path, above: str) -> None:
     # As text, "10" comes before "2".
     folder = tmp_path / "xjtu_sy" / above / "37.5Hz11kN" / "Bearing2_4"
-    snapshots = write_xjtu(folder, [2, 10], XJTU_HEADER)
+    numbers = [42, 10, 2, 33, 1, 5]
+    snapshots = write_xjtu(folder, numbers, XJTU_HEADER)
     records = load("xjtu_sy", tmp_path)
-    assert [(c.name, c.time_s) for c in records.conditions] == [("Bearing2_4_0002", 60.0), ("Bearing2_4_0010", 540.0)]
+    assert [c.time_s for c in records.conditions] == [60.0 * (n - 1) for n in sorted(numbers)]
+    assert records.conditions[3].name == "Bearing2_4_0010"
     condition = records.conditions[0]
     assert (condition.speed_rpm, condition.load_n, condition.fs_hz) == (2250.0, 11_000.0, 25_600.0)
     assert (condition.fault, condition.extra["end_fault"], condition.group) == (None, "outer", "Bearing2_4")
     assert records.bearing is not None
     assert records.bearing.name == "UER204"
-    np.testing.assert_allclose(records[1].samples, snapshots[1, :, 0], atol=1e-5)
-    np.testing.assert_allclose(load("xjtu_sy", tmp_path, axis="vertical")[0].samples, snapshots[0, :, 1], atol=1e-5)
+    np.testing.assert_allclose(records[3].samples, snapshots[1, :, 0], atol=1e-5)
+    np.testing.assert_allclose(load("xjtu_sy", tmp_path, axis="vertical")[1].samples, snapshots[2, :, 1], atol=1e-5)
 
 
 def test_xjtu_sy_refuses_other_columns_and_lengths(tmp_path: Path) -> None:
