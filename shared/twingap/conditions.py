@@ -14,6 +14,7 @@ from typing import Final
 
 from twingap.bearing import Bearing
 from twingap.errors import TwingapError
+from twingap.files import kind_of
 from twingap.record_table import COLUMNS, Row, extras, read_table
 from twingap.records import Condition, RecordSet
 
@@ -49,15 +50,16 @@ def read_conditions(
         Naming file, row, column and reason.
     """
     path = Path(path)
-    if path.is_dir():
+    kind = kind_of(path)
+    if kind == "folder":
         records = RecordSet.read(path)
         return records.conditions, records.bearing
-    if path.name in ("records.csv", "recordset.toml") and (path.parent / "recordset.toml").is_file():
+    if path.name in ("records.csv", "recordset.toml") and kind_of(path.parent / "recordset.toml") == "file":
         records = RecordSet.read(path.parent)
         return records.conditions, records.bearing
-    if not path.exists():
+    if kind == "missing":
         raise TwingapError("no such file or folder", where=path, mend="name a record set or a CSV of conditions")
-    if path.suffix.lower() != ".csv" or not path.is_file():
+    if path.suffix.lower() != ".csv" or kind != "file":
         raise TwingapError(
             "is neither a record set nor a CSV", where=path, mend="name a record set's folder or a .csv file"
         )

@@ -11,10 +11,11 @@ import hashlib
 import os
 import secrets
 import shutil
+import stat
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -88,6 +89,25 @@ def replacing_folder(path: str | os.PathLike[str]) -> Iterator[Path]:
                 temporary.replace(target)
             finally:
                 shutil.rmtree(temporary, ignore_errors=True)
+
+
+def kind_of(path: str | os.PathLike[str]) -> Literal["file", "folder", "other", "missing"]:
+    """What lies at a path; "other" are devices and pipes.
+
+    Raises
+    ------
+    TwingapError
+        When that cannot be told: no permission to look, or no possible name.
+    """
+    try:
+        mode = Path(path).stat().st_mode
+    except (FileNotFoundError, NotADirectoryError):
+        return "missing"
+    except OSError as error:
+        raise TwingapError(f"cannot be read: {error.strerror or error}", where=path) from error
+    except ValueError as error:
+        raise TwingapError("is no file name", where=repr(str(path)), mend="leave out null characters") from error
+    return "file" if stat.S_ISREG(mode) else "folder" if stat.S_ISDIR(mode) else "other"
 
 
 def save_npy(path: str | os.PathLike[str], array: NDArray[Any]) -> None:

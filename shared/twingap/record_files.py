@@ -25,6 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twingap.errors import TwingapError
+from twingap.files import kind_of
 from twingap.record_formats import FORMATS, not_real
 
 Array = NDArray[np.float64]
@@ -176,11 +177,12 @@ def inspect(path: str | os.PathLike[str]) -> SampleFile:
     """
     path = Path(path)
     with _explained(path):
-        if not path.exists():
+        kind = kind_of(path)
+        if kind == "missing":
             mend = "write / between folders" if "\\" in path.name else "check the name and the folder"
             raise TwingapError("no such file", mend=mend)
-        if not path.is_file():
-            raise TwingapError("is a folder, a file expected" if path.is_dir() else "is not a regular file")
+        if kind != "file":
+            raise TwingapError("is a folder, a file expected" if kind == "folder" else "is not a regular file")
         known = FORMATS.get(path.suffix.lower())
         if known is None:
             raise TwingapError(f"files of type {path.suffix!r} are not read", mend=f"use one of {', '.join(SUFFIXES)}")

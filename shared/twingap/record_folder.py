@@ -18,7 +18,7 @@ import numpy as np
 from twingap.bearing import Bearing
 from twingap.config import build, read_toml, to_toml
 from twingap.errors import TwingapError
-from twingap.files import replacing_folder, save_npy
+from twingap.files import kind_of, replacing_folder, save_npy
 from twingap.record_files import Array, Channel, SampleFile, inspect
 from twingap.record_table import COLUMNS, Row, extras, read_table, write_table
 from twingap.records import UNITS, Condition, Record, RecordSet
@@ -78,8 +78,8 @@ def read_record_set(folder: str | os.PathLike[str]) -> RecordSet:
         Naming file, row, column and reason.
     """
     folder = Path(folder)
-    if not folder.is_dir():
-        what = "is not a folder" if folder.exists() else "no such folder"
+    if (kind := kind_of(folder)) != "folder":
+        what = "no such folder" if kind == "missing" else "is not a folder"
         raise TwingapError(what, where=folder, mend="name the folder that holds recordset.toml and records.csv")
     path = folder / "recordset.toml"
     about = build(_Description, read_toml(path), path)

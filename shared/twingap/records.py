@@ -8,6 +8,7 @@ On disk: `twingap.record_folder`; splits: `twingap.record_split`.
 from __future__ import annotations
 
 import os
+from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -167,8 +168,8 @@ class RecordSet(Sequence[Record]):
         from twingap.record_folder import write_records
 
         # The rate of most records is stated once.
-        rates = [condition.fs_hz for condition in self.conditions]
-        return write_records(folder, self.name, self.unit, self.bearing, max(rates, key=rates.count), self)
+        (fs_hz, _), *_ = Counter(condition.fs_hz for condition in self.conditions).most_common(1)
+        return write_records(folder, self.name, self.unit, self.bearing, fs_hz, self)
 
     @property
     def digest(self) -> str:

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from twingap.errors import TwingapError
-from twingap.files import replacing, replacing_folder, save_npy, sha256
+from twingap.files import kind_of, replacing, replacing_folder, save_npy, sha256
 
 BOTH = pytest.mark.parametrize("place", [replacing, replacing_folder])
 
@@ -112,6 +112,17 @@ def test_folders_and_devices_are_no_files(tmp_path: Path) -> None:
         pass
 
 
+def test_what_lies_at_a_path(tmp_path: Path) -> None:
+    (tmp_path / "x").touch()
+    os.mkfifo(tmp_path / "pipe")
+    kinds = {".": "folder", "x": "file", "pipe": "other", "y": "missing", "x/y": "missing"}
+    assert {name: kind_of(tmp_path / name) for name in kinds} == kinds
+    with pytest.raises(TwingapError, match="cannot be read: File name too long"):
+        kind_of(tmp_path / ("x" * 300))
+    with pytest.raises(TwingapError, match="is no file name"):
+        kind_of(tmp_path / "a\0b")
+
+
 def test_a_link_is_followed(tmp_path: Path) -> None:
     (tmp_path / "real").write_text("old")
     (tmp_path / "link").symlink_to("real")
@@ -142,7 +153,7 @@ PROGRAM = """
 import resource, signal, sys
 from pathlib import Path
 from twingap.errors import TwingapError
-from twingap.files import replacing, replacing_folder
+from twingap.files import kind_of, replacing, replacing_folder
 
 place, target, how = sys.argv[1:]
 if how == "full":

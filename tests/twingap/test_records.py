@@ -136,7 +136,7 @@ HEAD = "record,file,channel,speed_rpm,fault,load_n,fs_hz\n"
         (HEAD + "r1,two.npz,,60,,,\n", "row 2, column channel: SET/two.npz: holds 2 channels and none is named; name"),
         (HEAD + "r1,two.npz,c,60,,,\n", "row 2, column channel: SET/two.npz: has no channel 'c'; it has a, b"),
         (HEAD + "r1,records.csv,,60,,,\n", "row 2, column channel: SET/records.csv: holds 7 channels and none is"),
-        (HEAD + "r1,x\0.npy,,60,,,\n", "row 2, column file: SET/x\0.npy: "),
+        (HEAD + "r1,x\0.npy,,60,,,\n", "row 2, column file: 'SET/x\\x00.npy': is no file name"),
         (HEAD + "r1,x.wav,,60,,,8000\n", "row 2, column fs_hz: SET/x.wav states 12000 Hz but the record set 8000 Hz"),
     ],
 )  # fmt: skip
@@ -181,6 +181,8 @@ def test_folders_that_are_no_record_sets(tmp_path: Path) -> None:
         RecordSet.read(tmp_path / "gone")
     with pytest.raises(TwingapError, match=r"recordset.toml: cannot be read: No such file"):
         RecordSet.read(tmp_path)
+    with pytest.raises(TwingapError, match=r"cannot be read: File name too long"):
+        RecordSet.read(tmp_path / ("x" * 300))
     _folder(tmp_path, "")
     with pytest.raises(TwingapError, match=r"recordset.toml: is not a folder"):
         RecordSet.read(tmp_path / "recordset.toml")
