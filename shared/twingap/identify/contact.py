@@ -106,16 +106,18 @@ class SpectrumObjective:
     def match(self, parts: Sequence[Array]) -> tuple[float, Array]:
         """Error, and the three powers (scale^2, of structure and of white noise in record units squared)."""
         measured = np.concatenate([s.psd[s.measured.usable] for s in self.states])
-        # States count alike, whatever their bins; dividing by the PSD's root makes errors those of amplitude spectra.
-        share = np.concatenate(
-            [np.full(int(s.measured.usable.sum()), 1 / s.measured.usable.sum()) for s in self.states]
-        )
-        level = np.concatenate([np.full(int(s.measured.usable.sum()), _power(s)) for s in self.states])
+        # States count alike, whatever their bins and their level.
+        bins = [int(s.measured.usable.sum()) for s in self.states]
+        share = np.repeat([1 / (n * _power(s) * len(bins)) for n, s in zip(bins, self.states, strict=True)], bins)
         basis = np.concatenate([p[:, s.measured.usable] for p, s in zip(parts, self.states, strict=True)], axis=1)
-        weight = np.sqrt(share / (measured * level))
-        powers = self._powers(basis * weight, measured * weight)
-        error = np.sqrt(powers @ basis) - np.sqrt(measured)
-        return float(np.sqrt(np.sum(share / level * error**2) / len(self.states))), powers
+        fitted = measured
+        for _ in range(6):
+            # (sqrt f - sqrt m)^2 = (f - m)^2 / (sqrt f + sqrt m)^2: least squares, weighted anew from the last fit.
+            weight = np.sqrt(share) / (np.sqrt(fitted) + np.sqrt(measured))
+            powers = self._powers(basis * weight, measured * weight)
+            fitted = powers @ basis
+        error = np.sqrt(fitted) - np.sqrt(measured)
+        return float(np.sqrt(np.sum(share * error**2))), powers
 
     def _powers(self, basis: Array, wanted: Array) -> Array:
         """Non-negative least squares for what is free; a fixed noise level is relative to scale."""
@@ -244,7 +246,7 @@ def identify_contact(
     }  # fmt: skip
     fits = tuple(
         Fit(
-            f"{state.fault}, {len(state.measured.places)} records at {state.measured.fs_hz:g} Hz",
+            f"{state.fault}, {len(state.measured.places)} at {state.measured.fs_hz:g} Hz",
             state.measured.f_hz, state.psd, powers @ part, state.measured.usable,
             ContactTwin(twin.bearing, parameters).contact_mode(state.conditions[0].load_n).frequency_hz, records.unit,
         )

@@ -50,7 +50,7 @@ def differential_evolution(
 
     found = search(
         cast(Any, values),  # vectorized: SciPy's own annotation knows scalars only
-        [(float(lo), float(hi)) for lo, hi in bounds],
+        cast(Any, [(float(lo), float(hi)) for lo, hi in bounds]),
         popsize=crowd,
         maxiter=generations,
         rng=rng,

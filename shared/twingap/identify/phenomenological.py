@@ -32,6 +32,8 @@ Mask = NDArray[np.bool_]
 METHODS = ("whittle", "eq8")
 COLOURING = ("second_resonance", "sensor_rolloff", "coloured_noise", "distributed_roughness")
 """Effects that change the healthy spectrum, which the fit takes to be one mode and white noise."""
+MISFIT = 4.0
+"""Deviance over scatter beyond which the healthy spectrum is taken to be something else than one mode and a floor."""
 MOST_RECORDS = 300
 """Records used of each state: beyond this the intervals hardly shrink."""
 
@@ -106,7 +108,7 @@ def _with_intervals(
     report: Report,
 ) -> dict[str, Estimate]:
     """Values with jackknife intervals: over the records of the fit, and for amplitudes over the faulty ones as well."""
-    places = np.flatnonzero(baseline | problem.mode_from)
+    places = np.flatnonzero(baseline)
     of = clusters([str(problem.records.conditions[p].group) for p in places])
     done = 0
 
@@ -188,14 +190,23 @@ class _Problem:
         settled = self
         if {"resonance_hz", "damping_ratio"} <= self.given.keys():
             return settled, fit
-        if self.method == "whittle" and not fit.stands_out:
+        poor = fit.misfit > MISFIT
+        if self.method == "whittle" and (poor or not fit.stands_out):
             others = self.of(~baseline)
-            if others and (shown := whittle(others, lines=True)).stands_out:
-                notes.append("no resonance stands out of healthy noise: resonance and damping were read off the faults")
+            shown = whittle(others, lines=True) if others else fit
+            why = (
+                f"healthy spectra are not one mode and white noise (misfit {fit.misfit:.0f} times scatter)"
+                if poor
+                else "no resonance stands out of healthy noise"
+            )
+            if others and shown.stands_out:
+                notes.append(f"{why}: resonance and damping were read off the faulty records")
                 settled, fit = replace(self, mode_from=~baseline, mode_start=shown), shown
-            else:
+            elif not fit.stands_out:
                 notes.append("no resonance stands out of the noise: resonance_hz and damping_ratio keep their defaults")
                 settled = replace(self, mode_unknown=True)
+            else:
+                notes.append(f"spectra are not one mode and white noise (misfit {fit.misfit:.0f} times scatter)")
         return settled, settled.refit(np.ones(len(self.records), bool), baseline, fit)
 
     def refit(self, keep: Mask, baseline: Mask, start: HealthyFit) -> HealthyFit:
@@ -369,7 +380,7 @@ def _fits(
     """Measured spectra beside fitted ones."""
     unit, out = problem.records.unit, []
     for s in problem.of(baseline):
-        title = f"{'healthy' if healthy.any() else 'all'} records, {len(s.places)} at {s.fs_hz:g} Hz"
+        title = f"{'healthy' if healthy.any() else 'all'}, {_counted(len(s.places))} at {s.fs_hz:g} Hz"
         averages = s.mean()[1]
         out.append(
             Fit(title, s.f_hz, s.mean(lines=True)[0], fit.psd(s), s.usable & (averages > 0), fit.resonance_hz, unit)
@@ -378,6 +389,10 @@ def _fits(
         power = max(0.0, amplitude.power(fit, healthy, np.ones(len(problem.records), bool)))
         for s, inside, template, _ in amplitude.sides:
             fitted = fit.psd(s) + power * s.averages @ template / s.averages.sum()
-            title = f"fault {fault}, {len(s.places)} records at {s.fs_hz:g} Hz"
+            title = f"{fault}, {_counted(len(s.places))} at {s.fs_hz:g} Hz"
             out.append(Fit(title, s.f_hz, s.mean(lines=True)[0], fitted, inside, fit.resonance_hz, unit, band=True))
     return tuple(out)
+
+
+def _counted(records: int) -> str:
+    return "1 record" if records == 1 else f"{records} records"

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize
 from scipy.signal import find_peaks
+from scipy.special import digamma
 from scipy.stats import chi2
 
 from twingap.errors import TwingapError
@@ -57,6 +58,8 @@ class HealthyFit:
         Twice the gain in log likelihood over white noise alone; nan for eq. 8.
     bins : int
         Bins fitted.
+    misfit : float
+        Deviance of the spectrum from the fit over what scatter alone gives: about 1 when the model holds.
     """
 
     resonance_hz: float
@@ -65,6 +68,7 @@ class HealthyFit:
     white_noise_rms: float
     deviance: float = np.nan
     bins: int = 0
+    misfit: float = 1.0
 
     @property
     def stands_out(self) -> bool:
@@ -149,10 +153,14 @@ def whittle(
         float(np.sum(n * (np.log(level * 2 / s.fs_hz) + p[k] * s.fs_hz / 2 / level)))
         for s, p, k, n in zip(measured, scaled, kept, totals, strict=True)
     )
+    # sum n (log p + 1) is the likelihood of a model that hits every bin; log n - digamma(n) is scatter alone.
+    exact = sum(float(np.sum(n * (np.log(p[k]) + 1))) for p, k, n in zip(scaled, kept, totals, strict=True))
+    scatter = sum(float(np.sum(n * (np.log(n) - digamma(n)))) for n in totals)
     f, zeta, structure, floor = np.exp(best.x)
     return HealthyFit(
         float(f), float(zeta), float(np.sqrt(structure * power)), float(np.sqrt(floor * power)),
         max(0.0, 2 * (flat - float(best.fun))), sum(int(k.sum()) for k in kept),
+        (float(best.fun) - exact) / scatter,
     )  # fmt: skip
 
 

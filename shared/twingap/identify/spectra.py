@@ -63,9 +63,9 @@ class Spectra:
 
     @cached_property
     def usable(self) -> NDArray[np.bool_]:
-        """Bins to fit: neither next to zero, where the mean was removed, nor the last, which is not chi-squared 2."""
+        """Bins to fit: not next to zero, where the mean was removed, nor where anti-aliasing filters roll off."""
         bins = np.arange(self.f_hz.size)
-        return (bins >= 3) & (bins < self.segment // 2)
+        return (bins >= 3) & (bins <= 0.9 * (self.segment // 2))
 
     def take(self, keep: NDArray[np.bool_]) -> Spectra:
         """The spectra of some records; `keep` is over the whole set [records of the set]."""
