@@ -42,7 +42,9 @@ from papers.paper3_zoa_dann.options import CONFIG, Options, Profile, read_option
 from papers.paper3_zoa_dann.source import FREE, Recipe
 from papers.paper3_zoa_dann.tasks import Target, Task, load_target, make_tasks
 from papers.paper3_zoa_dann.yardsticks import analyst, majority
+from twingap import files
 from twingap.adapt import Method, Scores, cut, score
+from twingap.backends import BACKENDS
 from twingap.errors import TwingapError
 from twingap.provenance import digest_of_code, digest_of_path
 from twingap.records import RecordSet
@@ -125,6 +127,7 @@ def run(
     tracker: Tracker | None = None,
     progress: Progress = lambda what, done, total: None,
     config: Path = CONFIG,
+    draw: bool = True,
 ) -> Outcome:
     """Run the paper's first result; what an interrupted run has finished is taken up again.
 
@@ -145,6 +148,8 @@ def run(
         Where the run is logged; None keeps no log.
     progress : callable
     config : Path
+    draw : bool
+        Make the figures.
 
     Returns
     -------
@@ -157,7 +162,11 @@ def run(
     """
     options = read_options(config)
     sizes = options.profile(profile)
-    out.mkdir(parents=True, exist_ok=True)
+    if backend not in BACKENDS:
+        raise TwingapError(f"unknown backend {backend!r}", mend=f"use one of {', '.join(BACKENDS)}")
+    with files.replacing(out / ".writable") as probe:  # a folder that cannot be written is told before the work
+        probe.touch()
+    (out / ".writable").unlink()
     target = load_target(options.target, root, sizes.rig_duration_s)
     bearing = target.records.bearing
     if bearing is None:
@@ -210,7 +219,7 @@ def run(
             results.append(result)
         rows = tables.accuracy(results, options, target.title)
         progress("tables and figures", total, total)
-        _publish(log, results, options, target, rows, out)
+        _publish(log, results, options, target, rows, out, draw)
         computed = sum(bool(t.why) for r in results for t in r.trainings)
         return Outcome(profile, target, options, results, rows, out, getattr(log, "id", None), computed)
 
@@ -339,11 +348,15 @@ def _log_training(log: Run, training: Result[Job]) -> None:
 
 
 def _publish(
-    log: Run, results: list[TaskResult], options: Options, target: Target, rows: list[dict[str, Any]], out: Path
+    log: Run,
+    results: list[TaskResult],
+    options: Options,
+    target: Target,
+    rows: list[dict[str, Any]],
+    out: Path,
+    draw: bool,
 ) -> None:
     """Tables and figures: to the run and to the folder."""
-    from papers.paper3_zoa_dann import figures
-
     made = {
         "accuracy": tables.frame(rows),
         "confusion": tables.confusion(results, options, target.title),
@@ -354,6 +367,10 @@ def _publish(
     for name, frame in made.items():
         log.table(name, frame)
         tables.write(frame, out / "tables" / name, target.title)
+    if not draw:
+        return
+    from papers.paper3_zoa_dann import figures
+
     for name, figure in figures.all_figures(results, options, target.title):
         log.figure(name, figure)
         figures.write(figure, out / "figures" / f"{name}.png")
