@@ -137,7 +137,11 @@ def _beside(target: Path) -> Path:
 @contextmanager
 def _parents(folder: Path) -> Iterator[None]:
     """Make a folder and those above it; when the block fails, remove those that were made and are empty still."""
-    made = [place for place in (folder, *folder.parents) if not place.exists()]
+    places = (folder, *folder.parents)
+    made = [place for place in places if not place.exists()]
+    there = places[len(made)]
+    if not there.is_dir():
+        raise TwingapError("is not a folder, a folder expected", where=there, mend="name another place to write to")
     try:
         folder.mkdir(parents=True, exist_ok=True)
         yield

@@ -90,11 +90,12 @@ def test_a_folder_that_holds_something_is_not_replaced(tmp_path: Path) -> None:
 
 
 @BOTH
-def test_a_file_where_a_folder_should_be(tmp_path: Path, place: type) -> None:
+@pytest.mark.parametrize("name", ["x", "sub/x"])
+def test_a_file_where_a_folder_should_be(tmp_path: Path, place: type, name: str) -> None:
     (tmp_path / "file").write_text("mine")
     with (
-        pytest.raises(TwingapError, match=r"file/sub/x: cannot be written: Not a directory; choose a folder"),
-        place(tmp_path / "file" / "sub" / "x"),
+        pytest.raises(TwingapError, match=r"file: is not a folder, a folder expected; name another place"),
+        place(tmp_path / "file" / name),
     ):
         raise AssertionError("too late")
     assert _tree(tmp_path) == ["file"]
