@@ -14,7 +14,8 @@ What makes it fast, and the same to the bit whatever the number of threads and w
 - Rollers are evenly spaced, so at most one of them is inside a defect that is narrower than a pitch: the depth is found
   once per evaluation, then given to the roller whose turn it is.
 
-What is left is the square root of delta^1.5 = delta sqrt(delta): the divider unit is busy all the time.
+What costs most then is the square root in delta^1.5 = delta sqrt(delta), which bounds the speed from above (see
+`benchmarks/contact.py`).
 """
 
 from __future__ import annotations
@@ -61,11 +62,15 @@ ROWS: Final[dict[str, int]] = {
 }
 """Rows of a group's parameters [rows, 16]; everything is per unit of mass."""
 
-FLOPS_OF_A_ROLLER: Final = 13
-"""Projection 4, clearance and defect 2, choices 2, delta^1.5 2 and force 4, less what is shared: per evaluation."""
+ROOTS_OF_A_ROLLER: Final = 4
+"""Square roots per step: one in each of the four evaluations."""
 
-FLOPS_OF_A_STEP: Final = 4 * 28 + 34 + 2 * (30 + 12)
-"""Four evaluations (two rotations, two equations of motion), the stages' sums, two depths and rotations."""
+FLOPS_OF_A_ROLLER: Final = 4 * (5 + 1 + 4)
+"""Additions and multiplications per step: squeeze, delta sqrt(delta), force. Comparisons and choices not counted."""
+
+FLOPS_OF_A_STEP: Final = 4 * 20 + 24 + 12 + 3 * 20 + 24 + 24 + 3 + 12
+"""The rest: evaluations (rotations, equations of motion), turning cage and shaft, unbalance, defect, stages and
+their sums, constants, first low-pass."""
 
 
 @njit(inline="always")
