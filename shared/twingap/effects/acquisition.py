@@ -50,7 +50,7 @@ class Quantisation(Effect):
 class Dropout(Effect):
     """Missing stretches: a Poisson process of gaps of random (exponential) length, filled with the last good sample.
 
-    A gap is at least two samples long, so that it shows; it may reach beyond the record's end.
+    A gap may reach beyond the record's end.
     """
 
     stage: ClassVar[Stage] = Stage.ACQUISITION
@@ -66,15 +66,12 @@ class Dropout(Effect):
         n, fs_hz = draft.x.size, draft.condition.fs_hz
         count = rng.poisson(self.rate_hz * n / fs_hz)
         starts = rng.integers(0, n, count)
-        lengths = 1 + np.ceil(rng.exponential(self.length_s, count) * fs_hz).astype(np.int64)
+        lengths = np.ceil(rng.exponential(self.length_s, count) * fs_hz).astype(np.int64)
         if count == 0:
             return
-        # +1 where a gap begins, -1 where it ends: the running sum is positive inside gaps.
+        # +1 after the last good sample, -1 where the gap ends: the running sum is positive inside gaps.
         edges = np.zeros(n + 1, dtype=np.int64)
-        np.add.at(edges, starts, 1)
-        np.add.at(edges, np.minimum(starts + lengths, n), -1)
+        np.add.at(edges, starts + 1, 1)
+        np.add.at(edges, np.minimum(starts + 1 + lengths, n), -1)
         missing = np.cumsum(edges)[:n] > 0
-        # The first sample of a gap is the last good one: it stays, and the rest of the gap repeats it.
-        missing[1:] &= missing[:-1].copy()
-        missing[0] = False
         draft.x = draft.x[np.maximum.accumulate(np.where(missing, 0, np.arange(n)))]

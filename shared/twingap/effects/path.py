@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import ClassVar
@@ -46,12 +44,8 @@ class SecondResonance(Effect):
         if draft.excitation != "waveform":
             draft.modes.append(Mode(self.frequency_hz, self.damping_ratio, self.gain))
             return
-        fs_hz, settling_s = draft.condition.fs_hz, 1 / (self.damping_ratio * self.frequency_hz)
-        draft.filters.append(
-            lambda x: _filtered(
-                x, fs_hz, settling_s, lambda n: _raised(n, fs_hz, self.frequency_hz, self.damping_ratio, self.gain)
-            )
-        )
+        fs_hz, band = draft.condition.fs_hz, (self.frequency_hz, self.damping_ratio, self.gain)
+        draft.filters.append(lambda x: _filtered(x, _raised(x.size, fs_hz, *band)))
 
     def cannot_act_on(self, draft: Draft) -> str | None:
         return beyond_nyquist(draft, self.frequency_hz)
@@ -78,9 +72,7 @@ class SensorRolloff(Effect):
 
     def apply(self, draft: Draft, rng: np.random.Generator) -> None:
         fs_hz = draft.condition.fs_hz
-        draft.filters.append(
-            lambda x: _filtered(x, fs_hz, 1 / self.corner_hz, lambda n: _low_pass(n, fs_hz, self.corner_hz, self.order))
-        )
+        draft.filters.append(lambda x: _filtered(x, _low_pass(x.size, fs_hz, self.corner_hz, self.order)))
 
 
 def beyond_nyquist(draft: Draft, frequency_hz: float) -> str | None:
@@ -93,16 +85,15 @@ def beyond_nyquist(draft: Draft, frequency_hz: float) -> str | None:
     )
 
 
-def _filtered(x: Array, fs_hz: float, settling_s: float, response: Callable[[int], Array]) -> Array:
-    """A causal filter given by its frequency response for a transform of n samples.
+def _filtered(x: Array, response: Array) -> Array:
+    """A causal filter given by its response at the frequencies of the record's own transform.
 
-    The start is mirrored in front of the record, so that the filter has settled when the record begins.
+    The record's end runs into its beginning: as structure noise is made to repeat with the record's length, the filter
+    has settled when the record begins.
     """
-    lead = min(x.size - 1, math.ceil(4 * settling_s * fs_hz))
-    length = scipy.fft.next_fast_len(x.size + lead, real=True)
-    spectrum = scipy.fft.rfft(np.concatenate((x[lead:0:-1], x)), length)
-    spectrum *= response(length)
-    return np.asarray(scipy.fft.irfft(spectrum, length)[lead : lead + x.size])
+    spectrum = scipy.fft.rfft(x)
+    spectrum *= response
+    return np.asarray(scipy.fft.irfft(spectrum, x.size))
 
 
 @lru_cache(maxsize=16)

@@ -251,6 +251,6 @@ def periodic_impacts(draft: Draft, amplitude: float, phase: float) -> Impacts:
     lead_s = max([LONGEST_RINGING_S, *(mode.ringing_s for mode in draft.modes)])
     inside = math.ceil(draft.turns[-1] * order)
     before = math.ceil(lead_s * draft.shaft_hz * order) + 2
-    after = 4 + math.ceil(0.5 * math.sqrt(before + inside))
+    after = 4 + math.ceil(2 * math.sqrt(before + inside))
     passes = np.arange(-before, inside + after, dtype=np.int64)
     return Impacts((passes + phase) / order, np.full(passes.size, amplitude), passes)

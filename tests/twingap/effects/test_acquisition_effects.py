@@ -49,7 +49,7 @@ def test_dropout_makes_runs_of_equal_samples_and_leaves_the_rest(lab: Any) -> No
     held = np.diff(with_it, axis=1) == 0
     changed = with_it != without
     np.testing.assert_array_equal(changed[:, 1:], held), "only held samples differ"
-    # 10 gaps a second of 5 ms (and one sample) for 80 s, overlapping a little.
+    # 10 gaps a second of 5 ms for 80 s, overlapping a little.
     assert held.sum() / lab.fs_hz / 80 == pytest.approx(10 * 0.005, rel=0.15)
     begins = (np.diff(held.astype(int), axis=1) == 1).sum()
     assert begins == pytest.approx(800, rel=0.15)

@@ -35,7 +35,7 @@ def literal_eq1(condition: Condition, parameters: PhenomenologicalParameters, se
     t = np.arange(condition.n_samples) / condition.fs_hz
     w, zeta = 2 * np.pi * parameters.resonance_hz, parameters.damping_ratio
     before, inside = int(np.ceil(0.3 / period)) + 2, int(np.ceil(t[-1] / period))
-    count = before + inside + 4 + int(np.ceil(0.5 * np.sqrt(before + inside)))
+    count = before + inside + 4 + int(np.ceil(2 * np.sqrt(before + inside)))
     i = np.arange(count) - before + streams("impact_phase").random()
     tau = 0.02 * period * streams("slip_jitter").standard_normal(count)
     normal = streams("impact_scatter").standard_normal(count)
