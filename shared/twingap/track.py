@@ -362,7 +362,7 @@ def _created(client: Any, experiment: str, artifacts: str | None) -> str:
     from mlflow.exceptions import MlflowException
 
     try:
-        return str(client.create_experiment(experiment, artifact_location=artifacts))
+        return str(client.create_experiment(experiment, artifacts, {"mlflow.experimentKind": "custom_model_development"}))
     except MlflowException:
         found = client.get_experiment_by_name(experiment)
         if found is None:
