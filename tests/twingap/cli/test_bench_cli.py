@@ -1,0 +1,104 @@
+"""`twingap bench`: runs, shows targets met and missed, logs; a user's mistakes are one line."""
+
+from __future__ import annotations
+
+import json
+import os
+import sqlite3
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import benchmarks
+from benchmarks.harness import Measurement, Target
+
+FAKE = """
+from benchmarks.harness import Measurement, Target
+
+def measure(quick, seed=0):
+    rows = [
+        {"rival": "ours \\u00fc [red]", "ms": 1.25, "ratio": float("nan")},
+        {"rival": "peer", "ms": 12.5, "ratio": 10.0},
+    ]
+    targets = [Target("speed-up (x)", 10.0, 5.0), Target("agreement", 0.5, 1.0)]
+    return Measurement("ours against a peer", rows, targets, [f"seed {seed}, quick {quick}"])
+"""
+
+
+@pytest.fixture
+def fake(tmp_path: Path) -> Path:
+    """A project folder whose package of benchmarks has one more, in a copy of its own."""
+    package = tmp_path / "benchmarks"
+    package.mkdir()
+    for name in ("__init__.py", "harness.py"):
+        (package / name).write_bytes((Path(benchmarks.__file__).parent / name).read_bytes())
+    (package / "fake.py").write_text(FAKE, encoding="utf-8")
+    (package / "needy.py").write_text("import no_such_peer_of_ours\n")
+    return tmp_path
+
+
+def bench(folder: Path, *words: str, **env: str) -> subprocess.CompletedProcess[str]:
+    clean = {k: v for k, v in os.environ.items() if k not in ("MLFLOW_TRACKING_URI", "TWINGAP_HOME")}
+    return subprocess.run(
+        [sys.executable, "-m", "twingap.cli", "bench", *words],
+        cwd=folder,
+        env={**clean, "PYTHONPATH": str(folder), **env},
+        capture_output=True,
+        text=True,
+        timeout=120,
+    )
+
+
+def test_names_are_the_modules_beside_the_harness() -> None:
+    folder = Path(benchmarks.__file__).parent
+    expected = {p.stem for p in folder.glob("[a-z]*.py")} - {"harness"}
+    assert set(benchmarks.names()) == expected
+
+
+def test_a_target_is_met_from_its_value_on() -> None:
+    assert Target("t", 5.0, 5.0).met and not Target("t", 4.999, 5.0).met
+    assert not Target("t", float("nan"), 0.0).met
+    assert Measurement("m", []).targets == ()
+
+
+def test_it_prints_table_targets_and_notes_and_logs_them(fake: Path) -> None:
+    done = bench(fake, "fake", "--quick", "--seed", "7")
+    assert done.returncode == 0, done.stderr
+    assert "ours ü [red]" in done.stdout and "12.5" in done.stdout
+    assert "met     speed-up (x): 10 (at least 5)" in done.stdout
+    assert "missed  agreement: 0.5 (at least 1)" in done.stdout
+    assert "seed 7, quick True" in done.stdout
+    with sqlite3.connect(fake / ".twingap" / "mlflow.db") as database:
+        assert database.execute("SELECT name, status FROM runs").fetchall() == [("bench fake", "FINISHED")]
+        assert dict(database.execute("SELECT key, value FROM metrics"))["speed-up x"] == 10.0
+    logged = next((fake / ".twingap" / "artifacts").rglob("measured.csv"))
+    assert logged.read_text(encoding="utf-8").splitlines()[0] == "rival,ms,ratio"
+
+
+def test_json_is_valid_in_any_alphabet_and_strict_fails_on_a_miss(fake: Path) -> None:
+    done = bench(fake, "fake", "--json", "--strict", "--no-track", PYTHONIOENCODING="ascii", LANG="C")
+    assert done.returncode == 1, done.stderr
+
+    def refuse(word: str) -> None:
+        raise AssertionError(f"{word} is no JSON")
+
+    (report,) = json.loads(done.stdout, parse_constant=refuse)
+    assert report["rows"][0] == {"rival": "ours ü [red]", "ms": 1.25, "ratio": None}
+    assert [t["met"] for t in report["targets"]] == [True, False]
+    assert not (fake / ".twingap").exists()
+    shown = bench(fake, "fake", "--no-track", PYTHONIOENCODING="ascii", LANG="C")
+    assert shown.returncode == 0 and "ours \\xfc [red]" in shown.stdout
+
+
+def test_mistakes_are_one_line(fake: Path) -> None:
+    (fake / "file").write_text("")
+    for words, expected in (
+        (["nothing"], "unknown benchmark 'nothing'; known: fake, needy"),
+        (["needy", "--no-track"], "needs no_such_peer_of_ours, which is not installed; pip install 'twingap[bench]'"),
+        (["fake", "--tracking-uri", f"sqlite:///{fake / 'file' / 'x.db'}"], "cannot be used"),
+    ):
+        done = bench(fake, *words)
+        assert done.returncode == 2 and done.stdout == ""
+        assert done.stderr.count("\n") == 1 and expected in done.stderr
