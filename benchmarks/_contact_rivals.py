@@ -92,7 +92,7 @@ def with_diffrax(job: Job, starts: Array, first: Array, dt: float, steps: int) -
     jax.config.update("jax_enable_x64", True)
     slope = equations(job, jnp)
 
-    class RK4(diffrax.AbstractERK):  # type: ignore[misc, name-defined]
+    class RK4(diffrax.AbstractERK):  # type: ignore[misc]
         tableau = diffrax.ButcherTableau(
             c=np.array([0.5, 0.5, 1.0]),
             b_sol=np.array([1, 2, 2, 1]) / 6,
