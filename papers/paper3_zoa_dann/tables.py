@@ -211,8 +211,3 @@ def write(table: pd.DataFrame, base: Path, data: str) -> None:
         table.to_csv(path, index=False, float_format="%.6g", lineterminator="\n")
     with files.replacing(base.with_name(base.name + ".md")) as path:
         path.write_text(f"{base.name} ({data})\n\n{markdown(table)}", encoding="utf-8")
-
-
-def plain(rows: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
-    """Rows that JSON can hold: NaN becomes None."""
-    return [{k: None if isinstance(v, float) and np.isnan(v) else v for k, v in row.items()} for row in rows]

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import enum
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from twingap.cli.options import Json, Seed, progress_console, show, wrote
+from twingap.cli.options import Json, Seed, TrackingUri, progress_console, say, say_json, show, wrote
 from twingap.errors import TwingapError
+
+if TYPE_CHECKING:
+    from papers.paper3_zoa_dann.pipeline import Outcome
 
 
 class Paper(enum.StrEnum):
@@ -37,6 +40,7 @@ def run(
     out: Annotated[Path | None, typer.Option(help="Folder of tables, figures and results [.twingap/PAPER].")] = None,
     root: Annotated[Path | None, typer.Option(help="Data root; TWINGAP_DATA when absent.")] = None,
     seed: Seed = 0,
+    tracking_uri: TrackingUri = None,
     json: Json = False,
 ) -> None:
     """A paper's tables and figures, tracked and resumable: what was finished before is taken up again."""
@@ -51,14 +55,14 @@ def run(
         TimeRemainingColumn,
     )
 
-    from papers.paper3_zoa_dann import pipeline, tables
+    from papers.paper3_zoa_dann import pipeline
     from twingap.track import MlflowTracker, state_folder
 
-    tracker = MlflowTracker()
+    tracker = MlflowTracker(tracking_uri)
     columns = (
         TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), TimeRemainingColumn(),
     )  # fmt: skip
-    with Progress(*columns, console=progress_console) as bar:
+    with Progress(*columns, console=progress_console, transient=True) as bar:
         line = bar.add_task("reading", total=None)
         outcome = pipeline.run(
             profile.value,
@@ -71,15 +75,23 @@ def run(
             progress=lambda what, done, total: bar.update(line, description=what, completed=done, total=total),
         )
     if json:
-        show(tables.plain(outcome.rows), True)
+        say_json(outcome.rows)
     else:
-        for task, rows in tables.shown(outcome.rows).items():
-            show(rows, False, f"{task}: trained on the contact twin, judged on {outcome.target.title}")
-        count = sum(len(result.trainings) for result in outcome.tasks)
-        print("accuracy of windows: mean ± std over seeds and 95 % interval for the mean; right: recordings by vote;")
-        print("oracle: the checkpoint that target labels would have chosen, which no method may claim")
-        print(f"{count} trainings: {outcome.computed} run now, {count - outcome.computed} taken up from earlier runs")
-        print(f"MLflow run {outcome.run_id} in {tracker.uri}; to look at it: twingap ui")
-        if not outcome.target.real:
-            print("no CWRU records at hand: for real ones, twingap data fetch cwru and set TWINGAP_DATA")
+        _print(outcome)
+        say(f"MLflow run {outcome.run_id} in {tracker.uri}; to look at it: twingap ui")
     wrote(outcome.out / "tables", outcome.out / "figures", as_json=json)
+
+
+def _print(outcome: Outcome) -> None:
+    from papers.paper3_zoa_dann import tables
+
+    for task, rows in tables.shown(outcome.rows).items():
+        show(rows, False, f"{task}: trained on the contact twin, judged on {outcome.target.title}")
+    count = sum(len(result.trainings) for result in outcome.tasks)
+    say(
+        "accuracy of windows: mean ± std over seeds, and the 95 % interval for that mean; right: recordings, by vote;",
+        "oracle: the checkpoint that target labels would have chosen, which no method may claim",
+        f"{count} trainings: {outcome.computed} run now, {count - outcome.computed} taken up from earlier runs",
+    )
+    if not outcome.target.real:
+        say("no CWRU records at hand: for real ones, `twingap data fetch cwru` and set TWINGAP_DATA")
