@@ -238,3 +238,20 @@ KEYS = st.text().filter(lambda k: k != "$array")
 @settings(max_examples=60, deadline=None)
 def test_values_come_back_as_they_were(value: Any) -> None:
     assert same(decode(*encode(value)), value)
+
+
+@pytest.mark.parametrize("what", ["value", "array"])
+def test_a_result_that_was_edited_is_computed_again(jobs: Any, tmp_path: Path, what: str) -> None:
+    first = sweep(jobs.draw, [jobs.Draw(1)], store=tmp_path, backend="sequential")[0]
+    if what == "value":
+        path = next(tmp_path.glob("*.json"))
+        held = json.loads(path.read_text())
+        held["value"] = held["value"].replace("[1,", "[2,")
+        path.write_text(json.dumps(held))
+    else:
+        path = next(tmp_path.glob("*.npz"))
+        with np.load(path) as archive:
+            arrays = {name: archive[name] + 1 for name in archive.files}
+        np.savez(path, **arrays)
+    again = sweep(jobs.draw, [jobs.Draw(1)], store=tmp_path, backend="sequential")[0]
+    assert again.why == "stored result damaged" and same(first.value, again.value)
