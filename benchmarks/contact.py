@@ -84,7 +84,7 @@ def _groups(quick: bool) -> int:
 def _race(
     own: ContactParameters, quick: bool, rounds: int
 ) -> tuple[list[dict[str, Any]], dict[str, list[float]], dict[str, list[float]], dict[str, float]]:
-    """Rows of the table, seconds and CPU seconds per call, and trajectory-steps per call (roots or flops for the machine's limits)."""
+    """Rows of the table; seconds, CPU seconds and trajectory-steps per call (for the machine: roots and operations)."""
     groups, samples = _groups(quick), 400 if quick else 2000
     job = Job(BEARING, own, Condition("bench", SPEED_RPM, FS_HZ, 1, "outer"), np.zeros(1))
     calls: dict[str, Callable[[], object]] = {OURS: partial(_ours, own, groups, samples, FACTOR)}
@@ -215,11 +215,11 @@ def _limits(busy: dict[str, list[float]], work: dict[str, float]) -> list[str]:
     ours, peak, root_rate = (work[name] / min(busy[name]) for name in (ALONE, "peak", "roots"))
     by_flops, by_roots = peak / (flops + roots), root_rate / roots
     return [
-        f"A trajectory-step is {flops} additions and multiplications and {roots} square roots. Arithmetic peak of a core, "
-        f"measured here (fused multiply-adds in registers): {peak / 1e9:.1f} GFLOP/s, or {by_flops:.3g} "
+        f"A trajectory-step is {flops} additions and multiplications and {roots} square roots. Arithmetic peak of a "
+        f"core, measured here (fused multiply-adds in registers): {peak / 1e9:.1f} GFLOP/s, or {by_flops:.3g} "
         f"trajectory-steps/s; ours are {ours:.3g}, {100 * ours / by_flops:.0f} % of it.",
-        f"Square roots come from the divider unit, which gives {root_rate / 1e9:.2f}e9/s a core here, or {by_roots:.3g} "
-        f"trajectory-steps/s: the limit that binds, of which ours are {100 * ours / by_roots:.0f} %.",
+        f"The divider unit gives {root_rate / 1e9:.2f}e9 square roots/s a core here, or {by_roots:.3g} trajectory-"
+        f"steps/s: the tightest limit of those measured; ours are {100 * ours / by_roots:.0f} % of it.",
     ]
 
 

@@ -119,13 +119,20 @@ def settle(n_rollers: int, own: Statics, cage: Array) -> tuple[Array, Array, Arr
     -------
     Array [positions, 2], Array [positions, 2, 2], Array [positions]
         Displacement (m), stiffness (N/m), compression of the most loaded roller (m).
+
+    Raises
+    ------
+    TwingapError
+        When none is found, for values that no bearing has.
     """
     angles = 2 * np.pi * (cage[:, None] + np.arange(n_rollers) / n_rollers)
     e = np.stack([np.cos(angles), np.sin(angles)], axis=-1)
     force = np.array([own.force_x, own.force_y])
     size, n = float(np.hypot(*force)), own.exponent
     guess = (5 * size / (n_rollers * own.stiffness)) ** (1 / n)
-    xy = np.tile(force / size * (own.clearance_m + guess), (cage.size, 1))
+    # Far enough that a roller is squeezed even where the load points between two of them.
+    xy = np.tile(force / size * (max(own.clearance_m, 0.0) + guess) / math.cos(math.pi / n_rollers), (cage.size, 1))
+    typical = n * own.stiffness * guess ** (n - 1)
 
     def squeezed(at: Array) -> Array:
         return np.maximum((e @ at[:, :, None])[:, :, 0] - own.clearance_m, 0.0)
@@ -134,23 +141,29 @@ def settle(n_rollers: int, own: Statics, cage: Array) -> tuple[Array, Array, Arr
         potential: Array = own.stiffness / (n + 1) * (squeezed(at) ** (n + 1)).sum(axis=1) - at @ force
         return potential
 
-    for _ in range(60):
+    for _ in range(100):
         delta = squeezed(xy)
         residual = own.stiffness * np.einsum("pj,pjk->pk", delta**n, e) - force
         slope = np.where(delta > 0, n * own.stiffness * np.maximum(delta, 1e-300) ** (n - 1), 0.0)
         hessian = np.einsum("pj,pjk,pjl->pkl", slope, e, e)
-        if np.abs(residual).max() <= 1e-12 * size:
+        if np.abs(residual).max() <= 1e-11 * size:
             break
-        # A ring on one roller has no stiffness across: a little of the other keeps the step finite.
-        ridge = 1e-9 * np.trace(hessian, axis1=1, axis2=2)[:, None, None] * np.eye(2)
-        step = -np.linalg.solve(hessian + ridge, residual[:, :, None])[:, :, 0]
+        # A ring on one roller has no stiffness across, and one out of contact none at all: a trace of it keeps the
+        # step finite, and the line search shortens it.
+        step = -np.linalg.solve(hessian + 1e-9 * typical * np.eye(2), residual[:, :, None])[:, :, 0]
         before, length = energy(xy), np.ones(cage.size)
-        for _ in range(30):
+        for _ in range(60):
             worse = energy(xy + length[:, None] * step) > before + 1e-14 * np.abs(before)
             if not worse.any():
                 break
             length = np.where(worse, length / 2, length)
         xy = xy + length[:, None] * step
+    if not np.abs(residual).max() <= 1e-6 * size:
+        raise TwingapError(
+            f"no static equilibrium found under {size:g} N",
+            where="contact parameters",
+            mend="bring stiffness, load and clearance_um into their plausible range",
+        )
     return xy, hessian, squeezed(xy).max(axis=1)
 
 
