@@ -73,7 +73,8 @@ class HealthyFit:
     @property
     def stands_out(self) -> bool:
         """Whether a mode shows at all above white noise: one false alarm in a thousand, wherever in the spectrum."""
-        return not self.deviance < chi2.isf(1e-3 / max(self.bins, 1), 3)
+        # Neighbouring Hann bins share half of what they say, so half of the deviance is news.
+        return not self.deviance / 2 < chi2.isf(1e-3 / max(self.bins, 1), 3)
 
     def psd(self, spectra: Spectra) -> Array:
         """Expected PSD of healthy records by the estimator behind `spectra` [bins]."""
@@ -282,13 +283,14 @@ def _decrement(spectra: Spectra, hill: Array) -> float:
     decay = decay / taper
     peaks, _ = find_peaks(decay)
     heights = np.concatenate([decay[:1], decay[peaks]])
-    # From the second maximum on (the first holds what little white noise is left), down to a tenth.
-    usable = heights > 0.1 * heights[0]
+    # From the second maximum on (the first holds what little white noise is left), down to a fifth; scatter is the same
+    # at all lags, so that the logarithm of a maximum is worth its height.
+    usable = heights > 0.2 * heights[0]
     last = int(np.argmin(usable)) if not usable.all() else heights.size
     chosen = np.arange(heights.size)[1 : max(last, 2)]
     if chosen.size == 0 or heights[chosen[0]] <= 0:
         raise TwingapError("the dominant peak does not ring", mend='use method "whittle"')
     if chosen.size == 1:
         return float(np.log(heights[0] / heights[1]))
-    slope = np.polyfit(chosen, np.log(heights[chosen]), 1)[0]
+    slope = np.polyfit(chosen, np.log(heights[chosen]), 1, w=heights[chosen])[0]
     return float(max(-slope, 1e-6))
