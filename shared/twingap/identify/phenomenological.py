@@ -24,7 +24,7 @@ from twingap.identify.spectra import SHORTEST, Spectra, spectra
 from twingap.records import Record, RecordSet
 from twingap.streams import root_entropy
 from twingap.twins.phenomenological import PhenomenologicalTwin
-from twingap.twins.twin_file import TwinSpec, build_twin, flat
+from twingap.twins.twin_file import TwinSpec, build_twin, flat, model_parameters
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -211,14 +211,14 @@ class _Problem:
 
     def refit(self, keep: Mask, baseline: Mask, start: HealthyFit) -> HealthyFit:
         """The fit on these records, from a good start."""
-        own, mode = self.of(keep & baseline), None
+        measured, mode = self.of(keep & baseline), None
         if self.method == "eq8":
-            mode = equation_8(own)
+            mode = equation_8(measured)
         elif self.mode_from.any():
             mode = whittle(self.of(keep & self.mode_from), lines=True, start=self.mode_start)
         elif self.mode_unknown:
-            mode = replace(start, resonance_hz=self.twin.parameters.resonance_hz)
-            mode = replace(mode, damping_ratio=self.twin.parameters.damping_ratio)
+            own = model_parameters(self.spec)
+            mode = replace(start, resonance_hz=own.resonance_hz, damping_ratio=own.damping_ratio)
         fixed = self.fixed
         if mode is not None:
             known = (fixed.resonance_hz, fixed.damping_ratio)
@@ -226,7 +226,7 @@ class _Problem:
                 k if k is not None else m for k, m in zip(known, (mode.resonance_hz, mode.damping_ratio), strict=True)
             )
             fixed = replace(fixed, resonance_hz=f, damping_ratio=zeta)
-        return whittle(own, start=start, fixed=fixed)
+        return whittle(measured, start=start, fixed=fixed)
 
     def levels(self, fit: HealthyFit) -> dict[str, float]:
         """Noise levels in multiples of scale, and scale, by the twin's convention: healthy RMS = scale where free."""

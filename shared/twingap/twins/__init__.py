@@ -4,5 +4,29 @@ from twingap.twins.base import Twin
 from twingap.twins.contact import ContactTwin
 from twingap.twins.contact_parameters import ContactParameters
 from twingap.twins.phenomenological import PhenomenologicalParameters, PhenomenologicalTwin
+from twingap.twins.twin_file import (
+    MODELS,
+    Model,
+    Provenance,
+    TwinSpec,
+    build_twin,
+    read_twin,
+    register_model,
+    write_twin,
+)
 
-__all__ = ["ContactParameters", "ContactTwin", "PhenomenologicalParameters", "PhenomenologicalTwin", "Twin"]
+__all__ = [
+    "MODELS",
+    "ContactParameters",
+    "ContactTwin",
+    "Model",
+    "PhenomenologicalParameters",
+    "PhenomenologicalTwin",
+    "Provenance",
+    "Twin",
+    "TwinSpec",
+    "build_twin",
+    "read_twin",
+    "register_model",
+    "write_twin",
+]

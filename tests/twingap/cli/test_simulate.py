@@ -1,0 +1,154 @@
+"""`twingap simulate` as it is typed."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import pytest
+
+from twingap.bearing import BEARINGS
+from twingap.cli import main
+from twingap.records import RecordSet
+from twingap.twins.twin_file import Provenance, TwinSpec, write_twin
+
+
+class Said(NamedTuple):
+    """What a command left."""
+
+    status: int
+    out: str
+    err: str
+
+
+Run = Callable[..., Said]
+
+
+@pytest.fixture
+def twingap(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Run:
+    """Runs `twingap ...`."""
+
+    def run(*arguments: object) -> Said:
+        monkeypatch.setattr(sys, "argv", ["twingap", *map(str, arguments)])
+        with pytest.raises(SystemExit) as left:
+            main()
+        said = capsys.readouterr()
+        return Said(int(left.value.code or 0), said.out, said.err)
+
+    return run
+
+
+@pytest.fixture
+def twin(tmp_path: Path) -> Path:
+    path = tmp_path / "mein Zwilling.toml"
+    write_twin(path, TwinSpec("phenomenological", ("slip_jitter",), bearing=BEARINGS["6205"]))
+    return path
+
+
+@pytest.fixture
+def table(tmp_path: Path) -> Path:
+    path = tmp_path / "Zustände für morgen.csv"
+    rows = [f"{f}{i},{1500 + 100 * i},{f},{10 * i},{f[0]}" for f in ("healthy", "inner") for i in range(3)]
+    path.write_text("record,speed_rpm,fault,time_s,rig\n" + "\n".join(rows) + "\n", encoding="utf-8")
+    return path
+
+
+def refused(said: Said, *parts: str) -> None:
+    """One line on standard error, naming all of `parts`, and exit status 2."""
+    assert said.status == 2
+    assert said.out == ""
+    assert said.err.startswith("twingap: ") and said.err.count("\n") == 1
+    for part in parts:
+        assert part in said.err
+
+
+def simulate(twingap: Run, twin: Path, table: Path, out: Path, *more: object) -> Said:
+    return twingap("simulate", twin, "--records", table, "--out", out, "--fs-hz", 12000, "--duration-s", 0.1, *more)
+
+
+def test_a_table_becomes_a_record_set(twingap: Run, twin: Path, table: Path, tmp_path: Path) -> None:
+    out = tmp_path / "neue Sätze" / "a"
+    said = simulate(twingap, twin, table, out)
+    assert said.status == 0 and said.err == ""
+    assert said.out.splitlines()[-1] == str(out)
+    made = RecordSet.read(out)
+    assert len(made) == 6 and made.bearing == BEARINGS["6205"] and made.unit == "m/s^2"
+    assert made.conditions[4].fault == "inner" and made.conditions[4].speed_rpm == 1600
+    assert made.conditions[4].time_s == 10 and made.conditions[4].extra["rig"] == "i"
+    assert all(r.samples.shape == (1200,) and np.isfinite(r.samples).all() for r in made)
+    assert sorted(p.name for p in out.parent.iterdir()) == ["a"]
+
+
+def test_same_seed_same_bytes(twingap: Run, twin: Path, table: Path, tmp_path: Path) -> None:
+    for name, seed in (("a", 3), ("b", 3), ("c", 4)):
+        assert simulate(twingap, twin, table, tmp_path / name, "--seed", seed).status == 0
+    files = sorted(p.relative_to(tmp_path / "a") for p in (tmp_path / "a").rglob("*") if p.is_file())
+    assert len(files) == 8
+    assert all((tmp_path / "a" / f).read_bytes() == (tmp_path / "b" / f).read_bytes() for f in files)
+    assert any((tmp_path / "a" / f).read_bytes() != (tmp_path / "c" / f).read_bytes() for f in files)
+
+
+def test_a_record_set_gives_conditions_bearing_and_unit(twingap: Run, twin: Path, table: Path, tmp_path: Path) -> None:
+    simulate(twingap, twin, table, tmp_path / "a")
+    again = TwinSpec("phenomenological", bearing=BEARINGS["6203"], identified=Provenance(unit="g"))
+    write_twin(tmp_path / "identified.toml", again)
+    said = twingap(
+        "simulate", tmp_path / "identified.toml", "--records", tmp_path / "a", "--out", tmp_path / "b", "--json"
+    )
+    assert said.status == 0
+    about = json.loads(said.out)
+    assert about["records"] == 6 and about["unit"] == "g" and about["out"] == str(tmp_path / "b")
+    one, two = RecordSet.read(tmp_path / "a"), RecordSet.read(tmp_path / "b")
+    assert two.conditions == one.conditions
+    assert two.bearing == BEARINGS["6205"] and two.unit == "g"  # the records' bearing, the twin's unit
+
+
+def test_contact_twin(twingap: Run, table: Path, tmp_path: Path) -> None:
+    write_twin(tmp_path / "c.toml", TwinSpec("contact", (), "physical", bearing=BEARINGS["6205"]))
+    assert simulate(twingap, tmp_path / "c.toml", table, tmp_path / "out").status == 0
+    assert len(RecordSet.read(tmp_path / "out")) == 6
+
+
+def test_mistakes_are_one_line_and_leave_nothing(twingap: Run, twin: Path, table: Path, tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    no_bearing = tmp_path / "no bearing.toml"
+    write_twin(no_bearing, TwinSpec("phenomenological"))
+    unknown = tmp_path / "unknown.csv"
+    unknown.write_text("record,speed_rpm,fault\na,1797,healthy\nb,1797,\n")
+    before = sorted(tmp_path.iterdir())
+    refused(simulate(twingap, tmp_path / "nowhere.toml", table, out), "nowhere.toml")
+    refused(simulate(twingap, twin, tmp_path / "nowhere.csv", out), "nowhere.csv")
+    refused(simulate(twingap, table, table, out), table.name)
+    refused(simulate(twingap, no_bearing, table, out), "no bearing.toml", "[bearing]")
+    refused(simulate(twingap, twin, unknown, out), "unknown.csv", "'b'", "fault")
+    refused(twingap("simulate", twin, "--records", table, "--out", out), "fs_hz")
+    refused(twingap("simulate", twin, "--records", table, "--out", out, "--fs-hz", 12000), "n_samples or duration_s")
+    refused(twingap("simulate", twin, "--records", table, "--out", out, "--fs-hz", -5, "--duration-s", 1), "-5")
+    refused(
+        twingap("simulate", twin, "--records", table, "--out", out, "--fs-hz", 4000, "--duration-s", 1), "resonance"
+    )
+    assert sorted(tmp_path.iterdir()) == before
+
+
+def test_what_exists_is_not_overwritten(twingap: Run, twin: Path, table: Path, tmp_path: Path) -> None:
+    out = tmp_path / "full"
+    out.mkdir()
+    (out / "mine.txt").write_text("keep")
+    refused(simulate(twingap, twin, table, out), "full", "not an empty folder")
+    assert [p.name for p in out.iterdir()] == ["mine.txt"]
+    refused(simulate(twingap, twin, table, twin), twin.name)
+    refused(simulate(twingap, twin, table, Path("/proc/nothing/here")), "/proc/nothing")
+
+
+@pytest.mark.parametrize(
+    "wrong", [b"", b"record,speed_rpm\n", b"\xff\xfe\x00", b"record,speed_rpm,fault\na,fast,inner\n"]
+)
+def test_tables_that_are_none(twingap: Run, twin: Path, tmp_path: Path, wrong: bytes) -> None:
+    path = tmp_path / "wrong.csv"
+    path.write_bytes(wrong)
+    refused(simulate(twingap, twin, path, tmp_path / "out"), "wrong.csv")
+    assert not (tmp_path / "out").exists()

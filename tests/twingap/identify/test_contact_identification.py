@@ -1,0 +1,89 @@
+"""Stiffness and damping of the contact twin, found again in its own records."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from twingap.bearing import BEARINGS
+from twingap.errors import TwingapError
+from twingap.identify import identify
+from twingap.identify.contact import SpectrumObjective, identify_contact, states_of
+from twingap.identify.optimise import Array, Objective, differential_evolution
+from twingap.records import Condition, RecordSet
+from twingap.twins.contact import ContactTwin
+from twingap.twins.contact_parameters import ContactParameters
+from twingap.twins.twin_file import TwinSpec, flat
+
+TRUE = ContactParameters(stiffness=4e9, damping=800.0, scale=0.1)
+
+
+def records(own: ContactParameters = TRUE, faults: tuple[str, ...] = ("healthy", "inner", "outer")) -> RecordSet:
+    conditions = [Condition(f"{f}{i}", 1797.0, 12000.0, 6000, f) for f in faults for i in range(2)]
+    return ContactTwin(BEARINGS["6205"], own, unit="g").simulate(conditions, np.random.default_rng(1))
+
+
+def test_parameters_are_recovered() -> None:
+    spec = TwinSpec("contact")
+    found = identify(spec, records(), np.random.default_rng(0)).estimates
+    assert found["stiffness"].value == pytest.approx(4e9, rel=0.05)
+    assert found["damping"].value == pytest.approx(800.0, rel=0.15)
+    assert found["scale"].value == pytest.approx(0.1, rel=0.1)
+    assert found["structure_noise_rms"].value == pytest.approx(TRUE.structure_noise_rms, rel=0.15)
+    assert found["white_noise_rms"].value == pytest.approx(TRUE.white_noise_rms, rel=0.15)
+    assert all(estimate.interval is None for estimate in found.values())
+
+
+def test_any_optimiser_will_do_and_only_sees_what_is_free() -> None:
+    """Stiffness is fixed: one dimension is left, searched here by plain bisection of a grid."""
+    tried: list[Array] = []
+
+    def grid(objective: Objective, bounds: Array, rng: np.random.Generator, evaluations: int) -> Array:
+        points = np.linspace(*bounds[0], 16)[:, None]
+        tried.append(points)
+        return points[int(np.argmin(objective(points)))]
+
+    spec = TwinSpec("contact", parameters={"stiffness": 4e9, "scale": 0.1})
+    found = identify_contact(
+        spec, records(faults=("outer",)), np.random.default_rng(0),
+        level=0.9, method="whittle", report=lambda what, fraction: None, optimiser=grid,
+    ).estimates  # fmt: skip
+    assert tried[0].shape == (16, 1)
+    step = tried[0][1, 0] - tried[0][0, 0]
+    assert abs(np.log(found["damping"].value / 800.0)) <= step
+    assert set(found) == {"damping", "structure_noise_rms", "white_noise_rms"}
+
+
+def test_the_objective_is_least_at_the_truth_and_infinite_where_nothing_runs() -> None:
+    twin = ContactTwin(BEARINGS["6205"], TRUE)
+    states = states_of(records(), [])
+    starts = np.random.default_rng(0).random((sum(len(s.conditions) for s in states), 3))
+    objective = SpectrumObjective(twin, states, starts, {})
+    at = np.log([TRUE.stiffness, TRUE.damping])
+    away = np.array([[0, 0], [0.3, 0], [-0.3, 0], [0, 1.0], [0, -1.0], [np.log(9e13) - at[0], 0]])
+    values = objective(at + away)
+    assert values[0] == values[:5].min() and values[0] < 0.1
+    assert np.isinf(values[5])
+
+
+def test_differential_evolution_finds_a_valley_with_holes() -> None:
+    def objective(points: Array) -> Array:
+        values = np.sum((points - [1.0, -2.0]) ** 2, axis=1)
+        return np.where(points[:, 0] > 3, np.inf, values)
+
+    best = differential_evolution(objective, np.array([[-5.0, 5.0], [-5.0, 5.0]]), np.random.default_rng(0), 800)
+    assert best == pytest.approx([1.0, -2.0], abs=0.1)
+
+
+def test_healthy_records_alone_leave_scale_as_it_is() -> None:
+    spec = TwinSpec("contact", parameters={"stiffness": 4e9, "damping": 800.0})
+    found = identify(spec, records(faults=("healthy",)), np.random.default_rng(0))
+    assert "scale" not in flat(found.spec.parameters)
+    assert any("scale keeps its value" in note for note in found.notes)
+
+
+def test_states_that_the_model_does_not_know() -> None:
+    with pytest.raises(TwingapError, match="no record of a state that the contact model knows"):
+        identify(TwinSpec("contact"), records(faults=("healthy",)).without_labels(), np.random.default_rng(0))
+    with pytest.raises(TwingapError, match="eq8"):
+        identify(TwinSpec("contact"), records(faults=("healthy",)), np.random.default_rng(0), method="eq8")

@@ -1,0 +1,66 @@
+"""Do intervals keep their level? Simulated sets, identified blind, and how often the truth is inside.
+
+    python tests/twingap/identify/test_coverage.py 120
+
+prints the table for 120 sets of each scenario; the test runs the first of them.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections import Counter
+
+import numpy as np
+import pytest
+
+from twingap.bearing import BEARINGS
+from twingap.identify import identify
+from twingap.records import Condition
+from twingap.twins.phenomenological import PhenomenologicalParameters, PhenomenologicalTwin
+from twingap.twins.twin_file import TwinSpec, flat
+
+OWN = PhenomenologicalParameters()
+# name: parameters, fs_hz, samples, healthy records, faulty records of each fault
+SCENARIOS = {
+    "five healthy, three inner": (OWN, 12000.0, 6000, 5, {"inner": 3}),
+    "two and two": (OWN, 12000.0, 6000, 2, {"inner": 2}),
+    "one and one, in blocks": (OWN, 12000.0, 12000, 1, {"inner": 1}),
+    "weak faults": (
+        PhenomenologicalParameters(2500.0, 0.03, {"inner": 0.3, "outer": 1.0}, 0.5, 0.75**0.5, 3.0),
+        12000.0, 6000, 6, {"inner": 6, "outer": 6},
+    ),
+    "sharp mode at 48 kHz": (
+        PhenomenologicalParameters(3000.0, 0.01, {"outer": 4.0}, 0.6, 0.8, 1.0), 48000.0, 24000, 5, {"outer": 5},
+    ),
+    "no healthy record": (OWN, 12000.0, 6000, 0, {"inner": 5}),
+}  # fmt: skip
+
+
+def coverage(scenario: str, sets: int) -> dict[str, float]:
+    """Part of the sets in which each parameter's 90 % interval holds the truth."""
+    own, fs_hz, samples, healthy, faulty = SCENARIOS[scenario]
+    twin = PhenomenologicalTwin(BEARINGS["6205"], own)
+    true = flat({name: getattr(own, name) for name in own.__dataclass_fields__})
+    states = [("healthy", healthy), *faulty.items()]
+    conditions = [Condition(f"{f}{i}", 1797.0, fs_hz, samples, f) for f, n in states for i in range(n)]
+    inside: Counter[str] = Counter()
+    for seed in range(sets):
+        rng = np.random.default_rng([seed, 7])
+        found = identify(TwinSpec("phenomenological"), twin.simulate(conditions, rng), rng).estimates
+        for name, estimate in found.items():
+            assert estimate.interval is not None
+            inside[name] += estimate.interval[0] <= true[name] <= estimate.interval[1]
+    return {name: inside[name] / sets for name in found}
+
+
+@pytest.mark.slow
+def test_intervals_keep_their_level() -> None:
+    """90 % intervals over 100 sets: three standard errors of 0.03 on either side."""
+    for name, share in coverage("five healthy, three inner", 100).items():
+        assert 0.80 <= share <= 0.98, name
+
+
+if __name__ == "__main__":
+    for each in SCENARIOS:
+        shares = coverage(each, int(sys.argv[1]))
+        print(each, {name: f"{share:.2f}" for name, share in shares.items()}, flush=True)
