@@ -139,6 +139,8 @@ def _with_intervals(
         lo, hi = own.interval(at[place : place + 1], level)[0]
         if lo <= 0:
             notes.append(f"the impacts of fault {fault!r} do not stand out of the healthy energy around the resonance")
+        # An excess below zero is chance: the interval then reaches as far up as if it were zero.
+        hi = max(hi, hi - at[place])
         value, lo, hi = (float(np.sqrt(max(v, 0.0))) for v in (at[place], lo, hi))
         out[f"impact_amplitude.{fault}"] = Estimate(value, (lo, hi))
     return out
