@@ -150,7 +150,7 @@ def hertz_stiffness(bearing: Bearing, conformity: float = 0.52, modulus_pa: floa
         elliptic_e, elliptic_f = 1 + slope / ratio, math.pi / 2 + slope * math.log(ratio)
         stiffness = math.pi * k * reduced * math.sqrt(elliptic_e / (along + across) / (4.5 * elliptic_f**3))
         flexibility += stiffness ** (-2 / 3)
-    return flexibility**-1.5
+    return float(flexibility**-1.5)
 
 
 PRESETS: Final[Mapping[str, ContactParameters]] = {
