@@ -100,8 +100,8 @@ class SlipJitter(_FaultEffect):
     def on_waveform(self, draft: Draft, rng: np.random.Generator) -> None:
         at = _passes_within(draft, rng)
         late = rng.standard_normal(at.size)
-        if self.accumulating:
-            late = np.cumsum(late)
+        # Interpolating at a random place between two independent draws leaves 2/3 of the variance.
+        late = np.cumsum(late) if self.accumulating else math.sqrt(1.5) * late
         # A train that is late by one roller spacing is late by 1 / BPFO shaft turns, whatever the defect strikes at.
         order = draft.fault_order
         if draft.excitation == "rollers":
@@ -129,7 +129,7 @@ class ImpactScatter(_FaultEffect):
 
     def on_waveform(self, draft: Draft, rng: np.random.Generator) -> None:
         at = _passes_within(draft, rng)
-        # Interpolating at a random place between two draws leaves 2/3 of the variance.
+        # The variance that interpolating leaves, as for jitter.
         draft.modulate(np.interp(draft.turns, at, self._strengths(at.size, math.sqrt(1.5) * self.sigma, rng)))
 
     @staticmethod

@@ -46,7 +46,7 @@ def test_rolloff_is_butterworth_and_the_same_in_all_records(quiet: Any) -> None:
         window = np.hanning(quiet.n_samples)
         spectra = [np.fft.rfft(x[0] * window) for x in (without, with_it)]
         _, expected = freqs(b, a, 2 * np.pi * f)
-        strong = abs(spectra[0]) > 0.01 * abs(spectra[0]).max()
+        strong = (abs(spectra[0]) > 0.01 * abs(spectra[0]).max()) & (f < 5990)
         got = spectra[1][strong] / spectra[0][strong]
         np.testing.assert_allclose(got, expected[strong], atol=0.05)
 

