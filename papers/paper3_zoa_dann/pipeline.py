@@ -25,6 +25,7 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 import twingap.adapt
 import twingap.bearing
@@ -74,6 +75,8 @@ class TaskResult:
         Of the analyst's rule on the same windows.
     analyst_whole : Scores
         Of the same rule on whole recordings.
+    analyst_calls, analyst_whole_calls : Array [windows, classes], [recordings, classes]
+        What that rule called each, one-hot.
     """
 
     task: Task
@@ -84,6 +87,8 @@ class TaskResult:
     majority: float
     analyst: Scores
     analyst_whole: Scores
+    analyst_calls: NDArray[np.float64]
+    analyst_whole_calls: NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -279,16 +284,25 @@ def _judged(
     classes, rate = options.target.classes, options.judging.false_alarm
     labels, bearing = measured.evaluate.labels, records.bearing
     assert labels is not None and bearing is not None
-    by_windows = score(analyst(measured.evaluate, bearing, classes, rate), labels, measured.evaluate.group)
+    calls = analyst(measured.evaluate, bearing, classes, rate)
     votes, truth = [], []
     for i, condition in enumerate(task.evaluate.conditions):
         whole = cut(task.evaluate.take([i]), condition.n_samples, 1, classes)
         votes.append(analyst(whole, bearing, classes, rate)[0])
         truth.append(whole.labels)
     names = np.array([c.name for c in task.evaluate.conditions])
-    by_recordings = score(np.array(votes), np.concatenate([t for t in truth if t is not None]), names)
+    whole_calls = np.array(votes)
     return TaskResult(
-        task, measured, identified, recipe, trainings, majority(labels, len(classes)), by_windows, by_recordings
+        task,
+        measured,
+        identified,
+        recipe,
+        trainings,
+        majority(labels, len(classes)),
+        score(calls, labels, measured.evaluate.group),
+        score(whole_calls, np.concatenate([t for t in truth if t is not None]), names),
+        calls,
+        whole_calls,
     )
 
 

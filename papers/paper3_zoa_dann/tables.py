@@ -150,21 +150,27 @@ def confusion(results: Sequence[TaskResult], options: Options, data: str) -> pd.
 
 
 def recordings(results: Sequence[TaskResult], options: Options, data: str) -> pd.DataFrame:
-    """What each recording's windows are called, as shares over windows and seeds."""
+    """What each recording's windows are called, as shares over windows and seeds; by the analyst's rule as well."""
     classes, rows = options.target.classes, []
     for result in results:
-        groups = result.measured.evaluate.group
-        for (view, method), trainings in cells(result).items():
-            for condition in result.task.evaluate.conditions:
-                own = groups == condition.group
-                called = np.concatenate([t.value["probabilities"][own].argmax(axis=1) for t in trainings])
-                shares = np.bincount(called, minlength=len(classes)) / called.size
+        groups, conditions = result.measured.evaluate.group, result.task.evaluate.conditions
+        called = {
+            (view, LABELS[method]): [np.concatenate([t.value["probabilities"][groups == c.group] for t in trainings])
+                                     for c in conditions]
+            for (view, method), trainings in cells(result).items()
+        }  # fmt: skip
+        called["envelope", "analyst's rule"] = [result.analyst_calls[groups == c.group] for c in conditions]
+        called["envelope", "analyst's rule, whole recordings"] = [row[None] for row in result.analyst_whole_calls]
+        for (view, method), of_each in called.items():
+            for condition, probabilities in zip(conditions, of_each, strict=True):
+                counts = np.bincount(probabilities.argmax(axis=1), minlength=len(classes))
+                shares = zip(classes, counts / counts.sum(), strict=True)
                 rows.append(
                     {
-                        "data": data, "task": result.task.title, "input": view, "method": LABELS[method],
+                        "data": data, "task": result.task.title, "input": view, "method": method,
                         "recording": condition.name, "bearing": condition.extra["bearing_id"], "true": condition.fault,
                     }
-                    | {f"called {name}": round(float(s), 3) for name, s in zip(classes, shares, strict=True)}
+                    | {f"called {name}": round(float(share), 3) for name, share in shares}
                 )  # fmt: skip
     return pd.DataFrame(rows)
 
