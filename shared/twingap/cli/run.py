@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import enum
+import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -62,18 +63,22 @@ def run(
     columns = (
         TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), TimeRemainingColumn(),
     )  # fmt: skip
-    with Progress(*columns, console=progress_console, transient=True) as bar:
-        line = bar.add_task("reading", total=None)
-        outcome = pipeline.run(
-            profile.value,
-            out=out or state_folder() / paper.value,
-            root=root,
-            seed=seed,
-            backend=backend,
-            address=address,
-            tracker=tracker,
-            progress=lambda what, done, total: bar.update(line, description=what, completed=done, total=total),
-        )
+    try:
+        with Progress(*columns, console=progress_console, transient=True) as bar:
+            line = bar.add_task("reading", total=None)
+            outcome = pipeline.run(
+                profile.value,
+                out=out or state_folder() / paper.value,
+                root=root,
+                seed=seed,
+                backend=backend,
+                address=address,
+                tracker=tracker,
+                progress=lambda what, done, total: bar.update(line, description=what, completed=done, total=total),
+            )
+    except KeyboardInterrupt:  # typer would end without a word
+        print("twingap: interrupted; what was finished is kept, run the same command to go on", file=sys.stderr)
+        raise typer.Exit(130) from None
     if json:
         say_json(outcome.rows)
     else:
