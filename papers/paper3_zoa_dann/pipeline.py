@@ -45,11 +45,11 @@ from papers.paper3_zoa_dann.tasks import Target, Task, load_target, make_tasks
 from papers.paper3_zoa_dann.yardsticks import analyst, majority
 from twingap import files
 from twingap.adapt import Method, Scores, cut, score
-from twingap.backends import BACKENDS
 from twingap.errors import TwingapError
 from twingap.provenance import digest_of_code, digest_of_path
 from twingap.records import RecordSet
 from twingap.sweep import Result, sweep
+from twingap.sweep.backends import BACKENDS
 from twingap.track import NullTracker, Run, Tracker
 
 METHODS: Final[tuple[Method, ...]] = ("source_only", "dann")

@@ -26,7 +26,6 @@ from typing import Any
 import numpy as np
 
 from twingap import files
-from twingap.records import RecordSet
 
 LIBRARIES = ("twingap", "numpy", "scipy", "pandas", "numba", "torch", "scikit-learn", "mlflow", "joblib")
 """Distributions whose versions are logged with every run."""
@@ -77,18 +76,6 @@ def digest_of_path(path: str | os.PathLike[str]) -> str:
         return files.sha256(root)
     inside = sorted(p.relative_to(root).as_posix() for p in root.rglob("*") if p.is_file())
     return digest_of_value({name: files.sha256(root / name) for name in inside})
-
-
-def digest_of_records(records: RecordSet) -> str:
-    """Hex sha256 of a record set: unit, bearing, every condition and every sample, one record in memory at a time."""
-    total = hashlib.sha256(canonical({"unit": records.unit, "bearing": records.bearing}).encode("ascii"))
-    for record in records:
-        # Further columns come from CSV and may be of any kind; their text is what the file held.
-        extra = {str(key): str(value) for key, value in record.condition.extra.items()}
-        condition = dataclasses.replace(record.condition, extra={})
-        total.update(canonical({"condition": condition, "extra": extra}).encode("ascii"))
-        total.update(np.ascontiguousarray(record.samples, dtype="<f8").tobytes())
-    return total.hexdigest()
 
 
 def digest_of_code(*parts: ModuleType | Any) -> str:

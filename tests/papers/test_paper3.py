@@ -29,7 +29,7 @@ from twingap.config import read_toml
 from twingap.errors import TwingapError
 from twingap.records import RecordSet
 from twingap.rigs import make_rig
-from twingap.track_folder import FolderTracker
+from twingap.track.folder import FolderTracker
 from twingap.twins.twin_file import read_twin
 
 TINY = """

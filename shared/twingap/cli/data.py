@@ -143,7 +143,7 @@ def export_set(
     from twingap.data import load
     from twingap.data import where as chosen
     from twingap.data.registry import takes
-    from twingap.record_folder import write_records
+    from twingap.records.folder import write_records
 
     options = dict(_key_value(text) for text in option or ())
     if takes(name, "seed"):

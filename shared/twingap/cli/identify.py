@@ -33,7 +33,7 @@ def identify(
     from twingap.files import replacing
     from twingap.identify import identify as run
     from twingap.identify.figures import write_figure
-    from twingap.record_folder import read_record_set
+    from twingap.records.folder import read_record_set
     from twingap.twins.twin_file import read_twin, write_twin
 
     spec = read_twin(twin)

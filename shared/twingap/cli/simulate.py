@@ -30,8 +30,8 @@ def simulate(
     """Simulate the twin's records for the conditions (speed, fault, load, time) of a record set or a CSV."""
     import numpy as np
 
-    from twingap.conditions import read_conditions
-    from twingap.record_folder import write_records
+    from twingap.records.conditions import read_conditions
+    from twingap.records.folder import write_records
     from twingap.twins.twin_file import build_twin, read_twin
 
     spec = read_twin(twin)

@@ -19,7 +19,7 @@ def ui(
 ) -> None:
     """Show the runs made here in the MLflow UI, until Ctrl-C."""
     from twingap.track import tracking_uri as store
-    from twingap.track_server import serving
+    from twingap.track.server import serving
 
     uri = store(tracking_uri)
     if uri.startswith(("http://", "https://")):

@@ -22,8 +22,8 @@ from twingap.data.manifest import Manifest, manifest_of
 from twingap.data.resample import resampled
 from twingap.data.root import data_root, not_at_hand
 from twingap.errors import TwingapError
-from twingap.record_files import inspect
 from twingap.records import Array, Condition, RecordSet
+from twingap.records.samples import inspect
 
 Channel = Literal["DE", "FE", "BA"]
 Loader = Callable[[], Array]

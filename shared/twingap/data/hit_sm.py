@@ -12,8 +12,8 @@ from twingap.data.lazy import Each
 from twingap.data.manifest import manifest_of
 from twingap.data.resample import resampled
 from twingap.data.root import data_root, not_at_hand
-from twingap.record_files import inspect
 from twingap.records import Condition, RecordSet
+from twingap.records.samples import inspect
 
 
 def load_hit_sm(root: str | os.PathLike[str] | None = None, *, fs_hz: float | None = None) -> RecordSet:

@@ -25,8 +25,8 @@ from twingap.data.manifest import manifest_of
 from twingap.data.resample import resampled
 from twingap.data.root import data_root, not_at_hand
 from twingap.errors import TwingapError
-from twingap.record_files import Channel, inspect
 from twingap.records import Condition, RecordSet
+from twingap.records.samples import Channel, inspect
 
 
 def load_smart_maintenance(root: str | os.PathLike[str] | None = None, *, fs_hz: float | None = None) -> RecordSet:

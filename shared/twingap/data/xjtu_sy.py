@@ -17,8 +17,8 @@ from twingap.data.manifest import manifest_of
 from twingap.data.resample import resampled
 from twingap.data.root import data_root, not_at_hand
 from twingap.errors import TwingapError
-from twingap.record_files import load as load_samples
 from twingap.records import Array, Condition, RecordSet
+from twingap.records.samples import load as load_samples
 
 Axis = Literal["horizontal", "vertical"]
 _COLUMN: Final = {"horizontal": "Horizontal_vibration_signals", "vertical": "Vertical_vibration_signals"}

@@ -12,7 +12,6 @@ import numpy as np
 from twingap import __version__
 from twingap.errors import TwingapError
 from twingap.identify.result import Identified, Outcome, Report
-from twingap.provenance import digest_of_records
 from twingap.records import RecordSet
 from twingap.twins.twin_file import Provenance, TwinSpec, model_of
 
@@ -92,7 +91,7 @@ def identify(
             mend=f"give all its parameters, or use one of {', '.join(IDENTIFICATIONS)}",
         )
     outcome = IDENTIFICATIONS[spec.model]()(spec, records, rng, level=level, method=method, report=report)
-    provenance = Provenance(digest_of_records(records), records.unit, level, __version__, method, seed, outcome.notes)
+    provenance = Provenance(records.digest, records.unit, level, __version__, method, seed, outcome.notes)
     values = {name: estimate.value for name, estimate in outcome.estimates.items()}
     intervals = {name: e.interval for name, e in outcome.estimates.items() if e.interval is not None}
     return Identified(spec.with_values(values, intervals, provenance), outcome.estimates, outcome.fits, outcome.notes)

@@ -14,8 +14,8 @@ import pytest
 
 from twingap.bearing import BEARINGS
 from twingap.cli import main
-from twingap.record_folder import write_records
 from twingap.records import Condition
+from twingap.records.folder import write_records
 from twingap.twins.phenomenological import PhenomenologicalTwin
 from twingap.twins.twin_file import TwinSpec, flat, read_twin, write_twin
 

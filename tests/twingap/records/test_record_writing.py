@@ -17,8 +17,8 @@ import pytest
 
 from twingap.bearing import BEARINGS
 from twingap.errors import TwingapError
-from twingap.record_folder import write_records
 from twingap.records import Condition, Record, RecordSet
+from twingap.records.folder import write_records
 
 BEARING = BEARINGS["6205"]
 X = np.sin(np.arange(50.0))
@@ -107,7 +107,7 @@ WRITER = """
 import sys, time
 import numpy as np
 from twingap import Condition, Record
-from twingap.record_folder import write_records
+from twingap.records.folder import write_records
 
 def stream():
     for i in range(10**6):

@@ -18,7 +18,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from twingap.errors import TwingapError
-from twingap.track import sqlite_path, state_folder
+from twingap.track.store import sqlite_path, state_folder
 
 PATIENCE_S = 60.0
 

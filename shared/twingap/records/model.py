@@ -2,7 +2,7 @@
 
 Condition --(a twin, a rig, a machine)--> Record = Condition + samples;  RecordSet = many, of one machine
 
-On disk: `twingap.record_folder`; splits: `twingap.record_split`.
+On disk: `twingap.records.folder`; splits: `twingap.records.split`.
 """
 
 from __future__ import annotations
@@ -158,14 +158,14 @@ class RecordSet(Sequence[Record]):
 
     @classmethod
     def read(cls, folder: str | os.PathLike[str]) -> RecordSet:
-        """Read a record set; samples stay on disk until asked for. See `twingap.record_folder.read_record_set`."""
-        from twingap.record_folder import read_record_set  # it builds on this module
+        """Read a record set; samples stay on disk until asked for. See `twingap.records.folder.read_record_set`."""
+        from twingap.records.folder import read_record_set  # it builds on this module
 
         return read_record_set(folder)
 
     def write(self, folder: str | os.PathLike[str]) -> Path:
-        """Write this set, whole or not at all. See `twingap.record_folder.write_records`, also for streams."""
-        from twingap.record_folder import write_records
+        """Write this set, whole or not at all. See `twingap.records.folder.write_records`, also for streams."""
+        from twingap.records.folder import write_records
 
         # The rate of most records is stated once.
         (fs_hz, _), *_ = Counter(condition.fs_hz for condition in self.conditions).most_common(1)
@@ -173,8 +173,8 @@ class RecordSet(Sequence[Record]):
 
     @property
     def digest(self) -> str:
-        """Hex sha256 of what the records say, however they are stored. See `twingap.record_folder.digest`."""
-        from twingap.record_folder import digest
+        """Hex sha256 of what the records say, however they are stored. See `twingap.records.folder.digest`."""
+        from twingap.records.folder import digest
 
         return digest(self)
 
@@ -236,14 +236,14 @@ class RecordSet(Sequence[Record]):
     def split(
         self, fractions: Sequence[float], rng: np.random.Generator, *, cover_faults: bool = True
     ) -> tuple[RecordSet, ...]:
-        """Random parts that share no group, every fault in each. See `twingap.record_split.split`."""
-        from twingap.record_split import split
+        """Random parts that share no group, every fault in each. See `twingap.records.split.split`."""
+        from twingap.records.split import split
 
         return split(self, fractions, rng, cover_faults=cover_faults)
 
     def leave_one_group_out(self, *, cover_faults: bool = True) -> Iterator[tuple[RecordSet, RecordSet]]:
-        """Pairs (all others, one group). See `twingap.record_split.leave_one_group_out`."""
-        from twingap.record_split import leave_one_group_out
+        """Pairs (all others, one group). See `twingap.records.split.leave_one_group_out`."""
+        from twingap.records.split import leave_one_group_out
 
         return leave_one_group_out(self, cover_faults=cover_faults)
 

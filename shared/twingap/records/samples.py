@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 
 from twingap.errors import TwingapError
 from twingap.files import kind_of
-from twingap.record_formats import FORMATS, not_real
+from twingap.records.formats import FORMATS, not_real
 
 Array = NDArray[np.float64]
 

@@ -22,8 +22,8 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
 from twingap.errors import TwingapError
-from twingap.result_store import ResultStore, decode, encode
 from twingap.sweep import SweepError, sweep
+from twingap.sweep.store import ResultStore, decode, encode
 
 HERE = Path(__file__).parent
 

@@ -24,10 +24,10 @@ from typing import Any, Generic, TypeVar
 
 from numpy.typing import NDArray
 
-from twingap.backends import WORKER_DIED, Pool, end_with, limited_threads, open_pool
 from twingap.errors import TwingapError
 from twingap.provenance import canonical, digest_of_code, plain
-from twingap.result_store import Identity, ResultStore, decode, encode
+from twingap.sweep.backends import WORKER_DIED, Pool, end_with, limited_threads, open_pool
+from twingap.sweep.store import Identity, ResultStore, decode, encode
 
 J = TypeVar("J")
 DIED = "its worker process died (killed, out of memory, or crashed in compiled code)"
@@ -117,7 +117,7 @@ def sweep(
     store : path-like, optional
         Folder of results. None keeps nothing.
     backend, address, n_jobs
-        Where to run; see `twingap.backends.open_pool`.
+        Where to run; see `twingap.sweep.backends.open_pool`.
     threads : int
         Threads that one job may use inside. 1 makes results independent of the number of cores.
     version : str, optional

@@ -1,6 +1,6 @@
 """The six formats of sample files, each as two functions: what a file holds, and the values of one vector in it.
 
-Nothing is ever unpickled. Parsers of damaged files raise what they like; `twingap.record_files` explains it.
+Nothing is ever unpickled. Parsers of damaged files raise what they like; `twingap.records.samples` explains it.
 """
 
 from __future__ import annotations

@@ -19,9 +19,9 @@ from twingap.bearing import Bearing
 from twingap.config import build, read_toml, to_toml
 from twingap.errors import TwingapError
 from twingap.files import kind_of, replacing_folder, save_npy
-from twingap.record_files import Array, Channel, SampleFile, inspect
-from twingap.record_table import COLUMNS, Row, extras, read_table, write_table
 from twingap.records import UNITS, Condition, Record, RecordSet
+from twingap.records.samples import Array, Channel, SampleFile, inspect
+from twingap.records.table import COLUMNS, Row, extras, read_table, write_table
 
 _PER_FOLDER: Final = 1000
 

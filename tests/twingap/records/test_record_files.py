@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from scipy.io import loadmat, savemat, wavfile
 
 from twingap.errors import TwingapError
-from twingap.record_files import SUFFIXES, inspect, load
+from twingap.records.samples import SUFFIXES, inspect, load
 
 Array = NDArray[np.float64]
 X = np.sin(np.arange(200.0))

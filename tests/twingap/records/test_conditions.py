@@ -11,9 +11,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from twingap.bearing import BEARINGS
-from twingap.conditions import read_conditions
 from twingap.errors import TwingapError
 from twingap.records import Condition, Record, RecordSet
+from twingap.records.conditions import read_conditions
 
 CONDITIONS = (
     Condition("r1", 1797.0, 12000.0, 50, "inner", 500.0, 0.0, "g", {"hp": 2}),

@@ -15,8 +15,8 @@ from typing import Final
 from twingap.bearing import Bearing
 from twingap.errors import TwingapError
 from twingap.files import kind_of
-from twingap.record_table import COLUMNS, Row, extras, read_table
 from twingap.records import Condition, RecordSet
+from twingap.records.table import COLUMNS, Row, extras, read_table
 
 _MOST_SAMPLES: Final = 10**9
 """8 GB: a longer record is a slip of the pen (milliseconds for seconds, say)."""

@@ -12,8 +12,8 @@ from typing import Literal
 
 from twingap import files
 from twingap.provenance import versions
-from twingap.tidy import clean_file
-from twingap.track import Run, Status, ending
+from twingap.track.tidy import clean_file
+from twingap.track.tracker import Run, Status, ending
 
 
 class FolderTracker:

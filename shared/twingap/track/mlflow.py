@@ -1,0 +1,215 @@
+"""Runs kept in MLflow. This module alone knows MLflow, and imports it only when a tracker is made."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import logging
+import os
+import sqlite3
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any, Literal
+
+import filelock
+
+from twingap.errors import TwingapError
+from twingap.provenance import versions
+from twingap.track.store import sqlite_path, tracking_uri
+from twingap.track.tidy import clean_file
+from twingap.track.tracker import Run, Status, ending
+
+
+class MlflowTracker:
+    """Keeps runs in MLflow: an SQLite file by default, or any tracking server.
+
+    Parameters
+    ----------
+    uri : str, optional
+        As MLflow writes it: ``sqlite:///runs/mlflow.db``, ``http://server:5000``, ``postgresql://...``. Default:
+        ``MLFLOW_TRACKING_URI``, else ``mlflow.db`` in `state_folder`. Artifacts of an SQLite store lie beside it.
+    experiment : str
+        Made when missing.
+
+    Raises
+    ------
+    TwingapError
+        When the store cannot be reached (told within seconds), written, or read.
+    """
+
+    def __init__(self, uri: str | None = None, experiment: str = "twingap") -> None:
+        self.uri, self.experiment = tracking_uri(uri), experiment
+        database = sqlite_path(self.uri)
+        if database is None:
+            with _patience(retries=0, seconds=5):
+                self._open(None)
+            return
+        self.uri = f"sqlite:///{database}"
+        _check_sqlite(database)
+        # Two processes that open a fresh store at once would both create its tables.
+        with filelock.FileLock(database.with_name(database.name + ".lock"), timeout=120):
+            self._open(database.parent / "artifacts" / clean_file(experiment))
+
+    def _open(self, artifacts: Path | None) -> None:
+        with _explained(self.uri):
+            self._client = _quiet_mlflow().MlflowClient(self.uri)
+            found = self._client.get_experiment_by_name(self.experiment)
+            if found is None:
+                place = None if artifacts is None else artifacts.as_uri()
+                self._id = _created(self._client, self.experiment, place)
+            elif found.lifecycle_stage != "active":
+                raise TwingapError(
+                    f"experiment {self.experiment!r} was deleted",
+                    where=self.uri,
+                    mend=f"bring it back with: mlflow experiments restore --experiment-id {found.experiment_id}",
+                )
+            else:
+                self._id = found.experiment_id
+
+    @contextmanager
+    def run(self, name: str, tags: Mapping[str, object] | None = None) -> Iterator[Run]:
+        """A run of the experiment, with the versions of all that computes."""
+        with ending(_MlflowRun(self._client, self.uri, self._id, name, None)) as run:
+            run.tags({**{f"version.{k}": v for k, v in versions().items()}, **(tags or {})})
+            yield run
+
+
+class _MlflowRun(Run):
+    def __init__(self, client: Any, uri: str, experiment_id: str, name: str, parent: str | None) -> None:
+        super().__init__()
+        self._client, self._uri, self._experiment_id = client, uri, experiment_id
+        self._listed: list[dict[str, str]] = []
+        tags = {} if parent is None else {"mlflow.parentRunId": parent}
+        with _explained(uri):
+            self.id: str = client.create_run(experiment_id, run_name=name, tags=tags).info.run_id
+
+    def data(self, name: str, sha256: str, role: str = "data", source: str = "") -> None:
+        from mlflow.entities import Dataset, DatasetInput, InputTag
+
+        super().data(name, sha256, role, source)
+        # MLflow keeps 36 characters of a digest; the tag above has all 64.
+        given = Dataset(
+            name[:400], sha256[:32], "local", json.dumps({"uri": source}), profile=f'{{"sha256": "{sha256}"}}'
+        )
+        with _explained(self._uri):
+            self._client.log_inputs(self.id, [DatasetInput(given, [InputTag("mlflow.data.context", role[:400])])])
+
+    def _parameters(self, values: Mapping[str, str]) -> None:
+        from mlflow.entities import Param
+
+        self._batch(params=[Param(name, value) for name, value in values.items()])
+
+    def _metrics(self, values: Mapping[str, float], step: int) -> None:
+        from mlflow.entities import Metric
+
+        now = int(datetime.now(UTC).timestamp() * 1000)
+        self._batch(metrics=[Metric(name, value, now, step) for name, value in values.items()])
+
+    def _tags(self, values: Mapping[str, str]) -> None:
+        from mlflow.entities import RunTag
+
+        self._batch(tags=[RunTag(name, value[:5000]) for name, value in values.items()])
+
+    def _batch(self, **what: list[Any]) -> None:
+        (items,) = what.values()
+        with _explained(self._uri):
+            for begin in range(0, len(items), 100):  # MLflow takes 100 parameters or tags at once
+                self._client.log_batch(self.id, **{key: values[begin : begin + 100] for key, values in what.items()})
+
+    def _file(self, path: Path, folder: str, kind: Literal["file", "table", "image"] = "file") -> None:
+        with _explained(self._uri):
+            self._client.log_artifact(self.id, str(path), folder or None)
+            if kind == "image":
+                # Once more as an image with a key, which the UI lays side by side for several runs.
+                import PIL.Image
+
+                with PIL.Image.open(path) as image:
+                    self._client.log_image(self.id, image, key=path.stem, step=0)
+        if kind == "table":
+            # What MLflow's log_table does, except that a table logged again replaces itself instead of growing.
+            entry = {"path": f"{folder}/{path.name}", "type": "table"}
+            listed = json.dumps([*self._listed, entry])
+            if entry not in self._listed and len(listed) < 5000:
+                self._listed.append(entry)
+                self._tags({"mlflow.loggedArtifacts": listed})
+
+    def _child(self, name: str) -> Run:
+        return _MlflowRun(self._client, self._uri, self._experiment_id, name, self.id)
+
+    def _end(self, status: Status) -> None:
+        with _explained(self._uri):
+            self._client.set_terminated(self.id, status)
+
+
+def _quiet_mlflow() -> Any:
+    """MLflow, without migration logs, usage reports, or minutes of silent retries (unless the user set those)."""
+    os.environ.setdefault("MLFLOW_DISABLE_TELEMETRY", "true")
+    os.environ.setdefault("MLFLOW_HTTP_REQUEST_MAX_RETRIES", "4")
+    os.environ.setdefault("MLFLOW_HTTP_REQUEST_TIMEOUT", "30")
+    import mlflow
+
+    for name in ("alembic", "mlflow"):
+        logging.getLogger(name).setLevel(logging.ERROR)
+    return mlflow
+
+
+def _created(client: Any, experiment: str, artifacts: str | None) -> str:
+    """The new experiment's id, or that of the one which another process made a moment ago."""
+    from mlflow.exceptions import MlflowException
+
+    try:
+        return str(
+            client.create_experiment(experiment, artifacts, {"mlflow.experimentKind": "custom_model_development"})
+        )
+    except MlflowException:
+        found = client.get_experiment_by_name(experiment)
+        if found is None:
+            raise
+        return str(found.experiment_id)
+
+
+def _check_sqlite(database: Path) -> None:
+    """Fail in one line where SQLAlchemy would fail in fifty."""
+    mend = "choose a writable place with --tracking-uri, MLFLOW_TRACKING_URI or TWINGAP_HOME"
+    try:
+        database.parent.mkdir(parents=True, exist_ok=True)
+        with contextlib.closing(sqlite3.connect(database, timeout=30)) as connection:
+            connection.execute("BEGIN IMMEDIATE")
+            connection.execute("PRAGMA user_version")
+            connection.rollback()
+    except (OSError, sqlite3.Error) as error:
+        reason = getattr(error, "strerror", None) or str(error)
+        raise TwingapError(f"the tracking database cannot be used: {reason}", where=database, mend=mend) from error
+
+
+@contextmanager
+def _patience(retries: int, seconds: int) -> Iterator[None]:
+    """Within the block MLflow gives up soon."""
+    wanted = {"MLFLOW_HTTP_REQUEST_MAX_RETRIES": str(retries), "MLFLOW_HTTP_REQUEST_TIMEOUT": str(seconds)}
+    before = {name: os.environ.get(name) for name in wanted}
+    os.environ.update(wanted)
+    try:
+        yield
+    finally:
+        for name, value in before.items():
+            if value is None:
+                os.environ.pop(name, None)
+            else:
+                os.environ[name] = value
+
+
+@contextmanager
+def _explained(uri: str) -> Iterator[None]:
+    """Turn what a tracking store can raise into the one error that users see."""
+    try:
+        yield
+    except TwingapError:
+        raise
+    except Exception as error:
+        line = str(error).strip().partition("\n")[0][:300] or type(error).__name__
+        if "Max retries exceeded" in line or "Connection" in type(error).__name__:
+            line = "the tracking server does not answer"
+        mend = "start it, or choose another with --tracking-uri or MLFLOW_TRACKING_URI"
+        raise TwingapError(line, where=f"tracking store {uri}", mend=mend) from error
