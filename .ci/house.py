@@ -47,7 +47,9 @@ def install(extras: set[str]) -> None:
     if have["pins"] != wanted["pins"] or missing:
         print("installing twingap and what it needs (minutes the first time) ...", file=sys.stderr, flush=True)
         chosen = ",".join(sorted(missing))
-        subprocess.run([*pip, "-c", str(ROOT / "constraints.txt"), f"{ROOT}[{chosen}]" if chosen else str(ROOT)], check=True)
+        subprocess.run(
+            [*pip, "-c", str(ROOT / "constraints.txt"), f"{ROOT}[{chosen}]" if chosen else str(ROOT)], check=True
+        )
     if have["sources"] != wanted["sources"]:
         subprocess.run([*pip, "--force-reinstall", "--no-deps", str(ROOT)], check=True)
     wanted["extras"] = sorted(extras | set(have["extras"]))
