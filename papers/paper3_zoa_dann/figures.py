@@ -45,9 +45,13 @@ def all_figures(results: Sequence[TaskResult], options: Options, data: str) -> I
 
 def accuracy(results: Sequence[TaskResult], data: str) -> Figure:
     """Accuracy on the target by input and method, with 95 % intervals over seeds, and the yardsticks."""
-    figure = Figure(figsize=(max(7.0, 4.6 * len(results)), 5.6), layout="constrained")
-    panels = np.atleast_1d(figure.subplots(1, len(results), sharey=True))
-    for panel, result in zip(panels, results, strict=True):
+    columns = min(3, len(results))
+    rows = -(-len(results) // columns)
+    figure = Figure(figsize=(max(7.0, 4.9 * columns), 4.4 * rows + 1.4), layout="constrained")
+    panels = np.array(figure.subplots(rows, columns, sharey=True, squeeze=False))
+    for empty in panels.flat[len(results) :]:
+        empty.set_axis_off()
+    for panel, result in zip(panels.flat, results, strict=False):
         found = cells(result)
         views = list(dict.fromkeys(view for view, _ in found))
         for (view, method), trainings in found.items():
@@ -67,9 +71,10 @@ def accuracy(results: Sequence[TaskResult], data: str) -> Figure:
         panel.set_ylim(0, 100)
         panel.set_title(result.task.title.replace(", ", ",\n"))
         panel.grid(axis="y", color="0.9")
-    panels[0].set_ylabel("accuracy on target windows (%)")
+    for panel in panels[:, 0]:
+        panel.set_ylabel("target windows right (%)")
     figure.legend(
-        *panels[0].get_legend_handles_labels(), loc="outside lower center", ncols=4 if len(results) > 1 else 2
+        *panels[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=4 if len(results) > 1 else 2
     )
     figure.suptitle(
         f"Trained on the contact twin, judged on {data}\nmean, seeds (dots), 95 % interval over seeds (bars)"

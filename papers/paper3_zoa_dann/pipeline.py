@@ -375,6 +375,7 @@ def _publish(
         "accuracy": tables.frame(rows),
         "confusion": tables.confusion(results, options, target.title),
         "recordings": tables.recordings(results, options, target.title),
+        "adaptation": tables.frame(tables.adaptation(results, options, target.title)),
         "selection": tables.selection(results, target.title),
         "identification": tables.identification(results, target.title),
     }

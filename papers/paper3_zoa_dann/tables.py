@@ -189,6 +189,27 @@ def selection(results: Sequence[TaskResult], data: str) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
+def adaptation(results: Sequence[TaskResult], options: Options, data: str) -> list[dict[str, Any]]:
+    """What adaptation adds: accuracy of DANN minus that without, paired by seed, mean over tasks, by input.
+
+    ``domain_accuracy`` is the discriminator's in the end; 0.5 is a domain that it can no longer tell.
+    """
+    rows = []
+    for view in dict.fromkeys(view for result in results for view, _ in cells(result)):
+        gains, told = [], []
+        for result in results:
+            by_method = {method: trainings for (v, method), trainings in cells(result).items() if v == view}
+            plain, adapted = ([t.value["accuracy"][t.value["place"]] for t in by_method[m]] for m in LABELS)
+            gains.append(np.subtract(adapted, plain))
+            told += [t.value["domain_accuracy"][-1] for t in by_method["dann"]]
+        of_seeds = np.mean(gains, axis=0)
+        row = {"data": data, "input": view, "tasks": len(results), "gain": float(of_seeds.mean())}
+        for level in options.judging.levels:
+            row[f"low_{100 * level:.0f}"], row[f"high_{100 * level:.0f}"] = t_interval(list(of_seeds), level)
+        rows.append(row | {"domain_accuracy": float(np.mean(told))})
+    return rows
+
+
 def identification(results: Sequence[TaskResult], data: str) -> pd.DataFrame:
     """What was identified from the unlabelled recordings of each task."""
     return pd.DataFrame([{"data": data, "task": r.task.title, **r.identified} for r in results])

@@ -207,7 +207,7 @@ def whole(config: Path, tmp_path_factory: pytest.TempPathFactory) -> pipeline.Ou
 def test_whole_run_writes_and_tracks_all(whole: pipeline.Outcome) -> None:
     assert whole.computed == 4 and not whole.target.real
     assert {row["data"] for row in whole.rows} == {"virtual rig, not CWRU"}
-    for name in ("accuracy", "confusion", "recordings", "selection", "identification"):
+    for name in ("accuracy", "adaptation", "confusion", "recordings", "selection", "identification"):
         assert (whole.out / "tables" / f"{name}.md").exists()
         table = pd.read_csv(whole.out / "tables" / f"{name}.csv")
         assert set(table["data"]) == {"virtual rig, not CWRU"}, "every row says which data it is of"
@@ -257,6 +257,8 @@ def test_rows_add_up(whole: pipeline.Outcome) -> None:
     assert (called.loc["DANN"].to_numpy().sum(), called.loc["analyst's rule"].to_numpy().sum()) == (2 * 40, 40)
     dann = called.loc["DANN"].to_numpy()
     assert np.trace(dann) / dann.sum() == pytest.approx(table["accuracy"][1])
+    (gain,) = tables.adaptation(whole.tasks, whole.options, whole.target.title)
+    assert gain["gain"] == pytest.approx(table["accuracy"][1] - table["accuracy"][0])
     for rows in tables.shown(whole.rows).values():
         assert all(row["data"] == "virtual rig, not CWRU" for row in rows)
 

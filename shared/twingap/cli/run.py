@@ -92,6 +92,12 @@ def _print(outcome: Outcome) -> None:
 
     for task, rows in tables.shown(outcome.rows).items():
         show(rows, False, f"{task}: trained on the contact twin, judged on {outcome.target.title}")
+    for gain in tables.adaptation(outcome.tasks, outcome.options, outcome.target.title):
+        low, high = (100 * gain[name] for name in ("low_95", "high_95"))
+        say(
+            f"DANN on the {gain['input'].replace('_', ' ')} adds {100 * gain['gain']:+.1f} points "
+            f"(95 % interval {low:+.1f} to {high:+.1f}, {outcome.target.title})"
+        )
     count = sum(len(result.trainings) for result in outcome.tasks)
     say(
         "accuracy of windows: mean ± std over seeds, and the 95 % interval for that mean; right: recordings, by vote;",
