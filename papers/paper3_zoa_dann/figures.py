@@ -17,7 +17,7 @@ from twingap.adapt import VIEWS, Windows, t_interval
 from twingap.adapt.views import ORDERS
 
 if TYPE_CHECKING:
-    from papers.paper3_zoa_dann.pipeline import TaskResult
+    from papers.paper3_zoa_dann.results import TaskResult
 
 CLASS_COLOURS: Final = ("#009E73", "#0072B2", "#D55E00", "#CC79A7", "#E69F00")
 METHOD_COLOURS: Final = {"source_only": "#56B4E9", "dann": "#D55E00"}

@@ -20,12 +20,10 @@ from __future__ import annotations
 import dataclasses
 import functools
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 import twingap.adapt
 import twingap.bearing
@@ -40,11 +38,12 @@ from papers.paper3_zoa_dann import source as source_module
 from papers.paper3_zoa_dann import tables
 from papers.paper3_zoa_dann.job import Identification, Job, Measured, identify_twin, train_and_judge, windows_digest
 from papers.paper3_zoa_dann.options import CONFIG, Options, Profile, read_options
+from papers.paper3_zoa_dann.results import Outcome, TaskResult
 from papers.paper3_zoa_dann.source import FREE, Recipe
 from papers.paper3_zoa_dann.tasks import Target, Task, load_target, make_tasks
 from papers.paper3_zoa_dann.yardsticks import analyst, majority
 from twingap import files
-from twingap.adapt import Method, Scores, cut, score
+from twingap.adapt import Method, cut, score
 from twingap.errors import TwingapError
 from twingap.provenance import digest_of_code, digest_of_path
 from twingap.records import RecordSet
@@ -55,70 +54,6 @@ from twingap.track import NullTracker, Run, Tracker
 METHODS: Final[tuple[Method, ...]] = ("source_only", "dann")
 Progress = Callable[[str, int, int], None]
 """Called with what is going on, how much of it is done, and how much there is."""
-
-
-@dataclass(frozen=True)
-class TaskResult:
-    """All that came out of one task.
-
-    Parameters
-    ----------
-    task : Task
-    measured : Measured
-    identified : Mapping[str, float]
-    recipe : Recipe
-    trainings : list[Result[Job]]
-        In the order input, method, seed.
-    majority : float
-        Accuracy of calling everything the most frequent class.
-    analyst : Scores
-        Of the analyst's rule on the same windows.
-    analyst_whole : Scores
-        Of the same rule on whole recordings.
-    analyst_calls, analyst_whole_calls : Array [windows, classes], [recordings, classes]
-        What that rule called each, one-hot.
-    """
-
-    task: Task
-    measured: Measured
-    identified: Mapping[str, float]
-    recipe: Recipe
-    trainings: list[Result[Job]]
-    majority: float
-    analyst: Scores
-    analyst_whole: Scores
-    analyst_calls: NDArray[np.float64]
-    analyst_whole_calls: NDArray[np.float64]
-
-
-@dataclass(frozen=True)
-class Outcome:
-    """The whole result.
-
-    Parameters
-    ----------
-    profile : str
-    target : Target
-    options : Options
-    tasks : list[TaskResult]
-    rows : list[dict]
-        The accuracy table, one row per task, input and method, and per yardstick.
-    out : Path
-        Folder of tables and figures.
-    run_id : str or None
-        Of the MLflow run.
-    computed : int
-        Trainings that ran now; the others came from the store.
-    """
-
-    profile: str
-    target: Target
-    options: Options
-    tasks: list[TaskResult]
-    rows: list[dict[str, Any]]
-    out: Path
-    run_id: str | None
-    computed: int
 
 
 def run(

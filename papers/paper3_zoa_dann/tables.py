@@ -15,7 +15,7 @@ from twingap.adapt import Scores, t_interval
 
 if TYPE_CHECKING:
     from papers.paper3_zoa_dann.job import Job
-    from papers.paper3_zoa_dann.pipeline import TaskResult
+    from papers.paper3_zoa_dann.results import TaskResult
     from twingap.sweep import Result
 
 LABELS = {"source_only": "without adaptation", "dann": "DANN"}

@@ -13,7 +13,7 @@ from twingap.cli.options import Json, Seed, TrackingUri, progress_console, say, 
 from twingap.errors import TwingapError
 
 if TYPE_CHECKING:
-    from papers.paper3_zoa_dann.pipeline import Outcome
+    from papers.paper3_zoa_dann.results import Outcome
 
 
 class Paper(enum.StrEnum):
