@@ -29,7 +29,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twingap.bearing import Bearing
-from twingap.effects.ringing import Mode
+from twingap.effects.ringing import LEAD, PAST, Mode
 from twingap.records import Condition
 
 Array = NDArray[np.float64]
@@ -90,15 +90,18 @@ class Draft:
         have been at shaft angle `turns - cage_lag` is at `turns`. Add to it with `delay`.
     impacts : Impacts or None
         None for healthy records, and for simulators that hand over a finished waveform.
-    force : Array [samples] or None
-        Broadband force that passes through the modes like the impacts do (structure noise, roughness).
+    force : Array [LEAD + samples] or None
+        Broadband force that passes through the modes like the impacts do (structure noise, roughness); it begins
+        `ringing.LEAD` samples before the record. Add to it with `push`.
+    past : Array [`ringing.PAST`] or None
+        What that force did before, for `ring`: no record starts at rest.
     gain : Array [samples] or None
         Factor on the waveform that stands for modulated impacts, for simulators that have none ("rollers", "waveform").
         Multiply it with `modulate`.
     modes : list[Mode]
         The path: structural modes in parallel. Empty for a finished waveform; "rollers" hold their linearised contact.
     filters : list of callables, Array -> Array
-        The path after the modes (mounting, sensor), applied in turn to x.
+        The path after the modes (mounting, sensor), applied in turn to x and up to LEAD samples before it.
     x : Array [samples]
         The waveform. Before the path has acted it is empty, except for simulators that make it whole.
     """
@@ -113,6 +116,7 @@ class Draft:
     cage_lag: Array | None = None
     impacts: Impacts | None = None
     force: Array | None = None
+    past: Array | None = None
     gain: Array | None = None
     modes: list[Mode] = field(default_factory=list)
     filters: list[Callable[[Array], Array]] = field(default_factory=list)
@@ -141,9 +145,20 @@ class Draft:
         """Delay the roller train or the waveform by so many shaft turns more, sample by sample."""
         self.cage_lag = turns if self.cage_lag is None else self.cage_lag + turns
 
-    def push(self, force: Array) -> None:
-        """Add a broadband force before the path."""
+    def push(self, force: Array, rng: np.random.Generator, rms_before: float) -> None:
+        """Add a broadband force [samples] before the path, independent from sample to sample.
+
+        `rms_before` is its RMS just before the record; `rng` draws what it did then.
+        """
+        past = rms_before * rng.standard_normal(PAST)
+        force = np.concatenate((rms_before * rng.standard_normal(LEAD), force))
         self.force = force if self.force is None else self.force + force
+        self.past = past if self.past is None else self.past + past
+
+    def amplify_force(self, factor: float) -> None:
+        """Multiply all broadband force so far, before the record and in it."""
+        self.force = None if self.force is None else self.force * factor
+        self.past = None if self.past is None else self.past * factor
 
     def when(self, turns: Array) -> Array:
         """Times (s) at which the shaft passes the given angles (turns), within and beyond the record."""

@@ -258,9 +258,9 @@ class DistributedRoughness(Effect):
         force = rng.standard_normal(draft.t.size)
         swell = 1 + self.depth * cosine(draft.turns + rng.random())
         rms = math.sqrt(1 + self.depth**2 / 2) * response_rms(draft.modes, draft.condition.fs_hz)
+        swell *= self.level * draft.reference_rms / rms
         force *= swell
-        force *= self.level * draft.reference_rms / rms
-        draft.push(force)
+        draft.push(force, rng, abs(float(swell[0])))
 
     def cannot_act_on(self, draft: Draft) -> str | None:
         if draft.excitation == "waveform":
@@ -295,8 +295,7 @@ class SpeedGain(Effect):
         gain = self.gain(draft.condition.speed_rpm)
         if draft.impacts is not None:
             draft.impacts.amplitudes = draft.impacts.amplitudes * gain
-        if draft.force is not None:
-            draft.force = draft.force * gain
+        draft.amplify_force(gain)
         if draft.excitation != "impacts":
             draft.modulate(gain)
 

@@ -14,6 +14,7 @@ from twingap.bearing import Bearing
 from twingap.effects.angle import at_angles
 from twingap.effects.base import Effect, Stage, in_order
 from twingap.effects.draft import Draft
+from twingap.effects.ringing import LEAD
 from twingap.errors import TwingapError
 from twingap.records import Record
 from twingap.streams import Streams
@@ -69,7 +70,10 @@ def apply_to_waveform(
                 draft.x = at_angles(draft.x, draft.turns, draft.turns - draft.cage_lag)
             if draft.gain is not None:
                 draft.x = draft.x * draft.gain
-        elif stage is Stage.PATH:
+        elif stage is Stage.PATH and draft.filters:
+            # Nobody knows what was before the record: its beginning, mirrored, comes nearest.
+            x = np.pad(draft.x, (LEAD, 0), mode="reflect")
             for act in draft.filters:
-                draft.x = act(draft.x)
+                x = act(x)
+            draft.x = x[LEAD:].copy()
     return Record(condition, draft.x)

@@ -45,7 +45,7 @@ class SecondResonance(Effect):
             draft.modes.append(Mode(self.frequency_hz, self.damping_ratio, self.gain))
             return
         fs_hz, band = draft.condition.fs_hz, (self.frequency_hz, self.damping_ratio, self.gain)
-        draft.filters.append(lambda x: _filtered(x, _raised(x.size, fs_hz, *band)))
+        draft.filters.append(lambda x: _filtered(x, _raised(_length(x.size), fs_hz, *band)))
 
     def cannot_act_on(self, draft: Draft) -> str | None:
         return beyond_nyquist(draft, self.frequency_hz)
@@ -72,7 +72,7 @@ class SensorRolloff(Effect):
 
     def apply(self, draft: Draft, rng: np.random.Generator) -> None:
         fs_hz = draft.condition.fs_hz
-        draft.filters.append(lambda x: _filtered(x, _low_pass(x.size, fs_hz, self.corner_hz, self.order)))
+        draft.filters.append(lambda x: _filtered(x, _low_pass(_length(x.size), fs_hz, self.corner_hz, self.order)))
 
 
 def beyond_nyquist(draft: Draft, frequency_hz: float) -> str | None:
@@ -86,14 +86,19 @@ def beyond_nyquist(draft: Draft, frequency_hz: float) -> str | None:
 
 
 def _filtered(x: Array, response: Array) -> Array:
-    """A causal filter given by its response at the frequencies of the record's own transform.
+    """A causal filter given by its response at the frequencies of a transform of `_length(x.size)` samples.
 
-    The record's end runs into its beginning: as structure noise is made to repeat with the record's length, the filter
-    has settled when the record begins.
+    The end runs into the beginning: into what the caller made before the record for the filter to settle, and cuts off.
     """
-    spectrum = scipy.fft.rfft(x)
+    length = _length(x.size)
+    spectrum = scipy.fft.rfft(x, length)
     spectrum *= response
-    return np.asarray(scipy.fft.irfft(spectrum, x.size))
+    return np.asarray(scipy.fft.irfft(spectrum, length)[: x.size])
+
+
+def _length(n: int) -> int:
+    """Length of a fast transform of n samples."""
+    return int(scipy.fft.next_fast_len(n, real=True))
 
 
 @lru_cache(maxsize=16)

@@ -25,6 +25,12 @@ Array = NDArray[np.float64]
 NEGLIGIBLE = 1e-6
 """Part of its amplitude below which ringing from before a record is left out."""
 
+PAST = 16
+"""Normal numbers that stand for a force's past: two for each of eight modes; any further mode starts at rest."""
+
+LEAD = 256
+"""Samples made before each record's first and cut off in the end: filters of the path settle in them."""
+
 
 @dataclass(frozen=True)
 class Mode:
@@ -63,6 +69,7 @@ def ring(
     times_s: Array | None = None,
     amplitudes: Array | None = None,
     force: Array | None = None,
+    past: Array | None = None,
 ) -> Array:
     """The sum of the modes' responses to impacts and to a force.
 
@@ -77,8 +84,11 @@ def ring(
         Impacts in any order, at any times: earlier ones ring into the record, later ones are left out. An impact of
         amplitude A adds A h(t - t_i), whatever the sampling rate.
     force : Array [samples], optional
-        One impact per sample. The response is the steady one, as if the force repeated with the record's length, so
-        that no record starts at rest.
+        One impact per sample.
+    past : Array [`PAST`], optional
+        Independent normal numbers of the standard deviation that the force, taken to be white, had before the record.
+        They set the modes' states at its start as that force would have left them, so that the response is stationary
+        from the first sample on. Without them the modes are at rest but for earlier impacts.
 
     Returns
     -------
@@ -86,14 +96,19 @@ def ring(
     """
     x = np.zeros(n_samples)
     hits = times_s is not None and amplitudes is not None and times_s.size > 0
-    if not hits and force is None:
+    if not hits and force is None and past is None:
         return x
     none = np.empty(0)
     times = np.ascontiguousarray(times_s) if hits and times_s is not None else none
     strengths = np.ascontiguousarray(amplitudes) if hits and amplitudes is not None else none
     pushed = none if force is None else np.ascontiguousarray(force)
-    for mode in modes:
-        _add_mode(x, mode.pole, mode.gain, fs_hz, times, strengths, pushed)
+    begin = np.zeros(2 * len(modes))
+    if past is not None:
+        root = _state_root(tuple(modes[: past.size // 2]), fs_hz)
+        begin[: len(root)] = root @ past[: len(root)]
+    for place, mode in enumerate(modes):
+        state = complex(begin[2 * place], begin[2 * place + 1])
+        _add_mode(x, mode.pole, mode.gain, fs_hz, times, strengths, pushed, state)
     return x
 
 
@@ -107,17 +122,35 @@ def response_rms(modes: Sequence[Mode], fs_hz: float) -> float:
 
 @lru_cache(maxsize=256)
 def _response_rms(modes: tuple[Mode, ...], fs_hz: float) -> float:
-    turns = [np.exp(mode.pole / fs_hz) for mode in modes]
-    power = sum(
-        a.gain * b.gain * 0.5 * float(np.real(1 / (1 - p * np.conj(q)) - 1 / (1 - p * q)))
-        for a, p in zip(modes, turns, strict=True)
-        for b, q in zip(modes, turns, strict=True)
-    )
-    return math.sqrt(max(power, 0.0))
+    gains = np.array([mode.gain for mode in modes])
+    apart = _state_covariance(modes, fs_hz)[1::2, 1::2]
+    return math.sqrt(max(float(gains @ apart @ gains), 0.0))
+
+
+def _state_covariance(modes: tuple[Mode, ...], fs_hz: float) -> Array:
+    """Covariance of the modes' states (re, im, re, im, ...) under unit white noise, which has always acted on them.
+
+    From z_n = p z_(n-1) + f_n follow E[z_i z_j*] = 1 / (1 - p_i p_j*) and E[z_i z_j] = 1 / (1 - p_i p_j).
+    """
+    s = np.array([mode.pole for mode in modes]) / fs_hz
+    # expm1 rather than 1 - exp: a sharp mode's pole lies close to the unit circle.
+    mixed, plain = (-1 / np.expm1(s[:, None] + other) for other in (s.conj(), s))
+    out = np.empty((2 * s.size, 2 * s.size))
+    out[::2, ::2], out[1::2, 1::2] = (mixed + plain).real / 2, (mixed - plain).real / 2
+    out[::2, 1::2], out[1::2, ::2] = (plain - mixed).imag / 2, (plain + mixed).imag / 2
+    return out
+
+
+@lru_cache(maxsize=256)
+def _state_root(modes: tuple[Mode, ...], fs_hz: float) -> Array:
+    """Lower triangle L with L L^T the states' covariance: the first mode's state never depends on those after it."""
+    covariance = _state_covariance(modes, fs_hz)
+    # Equal modes have equal states: a trace of the diagonal keeps the root defined.
+    return np.asarray(np.linalg.cholesky(covariance + 1e-10 * np.diag(np.diag(covariance))))
 
 
 @njit(cache=True, nogil=True)
-def _add_mode(x, pole, gain, fs_hz, times, amplitudes, force):  # type: ignore[no-untyped-def]  # pragma: no cover
+def _add_mode(x, pole, gain, fs_hz, times, amplitudes, force, begin):  # type: ignore[no-untyped-def]  # pragma: no cover
     n = x.size
     turn = np.exp(pole / fs_hz)
     p, q = turn.real, turn.imag
@@ -133,16 +166,9 @@ def _add_mode(x, pole, gain, fs_hz, times, amplitudes, force):  # type: ignore[n
         struck = amplitudes[i] * np.exp(pole * late)
         re[at] += struck.real
         im[at] += struck.imag
-    a, b = 0.0, 0.0
-    if force.size > 0:
-        # Only as much of the force's end as still rings: exp(-40) is beyond rounding.
-        tail = int(min(float(n), math.ceil(-40.0 * fs_hz / pole.real)))
-        for i in range(n - tail, n):
-            a, b = p * a - q * b + force[i], p * b + q * a
-        steady = complex(a, b) / (1.0 - np.exp(pole * (n / fs_hz)))
-        a, b = steady.real, steady.imag
-        for i in range(n):
-            re[i] += force[i]
+    a, b = begin.real, begin.imag
+    for i in range(force.size):
+        re[i] += force[i]
     for i in range(n):
         a, b = p * a - q * b + re[i], p * b + q * a + im[i]
         x[i] += gain * b

@@ -35,7 +35,7 @@ from scipy.signal import lfilter
 
 from twingap.bearing import Bearing
 from twingap.effects import Draft, Effect, Mode
-from twingap.effects.ringing import response_rms, ring
+from twingap.effects.ringing import LEAD, response_rms, ring
 from twingap.errors import TwingapError
 from twingap.records import Condition, Record
 from twingap.streams import Streams
@@ -149,9 +149,11 @@ class ContactTwin(Twin):
         draft.modes.append(mode)
         draft.shaft_start, draft.cage_start, draft.spin_start = streams("contact_phase").random(3)
         if own.structure_noise_rms > 0:
-            force = streams("structure_noise").standard_normal(condition.n_samples)
-            force *= own.scale * own.structure_noise_rms / response_rms(draft.modes, condition.fs_hz)
-            draft.push(force)
+            rng = streams("structure_noise")
+            force = rng.standard_normal(condition.n_samples)
+            rms = own.scale * own.structure_noise_rms / response_rms(draft.modes, condition.fs_hz)
+            force *= rms
+            draft.push(force, rng, rms)
 
     def respond(self, drafts: Sequence[Draft]) -> None:
         """Integrate the contacts, then add the path."""
@@ -185,11 +187,14 @@ def respond_together(twins: Sequence[ContactTwin], drafts: Sequence[Draft]) -> N
         total = contact.copy()
         for mode in draft.modes[1:]:
             total += through(mode, draft.modes[0], contact, draft.condition.fs_hz)
-        draft.x = total[lead:].copy()
+        before = min(lead, LEAD)
+        x = total[lead - before :]
         if draft.force is not None:
-            draft.x += ring(draft.modes, draft.condition.fs_hz, draft.t.size, force=draft.force)
+            stirred = ring(draft.modes, draft.condition.fs_hz, draft.force.size, force=draft.force, past=draft.past)
+            x = x + stirred[LEAD - before :]
         for act in draft.filters:
-            draft.x = act(draft.x)
+            x = act(x)
+        draft.x = x[before:].copy()
 
 
 def make_together(

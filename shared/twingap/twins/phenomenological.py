@@ -31,7 +31,7 @@ from twingap.effects import (
     SlipJitter,
     SpeedGain,
 )
-from twingap.effects.ringing import response_rms, ring
+from twingap.effects.ringing import LEAD, response_rms, ring
 from twingap.errors import TwingapError
 from twingap.streams import Streams
 from twingap.twins.base import Twin
@@ -170,9 +170,11 @@ class PhenomenologicalTwin(Twin):
             )  # fmt: skip
         draft.modes.append(own.mode)
         if own.structure_noise_rms > 0:
-            force = streams("structure_noise").standard_normal(condition.n_samples)
-            force *= own.scale * own.structure_noise_rms / response_rms(draft.modes, condition.fs_hz)
-            draft.push(force)
+            rng = streams("structure_noise")
+            force = rng.standard_normal(condition.n_samples)
+            rms = own.scale * own.structure_noise_rms / response_rms(draft.modes, condition.fs_hz)
+            force *= rms
+            draft.push(force, rng, rms)
         if draft.faulty:
             if condition.fault not in own.impact_amplitude:
                 raise TwingapError(
@@ -188,10 +190,13 @@ class PhenomenologicalTwin(Twin):
             condition, impacts = draft.condition, draft.impacts
             times = amplitudes = None
             if impacts is not None:
-                times, amplitudes = draft.when(impacts.struck), impacts.amplitudes
-            draft.x = ring(draft.modes, condition.fs_hz, condition.n_samples, times, amplitudes, draft.force)
+                times, amplitudes = draft.when(impacts.struck) + LEAD / condition.fs_hz, impacts.amplitudes
+            x = ring(
+                draft.modes, condition.fs_hz, LEAD + condition.n_samples, times, amplitudes, draft.force, draft.past
+            )
             for act in draft.filters:
-                draft.x = act(draft.x)
+                x = act(x)
+            draft.x = x[LEAD:]
 
 
 def paper1_chain(
