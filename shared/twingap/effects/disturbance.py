@@ -256,7 +256,9 @@ class ColouredNoise(Effect):
 
     def apply(self, draft: Draft, rng: np.random.Generator) -> None:
         n = draft.x.size
-        length = scipy.fft.next_fast_len(n, real=True)
+        # A transform makes noise that repeats: longer than the record, so that its end does not run into its start.
+        apart = min(n, math.ceil(2 * draft.condition.fs_hz / self.low_hz))
+        length = scipy.fft.next_fast_len(n + apart, real=True)
         weights = _power_law(length, draft.condition.fs_hz, self.slope, self.low_hz, self.high_hz)
         spectrum = rng.standard_normal(2 * weights.size).view(complex)
         spectrum *= weights

@@ -196,3 +196,14 @@ def test_what_is_tied_to_the_shaft_follows_its_fluctuation(lab: Any, name: str) 
 def test_what_the_sampling_rate_cannot_show_is_refused(lab: Any, name: str, parameters: dict[str, float]) -> None:
     with pytest.raises(TwingapError, match=f"effect {name}: .* lies above half the sampling rate"):
         lab.make([make_effect(name, parameters)], "healthy")
+
+
+@pytest.mark.parametrize("slope", [0.0, 1.0, 2.0])
+def test_coloured_noise_does_not_repeat_with_the_record(lab: Any, slope: float) -> None:
+    """Start and end are as far apart as they are in time, however short the record."""
+    noise = ColouredNoise(level=1.0, slope=slope, low_hz=40.0, high_hz=2000.0)
+    x = lab.where(n_samples=600).added(noise, count=800)
+    scale = np.sqrt(np.mean(x[:, 0] ** 2) * np.mean(x[:, -1] ** 2))
+    assert abs(np.mean(x[:, 0] * x[:, -1])) / scale < 0.15
+    level = np.sqrt(np.mean(x**2, axis=0))
+    assert level[:5].mean() == pytest.approx(level.mean(), rel=0.1)
