@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -12,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from twingap.cli.options import Json, Seed, progress_console, wrote
+from twingap.cli.options import AnySeed, Json, Seed, progress_console, say, say_json, steps, wrote
 from twingap.errors import TwingapError
 
 if TYPE_CHECKING:
@@ -20,7 +19,6 @@ if TYPE_CHECKING:
 
     from twingap.data.manifest import Manifest
     from twingap.data.verify import Verification
-    from twingap.records import Record, RecordSet
 
 app = typer.Typer(help="Public data sets: list, verify, fetch, export.", no_args_is_help=True)
 
@@ -34,6 +32,7 @@ Name = Annotated[str, typer.Argument(help="A data set's name, as `twingap data l
 def list_sets(
     root: Root = None,
     quick: Annotated[bool, typer.Option("--quick", help="Compare sizes only; do not hash what is present.")] = False,
+    seed: AnySeed = 0,
     as_json: Json = False,
 ) -> None:
     """The data sets: licence, size, where from, what of them is present and verified under the data root."""
@@ -48,25 +47,24 @@ def list_sets(
     all_facts = [manifest_of(name) for name in manifest_names()]
     checks = _verify_all(all_facts, folder, quick=quick) if folder is not None else [None] * len(all_facts)
     if as_json:
-        print(
-            json.dumps([_listing(f, c) for f, c in zip(all_facts, checks, strict=True)], indent=2, ensure_ascii=False)
-        )
+        say_json([_listing(f, c) for f, c in zip(all_facts, checks, strict=True)])
         return
-    print(f"data root: {folder}" if folder else "data root: none set (TWINGAP_DATA or --root)")
+    say(f"data root: {folder}" if folder else "data root: none set (TWINGAP_DATA or --root)")
     for facts, check in zip(all_facts, checks, strict=True):
-        print(f"\n{facts.name}: {facts.title}")
-        print(f"  size     {'made on demand' if facts.made_here else _human(facts.size_bytes)}")
-        print(f"  licence  {facts.licence}")
-        print(f"  from     {facts.url or 'twingap itself'}")
-        print(f"  here     {_presence(facts, check)}")
+        say(f"\n{facts.name}: {facts.title}")
+        say(f"  size     {'made on demand' if facts.made_here else _human(facts.size_bytes)}")
+        say(f"  licence  {facts.licence}")
+        say(f"  from     {facts.url or ('twingap itself' if facts.made_here else facts.how_to_get)}")
+        say(f"  here     {_presence(facts, check)}")
 
 
 @app.command("verify")
 def verify_sets(
     names: Annotated[
-        list[str] | None, typer.Argument(metavar="[NAME]...", help="Data sets; all by default.", show_default=False)
+        list[str] | None, typer.Argument(metavar="NAME", help="Data sets; all by default.", show_default=False)
     ] = None,
     root: Root = None,
+    seed: AnySeed = 0,
     as_json: Json = False,
 ) -> None:
     """Check every present file against its manifest; exit 2 when one is altered.
@@ -78,7 +76,7 @@ def verify_sets(
     asked = [manifest_of(name) for name in dict.fromkeys(names or manifest_names())]
     checks = _verify_all(asked, data_root(root))
     if as_json:
-        print(json.dumps([asdict(c) | {"intact": c.intact} for c in checks], indent=2, ensure_ascii=False))
+        say_json([asdict(c) | {"intact": c.intact} for c in checks])
     else:
         for facts, check in zip(asked, checks, strict=True):
             _print_check(facts, check, in_full=bool(names))
@@ -92,7 +90,7 @@ def verify_sets(
 
 
 @app.command("fetch")
-def fetch_set(name: Name, root: Root = None, as_json: Json = False) -> None:
+def fetch_set(name: Name, root: Root = None, seed: AnySeed = 0, as_json: Json = False) -> None:
     """Download a data set from its owner: resumed where it broke off, verified, unpacked."""
     from twingap.data import data_root, manifest_of
     from twingap.data.fetch import fetch
@@ -113,9 +111,9 @@ def fetch_set(name: Name, root: Root = None, as_json: Json = False) -> None:
             "kept": [str(path) for path in fetched.kept],
             "unpacked": fetched.unpacked,
         }
-        print(json.dumps(result, indent=2, ensure_ascii=False))
+        say_json(result)
     else:
-        print(
+        say(
             f"{name}: {len(fetched.downloaded)} files downloaded and verified, {len(fetched.kept)} were there already, "
             f"{fetched.unpacked} unpacked"
         )
@@ -138,8 +136,6 @@ def export_set(
     as_json: Json = False,
 ) -> None:
     """A public data set as a record set."""
-    from rich.progress import track
-
     from twingap.data import load
     from twingap.data import where as chosen
     from twingap.data.registry import takes
@@ -152,25 +148,17 @@ def export_set(
     if where:
         records = chosen(records, where)
 
-    def with_bar(records: RecordSet) -> Iterator[Record]:
-        yield from track(
-            records,
-            description=f"export {name}",
-            total=len(records),
-            console=progress_console,
-            transient=True,
-            disable=_quiet(),
-        )
-
     rates = [condition.fs_hz for condition in records.conditions]
     rate = max(dict.fromkeys(rates), key=rates.count)
-    write_records(out, records.name, records.unit, records.bearing, rate, with_bar(records))
+    write_records(
+        out, records.name, records.unit, records.bearing, rate, steps(records, f"export {name}", len(records))
+    )
     if as_json:
         counts = records.table["fault"].fillna("unknown").value_counts(sort=False).to_dict()
         result = {"name": name, "folder": str(out), "records": len(records), "groups": len(records.groups)}
-        print(json.dumps({**result, "faults": counts}, indent=2, ensure_ascii=False))
+        say_json({**result, "faults": counts})
     else:
-        print(f"{name}: {len(records)} records in {len(records.groups)} groups")
+        say(f"{name}: {len(records)} records in {len(records.groups)} groups")
     wrote(out, as_json=as_json)
 
 
@@ -188,29 +176,24 @@ def _bytes_bar(what: str, total: int | None) -> Iterator[tuple[Progress, Any]]:
     from rich.progress import BarColumn, DownloadColumn, Progress, TextColumn, TransferSpeedColumn
 
     columns = (TextColumn("{task.description}"), BarColumn(), DownloadColumn(), TransferSpeedColumn())
-    with Progress(*columns, console=progress_console, transient=True, disable=_quiet()) as bar:
+    with Progress(*columns, console=progress_console, transient=True, disable=not progress_console.is_terminal) as bar:
         yield bar, bar.add_task(what, total=total)
-
-
-def _quiet() -> bool:
-    """Whether to leave bars out: standard error that goes into a file should hold errors alone."""
-    return not progress_console.is_terminal
 
 
 def _print_check(facts: Manifest, check: Verification, *, in_full: bool) -> None:
     """What was found of one set: a line in all, then one for each file that is not as it should be."""
     if facts.made_here:
-        print(f"{facts.name}: made on demand, nothing to verify")
+        say(f"{facts.name}: made on demand, nothing to verify")
         return
     if not check.here and not in_full:
-        print(f"{facts.name}: not here")
+        say(f"{facts.name}: not here")
         return
     counts = {s: check.count(s) for s in ("ok", "unchecked", "missing", "unexpected", "altered")}
-    print(f"{facts.name}: {', '.join(f'{n} {status}' for status, n in counts.items() if n)}")
+    say(f"{facts.name}: {', '.join(f'{n} {status}' for status, n in counts.items() if n)}")
     for finding in check.findings:
         if finding.status != "ok":
             sums = f"expected {finding.expected or 'nothing known'}, found {finding.found or 'none'}"
-            print(f"  {finding.status}: {finding.path}: {sums}{'; ' + finding.mend if finding.mend else ''}")
+            say(f"  {finding.status}: {finding.path}: {sums}{'; ' + finding.mend if finding.mend else ''}")
 
 
 def _listing(facts: Manifest, check: Verification | None) -> dict[str, Any]:

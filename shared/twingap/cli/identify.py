@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from twingap.cli.options import Json, Seed, progress_console, show, wrote
+from twingap.cli.options import Json, Seed, progress_console, say, say_json, show, wrote
 
 
 def identify(
@@ -16,7 +15,7 @@ def identify(
     recordset: Annotated[Path, typer.Argument(metavar="RECORDSET", help="Records to identify them from.")],
     out: Annotated[Path, typer.Option(metavar="TWIN2.toml", help="The identified twin.")],
     figures: Annotated[
-        Path | None, typer.Option(metavar="DIR", help="Folder for the fit's figures [beside TWIN2.toml]")
+        Path | None, typer.Option(metavar="DIR", help="Folder for the fit's figures; default beside TWIN2.toml.")
     ] = None,
     level: Annotated[float, typer.Option(help="Coverage of the intervals.", min=0.5, max=0.999)] = 0.9,
     method: Annotated[
@@ -54,7 +53,10 @@ def identify(
                 seed=seed,
                 report=lambda what, fraction: progress.update(task, description=what, completed=fraction),
             )
-        write_twin(text, found.spec)
+        try:
+            write_twin(text, found.spec)
+        except TwingapError as error:  # which names the temporary file
+            raise TwingapError(error.what, where=out, mend=error.mend) from error
         write_figure(drawing, found.fits)
     if as_json:
         about = {
@@ -66,7 +68,7 @@ def identify(
             "twin": str(out),
             "figures": [str(figure)],
         }
-        print(json.dumps(about, indent=2, ensure_ascii=False))
+        say_json(about)
     else:
         rows = [
             {
@@ -78,5 +80,5 @@ def identify(
         ]
         show(rows, False, title=f"{spec.model} twin from {len(records)} records")
         for note in found.notes:
-            print(f"note: {note}")
+            say(f"note: {note}")
     wrote(out, figure, as_json=as_json)

@@ -7,17 +7,30 @@ import io
 import json
 import math
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Protocol, TypeVar
 
 import typer
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 from rich.table import Table
 
+T = TypeVar("T")
+
+
+class Step(Protocol):
+    """Moves a bar on by one, with a word on what was done."""
+
+    def __call__(self, now: str = "") -> None: ...
+
+
 Seed = Annotated[int, typer.Option(help="Seed of everything random; same seed, same bytes.", min=0)]
+AnySeed = Annotated[
+    int, typer.Option("--seed", help="Taken by every command; nothing is random in this one.", min=0, hidden=True)
+]
+"""For commands without anything random: a script may pass --seed to all."""
 Json = Annotated[bool, typer.Option("--json", help="Print the machine-readable result instead of the table.")]
 TrackingUri = Annotated[
     str | None,
@@ -72,7 +85,7 @@ def wrote(*paths: Path, as_json: bool = False) -> None:
 
 
 @contextmanager
-def progress(title: str, total: int | None = None) -> Iterator[Callable[[str], None]]:
+def progress(title: str, total: int | None = None) -> Iterator[Step]:
     """A bar on standard error, silent where that is not a terminal.
 
     Parameters
@@ -83,8 +96,8 @@ def progress(title: str, total: int | None = None) -> Iterator[Callable[[str], N
 
     Yields
     ------
-    callable, str -> None
-        To be called once per step, with a word on what was done.
+    Step
+        To be called once per step.
     """
     columns = (
         TextColumn("{task.description}", markup=False), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(),
@@ -98,6 +111,14 @@ def progress(title: str, total: int | None = None) -> Iterator[Callable[[str], N
             bar.update(task, advance=1, now=now)
 
         yield step
+
+
+def steps(items: Iterable[T], title: str, total: int) -> Iterator[T]:
+    """The items as they come, each a step of a bar like that of `progress`."""
+    with progress(title, total) as step:
+        for item in items:
+            yield item
+            step()
 
 
 def _cell(value: Any) -> str:

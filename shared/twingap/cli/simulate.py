@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-import json
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from twingap.cli.options import Json, Seed, progress_console, show, wrote
+from twingap.cli.options import Json, Seed, say_json, show, steps, wrote
 
 if TYPE_CHECKING:
-    from twingap.records import Condition, Record
+    from twingap.records import Condition
 
 
 def simulate(
@@ -35,22 +34,25 @@ def simulate(
     from twingap.twins.twin_file import build_twin, read_twin
 
     spec = read_twin(twin)
-    conditions, bearing = read_conditions(records, fs_hz=fs_hz, duration_s=duration_s)
+    asked = read_conditions(records, fs_hz=fs_hz, duration_s=duration_s)
+    conditions = asked.conditions
     _refuse_unknown_faults(conditions, records)
-    unit = _unit(records, None if spec.identified is None else spec.identified.unit)
-    bearing = bearing or spec.bearing
+    # The unit that the twin was identified in, else that of the record set, else m/s^2.
+    unit = asked.unit if spec.identified is None else spec.identified.unit
+    unit = "m/s^2" if unit is None else unit
+    bearing = asked.bearing or spec.bearing
     if bearing is None:
         raise _no_bearing(twin, records)
     model = build_twin(spec, bearing, unit)
     made = model.stream(conditions, np.random.default_rng(seed))
-    write_records(out, f"{spec.model} twin", unit, bearing, None, _with_bar(made, len(conditions)))
+    write_records(out, f"{spec.model} twin", unit, bearing, None, steps(made, "simulate", len(conditions)))
     rows = [
         {"fault": fault, "records": sum(c.fault == fault for c in conditions)}
         for fault in dict.fromkeys(c.fault for c in conditions)
     ]
     if as_json:
         about = {"out": str(out), "records": len(conditions), "unit": unit, "seed": seed, "faults": rows}
-        print(json.dumps(about, indent=2, ensure_ascii=False))
+        say_json(about)
     else:
         show(rows, False, title=f"{len(conditions)} records of the {spec.model} twin")
     wrote(out, as_json=as_json)
@@ -69,15 +71,6 @@ def _refuse_unknown_faults(conditions: Iterable[Condition], where: Path) -> None
             )
 
 
-def _unit(records: Path, identified: str | None) -> str:
-    """Unit of the twin: the one it was identified in, else that of the record set, else m/s^2."""
-    from twingap.records import RecordSet
-
-    if identified is not None:
-        return identified
-    return RecordSet.read(records).unit if records.is_dir() else "m/s^2"
-
-
 def _no_bearing(twin: Path, records: Path) -> Exception:
     from twingap.errors import TwingapError
 
@@ -85,20 +78,4 @@ def _no_bearing(twin: Path, records: Path) -> Exception:
         f"the bearing's geometry is neither there nor in {twin}",
         where=records,
         mend="add a [bearing] table to the twin file (or to recordset.toml)",
-    )
-
-
-def _with_bar(made: Iterable[Record], total: int) -> Iterator[Record]:
-    """The records, with a progress bar as they come."""
-    from rich.progress import track
-
-    return iter(
-        track(
-            made,
-            "simulating",
-            total=total,
-            console=progress_console,
-            transient=True,
-            disable=not progress_console.is_terminal,
-        )
     )

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 
 from twingap.data.resample import resampled
+from twingap.errors import TwingapError
 from twingap.records import RecordSet
 from twingap.rigs import make_rig
 
@@ -33,5 +34,12 @@ def load_virtual_cwru(
     -------
     RecordSet
         As `twingap.rigs.VirtualCwru.records`.
+
+    Raises
+    ------
+    TwingapError
+        For a negative seed or a length that the rig does not make.
     """
+    if seed < 0:
+        raise TwingapError(f"seed = {seed}, a whole number of at least 0 expected", where="data set virtual_cwru")
     return resampled(make_rig("virtual_cwru", duration_s=duration_s).records(seed), fs_hz)

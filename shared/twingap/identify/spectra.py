@@ -178,8 +178,12 @@ def check(record: Record) -> None:
         )
     if not np.isfinite(record.samples).all():
         raise TwingapError("a sample is not a finite number", where=where, mend="remove or repair the record")
-    if np.ptp(record.samples) == 0:
+    spread = float(np.ptp(record.samples))
+    if spread == 0:
         raise TwingapError("all samples are equal", where=where, mend="remove the record")
+    if not 1e-30 < spread < 1e30:  # powers and their products must stay numbers
+        what = f"samples spread over {spread:.3g}, which no accelerometer measures"
+        raise TwingapError(what, where=where, mend="check the unit and how the file was read")
 
 
 def _averages(samples: int, segment: int) -> float:

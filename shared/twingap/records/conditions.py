@@ -1,7 +1,7 @@
 """Conditions to simulate, from a record set or from a plain table.
 
-RECORDSET folder  --lengths and rates of its records--> conditions, bearing
-CSV               --n_samples or duration_s, fs_hz----> conditions, no bearing
+RECORDSET folder  --lengths and rates of its records--> conditions, bearing, unit
+CSV               --n_samples or duration_s, fs_hz----> conditions, no bearing, no unit
 
 Used by `twingap simulate TWIN.toml --records RECORDSET_OR_CSV`.
 """
@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
-from typing import Final
+from typing import Final, NamedTuple
 
 from twingap.bearing import Bearing
 from twingap.errors import TwingapError
@@ -22,10 +22,27 @@ _MOST_SAMPLES: Final = 10**9
 """8 GB: a longer record is a slip of the pen (milliseconds for seconds, say)."""
 
 
+class Conditions(NamedTuple):
+    """What is known of records to be made.
+
+    Parameters
+    ----------
+    conditions : tuple of Condition
+    bearing : Bearing or None
+        None = not known: a CSV knows none.
+    unit : {"m/s^2", "g", ""} or None
+        Of the record set; None = not stated, as in a CSV.
+    """
+
+    conditions: tuple[Condition, ...]
+    bearing: Bearing | None = None
+    unit: str | None = None
+
+
 def read_conditions(
     path: str | os.PathLike[str], *, fs_hz: float | None = None, duration_s: float | None = None
-) -> tuple[tuple[Condition, ...], Bearing | None]:
-    """Conditions of records to be made, and the bearing when it is known.
+) -> Conditions:
+    """Conditions of records to be made, and the bearing and unit where they are known.
 
     Parameters
     ----------
@@ -41,8 +58,7 @@ def read_conditions(
 
     Returns
     -------
-    tuple of Condition, Bearing or None
-        A CSV knows no bearing.
+    Conditions
 
     Raises
     ------
@@ -52,11 +68,9 @@ def read_conditions(
     path = Path(path)
     kind = kind_of(path)
     if kind == "folder":
-        records = RecordSet.read(path)
-        return records.conditions, records.bearing
+        return _of_set(path)
     if path.name in ("records.csv", "recordset.toml") and kind_of(path.parent / "recordset.toml") == "file":
-        records = RecordSet.read(path.parent)
-        return records.conditions, records.bearing
+        return _of_set(path.parent)
     if kind == "missing":
         raise TwingapError("no such file or folder", where=path, mend="name a record set or a CSV of conditions")
     if path.suffix.lower() != ".csv" or kind != "file":
@@ -69,7 +83,12 @@ def read_conditions(
     for row, extra in zip(rows, rest, strict=True):
         rate = row.rate(fs_hz)
         conditions.append(row.condition(rate, _length(row, rate, duration_s), extra))
-    return tuple(conditions), None
+    return Conditions(tuple(conditions))
+
+
+def _of_set(folder: Path) -> Conditions:
+    records = RecordSet.read(folder)
+    return Conditions(records.conditions, records.bearing, records.unit)
 
 
 def _length(row: Row, rate: float, duration_s: float | None) -> int:
@@ -90,6 +109,6 @@ def _length(row: Row, rate: float, duration_s: float | None) -> int:
             raise TwingapError("no length is given", where=row.where(), mend=mend)
         n_samples = seconds * rate
     if not 0.5 <= n_samples <= _MOST_SAMPLES:
-        what = f"{n_samples:g} samples, 1 to {_MOST_SAMPLES:g} expected"
+        what = f"{n_samples:.10g} samples, 1 to {_MOST_SAMPLES} expected"
         raise TwingapError(what, where=row.where(column), mend="check the unit")
     return max(1, round(n_samples))

@@ -11,7 +11,7 @@ from collections import deque
 from collections.abc import Iterable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from itertools import islice
-from typing import ClassVar, Literal
+from typing import ClassVar, Final, Literal
 
 import numpy as np
 
@@ -20,6 +20,8 @@ from twingap.effects import Draft, Effect, Stage, in_order
 from twingap.errors import TwingapError
 from twingap.records import Condition, Record, RecordSet
 from twingap.streams import Streams, root_entropy
+
+_MOST_TURNS: Final = 10
 
 
 class Twin(ABC):
@@ -153,6 +155,13 @@ class Twin(ABC):
         return RecordSet.from_records(f"{self.model} twin", self.unit, self.bearing, self.stream(conditions, rng))
 
     def _begin(self, condition: Condition) -> Draft:
+        per_sample = condition.speed_rpm / 60 / condition.fs_hz
+        if per_sample > _MOST_TURNS:  # each with its impacts: memory runs out long before anything is learnt
+            raise TwingapError(
+                f"the shaft turns {per_sample:.3g} times per sample, at most {_MOST_TURNS} expected",
+                where=f"record {condition.name!r}",
+                mend="check speed_rpm, or raise fs_hz",
+            )
         t = np.arange(condition.n_samples) / condition.fs_hz
         turns = t * (condition.speed_rpm / 60)
         return Draft(condition, self.bearing, self.reference_rms, t, turns, excitation=self.excitation)

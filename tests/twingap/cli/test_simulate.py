@@ -107,6 +107,25 @@ def test_a_record_set_gives_conditions_bearing_and_unit(twingap: Run, twin: Path
     assert two.bearing == BEARINGS["6205"] and two.unit == "g"  # the records' bearing, the twin's unit
 
 
+@pytest.mark.parametrize("inside", ["", "records.csv", "recordset.toml"])
+def test_the_unit_is_the_record_sets_however_it_is_named(
+    twingap: Run, twin: Path, table: Path, tmp_path: Path, inside: str
+) -> None:
+    assert simulate(twingap, twin, table, tmp_path / "a").status == 0
+    about = tmp_path / "a" / "recordset.toml"
+    about.write_text(about.read_text(encoding="utf-8").replace('"m/s^2"', '""'), encoding="utf-8")
+    said = twingap("simulate", twin, "--records", tmp_path / "a" / inside, "--out", tmp_path / "b")
+    assert said.status == 0, said.err
+    assert RecordSet.read(tmp_path / "b").unit == ""
+
+
+def test_a_speed_of_another_unit_is_refused_before_memory_runs_out(twingap: Run, twin: Path, tmp_path: Path) -> None:
+    table = tmp_path / "fast.csv"
+    table.write_text("record,speed_rpm,fault\na,1e12,inner\n", encoding="utf-8")
+    refused(simulate(twingap, twin, table, tmp_path / "out"), "'a'", "turns 1.39e+06 times per sample", "speed_rpm")
+    assert not (tmp_path / "out").exists()
+
+
 def test_contact_twin(twingap: Run, table: Path, tmp_path: Path) -> None:
     write_twin(tmp_path / "c.toml", TwinSpec("contact", (), "physical", bearing=BEARINGS["6205"]))
     assert simulate(twingap, tmp_path / "c.toml", table, tmp_path / "out").status == 0

@@ -32,9 +32,9 @@ def _csv(path: Path, text: str) -> Path:
 
 
 @pytest.mark.parametrize("inside", ["", "records.csv", "recordset.toml"])
-def test_a_record_set_gives_its_conditions_and_bearing(tmp_path: Path, inside: str) -> None:
+def test_a_record_set_gives_its_conditions_bearing_and_unit(tmp_path: Path, inside: str) -> None:
     folder = _records().write(tmp_path / "a set")
-    assert read_conditions(folder / inside) == (CONDITIONS, BEARINGS["6205"])
+    assert read_conditions(folder / inside) == (CONDITIONS, BEARINGS["6205"], "g")
 
 
 def test_a_table_gives_conditions_without_a_bearing(tmp_path: Path) -> None:
@@ -43,12 +43,12 @@ def test_a_table_gives_conditions_without_a_bearing(tmp_path: Path) -> None:
         "r1,1797,inner,500,0,12000,g,50,,2\n\n"
         "r2,1500,,,,48000,,,0.0014583,\n"
     )
-    assert read_conditions(_csv(tmp_path / "größe 1.CSV", text)) == (CONDITIONS, None)
+    assert read_conditions(_csv(tmp_path / "größe 1.CSV", text)) == (CONDITIONS, None, None)
 
 
 def test_a_table_may_be_a_records_csv_without_its_samples(tmp_path: Path) -> None:
     (_records().write(tmp_path / "set") / "records.csv").rename(tmp_path / "records.csv")
-    got, bearing = read_conditions(tmp_path / "records.csv", fs_hz=12000.0, duration_s=0.25)
+    got, bearing, _ = read_conditions(tmp_path / "records.csv", fs_hz=12000.0, duration_s=0.25)
     assert bearing is None
     assert [(c.name, c.fs_hz, c.n_samples, dict(c.extra)) for c in got] == [
         ("r1", 12000.0, 3000, {"hp": 2}),
@@ -58,7 +58,7 @@ def test_a_table_may_be_a_records_csv_without_its_samples(tmp_path: Path) -> Non
 
 def test_rate_and_length_of_a_row_come_before_those_for_all(tmp_path: Path) -> None:
     path = _csv(tmp_path / "c.csv", "record,speed_rpm,fs_hz,duration_s\na,60,100,2\nb,60,,\n")
-    got, _ = read_conditions(path, fs_hz=10.0, duration_s=1.0)
+    got, *_ = read_conditions(path, fs_hz=10.0, duration_s=1.0)
     assert [(c.fs_hz, c.n_samples) for c in got] == [(100.0, 200), (10.0, 10)]
 
 
@@ -79,8 +79,8 @@ HEAD = "record,speed_rpm,fault,fs_hz,n_samples,duration_s\n"
             HEAD + "a,60,,100,10,1\n",
             "row 2, column duration_s: 1 s at 100 Hz are not the 10 samples of column n_samples",
         ),
-        (HEAD + "a,60,,100,,1e-9\n", "row 2, column duration_s: 1e-07 samples, 1 to 1e+09 expected; check the unit"),
-        (HEAD + "a,60,,100,1e12,\n", "row 2, column n_samples: 1e+12 samples, 1 to 1e+09 expected"),
+        (HEAD + "a,60,,100,,1e-9\n", "row 2, column duration_s: 1e-07 samples, 1 to 1000000000 expected; check"),
+        (HEAD + "a,60,,100,1e12,\n", "row 2, column n_samples: 1e+12 samples, 1 to 1000000000 expected"),
         (HEAD + "a,60,,1e300,,1e300\n", "row 2, column duration_s: inf samples"),
         (HEAD + "a,-60,,100,10,\n", "row 2, column speed_rpm: '-60' found, a positive number expected"),
         (HEAD + "a,60,crack,100,10,\n", "row 2, column fault: unknown fault 'crack'; use one of healthy"),
@@ -110,7 +110,7 @@ def test_any_text_is_conditions_or_one_line(text: str) -> None:
     with tempfile.TemporaryDirectory() as folder:
         path = _csv(Path(folder) / "c.csv", "record,speed_rpm,fs_hz,n_samples,x\na,60,1e3,5,\n" + text)
         try:
-            conditions, _ = read_conditions(path)
+            conditions, *_ = read_conditions(path)
             assert conditions[0].name == "a"
         except TwingapError as error:
             assert "\n" not in str(error)

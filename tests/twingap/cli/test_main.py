@@ -1,0 +1,116 @@
+"""What all commands have in common: how they refuse, how they end when told to."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from twingap.bearing import BEARINGS
+from twingap.cli import main
+from twingap.records import Condition, Record
+from twingap.records.folder import write_records
+from twingap.twins.twin_file import TwinSpec, write_twin
+
+
+@pytest.mark.parametrize(
+    ("typed", "parts"),
+    [
+        (["frob"], ("no such command 'frob'", "see `twingap --help`")),
+        (["data", "frob"], ("no such command 'frob'", "see `twingap data --help`")),
+        (["simulate", "a.toml", "--frob"], ("no such option", "--frob", "see `twingap simulate --help`")),
+        (["simulate", "a.toml"], ("missing option", "--records")),
+        (["identify", "a.toml"], ("missing argument", "RECORDSET")),
+        (["data", "export", "cwru", "--out", "o", "--seed", "-3"], ("--seed", "0")),
+        (["data", "export", "cwru", "--out", "o", "--seed", "many"], ("--seed", "integer")),
+        (["run", "paper9"], ("paper9", "paper1")),
+        (["ui", "--port", "0"], ("--port",)),
+        (["data", "export", "virtual_cwru", "--out", "o", "--option", "seed=-1"], ("seed = -1", "at least 0")),
+    ],
+)
+def test_what_was_mistyped_is_told_in_one_line(
+    typed: list[str], parts: tuple[str, ...], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(sys, "argv", ["twingap", *typed])
+    with pytest.raises(SystemExit) as left:
+        main()
+    said = capsys.readouterr()
+    assert left.value.code == 2
+    assert said.out == ""
+    assert said.err.startswith("twingap: ")
+    assert said.err.count("\n") == 1
+    for part in parts:
+        assert part in said.err
+
+
+@pytest.mark.parametrize("command", [["data", "list"], ["data", "verify"]])
+def test_every_command_takes_a_seed_and_json(
+    command: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(sys, "argv", ["twingap", *command, "--root", str(tmp_path), "--seed", "3", "--json"])
+    with pytest.raises(SystemExit) as left:
+        main()
+    assert left.value.code == 0
+    assert {entry["name"] for entry in json.loads(capsys.readouterr().out)} >= {"cwru", "xjtu_sy"}
+
+
+def test_help_of_all_commands_alone_is_shown_when_none_is_named(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(sys, "argv", ["twingap"])
+    with pytest.raises(SystemExit) as left:
+        main()
+    said = capsys.readouterr()
+    assert left.value.code == 2
+    assert "simulate" in said.out
+    assert said.err == ""
+
+
+@pytest.mark.skipif(os.name != "posix", reason="signals as POSIX has them")
+@pytest.mark.parametrize(("number", "status"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
+def test_a_command_told_to_end_leaves_nothing(tmp_path: Path, number: signal.Signals, status: int) -> None:
+    write_twin(tmp_path / "twin.toml", TwinSpec("phenomenological", bearing=BEARINGS["6205"]))
+    rows = "".join(f"r{i},1797,inner,12000,12000\n" for i in range(100_000))
+    (tmp_path / "table.csv").write_text("record,speed_rpm,fault,fs_hz,n_samples\n" + rows, encoding="utf-8")
+    out = tmp_path / "out"
+    typed = [sys.executable, "-m", "twingap.cli", "simulate", "twin.toml", "--records", "table.csv", "--out", "out"]
+    with subprocess.Popen(typed, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+        for _ in range(600):  # until it is in the midst of writing
+            if any(tmp_path.glob(".out-*/samples/0000/*.npy")) or process.poll() is not None:
+                break
+            time.sleep(0.1)
+        process.send_signal(number)
+        _, err = process.communicate(timeout=60)
+    assert process.returncode == status, err
+    assert not out.exists()
+    assert not list(tmp_path.glob(".out*"))
+    assert "Traceback" not in err
+    assert ("interrupted" in err) == (number == signal.SIGINT)
+
+
+@pytest.mark.parametrize("gain", [1e-200, 1e200])
+def test_samples_that_no_accelerometer_measures_are_refused(
+    gain: float, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    rng = np.random.default_rng(0)
+    faults = ("healthy", "inner")
+    records = [Record(Condition(f, 1797.0, 12000.0, 4096, f), gain * rng.standard_normal(4096)) for f in faults]
+    write_records(tmp_path / "set", "set", "g", BEARINGS["6205"], None, records)
+    write_twin(tmp_path / "twin.toml", TwinSpec("phenomenological"))
+    out = tmp_path / "out.toml"
+    typed = ["twingap", "identify", str(tmp_path / "twin.toml"), str(tmp_path / "set"), "--out", str(out)]
+    monkeypatch.setattr(sys, "argv", typed)
+    with pytest.raises(SystemExit) as left:
+        main()
+    said = capsys.readouterr()
+    assert left.value.code == 2
+    assert "check the unit" in said.err
+    assert said.err.count("\n") == 1
+    assert not out.exists()
