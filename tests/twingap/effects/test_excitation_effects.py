@@ -214,3 +214,28 @@ def test_unknown_fault_is_said_so(lab: Any) -> None:
     draft = Draft(unlabelled, lab.bearing, 1.0, t, 30 * t, excitation="waveform", x=t)
     for name in ON_FAULTS:
         assert "unknown" in str(make_effect(name).cannot_act_on(draft))
+
+
+@pytest.mark.parametrize("fault", ["outer", "inner", "ball"])
+@pytest.mark.parametrize("ratio", [1.0, 0.97])
+def test_a_roller_leaves_a_defect_when_it_has_rolled_over_it(lab: Any, fault: str, ratio: float) -> None:
+    """The delay is the time that the struck body takes to turn by the arc, angles followed step by step."""
+    t = np.linspace(0.0, 1.0, 200_001)
+    draft = Draft(lab.where(n_samples=t.size).conditions(fault, 1)[0], lab.bearing, 1.0, t, t, cage_speed_ratio=ratio)
+    cage = 0.5 * (1 - 7.94 / 39.04) * ratio * t
+    # Rolling without slip on the inner ring: a ball of diameter d spins by what the ring's circumference passes it.
+    turned = {"outer": cage, "inner": t - cage, "ball": (t - cage) * (39.04 - 7.94) / 7.94}[fault]
+    if fault == "ball" and ratio == 1.0:
+        assert turned[-1] == pytest.approx(lab.bearing.bsf, rel=1e-9)
+    assert EntryExit(arc_deg=3.0).delay_turns(draft) == pytest.approx(np.interp(3.0 / 360, turned, t), rel=1e-6)
+
+
+def test_scatter_of_a_gain_has_the_spread_of_scattered_impacts(lab: Any) -> None:
+    n = 2_000_000
+    t = np.arange(n) / lab.fs_hz
+    condition = lab.where(n_samples=n).conditions("outer", 1)[0]
+    draft = Draft(condition, lab.bearing, 1.0, t, t * lab.fr, excitation="waveform", x=np.ones(n))
+    ImpactScatter(sigma=0.3).apply(draft, np.random.default_rng(0))
+    assert draft.gain is not None
+    assert draft.gain.mean() == pytest.approx(1.0, abs=0.01)
+    assert draft.gain.std() == pytest.approx(0.3, rel=0.04)

@@ -111,3 +111,10 @@ def test_refuses_unknown_windows_overlaps_and_rates():
     for rate in (0.0, -1.0, np.nan, np.inf):
         with pytest.raises(TwingapError, match="fs_hz"):
             amplitude_spectrum(np.zeros(10), rate)
+
+
+@pytest.mark.parametrize("window", ["hann", "boxcar"])
+def test_averaged_nothing_is_doubled_at_half_the_rate(window):
+    x = 3.0 * (-1.0) ** np.arange(640)
+    assert averaged_spectrum(x, 1.0, segment_samples=64, window=window).values[-1] == pytest.approx(3.0)
+    assert amplitude_spectrum(x, 1.0, window=window).values[-1] == pytest.approx(3.0)
