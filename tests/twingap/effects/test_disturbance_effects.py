@@ -207,3 +207,15 @@ def test_coloured_noise_does_not_repeat_with_the_record(lab: Any, slope: float) 
     assert abs(np.mean(x[:, 0] * x[:, -1])) / scale < 0.15
     level = np.sqrt(np.mean(x**2, axis=0))
     assert level[:5].mean() == pytest.approx(level.mean(), rel=0.1)
+
+
+def test_looseness_knocks_once_every_two_turns(lab: Any) -> None:
+    """All orders in phase at one angle: there, and nowhere else within two turns, amplitudes add up."""
+    effect = Looseness(level=0.5, decay=0.9, half_ratio=0.8, n_orders=8)
+    whole, half = np.arange(1, 9), np.arange(0.5, 8)
+    together = 0.5 * ((0.9 ** (whole - 1)).sum() + 0.8 * (0.9 ** (half - 1)).sum())
+    x = lab.where(speed_rpm=600.0, n_samples=24000).added(effect)[0] / lab.parameters.reference_rms
+    tops = np.flatnonzero(x > 0.97 * together)
+    assert x.max() == pytest.approx(together, rel=0.01)
+    assert np.unique(tops // 40).size <= 2 * 10, "ten knocks in 20 turns"
+    assert np.diff(tops)[np.diff(tops) > 100] == pytest.approx(2400, abs=20)

@@ -71,3 +71,15 @@ def test_slip_leaves_the_shaft_alone(lab: Any) -> None:
     tone = ShaftHarmonics(level_1x=1.0)
     without = lab.make([tone], "healthy")
     np.testing.assert_array_equal(lab.make([tone, MeanSlip(slip=0.03)], "healthy"), without)
+
+
+@pytest.mark.parametrize("level", [0.002, 0.03])
+def test_speed_varies_by_its_level_about_its_mean(lab: Any, level: float) -> None:
+    n, relative = 60_000, []
+    t = np.arange(n) / 1000.0
+    for seed in range(40):
+        draft = Draft(lab.conditions("healthy", 1)[0], lab.bearing, 1.0, t, t * lab.fr)
+        SpeedFluctuation(level=level, bandwidth_hz=4.0).apply(draft, np.random.default_rng(seed))
+        assert draft.turns[-1] == pytest.approx(t[-1] * lab.fr)
+        relative.append(np.diff(draft.turns) * 1000 / lab.fr - 1)
+    assert np.sqrt(np.mean(np.square(relative))) == pytest.approx(level, rel=0.05)
