@@ -130,7 +130,7 @@ def sha256(path: str | os.PathLike[str]) -> str:
 
 def _beside(target: Path) -> Path:
     """A new hidden name in the same folder, short enough for any file system."""
-    stem = target.stem.encode()[:100].decode(errors="ignore")
+    stem = target.stem.encode(errors="ignore")[:100].decode(errors="ignore")
     return target.with_name(f".{stem}-{secrets.token_hex(6)}{target.suffix if len(target.suffix) < 20 else ''}")
 
 

@@ -67,6 +67,15 @@ def test_a_failure_leaves_nothing(tmp_path: Path, place: type, error: type[BaseE
     assert _tree(tmp_path) == []
 
 
+@pytest.mark.skipif(sys.platform != "linux", reason="elsewhere file names must be Unicode")
+@BOTH
+def test_a_name_that_is_not_unicode(tmp_path: Path, place: type) -> None:
+    target = tmp_path / os.fsdecode(b"gr\xfc\xdfe")
+    with place(target):
+        pass
+    assert [os.fsencode(path.name) for path in tmp_path.iterdir()] == [b"gr\xfc\xdfe"]
+
+
 def test_a_failure_leaves_the_last_good_state(tmp_path: Path) -> None:
     (tmp_path / "x").write_text("good")
     with pytest.raises(ValueError), replacing(tmp_path / "x") as temporary:

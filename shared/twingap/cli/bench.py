@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
@@ -25,6 +26,7 @@ def bench(
     import benchmarks
     from twingap.errors import TwingapError
     from twingap.track import MlflowTracker, NullTracker, Tracker
+    from twingap.track import tracking_uri as store
 
     if name is not None and name not in benchmarks.names():
         raise TwingapError(f"unknown benchmark {name!r}", mend=f"known: {', '.join(benchmarks.names()) or 'none'}")
@@ -42,6 +44,8 @@ def bench(
     else:
         for each, measurement in done.items():
             _print(each, measurement, quick)
+    if track:
+        print(f"runs logged in {store(tracking_uri)}", file=sys.stderr if as_json else sys.stdout)
     if strict and not all(target.met for measurement in done.values() for target in measurement.targets):
         raise typer.Exit(1)
 

@@ -70,6 +70,7 @@ def test_it_prints_table_targets_and_notes_and_logs_them(fake: Path) -> None:
     assert "met     speed-up (x): 10 (at least 5)" in done.stdout
     assert "missed  agreement: 0.5 (at least 1)" in done.stdout
     assert "seed 7, quick True" in done.stdout
+    assert done.stdout.splitlines()[-1].endswith("mlflow.db")
     with sqlite3.connect(fake / ".twingap" / "mlflow.db") as database:
         assert database.execute("SELECT name, status FROM runs").fetchall() == [("bench fake", "FINISHED")]
         assert dict(database.execute("SELECT key, value FROM metrics"))["speed-up x"] == 10.0
