@@ -12,14 +12,16 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, overload
+from typing import TYPE_CHECKING, Any, overload
 
 import numpy as np
-import pandas as pd
 from numpy.typing import NDArray
 
 from twingap.bearing import FAULTS, Bearing
 from twingap.errors import TwingapError
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 Array = NDArray[np.float64]
 UNITS = ("m/s^2", "g", "")
@@ -218,6 +220,8 @@ class RecordSet(Sequence[Record]):
     @property
     def table(self) -> pd.DataFrame:
         """One row per record: record, speed_rpm, fault, load_n, time_s, fs_hz, n_samples, group and further columns."""
+        import pandas as pd  # takes a quarter of a second, which the command line need not wait
+
         rows = [
             {
                 "record": c.name, "speed_rpm": c.speed_rpm, "fault": c.fault, "load_n": c.load_n, "time_s": c.time_s,

@@ -207,7 +207,13 @@ def _quoted(text: str) -> str:
 
 
 def as_text(value: Any, where: str) -> str:
-    """A cell's text, from which `read_table` and `extras` restore the value."""
+    """A cell's text, from which `read_table` and `extras` restore the value.
+
+    Raises
+    ------
+    TwingapError
+        For a value that a table cannot hold.
+    """
     value = value.item() if isinstance(value, np.generic) else value
     if value is None or (isinstance(value, float) and math.isnan(value)):
         return ""

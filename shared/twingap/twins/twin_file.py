@@ -243,7 +243,13 @@ def build_twin(spec: TwinSpec, bearing: Bearing | None = None, unit: str = "m/s^
 
 
 def model_of(spec: TwinSpec) -> Model:
-    """The registered model that a spec names."""
+    """The registered model that a spec names.
+
+    Raises
+    ------
+    TwingapError
+        When no model of that name is registered.
+    """
     _load_own_models()
     if spec.model not in MODELS:
         raise TwingapError(
@@ -255,7 +261,13 @@ def model_of(spec: TwinSpec) -> Model:
 
 
 def model_parameters(spec: TwinSpec) -> Any:
-    """The model's parameters: preset or defaults, overlaid by what the spec gives."""
+    """The model's parameters: preset or defaults, overlaid by what the spec gives.
+
+    Raises
+    ------
+    TwingapError
+        For an unknown preset, parameter or key, and for a value of another type or out of range.
+    """
     model = model_of(spec)
     if spec.preset is not None and spec.preset not in model.presets:
         names = ", ".join(repr(name) for name in model.presets)
