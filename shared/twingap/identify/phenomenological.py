@@ -32,6 +32,8 @@ Mask = NDArray[np.bool_]
 METHODS = ("whittle", "eq8")
 COLOURING = ("second_resonance", "sensor_rolloff", "coloured_noise", "distributed_roughness")
 """Effects that change the healthy spectrum, which the fit takes to be one mode and white noise."""
+SHORT_S = 0.2
+"""Records shorter than this, s, do not resolve a mode of a few tenths of a per cent of damping."""
 MISFIT = 4.0
 """Deviance over scatter beyond which the healthy spectrum is taken to be something else than one mode and a floor."""
 MOST_RECORDS = 300
@@ -120,6 +122,15 @@ def _with_intervals(
         mask[places] = keep
         return estimate(mask, fit)
 
+    if problem.mode_may_be_masked(fit, baseline):
+        notes.append(
+            f"records shorter than {SHORT_S:g} s do not tell a sharp mode from a line, and what may be either lies at the "
+            "resonance: values without intervals, and the damping may be too high"
+        )
+        out = {name: Estimate(value) for name, value in problem.values(fit).items()}
+        for place, fault in enumerate(amplitudes, start=len(out)):
+            out[f"impact_amplitude.{fault}"] = Estimate(float(np.sqrt(max(at[place], 0.0))))
+        return out
     spread = jackknife(without, of)
     out = {}
     values = problem.values(fit)
@@ -185,6 +196,17 @@ class _Problem:
         """Spectra of some records."""
         taken = [s.take(keep) for s in self.measured]
         return [s for s in taken if s.places.size]
+
+    def mode_may_be_masked(self, fit: HealthyFit, baseline: Mask) -> bool:
+        """Whether bins at the resonance were left out as a line, in records too short to tell it from a sharp mode."""
+        lengths = [c.duration_s for c, own in zip(self.records.conditions, baseline, strict=True) if own]
+        if min(lengths) >= SHORT_S or self.mode_unknown or self.mode_from.any():
+            return False
+        for one in self.of(baseline):
+            reach = 2 * fit.damping_ratio * fit.resonance_hz + 2 * one.fs_hz / one.segment
+            if not one.clean[:, np.abs(one.f_hz - fit.resonance_hz) < reach].all():
+                return True
+        return False
 
     def begin(self, baseline: Mask, notes: list[str]) -> tuple[_Problem, HealthyFit]:
         """Settle where the mode is read, and fit from a grid; `notes` grows by what could not be found."""

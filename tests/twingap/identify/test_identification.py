@@ -151,6 +151,18 @@ def test_a_fault_too_weak_to_see_has_zero_in_its_interval() -> None:
     assert found.interval is not None and found.interval[0] == 0.0 < found.interval[1]
 
 
+def test_a_sharp_mode_in_short_records_is_no_line_with_an_interval() -> None:
+    own = PhenomenologicalParameters(resonance_hz=1500.0, damping_ratio=0.004)
+    for seed in range(3):
+        found = identified(records(own, seed, healthy=20, faulty=0, fs_hz=25600.0, samples=1100))
+        damping = found.estimates["damping_ratio"]
+        held = damping.interval is None or damping.interval[0] <= 0.004 <= damping.interval[1]
+        assert held, damping
+        assert damping.interval is not None or any(
+            "do not tell a sharp mode from a line" in note for note in found.notes
+        )
+
+
 def test_unlabelled_records_are_better_than_none() -> None:
     found = identified(records(faults=()).without_labels())
     assert found.estimates["resonance_hz"].value == pytest.approx(3400, rel=0.01)
