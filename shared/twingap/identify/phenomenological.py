@@ -124,8 +124,8 @@ def _with_intervals(
 
     if problem.mode_may_be_masked(fit, baseline):
         notes.append(
-            f"records shorter than {SHORT_S:g} s do not tell a sharp mode from a line, and what may be either lies at the "
-            "resonance: values without intervals, and the damping may be too high"
+            f"records shorter than {SHORT_S:g} s do not tell a sharp mode from a line, and what may be either lies at "
+            "the resonance: values without intervals, and the damping may be too high"
         )
         out = {name: Estimate(value) for name, value in problem.values(fit).items()}
         for place, fault in enumerate(amplitudes, start=len(out)):
