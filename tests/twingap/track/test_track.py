@@ -30,7 +30,7 @@ from twingap.track.server import serving
 from twingap.track.tidy import clean_file, clean_name, flat_table
 
 matplotlib.use("Agg")
-HERE = Path(__file__).parent
+SWEEP_JOBS = Path(__file__).parents[1] / "sweep"
 TABLE = pd.DataFrame({"task": ["0→2", "2→0"], "mean": [0.8125, math.nan]})
 
 
@@ -154,7 +154,7 @@ def test_a_run_says_how_it_ended(tmp_path: Path, error: type[BaseException], sta
 
 
 def test_parallel_work_logs_through_the_parent(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.syspath_prepend(str(HERE))
+    monkeypatch.syspath_prepend(str(SWEEP_JOBS))
     import sweep_jobs
 
     tracker = MlflowTracker(f"sqlite:///{tmp_path / 'mlflow.db'}", "sweep")
