@@ -1,0 +1,231 @@
+"""One record as all measurements of a comparison see it: its transforms, computed once.
+
+Frame (bearing, band, scale) + samples + condition --> RecordView: periodogram, smooth spectrum, squared envelope
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Final
+
+import numpy as np
+import scipy.fft
+from numpy.typing import NDArray
+from scipy.ndimage import median_filter
+
+from twingap.bearing import Bearing
+from twingap.records import Condition
+
+Array = NDArray[np.float64]
+
+SMOOTH_SEGMENTS: Final = 512
+"""Bins of the smooth spectrum between 0 and half the sampling rate."""
+
+
+@dataclass(frozen=True)
+class Frame:
+    """What a comparison holds fixed for all its records, measured and simulated alike.
+
+    Parameters
+    ----------
+    bearing : Bearing
+        Under test.
+    band_hz : (float, float)
+        Where impacts ring, Hz: envelopes are taken in this band unless another is asked for.
+    scale : float
+        RMS of the machine's healthy vibration, in the unit of the records: the yardstick of amplitudes.
+    """
+
+    bearing: Bearing
+    band_hz: tuple[float, float]
+    scale: float
+
+
+class Envelope:
+    """Squared envelope of one band, sampled no faster than the band needs.
+
+    Attributes
+    ----------
+    values : Array [m]
+        Squared envelope |analytic signal|^2, in the unit of the records squared.
+    fs_hz : float
+        Its sampling rate, Hz.
+    """
+
+    def __init__(self, values: Array, fs_hz: float) -> None:
+        self.values, self.fs_hz = values, fs_hz
+
+    @cached_property
+    def mean(self) -> float:
+        """Mean squared envelope: twice the power in the band."""
+        return float(self.values.mean())
+
+    @cached_property
+    def spectrum(self) -> Array:
+        """[m // 2 + 1] Periodogram (Hann) of the squared envelope over its mean, dimensionless power per bin.
+
+        A modulation 1 + d cos stands as a line of d^2 / 2, whatever the length; the floor falls with the length.
+        """
+        return tone_power(self.values / max(self.mean, 1e-300) - 1.0)
+
+    @property
+    def df_hz(self) -> float:
+        """Distance of the bins of `spectrum`, Hz."""
+        return self.fs_hz / self.values.size
+
+
+class RecordView:
+    """A record, prepared for measuring.
+
+    Parameters
+    ----------
+    samples : Array [n]
+        In the unit of the records.
+    condition : Condition
+        With the best known speed.
+    frame : Frame
+
+    Attributes
+    ----------
+    x : Array [n]
+        The samples as they are.
+    shaft_hz, fs_hz, duration_s : float
+    fault_order : float or None
+        Impacts per shaft turn at the kinematic orders; None for a healthy record or an unknown fault.
+    """
+
+    def __init__(self, samples: Array, condition: Condition, frame: Frame) -> None:
+        self.x = np.asarray(samples, dtype=float)
+        self.condition, self.frame, self.bearing = condition, frame, frame.bearing
+        self.fs_hz, self.duration_s = condition.fs_hz, condition.duration_s
+        self.shaft_hz = condition.speed_rpm / 60
+        known = condition.fault not in (None, "healthy")
+        self.fault_order = frame.bearing.fault_order(str(condition.fault)) if known else None
+
+    @cached_property
+    def transform(self) -> NDArray[np.complex128]:
+        """[n // 2 + 1] rfft of the samples less their mean, no window."""
+        return np.asarray(scipy.fft.rfft(self.x - self.x.mean()))
+
+    @property
+    def df_hz(self) -> float:
+        """Distance of the bins of `transform` and `tones`, Hz."""
+        return self.fs_hz / self.x.size
+
+    @cached_property
+    def tones(self) -> Array:
+        """[n // 2 + 1] Power spectrum (Hann) scaled for tones: a sine of amplitude a peaks at a^2 / 2, unit squared."""
+        return tone_power(self.x)
+
+    @cached_property
+    def smooth(self) -> Array:
+        """[SMOOTH_SEGMENTS] One-sided power density between 0 and fs / 2 with tones taken out, unit^2 / Hz.
+
+        The median of the periodogram within each of equal bands, made unbiased for Gaussian noise.
+        """
+        power = (self.transform.real**2 + self.transform.imag**2) * (2 / (self.fs_hz * self.x.size))
+        return band_medians(power[1:], SMOOTH_SEGMENTS) / np.log(2)
+
+    @cached_property
+    def smooth_hz(self) -> Array:
+        """[SMOOTH_SEGMENTS] Centres of the bands of `smooth`, Hz."""
+        return (np.arange(SMOOTH_SEGMENTS) + 0.5) * (self.fs_hz / 2 / SMOOTH_SEGMENTS)
+
+    @cached_property
+    def mean_square(self) -> float:
+        """Mean square about the mean, unit squared."""
+        return float(np.var(self.x))
+
+    @cached_property
+    def envelope(self) -> Envelope:
+        """Squared envelope in the frame's band."""
+        return self.envelope_in(*self.frame.band_hz)
+
+    def envelope_in(self, low_hz: float, high_hz: float) -> Envelope:
+        """Squared envelope of a band, by the inverse transform of its bins alone.
+
+        The analytic signal of a band of B Hz is made at 2 B samples per second (its square has a bandwidth of B), so
+        narrow bands are cheap.
+        """
+        n = self.x.size
+        first = int(np.clip(np.floor(low_hz / self.df_hz), 1, max(n // 2 - 2, 1)))
+        last = int(np.clip(np.ceil(high_hz / self.df_hz), first + 1, n // 2))
+        own = self.transform[first:last]
+        m = scipy.fft.next_fast_len(2 * own.size)
+        padded = np.zeros(m, complex)
+        # A flat top with raised-cosine edges: a sharp band would ring.
+        edge = max(own.size // 16, 1)
+        taper = np.ones(own.size)
+        ramp = 0.5 - 0.5 * np.cos(np.pi * (np.arange(edge) + 0.5) / edge)
+        taper[:edge], taper[-edge:] = ramp, ramp[::-1]
+        padded[: own.size] = own * taper
+        z = scipy.fft.ifft(padded)
+        return Envelope((z.real**2 + z.imag**2) * (2 * m / n) ** 2, m * self.df_hz)
+
+
+def tone_power(x: Array) -> Array:
+    """[n // 2 + 1] Hann power spectrum in which a sine of amplitude a peaks at a^2 / 2."""
+    n = x.size
+    window = _hann(n)
+    spectrum = scipy.fft.rfft((x - x.mean()) * window)
+    return np.asarray((spectrum.real**2 + spectrum.imag**2) * (2 / window.sum() ** 2))
+
+
+def band_medians(power: Array, count: int) -> Array:
+    """[count] Medians within `count` equal bands of a spectrum [bins]; fewer bins than bands are repeated."""
+    per = power.size // count
+    if per < 1:
+        return np.asarray(power[np.minimum(np.arange(count) * power.size // count, power.size - 1)])
+    return np.asarray(np.median(power[: per * count].reshape(count, per), axis=1))
+
+
+def local_floor(power: Array, width: int = 101) -> Array:
+    """[bins] Running median of a periodogram: the level between its lines. Every eighth bin, interpolated."""
+    step = 8 if power.size > 16 * width else 1
+    coarse = median_filter(power, size=min(width, power.size), mode="nearest") if step == 1 else None
+    if coarse is not None:
+        return np.asarray(coarse)
+    half, places = width // 2, np.arange(0, power.size, step)
+    padded = np.pad(power, half, mode="reflect")
+    windows = np.lib.stride_tricks.sliding_window_view(padded, 2 * half + 1)[::step]
+    return np.asarray(np.interp(np.arange(power.size), places[: len(windows)], np.median(windows, axis=1)))
+
+
+def line_excess(power: Array, df_hz: float, at_hz: Array | float, halfwidth_hz: float = 0.0) -> Array:
+    """Largest power within `halfwidth_hz` (and a bin) of each frequency, over the median of its neighbourhood.
+
+    Parameters
+    ----------
+    power : Array [bins]
+        Of a periodogram whose bins lie df_hz apart.
+    at_hz : Array [k] or float
+    halfwidth_hz : float
+
+    Returns
+    -------
+    Array [k]
+        1 to 3 where nothing stands out; NaN beyond the spectrum.
+    """
+    at = np.atleast_1d(np.asarray(at_hz, float))
+    out = np.full(at.size, np.nan)
+    half = max(int(np.ceil(halfwidth_hz / df_hz)), 1)
+    around = half + max(20, 3 * half)
+    for i, frequency in enumerate(at):
+        place = round(frequency / df_hz) if np.isfinite(frequency) else -1
+        if not half < place < power.size - half:
+            continue
+        near = power[max(place - around, 1) : place + around + 1]
+        out[i] = power[place - half : place + half + 1].max() / max(float(np.median(near)), 1e-300)
+    return out
+
+
+_WINDOWS: dict[int, Array] = {}
+
+
+def _hann(n: int) -> Array:
+    if n not in _WINDOWS:
+        if len(_WINDOWS) > 16:
+            _WINDOWS.clear()
+        _WINDOWS[n] = 0.5 - 0.5 * np.cos(2 * np.pi * (np.arange(n) + 0.5) / n)
+    return _WINDOWS[n]
