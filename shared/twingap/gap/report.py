@@ -1,0 +1,528 @@
+"""What a diagnosis found, as objects, data frames and gap.json.
+
+Verdict, Place, Candidate, Metric, Curve --> GapReport --write--> DIR/gap.json, DIR/report.html
+                                                |    <--read_report--
+                                                +--> .where, .which, .shrink (data frames)
+
+Everything here is immutable and holds plain numbers; nothing is computed but words and closures. What may stand in
+gap.json is settled in `twingap.gap.contract`, how it reads for people in `twingap.gap.html`.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final, Literal
+
+from twingap.errors import TwingapError
+from twingap.files import replacing
+from twingap.gap.contract import SCHEMA, problems
+from twingap.provenance import plain
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+Status = Literal["no_gap", "explained", "partly_explained", "unexplained"]
+Domain = Literal["frequency", "envelope_order", "order", "amplitude", "time", "condition"]
+Interval = tuple[float, float]
+Numbers = tuple[float, ...]
+"""NaN marks what was not measured; it is written as null."""
+
+_NONE: Final[Mapping[str, Any]] = {}
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """The answer: is there a gap, which effects explain it, how sure.
+
+    Parameters
+    ----------
+    status : {"no_gap", "explained", "partly_explained", "unexplained"}
+    effects : tuple[str, ...]
+        Found missing, strongest first; empty for no_gap and unexplained.
+    confidence_set : tuple[tuple[str, ...], ...]
+        Sets of effects that the data cannot tell apart at 90 %; ((),) is no effect.
+    p_value : float
+        Of no gap at all, after calibration of the twin.
+    closure, closure_ci : float and (float, float), or None
+        Part of the gap that adding all `effects` closes, on held-out records, with its 90 % interval.
+    """
+
+    status: Status
+    effects: tuple[str, ...]
+    confidence_set: tuple[tuple[str, ...], ...]
+    p_value: float
+    closure: float | None = None
+    closure_ci: Interval | None = None
+
+    def __post_init__(self) -> None:
+        _set(self, effects=tuple(self.effects), closure_ci=_pair(self.closure_ci))
+        _set(self, confidence_set=tuple(tuple(effects) for effects in self.confidence_set))
+
+    @property
+    def sentence(self) -> str:
+        """One plain sentence: what is missing, how far adding it shrinks the gap, how sure."""
+        p = _p_words(self.p_value)
+        if self.status == "no_gap":
+            return f"After calibration these records and the twin cannot be told apart ({p})."
+        if self.status == "unexplained":
+            return f"The twin differs from the records ({p}), and no effect of the catalogue shrinks the gap."
+        it = "it" if len(self.effects) == 1 else "them"
+        closes = f"adding {it} shrinks the gap"
+        if self.closure is not None:
+            closes = f"adding {it} closes {_percent(self.closure)} of the gap"
+            if self.closure_ci is not None:
+                closes += " (90 % interval {} to {})".format(*map(_percent, self.closure_ci))
+        rest = "a significant rest remains" if self.status == "partly_explained" else "no significant rest remains"
+        # "Nothing at all" in the confidence set counts as an explanation like any other.
+        others = sum(1 for effects in self.confidence_set if set(effects) != set(self.effects))
+        sure = "at 90 % no other explanation fits"
+        if others:
+            sure = f"{others} other explanation{'s' * (others > 1)} cannot be ruled out at 90 %"
+        return f"The twin lacks {listed(self.effects)}: {closes}, {rest}, and {sure} ({p} of no gap at all)."
+
+
+@dataclass(frozen=True)
+class Place:
+    """Where a part of the gap lies.
+
+    Parameters
+    ----------
+    domain : str
+        frequency (Hz of the raw spectrum), envelope_order and order (multiples of shaft speed), amplitude (quantiles
+        of |x|), time (s within the record), condition (named in `condition`).
+    lo, hi : float or None
+        Bounds in `unit`; None for domain condition.
+    unit : str
+    share : float
+        Part of the whole gap, 0 to 1.
+    p_value : float
+        Adjusted for all places looked at.
+    condition : Mapping or None
+        speed_rpm, fault, load_n or time_s range to which the place applies; None = all.
+    """
+
+    domain: Domain
+    lo: float | None
+    hi: float | None
+    unit: str
+    share: float
+    p_value: float
+    condition: Mapping[str, Any] | None = None
+
+
+@dataclass(frozen=True)
+class ParameterValue:
+    """A number with its unit and interval (None when there is none, as for a value that was given)."""
+
+    value: float
+    unit: str = ""
+    ci: Interval | None = None
+
+    def __post_init__(self) -> None:
+        _set(self, ci=_pair(self.ci))
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """One effect of the catalogue, tried.
+
+    Parameters
+    ----------
+    effect : str
+    probability : float
+        That the machine has it and the twin lacks it, 0 to 1.
+    gap_before, gap_after : float
+        Without and with it, on held-out records.
+    closure : float
+        (before - after) / (before - floor); 0 when nothing could be closed.
+    closure_ci : (float, float)
+        90 % interval.
+    parameters : Mapping[str, ParameterValue]
+        As fitted; empty when it was not tried.
+    acts : str or None
+        Why it could not be added to this simulator; None when it could.
+    fitted_with : tuple[str, ...]
+        Other effects that were present while it was fitted and judged.
+    """
+
+    effect: str
+    probability: float
+    gap_before: float
+    gap_after: float
+    closure: float
+    closure_ci: Interval
+    parameters: Mapping[str, ParameterValue] = field(default_factory=dict)
+    acts: str | None = None
+    fitted_with: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        _set(self, closure_ci=_pair(self.closure_ci), fitted_with=tuple(self.fitted_with))
+
+
+@dataclass(frozen=True)
+class Metric:
+    """One measure of the gap, before and after the verdict's effects are added, on held-out records.
+
+    Parameters
+    ----------
+    metric : str
+        Name, such as "log-spectral distance" or "accuracy on the records".
+    before, after : float
+    floor : float
+        Records against records: what a perfect twin would reach.
+    ci_after : (float, float)
+        90 % interval of `after`.
+    ci_before : (float, float) or None
+    unit : str
+    higher_is_better : bool
+        True for an accuracy.
+    """
+
+    metric: str
+    before: float
+    after: float
+    floor: float
+    ci_after: Interval
+    ci_before: Interval | None = None
+    unit: str = ""
+    higher_is_better: bool = False
+
+    def __post_init__(self) -> None:
+        _set(self, ci_after=_pair(self.ci_after), ci_before=_pair(self.ci_before))
+
+    @property
+    def closure(self) -> float | None:
+        """(before - after) / (before - floor); None where there was nothing to close."""
+        worse = self.before - self.floor if not self.higher_is_better else self.floor - self.before
+        gained = self.before - self.after if not self.higher_is_better else self.after - self.before
+        return gained / worse if worse > 1e-12 * max(abs(self.before), abs(self.floor)) else None
+
+
+@dataclass(frozen=True)
+class TwoSampleTest:
+    """An overall test of records against the calibrated twin; the p-value comes from permutations or simulations."""
+
+    name: str
+    statistic: float
+    p_value: float
+
+
+@dataclass(frozen=True)
+class Curve:
+    """Lines to compare: the records, the calibrated twin, and the twin with the verdict's effects.
+
+    Parameters
+    ----------
+    x : sequence of float, or of str for conditions
+        Places, as many as values in each line.
+    x_unit : str
+        With the quantity, as an axis says it: "Hz", "shaft orders", "quantile".
+    real, before : sequence of float
+        Medians over held-out records; NaN where not measured.
+    after : sequence of float or None
+        None when the verdict adds nothing.
+    y_unit, title : str
+    domain : str
+        The places of this domain are marked on it.
+    bands : Mapping[str, (lo, hi)]
+        "real", "before" or "after" -> two lines between which 90 % of the records lie.
+    log_y : bool
+        Whether values are better read on a logarithmic axis.
+    """
+
+    x: tuple[float, ...] | tuple[str, ...]
+    x_unit: str
+    real: Numbers
+    before: Numbers
+    after: Numbers | None
+    y_unit: str
+    title: str
+    domain: Domain
+    bands: Mapping[str, tuple[Numbers, Numbers]] = field(default_factory=dict)
+    log_y: bool = False
+
+    def __post_init__(self) -> None:
+        words = any(isinstance(v, str) for v in self.x)
+        x: Any = tuple(map(str, self.x)) if words else _numbers(self.x)  # type: ignore[arg-type]
+        after = None if self.after is None else _numbers(self.after)
+        bands = {name: (_numbers(lo), _numbers(hi)) for name, (lo, hi) in self.bands.items()}
+        _set(self, x=x, real=_numbers(self.real), before=_numbers(self.before), after=after, bands=bands)
+        lines = [
+            self.real,
+            self.before,
+            *([after] if after is not None else []),
+            *(b for p in bands.values() for b in p),
+        ]
+        if any(len(line) != len(x) for line in lines):
+            raise ValueError(
+                f"curve {self.title!r}: lines of {[len(line) for line in lines]} values, {len(x)} expected"
+            )
+
+
+@dataclass(frozen=True)
+class GapReport:
+    """A whole diagnosis.
+
+    Parameters
+    ----------
+    verdict : Verdict
+    places : tuple[Place, ...]
+        Where the gap lies; kept largest share first.
+    candidates : tuple[Candidate, ...]
+        Every one; kept most probable first.
+    metrics : tuple[Metric, ...]
+        The first is the one that closures speak of.
+    provenance : Mapping
+        At least seed, version, records_sha256, runtime_s. The page shows what else is there, such as records, twin,
+        twin_effects, n_records, n_fit, n_held_out, bearing, fs_hz, simulator.
+    notes : tuple[str, ...]
+        What could not be decided, and what was done instead.
+    calibration : Mapping[str, ParameterValue]
+        Identified parameters of the twin, the speed correction (speed_correction) and the unit gain (unit_gain).
+    rest : tuple[Place, ...]
+        Where the unexplained rest lies; kept largest share first.
+    tests : tuple[TwoSampleTest, ...]
+    curves : Mapping[str, Curve]
+        For figures; any of "spectrum", "envelope", "order", "amplitude", "time", "condition", or others.
+    """
+
+    verdict: Verdict
+    places: tuple[Place, ...]
+    candidates: tuple[Candidate, ...]
+    metrics: tuple[Metric, ...]
+    provenance: Mapping[str, Any]
+    notes: tuple[str, ...] = ()
+    calibration: Mapping[str, ParameterValue] = field(default_factory=dict)
+    rest: tuple[Place, ...] = ()
+    tests: tuple[TwoSampleTest, ...] = ()
+    curves: Mapping[str, Curve] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        _set(
+            self,
+            places=_by_share(self.places),
+            rest=_by_share(self.rest),
+            candidates=tuple(sorted(self.candidates, key=lambda c: -c.probability)),
+            metrics=tuple(self.metrics),
+            notes=tuple(self.notes),
+            tests=tuple(self.tests),
+        )
+
+    @property
+    def sentence(self) -> str:
+        """The verdict in one plain sentence."""
+        return self.verdict.sentence
+
+    @property
+    def where(self) -> pd.DataFrame:
+        """Places, largest share first: domain, lo, hi, unit, condition, share, p_value."""
+        columns = ("domain", "lo", "hi", "unit", "condition", "share", "p_value")
+        return _frame(({name: getattr(p, name) for name in columns} for p in self.places), columns)
+
+    @property
+    def which(self) -> pd.DataFrame:
+        """Candidates, most probable first: effect, probability, gap_before, gap_after, closure, closure_lo, ..."""
+        plain_ones = ("effect", "probability", "gap_before", "gap_after", "closure")
+        columns = (*plain_ones, "closure_lo", "closure_hi", "parameters", "fitted_with", "acts")
+        rows = (
+            {name: getattr(c, name) for name in plain_ones}
+            | {"closure_lo": c.closure_ci[0], "closure_hi": c.closure_ci[1], "acts": c.acts}
+            | {"parameters": {n: p.value for n, p in c.parameters.items()}, "fitted_with": ", ".join(c.fitted_with)}
+            for c in self.candidates
+        )
+        return _frame(rows, columns)
+
+    @property
+    def shrink(self) -> pd.DataFrame:
+        """Measures of the gap: metric, before, after, after_lo, after_hi, floor, closure, unit."""
+        columns = ("metric", "before", "after", "after_lo", "after_hi", "floor", "closure", "unit")
+        rows = (
+            {"metric": m.metric, "before": m.before, "after": m.after, "floor": m.floor, "unit": m.unit}
+            | {"after_lo": m.ci_after[0], "after_hi": m.ci_after[1]}
+            | {"closure": math.nan if m.closure is None else m.closure}
+            for m in self.metrics
+        )
+        return _frame(rows, columns)
+
+    def to_json(self) -> dict[str, Any]:
+        """The content of gap.json.
+
+        Raises
+        ------
+        ValueError
+            When the report breaks the contract (`twingap.gap.contract`), naming every breach: a number that is not
+            finite, a probability beyond 1, effects with a status that has none.
+        """
+        table = {
+            "schema": SCHEMA,
+            "verdict": {**plain(self.verdict), "sentence": self.sentence},
+            "where": [_place(p) for p in self.places],
+            "which": [plain(c) for c in self.candidates],
+            "shrink": {"metrics": [plain(m) for m in self.metrics]},
+            "rest": [_place(p) for p in self.rest],
+            "tests": plain(self.tests),
+            "calibration": plain(self.calibration),
+            "notes": list(self.notes),
+            "provenance": plain(self.provenance),
+            "curves": {name: _nulls(plain(curve)) for name, curve in self.curves.items()},
+        }
+        found = problems(table)
+        if found:
+            raise ValueError("the report breaks its contract: " + "; ".join(found))
+        return table
+
+    def write(self, folder: str | os.PathLike[str]) -> tuple[Path, Path]:
+        """Write gap.json and report.html into a folder, both or none.
+
+        Returns
+        -------
+        (Path, Path)
+            Of gap.json and report.html.
+
+        Raises
+        ------
+        TwingapError
+            When the folder cannot be written.
+        ValueError
+            As `to_json`.
+        """
+        from twingap.gap.html import page
+
+        table = self.to_json()
+        as_json, as_html = Path(folder) / "gap.json", Path(folder) / "report.html"
+        with replacing(as_json) as data, replacing(as_html) as text:
+            data.write_text(dumped(table), encoding="utf-8", newline="\n")
+            text.write_text(page(self), encoding="utf-8", newline="\n")
+        return as_json, as_html
+
+
+def read_report(path: str | os.PathLike[str]) -> GapReport:
+    """Read gap.json, or the folder that holds it, back.
+
+    Raises
+    ------
+    TwingapError
+        When there is none, or it is not a gap report.
+    """
+    place = Path(path)
+    place = place / "gap.json" if place.is_dir() else place
+    mend = "name a gap.json that `twingap gap` wrote"
+    try:
+        table = json.loads(place.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise TwingapError(f"cannot be read: {error.strerror or error}", where=place, mend=mend) from error
+    except ValueError as error:
+        raise TwingapError(f"is not JSON: {error}", where=place, mend=mend) from error
+    if found := problems(table):
+        raise TwingapError(f"is not a gap report: {found[0]}", where=place, mend=mend)
+    try:
+        return from_json(table)
+    except (AttributeError, KeyError, TypeError, ValueError) as error:
+        raise TwingapError(f"is not a gap report: {error!r}", where=place, mend=mend) from error
+
+
+def from_json(table: Mapping[str, Any]) -> GapReport:
+    """A report from the content of a gap.json that keeps its contract; keys of others' making are left out."""
+    return GapReport(
+        verdict=_made(Verdict, table["verdict"]),
+        places=tuple(_made(Place, p) for p in table["where"]),
+        candidates=tuple(_made(Candidate, c, parameters=_values(c.get("parameters"))) for c in table["which"]),
+        metrics=tuple(_made(Metric, m) for m in table["shrink"]["metrics"]),
+        provenance=table["provenance"],
+        notes=tuple(table.get("notes", ())),
+        calibration=_values(table.get("calibration")),
+        rest=tuple(_made(Place, p) for p in table.get("rest", ())),
+        tests=tuple(_made(TwoSampleTest, t) for t in table.get("tests", ())),
+        curves={name: _made(Curve, c) for name, c in table.get("curves", {}).items()},
+    )
+
+
+def dumped(table: Mapping[str, Any]) -> str:
+    """The text of gap.json: indented for people, with lists of numbers on one line."""
+    table = dict(table)
+    curves = table.pop("curves", {})
+    text = json.dumps(table, indent=2, ensure_ascii=False, allow_nan=False)
+    if not curves:
+        return text + "\n"
+    # Curves hold thousands of numbers: a line each would bury the rest.
+    lines = ",\n".join(
+        f"    {json.dumps(n, ensure_ascii=False)}: {json.dumps(c, ensure_ascii=False, allow_nan=False)}"
+        for n, c in curves.items()
+    )
+    return f'{text[:-2]},\n  "curves": {{\n{lines}\n  }}\n}}\n'
+
+
+def listed(effects: Iterable[str]) -> str:
+    """Names of effects in a sentence: "a, b and c"; "no effect" for none."""
+    names = [name.replace("_", " ") for name in effects]
+    return " and ".join(filter(None, (", ".join(names[:-1]), names[-1]))) if names else "no effect"
+
+
+def _percent(part: float) -> str:
+    return f"{100 * part:.0f} %"
+
+
+def _p_words(p: float) -> str:
+    return f"p = {p:.2g}" if p >= 0.001 else "p < 0.001"
+
+
+def _place(place: Place) -> dict[str, Any]:
+    """A place, without the condition when it applies to all."""
+    table = plain(place)
+    if place.condition is None:
+        del table["condition"]
+    return dict(table)
+
+
+def _values(table: Mapping[str, Any] | None) -> dict[str, ParameterValue]:
+    return {name: _made(ParameterValue, value) for name, value in (table or {}).items()}
+
+
+def _made(kind: type[Any], table: Mapping[str, Any], **given: Any) -> Any:
+    known = {name: table[name] for name in kind.__dataclass_fields__ if name in table}
+    return kind(**{**known, **given})
+
+
+def _by_share(places: Iterable[Place]) -> tuple[Place, ...]:
+    return tuple(sorted(places, key=lambda p: -p.share))
+
+
+def _frame(rows: Iterable[Mapping[str, Any]], columns: tuple[str, ...]) -> pd.DataFrame:
+    import pandas as pd
+
+    return pd.DataFrame(list(rows), columns=list(columns))
+
+
+def _pair(value: Any) -> Interval | None:
+    if value is None:
+        return None
+    lo, hi = value
+    return float(lo), float(hi)
+
+
+def _numbers(values: Iterable[float | None]) -> Numbers:
+    """Floats; whatever is not finite becomes the one NaN, so that equal curves compare equal."""
+    floats = (math.nan if v is None else float(v) for v in values)
+    return tuple(v if math.isfinite(v) else math.nan for v in floats)
+
+
+def _nulls(value: Any) -> Any:
+    """NaN as null, and numbers to six digits: a figure shows no more."""
+    if isinstance(value, dict):
+        return {key: _nulls(item) for key, item in value.items()}
+    if isinstance(value, list):
+        return [_nulls(item) for item in value]
+    if isinstance(value, float):
+        return None if math.isnan(value) else float(f"{value:.6g}")
+    return value
+
+
+def _set(target: object, **values: Any) -> None:
+    """Put normal forms into a frozen object, from its ``__post_init__``."""
+    for name, value in values.items():
+        object.__setattr__(target, name, value)
