@@ -1,0 +1,204 @@
+"""The second strike of a pass: whether the waveform of a strike is two copies of one answer, how far apart, how strong.
+
+samples, strike times -> mean waveform of a pass, sub-sample aligned -> all-pole model of its tail -> inverse filter
+    -> two-pulse fit over all delays -> gain over one pulse, delay, ratio
+
+A defect of finite length is struck on entry and exit (effect entry_exit). Both strikes answer through the same path, so
+taking the path out leaves two pulses, even where the ringing of the first covers the second. The poles come from the
+end of the mean waveform, where whatever struck has gone and only ringing is left. Sawalhi and Randall 2011 whiten with
+an autoregressive model in the same spirit.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy.fft
+from numpy.typing import NDArray
+
+from twingap.gap.signatures.strikes import PHASES, Strikes
+from twingap.gap.view import RecordView
+
+Array = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+
+UPSAMPLE = 4
+"""Grid of delays: this many places per sample."""
+
+FINEST_DEG, WIDEST_DEG = 0.4, 14.0
+"""Arcs that are searched."""
+
+
+def measure_echo(view: RecordView, seen: Strikes, rate_hz: float, out: dict[str, float]) -> None:
+    """Fill `echo_gain`, `arc_deg`, `arc_log`, `exit_ratio`, `cycle_width_deg`.
+
+    Parameters
+    ----------
+    view : RecordView
+    seen : Strikes
+    rate_hz : float
+        Strikes per second.
+    out : dict
+        Filled in place.
+    """
+    shaft_hz = rate_hz / float(view.fault_order or np.nan)
+    deg_per_s = 360 * shaft_hz * _body_rate(view)
+    out["cycle_width_deg"] = float(np.log(max(_width(seen.cycle), 0.2 / PHASES) / rate_hz * deg_per_s))
+    spacing = view.fs_hz / rate_hz
+    waveform, noise = mean_waveform(view.x, seen, view.fs_hz, spacing)
+    if waveform is None:
+        return
+    shortest = max(FINEST_DEG / deg_per_s * view.fs_hz, 1.0)
+    longest = min(WIDEST_DEG / deg_per_s * view.fs_hz, 0.45 * spacing, 0.6 * waveform.size)
+    if longest < shortest + 1:
+        return
+    fit = two_pulses(waveform, noise, shortest, longest)
+    if fit is None:
+        return
+    gain, delay, ratio = fit
+    out["echo_gain"] = gain
+    arc = delay / view.fs_hz * deg_per_s
+    if gain > 0.7:
+        out["arc_deg"], out["arc_log"], out["exit_ratio"] = arc, float(np.log(arc)), ratio
+
+
+def mean_waveform(x: Array, seen: Strikes, fs_hz: float, spacing: float) -> tuple[Array | None, Array]:
+    """Mean waveform of all strikes, each weighted by its strength and aligned to a fraction of a sample.
+
+    Returns
+    -------
+    Array [length] or None
+        Beginning a fifth of its length before the strike.
+    Array [length // 2 + 1]
+        Variance that the noise leaves in its spectrum.
+    """
+    length = int(np.clip(1.0 * spacing, 32, 1024)) // 2 * 2
+    start = seen.time_s * fs_hz - 0.2 * length
+    whole = np.floor(start).astype(int)
+    inside = (whole >= 0) & (whole + length <= x.size)
+    if inside.sum() < 8:
+        return None, np.zeros(0)
+    whole, part = whole[inside], (start - np.floor(start))[inside]
+    strength = seen.strength[inside] / max(float(seen.strength.mean()), 1e-300)
+    # A soft beginning and end: what the neighbours ring into the window does not jump at its edges.
+    window = np.ones(length)
+    edge = max(length // 12, 2)
+    ramp = 0.5 - 0.5 * np.cos(np.pi * (np.arange(edge) + 0.5) / edge)
+    window[:edge], window[-edge:] = ramp, ramp[::-1]
+    spectra = scipy.fft.rfft(x[whole[:, None] + np.arange(length)] * window, axis=1)
+    f = np.arange(length // 2 + 1) / length
+    spectra = spectra * np.exp(2j * np.pi * f * part[:, None])
+    weight = strength / float((strength**2).sum())
+    mean = weight @ spectra
+    rest = spectra - strength[:, None] * mean
+    noise = (weight**2) @ (rest.real**2 + rest.imag**2)
+    return np.asarray(scipy.fft.irfft(mean, length)), np.asarray(noise)
+
+
+def two_pulses(waveform: Array, noise: Array, shortest: float, longest: float) -> tuple[float, float, float] | None:
+    """Fit one pulse and two pulses through the waveform's own poles.
+
+    Parameters
+    ----------
+    waveform : Array [length]
+    noise : Array [length // 2 + 1]
+        Variance of its spectrum.
+    shortest, longest : float
+        Delays that are searched, samples.
+
+    Returns
+    -------
+    (float, float, float) or None
+        Log of the misfit of one pulse over that of two; delay in samples; second pulse over first.
+    """
+    n = waveform.size
+    poles = _predictor(waveform, int(0.2 * n))
+    if poles is None:
+        return None
+    spectrum = scipy.fft.rfft(waveform)
+    inverse = scipy.fft.rfft(poles, n)
+    # Wiener weight: where the waveform does not stand out of the noise, the inverse would show noise.
+    power = spectrum.real**2 + spectrum.imag**2
+    wide = np.convolve(np.pad(power, 2, mode="edge"), np.full(5, 0.2), mode="valid")
+    quiet = np.convolve(np.pad(noise, 2, mode="edge"), np.full(5, 0.2), mode="valid")
+    weight = np.maximum(1 - 2 * quiet / np.maximum(wide, 1e-300), 0.0)
+    shape = 1 / np.maximum(inverse.real**2 + inverse.imag**2, 1e-12)
+    # Maximum likelihood: the spectrum is path * pulses + noise of variance `quiet`, which weighs every frequency.
+    trust = weight * shape / np.maximum(quiet, 1e-6 * float(wide.max()) + 1e-300)
+    pulses = spectrum * inverse
+    m = n * UPSAMPLE
+    answer = scipy.fft.irfft(pulses * trust, m)
+    kernel = scipy.fft.irfft(trust + 0j, m)
+    total = float(scipy.fft.irfft(np.asarray(power * 0 + (pulses.real**2 + pulses.imag**2) * trust) + 0j, m)[0])
+    if not kernel[0] > 0 or not total > 0:
+        return None
+    kernel, answer, total = kernel / kernel[0], answer / kernel[0], total / kernel[0]
+    near = np.arange(0, int(0.75 * m))
+    first = answer[near]
+    one = float((first**2).max())
+    delays = np.arange(int(np.ceil(shortest * UPSAMPLE)), int(longest * UPSAMPLE) + 1)
+    if delays.size < 2:
+        return None
+    second = answer[(near[:, None] + delays) % m]
+    cross = kernel[delays]
+    determinant = np.maximum(1 - cross**2, 0.02)
+    energy = (first[:, None] ** 2 + second**2 - 2 * first[:, None] * second * cross) / determinant
+    # Both strike the same way: the same sign, and neither is a speck of the other.
+    a = (first[:, None] - second * cross) / determinant
+    b = (second - first[:, None] * cross) / determinant
+    ratio = b / np.where(np.abs(a) > 1e-300, a, 1e-300)
+    energy = np.where((ratio > 0.15) & (ratio < 6.5), energy, 0.0)
+    i, j = np.unravel_index(int(energy.argmax()), energy.shape)
+    two = float(energy[i, j])
+    if two <= one:
+        return 0.0, float(delays[j]) / UPSAMPLE, 1.0
+    rest = 0.01 * total
+    gain = float(np.log((max(total - one, 0.0) + rest) / (max(total - two, 0.0) + rest)))
+    return gain, _peak(energy[i], int(j), delays) / UPSAMPLE, float(ratio[i, j])
+
+
+def _peak(energy: Array, j: int, delays: NDArray[np.int64]) -> float:
+    """Place of a maximum, by a parabola."""
+    if not 0 < j < energy.size - 1 or energy[j - 1] <= 0 or energy[j + 1] <= 0:
+        return float(delays[j])
+    left, middle, right = energy[j - 1 : j + 2]
+    return float(delays[j] + np.clip(0.5 * (right - left) / max(2 * middle - left - right, 1e-300), -0.5, 0.5))
+
+
+def _predictor(waveform: Array, start: int, order: int = 2) -> Array | None:
+    """[1 + order] Inverse filter of the path, 1 + a1 z^-1 + ...: least squares on the ringing from `start` on.
+
+    Strikes are few, ringing is long: predictions from all of the waveform are right but at the strikes, so those that
+    miss most are left out and the rest is fitted again.
+    """
+    columns = [waveform[order - i - 1 : waveform.size - i - 1] for i in range(order)]
+    design, target = np.stack(columns, axis=1), waveform[order:]
+    design, target = design[max(start - order, 0) :], target[max(start - order, 0) :]
+    keep = np.ones(target.size, bool)
+    solution = np.zeros(order)
+    for _ in range(3):
+        if keep.sum() < 4 * order:
+            return None
+        solution, *_ = np.linalg.lstsq(design[keep], target[keep], rcond=None)
+        miss = np.abs(target - design @ solution)
+        keep = miss < max(4 * float(np.median(miss[keep])), 1e-300)
+    out = np.concatenate(([1.0], -solution))
+    return out if np.isfinite(out).all() else None
+
+
+def _body_rate(view: RecordView) -> float:
+    """Turns of the struck body past the roller per turn of the shaft, at kinematic orders (as entry_exit counts)."""
+    fault, cage = str(view.condition.fault), view.bearing.ftf
+    rates = {"outer": cage, "inner": 1 - cage, "ball": view.bearing.bsf, "cage": 1 - cage}
+    return rates[fault]
+
+
+def _width(cycle: Array) -> float:
+    """Root mean square width of the strike in the mean cycle, passes."""
+    bottom = float(np.sort(cycle)[: PHASES // 4].mean())
+    above = np.maximum(cycle - bottom - 0.05 * (cycle.max() - bottom), 0.0)
+    total = float(above.sum())
+    if not total > 0:
+        return 0.0
+    place = np.arange(PHASES)
+    centre = float((above * place).sum() / total)
+    return float(np.sqrt((above * (place - centre) ** 2).sum() / total)) / PHASES
