@@ -1,12 +1,366 @@
-"""The page of a diagnosis."""
+"""report.html: a diagnosis as one page that needs nothing beside it.
+
+GapReport --page--> verdict, where, which, how far, what is left, what to do next; figures by plotly, embedded once
+
+The page opens offline and asks nothing of the network. Whatever comes from the user's data is escaped. Its bytes
+depend on the report alone; the run time, which differs between equal runs, stands in gap.json only.
+"""
 
 from __future__ import annotations
 
-from twingap.gap.report import GapReport
+import html
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any, Final
+
+from twingap.effects import catalogue
+from twingap.gap.advice import condition_words, next_steps, place_words, snippet, undecided
+from twingap.gap.figures import all_figures
+from twingap.gap.report import GapReport, ParameterValue, Place, listed
+
+_TITLES: Final[Mapping[str, tuple[str, str]]] = {
+    "no_gap": ("No gap", "#009E73"),
+    "explained": ("Gap explained", "#0072B2"),
+    "partly_explained": ("Gap partly explained", "#E69F00"),
+    "unexplained": ("Gap unexplained", "#D55E00"),
+}
+_MEANING: Final[Mapping[str, str]] = {
+    "no_gap": "Records and calibrated twin differ no more than chance allows.",
+    "explained": "Adding the named effects brings the gap down to its floor.",
+    "partly_explained": "The named effects shrink the gap significantly; a significant rest remains.",
+    "unexplained": "There is a significant gap, and nothing in the catalogue shrinks it significantly.",
+}
+_DOMAINS: Final[Mapping[str, str]] = {
+    "frequency": "spectrum",
+    "envelope_order": "envelope spectrum",
+    "order": "order spectrum",
+    "amplitude": "amplitude distribution",
+    "time": "time within the record",
+    "condition": "operating condition",
+}
+_CONFIG: Final = {"displaylogo": False, "responsive": True, "modeBarButtonsToRemove": ["lasso2d", "select2d"]}
 
 
 def page(report: GapReport) -> str:
-    """The whole page as one text that needs nothing beside it."""
-    import html
+    """The whole page; any part of the report may be empty."""
+    from plotly.offline import get_plotlyjs
 
-    return f"<!doctype html><meta charset=utf-8><title>gap</title><h1>{html.escape(report.sentence)}</h1>"
+    figures = {name: _figure(name, figure) for name, figure in all_figures(report)}
+    sections = [
+        _verdict(report),
+        _curves(figures),
+        _where(report, figures),
+        _which(report, figures),
+        _confidence(report),
+        _shrink(report, figures),
+        _rest(report),
+        _next(report),
+        _calibration(report),
+        _notes(report),
+        _provenance(report),
+    ]
+    title = f"{_TITLES[report.verdict.status][0]}: {_records(report)}"
+    library = f"<script>{get_plotlyjs()}</script>" if figures else ""
+    return (
+        '<!doctype html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
+        '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
+        # The page is whole: a browser that honours this asks the network for nothing, whatever a name may hold.
+        "<meta http-equiv=\"Content-Security-Policy\" content=\"default-src 'none'; script-src 'unsafe-inline' "
+        "'unsafe-eval' blob:; style-src 'unsafe-inline'; img-src data: blob:; font-src data:\">\n"
+        f"<title>{html.escape(title)}</title>\n<style>{_STYLE}</style>\n{library}\n</head>\n<body>\n<main>\n"
+        + "\n".join(filter(None, sections))
+        + "\n</main>\n</body>\n</html>\n"
+    )
+
+
+def _figure(name: str, figure: Any) -> str:
+    place = "fig-" + "".join(c if c.isascii() and c.isalnum() else "-" for c in name)
+    drawn = figure.to_html(full_html=False, include_plotlyjs=False, div_id=place, config=_CONFIG)
+    return f'<figure class="{"wide" if name == "curve-spectrum" else "plot"}">{drawn}</figure>'
+
+
+def _verdict(report: GapReport) -> str:
+    verdict = report.verdict
+    word, colour = _TITLES[verdict.status]
+    facts = [("p-value of no gap", _p(verdict.p_value))]
+    if verdict.closure is not None:
+        facts.append(("gap closed", _with_interval(verdict.closure, verdict.closure_ci, percent=True)))
+    held_out, total = report.provenance.get("n_held_out"), report.provenance.get("n_records")
+    if total is not None:
+        facts.append(("records", f"{total}" + (f", judged on {held_out}" if held_out is not None else "")))
+    tests = "".join(f"<li>{html.escape(t.name)}: {t.statistic:.4g}, p = {_p(t.p_value)}</li>" for t in report.tests)
+    return (
+        f'<header style="border-color:{colour}"><p class="status"><span style="background:{colour}"></span>{word}</p>'
+        f"<h1>{html.escape(report.sentence)}</h1><p>{_MEANING[verdict.status]} "
+        f"Records: <b>{html.escape(_records(report))}</b>.</p>"
+        + "<dl>"
+        + "".join(f"<div><dt>{name}</dt><dd>{html.escape(value)}</dd></div>" for name, value in facts)
+        + "</dl>"
+        + (
+            f'<p class="small">Overall tests of records against twin:</p><ul class="small">{tests}</ul>'
+            if tests
+            else ""
+        )
+        + "</header>"
+    )
+
+
+def _curves(figures: Mapping[str, str]) -> str:
+    curves = {name: text for name, text in figures.items() if name.startswith("curve-")}
+    if not curves:
+        return ""
+    drawn = "".join(f"<div><h3>{_CURVES.get(n, n.removeprefix('curve-'))}</h3>{t}</div>" for n, t in curves.items())
+    return _section(
+        "Before and after",
+        "Medians over held-out records. Yellow bands are the places where the gap is significant, numbered as in the "
+        "table below. Drag to zoom, double-click to zoom out.",
+        drawn,
+    )
+
+
+def _where(report: GapReport, figures: Mapping[str, str]) -> str:
+    if not report.places:
+        return _section("Where the gap lies", "No place differs significantly (family-wise error 5 %).")
+    return _section(
+        "Where the gap lies",
+        "Significant places only (family-wise error 5 %), largest share of the whole gap first.",
+        figures.get("shares", "") + _places(report.places),
+    )
+
+
+def _which(report: GapReport, figures: Mapping[str, str]) -> str:
+    if not report.candidates:
+        return ""
+    rows = []
+    for c in report.candidates:
+        parameters = "<br>".join(f"{_name(n)} = {_value(p)}" for n, p in c.parameters.items())
+        remark = f"cannot be added to this simulator: {html.escape(c.acts)}" if c.acts else ""
+        if not remark and c.fitted_with:
+            remark = f"together with {html.escape(listed(c.fitted_with))}"
+        named = c.effect in report.verdict.effects
+        cells = (
+            f"<b>{_name(c.effect)}</b>{' ◆' if named else ''}<br><span class='small'>{_about(c.effect)}</span>",
+            f"{100 * c.probability:.0f} %",
+            "–" if c.acts else html.escape(_with_interval(c.closure, c.closure_ci, percent=True)),
+            "–" if c.acts else f"{c.gap_before:.3g} → {c.gap_after:.3g}",
+            parameters or "–",
+            remark,
+        )
+        rows.append((named, cells))
+    head = ("effect", "probability", "closes (90 % interval)", "gap before → after", "fitted parameters (90 %)", "")
+    first = [cells for i, (named, cells) in enumerate(rows) if named or i < 6]
+    others = [cells for i, (named, cells) in enumerate(rows) if not named and i >= 6]
+    folded = (
+        f"<details><summary>{len(others)} more candidates</summary>{_table(head, others)}</details>" if others else ""
+    )
+    return _section(
+        "Which effect is missing",
+        "Every effect of the catalogue was tried: probability that the machine has it and the twin lacks it, and the "
+        "part of the gap that adding it closes on records not used to fit it. ◆ marks the verdict.",
+        figures.get("closures", "") + _table(head, first) + folded,
+    )
+
+
+def _confidence(report: GapReport) -> str:
+    sets = report.verdict.confidence_set
+    if not sets:
+        return ""
+    words = [listed(effects) if effects else "no missing effect at all" for effects in sets]
+    if len(sets) == 1:
+        text = f"One explanation is left: {html.escape(words[0])}. Every other one is ruled out at 90 %."
+        return _section("What the data cannot tell apart", text)
+    sure = [name for name in sets[0] if all(name in s for s in sets)]
+    text = (
+        f"{len(sets)} explanations fit the records about equally well; the true one is among them nine times of ten. "
+    )
+    if sure:
+        text += f"All of them hold {listed(sure)}. "
+    if open_ones := undecided(report):
+        text += f"Left open: {listed(open_ones, 'or')}."
+    items = "".join(f"<li>{html.escape(w)}</li>" for w in words)
+    return _section("What the data cannot tell apart", html.escape(text), f"<ol>{items}</ol>")
+
+
+def _shrink(report: GapReport, figures: Mapping[str, str]) -> str:
+    if not report.metrics:
+        return ""
+    head = ("measure", "before", "after (90 % interval)", "floor", "gap closed")
+    rows = [
+        (
+            html.escape(m.metric) + (" <span class='small'>(higher is better)</span>" if m.higher_is_better else ""),
+            _number(m.before, m.unit),
+            html.escape(f"{_number(m.after, m.unit)} ({_number(m.ci_after[0])} to {_number(m.ci_after[1])})"),
+            _number(m.floor, m.unit),
+            "–" if m.closure is None else f"{100 * m.closure:.0f} %",
+        )
+        for m in report.metrics
+    ]
+    effects = listed(report.verdict.effects)
+    text = f"Before and after adding {effects}, on held-out records. The floor is records against records."
+    if not report.verdict.effects:
+        text = "On held-out records; nothing was added. The floor is records against records."
+    return _section("How far the gap shrinks", html.escape(text), figures.get("metrics", "") + _table(head, rows))
+
+
+def _rest(report: GapReport) -> str:
+    if not report.rest:
+        return ""
+    return _section(
+        "Where the rest lies", "What remains significant after the effects are added.", _places(report.rest)
+    )
+
+
+def _next(report: GapReport) -> str:
+    items = "".join(f"<li>{_code(html.escape(step))}</li>" for step in next_steps(report))
+    lines = snippet(report)
+    shown = f'<p class="small">TWIN.toml</p><pre>{html.escape(lines)}</pre>' if lines else ""
+    return _section("What to do next", "", f'<ol class="steps">{items}</ol>{shown}', mark="next")
+
+
+def _calibration(report: GapReport) -> str:
+    if not report.calibration:
+        return ""
+    rows = [(_name(name), _value(p)) for name, p in report.calibration.items()]
+    return _section(
+        "Calibration",
+        "The twin's free parameters as identified from the other part of the records, before anything was compared. "
+        "A gap that calibration removes is no gap.",
+        _table(("parameter", "value (90 % interval)"), rows),
+    )
+
+
+def _notes(report: GapReport) -> str:
+    items = "".join(f"<li>{html.escape(note)}</li>" for note in report.notes)
+    return _section("Notes", "", f"<ul>{items}</ul>") if items else ""
+
+
+def _provenance(report: GapReport) -> str:
+    rows = [
+        (_name(name), html.escape(_plain(value))) for name, value in report.provenance.items() if name != "runtime_s"
+    ]
+    return _section("Provenance", "", _table(("", ""), rows, kind="quiet"))
+
+
+def _places(places: Sequence[Place]) -> str:
+    rows = [
+        (
+            str(i),
+            _DOMAINS[p.domain],
+            html.escape(place_words(Place(p.domain, p.lo, p.hi, p.unit, p.share, p.p_value))
+                        if p.domain != "condition" or p.lo is not None or p.hi is not None else "–"),
+            html.escape(condition_words(p.condition) or "all"),
+            f"{100 * p.share:.0f} %",
+            _p(p.p_value),
+        )
+        for i, p in enumerate(places, 1)
+    ]  # fmt: skip
+    return _table(("#", "domain", "place", "conditions", "share", "p (adjusted)"), rows)
+
+
+def _section(title: str, text: str, content: str = "", mark: str = "") -> str:
+    intro = f"<p>{text}</p>" if text else ""
+    return f"<section{f' class={mark}' if mark else ''}><h2>{title}</h2>{intro}{content}</section>"
+
+
+def _table(head: Sequence[str], rows: Iterable[Sequence[str]], kind: str = "") -> str:
+    """A table of cells that are HTML already."""
+    top = "" if not any(head) else "<thead><tr>" + "".join(f"<th>{h}</th>" for h in head) + "</tr></thead>"
+    body = "".join("<tr>" + "".join(f"<td>{cell}</td>" for cell in row) + "</tr>" for row in rows)
+    return f'<div class="scroll"><table class="{kind}">{top}<tbody>{body}</tbody></table></div>'
+
+
+def _records(report: GapReport) -> str:
+    return str(report.provenance.get("records") or "records")
+
+
+def _about(effect: str) -> str:
+    """The first line that the effect's author wrote about it."""
+    known = catalogue().get(effect)
+    words = ((known.__doc__ or "") if known is not None else "").strip().splitlines()
+    return _code(html.escape(words[0].replace("`", ""))) if words else ""
+
+
+def _name(name: str) -> str:
+    return html.escape(name.replace("_", " "))
+
+
+def _value(parameter: ParameterValue) -> str:
+    """A number with unit and interval, as HTML."""
+    text = _number(parameter.value, parameter.unit)
+    if parameter.ci is not None:
+        text += f" ({_number(parameter.ci[0])} to {_number(parameter.ci[1])})"
+    return html.escape(text)
+
+
+def _number(value: float, unit: str = "") -> str:
+    shown = f"{value:.0f}" if 1e4 <= abs(value) < 1e7 else f"{value:.4g}"
+    return shown if unit in ("", "1") else f"{shown} {unit}"
+
+
+def _with_interval(value: float, interval: tuple[float, float] | None, percent: bool = False) -> str:
+    scale, unit = (100.0, " %") if percent else (1.0, "")
+    ends = "" if interval is None else f" ({scale * interval[0]:.0f} to {scale * interval[1]:.0f}{unit})"
+    return f"{scale * value:.0f}{unit}{ends}"
+
+
+def _p(value: float) -> str:
+    return f"{value:.2g}" if value >= 0.001 else "< 0.001"
+
+
+def _plain(value: Any) -> str:
+    if isinstance(value, Mapping):
+        return ", ".join(f"{k} {_plain(v)}" for k, v in value.items())
+    if isinstance(value, (list, tuple)):
+        return ", ".join(map(_plain, value)) or "none"
+    return f"{value:.6g}" if isinstance(value, float) else str(value)
+
+
+def _code(escaped: str) -> str:
+    """`words` between backticks as code, in text that is escaped already."""
+    parts = escaped.split("`")
+    return "".join(f"<code>{p}</code>" if i % 2 else p for i, p in enumerate(parts)) if len(parts) % 2 else escaped
+
+
+_CURVES: Final[Mapping[str, str]] = {
+    "curve-spectrum": "Spectrum",
+    "curve-envelope": "Envelope spectrum",
+    "curve-order": "Order spectrum",
+    "curve-amplitude": "Amplitude distribution",
+    "curve-time": "Time within the record",
+    "curve-condition": "Across operating conditions",
+}
+
+_STYLE: Final = """
+:root { --ink: #1d2330; --soft: #566072; --line: #dde1e8; --paper: #ffffff; --ground: #f4f5f8; }
+* { box-sizing: border-box; }
+body { margin: 0; background: var(--ground); color: var(--ink); line-height: 1.55;
+  font: 17px/1.55 system-ui, -apple-system, "Segoe UI", Roboto, "DejaVu Sans", sans-serif; }
+main { max-width: 1120px; margin: 0 auto; padding: 28px 20px 60px; }
+header, section { background: var(--paper); border: 1px solid var(--line); border-radius: 12px; padding: 26px 32px;
+  margin: 0 0 22px; }
+header { border-left: 12px solid; padding-top: 22px; }
+.status { margin: 0; font-weight: 700; font-size: 18px; letter-spacing: .02em; display: flex; align-items: center; }
+.status span { width: 18px; height: 18px; border-radius: 50%; margin-right: 10px; }
+h1 { font-size: 29px; line-height: 1.28; margin: 10px 0 14px; font-weight: 650; text-wrap: pretty; }
+h2 { font-size: 23px; margin: 0 0 6px; }
+h3 { font-size: 17px; margin: 18px 0 0; color: var(--soft); font-weight: 600; }
+p { margin: 6px 0 12px; } .small { color: var(--soft); font-size: 15px; }
+header ul { margin: 0; padding-left: 22px; }
+dl { display: flex; flex-wrap: wrap; gap: 12px 44px; margin: 14px 0 10px; }
+dt { color: var(--soft); font-size: 15px; } dd { margin: 0; font-size: 21px; font-weight: 600; }
+figure { margin: 4px 0 10px; width: 100%; }
+.scroll { overflow-x: auto; }
+table { border-collapse: collapse; width: 100%; font-size: 16px; font-variant-numeric: tabular-nums; margin: 8px 0; }
+th { text-align: left; font-size: 14.5px; color: var(--soft); font-weight: 600; border-bottom: 2px solid var(--line);
+  padding: 6px 14px 6px 0; vertical-align: bottom; }
+td { border-bottom: 1px solid var(--line); padding: 8px 14px 8px 0; vertical-align: top; overflow-wrap: anywhere; }
+table.quiet td:first-child { color: var(--soft); width: 220px; }
+details summary { cursor: pointer; color: #0072B2; padding: 8px 0; }
+pre { background: #f0f3f8; border: 1px solid var(--line); border-radius: 8px; padding: 16px 20px; overflow-x: auto;
+  font-size: 15.5px; line-height: 1.45; user-select: all; margin: 4px 0; }
+code { background: #f0f3f8; border-radius: 4px; padding: 1px 5px; font-size: 15px; }
+section.next { border-left: 12px solid #566072; } ol.steps li { margin: 0 0 10px; }
+@media print { body { background: #fff; font-size: 14px; } main { max-width: none; padding: 0; }
+  header, section { border-radius: 0; border-width: 1px 0 0; padding: 14px 0; }
+  header { border-left-width: 8px; padding-left: 14px; }
+  figure, tr, pre { break-inside: avoid; } h2, h3 { break-after: avoid; } .modebar { display: none !important; } }
+"""

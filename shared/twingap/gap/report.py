@@ -457,10 +457,10 @@ def dumped(table: Mapping[str, Any]) -> str:
     return f'{text[:-2]},\n  "curves": {{\n{lines}\n  }}\n}}\n'
 
 
-def listed(effects: Iterable[str]) -> str:
+def listed(effects: Iterable[str], last: str = "and") -> str:
     """Names of effects in a sentence: "a, b and c"; "no effect" for none."""
     names = [name.replace("_", " ") for name in effects]
-    return " and ".join(filter(None, (", ".join(names[:-1]), names[-1]))) if names else "no effect"
+    return f" {last} ".join(filter(None, (", ".join(names[:-1]), names[-1]))) if names else "no effect"
 
 
 def _percent(part: float) -> str:
