@@ -342,7 +342,7 @@ def _raw_excess(view: RecordView) -> Array:
 
 
 def _floor(power: Array, width: int = 40) -> Array:
-    """[bins] Level between the lines: medians of blocks, joined in the logarithm. A fifth of a running median's time."""
+    """[bins] Level between the lines: medians of blocks, joined in the logarithm: cheaper than a running one."""
     width = max(min(width, power.size // 4), 1)
     count = power.size // width
     medians = np.median(power[: count * width].reshape(count, width), axis=1)

@@ -1,0 +1,318 @@
+"""How far records and twin lie apart, in each view and overall, with the floor beside it.
+
+Views of records --+
+                   +--Paired--> differences [records, bins] --strata, units--> mean squares per bin, unbiased
+Views of replicates+                                                             |
+                                          standardised by the records' spread <--+--> per view --> overall, floor
+
+The difference of a record is its view less the mean of its simulated replicates of the same condition. Its square
+is estimated by products of *different* units of the same stratum (a U-statistic), so noise between records adds nothing
+on average: two sets of one machine are at distance 0 but for chance. The floor says how large chance is.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twingap.errors import TwingapError
+from twingap.gap.report import Domain
+from twingap.gap.views import Views
+from twingap.records import Condition
+
+Array = NDArray[np.float64]
+Places = NDArray[np.int64]
+
+_LEAST_SPREAD = 0.05
+"""No bin's spread counts as less (log units): a bin that never varies would drown all others."""
+
+
+@dataclass(frozen=True)
+class Distance:
+    """Gap between records and twin: standard deviations between records, root mean square over bins and views.
+
+    Parameters
+    ----------
+    overall : float
+        Root of the mean over views of the squared distances per view; a view's is the mean over its kinds of bins.
+    views : Mapping, domain -> float
+    floor : float
+        What records measured against other records of the same machine show on average: the overall gap of a twin that
+        lacks nothing.
+    view_floors : Mapping, domain -> float
+    """
+
+    overall: float
+    views: Mapping[Domain, float]
+    floor: float
+    view_floors: Mapping[Domain, float]
+
+
+class Paired:
+    """Records and their simulated replicates, side by side.
+
+    Parameters
+    ----------
+    real : Views
+    sims : sequence of Views [m replicates]
+        Each holds one record per real record, in the same order and of the same condition, from its own random numbers.
+    conditions : sequence of Condition, optional
+        Of the records; those of `real` when None.
+    scale : Array [bins], optional
+        Spread to standardise by, from another `Paired` of the same records: distances before and after are then
+        measured with one yardstick. None = its own.
+
+    Raises
+    ------
+    TwingapError
+        Without replicates, or when they do not match the records.
+    """
+
+    def __init__(
+        self,
+        real: Views,
+        sims: Sequence[Views],
+        conditions: Sequence[Condition] | None = None,
+        scale: Array | None = None,
+    ) -> None:
+        if not sims:
+            raise TwingapError("no simulated records to compare with", where="distance")
+        for sim in sims:
+            if sim.matrix.shape != real.matrix.shape or sim.domains != real.domains:
+                raise TwingapError(
+                    f"{len(sim)} simulated records of {sim.matrix.shape[1]} bins against {len(real)} records of "
+                    f"{real.matrix.shape[1]}",
+                    where="distance", mend="simulate every record's condition, and measure both on one grid",
+                )  # fmt: skip
+        self.real, self.sims = real, tuple(sims)
+        self.conditions = tuple(conditions or real.conditions)
+        self.n, self.m = len(real), len(sims)
+        self._scale = scale
+
+    @cached_property
+    def stacked(self) -> Array:
+        """[records, 1 + replicates, bins] The record first."""
+        return np.stack([self.real.matrix, *(sim.matrix for sim in self.sims)], axis=1)
+
+    @cached_property
+    def difference(self) -> Array:
+        """[records, bins] Record less the mean of its replicates."""
+        return np.asarray(self.real.matrix - np.mean([sim.matrix for sim in self.sims], axis=0))
+
+    @cached_property
+    def strata(self) -> tuple[Places, ...]:
+        """Places of the records of each stratum of conditions. See `strata`."""
+        return strata(self.conditions)
+
+    @cached_property
+    def units(self) -> tuple[Array, ...]:
+        """Per stratum [units, bins]: means of the differences of its groups, or of single records where it has one.
+
+        Windows of one recording share that recording's peculiarities and are no independent witnesses.
+        """
+        return tuple(
+            _units(self.difference[places], [self.conditions[i].group for i in places]) for places in self.strata
+        )
+
+    @cached_property
+    def scale(self) -> Array:
+        """[bins] Spread between records under equal conditions, real and simulated pooled, never less than 0.05.
+
+        A fifth of the median spread of a bin's kind is added in squares, lest a bin that is quiet by chance counts
+        most.
+        """
+        if self._scale is not None:
+            return self._scale
+        inner = [self.difference[p] - self.difference[p].mean(axis=0) for p in self.strata]
+        df = sum(len(d) - 1 for d in inner)
+        square = sum((np.sum(d * d, axis=0) for d in inner), np.zeros(self.difference.shape[1]))
+        own = square / max(df, 1) / (1 + 1 / self.m)
+        weight = 0.5 * df / (df + 4) if self.m > 1 else float(df > 0)
+        if self.m > 1:
+            replicates = self.stacked[:, 1:]
+            between = replicates.var(axis=1, ddof=1).mean(axis=0)
+            own = weight * own + (1 - weight) * between
+        elif not df:
+            own = np.ones_like(own)
+        for domain in self.real.domains:
+            columns = self.real.columns(domain)
+            part, kinds = own[columns], np.array(self.real.axes[domain].kind)
+            usual = np.array([np.median(part[kinds == kind]) for kind in kinds])
+            own[columns] = part + 0.04 * usual
+        return np.sqrt(np.maximum(own, _LEAST_SPREAD**2))
+
+    @cached_property
+    def noise(self) -> Array:
+        """[bins] Variance of one record's difference that simulated spread alone explains; 0 with one replicate."""
+        if self.m < 2:
+            return np.zeros(self.difference.shape[1])
+        return np.asarray(self.stacked[:, 1:].var(axis=1, ddof=1).mean(axis=0) * (1 + 1 / self.m))
+
+    def squares(self, weights: Sequence[Array] | None = None) -> Array:
+        """Unbiased squared gap of each bin in each stratum, standardised.
+
+        In the condition view, of which the strata are the bins proper, what all strata have in common is taken out: it
+        is seen by the other views, and would not say where.
+
+        Parameters
+        ----------
+        weights : sequence of Array [draws, units], optional
+            How often each unit counts, per stratum: for a bootstrap. None = once.
+
+        Returns
+        -------
+        Array [draws, strata, bins]
+            May be negative; zero on average where nothing differs.
+        """
+        given = weights or [np.ones((1, len(u))) for u in self.units]
+        return self._contrasted([self._square(u / self.scale, w) for u, w in zip(self.units, given, strict=True)])
+
+    def _contrasted(self, parts: Sequence[tuple[Array, Array]]) -> Array:
+        """[draws, strata, bins] From squares and means of each stratum, both [draws, bins]."""
+        squares, means = (np.stack(side, axis=1) for side in zip(*parts, strict=True))
+        if "condition" in self.real.domains:
+            own, w = self.real.columns("condition"), self.stratum_weight[:, None]
+            s, m = squares[..., own], means[..., own]
+            common = (w * m).sum(axis=1) ** 2 - (w**2 * (m**2 - s)).sum(axis=1)
+            squares[..., own] = s - common[:, None] if len(parts) > 1 else 0.0
+        return np.asarray(squares)
+
+    def _square(self, units: Array, weights: Array) -> tuple[Array, Array]:
+        total, own = weights.sum(axis=1)[:, None], (weights**2).sum(axis=1)[:, None]
+        means = weights @ units / total
+        if len(units) == 1:
+            return means**2 - self.noise / self.scale**2, means
+        out = (total**2 * means**2 - (weights**2) @ units**2) / np.maximum(total**2 - own, 1e-12)
+        # A draw of one unit alone has no product of two: its square, less the noise of a unit, stands for it.
+        alone = (total**2 - own < 1e-9)[:, 0]
+        out[alone] = means[alone] ** 2 - units.var(axis=0, ddof=1)
+        return np.asarray(out), means
+
+    @cached_property
+    def stratum_weight(self) -> Array:
+        """[strata] Part of the records in each."""
+        return np.array([len(p) for p in self.strata]) / self.n
+
+    def over_views(self, squares: Array) -> tuple[Array, dict[Domain, Array]]:
+        """Overall and per-view distances from `squares` [draws, strata, bins]; each [draws]."""
+        means = np.einsum("dsb,s->db", squares, self.stratum_weight)
+        views = {d: means[:, self.real.columns(d)] @ self.real.axes[d].weight for d in self.real.domains}
+        overall = np.mean(list(views.values()), axis=0)
+        return _root(overall), {d: _root(v) for d, v in views.items()}
+
+    def distance(self, rng: np.random.Generator, splits: int = 100) -> Distance:
+        """The gap, and its floor from random splits of the records.
+
+        Parameters
+        ----------
+        rng : numpy.random.Generator
+        splits : int
+        """
+        overall, views = self.over_views(self.squares())
+        floor, floors = self.floor(rng, splits)
+        return Distance(float(overall[0]), {d: float(v[0]) for d, v in views.items()}, floor, floors)
+
+    def floor(self, rng: np.random.Generator, splits: int = 100) -> tuple[float, dict[Domain, float]]:
+        """Records against records, overall and per view, at the number of records in hand.
+
+        The differences of a stratum about their own mean get random signs: their mean is then half the difference of
+        two random halves of the records, whose noise is that of all records against a twin.
+        """
+        kept = []
+        for units in self.units:
+            k = len(units)
+            if k > 1:
+                inner = (units - units.mean(axis=0)) / self.scale * np.sqrt(k / (k - 1))
+                means = rng.choice([-1.0, 1.0], (splits, k)) @ inner / k
+                kept.append(((k * means**2 - (inner**2).mean(axis=0)) / (k - 1), means))
+            else:  # one record: as far as its replicates are from one another
+                means = rng.standard_normal((splits, units.shape[1])) * np.sqrt(self.noise) / self.scale
+                kept.append((means**2 - self.noise / self.scale**2, means))
+        overall, views = self.over_views(self._contrasted(kept))
+        return float(overall.mean()), {d: float(v.mean()) for d, v in views.items()}
+
+    def bootstrap_weights(self, rng: np.random.Generator, draws: int) -> list[Array]:
+        """Per stratum [draws, units]: how often each unit is drawn. The same for two `Paired` of the same records."""
+        return [rng.multinomial(len(u), np.full(len(u), 1 / len(u)), draws).astype(float) for u in self.units]
+
+
+def gap_distance(
+    real: Views,
+    sims: Sequence[Views],
+    rng: np.random.Generator,
+    conditions: Sequence[Condition] | None = None,
+    scale: Array | None = None,
+) -> Distance:
+    """Gap between records and twin, with floors. Arguments as `Paired` and `Paired.distance`."""
+    return Paired(real, sims, conditions, scale).distance(rng)
+
+
+def strata(conditions: Sequence[Condition], fewest: int = 3, most: int = 3) -> tuple[Places, ...]:
+    """Records of like condition: by fault, then in up to `most` stretches of what varies first of speed, load, time.
+
+    Parameters
+    ----------
+    conditions : sequence of Condition [n]
+    fewest : int
+        Records in a stretch. Faults of a single record are put together with the largest stratum.
+    most : int
+
+    Returns
+    -------
+    tuple of int arrays
+        Every place 0..n-1 once.
+    """
+    faults = [c.fault or "" for c in conditions]
+    parts: list[Places] = []
+    for fault in dict.fromkeys(faults):
+        own = np.array([i for i, f in enumerate(faults) if f == fault])
+        values = _varying([conditions[i] for i in own])
+        count = min(most, max(len(own) // fewest, 1))
+        if values is None or count == 1:
+            parts.append(own)
+            continue
+        order = own[np.argsort(values, kind="stable")]
+        cut: list[int] = []
+        at = np.sort(values)
+        for part in np.array_split(np.arange(len(own)), count)[1:]:
+            # Records of one and the same speed stay together.
+            first = int(np.searchsorted(at, at[part[0]]))
+            if first >= fewest and len(own) - first >= fewest and (not cut or first - cut[-1] >= fewest):
+                cut.append(first)
+        parts.extend(np.split(order, cut))
+    lonely = [p for p in parts if len(p) < 2]
+    if lonely and len(parts) > 1:
+        others = [p for p in parts if len(p) >= 2]
+        if not others:
+            return (np.arange(len(conditions)),)
+        largest = max(range(len(others)), key=lambda i: len(others[i]))
+        others[largest] = np.concatenate([others[largest], *lonely])
+        return tuple(others)
+    return tuple(parts)
+
+
+def _varying(conditions: Sequence[Condition]) -> Array | None:
+    """The first of speed, load and time that varies by at least 5 % of its mean size; None when none does."""
+    for name in ("speed_rpm", "load_n", "time_s"):
+        values = [getattr(c, name) for c in conditions]
+        if any(v is None for v in values):
+            continue
+        v = np.array(values, float)
+        if np.ptp(v) > 0.05 * max(float(np.abs(v).mean()), 1e-12):
+            return v
+    return None
+
+
+def _units(rows: Array, groups: Sequence[str | None]) -> Array:
+    names = list(dict.fromkeys(groups))
+    if not 1 < len(names) < len(rows):
+        return rows
+    return np.stack([rows[[g == name for g in groups]].mean(axis=0) for name in names])
+
+
+def _root(square: Array) -> Array:
+    return np.sqrt(np.maximum(square, 0.0))
