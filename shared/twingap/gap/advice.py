@@ -111,7 +111,7 @@ def next_steps(report: GapReport) -> tuple[str, ...]:
         if added:
             steps.append(
                 f"Add {listed(c.effect for c in added)} to your twin: the lines below go into TWIN.toml. Then run "
-                "`twingap identify` and the diagnosis again; the gap should be gone where it was explained."
+                "`twingap identify` and the diagnosis again; the gap should shrink as shown above."
             )
         steps.extend(
             f"{_upper(listed((c.effect,)))} cannot be added to your simulator's records: {c.acts}."

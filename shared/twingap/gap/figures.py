@@ -42,7 +42,7 @@ def all_figures(report: GapReport) -> Iterator[tuple[str, Any]]:
         yield "shares", shares_figure(places)
     if report.candidates:
         yield "closures", closures_figure(report.candidates, report.verdict.effects)
-    if any(m.closure is not None for m in report.metrics):
+    if report.verdict.effects and any(m.closure is not None for m in report.metrics):
         yield "metrics", metrics_figure(report.metrics)
 
 
@@ -69,7 +69,7 @@ def curve_figure(curve: Curve, places: Sequence[Place] = ()) -> Any:
             figure.add_scatter(x=at, y=low, line_width=0, hoverinfo="skip", showlegend=False, mode="lines")
             figure.add_scatter(
                 x=at, y=high, line_width=0, fill="tonexty", fillcolor=_faint(colour), hoverinfo="skip", mode="lines",
-                name=f"{label}: 90 % of records", showlegend=name == "real",
+                name=f"90 % of the {label}", showlegend=name == "real",
             )  # fmt: skip
         at, line = _thinned(x, values) if not words else (x, list(values))
         hover = f"%{{y:.4g}} {html.escape(curve.y_unit)}"
@@ -106,7 +106,7 @@ def shares_figure(places: Sequence[Place]) -> Any:
     )  # fmt: skip
     figure.update_xaxes(title="share of the gap (%)", range=[0, max(5.0, 118 * shown[0].share)])
     figure.update_yaxes(autorange="reversed", automargin=True)
-    return _styled(figure, height=90 + 34 * len(shown), top=10)
+    return _styled(figure, height=110 + 34 * len(shown), top=30)
 
 
 def closures_figure(candidates: Sequence[Candidate], effects: Sequence[str]) -> Any:
@@ -179,13 +179,12 @@ def metrics_figure(metrics: Sequence[Metric]) -> Any:
         customdata=[f"{m.after:.4g} {html.escape(m.unit)}" for m in shown],
         hovertemplate="%{y} after: %{customdata}, %{x:.0f} % of the gap left<extra></extra>",
     )  # fmt: skip
-    figure.add_vline(x=0, line={"color": REAL, "width": 2}, annotation={"text": "floor", "yref": "paper", "y": 1.0,
-                     "yanchor": "bottom", "xanchor": "center", "showarrow": False})  # fmt: skip
+    figure.add_vline(x=0, line={"color": REAL, "width": 2})
     low, high = min(-12.0, *(max(e[0], -60.0) for e in ends)), max(108.0, *(min(e[1], 180.0) for e in ends), *left)
-    figure.update_xaxes(title="gap left (%): 100 is the calibrated twin, 0 is records against records",
+    figure.update_xaxes(title="gap left (%): 100 is the calibrated twin, 0 the floor, records against records",
                         range=[low - 3, high + 3])  # fmt: skip
     figure.update_yaxes(categoryorder="array", categoryarray=names, autorange="reversed", automargin=True)
-    return _styled(figure, height=150 + 38 * len(shown), top=58)
+    return _styled(figure, height=140 + 38 * len(shown), top=48)
 
 
 def _left(metric: Metric, value: float) -> float:
@@ -251,7 +250,7 @@ def _styled(figure: Any, height: int, top: int) -> Any:
     figure.update_layout(
         template="simple_white", height=height, margin={"l": 20, "r": 24, "t": top, "b": 60},
         font={"family": "system-ui, -apple-system, 'Segoe UI', Roboto, 'DejaVu Sans', sans-serif", "size": 15},
-        legend={"orientation": "h", "yanchor": "bottom", "y": 1.0, "yref": "paper", "x": 0, "font": {"size": 14}},
+        legend={"orientation": "h", "traceorder": "normal", "yanchor": "bottom", "y": 1.0, "x": 0, "font": {"size": 14}},
         hoverlabel={"font": {"size": 14}},
     )  # fmt: skip
     figure.update_xaxes(showgrid=True, gridcolor="#ececec", zeroline=False)

@@ -37,7 +37,12 @@ _DOMAINS: Final[Mapping[str, str]] = {
     "time": "time within the record",
     "condition": "operating condition",
 }
-_CONFIG: Final = {"displaylogo": False, "responsive": True, "modeBarButtonsToRemove": ["lasso2d", "select2d"]}
+_CONFIG: Final = {
+    "displaylogo": False,
+    "responsive": True,
+    "displayModeBar": "hover",
+    "modeBarButtons": [["toImage", "zoomIn2d", "zoomOut2d", "resetScale2d"]],
+}
 
 
 def page(report: GapReport) -> str:
@@ -46,7 +51,6 @@ def page(report: GapReport) -> str:
 
     figures = {name: _figure(name, figure) for name, figure in all_figures(report)}
     sections = [
-        _verdict(report),
         _curves(figures),
         _where(report, figures),
         _which(report, figures),
@@ -67,6 +71,8 @@ def page(report: GapReport) -> str:
         "<meta http-equiv=\"Content-Security-Policy\" content=\"default-src 'none'; script-src 'unsafe-inline' "
         "'unsafe-eval' blob:; style-src 'unsafe-inline'; img-src data: blob:; font-src data:\">\n"
         f"<title>{html.escape(title)}</title>\n<style>{_STYLE}</style>\n{library}\n</head>\n<body>\n<main>\n"
+        + _verdict(report)
+        + _contents(sections)
         + "\n".join(filter(None, sections))
         + "\n</main>\n</body>\n</html>\n"
     )
@@ -132,21 +138,27 @@ def _which(report: GapReport, figures: Mapping[str, str]) -> str:
         return ""
     rows = []
     for c in report.candidates:
-        parameters = "<br>".join(f"{_name(n)} = {_value(p)}" for n, p in c.parameters.items())
-        remark = f"cannot be added to this simulator: {html.escape(c.acts)}" if c.acts else ""
+        parameters = "<br>".join(f"{_quantity(n, p.unit)} = {_value(p)}" for n, p in c.parameters.items())
+        remark = f"Cannot be added to this simulator: {html.escape(c.acts)}." if c.acts else ""
         if not remark and c.fitted_with:
-            remark = f"together with {html.escape(listed(c.fitted_with))}"
+            remark = f"Judged together with {html.escape(listed(c.fitted_with))}."
         named = c.effect in report.verdict.effects
         cells = (
-            f"<b>{_name(c.effect)}</b>{' ◆' if named else ''}<br><span class='small'>{_about(c.effect)}</span>",
+            f"<b>{_name(c.effect)}</b>{' ◆' if named else ''}<br><span class='small'>{_about(c.effect)}</span>"
+            + (f"<br><i class='small'>{remark}</i>" if remark else ""),
             f"{100 * c.probability:.0f} %",
             "–" if c.acts else html.escape(_with_interval(c.closure, c.closure_ci, percent=True)),
             "–" if c.acts else f"{c.gap_before:.3g} → {c.gap_after:.3g}",
             parameters or "–",
-            remark,
         )
         rows.append((named, cells))
-    head = ("effect", "probability", "closes (90 % interval)", "gap before → after", "fitted parameters (90 %)", "")
+    head = (
+        "effect",
+        "probability",
+        "closes (90 % interval)",
+        "gap before → after",
+        "fitted parameters (90 % interval)",
+    )
     first = [cells for i, (named, cells) in enumerate(rows) if named or i < 6]
     others = [cells for i, (named, cells) in enumerate(rows) if not named and i >= 6]
     folded = (
@@ -219,7 +231,7 @@ def _next(report: GapReport) -> str:
 def _calibration(report: GapReport) -> str:
     if not report.calibration:
         return ""
-    rows = [(_name(name), _value(p)) for name, p in report.calibration.items()]
+    rows = [(_quantity(name, p.unit), _value(p)) for name, p in report.calibration.items()]
     return _section(
         "Calibration",
         "The twin's free parameters as identified from the other part of the records, before anything was compared. "
@@ -258,7 +270,18 @@ def _places(places: Sequence[Place]) -> str:
 
 def _section(title: str, text: str, content: str = "", mark: str = "") -> str:
     intro = f"<p>{text}</p>" if text else ""
-    return f"<section{f' class={mark}' if mark else ''}><h2>{title}</h2>{intro}{content}</section>"
+    kind = f' class="{mark}"' if mark else ""
+    return f'<section id="{_anchor(title)}"{kind}><h2>{title}</h2>{intro}{content}</section>'
+
+
+def _contents(sections: Iterable[str]) -> str:
+    """Links to the sections that are there."""
+    titles = [text.partition("<h2>")[2].partition("</h2>")[0] for text in sections if "<h2>" in text]
+    return "<nav>" + "".join(f'<a href="#{_anchor(t)}">{t}</a>' for t in titles) + "</nav>"
+
+
+def _anchor(title: str) -> str:
+    return title.lower().replace(" ", "-")
 
 
 def _table(head: Sequence[str], rows: Iterable[Sequence[str]], kind: str = "") -> str:
@@ -283,6 +306,14 @@ def _name(name: str) -> str:
     return html.escape(name.replace("_", " "))
 
 
+def _quantity(name: str, unit: str) -> str:
+    """A parameter's name without the unit at its end, which stands beside the value."""
+    for said, suffix in _SUFFIXES.items():
+        if unit == said:
+            name = name.removesuffix(suffix)
+    return _name(name)
+
+
 def _value(parameter: ParameterValue) -> str:
     """A number with unit and interval, as HTML."""
     text = _number(parameter.value, parameter.unit)
@@ -293,13 +324,13 @@ def _value(parameter: ParameterValue) -> str:
 
 def _number(value: float, unit: str = "") -> str:
     shown = f"{value:.0f}" if 1e4 <= abs(value) < 1e7 else f"{value:.4g}"
-    return shown if unit in ("", "1") else f"{shown} {unit}"
+    return (shown if unit in ("", "1") else f"{shown}\u00a0{unit}").replace("-", "−", int(value < 0))
 
 
 def _with_interval(value: float, interval: tuple[float, float] | None, percent: bool = False) -> str:
     scale, unit = (100.0, " %") if percent else (1.0, "")
     ends = "" if interval is None else f" ({scale * interval[0]:.0f} to {scale * interval[1]:.0f}{unit})"
-    return f"{scale * value:.0f}{unit}{ends}"
+    return f"{scale * value:.0f}{unit}{ends}".replace("-", "−").replace(" ", "\u00a0").replace("\u00a0(", " (")
 
 
 def _p(value: float) -> str:
@@ -319,6 +350,8 @@ def _code(escaped: str) -> str:
     parts = escaped.split("`")
     return "".join(f"<code>{p}</code>" if i % 2 else p for i, p in enumerate(parts)) if len(parts) % 2 else escaped
 
+
+_SUFFIXES: Final[Mapping[str, str]] = {"Hz": "_hz", "rpm": "_rpm", "s": "_s", "N": "_n", "deg": "_deg", "1/s": "_per_s"}
 
 _CURVES: Final[Mapping[str, str]] = {
     "curve-spectrum": "Spectrum",
@@ -348,6 +381,8 @@ header ul { margin: 0; padding-left: 22px; }
 dl { display: flex; flex-wrap: wrap; gap: 12px 44px; margin: 14px 0 10px; }
 dt { color: var(--soft); font-size: 15px; } dd { margin: 0; font-size: 21px; font-weight: 600; }
 figure { margin: 4px 0 10px; width: 100%; }
+nav { display: flex; flex-wrap: wrap; gap: 4px 22px; margin: 0 6px 20px; font-size: 15px; }
+nav a { color: #0072B2; text-decoration: none; } nav a:hover { text-decoration: underline; }
 .scroll { overflow-x: auto; }
 table { border-collapse: collapse; width: 100%; font-size: 16px; font-variant-numeric: tabular-nums; margin: 8px 0; }
 th { text-align: left; font-size: 14.5px; color: var(--soft); font-weight: 600; border-bottom: 2px solid var(--line);
@@ -359,7 +394,7 @@ pre { background: #f0f3f8; border: 1px solid var(--line); border-radius: 8px; pa
   font-size: 15.5px; line-height: 1.45; user-select: all; margin: 4px 0; }
 code { background: #f0f3f8; border-radius: 4px; padding: 1px 5px; font-size: 15px; }
 section.next { border-left: 12px solid #566072; } ol.steps li { margin: 0 0 10px; }
-@media print { body { background: #fff; font-size: 14px; } main { max-width: none; padding: 0; }
+@media print { nav { display: none; } body { background: #fff; font-size: 14px; } main { max-width: none; padding: 0; }
   header, section { border-radius: 0; border-width: 1px 0 0; padding: 14px 0; }
   header { border-left-width: 8px; padding-left: 14px; }
   figure, tr, pre { break-inside: avoid; } h2, h3 { break-after: avoid; } .modebar { display: none !important; } }

@@ -82,7 +82,7 @@ class Verdict:
         others = sum(1 for effects in self.confidence_set if set(effects) != set(self.effects))
         sure = "at 90 % no other explanation fits"
         if others:
-            sure = f"{others} other explanation{'s' * (others > 1)} cannot be ruled out at 90 %"
+            sure = f"{_count(others)} other explanation{'s' * (others > 1)} cannot be ruled out at 90 %"
         return f"The twin lacks {listed(self.effects)}: {closes}, {rest}, and {sure} ({p} of no gap at all)."
 
 
@@ -461,6 +461,11 @@ def listed(effects: Iterable[str], last: str = "and") -> str:
     """Names of effects in a sentence: "a, b and c"; "no effect" for none."""
     names = [name.replace("_", " ") for name in effects]
     return f" {last} ".join(filter(None, (", ".join(names[:-1]), names[-1]))) if names else "no effect"
+
+
+def _count(number: int) -> str:
+    words = ("no", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine")
+    return words[number] if number < len(words) else str(number)
 
 
 def _percent(part: float) -> str:
