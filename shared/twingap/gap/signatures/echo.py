@@ -11,6 +11,8 @@ an autoregressive model in the same spirit.
 
 from __future__ import annotations
 
+from typing import Final
+
 import numpy as np
 import scipy.fft
 from numpy.typing import NDArray
@@ -23,6 +25,9 @@ Complex = NDArray[np.complex128]
 
 UPSAMPLE = 4
 """Grid of delays: this many places per sample."""
+
+LEAD: Final = 0.34
+"""Part of the mean waveform before the strike, which may have been followed by its second half."""
 
 FINEST_DEG, WIDEST_DEG = 0.4, 14.0
 """Arcs that are searched."""
@@ -67,12 +72,12 @@ def mean_waveform(x: Array, seen: Strikes, fs_hz: float, spacing: float) -> tupl
     Returns
     -------
     Array [length] or None
-        Beginning a fifth of its length before the strike.
+        Beginning `LEAD` of its length before the strike.
     Array [length // 2 + 1]
         Variance that the noise leaves in its spectrum.
     """
     length = int(np.clip(1.0 * spacing, 32, 1024)) // 2 * 2
-    start = seen.time_s * fs_hz - 0.2 * length
+    start = seen.time_s * fs_hz - LEAD * length
     whole = np.floor(start).astype(int)
     inside = (whole >= 0) & (whole + length <= x.size)
     if inside.sum() < 8:
@@ -81,7 +86,7 @@ def mean_waveform(x: Array, seen: Strikes, fs_hz: float, spacing: float) -> tupl
     strength = seen.strength[inside] / max(float(seen.strength.mean()), 1e-300)
     # A soft beginning and end: what the neighbours ring into the window does not jump at its edges.
     window = np.ones(length)
-    edge = max(length // 12, 2)
+    edge = max(length // 16, 2)
     ramp = 0.5 - 0.5 * np.cos(np.pi * (np.arange(edge) + 0.5) / edge)
     window[:edge], window[-edge:] = ramp, ramp[::-1]
     spectra = scipy.fft.rfft(x[whole[:, None] + np.arange(length)] * window, axis=1)
@@ -111,7 +116,7 @@ def two_pulses(waveform: Array, noise: Array, shortest: float, longest: float) -
         Log of the misfit of one pulse over that of two; delay in samples; second pulse over first.
     """
     n = waveform.size
-    poles = _predictor(waveform, int(0.2 * n))
+    poles = _predictor(waveform, int(LEAD * n))
     if poles is None:
         return None
     spectrum = scipy.fft.rfft(waveform)
@@ -138,15 +143,12 @@ def two_pulses(waveform: Array, noise: Array, shortest: float, longest: float) -
     delays = np.arange(int(np.ceil(shortest * UPSAMPLE)), int(longest * UPSAMPLE) + 1)
     if delays.size < 2:
         return None
-    second = answer[(near[:, None] + delays) % m]
-    cross = kernel[delays]
-    determinant = np.maximum(1 - cross**2, 0.02)
-    energy = (first[:, None] ** 2 + second**2 - 2 * first[:, None] * second * cross) / determinant
-    # Both strike the same way: the same sign, and neither is a speck of the other.
-    a = (first[:, None] - second * cross) / determinant
-    b = (second - first[:, None] * cross) / determinant
-    ratio = b / np.where(np.abs(a) > 1e-300, a, 1e-300)
-    energy = np.where((ratio > 0.15) & (ratio < 6.5), energy, 0.0)
+    # Every other place first, then all about the best: the kernel is wider than that.
+    energy, ratio = _pair(answer, kernel, near[::2], delays[::2])
+    i, j = np.unravel_index(int(energy.argmax()), energy.shape)
+    near = np.arange(near[2 * i] - 3, near[2 * i] + 4)
+    delays = delays[max(2 * int(j) - 3, 0) : 2 * int(j) + 4]
+    energy, ratio = _pair(answer, kernel, near, delays)
     i, j = np.unravel_index(int(energy.argmax()), energy.shape)
     two = float(energy[i, j])
     if two <= one:
@@ -154,6 +156,20 @@ def two_pulses(waveform: Array, noise: Array, shortest: float, longest: float) -
     rest = 0.01 * total
     gain = float(np.log((max(total - one, 0.0) + rest) / (max(total - two, 0.0) + rest)))
     return gain, _peak(energy[i], int(j), delays) / UPSAMPLE, float(ratio[i, j])
+
+
+def _pair(answer: Array, kernel: Array, near: NDArray[np.int64], delays: NDArray[np.int64]) -> tuple[Array, Array]:
+    """[near, delays] Energy that two pulses explain, the first at `near`, and second over first."""
+    m = answer.size
+    first = answer[near % m][:, None]
+    second = answer[(near[:, None] + delays) % m]
+    cross = kernel[delays]
+    determinant = np.maximum(1 - cross**2, 0.02)
+    energy = (first**2 + second**2 - 2 * first * second * cross) / determinant
+    a, b = first - second * cross, second - first * cross
+    # Both strike the same way: the same sign, and neither is a speck of the other.
+    ratio = b / np.where(np.abs(a) > 1e-300, a, 1e-300)
+    return np.where((ratio > 0.25) & (ratio < 4.0), energy, 0.0), ratio
 
 
 def _peak(energy: Array, j: int, delays: NDArray[np.int64]) -> float:

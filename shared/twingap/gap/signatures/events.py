@@ -138,7 +138,7 @@ def _timing(seen: strikes.Strikes, course: strikes.Track, out: dict[str, float])
     number, weight = seen.number, seen.strength**2
     weight = np.minimum(weight, 4 * np.median(weight))
     # Strikes that drown in noise have no time.
-    sure = seen.strength**2 > 4 * seen.noise
+    sure = seen.strength**2 > max(4 * seen.noise, 0.3 * float(np.mean(seen.strength**2)))
     if sure.sum() < 8:
         return course.rate_hz
     own = np.where(sure, weight, 0.0)
@@ -150,7 +150,10 @@ def _timing(seen: strikes.Strikes, course: strikes.Track, out: dict[str, float])
     error = seen.time_error_s * rate
     if np.isfinite(course.window_passes):
         # The course's own ends tell the mean of a wandering rate better than a straight line.
-        rate = course.rate_hz
+        few = max(seen.number.size // 40, 1)
+        rate = float((number[-few:].mean() - number[:few].mean()) / (seen.time_s[-few:] - seen.time_s[:few]).mean())
+        if not abs(np.log(rate / course.rate_hz)) < 0.02:
+            rate = course.rate_hz
     spreads, noises, lags = [], [], np.array([1, 2, 3, 4, 6])
     for lag in lags:
         spreads.append(_second_difference(late, own, lag))
@@ -172,7 +175,7 @@ def _timing(seen: strikes.Strikes, course: strikes.Track, out: dict[str, float])
     clean = max(white - noise_white, 0.0)
     out["jitter_sigma"], out["jitter_log"] = float(np.sqrt(clean)), 0.5 * float(np.log(clean + _TIMING_FLOOR**2))
     out["walk_sigma"], out["walk_log"] = float(np.sqrt(walk)), 0.5 * float(np.log(walk + (0.3 * _TIMING_FLOOR) ** 2))
-    _wander(late, number, own, rate, white + 0 * walk, walk, out)
+    _wander(late, number, own, rate, white, walk, out)
     return rate
 
 
@@ -217,7 +220,7 @@ def _strengths(view: RecordView, seen: strikes.Strikes, rate: float, out: dict[s
     if not mean > 0 or strength.size < 12:
         return
     relative = strength / mean
-    noise = float(np.mean((seen.strength_error / mean) ** 2))
+    noise = 0.5 * seen.noise / mean**2
     per_shaft, per_cage, zone = _orders(view)
     columns = [np.ones_like(relative)]
     found: dict[str, float] = {}

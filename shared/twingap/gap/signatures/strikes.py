@@ -252,15 +252,33 @@ def track(comb: Comb, duration_s: float) -> Track | None:
     # What is not fitted judges; with the fundamental alone there is nothing to judge by, and no wander is assumed.
     judges = slice(1, None)
     best_score = float((kept[judges] / floor[judges]).sum())
-    phase, passes = constant, float(rate * duration_s)
-    length = size / 2.0
-    while length * duration_s / size * rate > 5 and lines.shape[0] > 1:
-        smooth = _smooth(lines[0] * np.exp(-1j * phase), length)
-        phase = phase + np.unwrap(np.angle(smooth))
-        score = float((_power(lines, k, phase)[judges] / floor[judges]).sum())
-        if score > 1.03 * best_score + 3:
-            best_score, wander, window = score, phase, length * passes / size
-        length /= 1.6
+    passes = float(rate * duration_s)
+    if k.size > 1:
+        starts = [constant]
+        for attempt in range(2):
+            phase, length = starts[attempt], size / (2.0 if attempt == 0 else 6.0)
+            while length * passes / size > 5:
+                smooth = _smooth(lines[0] * np.exp(-1j * phase), length)
+                phase = phase + np.unwrap(np.angle(smooth))
+                score = float((_power(lines, k, phase)[judges] / floor[judges]).sum())
+                if score > 1.03 * best_score + 3:
+                    best_score, wander, window = score, phase, length * passes / size
+                length /= 1.6
+            if not np.isfinite(window) and kept[0] > 0.7 * float(np.mean(np.abs(_smooth(lines[0], size / passes * 8)) ** 2)):
+                break
+            # Where the line is smeared, the rate may run through more than a smoothed phase can follow.
+            starts.append(_ridge(lines, k, floor * size, size / passes))
+    if np.isfinite(window):
+        # Had the comb missed the rate, tracking would have made good for it: a straight line is tried there too.
+        trend = np.polyfit(grid, wander, 1)
+        straight = np.polyval(trend, grid)
+        shift = _fine_shift(lines * np.exp(-1j * k[:, None] * straight), k, floor, grid, comb.df_hz)
+        straight = straight + 2 * np.pi * shift * grid
+        tried = _power(lines, k, straight)
+        if (tried / floor).sum() > (kept / floor).sum():
+            constant, kept = straight, tried
+            if 1.03 * float((kept[judges] / floor[judges]).sum()) + 3 > best_score:
+                wander, window = constant, np.inf
     if np.isfinite(window):
         for _ in range(2):
             turned = lines * np.exp(-1j * k[:, None] * wander)
@@ -336,16 +354,19 @@ def measure_strikes(band: BandSignal, course: Track, fs_hz: float) -> Strikes | 
     off = filtered[off_centre[:, None] + used]
     noise = float((np.abs(off) ** 2).mean())
     carrier, locked, tau_fine = _carrier(band, filtered, tau, waveform)
+    turn = np.exp(2j * np.pi * band.low_hz * used / fs)
     # Ideal strikes, each of its own strength at a random place within a sample, in the noise of its own pass.
     own = _autocorrelation(waveform, limit)
     clean = np.sqrt(np.maximum(strength**2 - noise, 0.05 * float((strength**2).mean())))
-    ideal = clean[:, None] * own[None, :] * 1.0 + off
+    ideal = clean[:, None] * own[None, :] + off
     place_off, strength_off = _refined(np.abs(ideal), used)
     error = place_off
     if locked > 0.6:
         tau = tau_fine
-        middle = ideal[rows, used.size // 2]
-        error = -np.angle(middle) / (2 * np.pi * carrier / fs)
+        # As for the strikes: the carrier's phase at the envelope's peak, which may pick the wrong one of its periods.
+        top = np.abs(ideal).argmax(axis=1)
+        angle = np.angle((ideal * turn)[rows, top] * np.exp(2j * np.pi * carrier * (place_off - used[top]) / fs))
+        error = place_off - angle / (2 * np.pi * carrier / fs)
     return Strikes(
         numbers - numbers[0], tau / fs, strength, noise, error / fs, strength_off - clean, cycle, waveform, locked
     )
@@ -360,6 +381,45 @@ def _fine_shift(lines: Complex, k: Array, floor: Array, grid: Array, df_hz: floa
         turned = turned * turn
         score += np.abs(turned @ lines[i]) ** 2 / floor[i]
     return float(shifts[int(score.argmax())])
+
+
+def _ridge(lines: Complex, k: Array, noise: Array, per_pass: float) -> Array:
+    """[grid] Phase of the course of the rate that gathers most power, by dynamic programming over short spectra.
+
+    Parameters
+    ----------
+    lines : Complex [harmonics, grid]
+    k : Array [harmonics]
+    noise : Array [harmonics]
+        Mean square of a line's samples that is noise.
+    per_pass : float
+        Grid places per pass.
+    """
+    size = lines.shape[1]
+    length, hop = max(int(12 * per_pass), 4), max(int(3 * per_pass), 1)
+    if size < length + 2 * hop:
+        return np.zeros(size)
+    grid = np.linspace(-0.12, 0.12, 61)
+    begin = np.arange(0, size - length + 1, hop)
+    place = np.arange(length)
+    window = np.hanning(length + 2)[1:-1]
+    power = np.zeros((begin.size, grid.size))
+    for i in range(min(k.size, 3)):
+        turn = np.exp(-2j * np.pi * k[i] * place[:, None] * (grid / per_pass)) * window[:, None]
+        power += np.abs(lines[i][begin[:, None] + place] @ turn) ** 2 / (noise[i] * float((window**2).sum()))
+    step = (grid[:, None] - grid) / 0.01
+    penalty = 0.5 * step**2
+    best, trace = power[0], np.zeros(power.shape, int)
+    for row in range(1, begin.size):
+        reached = best - penalty
+        trace[row] = reached.argmax(axis=1)
+        best = reached.max(axis=1) + power[row]
+    at = np.empty(begin.size, int)
+    at[-1] = int(best.argmax())
+    for row in range(begin.size - 1, 0, -1):
+        at[row - 1] = trace[row, at[row]]
+    course = np.interp(np.arange(size), begin + length / 2, grid[at])
+    return np.asarray(np.cumsum(course) * (2 * np.pi / per_pass))
 
 
 def _power(lines: Complex, k: Array, phase: Array) -> Array:
