@@ -1,0 +1,646 @@
+"""The true shaft speed of records whose metadata are poor.
+
+record --periodogram----------> tones at 1x, 2x, 3x, half orders; triplets one order apart -----> ratio (shaft)  --+
+       --envelopes of bands --> comb at the fault's order -> its rate -> side lines one order away -> ratio (shaft) +
+                                       |                                                                            |
+                                       +-----------------------------------------------------------> ratio (comb) --+
+all records: log ratio (shaft) = c_j, log ratio (comb) = c_j + k(fault) slip --Gaussian, closed form--> c_j, slip <-+
+
+A wrong speed moves every order alike; a cage that slips moves BPFO by 1 - s and BPFI (and a ball's strikes) the other
+way, see `Bearing.slipped`. So one record tells speed from slip only where it shows the shaft itself, and a set does
+where its speeds are wrong by one factor (the tachometer's) and it holds faults of both kinds.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import product
+from typing import Final
+
+import numpy as np
+import scipy.fft
+from numpy.typing import NDArray
+
+from twingap.bearing import FAULTS, Bearing
+from twingap.errors import TwingapError
+from twingap.gap.view import tone_power
+from twingap.records import Condition, RecordSet
+
+Array = NDArray[np.float64]
+
+REACH: Final = 0.06
+"""How far speeds are taken to lie from nominal, as a fraction."""
+SLIP_REACH: Final = 0.02
+"""How much farther slip may move a comb."""
+COMB: Final = 4.5
+"""Sum of log(1 + z / 3) over a comb's harmonics from which it is taken to be there: white noise reaches it in about one
+record of ten thousand (bands and places searched included)."""
+SHAFT_LINE: Final = 16.0
+"""Power over its neighbourhood's mean from which a line counts: noise reaches it once in 1e7 bins."""
+ORDERS: Final = (0.5, 1.0, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0, 8.0)
+"""Orders of the shaft at which tones are sought."""
+SHAFT_LINES: Final = "shaft lines"
+SIDEBANDS: Final = "sidebands"
+COMBINED: Final = "common factor from inner and outer"
+COMB_ONLY: Final = "fault comb"
+NOT_VISIBLE: Final = "not visible"
+
+
+@dataclass(frozen=True)
+class SpeedEstimate:
+    """What one record's speed is taken to be.
+
+    Parameters
+    ----------
+    ratio : float
+        True over nominal speed; 1 where nothing shows it.
+    sigma : float
+        Standard error of `ratio`; infinite where nothing is known.
+    found_by : str
+        "shaft lines", "sidebands", "common factor from inner and outer", "fault comb" (taking the slip to be the
+        set's), "common factor" (of the other records) or "not visible".
+    """
+
+    ratio: float
+    sigma: float
+    found_by: str
+
+
+@dataclass(frozen=True)
+class Speeds:
+    """Speeds of a record set.
+
+    Parameters
+    ----------
+    estimates : tuple[SpeedEstimate, ...]
+        One a record.
+    common_ratio : float
+        Factor that all nominal speeds are off by; 1 when none is established.
+    common_sigma : float
+        Its standard error.
+    slip : float
+        Part by which the cage lags its kinematic speed; 0 when none is established.
+    slip_sigma : float
+        Its standard error; infinite where the records cannot show slip.
+    scatter : float
+        Standard deviation of the records' own deviations from `common_ratio`.
+    decidable : bool
+        Whether the records tell slip from a wrong speed.
+    notes : tuple[str, ...]
+        For people.
+    """
+
+    estimates: tuple[SpeedEstimate, ...]
+    common_ratio: float
+    common_sigma: float
+    slip: float
+    slip_sigma: float
+    scatter: float
+    decidable: bool
+    notes: tuple[str, ...]
+
+    def corrected(self, records: RecordSet) -> RecordSet:
+        """The records with these speeds in their conditions; samples stay where they are."""
+        if len(records) != len(self.estimates):
+            raise ValueError(f"{len(self.estimates)} speeds for {len(records)} records")
+        conditions = [
+            replace(c, speed_rpm=c.speed_rpm * e.ratio)
+            for c, e in zip(records.conditions, self.estimates, strict=True)
+        ]
+        return RecordSet(records.name, records.unit, records.bearing, conditions, _Samples(records))
+
+
+@dataclass(frozen=True)
+class _Samples:
+    """Gives the samples of record i."""
+
+    records: RecordSet
+
+    def __call__(self, index: int) -> Array:
+        return self.records[index].samples
+
+
+@dataclass(frozen=True)
+class Reading:
+    """What one record shows of its speed, as log ratios to nominal with standard errors; infinite = nothing.
+
+    Parameters
+    ----------
+    shaft, shaft_sigma : float
+        Of the shaft itself.
+    found_by : str
+        How.
+    comb, comb_sigma : float
+        Of the fault's rate over its kinematic rate at nominal speed.
+    height : float
+        Of the comb, see `COMB`.
+    """
+
+    shaft: float = 0.0
+    shaft_sigma: float = math.inf
+    found_by: str = NOT_VISIBLE
+    comb: float = 0.0
+    comb_sigma: float = math.inf
+    height: float = 0.0
+
+
+def estimate_speeds(records: RecordSet, bearing: Bearing | None = None) -> Speeds:
+    """True speeds of records, as far as they show them.
+
+    Parameters
+    ----------
+    records : RecordSet
+        One record's samples in memory at a time.
+    bearing : Bearing, optional
+        Under test; the set's own when absent.
+
+    Returns
+    -------
+    Speeds
+
+    Raises
+    ------
+    TwingapError
+        When nobody knows the bearing.
+    """
+    own = bearing or records.bearing
+    if own is None:
+        raise TwingapError(
+            "the bearing is not known", where=f"record set {records.name!r}", mend="add [bearing] to the twin file"
+        )
+    readings = [read_speed(record.samples, record.condition, own) for record in records]
+    return combine(readings, records.conditions, own)
+
+
+def read_speed(samples: Array, condition: Condition, bearing: Bearing) -> Reading:
+    """What one record shows of its speed.
+
+    Parameters
+    ----------
+    samples : Array [n]
+    condition : Condition
+        With the nominal speed; the comb of its fault is sought where that is known.
+    bearing : Bearing
+    """
+    x = np.asarray(samples, float)
+    shaft_hz = condition.speed_rpm / 60
+    if x.size < 64 or not np.ptp(x) > 0 or shaft_hz * condition.duration_s < 4:
+        return Reading()
+    df = condition.fs_hz / x.size
+    comb: _Comb | None = None
+    if condition.fault not in (None, "healthy", "cage"):
+        rate = bearing.fault_order(str(condition.fault)) * shaft_hz
+        comb = _find_comb(_envelopes(x, condition.fs_hz, rate, shaft_hz), rate, shaft_hz)
+    fault_hz = comb.rate_hz if comb is not None else None
+    known = condition.fault == "healthy" or comb is not None
+    found = _tones(x, df, shaft_hz, fault_hz, triplets=known)
+    how = SHAFT_LINES
+    if comb is not None:
+        aside = _sidebands(comb, shaft_hz)
+        if aside is not None and aside[1] < found[1]:
+            how = SIDEBANDS
+        if aside is not None:
+            found = _pooled(found, aside)
+    shaft, sigma = found
+    return Reading(
+        shaft, sigma, how if math.isfinite(sigma) else NOT_VISIBLE,
+        comb.log_ratio if comb else 0.0, comb.sigma if comb else math.inf, comb.height if comb else 0.0,
+    )  # fmt: skip
+
+
+def comb_heights(samples: Array, condition: Condition, bearing: Bearing) -> dict[str, float]:
+    """How high the comb of each fault stands in a record of unknown fault: fault -> height, 0 where there is none."""
+    x, shaft_hz = np.asarray(samples, float), condition.speed_rpm / 60
+    out = dict.fromkeys(f for f in FAULTS if f not in ("healthy", "cage"))
+    for fault in out:
+        rate = bearing.fault_order(fault) * shaft_hz
+        comb = _find_comb(_envelopes(x, condition.fs_hz, rate, shaft_hz), rate, shaft_hz)
+        out[fault] = comb.height if comb is not None else 0.0  # type: ignore[assignment]
+    return {fault: height or 0.0 for fault, height in out.items()}
+
+
+# ---------------------------------------------------------------------------------------------------------- one record
+
+
+@dataclass(frozen=True)
+class _Comb:
+    """A fault's comb in the envelope of one band."""
+
+    rate_hz: float
+    log_ratio: float
+    sigma: float
+    height: float
+    power: Array
+    z: Array
+    df_hz: float
+    top: int  # bins of the spectrum that the band's width leaves usable
+
+
+def _envelopes(x: Array, fs_hz: float, rate_hz: float, shaft_hz: float) -> list[tuple[Array, Array, float, int]]:
+    """Spectra of squared envelopes of overlapping bands: power, power over its neighbourhood, bin, usable bins."""
+    n, df = x.size, fs_hz / x.size
+    spectrum = scipy.fft.rfft(x - x.mean())
+    width = max(spectrum.size // 6, int((3 * rate_hz + 4 * shaft_hz) / df))
+    width = min(width, spectrum.size - 1)
+    starts = np.unique(np.linspace(1, spectrum.size - width, max(1, 2 * (spectrum.size // width) - 1)).astype(int))
+    taper = 1 - np.abs(np.linspace(-1, 1, width)) ** 8
+    highest = int(min(width, (6.5 * rate_hz + 4 * shaft_hz) / df))
+    m = scipy.fft.next_fast_len(2 * width)
+    out = []
+    for start in starts:
+        padded = np.zeros(m, complex)
+        padded[:width] = spectrum[start : start + width] * taper
+        z = scipy.fft.ifft(padded)
+        squared = z.real**2 + z.imag**2
+        power = tone_power(squared / max(float(squared.mean()), 1e-300))[: highest + 4]
+        out.append((power, power / _floor(power), m * df / m, highest))
+    del n
+    return out
+
+
+def _floor(power: Array, width: int = 49) -> Array:
+    """Mean of a periodogram's noise [bins] from medians of half-overlapping stretches, lines left out."""
+    if power.size < 2 * width:
+        return np.full(power.size, max(float(np.median(power)) / math.log(2), 1e-300))
+    step = width // 2
+    windows = np.lib.stride_tricks.sliding_window_view(power, width)[::step]
+    places = np.arange(len(windows)) * step + width // 2
+    levels = np.maximum(np.median(windows, axis=1), 1e-300)
+    return np.asarray(np.exp(np.interp(np.arange(power.size), places, np.log(levels))) / math.log(2))
+
+
+def _find_comb(
+    envelopes: Sequence[tuple[Array, Array, float, int]], rate_hz: float, shaft_hz: float
+) -> _Comb | None:
+    """The comb of harmonics that stands highest in any band, None where none stands out."""
+    reach = REACH + SLIP_REACH
+    best: tuple[float, float, int] | None = None
+    for number, (_, z, df, top) in enumerate(envelopes):
+        count = min(4, int(top * df / (rate_hz * (1 + reach))))
+        if count < 1 or rate_hz * reach < df:  # too few impacts for a search to resolve anything
+            continue
+        step = 0.4 * df / (count * rate_hz)
+        grid = np.arange(1 - reach, 1 + reach, step)
+        at = np.outer(np.arange(1, count + 1), grid) * (rate_hz / df)
+        heights = np.log1p(_near(z, at) / 3)
+        # Speeds are the likelier the nearer to nominal: decides between combs that fit alike.
+        score = heights.sum(axis=0) - (grid - 1) ** 2 / (2 * 0.04**2)
+        place = int(np.argmax(score))
+        threshold = COMB * (0.4 + 0.15 * count)  # fewer harmonics, each of which has to stand higher
+        if score[place] > threshold and (heights[:, place] > math.log1p(8 / 3)).sum() >= min(2, count):
+            height = float(score[place] / threshold)
+            if best is None or height > best[0]:
+                best = height, float(grid[place]), number
+    if best is None:
+        return None
+    height, ratio, number = best
+    power, z, df, top = envelopes[number]
+    orders = np.arange(1, 7, dtype=float)
+    refined = _fit_lines(power, z, df, orders * rate_hz, ratio, 6.0, top)
+    refined = _fit_lines(power, z, df, orders * rate_hz, refined[0] if refined else ratio, 6.0, top)
+    if refined is None:
+        return None
+    ratio, sigma = refined
+    return _Comb(ratio * rate_hz, math.log(ratio), sigma / ratio, height * COMB, power, z, df, top)
+
+
+def _near(z: Array, at: Array) -> Array:
+    """Spectrum at places between bins: the higher of the two neighbours."""
+    low = np.clip(at.astype(int), 0, z.size - 2)
+    return np.asarray(np.maximum(z[low], z[low + 1]))
+
+
+def _peak(power: Array, z: Array, place: float, reach: float = 1.3) -> tuple[float, float]:
+    """Place (bins, fractional) and height of the highest line within `reach` bins; height 0 where there is none."""
+    low, high = max(round(place - reach), 1), min(round(place + reach) + 1, power.size - 1)
+    if high <= low:
+        return place, 0.0
+    k = low + int(np.argmax(power[low:high]))
+    left, mid, right = np.sqrt(power[k - 1 : k + 2])
+    side, sign = (right, 1.0) if right > left else (left, -1.0)
+    if mid <= 0 or max(left, right) > mid:  # a slope, not a peak
+        return place, 0.0
+    # Hann window: the ratio of neighbours gives the place of a tone exactly.
+    alpha = side / mid
+    return k + sign * float(np.clip((2 * alpha - 1) / (1 + alpha), -0.5, 0.5)), float(z[k])
+
+
+def _fit_lines(
+    power: Array, z: Array, df: float, at_hz: Array, ratio: float, least: float, top: int
+) -> tuple[float, float] | None:
+    """Ratio by which lines lie off `at_hz`, from all that stand within a bin or so of `ratio`; None without any."""
+    places, heights, nominal = [], [], []
+    for frequency in at_hz:
+        expected = ratio * frequency / df
+        if not 2 < expected < top:
+            continue
+        place, height = _peak(power, z, expected)
+        if height > least:
+            places.append(place)
+            heights.append(height)
+            nominal.append(frequency / df)
+    return _ratio_of(np.array(places), np.array(nominal), np.array(heights), 3.0)
+
+
+def _ratio_of(places: Array, nominal: Array, heights: Array, limit: float) -> tuple[float, float] | None:
+    """Weighted least squares of places on nominal places, through 0; scatter beyond the lines' own widens the error."""
+    for _ in range(4):
+        if places.size == 0:
+            return None
+        # Error of a tone's place in bins at power z over noise, window included; never below 1 % of a bin.
+        sigma = np.sqrt(0.55**2 / np.maximum(heights, 1) + 0.01**2)
+        weight = (nominal / sigma) ** 2
+        ratio = float(np.sum(weight * places / nominal) / weight.sum())
+        off = np.abs(places - ratio * nominal) / sigma
+        spread = max(1.0, 1.5 * float(np.median(off)))
+        kept = off <= limit * spread
+        if kept.all():
+            break
+        places, nominal, heights = places[kept], nominal[kept], heights[kept]
+    chi = math.sqrt(max(1.0, float(np.sum(off**2)) / max(places.size - 1, 1)))
+    return ratio, max(chi / math.sqrt(float(weight.sum())), 2e-5)
+
+
+def _tones(x: Array, df: float, shaft_hz: float, fault_hz: float | None, *, triplets: bool) -> tuple[float, float]:
+    """Log ratio of the shaft from tones of the raw spectrum, and its error; infinite where none stands out."""
+    power = tone_power(x)
+    top = min(power.size, int((max(ORDERS) + 1) * (1 + REACH) * shaft_hz / df) + 40)
+    low = power[:top]
+    z = low / _floor(low, 25)
+    z[:3] = 0
+    masked = z.copy()
+    # Mains is tied to no shaft; neither are the fault's own harmonics.
+    for base in (50.0, 60.0, *(() if fault_hz is None else (fault_hz,))):
+        for frequency in np.arange(base, top * df, base):
+            k = round(frequency / df)
+            masked[max(k - 1, 0) : k + 2] = 0
+    found = (0.0, math.inf)
+    step = 0.3 * df / (3 * shaft_hz)
+    grid = np.arange(1 - REACH, 1 + REACH + step, step)
+    orders = np.array([o for o in ORDERS if o * shaft_hz * (1 + REACH) / df < top - 2])
+    if orders.size and shaft_hz / df >= 4:
+        at = np.outer(orders, grid) * (shaft_hz / df)
+        heights = np.log1p(_near(masked, at) / 4)
+        worth = np.where(orders == 1, 1.5, np.where(orders <= 3, 1.0, 0.5))
+        score = worth @ heights - (grid - 1) ** 2 / (2 * 0.03**2)
+        ratio = float(grid[np.argmax(score)])
+        lines = [(o, *_peak(low, masked, o * ratio * shaft_hz / df)) for o in orders]
+        high = [(o, place, h) for o, place, h in lines if h > SHAFT_LINE]
+        whole = [o for o, _, _ in high if o in (1.0, 2.0, 3.0)]
+        if 1.0 in whole or len(whole) >= 2 or (whole and len(high) >= 3):
+            o, place, h = (np.array(v) for v in zip(*high, strict=True))
+            fitted = _ratio_of(place, o * shaft_hz / df, h, 3.0)
+            if fitted is not None and abs(fitted[0] - 1) < REACH + 0.005:
+                found = math.log(fitted[0]), fitted[1] / fitted[0]
+    if triplets:
+        mesh = _mesh(power, df, shaft_hz, fault_hz)
+        if mesh is not None:
+            found = _pooled(found, mesh)
+    return found
+
+
+def _mesh(power: Array, df: float, shaft_hz: float, fault_hz: float | None) -> tuple[float, float] | None:
+    """Log ratio from a mesh of teeth: three lines one order apart, the middle one at a whole order."""
+    begin = int(6 * shaft_hz / df)
+    if power.size - begin < 200 or shaft_hz / df < 8:
+        return None
+    z = power / _floor(power)
+    inner = z[1:-1]
+    peaks = np.flatnonzero((inner > 25) & (inner >= z[:-2]) & (inner > z[2:])) + 1
+    peaks = peaks[peaks > begin]
+    if fault_hz is not None:  # harmonics of the fault and their side lines are no mesh
+        order = peaks * df / fault_hz
+        rest = np.abs(order - np.rint(order)) * fault_hz
+        aside = np.abs(rest[:, None] - shaft_hz * np.array([0.0, 1.0, 2.0]))
+        peaks = peaks[(aside > 3 * df + 0.06 * shaft_hz).all(axis=1)]
+    if peaks.size < 3:
+        return None
+    peaks = peaks[np.argsort(z[peaks])[::-1][:24]]
+    lo, hi = (1 - REACH) * shaft_hz / df - 1, (1 + REACH) * shaft_hz / df + 1
+    best: tuple[float, float, float] | None = None
+    for middle in peaks:
+        gaps = peaks - middle
+        above, below = peaks[(gaps > lo) & (gaps < hi)], peaks[(-gaps > lo) & (-gaps < hi)]
+        for a, b in product(above, below):
+            if abs((a - middle) - (middle - b)) > 1.5 or min(z[a], z[b]) * 400 < z[middle]:
+                continue
+            weakest = float(min(z[a], z[b], z[middle]))
+            if best is None or weakest > best[2]:
+                centre, upper, lower = (_peak(power, z, float(k), 0.6)[0] for k in (middle, a, b))
+                best = centre, (upper - lower) / 2, weakest
+    if best is None:
+        return None
+    centre, gap, weakest = best
+    sigma = math.sqrt(0.55**2 / weakest + 0.01**2) / math.sqrt(2)
+    teeth = round(centre / gap)
+    error = teeth * sigma / gap
+    if abs(centre / gap - teeth) < 3 * error + 0.02 and error < 0.15:
+        ratio = centre / teeth * df / shaft_hz
+        return math.log(ratio), max(math.sqrt(2) * sigma / centre, 3e-5)
+    return math.log(gap * df / shaft_hz), sigma / gap
+
+
+def _sidebands(comb: _Comb, shaft_hz: float) -> tuple[float, float] | None:
+    """Log ratio of the shaft from the lines one and two orders beside a comb's, and at whole orders, in the envelope."""
+    orders = np.array([(m, j) for m in range(0, 5) for j in (-2, -1, 1, 2) if m > 0 or j > 0])
+    base, steps = orders[:, 0] * comb.rate_hz / comb.df_hz, orders[:, 1] * shaft_hz / comb.df_hz
+    inside = (base + steps * 1.08 > 3) & (base + np.abs(steps) * 1.08 < comb.top)
+    base, steps = base[inside], steps[inside]
+    if base.size < 3 or shaft_hz / comb.df_hz < 6:
+        return None
+    grid = np.arange(1 - REACH, 1 + REACH, 0.15 * comb.df_hz / shaft_hz)
+    # Side lines cannot lie where the comb's own (or their leakage) do.
+    at = base[:, None] + steps[:, None] * grid
+    heights = np.log1p(_near(comb.z, at) / 4)
+    score = heights.sum(axis=0) - (grid - 1) ** 2 / (2 * 0.03**2)
+    ratio = float(grid[np.argmax(score)])
+    found = [(*_peak(comb.power, comb.z, b + s * ratio), b, s) for b, s in zip(base, steps, strict=True)]
+    kept = [(place - b, s, h) for place, h, b, s in found if h > 9]
+    first = sum(abs(s) < 1.5 * shaft_hz / comb.df_hz for _, s, _ in kept)
+    if len(kept) < 3 or first < 2:
+        return None
+    away, nominal, high = (np.array(v) for v in zip(*kept, strict=True))
+    fitted = _ratio_of(np.abs(away), np.abs(nominal), high, 2.5)
+    if fitted is None or abs(fitted[0] - 1) > REACH + 0.005:
+        return None
+    return math.log(fitted[0]), fitted[1] / fitted[0]
+
+
+def _pooled(a: tuple[float, float], b: tuple[float, float]) -> tuple[float, float]:
+    """Two readings of one number; the surer one where they contradict each other."""
+    if not math.isfinite(a[1]) or not math.isfinite(b[1]):
+        return a if math.isfinite(a[1]) else b
+    if abs(a[0] - b[0]) > 5 * math.hypot(a[1], b[1]):
+        return a if a[1] < b[1] else b
+    wa, wb = a[1] ** -2, b[1] ** -2
+    return (wa * a[0] + wb * b[0]) / (wa + wb), (wa + wb) ** -0.5
+
+
+# ------------------------------------------------------------------------------------------------------------- the set
+
+_COMMON_SD, _SLIP_SD = 0.03, 0.012
+_SCATTERS = (1e-5, 3e-4, 1e-3, 4e-3, 0.015)
+_OUTLIER = math.log(0.02 / 0.16)  # log density of a reading that is wrong: anywhere within the search, 2 % of them
+_MARGIN = 3.0  # of log evidence, by which slip has to beat speeds that are off
+
+
+@dataclass(frozen=True)
+class _Account:
+    """One way to account for all readings: a common factor or none, own deviations or none, slip or none."""
+
+    evidence: float
+    scatter: float
+    common: float
+    slip: float
+    covariance: Array  # of common and slip
+    kept: NDArray[np.bool_]  # readings [records, 2] that it takes to be right
+
+
+def combine(readings: Sequence[Reading], conditions: Sequence[Condition], bearing: Bearing) -> Speeds:
+    """Speeds of a set from what its records show.
+
+    Records' log ratios are c + own deviation, the comb's moved by slip besides; all Gaussian, so the evidence for each
+    account is closed. Of accounts that do about equally well, one without slip is taken.
+    """
+    y = np.array([(r.shaft, r.comb) for r in readings])
+    sigma = np.array([(r.shaft_sigma, r.comb_sigma) for r in readings])
+    moves = np.array([_slip_factor(bearing, c.fault) for c in conditions])
+    seen = np.isfinite(sigma)
+    sigma = np.where(seen, np.hypot(sigma, 3e-5), 1.0)
+    accounts = [
+        _account(y, sigma, seen, moves, scatter, common, slip)
+        for scatter, common, slip in product(_SCATTERS, (False, True), (False, True))
+    ]
+    without = max((a for a in accounts if a.covariance[1, 1] == 0), key=lambda a: a.evidence)
+    with_slip = max((a for a in accounts if a.covariance[1, 1] > 0), key=lambda a: a.evidence)
+    best = with_slip if with_slip.evidence > without.evidence + _MARGIN else without
+    notes: list[str] = []
+    estimates, mean_sigma = _estimates(best, y, sigma, seen, moves, readings, conditions)
+    slip_sigma = _slip_sigma(y, sigma, seen, moves, best)
+    combs = int(seen[:, 1].sum())
+    off = abs(best.common) > 1e-3 or best.scatter > 5e-4
+    doubtful = combs > 0 and slip_sigma > 0.004
+    if doubtful and best is without:
+        if off:
+            notes.append(
+                "fault combs lie off their kinematic places, and nothing in the records tells slip of the cage from "
+                "wrong speeds: speeds were taken to be wrong, and no slip"
+            )
+        else:
+            notes.append(
+                "nothing in the records but the fault combs shows the shaft: slip of the cage would look as a wrong "
+                "speed does"
+            )
+    if best.common != 0 and abs(best.common) > 2 * mean_sigma:
+        notes.append(
+            f"all speeds were multiplied by {math.exp(best.common):.5f}, as lines tied to the shaft or to faults show"
+        )
+    if best.scatter > 5e-4:
+        notes.append(f"speeds deviate from record to record by about {100 * best.scatter:.1g} %")
+    if best.slip != 0:
+        notes.append(f"the cage lags its kinematic speed by {100 * best.slip:.2f} %, whatever the shaft's speed")
+    hidden = sum(e.found_by == NOT_VISIBLE for e in estimates)
+    if hidden:
+        notes.append(f"{hidden} of {len(estimates)} records do not show their speed: it was left as given")
+    return Speeds(
+        tuple(estimates), math.exp(best.common), mean_sigma, best.slip, slip_sigma if combs else math.inf,
+        0.0 if best.scatter <= 1e-5 else best.scatter, not doubtful, tuple(notes),
+    )  # fmt: skip
+
+
+def _slip_factor(bearing: Bearing, fault: str | None) -> float:
+    """d log(fault order) / d slip."""
+    aside = bearing.ftf / (1 - bearing.ftf)
+    return {"outer": -1.0, "cage": -1.0, "inner": aside, "ball": aside}.get(str(fault), 0.0)
+
+
+def _precision(sigma: Array, seen: NDArray[np.bool_], scatter: float) -> Array:
+    """Inverse covariance [records, 2, 2] of readings whose records deviate by `scatter`; unseen ones weigh nothing."""
+    w = np.where(seen, sigma**-2, 0.0)
+    # Sherman-Morrison: (D + t^2 1 1')^-1 = D^-1 - t^2 D^-1 1 1' D^-1 / (1 + t^2 1' D^-1 1)
+    out = -(scatter**2) * w[:, :, None] * w[:, None, :] / (1 + scatter**2 * w.sum(axis=1))[:, None, None]
+    out[:, 0, 0] += w[:, 0]
+    out[:, 1, 1] += w[:, 1]
+    return np.asarray(out)
+
+
+def _account(
+    y: Array, sigma: Array, seen: NDArray[np.bool_], moves: Array, scatter: float, common: bool, slip: bool
+) -> _Account:
+    """Evidence and estimates of one account; readings that it makes absurd count as wrong ones."""
+    design = np.stack([np.ones_like(y), np.stack([np.zeros_like(moves), moves], axis=1)], axis=-1)  # [records, 2, 2]
+    prior = np.diag([_COMMON_SD**-2 if common else 1e18, _SLIP_SD**-2 if slip else 1e18])
+    kept = seen.copy()
+    # A start that single wrong readings do not pull: medians of what the account may explain by a common factor.
+    evidence, mean, covariance = -math.inf, np.zeros(2), np.zeros((2, 2))
+    for turn in range(4):
+        p = _precision(sigma, kept, scatter)
+        information = prior + np.einsum("rik,rij,rjl->kl", design, p, design)
+        covariance = np.linalg.inv(information)
+        mean = covariance @ np.einsum("rik,rij,rj->k", design, p, y)
+        rest = y - design @ mean
+        w = np.where(kept, sigma**-2, 0.0)
+        logdet = -np.log(w[kept]).sum() + np.log1p(scatter**2 * w.sum(axis=1)).sum()
+        logdet += np.linalg.slogdet(information)[1] - np.log(np.diag(prior)).sum()
+        fit = float(np.einsum("ri,rij,rj->", rest, p, rest) + mean @ prior @ mean)
+        evidence = -0.5 * (fit + logdet + kept.sum() * math.log(2 * math.pi)) + _OUTLIER * (seen & ~kept).sum()
+        spread = np.sqrt(sigma**2 + scatter**2)
+        density = -0.5 * (rest / spread) ** 2 - np.log(spread * math.sqrt(2 * math.pi))
+        right = seen & (density > _OUTLIER)
+        # No account may discard more than a fifth of what was read.
+        if (right == kept).all() or turn == 3 or right.sum() < 0.8 * seen.sum():
+            break
+        kept = right
+    covariance = np.where(np.outer([common, slip], [common, slip]), covariance, 0.0)
+    evidence -= 1.0 * common + 1.0 * slip + 1.0 * (scatter > 1e-5)
+    return _Account(
+        evidence, scatter, float(mean[0]) if common else 0.0, float(mean[1]) if slip else 0.0, covariance, kept
+    )
+
+
+def _slip_sigma(y: Array, sigma: Array, seen: NDArray[np.bool_], moves: Array, best: _Account) -> float:
+    """How well slip could be told were both it and a common factor free."""
+    both = _account(y, sigma, seen, moves, best.scatter, True, True)
+    return math.sqrt(both.covariance[1, 1])
+
+
+def _estimates(
+    best: _Account,
+    y: Array,
+    sigma: Array,
+    seen: NDArray[np.bool_],
+    moves: Array,
+    readings: Sequence[Reading],
+    conditions: Sequence[Condition],
+) -> tuple[list[SpeedEstimate], float]:
+    """Each record's own speed given the account, and the error of the common factor."""
+    mean_sigma = math.sqrt(best.covariance[0, 0])
+    kinds = {"outer" if m < 0 else "inner" for m, (_, comb) in zip(moves, best.kept, strict=True) if comb and m != 0}
+    out = []
+    for place, reading in enumerate(readings):
+        shaft, comb = best.kept[place]
+        weight, total = best.scatter**-2, best.scatter**-2 * best.common
+        if shaft:
+            weight += sigma[place, 0] ** -2
+            total += y[place, 0] * sigma[place, 0] ** -2
+        if comb:
+            error = math.hypot(sigma[place, 1], moves[place] * math.sqrt(best.covariance[1, 1]))
+            weight += error**-2
+            total += (y[place, 1] - moves[place] * best.slip) * error**-2
+        log_ratio, own = total / weight, weight**-0.5
+        if shaft:
+            how = reading.found_by
+        elif comb:
+            how = COMBINED if len(kinds) > 1 and best.scatter < 5e-4 else COMB_ONLY
+        elif best.kept.any() and best.scatter < 5e-4:
+            how, own = "common factor", math.hypot(own, mean_sigma)
+        else:
+            how, own = NOT_VISIBLE, math.inf
+            log_ratio = best.common
+        if not best.kept.any():
+            how, own, log_ratio = NOT_VISIBLE, math.inf, 0.0
+        out.append(SpeedEstimate(math.exp(log_ratio), own, how))
+    del conditions
+    return out, mean_sigma
