@@ -250,7 +250,7 @@ def _styled(figure: Any, height: int, top: int) -> Any:
     figure.update_layout(
         template="simple_white", height=height, margin={"l": 20, "r": 24, "t": top, "b": 60},
         font={"family": "system-ui, -apple-system, 'Segoe UI', Roboto, 'DejaVu Sans', sans-serif", "size": 15},
-        legend={"orientation": "h", "traceorder": "normal", "yanchor": "bottom", "y": 1.0, "x": 0, "font": {"size": 14}},
+        legend={"orientation": "h", "traceorder": "normal", "yanchor": "bottom", "y": 1, "x": 0, "font": {"size": 14}},
         hoverlabel={"font": {"size": 14}},
     )  # fmt: skip
     figure.update_xaxes(showgrid=True, gridcolor="#ececec", zeroline=False)

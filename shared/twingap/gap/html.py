@@ -15,7 +15,7 @@ from typing import Any, Final
 from twingap.effects import catalogue
 from twingap.gap.advice import condition_words, next_steps, place_words, snippet, undecided
 from twingap.gap.figures import all_figures
-from twingap.gap.report import GapReport, ParameterValue, Place, listed
+from twingap.gap.report import GapReport, ParameterValue, Place, count_words, listed
 
 _TITLES: Final[Mapping[str, tuple[str, str]]] = {
     "no_gap": ("No gap", "#009E73"),
@@ -167,7 +167,8 @@ def _which(report: GapReport, figures: Mapping[str, str]) -> str:
     return _section(
         "Which effect is missing",
         "Every effect of the catalogue was tried: probability that the machine has it and the twin lacks it, and the "
-        "part of the gap that adding it closes on records not used to fit it. ◆ marks the verdict.",
+        "part of the gap that adding it closes on records not used to fit it."
+        + (" ◆ marks the verdict." if report.verdict.effects else ""),
         figures.get("closures", "") + _table(head, first) + folded,
     )
 
@@ -181,9 +182,7 @@ def _confidence(report: GapReport) -> str:
         text = f"One explanation is left: {html.escape(words[0])}. Every other one is ruled out at 90 %."
         return _section("What the data cannot tell apart", text)
     sure = [name for name in sets[0] if all(name in s for s in sets)]
-    text = (
-        f"{len(sets)} explanations fit the records about equally well; the true one is among them nine times of ten. "
-    )
+    text = f"{count_words(len(sets)).capitalize()} explanations fit the records about equally well; the true one is among them nine times of ten. "
     if sure:
         text += f"All of them hold {listed(sure)}. "
     if open_ones := undecided(report):
@@ -200,7 +199,7 @@ def _shrink(report: GapReport, figures: Mapping[str, str]) -> str:
         (
             html.escape(m.metric) + (" <span class='small'>(higher is better)</span>" if m.higher_is_better else ""),
             _number(m.before, m.unit),
-            html.escape(f"{_number(m.after, m.unit)} ({_number(m.ci_after[0])} to {_number(m.ci_after[1])})"),
+            html.escape(f"{_number(m.after, m.unit)} ({m.ci_after[0]:.3g} to {m.ci_after[1]:.3g})"),
             _number(m.floor, m.unit),
             "–" if m.closure is None else f"{100 * m.closure:.0f} %",
         )
@@ -380,6 +379,7 @@ p { margin: 6px 0 12px; } .small { color: var(--soft); font-size: 15px; }
 header ul { margin: 0; padding-left: 22px; }
 dl { display: flex; flex-wrap: wrap; gap: 12px 44px; margin: 14px 0 10px; }
 dt { color: var(--soft); font-size: 15px; } dd { margin: 0; font-size: 21px; font-weight: 600; }
+.js-plotly-plot .modebar { opacity: 0; } .js-plotly-plot:hover .modebar { opacity: 1; }
 figure { margin: 4px 0 10px; width: 100%; }
 nav { display: flex; flex-wrap: wrap; gap: 4px 22px; margin: 0 6px 20px; font-size: 15px; }
 nav a { color: #0072B2; text-decoration: none; } nav a:hover { text-decoration: underline; }

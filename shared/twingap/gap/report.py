@@ -82,7 +82,7 @@ class Verdict:
         others = sum(1 for effects in self.confidence_set if set(effects) != set(self.effects))
         sure = "at 90 % no other explanation fits"
         if others:
-            sure = f"{_count(others)} other explanation{'s' * (others > 1)} cannot be ruled out at 90 %"
+            sure = f"{count_words(others)} other explanation{'s' * (others > 1)} cannot be ruled out at 90 %"
         return f"The twin lacks {listed(self.effects)}: {closes}, {rest}, and {sure} ({p} of no gap at all)."
 
 
@@ -463,7 +463,8 @@ def listed(effects: Iterable[str], last: str = "and") -> str:
     return f" {last} ".join(filter(None, (", ".join(names[:-1]), names[-1]))) if names else "no effect"
 
 
-def _count(number: int) -> str:
+def count_words(number: int) -> str:
+    """Small numbers as words."""
     words = ("no", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine")
     return words[number] if number < len(words) else str(number)
 

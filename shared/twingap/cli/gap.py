@@ -1,0 +1,244 @@
+"""`twingap gap`: what a twin lacks, and its blind study.
+
+twingap gap RECORDSET --twin TWIN.toml --out DIR     the diagnosis
+twingap gap study ...                                the blind study
+twingap gap train ...                                what the diagnosis learns beforehand
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import importlib.util
+import sys
+import time
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Final
+
+import typer
+from typer.core import TyperCommand, TyperGroup
+
+from twingap.cli.options import Json, Seed, TrackingUri, progress_console, say, say_json, show, steps, wrote
+from twingap.errors import TwingapError
+
+if TYPE_CHECKING:
+    from twingap.gap.report import GapReport
+    from twingap.records import Record, RecordSet
+    from twingap.track import Tracker
+    from twingap.twins.twin_file import TwinSpec
+
+_MAIN: Final = "RECORDSET"
+"""What the help lists the diagnosis as. It is never typed: whatever names no other command is a record set."""
+_HELP: Final = ("-h", "--help")
+
+
+class _Unnamed(typer.Context):
+    """The context of a command whose name is not typed: usage and errors speak of the group."""
+
+    @property
+    def command_path(self) -> str:
+        return super().command_path.removesuffix(f" {_MAIN}")
+
+
+class _Main(TyperCommand):
+    context_class = _Unnamed
+
+
+class _WithMain(TyperGroup):
+    """A group that is a command itself: arguments that begin with no command's name go to the one named `_MAIN`."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        others = self.commands.keys() - {_MAIN}
+        if args and args[0] not in others and args[0] not in _HELP:
+            args = [_MAIN, *args]
+        return super().parse_args(ctx, args)
+
+    def format_help(self, ctx: Any, formatter: Any) -> None:
+        """Help of the diagnosis, then the other commands."""
+        main = self.commands[_MAIN]
+        main.format_help(main.context_class(main, info_name=_MAIN, parent=ctx), formatter)
+        super().format_help(ctx, formatter)
+
+
+app = typer.Typer(
+    cls=_WithMain,
+    help="What a twin lacks. Beside the diagnosis itself (RECORDSET, above) there are two commands; a record set in a "
+    "folder named like one of them is given as ./study or ./train.",
+    no_args_is_help=True,
+)
+
+
+@app.command(_MAIN, cls=_Main)
+def diagnose(
+    recordset: Annotated[Path, typer.Argument(metavar="RECORDSET", help="Records of the machine.")],
+    twin: Annotated[Path, typer.Option(metavar="TWIN.toml", help="What is already modelled.")],
+    out: Annotated[Path, typer.Option(metavar="DIR", help="Folder for gap.json and report.html.")],
+    sim: Annotated[
+        Path | None,
+        typer.Option(metavar="RECORDSET", help="Your own simulated records instead of those of the built-in twin."),
+    ] = None,
+    export: Annotated[
+        bool, typer.Option("--export", help="Write record sets DIR/sim_before and DIR/sim_after too.")
+    ] = False,
+    track: Annotated[
+        bool, typer.Option("--track/--no-track", help="Keep the diagnosis as a run for `twingap ui`.")
+    ] = True,
+    tracking_uri: TrackingUri = None,
+    seed: Seed = 0,
+    as_json: Json = False,
+) -> None:
+    """Where records and twin differ, which effect the twin lacks, and how far the gap shrinks when it is added."""
+    import numpy as np
+
+    from twingap.files import replacing, replacing_folder
+    from twingap.gap import diagnose as run
+    from twingap.gap.html import page
+    from twingap.gap.report import dumped
+    from twingap.records.folder import read_record_set, write_records
+    from twingap.twins.twin_file import read_twin
+
+    begin = time.monotonic()
+    spec = read_twin(twin)
+    records = read_record_set(recordset)
+    simulated = None if sim is None else read_record_set(sim)
+    # An address that was typed must work; the default one is tried when there is something to keep.
+    tracker = _tracker(tracking_uri) if track and tracking_uri is not None else None
+    paths = [out / "gap.json", out / "report.html"]
+    # All places are tried before the work begins, and filled only after it has ended well.
+    with ExitStack() as places:
+        data, text = (places.enter_context(replacing(path)) for path in paths)
+        folders = [places.enter_context(replacing_folder(out / name)) for name in _EXPORTS] if export else []
+        with _bar() as report_step:
+            found = run(records, spec, np.random.default_rng(seed), sim=simulated, report=report_step)
+        about = _with_provenance(found.report, records, spec, twin, sim, seed, begin)
+        table = about.to_json()
+        data.write_text(dumped(table), encoding="utf-8", newline="\n")
+        text.write_text(page(about), encoding="utf-8", newline="\n")
+        for folder, name, made in zip(folders, _EXPORTS, (found.sim_before, found.sim_after), strict=False):
+            label = f"{records.name}, {'before' if name == _EXPORTS[0] else 'after'}"
+            bearing = records.bearing or spec.bearing
+            total = len(records)
+            write_records(folder, label, records.unit, bearing, None, _counted(made(), name, total))
+    paths += [out / name for name in _EXPORTS] if export else []
+    if track:
+        _keep(about, paths[:2], tracker)
+    if as_json:
+        say_json(table)
+    else:
+        _tell(about)
+    wrote(*paths, as_json=as_json)
+
+
+@app.command("train")
+def train(
+    cache: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="Where the trained parts are kept; default: twingap's cache.")
+    ] = None,
+    seed: Seed = 0,
+    as_json: Json = False,
+) -> None:
+    """Train beforehand what the diagnosis learns from simulated gaps; a diagnosis that finds nothing does it itself."""
+    from twingap.gap.training import train as run
+
+    with _bar() as report_step:
+        path = run(cache, seed, report_step)
+    if as_json:
+        from twingap.provenance import digest_of_path
+
+        say_json({"path": str(path), "sha256": digest_of_path(path), "seed": seed})
+    wrote(path, as_json=as_json)
+
+
+if importlib.util.find_spec("twingap.cli.gap_study") is not None:
+    from twingap.cli.gap_study import study
+
+    app.command("study")(study)
+
+_EXPORTS: Final = ("sim_before", "sim_after")
+
+
+@contextmanager
+def _bar() -> Iterator[Callable[[str, float], None]]:
+    """A bar on standard error that is told what is done and which part of the whole, 0 to 1."""
+    from rich.progress import Progress
+
+    with Progress(console=progress_console, transient=True, disable=not progress_console.is_terminal) as progress:
+        task = progress.add_task("reading", total=1.0)
+        yield lambda what, fraction: progress.update(task, description=what, completed=fraction)
+
+
+def _counted(made: Iterable[Record], name: str, total: int) -> Iterator[Record]:
+    yield from steps(made, f"write {name}", total)
+
+
+def _with_provenance(
+    report: GapReport, records: RecordSet, spec: TwinSpec, twin: Path, sim: Path | None, seed: int, begin: float
+) -> GapReport:
+    """The report with what only the command knows; what the diagnosis has stated stays."""
+    from twingap.provenance import versions
+
+    known: dict[str, Any] = {
+        "records": records.name,
+        "twin": twin.name,
+        "twin_model": spec.model,
+        "twin_effects": spec.effects,
+        "version": versions()["twingap"],
+    }
+    if sim is not None:
+        known["simulator"] = sim.name
+    stated = {**known, **report.provenance, "seed": seed, "runtime_s": round(time.monotonic() - begin, 2)}
+    if not stated.get("records_sha256"):
+        stated["records_sha256"] = records.digest
+    return dataclasses.replace(report, provenance=stated)
+
+
+def _tracker(uri: str | None) -> Tracker:
+    from twingap.track import MlflowTracker
+
+    return MlflowTracker(uri)
+
+
+def _keep(report: GapReport, paths: list[Path], tracker: Tracker | None) -> None:
+    """Track the diagnosis. It is done and written: a store that cannot be used is worth a line, no more."""
+    from twingap.gap.tracked import track_report
+
+    try:
+        track_report(tracker or _tracker(None), report, paths)
+    except TwingapError as error:
+        print(f"twingap: not tracked: {error}", file=sys.stderr)
+
+
+def _tell(report: GapReport) -> None:
+    """The verdict, the likeliest candidates and the measures, for people."""
+    from twingap.gap.advice import next_steps, place_words
+
+    say(report.sentence)
+    if report.places:
+        rows = [
+            {"where": p.domain, "place": place_words(p), "share": f"{p.share:.0%}", "p": f"{p.p_value:.2g}"}
+            for p in report.places[:8]
+        ]
+        show(rows, False, title="Where the gap lies")
+    shown = [c for i, c in enumerate(report.candidates) if i < 6 or c.effect in report.verdict.effects]
+    if shown:
+        rows = [
+            {
+                "effect": c.effect,
+                "probability": f"{c.probability:.0%}",
+                "closes": f"{c.closure:.0%}",
+                "90% interval": "{:.0%} to {:.0%}".format(*c.closure_ci),
+                "named": "yes" if c.effect in report.verdict.effects else "",
+            }
+            for c in shown
+        ]
+        show(rows, False, title="Which effect is missing")
+    if report.metrics:
+        measures = [
+            {"measure": m.metric, "before": m.before, "after": m.after, "floor": m.floor} for m in report.metrics
+        ]
+        show(measures, False, title="How far the gap shrinks")
+    for note in report.notes:
+        say(f"note: {note}")
+    for step in next_steps(report)[:1]:
+        say(f"next: {step}")
