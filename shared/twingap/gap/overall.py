@@ -28,7 +28,7 @@ from twingap.gap.report import TwoSampleTest
 
 Array = NDArray[np.float64]
 Choice = NDArray[np.int64]
-Exchange = Literal["record", "world"]
+Exchange = Literal["record", "group", "world"]
 
 MOST_RECORDS: Final = 200
 _MOST_ROWS: Final = 500
@@ -75,7 +75,7 @@ def classifier_test(
         More than 200 records, or 500 records and replicates together, are thinned at random.
     rng : numpy.random.Generator
     draws : int
-    exchange : {"record", "world"}
+    exchange : {"record", "group", "world"}
         See the module.
     folds : int
         Groups of records are kept together. A single group leaves nothing to train on: its members are ranked by how
@@ -87,9 +87,9 @@ def classifier_test(
         Statistic: mean over held-out records of the part of its replicates that score below it.
     """
     rows, kept = _rows(pair, rng)
-    n, members, _ = rows.shape
+    members = rows.shape[1]
     groups = [pair.conditions[i].group for i in kept]
-    choices = exchanges(n, members - 1, draws, rng, exchange)
+    choices = exchanges(groups, members - 1, draws, rng, exchange)
     auc = _within_auc(_scores(rows, groups, choices, folds, rng), choices).mean(axis=1)
     return _tested("classifier two-sample test (AUC)", auc)
 
@@ -108,10 +108,9 @@ def mmd_test(pair: Paired, rng: np.random.Generator, draws: int = 999, exchange:
     Arguments as `classifier_test`. The statistic leaves out the products of a record with itself and with its own
     replicates, so that it is about 0 where nothing differs.
     """
-    rows, _ = _rows(pair, rng)
-    n, members, _ = rows.shape
-    kernel = rbf(rows)
-    choices = exchanges(n, members - 1, draws, rng, exchange)
+    rows, kept = _rows(pair, rng)
+    members, kernel = rows.shape[1], rbf(rows)
+    choices = exchanges([pair.conditions[i].group for i in kept], members - 1, draws, rng, exchange)
     return _tested("MMD^2", mmd_statistics(kernel, choices, members))
 
 
@@ -132,15 +131,23 @@ def overall_tests(
     return classifier_test(pair, rng, draws, exchange), mmd_test(pair, rng, draws, exchange)
 
 
-def exchanges(n: int, m: int, draws: int, rng: np.random.Generator, exchange: Exchange = "record") -> Choice:
+def exchanges(
+    groups: Sequence[str | None], m: int, draws: int, rng: np.random.Generator, exchange: Exchange = "record"
+) -> Choice:
     """[1 + draws, n] Which member of each condition plays the record: 0 is the record itself, 1..m its replicates.
 
-    The first row is the truth. All members are equally likely, the record included. For whole worlds every one of the
-    1 + m is listed once.
+    The first row is the truth. All members are equally likely, the record included. Records of a group change together
+    where "group" is asked for: right when replicates share a recording's peculiarities as the records do (recordings
+    that stand in for a simulator). For whole worlds every one of the 1 + m is listed once.
     """
+    n = len(groups)
     if exchange == "world":
         return np.repeat(np.arange(m + 1)[:, None], n, axis=1)
-    return np.concatenate((np.zeros((1, n), dtype=np.int64), rng.integers(0, m + 1, (draws, n))))
+    drawn = rng.integers(0, m + 1, (draws, n))
+    if exchange == "group":
+        first: dict[str | None, int] = {}
+        drawn = drawn[:, [first.setdefault(g, i) for i, g in enumerate(groups)]]
+    return np.concatenate((np.zeros((1, n), dtype=np.int64), drawn))
 
 
 def p_value(statistics: Array) -> float:
@@ -210,9 +217,9 @@ def _scores(rows: Array, groups: Sequence[str | None], choices: Choice, folds: i
 def _within_auc(scores: Array, choices: Choice) -> Array:
     """[draws, records] Part of a record's replicates that score below it, ties counting half."""
     chosen = np.take_along_axis(scores, choices[:, :, None], axis=2)
-    others = scores.shape[2] - 1
-    below: Array = np.sum(scores < chosen, axis=2) + 0.5 * (np.sum(scores == chosen, axis=2) - 1)
-    return below / others
+    below = np.asarray(scores < chosen, float).sum(axis=2)
+    ties = np.asarray(scores == chosen, float).sum(axis=2) - 1.0
+    return np.asarray((below + 0.5 * ties) / float(scores.shape[2] - 1))
 
 
 def _folds(groups: Sequence[str | None], folds: int, rng: np.random.Generator) -> Choice:
@@ -220,7 +227,7 @@ def _folds(groups: Sequence[str | None], folds: int, rng: np.random.Generator) -
     names = list(dict.fromkeys(groups))
     order = rng.permutation(len(names)) % max(min(folds, len(names)), 1)
     place = dict(zip(names, order, strict=True))
-    return np.array([place[g] for g in groups], dtype=np.int64)
+    return np.asarray([place[g] for g in groups], dtype=np.int64)
 
 
 def _tested(name: str, statistics: Array) -> TwoSample:
