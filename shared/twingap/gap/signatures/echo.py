@@ -26,6 +26,9 @@ Complex = NDArray[np.complex128]
 UPSAMPLE = 4
 """Grid of delays: this many places per sample."""
 
+EDGE: Final = 8
+"""Samples at either end of a waveform that are spent on aligning it."""
+
 LEAD: Final = 0.34
 """Part of the mean waveform before the strike, which may have been followed by its second half."""
 
@@ -76,27 +79,31 @@ def mean_waveform(x: Array, seen: Strikes, fs_hz: float, spacing: float) -> tupl
     Array [length // 2 + 1]
         Variance that the noise leaves in its spectrum.
     """
-    length = int(np.clip(1.0 * spacing, 32, 1024)) // 2 * 2
-    start = seen.time_s * fs_hz - LEAD * length
+    length = int(np.clip(spacing, 24, 1024)) // 2 * 2
+    long = length + 2 * EDGE
+    start = seen.time_s * fs_hz - LEAD * length - EDGE
     whole = np.floor(start).astype(int)
-    inside = (whole >= 0) & (whole + length <= x.size)
+    inside = (whole >= 0) & (whole + long <= x.size)
     if inside.sum() < 8:
         return None, np.zeros(0)
     whole, part = whole[inside], (start - np.floor(start))[inside]
     strength = seen.strength[inside] / max(float(seen.strength.mean()), 1e-300)
-    # A soft beginning and end: what the neighbours ring into the window does not jump at its edges.
-    window = np.ones(length)
-    edge = max(length // 16, 2)
-    ramp = 0.5 - 0.5 * np.cos(np.pi * (np.arange(edge) + 0.5) / edge)
-    window[:edge], window[-edge:] = ramp, ramp[::-1]
-    spectra = scipy.fft.rfft(x[whole[:, None] + np.arange(length)] * window, axis=1)
-    f = np.arange(length // 2 + 1) / length
-    spectra = spectra * np.exp(2j * np.pi * f * part[:, None])
+    # Ends are cut off after the shift by parts of a sample, which rings there.
+    spectra = scipy.fft.rfft(x[whole[:, None] + np.arange(long)] * _soft(long, EDGE), axis=1)
+    spectra = spectra * np.exp(2j * np.pi * np.arange(long // 2 + 1) / long * part[:, None])
     weight = strength / float((strength**2).sum())
     mean = weight @ spectra
     rest = spectra - strength[:, None] * mean
     noise = (weight**2) @ (rest.real**2 + rest.imag**2)
-    return np.asarray(scipy.fft.irfft(mean, length)), np.asarray(noise)
+    quiet = np.interp(np.arange(length // 2 + 1) / length, np.arange(long // 2 + 1) / long, noise) * (length / long)
+    return np.asarray(scipy.fft.irfft(mean, long))[EDGE : EDGE + length], np.asarray(quiet)
+
+
+def _soft(length: int, edge: int) -> Array:
+    """Window with raised-cosine ends."""
+    window, ramp = np.ones(length), 0.5 - 0.5 * np.cos(np.pi * (np.arange(edge) + 0.5) / edge)
+    window[:edge], window[-edge:] = ramp, ramp[::-1]
+    return window
 
 
 def two_pulses(waveform: Array, noise: Array, shortest: float, longest: float) -> tuple[float, float, float] | None:
@@ -129,7 +136,10 @@ def two_pulses(waveform: Array, noise: Array, shortest: float, longest: float) -
     shape = 1 / np.maximum(inverse.real**2 + inverse.imag**2, 1e-12)
     # Maximum likelihood: the spectrum is path * pulses + noise of variance `quiet`, which weighs every frequency.
     trust = weight * shape / np.maximum(quiet, 1e-6 * float(wide.max()) + 1e-300)
-    pulses = spectrum * inverse
+    # Filtered in time, what strikes before the window ring into it vanishes with the rest of the ringing.
+    driven = np.convolve(waveform, poles)[:n]
+    driven[: poles.size - 1] = 0.0
+    pulses = scipy.fft.rfft(driven * _soft(n, 3))
     m = n * UPSAMPLE
     answer = scipy.fft.irfft(pulses * trust, m)
     kernel = scipy.fft.irfft(trust + 0j, m)

@@ -37,6 +37,7 @@ NAMES: Final[tuple[str, ...]] = (
     "wander_level",
     "wander_log",
     "wander_bandwidth_hz",
+    "timing_excess",
     "timing_log_1",
     "timing_log_4",
     "timing_growth",
@@ -46,6 +47,7 @@ NAMES: Final[tuple[str, ...]] = (
     "walk_log",
     "scatter_sigma",
     "scatter_log",
+    "scatter_excess",
     "strength_skew",
     "strength_kurtosis",
     "strength_neighbours",
@@ -170,6 +172,7 @@ def _timing(seen: strikes.Strikes, course: strikes.Track, out: dict[str, float])
     parts = nnls(basis / scale, np.ones(lags.size))[0] / scale
     white, walk = float(parts[0]), float(parts[1])
     out["timing_log_1"] = 0.5 * float(np.log(spread[0] / 6 + _TIMING_FLOOR**2))
+    out["timing_excess"] = float(np.log((spread[:2].sum() + 1e-10) / (max(noises[0] + noises[1], 0.0) + 1e-10)))
     out["timing_log_4"] = 0.5 * float(np.log(spread[3] / 6 + _TIMING_FLOOR**2))
     out["timing_growth"] = float(np.log((spread[3] + 6 * _TIMING_FLOOR**2) / (spread[0] + 6 * _TIMING_FLOOR**2)))
     clean = max(white - noise_white, 0.0)
@@ -210,7 +213,8 @@ def _wander(
     if level > 3 * float(expected[slow].sum()) / np.sqrt(slow.sum()) and level > 1e-6:
         positive = np.maximum(excess, 0.0)
         centroid = float((positive * frequency[slow]).sum() / max(float(positive.sum()), 1e-300)) * rate
-        out["wander_bandwidth_hz"] = centroid / 0.525
+        # The mean is taken out and lines are a bin wide: both push the centroid up, by about 0.6 bins.
+        out["wander_bandwidth_hz"] = max(centroid - 0.6 * rate / n, 0.2 * rate / n) / 0.525
 
 
 def _strengths(view: RecordView, seen: strikes.Strikes, rate: float, out: dict[str, float]) -> None:
@@ -233,13 +237,17 @@ def _strengths(view: RecordView, seen: strikes.Strikes, rate: float, out: dict[s
     design = np.stack(columns, axis=1)
     weights, *_ = np.linalg.lstsq(design, relative, rcond=None)
     rest = relative - design @ weights
+    # Energies less the noise are free of what noise adds to faint strikes; (1 + d cos)^2 has lines of 2 d and d^2 / 2.
+    faint = strength**2 - float(np.mean((seen.strength_clean + seen.strength_error) ** 2 - seen.strength_clean**2))
+    energies, *_ = np.linalg.lstsq(design, faint, rcond=None)
     free = max(relative.size - design.shape[1], 1)
     variance = float((rest**2).sum() / free)
     for j, name in enumerate(("shaft", "cage")):
         square = float((weights[1 + 2 * j : 3 + 2 * j] ** 2).sum())
-        # What noise puts into two coefficients, a little more where the line was searched.
-        clean = max(square - 4 * variance / relative.size, 0.0)
-        out[f"{name}_depth"] = float(np.sqrt(clean))
+        ratio = float(np.hypot(*energies[1 + 2 * j : 3 + 2 * j])) / max(float(energies[0]), 1e-300)
+        depth = (1 - np.sqrt(max(1 - min(ratio, 1.4) ** 2 / 2, 0.0))) * 2 / max(ratio, 1e-9)
+        # What noise and scatter put into two coefficients, more where the line was searched.
+        out[f"{name}_depth"] = float(np.sqrt(max(depth**2 - 5 * variance / relative.size, 0.0)))
         out[f"{name}_line_log"] = 0.5 * float(np.log(square + _STRENGTH_FLOOR**2))
         if name == "shaft" and square > 30 * variance / relative.size:
             out["shaft_log_ratio"] = float(np.log(found[name] * rate / view.shaft_hz))
@@ -248,6 +256,7 @@ def _strengths(view: RecordView, seen: strikes.Strikes, rate: float, out: dict[s
     clean = max(variance - noise, 0.0)
     out["scatter_sigma"] = float(np.sqrt(clean))
     out["scatter_log"] = 0.5 * float(np.log(clean + _STRENGTH_FLOOR**2))
+    out["scatter_excess"] = float(np.log((variance + 1e-6) / (noise + 1e-6)))
     deviation = rest / max(np.sqrt(variance), 1e-12)
     out["strength_skew"] = float(np.cbrt(np.mean(deviation**3)))
     out["strength_kurtosis"] = float(np.log(max(float(np.mean(deviation**4)), 1e-3) / 3))

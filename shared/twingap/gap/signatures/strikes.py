@@ -130,6 +130,8 @@ class Strikes:
         Mean square output of the filter between the strikes.
     time_error_s, strength_error : Array [N]
         Error that the noise makes, drawn once for each strike.
+    strength_clean : Array [N]
+        Strength less the noise; what `strength_error` was drawn about.
     cycle : Array [PHASES]
         Mean squared envelope over a pass, its peak at bin PHASES // 4.
     waveform : Complex [L]
@@ -144,6 +146,7 @@ class Strikes:
     noise: float
     time_error_s: Array
     strength_error: Array
+    strength_clean: Array
     cycle: Array
     waveform: Complex
     phase_locked: float
@@ -351,7 +354,7 @@ def measure_strikes(band: BandSignal, course: Track, fs_hz: float) -> Strikes | 
 
     off_centre = np.round(places + 0.5 * spacing * (1 + high - low)).astype(int)
     off_centre = np.minimum(off_centre, z.size - limit - 2)
-    off = filtered[off_centre[:, None] + used]
+    off = _without(filtered[off_centre[:, None] + used], filtered[np.round(tau).astype(int)])
     noise = float((np.abs(off) ** 2).mean())
     carrier, locked, tau_fine = _carrier(band, filtered, tau, waveform)
     turn = np.exp(2j * np.pi * band.low_hz * used / fs)
@@ -368,7 +371,16 @@ def measure_strikes(band: BandSignal, course: Track, fs_hz: float) -> Strikes | 
         angle = np.angle((ideal * turn)[rows, top] * np.exp(2j * np.pi * carrier * (place_off - used[top]) / fs))
         error = place_off - angle / (2 * np.pi * carrier / fs)
     return Strikes(
-        numbers - numbers[0], tau / fs, strength, noise, error / fs, strength_off - clean, cycle, waveform, locked
+        numbers - numbers[0],
+        tau / fs,
+        strength,
+        noise,
+        error / fs,
+        strength_off - clean,
+        clean,
+        cycle,
+        waveform,
+        locked,
     )
 
 
@@ -496,6 +508,14 @@ def _refined(seen: Array, lags: NDArray[np.int64]) -> tuple[Array, Array]:
     bend = 2 * middle - left - right
     part = np.where(bend > 1e-12 * middle, 0.5 * (right - left) / np.where(bend > 0, bend, 1.0), 0.0).clip(-0.5, 0.5)
     return lags[top] + part, np.maximum(middle + 0.25 * (right - left) * part, 0.0)
+
+
+def _without(off: Complex, peak: Complex) -> Complex:
+    """Output between strikes [strikes, lags], less what the strikes before and after [strikes] still ring there."""
+    both = np.stack((peak, np.concatenate((peak[1:], peak[-1:]))), axis=1)
+    square = both.conj().T @ both + 1e-9 * float((np.abs(peak) ** 2).sum() + 1e-300) * np.eye(2)
+    rest = off - both @ np.linalg.solve(square, both.conj().T @ off)
+    return np.asarray(rest * np.sqrt(off.shape[0] / max(off.shape[0] - 2, 1)))
 
 
 def _carrier(band: BandSignal, filtered: Complex, tau: Array, waveform: Complex) -> tuple[float, float, Array]:
