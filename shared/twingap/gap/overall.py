@@ -208,7 +208,7 @@ def _scores(rows: Array, groups: Sequence[str | None], choices: Choice, folds: i
             scores[test] = np.diagonal(gram)[test, None]
             continue
         inner = gram[np.ix_(train, train)]
-        ridge = _RIDGE * float(np.trace(inner)) / max(np.count_nonzero(train), 1) + 1e-12
+        ridge = _RIDGE * float(np.trace(inner)) / len(inner) + 1e-12
         weights = np.linalg.solve(inner + ridge * np.eye(len(inner)), flat[:, train].T)
         scores[test] = gram[np.ix_(test, train)] @ weights
     return np.asarray(scores.T.reshape(draws, n, members))
