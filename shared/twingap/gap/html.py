@@ -114,7 +114,9 @@ def _curves(figures: Mapping[str, str]) -> str:
     curves = {name: text for name, text in figures.items() if name.startswith("curve-")}
     if not curves:
         return ""
-    drawn = "".join(f"<div><h3>{_CURVES.get(n, n.removeprefix('curve-'))}</h3>{t}</div>" for n, t in curves.items())
+    drawn = "".join(
+        f"<div><h3>{_CURVES.get(n) or _name(n.removeprefix('curve-'))}</h3>{t}</div>" for n, t in curves.items()
+    )
     return _section(
         "Before and after",
         "Medians over held-out records. Yellow bands are the places where the gap is significant, numbered as in the "
@@ -182,7 +184,8 @@ def _confidence(report: GapReport) -> str:
         text = f"One explanation is left: {html.escape(words[0])}. Every other one is ruled out at 90 %."
         return _section("What the data cannot tell apart", text)
     sure = [name for name in sets[0] if all(name in s for s in sets)]
-    text = f"{count_words(len(sets)).capitalize()} explanations fit the records about equally well; the true one is among them nine times of ten. "
+    text = f"{count_words(len(sets)).capitalize()} explanations fit the records about equally well; "
+    text += "the true one is among them nine times of ten. "
     if sure:
         text += f"All of them hold {listed(sure)}. "
     if open_ones := undecided(report):

@@ -14,7 +14,7 @@ import json
 import math
 import os
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, Literal
 
@@ -315,8 +315,11 @@ class GapReport:
 
     @property
     def sentence(self) -> str:
-        """The verdict in one plain sentence."""
-        return self.verdict.sentence
+        """The verdict in one plain sentence; a closure that it does not state is that of the first metric."""
+        verdict = self.verdict
+        if verdict.effects and verdict.closure is None and self.metrics:
+            verdict = replace(verdict, closure=self.metrics[0].closure)
+        return verdict.sentence
 
     @property
     def where(self) -> pd.DataFrame:

@@ -1,0 +1,202 @@
+"""The page: whole, offline, escaped, and of use whatever parts a report has."""
+
+from __future__ import annotations
+
+import dataclasses
+import re
+from collections.abc import Callable
+from html.parser import HTMLParser
+from pathlib import Path
+
+import pytest
+from plotly.offline import get_plotlyjs
+
+from twingap.effects import make_effect
+from twingap.gap.advice import condition_words, next_steps, place_words, snippet, undecided
+from twingap.gap.figures import MOST_POINTS, all_figures, curve_figure
+from twingap.gap.html import page
+from twingap.gap.report import Candidate, Curve, GapReport, ParameterValue, Place, Verdict
+from twingap.twins.twin_file import read_twin
+
+MakeReport = Callable[..., GapReport]
+STATUSES = ("no_gap", "explained", "partly_explained", "unexplained")
+VOID = {"meta", "link", "br", "img", "hr", "input"}
+
+
+class Reader(HTMLParser):
+    """Reads a page: tags with their attributes, visible text; fails where tags do not close in order."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.tags: list[tuple[str, dict[str, str | None]]] = []
+        self.words, self._open = "", list[str]()
+        self.feed(text)
+        self.close()
+        assert self._open == []
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.tags.append((tag, dict(attrs)))
+        if tag not in VOID:
+            self._open.append(tag)
+
+    def handle_endtag(self, tag: str) -> None:
+        assert self._open.pop() == tag
+
+    def handle_data(self, data: str) -> None:
+        if not {"script", "style"} & set(self._open):
+            self.words += f" {data}"
+
+
+def own(text: str) -> str:
+    """The page without plotly's own code."""
+    return text.replace(get_plotlyjs(), "")
+
+
+@pytest.mark.parametrize("status", STATUSES)
+def test_a_page_is_whole_and_asks_nothing_of_the_network(make_report: MakeReport, status: str) -> None:
+    report = make_report(status)
+    text = page(report)
+    assert len(text.encode()) < 6_000_000
+    assert text.count(get_plotlyjs()) == 1
+    read = Reader(own(text))
+    for tag, attributes in read.tags:
+        assert tag not in {"link", "iframe", "img", "object", "embed", "base"}
+        assert not attributes.get("src")
+        assert (attributes.get("href") or "#").startswith("#")
+    assert not re.search(r"https?://|@import|url\(", own(text))
+    # Even what plotly might try is shut off: only what stands in the page may load.
+    (policy,) = [a["content"] for tag, a in read.tags if a.get("http-equiv") == "Content-Security-Policy"]
+    assert policy is not None and policy.startswith("default-src 'none'") and "http" not in policy
+    assert report.sentence in read.words
+    anchors = {a["href"] for tag, a in read.tags if tag == "a"}
+    assert anchors == {f"#{a['id']}" for tag, a in read.tags if tag == "section"}
+
+
+def test_names_from_the_data_are_shown_and_never_run(make_report: MakeReport) -> None:
+    hostile = '<img src=x onerror="alert(1)"></script><script>alert(2)</script>'
+    report = make_report(records=hostile)
+    report = dataclasses.replace(
+        report,
+        places=(Place("condition", None, None, "", 0.5, 0.01, {hostile: hostile}), *report.places),
+        candidates=(Candidate(hostile, 1.0, 1.0, 0.5, 0.5, (0.4, 0.6), {hostile: ParameterValue(1.0, hostile)}),),
+        notes=(hostile,),
+        calibration={hostile: ParameterValue(1.0, hostile)},
+        curves={hostile: Curve((hostile, "b"), hostile, (1.0, 2.0), (1.0, 2.0), None, hostile, hostile, "condition")},
+    )
+    read = Reader(own(page(report)))
+    assert "img" not in {tag for tag, _ in read.tags}
+    assert not any(name.startswith("on") for _, attributes in read.tags for name in attributes)
+    calm = Reader(own(page(make_report(records="calm"))))
+    scripts = sum(tag == "script" for tag, _ in read.tags)
+    figures = sum(tag == "figure" for tag, _ in read.tags)
+    calm_scripts = sum(tag == "script" for tag, _ in calm.tags)
+    assert scripts - figures * 2 <= calm_scripts  # one for the library, at most two a figure
+    assert read.words.count("alert(2)") >= 4
+
+
+@pytest.mark.parametrize(
+    "missing", ["places", "candidates", "metrics", "notes", "calibration", "rest", "tests", "curves", "everything"]
+)
+def test_any_part_may_be_missing(make_report: MakeReport, missing: str) -> None:
+    empty = {
+        "places": (), "candidates": (), "metrics": (), "notes": (), "calibration": {}, "rest": (), "tests": (),
+        "curves": {},
+    }  # fmt: skip
+    for status in STATUSES:
+        report = dataclasses.replace(
+            make_report(status), **(empty if missing == "everything" else {missing: empty[missing]})
+        )
+        read = Reader(own(page(report)))
+        assert report.sentence in read.words
+        assert not re.search(r"\b(nan|inf|None)\b", read.words)
+        drawn = sum(tag == "figure" for tag, _ in read.tags)
+        assert drawn == len(list(all_figures(report)))
+        assert (drawn == 0) == (missing == "everything")
+
+
+def test_the_same_report_makes_the_same_bytes(make_report: MakeReport) -> None:
+    slower = make_report()
+    slower = dataclasses.replace(slower, provenance={**slower.provenance, "runtime_s": 99.0})
+    assert page(make_report()) == page(slower)
+
+
+def test_places_are_marked_on_the_curves_of_their_domain(make_report: MakeReport) -> None:
+    report = make_report()
+    spectrum = curve_figure(report.curves["spectrum"], report.places)
+    (shape,) = spectrum.layout.shapes
+    assert (shape.x0, shape.x1) == (1010.0, 1400.0)
+    assert spectrum.layout.annotations[0].text == "<b>1</b>"  # the largest share
+    outside = curve_figure(report.curves["spectrum"], (Place("frequency", 5e4, 6e4, "Hz", 1.0, 0.01),))
+    assert len(outside.layout.shapes) == 0
+    point = curve_figure(report.curves["spectrum"], (Place("frequency", 1e3, 1e3, "Hz", 1.0, 0.01),))
+    assert point.layout.shapes[0].x1 - point.layout.shapes[0].x0 > 10  # a line is widened to be seen
+
+
+def test_long_lines_are_thinned_and_keep_their_peaks() -> None:
+    n = 40 * MOST_POINTS + 7
+    line = [0.0] * n
+    line[12345] = 1.0
+    curve = Curve(tuple(map(float, range(n))), "Hz", tuple(line), tuple(line), None, "", "c", "frequency")
+    real = curve_figure(curve).data[0]
+    assert len(real.x) <= MOST_POINTS
+    assert max(real.y) == 1.0 and real.x[list(real.y).index(1.0)] == 12345.0
+
+
+def test_the_snippet_is_a_twin_file_with_the_fitted_parameters(make_report: MakeReport, tmp_path: Path) -> None:
+    report = make_report()
+    whole = dataclasses.replace(
+        report,
+        verdict=Verdict("explained", ("sensor_rolloff", "waviness", "second_resonance"), (), 0.01),
+        candidates=(
+            *report.candidates,
+            Candidate(
+                "waviness", 0.9, 1, 0.5, 0.5, (0, 1), {"inner": ParameterValue(1.0), "level": ParameterValue(0.2)}
+            ),
+        ),
+    )
+    path = tmp_path / "twin.toml"
+    path.write_text(snippet(whole) or "", encoding="utf-8")
+    spec = read_twin(path)
+    assert spec.model == "phenomenological"
+    assert spec.effects == ("load_zone", "sensor_rolloff", "waviness", "second_resonance")
+    assert spec.parameters["second_resonance"]["frequency_hz"] == 1203.0  # four digits
+    made = make_effect("waviness", spec.parameters["waviness"], "test")
+    assert made.inner is True and made.level == 0.2  # type: ignore[attr-defined]
+    assert spec.parameters["sensor_rolloff"] == {"order": 3}
+
+
+def test_without_effects_to_add_there_is_no_snippet(make_report: MakeReport) -> None:
+    assert snippet(make_report("no_gap")) is None
+    assert snippet(make_report("unexplained")) is None
+    stuck = dataclasses.replace(make_report(), verdict=Verdict("explained", ("clipping",), (("clipping",),), 0.01))
+    assert snippet(stuck) is None
+    assert any("cannot be added to your simulator" in step for step in next_steps(stuck))
+
+
+def test_advice_names_what_would_decide(make_report: MakeReport) -> None:
+    open_ones = make_report("explained")
+    assert undecided(open_ones) == ("slip_jitter", "speed_fluctuation")
+    assert any("tacho" in step for step in next_steps(open_ones))
+    settled = dataclasses.replace(
+        open_ones, verdict=dataclasses.replace(open_ones.verdict, confidence_set=(open_ones.verdict.effects,))
+    )
+    assert not any("To decide" in step for step in next_steps(settled))
+    assert any("1010 to 1400 Hz" in step for step in next_steps(make_report("unexplained")))
+    assert any("0.9 to 1.1 orders" in step for step in next_steps(make_report("partly_explained")))
+    assert "Use the twin" in next_steps(make_report("no_gap"))[0]
+
+
+@pytest.mark.parametrize(
+    ("place", "words"),
+    [
+        (Place("frequency", 100.0, 250.5, "Hz", 0.1, 0.1), "100 to 250.5 Hz"),
+        (Place("frequency", 100.0, None, "Hz", 0.1, 0.1), "above 100 Hz"),
+        (Place("order", None, 3.0, "orders", 0.1, 0.1, {"fault": "inner"}), "below 3 orders (inner)"),
+        (Place("condition", None, None, "", 0.1, 0.1, {"speed_rpm": 1797.0, "load_n": 10}), "1797 rpm, 10 N"),
+        (Place("amplitude", 0.0, 1.0, "1", 0.1, 0.1), "0 to 1"),
+        (Place("condition", None, None, "", 0.1, 0.1), "everywhere"),
+    ],
+)
+def test_places_in_words(place: Place, words: str) -> None:
+    assert place_words(place) == words
+    assert condition_words(place.condition) in words
