@@ -23,8 +23,14 @@ from twingap.gap.view import RecordView
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
-UPSAMPLE = 4
+FINEST_SAMPLES: Final = 2.0
+"""Shortest delay that is searched; below it, two strikes are one of another shape."""
+
+UPSAMPLE: Final = 4
 """Grid of delays: this many places per sample."""
+
+TOLERANCE: Final = 0.02
+"""Part of the spectrum that a model of two poles may miss; without it, frequencies of no noise decide alone."""
 
 EDGE: Final = 8
 """Samples at either end of a waveform that are spent on aligning it."""
@@ -52,14 +58,14 @@ def measure_echo(view: RecordView, seen: Strikes, rate_hz: float, out: dict[str,
     deg_per_s = 360 * shaft_hz * _body_rate(view)
     out["cycle_width_deg"] = float(np.log(max(_width(seen.cycle), 0.2 / PHASES) / rate_hz * deg_per_s))
     spacing = view.fs_hz / rate_hz
-    waveform, noise = mean_waveform(view.x, seen, view.fs_hz, spacing)
+    waveform, noise, blur = mean_waveform(view.x, seen, view.fs_hz, spacing)
     if waveform is None:
         return
-    shortest = max(FINEST_DEG / deg_per_s * view.fs_hz, 1.0)
+    shortest = max(FINEST_DEG / deg_per_s * view.fs_hz, FINEST_SAMPLES)
     longest = min(WIDEST_DEG / deg_per_s * view.fs_hz, 0.45 * spacing, 0.6 * waveform.size)
     if longest < shortest + 1:
         return
-    fit = two_pulses(waveform, noise, shortest, longest)
+    fit = two_pulses(waveform, noise, blur, shortest, longest)
     if fit is None:
         return
     gain, delay, ratio = fit
@@ -69,7 +75,7 @@ def measure_echo(view: RecordView, seen: Strikes, rate_hz: float, out: dict[str,
         out["arc_deg"], out["arc_log"], out["exit_ratio"] = arc, float(np.log(arc)), ratio
 
 
-def mean_waveform(x: Array, seen: Strikes, fs_hz: float, spacing: float) -> tuple[Array | None, Array]:
+def mean_waveform(x: Array, seen: Strikes, fs_hz: float, spacing: float) -> tuple[Array | None, Array, Array]:
     """Mean waveform of all strikes, each weighted by its strength and aligned to a fraction of a sample.
 
     Returns
@@ -78,6 +84,8 @@ def mean_waveform(x: Array, seen: Strikes, fs_hz: float, spacing: float) -> tupl
         Beginning `LEAD` of its length before the strike.
     Array [length // 2 + 1]
         Variance that the noise leaves in its spectrum.
+    Array [length // 2 + 1]
+        What errors of alignment leave of each frequency, 0 to 1.
     """
     length = int(np.clip(spacing, 24, 1024)) // 2 * 2
     long = length + 2 * EDGE
@@ -85,7 +93,7 @@ def mean_waveform(x: Array, seen: Strikes, fs_hz: float, spacing: float) -> tupl
     whole = np.floor(start).astype(int)
     inside = (whole >= 0) & (whole + long <= x.size)
     if inside.sum() < 8:
-        return None, np.zeros(0)
+        return None, np.zeros(0), np.zeros(0)
     whole, part = whole[inside], (start - np.floor(start))[inside]
     strength = seen.strength[inside] / max(float(seen.strength.mean()), 1e-300)
     # Ends are cut off after the shift by parts of a sample, which rings there.
@@ -96,7 +104,11 @@ def mean_waveform(x: Array, seen: Strikes, fs_hz: float, spacing: float) -> tupl
     rest = spectra - strength[:, None] * mean
     noise = (weight**2) @ (rest.real**2 + rest.imag**2)
     quiet = np.interp(np.arange(length // 2 + 1) / length, np.arange(long // 2 + 1) / long, noise) * (length / long)
-    return np.asarray(scipy.fft.irfft(mean, long))[EDGE : EDGE + length], np.asarray(quiet)
+    error = seen.time_error_s[inside] * fs_hz
+    error = error - float(np.average(error, weights=strength**2))
+    f = np.arange(length // 2 + 1) / length
+    blur = np.abs(np.exp(-2j * np.pi * f[:, None] * error) @ (strength**2)) / float((strength**2).sum())
+    return np.asarray(scipy.fft.irfft(mean, long))[EDGE : EDGE + length], np.asarray(quiet), np.asarray(blur)
 
 
 def _soft(length: int, edge: int) -> Array:
@@ -106,7 +118,9 @@ def _soft(length: int, edge: int) -> Array:
     return window
 
 
-def two_pulses(waveform: Array, noise: Array, shortest: float, longest: float) -> tuple[float, float, float] | None:
+def two_pulses(
+    waveform: Array, noise: Array, blur: Array, shortest: float, longest: float
+) -> tuple[float, float, float] | None:
     """Fit one pulse and two pulses through the waveform's own poles.
 
     Parameters
@@ -114,13 +128,15 @@ def two_pulses(waveform: Array, noise: Array, shortest: float, longest: float) -
     waveform : Array [length]
     noise : Array [length // 2 + 1]
         Variance of its spectrum.
+    blur : Array [length // 2 + 1]
+        What alignment has left of each frequency.
     shortest, longest : float
         Delays that are searched, samples.
 
     Returns
     -------
     (float, float, float) or None
-        Log of the misfit of one pulse over that of two; delay in samples; second pulse over first.
+        Log of the misfit of one pulse over that of two, negative where one fits better; delay in samples; second pulse over first.
     """
     n = waveform.size
     poles = _predictor(waveform, int(LEAD * n))
@@ -135,21 +151,21 @@ def two_pulses(waveform: Array, noise: Array, shortest: float, longest: float) -
     weight = np.maximum(1 - 2 * quiet / np.maximum(wide, 1e-300), 0.0)
     shape = 1 / np.maximum(inverse.real**2 + inverse.imag**2, 1e-12)
     # Maximum likelihood: the spectrum is path * pulses + noise of variance `quiet`, which weighs every frequency.
-    trust = weight * shape / np.maximum(quiet, 1e-6 * float(wide.max()) + 1e-300)
+    trust = weight * shape / (quiet + TOLERANCE * wide + 1e-300)
     # Filtered in time, what strikes before the window ring into it vanishes with the rest of the ringing.
     driven = np.convolve(waveform, poles)[:n]
     driven[: poles.size - 1] = 0.0
     pulses = scipy.fft.rfft(driven * _soft(n, 3))
     m = n * UPSAMPLE
-    answer = scipy.fft.irfft(pulses * trust, m)
-    kernel = scipy.fft.irfft(trust + 0j, m)
-    total = float(scipy.fft.irfft(np.asarray(power * 0 + (pulses.real**2 + pulses.imag**2) * trust) + 0j, m)[0])
+    answer = scipy.fft.irfft(pulses * trust * blur, m)
+    kernel = scipy.fft.irfft(trust * blur**2 + 0j, m)
+    total = float(scipy.fft.irfft((pulses.real**2 + pulses.imag**2) * trust + 0j, m)[0])
     if not kernel[0] > 0 or not total > 0:
         return None
     kernel, answer, total = kernel / kernel[0], answer / kernel[0], total / kernel[0]
     near = np.arange(0, int(0.75 * m))
-    first = answer[near]
-    one = float((first**2).max())
+    # One strike of a sampled mode is two neighbouring samples: it may fall between them.
+    one = float(_pair(answer, kernel, near, np.array([UPSAMPLE]), one_sign=False)[0].max())
     delays = np.arange(int(np.ceil(shortest * UPSAMPLE)), int(longest * UPSAMPLE) + 1)
     if delays.size < 2:
         return None
@@ -161,14 +177,14 @@ def two_pulses(waveform: Array, noise: Array, shortest: float, longest: float) -
     energy, ratio = _pair(answer, kernel, near, delays)
     i, j = np.unravel_index(int(energy.argmax()), energy.shape)
     two = float(energy[i, j])
-    if two <= one:
-        return 0.0, float(delays[j]) / UPSAMPLE, 1.0
     rest = 0.01 * total
     gain = float(np.log((max(total - one, 0.0) + rest) / (max(total - two, 0.0) + rest)))
     return gain, _peak(energy[i], int(j), delays) / UPSAMPLE, float(ratio[i, j])
 
 
-def _pair(answer: Array, kernel: Array, near: NDArray[np.int64], delays: NDArray[np.int64]) -> tuple[Array, Array]:
+def _pair(
+    answer: Array, kernel: Array, near: NDArray[np.int64], delays: NDArray[np.int64], *, one_sign: bool = True
+) -> tuple[Array, Array]:
     """[near, delays] Energy that two pulses explain, the first at `near`, and second over first."""
     m = answer.size
     first = answer[near % m][:, None]
@@ -179,7 +195,7 @@ def _pair(answer: Array, kernel: Array, near: NDArray[np.int64], delays: NDArray
     a, b = first - second * cross, second - first * cross
     # Both strike the same way: the same sign, and neither is a speck of the other.
     ratio = b / np.where(np.abs(a) > 1e-300, a, 1e-300)
-    return np.where((ratio > 0.25) & (ratio < 4.0), energy, 0.0), ratio
+    return (np.where((ratio > 0.25) & (ratio < 4.0), energy, 0.0) if one_sign else energy), ratio
 
 
 def _peak(energy: Array, j: int, delays: NDArray[np.int64]) -> float:
