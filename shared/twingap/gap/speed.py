@@ -23,7 +23,7 @@ import numpy as np
 import scipy.fft
 from numpy.typing import NDArray
 
-from twingap.bearing import FAULTS, Bearing
+from twingap.bearing import Bearing
 from twingap.errors import TwingapError
 from twingap.gap.view import tone_power
 from twingap.records import Condition, RecordSet
@@ -106,8 +106,7 @@ class Speeds:
         if len(records) != len(self.estimates):
             raise ValueError(f"{len(self.estimates)} speeds for {len(records)} records")
         conditions = [
-            replace(c, speed_rpm=c.speed_rpm * e.ratio)
-            for c, e in zip(records.conditions, self.estimates, strict=True)
+            replace(c, speed_rpm=c.speed_rpm * e.ratio) for c, e in zip(records.conditions, self.estimates, strict=True)
         ]
         return RecordSet(records.name, records.unit, records.bearing, conditions, _Samples(records))
 
@@ -213,12 +212,12 @@ def read_speed(samples: Array, condition: Condition, bearing: Bearing) -> Readin
 def comb_heights(samples: Array, condition: Condition, bearing: Bearing) -> dict[str, float]:
     """How high the comb of each fault stands in a record of unknown fault: fault -> height, 0 where there is none."""
     x, shaft_hz = np.asarray(samples, float), condition.speed_rpm / 60
-    out = dict.fromkeys(f for f in FAULTS if f not in ("healthy", "cage"))
-    for fault in out:
+    out = {}
+    for fault in ("inner", "outer", "ball"):
         rate = bearing.fault_order(fault) * shaft_hz
         comb = _find_comb(_envelopes(x, condition.fs_hz, rate, shaft_hz), rate, shaft_hz)
-        out[fault] = comb.height if comb is not None else 0.0  # type: ignore[assignment]
-    return {fault: height or 0.0 for fault, height in out.items()}
+        out[fault] = comb.height if comb is not None else 0.0
+    return out
 
 
 # ---------------------------------------------------------------------------------------------------------- one record
@@ -271,9 +270,7 @@ def _floor(power: Array, width: int = 49) -> Array:
     return np.asarray(np.exp(np.interp(np.arange(power.size), places, np.log(levels))) / math.log(2))
 
 
-def _find_comb(
-    envelopes: Sequence[tuple[Array, Array, float, int]], rate_hz: float, shaft_hz: float
-) -> _Comb | None:
+def _find_comb(envelopes: Sequence[tuple[Array, Array, float, int]], rate_hz: float, shaft_hz: float) -> _Comb | None:
     """The comb of harmonics that stands highest in any band, None where none stands out."""
     reach = REACH + SLIP_REACH
     best: tuple[float, float, int] | None = None
@@ -443,8 +440,8 @@ def _mesh(power: Array, df: float, shaft_hz: float, fault_hz: float | None) -> t
 
 
 def _sidebands(comb: _Comb, shaft_hz: float) -> tuple[float, float] | None:
-    """Log ratio of the shaft from the lines one and two orders beside a comb's, and at whole orders, in the envelope."""
-    orders = np.array([(m, j) for m in range(0, 5) for j in (-2, -1, 1, 2) if m > 0 or j > 0])
+    """Log ratio of the shaft from lines one and two orders beside a comb's, and at whole orders, in the envelope."""
+    orders = np.array([(m, j) for m in range(5) for j in (-2, -1, 1, 2) if m > 0 or j > 0])
     base, steps = orders[:, 0] * comb.rate_hz / comb.df_hz, orders[:, 1] * shaft_hz / comb.df_hz
     inside = (base + steps * 1.08 > 3) & (base + np.abs(steps) * 1.08 < comb.top)
     base, steps = base[inside], steps[inside]
