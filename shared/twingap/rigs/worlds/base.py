@@ -1,0 +1,266 @@
+"""The machine without effects: structure, noises, strength of strikes; one for each arm.
+
+twin arm:     pulses + white force -> one mode (displacement) -> every 4th sample
+contact arm:  Hertzian pulses (size and length by load and speed) + rolling noise -> modes (acceleration)
+              -> anti-alias filter -> every 4th sample
+
+In internal units the noise of a healthy record at mean speed and load has unit RMS.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import linalg, signal
+
+from twingap.rigs.worlds.layout import Layout
+from twingap.rigs.worlds.motion import deposit, fault_order
+
+Array = NDArray[np.float64]
+OVERSAMPLING: Final = 4
+OWN: Final = ("load_zone", "slip_jitter", "impact_scatter", "shaft_harmonics")
+"""What machines of the contact arm may have of their own, where the case does not add it."""
+
+
+@dataclass(frozen=True)
+class Mode:
+    """One structural mode.
+
+    Parameters
+    ----------
+    frequency_hz, damping_ratio : float
+    gain : float
+        Peak of its impulse response, of either sign.
+    """
+
+    frequency_hz: float
+    damping_ratio: float
+    gain: float
+
+
+@dataclass(frozen=True)
+class Base:
+    """A machine without effects.
+
+    Parameters
+    ----------
+    arm : {"twin", "contact"}
+    fs_hz : float
+    modes : tuple of Mode
+    structure_rms, white_rms : float
+        Noise through the modes and beside them, internal units.
+    electronic_share : float
+        Part of the white noise's power that arises behind the sensor.
+    pulse_s : float
+        Length of a strike at reference speed and load.
+    level : dict[str, float]
+        Fault -> impulse of a strike at reference speed and load.
+    ratio : dict[str, float]
+        Fault -> RMS of its strikes over that of the noise.
+    reference_rpm, reference_n : float
+    speed_power, load_power : float
+        Impulse ~ speed^p load^q; zero in the twin arm.
+    rolling_power : float
+        Structure noise ~ speed^p.
+    gain : float
+        Record unit per internal unit.
+    unit : str
+    own : dict[str, dict[str, Any]]
+        Effects that the machine has of its own, with parameters: neither a gap nor in `Truth.effects`.
+    """
+
+    arm: str
+    fs_hz: float
+    modes: tuple[Mode, ...]
+    structure_rms: float
+    white_rms: float
+    electronic_share: float
+    pulse_s: float
+    level: dict[str, float]
+    ratio: dict[str, float]
+    reference_rpm: float
+    reference_n: float
+    speed_power: float
+    load_power: float
+    rolling_power: float
+    gain: float
+    unit: str
+    own: dict[str, dict[str, Any]]
+
+    @property
+    def hertz(self) -> bool:
+        """Whether strikes are Hertzian contacts."""
+        return self.arm == "contact"
+
+    @property
+    def settle_s(self) -> float:
+        """Simulated before each record: until the slowest mode has rung down to a thousandth."""
+        slowest = min(m.frequency_hz * m.damping_ratio for m in self.modes)
+        return float(np.clip(6.9 / (2 * np.pi * slowest), 0.02, 0.15))
+
+    def strike(self, fault: str, speed_rpm: float, load_n: float) -> tuple[float, float]:
+        """Impulse and length, s, of a strike at this speed and load.
+
+        Hertzian impact at velocity v: length ~ v^(-1/5), impulse ~ v (Goldsmith, Impact, 1960, ch. 4); a contact under
+        load Q is stiffer by Q^(1/3), and so shorter by Q^(-1/6).
+        """
+        v, q = speed_rpm / self.reference_rpm, load_n / self.reference_n
+        length = self.pulse_s * (v**-0.2 * q ** (-1 / 6) if self.hertz else 1.0)
+        return self.level[fault] * v**self.speed_power * q**self.load_power, length
+
+    def structure_scale(self, speed_rpm: float) -> float:
+        """Standard deviation of the noise force on the fine grid at this speed."""
+        unit = noise_norm(self.modes, self.hertz, self.fs_hz)
+        return float(self.structure_rms / unit * (speed_rpm / self.reference_rpm) ** self.rolling_power)
+
+    def path(self, force: Array, drift: Array | None = None) -> Array:
+        """What the sensor's place does under a force.
+
+        Parameters
+        ----------
+        force : Array [4 samples]
+            On the fine grid.
+        drift : Array [4 samples], optional
+            Relative change of all natural frequencies over time.
+
+        Returns
+        -------
+        Array [samples]
+            At the sampling rate.
+        """
+        return thin(through(self.modes, force, self.hertz, self.fs_hz, drift), self.hertz)
+
+    def with_mode(self, mode: Mode) -> Base:
+        """The same machine, same noise force, with one more mode."""
+        unit = noise_norm((*self.modes, mode), self.hertz, self.fs_hz) / noise_norm(self.modes, self.hertz, self.fs_hz)
+        return replace(self, modes=(*self.modes, mode), structure_rms=self.structure_rms * unit)
+
+
+@lru_cache(maxsize=4096)
+def _filter(frequency_hz: float, damping_ratio: float, hertz: bool, step_s: float) -> tuple[Array, Array]:
+    """Digital filter of a mode under a force held constant over each step (exact), unit impulse in, unit peak out.
+
+    q'' + 2 zeta w q' + w^2 q = F, held inputs: Franklin, Powell and Workman, Digital Control, ch. 4.3. Output: q times
+    the damped frequency (twin arm), or q'' over w (contact arm).
+    """
+    w, zeta = 2 * np.pi * frequency_hz, damping_ratio
+    block = np.zeros((3, 3))
+    block[:2] = [[0.0, 1.0, 0.0], [-(w**2), -2 * zeta * w, 1.0]]
+    e = linalg.expm(block * step_s)
+    a, b = e[:2, :2], e[:2, 2:]
+    if hertz:
+        c, d = np.array([[-w, -2 * zeta]]), np.array([[1 / w]])
+    else:
+        c, d = np.array([[w * np.sqrt(1 - zeta**2), 0.0]]), np.array([[0.0]])
+    denominator = np.array([1.0, -np.trace(a), np.linalg.det(a)])
+    # numerator = c adj(z - a) b + d det(z - a)
+    adj = np.array([[-a[1, 1], a[0, 1]], [a[1, 0], -a[0, 0]]])
+    numerator = np.array([0.0, (c @ b).item(), (c @ adj @ b).item()]) + d.item() * denominator
+    return numerator, denominator
+
+
+def through(modes: tuple[Mode, ...], force: Array, hertz: bool, fs_hz: float, drift: Array | None = None) -> Array:
+    """Sum of all modes' responses on the fine grid."""
+    step_s = 1 / (OVERSAMPLING * fs_hz)
+    total = np.zeros(force.size)
+    for mode in modes:
+        if drift is None:
+            b, a = _filter(mode.frequency_hz, mode.damping_ratio, hertz, step_s)
+            total += mode.gain * signal.lfilter(b, a, force)
+            continue
+        block = 256
+        state = np.zeros(2)
+        for at in range(0, force.size, block):
+            # Steps of a thousandth of the frequency are too small to see.
+            hz = mode.frequency_hz * (1 + round(float(drift[at]), 3))
+            b, a = _filter(hz, mode.damping_ratio, hertz, step_s)
+            part, state = signal.lfilter(b, a, force[at : at + block], zi=state)
+            total[at : at + block] += mode.gain * part
+    return total
+
+
+@lru_cache(maxsize=1)
+def _taps() -> Array:
+    return np.asarray(signal.firwin(20 * OVERSAMPLING + 1, 0.94 / OVERSAMPLING, window=("kaiser", 6.0)))
+
+
+def thin(fine: Array, filtered: bool) -> Array:
+    """From the fine grid to the sampling rate, behind an anti-alias filter or as it stands (a mode rolls off alone)."""
+    if not filtered:
+        return np.asarray(fine[::OVERSAMPLING])
+    taps = _taps()
+    start = (taps.size // 2) // OVERSAMPLING
+    return np.asarray(signal.upfirdn(taps, fine, 1, OVERSAMPLING)[start : start + fine.size // OVERSAMPLING])
+
+
+@lru_cache(maxsize=1024)
+def noise_norm(modes: tuple[Mode, ...], hertz: bool, fs_hz: float) -> float:
+    """RMS of the response at the sampling rate to a white force of unit variance on the fine grid."""
+    slowest = min(m.frequency_hz * m.damping_ratio for m in modes)
+    n = OVERSAMPLING * int(np.ceil(fs_hz * 4 / (2 * np.pi * slowest)) + 64)
+    unit = np.zeros(n)
+    unit[OVERSAMPLING * 16] = 1.0
+    h = through(modes, unit, hertz, fs_hz)
+    if hertz:
+        h = signal.lfilter(_taps(), [1.0], h)
+    return float(np.sqrt(np.sum(h**2)))
+
+
+def unit_response(base: Base) -> Array:
+    """Response at the sampling rate to one strike of unit impulse."""
+    n = OVERSAMPLING * int((base.settle_s + 0.02) * base.fs_hz)
+    at = np.array([0.01])
+    return base.path(deposit(at, np.ones(1), np.full(1, base.pulse_s), 0.0, n, OVERSAMPLING * base.fs_hz, base.hertz))
+
+
+def draw_base(arm: str, layout: Layout, rng: np.random.Generator) -> Base:
+    """Draw a machine; its own effects (contact arm) are left to the caller, who knows the case."""
+    fs = layout.fs_hz
+    first = fs * rng.uniform(0.08, 0.35)
+    modes = [Mode(first, float(np.exp(rng.uniform(np.log(0.01), np.log(0.1)))), 1.0)]
+    pulse_s = rng.uniform(0.15, 0.6) / fs
+    structure = rng.uniform(0.15, 0.85)  # share of the noise's power
+    ratio = np.exp(rng.uniform(np.log(0.35), np.log(3.5)))
+    speed_power = load_power = rolling_power = 0.0
+    if arm == "contact":
+        for _ in range(int(rng.integers(1, 4))):
+            while True:
+                hz = fs * np.exp(rng.uniform(np.log(0.05), np.log(0.42)))
+                if all(abs(hz / m.frequency_hz - 1) > 0.15 for m in modes):
+                    break
+            damping = float(np.exp(rng.uniform(np.log(0.012), np.log(0.07))))
+            modes.append(Mode(float(hz), damping, float(rng.choice([-1, 1]) * rng.uniform(0.15, 0.9))))
+        pulse_s = rng.uniform(0.8, 2.2) / (2 * max(m.frequency_hz for m in modes))
+        speed_power, load_power = rng.uniform(0.7, 1.1), rng.uniform(0.2, 0.6)
+        rolling_power = rng.uniform(0.3, 1.0)
+        structure, ratio = rng.uniform(0.3, 0.9), 1.2 * ratio
+    base = Base(
+        arm=arm,
+        fs_hz=fs,
+        modes=tuple(modes),
+        structure_rms=float(np.sqrt(structure)),
+        white_rms=float(np.sqrt(1 - structure)),
+        electronic_share=float(np.exp(rng.uniform(np.log(0.003), np.log(0.05)))),
+        pulse_s=float(pulse_s),
+        level={},
+        ratio={},
+        reference_rpm=layout.mean_rpm,
+        reference_n=float(np.exp(np.mean(np.log(layout.load_n)))),
+        speed_power=float(speed_power),
+        load_power=float(load_power),
+        rolling_power=float(rolling_power),
+        gain=float(np.exp(rng.uniform(np.log(0.01), np.log(100)))),
+        unit=str(rng.choice(["", "m/s^2", "g"], p=[0.6, 0.2, 0.2])),
+        own={},
+    )
+    energy = float(np.sum(unit_response(base) ** 2))
+    for fault in ("inner", "outer", "ball"):
+        own_ratio = float(np.clip(ratio * np.exp(rng.uniform(-0.4, 0.4)), 0.3, 4.0))
+        rate = fault_order(layout.bearing, fault, 1.0) * layout.mean_rpm / 60
+        base.ratio[fault] = own_ratio
+        base.level[fault] = own_ratio / float(np.sqrt(energy * rate / fs))
+    return base

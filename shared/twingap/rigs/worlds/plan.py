@@ -1,0 +1,129 @@
+"""The plan of a blind study: which cases, in which proportions, in an order that tells nothing.
+
+number of worlds, seed --> kinds by share --> effects, strengths and arms dealt evenly --> shuffled cases
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import Final
+
+import numpy as np
+
+from twingap.errors import TwingapError
+from twingap.rigs.worlds.case import CATALOGUE, KINDS, OUTSIDER_STRENGTHS, OUTSIDERS, STRENGTHS, Case
+
+SHARES: Final = {"none": 60, "single": 90, "pair": 50, "crowd": 40, "outside": 30, "outside_plus": 30}
+"""Of 300 worlds. 90 singles hold every effect at every strength, and a quarter of them twice."""
+
+TWIN_ARM_ONLY: Final = ("mean_slip", "distributed_roughness")
+"""As singles: contact machines may slip and roll roughly of themselves."""
+
+ONE_OF: Final = (frozenset({"shaft_harmonics", "looseness"}),)
+"""Not together: looseness holds all shaft harmonics, nobody could tell."""
+
+
+def cases(n: int, seed: int = 0) -> list[Case]:
+    """A balanced plan.
+
+    Parameters
+    ----------
+    n : int
+        Worlds, at least 6: one of each kind.
+    seed : int
+
+    Returns
+    -------
+    list of Case
+        In random order, named w0000, w0001, ... in that order.
+
+    Raises
+    ------
+    TwingapError
+        For fewer than 6 worlds.
+    """
+    if n < len(KINDS):
+        raise TwingapError(f"{n} worlds, at least {len(KINDS)} expected", where="plan of the study")
+    rng = np.random.default_rng([seed, 7])
+    made: list[Case] = []
+    effects, outsiders = _deck(CATALOGUE, rng), _outsider_deck(rng)
+    for kind, count in _counts(n).items():
+        singles = _singles(rng) if kind == "single" else iter(())
+        start = int(rng.integers(0, 3))
+        owed = 0
+        for k in range(count):
+            owed += (k + start) % 3 == 0  # a third goes to the contact arm
+            chosen: tuple[tuple[str, str], ...] = ()
+            extra: tuple[tuple[str, str], ...] = ()
+            if kind == "single":
+                chosen = (next(singles),)
+            elif kind == "pair":
+                chosen = _deal(effects, 2, STRENGTHS, (0.25, 0.4, 0.35), rng)
+            elif kind == "crowd":
+                chosen = _deal(effects, int(rng.integers(3, 6)), STRENGTHS[1:], (0.5, 0.5), rng)
+            elif kind == "outside":
+                extra = (next(outsiders),)
+            elif kind == "outside_plus":
+                extra = (next(outsiders),)
+                if rng.random() < 0.4:
+                    extra += (next(o for o in outsiders if o[0] != extra[0][0]),)
+                chosen = _deal(effects, int(rng.integers(1, 3)), STRENGTHS[1:], (0.5, 0.5), rng)
+            contact = owed > 0 and not (kind == "single" and chosen[0][0] in TWIN_ARM_ONLY)
+            owed -= contact
+            made.append(Case(kind, "contact" if contact else "twin", chosen, extra))
+    order = rng.permutation(len(made))
+    return [_named(made[j], f"w{k:04d}") for k, j in enumerate(order)]
+
+
+def _named(case: Case, name: str) -> Case:
+    return Case(case.kind, case.arm, case.effects, case.outsiders, name)
+
+
+def _counts(n: int) -> dict[str, int]:
+    """Worlds of each kind: one each, the rest by largest remainders."""
+    total = sum(SHARES.values())
+    wanted = {kind: max(1.0, n * share / total) for kind, share in SHARES.items()}
+    counts = {kind: int(w) for kind, w in wanted.items()}
+    while sum(counts.values()) != n:
+        gap = {kind: wanted[kind] - counts[kind] for kind in counts}
+        if sum(counts.values()) < n:
+            counts[max(gap, key=gap.__getitem__)] += 1
+        else:
+            counts[min((k for k in counts if counts[k] > 1), key=gap.__getitem__)] -= 1
+    return counts
+
+
+def _deck(names: Sequence[str], rng: np.random.Generator) -> Iterator[str]:
+    """All names in random order, again and again."""
+    while True:
+        yield from (str(name) for name in rng.permutation(list(names)))
+
+
+def _outsider_deck(rng: np.random.Generator) -> Iterator[tuple[str, str]]:
+    turn = 0
+    while True:
+        for k, name in enumerate(rng.permutation(list(OUTSIDERS))):
+            yield str(name), OUTSIDER_STRENGTHS[(k + turn) % 2]
+        turn += 1
+
+
+def _singles(rng: np.random.Generator) -> Iterator[tuple[str, str]]:
+    """Every effect at every strength before any comes again; strengths take turns."""
+    while True:
+        names = [str(name) for name in rng.permutation(list(CATALOGUE))]
+        for turn in range(3):
+            for k, name in enumerate(names):
+                yield name, STRENGTHS[(k + turn) % 3]
+
+
+def _deal(
+    deck: Iterator[str], count: int, strengths: Sequence[str], chance: Sequence[float], rng: np.random.Generator
+) -> tuple[tuple[str, str], ...]:
+    """Different effects off the deck that can be told apart, each with a random strength."""
+    names: list[str] = []
+    for name in deck:
+        if name not in names and not any(len(group & {*names, name}) > 1 for group in ONE_OF):
+            names.append(name)
+        if len(names) == count:
+            break
+    return tuple((name, str(rng.choice(list(strengths), p=list(chance)))) for name in names)
