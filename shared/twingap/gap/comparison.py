@@ -1,0 +1,217 @@
+"""Two sets of records, signature by signature: what a diagnosis reads.
+
+measured records  --signatures--> Measured --+
+                                             +--compare--> one vector of named features, the same for every machine
+simulated records --signatures--> Measured --+
+
+A feature is a difference of means between measured and simulated records (in the signature's own unit, and in standard
+errors), of their spread, or of their trend over speed and time. Where a set has no record of a kind, the feature is
+NaN: nobody knows.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from functools import cache
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twingap.gap import signatures
+from twingap.gap.signatures import background
+from twingap.gap.view import Frame, RecordView
+from twingap.records import Condition, Record
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+GROUPS = {
+    True: ("all", "outer", "inner", "ball"),
+    False: ("all", "healthy", "faulty"),
+}
+"""Kinds of records that means are taken over, for signatures of strikes (True) and for all others."""
+_FEWEST_FOR_TREND = 4
+
+
+class Outline(NamedTuple):
+    """What is kept of a record's view for the shapes of mean spectra."""
+
+    condition: Condition
+    frame: Frame
+    fs_hz: float
+    smooth: Array
+
+
+@dataclass(frozen=True)
+class Measured:
+    """Signatures of a set of records.
+
+    Parameters
+    ----------
+    values : Array [records, signatures]
+        In the order of `signatures.NAMES`; NaN where one does not apply.
+    outlines : tuple of Outline
+        Smooth spectra.
+    """
+
+    values: Array
+    outlines: tuple[Outline, ...]
+
+    @property
+    def conditions(self) -> tuple[Condition, ...]:
+        """Of the records."""
+        return tuple(outline.condition for outline in self.outlines)
+
+    def take(self, places: Sequence[int] | NDArray[np.int64]) -> Measured:
+        """The records at these places."""
+        kept = np.asarray(places, dtype=int)
+        return Measured(self.values[kept], tuple(self.outlines[i] for i in kept))
+
+    def faults(self) -> NDArray[np.str_]:
+        """[records] Fault of each, "" when unknown."""
+        return np.array([c.fault or "" for c in self.conditions])
+
+
+def measure(records: Iterable[Record], frame: Frame) -> Measured:
+    """Measure every signature of every record, one record at a time."""
+    values, outlines = [], []
+    for record in records:
+        view = RecordView(record.samples, record.condition, frame)
+        values.append(signatures.measure(view))
+        outlines.append(Outline(record.condition, frame, view.fs_hz, view.smooth))
+    return Measured(np.array(values), tuple(outlines))
+
+
+@cache
+def feature_names() -> tuple[str, ...]:
+    """Names of what `compare` returns, in its order."""
+    names: list[str] = []
+    for strikes in GROUPS:
+        own = [name for name, of in zip(signatures.NAMES, _of_strikes(), strict=True) if of == strikes]
+        names += [f"{n}|{group}.{kind}" for group in GROUPS[strikes] for kind in ("diff", "z", "level") for n in own]
+    trends = ("spread", "on_speed", "on_speed.z", "on_time", "on_time.z")
+    names += [f"{name}|{kind}" for kind in trends for name in signatures.NAMES]
+    context = ["records", "healthy_share", "log_samples", "log_turns", "speeds", "span_s", "resonance_share"]
+    return (*names, *(f"shape|{name}" for name in background.COMPARED), *(f"context|{name}" for name in context))
+
+
+def compare(real: Measured, simulated: Measured) -> Array:
+    """[features] What tells the measured set from the simulated one; see `feature_names`."""
+    with warnings.catch_warnings(), np.errstate(all="ignore"):
+        warnings.simplefilter("ignore", RuntimeWarning)  # means of nothing are NaN, and meant so
+        blocks = [*_by_group(real, simulated), _spread(real, simulated), *_trends(real, simulated)]
+        per_signature = np.concatenate(blocks)
+        shapes = background.compare(real.outlines, simulated.outlines)
+        shape = np.array([shapes[name] for name in background.COMPARED], float)
+        out = np.concatenate((per_signature, shape, _context(real)))
+    return np.where(np.isfinite(out), out, np.nan)
+
+
+@cache
+def _of_strikes() -> Mask:
+    """[signatures] Which of them are measured on the strikes of a defect."""
+    return np.array([name.startswith("events.") for name in signatures.NAMES])
+
+
+def _by_group(real: Measured, simulated: Measured) -> list[Array]:
+    """Difference of means, the same in standard errors, and the measured mean: [signatures] each, group by group."""
+    columns = []
+    ours, theirs = real.faults(), simulated.faults()
+    for strikes, groups in GROUPS.items():
+        own = _of_strikes() == strikes
+        for group in groups:
+            r = real.values[_belongs(ours, group)][:, own]
+            b = simulated.values[_belongs(theirs, group)][:, own]
+            if len(r) == 0 or len(b) == 0:
+                columns += [np.full(int(own.sum()), np.nan)] * 3
+                continue
+            mean_r, mean_b = np.nanmean(r, axis=0), np.nanmean(b, axis=0)
+            n_r, n_b = np.isfinite(r).sum(axis=0), np.isfinite(b).sum(axis=0)
+            # Two records of a kind say little of their spread: a hundredth of the level keeps z finite.
+            small = 1e-3 + 0.01 * np.abs(mean_b)
+            within = np.nansum((r - mean_r) ** 2, axis=0) + np.nansum((b - mean_b) ** 2, axis=0)
+            variance = within / np.maximum(n_r + n_b - 2, 1) + small**2
+            diff = mean_r - mean_b
+            z = diff / np.sqrt(variance * (1 / np.maximum(n_r, 1) + 1 / np.maximum(n_b, 1)))
+            columns += [diff, np.clip(z, -200, 200), mean_r]
+    return columns
+
+
+def _belongs(faults: NDArray[np.str_], group: str) -> Mask:
+    if group == "all":
+        return np.ones(faults.size, bool)
+    return np.asarray((faults != "healthy") if group == "faulty" else (faults == group))
+
+
+def _spread(real: Measured, simulated: Measured) -> Array:
+    """[signatures] Log ratio of the spread between records of one kind."""
+    out = []
+    for measured in (real, simulated):
+        residual, kinds = measured.values.copy(), measured.faults()
+        for kind in np.unique(kinds):
+            residual[kinds == kind] -= np.nanmean(residual[kinds == kind], axis=0)
+        out.append(np.log(np.nanstd(residual, axis=0) + 1e-3))
+    return np.asarray(out[0] - out[1])
+
+
+def _trends(real: Measured, simulated: Measured) -> list[Array]:
+    """Slope of measured less simulated over log speed and over time (run = 1), and its t value: [signatures] each."""
+    speed = np.array([np.log(c.speed_rpm) for c in real.conditions])
+    time = np.array([np.nan if c.time_s is None else c.time_s for c in real.conditions])
+    span = np.nanmax(time) - np.nanmin(time) if np.isfinite(time).any() else 0.0
+    residual = real.values.copy()
+    ours, theirs = real.faults(), simulated.faults()
+    paired = len(theirs) == len(ours) and bool((ours == theirs).all())
+    for kind in np.unique(ours):
+        mask = ours == kind
+        if paired:
+            residual[mask] -= simulated.values[mask]
+        residual[mask] -= np.nanmean(residual[mask], axis=0)
+    columns: list[Array] = []
+    for x in (speed, (time / span) if span > 0 else np.full(len(speed), np.nan)):
+        columns += _slope(x, residual, ours)
+    return columns
+
+
+def _slope(x: Array, y: Array, kinds: NDArray[np.str_]) -> list[Array]:
+    """[signatures] Least-squares slope of y [records, signatures] over x within kinds of records, and its t value."""
+    nothing = np.full(y.shape[1], np.nan)
+    known = np.isfinite(x)
+    if known.sum() < _FEWEST_FOR_TREND:
+        return [nothing, nothing]
+    x, y, kinds = x[known].copy(), y[known], kinds[known]
+    for kind in np.unique(kinds):
+        x[kinds == kind] -= x[kinds == kind].mean()
+    if x.std() < 0.02:
+        return [nothing, nothing]
+    seen = np.isfinite(y)
+    y = np.where(seen, y, 0.0)
+    weight = seen * (x**2)[:, None]
+    denominator = np.maximum(weight.sum(axis=0), 1e-12)
+    slope = (x[:, None] * y).sum(axis=0) / denominator
+    rest = ((y - slope * x[:, None]) * seen) ** 2
+    count = seen.sum(axis=0)
+    error = np.sqrt((rest.sum(axis=0) / np.maximum(count - 2, 1) + 1e-6) / denominator)
+    few = count < _FEWEST_FOR_TREND
+    return [np.where(few, np.nan, slope), np.where(few, np.nan, np.clip(slope / error, -200, 200))]
+
+
+def _context(real: Measured) -> Array:
+    """[7] What every feature's scatter depends on."""
+    conditions = real.conditions
+    times = [c.time_s for c in conditions if c.time_s is not None]
+    speeds = np.array([c.speed_rpm for c in conditions])
+    return np.array(
+        [
+            np.log(len(conditions)),
+            np.mean([c.fault == "healthy" for c in conditions]),
+            np.log(np.mean([c.n_samples for c in conditions])),
+            np.log(np.mean([c.duration_s * c.speed_rpm / 60 for c in conditions])),
+            np.log(speeds.max() / speeds.min()),
+            np.log1p(max(times) - min(times)) if times else np.nan,
+            np.mean([c.fault not in (None, "healthy") for c in conditions]),
+        ]
+    )

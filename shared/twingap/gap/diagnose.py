@@ -1,0 +1,314 @@
+"""The whole diagnosis: calibrate, measure, where, which, how far, report.
+
+records, twin (or simulated records) --calibrate--> Evidence --explain--> effects that the twin lacks
+held-out part against replicates of the twin, before and after --> places, tests, closures --> GapReport
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from twingap.effects import Effect, catalogue
+from twingap.errors import TwingapError
+from twingap.gap.calibrate import Calibrated, calibrate
+from twingap.gap.distance import Paired
+from twingap.gap.evidence import Evidence, simulator_of
+from twingap.gap.overall import overall_tests
+from twingap.gap.report import Candidate, GapReport, ParameterValue, Status, Verdict
+from twingap.gap.shrink import closure_interval, curves, paired, shrink_metrics
+from twingap.gap.simulator import Simulator
+from twingap.gap.training import load, quiet, train
+from twingap.gap.training.learn import Learnt
+from twingap.gap.views import Grid, Views
+from twingap.gap.where import locate
+from twingap.gap.which import ALPHA_REST, Estimated, Explanation, estimate, explain
+from twingap.provenance import versions
+from twingap.records import Record, RecordSet
+from twingap.streams import root_entropy
+from twingap.twins.twin_file import TwinSpec, flat
+
+Report = Callable[[str, float], None]
+
+MOST_RECORDS: Final = 240
+"""Records that a diagnosis looks at; of more, as many of each fault and speed are taken as this allows."""
+_SIMULATED: Final = 260
+"""Simulated records that tests and places are measured with, all replicates together."""
+_LIKELY: Final = 0.02
+"""Probability below which a candidate's baseline is not matched anew: its closure says that it is none."""
+
+
+@dataclass(frozen=True)
+class Diagnosis:
+    """A diagnosis, with what simulates the records before and after.
+
+    Parameters
+    ----------
+    report : GapReport
+    explanation : Explanation
+    calibrated : Calibrated
+    conditions : tuple of Condition
+        Of all records that were looked at, with their true speeds.
+    root : int
+    """
+
+    report: GapReport
+    explanation: Explanation
+    calibrated: Calibrated
+    root: int
+
+    def sim_before(self) -> Iterator[Record]:
+        """The twin's records as given, calibrated, under the conditions of all records that were looked at."""
+        return self._made(self.explanation.before.simulator, ())
+
+    def sim_after(self) -> Iterator[Record]:
+        """The same once the named effects are added."""
+        after = self.explanation.after if self.explanation.gap else self.explanation.before
+        return self._made(after.simulator, after.effects)
+
+    def _made(self, simulator: Simulator, effects: tuple[Effect, ...]) -> Iterator[Record]:
+        for part in (self.calibrated.fit, self.calibrated.held_out):
+            for condition in part.conditions:
+                if part is self.calibrated.held_out and condition.name in self.calibrated.shared:
+                    continue
+                yield from simulator.simulate(effects, (condition,), self.root, 1)
+
+
+def diagnose(
+    records: RecordSet,
+    spec: TwinSpec,
+    rng: np.random.Generator,
+    *,
+    sim: RecordSet | None = None,
+    report: Report = quiet,
+    learnt: Learnt | None = None,
+) -> Diagnosis:
+    """Where records and twin differ, which effects the twin lacks, and how far the gap shrinks when they are added.
+
+    Parameters
+    ----------
+    records : RecordSet
+        Of the machine.
+    spec : TwinSpec
+        What is modelled already.
+    rng : numpy.random.Generator
+    sim : RecordSet, optional
+        Simulated records of the user's own simulator, in place of the twin's.
+    report : callable
+        Told of progress: what is done, and which part of the whole, 0 to 1.
+    learnt : Learnt, optional
+        What was learnt beforehand; None looks in the cache, and trains (up to twenty minutes) when it is not there.
+
+    Returns
+    -------
+    Diagnosis
+
+    Raises
+    ------
+    TwingapError
+        When the records cannot be diagnosed.
+    """
+    begin = time.monotonic()
+    if learnt is None:
+        learnt = load(train(report=lambda what, part: report(f"training, once: {what}", part)))
+    if len(records) < 2:
+        raise TwingapError(
+            "holds one record, at least 2 expected: one to calibrate with, one to measure on",
+            where=f"record set {records.name!r}", mend="cut longer recordings into records",
+        )  # fmt: skip
+    notes: list[str] = []
+    used = _thinned(records, notes)
+    report("calibration", 0.02)
+    calibrated = calibrate(used, None if sim is not None else spec, rng, sim=sim)
+    root = root_entropy(rng) >> 66
+    evidence = Evidence(calibrated, simulator_of(calibrated, sim), spec, root)
+    found = explain(evidence, learnt, lambda what, part: report(what, 0.1 + 0.5 * part))
+    report("places and tests", 0.65)
+    trial = _Trial(evidence, found)
+    before = trial.replicates(found.before.simulator, found.before.effects, trial.most)
+    first = Paired(trial.real, before)
+    located = locate(first, rng)
+    tests = tuple(test.test for test in overall_tests(first, rng))
+    status = _status(found)
+    after = before
+    if found.gap and found.after.effects:
+        after = trial.replicates(found.after.simulator, found.after.effects, trial.fewer)
+    count = min(len(before), len(after))
+    report("how far", 0.75)
+    metrics = shrink_metrics(trial.real, before[:count], after[:count], rng)
+    pairs = paired(trial.real, before[:count], after[:count])
+    floor, _ = pairs[1].floor(rng)
+    closed = closure_interval(*pairs, floor, rng)
+    report("candidates", 0.8)
+    candidates = tuple(trial.candidates(learnt, floor, rng, lambda part: report("candidates", 0.8 + 0.18 * part)))
+    rest = locate(Paired(trial.real, after), rng).places if status in ("partly_explained", "unexplained") else ()
+    verdict = Verdict(
+        status, found.names if status in ("explained", "partly_explained") else (), found.confidence_set,
+        found.p_value, *((closed.value, closed.interval) if found.after.effects and found.gap else (None, None)),
+    )  # fmt: skip
+    whole = GapReport(
+        verdict=verdict,
+        places=located.places if found.gap else (),
+        candidates=candidates,
+        metrics=metrics,
+        provenance=_provenance(records, used, calibrated, spec, sim, learnt, begin),
+        notes=(*notes, *calibrated.notes, *_told(found)),
+        calibration=_calibration(calibrated, found),
+        rest=rest,
+        tests=tests,
+        curves=curves(trial.real, before[:count], after[:count] if after is not before else None),
+    )
+    report("done", 1.0)
+    return Diagnosis(whole, found, calibrated, root)
+
+
+class _Trial:
+    """The held-out part, measured in views against simulations."""
+
+    def __init__(self, evidence: Evidence, found: Explanation) -> None:
+        self.evidence, self.found = evidence, found
+        self.part = evidence.calibrated.held_out
+        self.grid = Grid.of(self.part.conditions, evidence.frame.bearing)
+        self.real = evidence.views(self.part, self.grid)
+        n = len(self.part)
+        self.most = int(np.clip(np.ceil(_SIMULATED / n), 3, 39))
+        self.fewer = int(np.clip(np.ceil(_SIMULATED / 3 / n), 2, 12))
+
+    def replicates(self, simulator: Simulator, effects: tuple[Effect, ...], count: int) -> list[Views]:
+        """Views of so many simulations of the held-out part."""
+        made = self.evidence.simulated
+        return [
+            self.evidence.views(made(simulator, effects, self.part.conditions, 2 + k), self.grid) for k in range(count)
+        ]
+
+    def candidates(
+        self, learnt: Learnt, floor: float, rng: np.random.Generator, report: Callable[[float], None]
+    ) -> Iterator[Candidate]:
+        """Every catalogued effect, judged among the named ones: the gap without it and with it."""
+        found = self.found
+        named = {one.effect.name: one for one in found.effects}
+        base = self._of(found.after) if found.gap else self._of(found.before)
+        names = [name for name in catalogue() if name not in self.evidence.modelled]
+        for done, name in enumerate(names):
+            report(done / len(names))
+            probability = min(max(found.probability.get(name, 0.0), 0.0), 1.0)
+            others = tuple(other for other in named if other != name)
+            if name in found.cannot:
+                gap = float(base[1].over_views(base[1].squares())[0][0])
+                own = named.get(name)
+                yield Candidate(
+                    name, probability, gap, gap, 0.0, (0.0, 0.0), _values(own) if own else {}, found.cannot[name], others
+                )
+                continue
+            if name in named:
+                without = self.evidence.against(tuple(named[o].effect for o in others if o not in found.cannot))
+                pair = paired(self.real, self._of(without)[0], base[0])
+                value = named[name]
+            else:
+                value = estimate(name, (found.after if found.gap else found.before).fit, self.evidence, learnt)
+                pair = paired(self.real, base[0], self._with(value.effect, probability))
+            closed = closure_interval(*pair, floor, rng, draws=200)
+            yield Candidate(
+                name, probability, closed.before, closed.after, closed.value, closed.interval, _values(value), None, others
+            )
+
+    def _of(self, compared: object) -> tuple[list[Views], Paired]:
+        simulator, effects = compared.simulator, compared.effects  # type: ignore[attr-defined]
+        views = self.replicates(simulator, effects, 2)
+        return views, Paired(self.real, views)
+
+    def _with(self, effect: Effect, probability: float) -> list[Views]:
+        """The twin with the named effects and one more."""
+        after = self.found.after if self.found.gap else self.found.before
+        effects = (*after.effects, effect)
+        simulator = self.evidence.against(effects).simulator if probability > _LIKELY else after.simulator
+        try:
+            return self.replicates(simulator, effects, 2)
+        except TwingapError:  # at these values it cannot act on one of the records: then it explains nothing
+            return self.replicates(after.simulator, after.effects, 2)
+
+
+def _status(found: Explanation) -> Status:
+    if not found.gap:
+        return "no_gap"
+    if not found.effects:
+        return "unexplained"
+    return "explained" if found.rest_p > ALPHA_REST else "partly_explained"
+
+
+def _thinned(records: RecordSet, notes: list[str]) -> RecordSet:
+    """At most `MOST_RECORDS`, spread over faults, and within a fault over speeds, times and groups as they come."""
+    if len(records) <= MOST_RECORDS:
+        return records
+    of: dict[str | None, list[int]] = {}
+    for place, c in enumerate(records.conditions):
+        of.setdefault(c.fault, []).append(place)
+    share = MOST_RECORDS // len(of)
+    kept: list[int] = []
+    for fault, places in of.items():
+        conditions = records.conditions
+        places.sort(key=lambda p: (conditions[p].speed_rpm, conditions[p].time_s or 0.0, p))
+        picked = np.unique(np.linspace(0, len(places) - 1, min(share, len(places))).round().astype(int))
+        kept += [places[int(i)] for i in picked]
+    notes.append(f"{len(kept)} of {len(records)} records were looked at, spread over faults and speeds")
+    return records.take(sorted(kept))
+
+
+def _values(found: Estimated) -> Mapping[str, ParameterValue]:
+    import dataclasses
+
+    return {
+        field.name: ParameterValue(
+            float(getattr(found.effect, field.name)), field.metadata["unit"], found.intervals.get(field.name)
+        )
+        for field in dataclasses.fields(found.effect)  # type: ignore[arg-type]
+    }
+
+
+def _calibration(calibrated: Calibrated, found: Explanation) -> dict[str, ParameterValue]:
+    """What calibration found: the twin's parameters as given, the speeds, the gain."""
+    out = {}
+    if calibrated.spec is not None:
+        baseline = {k: v for k, v in flat(calibrated.spec.parameters).items() if k.split(".")[0] not in catalogue()}
+        out |= {name: ParameterValue(float(value)) for name, value in baseline.items()}
+    out["speed_correction"] = ParameterValue(float(np.exp(calibrated.speeds.common_ratio)), "true over nominal")
+    gain = getattr(found.before.simulator, "gain", None)
+    if gain is not None:
+        out["unit_gain"] = ParameterValue(float(gain), "records over simulation")
+    return out
+
+
+def _told(found: Explanation) -> Iterator[str]:
+    for name in found.names:
+        if name in found.cannot:
+            yield f"{name} is named from the records alone: {found.cannot[name]}, so it could not be added and checked"
+    extra = [note for note in getattr(found.before.simulator, "notes", ())]
+    yield from extra
+
+
+def _provenance(
+    records: RecordSet, used: RecordSet, calibrated: Calibrated, spec: TwinSpec, sim: RecordSet | None,
+    learnt: Learnt, begin: float,
+) -> dict[str, object]:  # fmt: skip
+    rates: Sequence[float] = sorted({c.fs_hz for c in records.conditions})
+    return {
+        "seed": -1,
+        "version": versions()["twingap"],
+        "records_sha256": records.digest,
+        "runtime_s": round(time.monotonic() - begin, 3),
+        "records": records.name,
+        "twin_model": spec.model,
+        "twin_effects": list(spec.effects),
+        "n_records": len(records),
+        "n_used": len(used),
+        "n_fit": len(calibrated.fit),
+        "n_held_out": len(calibrated.held_out),
+        "bearing": calibrated.frame.bearing.name,
+        "fs_hz": rates[0] if len(rates) == 1 else list(rates),
+        "simulator": "" if sim is None else sim.name,
+        "learnt": str(learnt.about.get("key", "")),
+    }

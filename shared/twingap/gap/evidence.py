@@ -1,0 +1,135 @@
+"""The records against the twin with any set of effects added: what a search over effects asks again and again.
+
+records --calibrate--> fit part, held-out part, frame, twin
+twin + effects --recalibrate on the fit part, simulate both parts--> Compared: features of each part
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, fields, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twingap.effects import Effect
+from twingap.gap import comparison
+from twingap.gap.calibrate import Calibrated, recalibrate
+from twingap.gap.comparison import Measured
+from twingap.gap.simulator import OwnSimulator, Simulator, TwinSimulator
+from twingap.gap.training.parameters import Setting
+from twingap.gap.view import RecordView
+from twingap.gap.views import Grid, Views
+from twingap.gap.views import measure as measure_views
+from twingap.records import Condition, Record, RecordSet
+from twingap.twins.twin_file import TwinSpec
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Compared:
+    """The records against one simulation of them.
+
+    Parameters
+    ----------
+    effects : tuple of Effect
+        Added to the twin.
+    simulator : Simulator
+        The twin, calibrated with them.
+    fit, held_out : Array [features]
+        Comparison on the part that parameters are fitted to, and on the part that is reported.
+    """
+
+    effects: tuple[Effect, ...]
+    simulator: Simulator
+    fit: Array
+    held_out: Array
+
+
+def simulator_of(calibrated: Calibrated, sim: RecordSet | None = None) -> Simulator:
+    """The calibrated twin, or the user's own simulated records, as what a diagnosis questions."""
+    fit = calibrated.fit
+    if sim is not None:
+        return OwnSimulator(sim, fit, calibrated.frame.bearing, calibrated.frame.scale)
+    assert calibrated.spec is not None  # `calibrate` gives one where no simulated records were brought
+    conditions = (*fit.conditions, *calibrated.held_out.conditions)
+    return TwinSimulator(calibrated.spec, calibrated.frame.bearing, fit.unit, conditions)
+
+
+class Evidence:
+    """The records, measured once, and every twin that has been held against them.
+
+    Parameters
+    ----------
+    calibrated : Calibrated
+    simulator : Simulator
+        The calibrated twin, or the user's own.
+    spec : TwinSpec
+        The twin as it was given: what it fixes stays fixed, what it models is not missing.
+    root : int
+        Entropy of all simulations: a chain of effects meets the same strikes and the same noise as the next chain, so
+        that differences between chains are not chance.
+    """
+
+    def __init__(self, calibrated: Calibrated, simulator: Simulator, spec: TwinSpec, root: int) -> None:
+        self.spec = spec
+        self.calibrated, self.root, self.frame = calibrated, root, calibrated.frame
+        self.fit = comparison.measure(calibrated.fit, self.frame)
+        self.held_out = comparison.measure(calibrated.held_out, self.frame)
+        conditions = (*calibrated.fit.conditions, *calibrated.held_out.conditions)
+        self.setting = Setting.of(conditions)
+        self._simulator = simulator
+        self._known: dict[tuple[Effect, ...], Compared] = {}
+
+    def against(self, effects: Sequence[Effect] = ()) -> Compared:
+        """The twin with these effects added, recalibrated on the fit part, against both parts."""
+        chain = tuple(sorted(effects, key=lambda effect: effect.name))
+        if chain not in self._known:
+            self._known[chain] = self._compare(chain)
+        return self._known[chain]
+
+    @property
+    def modelled(self) -> tuple[str, ...]:
+        """Effects that the twin has as given."""
+        return tuple(dict.fromkeys((*self.spec.effects, *self._simulator.has)))
+
+    def can_add(self, name: str) -> str | None:
+        """Why the simulator cannot have this effect, or None."""
+        return self._simulator.can_add(name)
+
+    def _compare(self, effects: tuple[Effect, ...]) -> Compared:
+        simulator = self._recalibrated(effects)
+        simulated = [
+            comparison.measure(self.simulated(simulator, effects, part.conditions, part_number), self.frame)
+            for part_number, part in enumerate((self.calibrated.fit, self.calibrated.held_out))
+        ]
+        fit = comparison.compare(self.fit, simulated[0])
+        return Compared(effects, simulator, fit, comparison.compare(self.held_out, simulated[1]))
+
+    def _recalibrated(self, effects: tuple[Effect, ...]) -> Simulator:
+        """What simulates these effects, its baseline matched anew: what the effects explain is no noise of the twin."""
+        spec = self.calibrated.spec
+        if not effects or spec is None or spec.model != "phenomenological":
+            return self._simulator
+        values = {**spec.parameters, **{effect.name: values_of(effect) for effect in effects}}
+        more = replace(spec, effects=(*spec.effects, *(effect.name for effect in effects)), parameters=values)
+        return simulator_of(recalibrate(self.calibrated, more, np.random.default_rng(self.root), free=self.spec))
+
+    def simulated(
+        self, simulator: Simulator, effects: Sequence[Effect], conditions: Sequence[Condition], replicate: int
+    ) -> Iterator[Record]:
+        """Records of these conditions, one at a time."""
+        yield from simulator.simulate(tuple(effects), conditions, self.root, replicate)
+
+    def views(self, records: RecordSet | Iterable[Record], grid: Grid) -> Views:
+        """Interpretable views of records, which are not kept."""
+        return measure_views((RecordView(r.samples, r.condition, self.frame) for r in records), grid)
+
+
+def values_of(effect: Effect) -> dict[str, float]:
+    """Its parameters by name."""
+    return {field.name: getattr(effect, field.name) for field in fields(effect)}  # type: ignore[arg-type]
+
+
+__all__ = ["Compared", "Evidence", "Measured", "simulator_of", "values_of"]

@@ -1,0 +1,192 @@
+"""What a diagnosis brings along, learnt beforehand from simulated gaps: `twingap gap train`.
+
+draw_gap --calibrate, compare--> examples (in chunks, resumable) --learn--> detectors, estimators, null --> cache
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterator
+from functools import lru_cache
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+
+from twingap.errors import TwingapError
+from twingap.files import replacing, sha256
+from twingap.provenance import digest_of_value
+
+if TYPE_CHECKING:
+    from twingap.gap.training.learn import Learnt
+    from twingap.records import RecordSet
+
+MACHINES: Final = 3600
+"""Machines of a full training: twenty minutes on two cores."""
+CHUNK: Final = 30
+MOST_RECORDS: Final = 24
+SEED: Final = 20
+
+Report = Callable[[str, float], None]
+
+
+def quiet(what: str, fraction: float) -> None:
+    """Report nothing."""
+
+
+def cache_folder() -> Path:
+    """Where what is learnt is kept: ``TWINGAP_HOME``/gap, or the user's cache folder."""
+    home = os.environ.get("TWINGAP_HOME")
+    if home:
+        return Path(home).absolute() / "gap"
+    import pooch
+
+    return Path(pooch.os_cache("twingap")) / "gap"
+
+
+def key(machines: int = MACHINES, seed: int = SEED) -> str:
+    """Digest of all that the result depends on: the catalogue, the features, the code that makes examples."""
+    import twingap.effects
+    import twingap.gap.signatures
+    import twingap.gap.training
+    import twingap.twins
+    from twingap.effects import catalogue
+    from twingap.gap import calibrate, comparison, evidence, simulator, speed, view
+    from twingap.provenance import digest_of_code
+
+    code = digest_of_code(
+        twingap.effects, twingap.twins, twingap.gap.signatures, twingap.gap.training,
+        calibrate, comparison, evidence, simulator, speed, view,
+    )  # fmt: skip
+    return digest_of_value({"code": code, "effects": list(catalogue()), "machines": machines, "seed": seed})[:16]
+
+
+def train(
+    cache: Path | None = None, seed: int = SEED, report: Report = quiet, *, machines: int = MACHINES, jobs: int = 0
+) -> Path:
+    """Learn the diagnosis from simulated gaps, or return what was learnt before.
+
+    Parameters
+    ----------
+    cache : Path, optional
+        Folder for the result and the examples on the way there; an interrupted training goes on where it was.
+    seed : int
+    report : callable
+        Told of progress.
+    machines : int
+        Simulated machines to learn from.
+    jobs : int
+        Processes; 0 is one per core.
+
+    Returns
+    -------
+    Path
+        The learnt file, beside it its sha256.
+    """
+    import joblib
+
+    from twingap.effects import catalogue
+    from twingap.gap.comparison import feature_names
+    from twingap.gap.training.examples import stacked
+    from twingap.gap.training.learn import learn
+    from twingap.gap.training.parameters import coordinates
+
+    folder = cache_folder() if cache is None else Path(cache)
+    own = key(machines, seed)
+    target = folder / f"learnt-{own}.joblib"
+    if _whole(target):
+        return target
+    chunks = [range(start, min(start + CHUNK, machines)) for start in range(0, machines, CHUNK)]
+    paths = [folder / f"examples-{own}" / f"{chunk.start:05d}.npz" for chunk in chunks]
+    waiting = [(chunk, path) for chunk, path in zip(chunks, paths, strict=True) if not path.exists()]
+    report("simulated gaps", (len(paths) - len(waiting)) / len(paths))
+    tasks = (joblib.delayed(_chunk)(seed, chunk, path) for chunk, path in waiting)
+    parallel = joblib.Parallel(n_jobs=jobs or os.cpu_count(), return_as="generator_unordered")
+    for done, _ in enumerate(parallel(tasks), start=len(paths) - len(waiting) + 1):
+        report("simulated gaps", 0.8 * done / len(paths))
+    examples = stacked([_read(path) for path in paths])
+    learnt = learn(
+        examples, tuple(catalogue()), coordinates(), feature_names(),
+        lambda what, part: report(what, 0.8 + 0.2 * part),
+    )  # fmt: skip
+    learnt.about.update(machines=machines, seed=seed, key=own, examples=len(examples))
+    with replacing(target) as temporary:
+        joblib.dump(learnt, temporary, compress=3)
+    with replacing(target.with_suffix(".sha256")) as temporary:
+        temporary.write_text(f"{sha256(target)}  {target.name}\n", encoding="utf-8")
+    load.cache_clear()
+    return target
+
+
+@lru_cache(maxsize=2)
+def load(path: Path) -> Learnt:
+    """What was learnt, checked against its checksum.
+
+    Raises
+    ------
+    TwingapError
+        When the file is not what training wrote.
+    """
+    import joblib
+
+    if not _whole(path):
+        raise TwingapError("is missing or altered", where=path, mend="run `twingap gap train`")
+    found: Learnt = joblib.load(path)
+    return found
+
+
+def _whole(path: Path) -> bool:
+    """Whether the file is there and is the one that its checksum names."""
+    check = path.with_suffix(".sha256")
+    return path.exists() and check.exists() and check.read_text(encoding="utf-8").split()[:1] == [sha256(path)]
+
+
+def _chunk(seed: int, machines: range, path: Path) -> None:
+    from threadpoolctl import threadpool_limits
+
+    from twingap.gap.training.examples import examples
+
+    with threadpool_limits(1):
+        made = examples(seed, machines, MOST_RECORDS)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with replacing(path) as temporary:
+        with temporary.open("wb") as file:
+            np.savez(file, **vars(made))
+
+
+def _read(path: Path) -> Any:
+    from twingap.gap.training.learn import Examples
+
+    with np.load(path) as stored:
+        return Examples(**{name: stored[name] for name in stored.files})
+
+
+def worlds(
+    n: int, rng: np.random.Generator, most_records: int = MOST_RECORDS
+) -> Iterator[tuple[RecordSet, RecordSet, frozenset[str]]]:
+    """Simulated gaps for whoever wants to learn in another way: (measured, simulated by the calibrated twin, missing).
+
+    Machines with something outside the catalogue are left out.
+    """
+    from twingap.gap.calibrate import calibrate
+    from twingap.gap.evidence import simulator_of
+    from twingap.gap.training.gaps import draw_gap
+    from twingap.records import RecordSet
+
+    made = 0
+    while made < n:
+        gap = draw_gap(rng, most_records=most_records)
+        if gap.strange:
+            continue
+        try:
+            calibrated = calibrate(gap.records, gap.spec, rng, sim=gap.sim)
+            part = calibrated.held_out
+            simulated = simulator_of(calibrated, gap.sim).simulate((), part.conditions, int(rng.integers(2**62)), 1)
+        except TwingapError:
+            continue
+        made += 1
+        yield (
+            part,
+            RecordSet.from_records("simulated", part.unit, part.bearing, simulated),
+            frozenset(effect.name for effect in gap.missing),
+        )

@@ -1,0 +1,305 @@
+"""Simulated gaps: machines whose missing effects are known, to learn the diagnosis from.
+
+machine + effects at random --simulate--> records (nominal metadata)   what a diagnosis would be given
+                      |---- effects' names and values                  what it should say
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twingap.effects import Effect, catalogue, make_effect
+from twingap.errors import TwingapError
+from twingap.gap.evidence import values_of
+from twingap.gap.training.machines import Machine, draw_machine
+from twingap.gap.training.strangers import estrange
+from twingap.records import Record, RecordSet
+from twingap.twins.twin_file import TwinSpec
+
+Array = NDArray[np.float64]
+Drawer = Callable[[np.random.Generator, Machine], Mapping[str, float] | None]
+
+HOW_MANY = (0.16, 0.27, 0.22, 0.14, 0.12, 0.09)
+"""Chances of 0, 1, ... effects missing."""
+STRANGE = 0.18
+"""Part of the gaps with something that no catalogued effect describes."""
+
+
+@dataclass(frozen=True)
+class SimulatedGap:
+    """A gap whose cause is known.
+
+    Parameters
+    ----------
+    records : RecordSet
+        Of the machine, with nominal metadata.
+    spec : TwinSpec
+        The twin that a diagnosis gets.
+    sim : RecordSet or None
+        Records of the user's own simulator, in place of the twin's.
+    missing : tuple of Effect
+        What the machine has and the twin lacks.
+    modelled : tuple of Effect
+        What both have, at true values.
+    strange : bool
+        Whether the machine has something outside the catalogue too.
+    machine : Machine
+    """
+
+    records: RecordSet
+    spec: TwinSpec
+    sim: RecordSet | None
+    missing: tuple[Effect, ...]
+    modelled: tuple[Effect, ...]
+    strange: bool
+    machine: Machine
+
+
+def draw_gap(rng: np.random.Generator, own_simulator: bool | None = None, most_records: int = 40) -> SimulatedGap:
+    """A gap at random.
+
+    Parameters
+    ----------
+    rng : numpy.random.Generator
+    own_simulator : bool or None
+        Whether the twin is a set of simulated records; None: one time in three.
+    most_records : int
+    """
+    own = bool(rng.random() < 1 / 3) if own_simulator is None else own_simulator
+    machine = draw_machine(rng, own, most_records)
+    count = int(rng.choice(len(HOW_MANY), p=HOW_MANY))
+    modelled: tuple[Effect, ...] = ()
+    effects = draw_effects(rng, machine, count + (int(rng.integers(1, 3)) if rng.random() < 0.25 else 0))
+    if len(effects) > count:
+        kept = rng.permutation(len(effects))
+        modelled, effects = tuple(effects[i] for i in kept[count:]), tuple(effects[i] for i in kept[:count])
+    records = simulated(machine, (*modelled, *effects), rng)
+    strange = bool(rng.random() < STRANGE)
+    if strange:
+        records = estrange(records, rng)
+    nominal = RecordSet.from_records(
+        "machine", "", machine.bearing,
+        (Record(c, r.samples) for c, r in zip(machine.nominal, records, strict=True)),
+    )  # fmt: skip
+    sim = None
+    if own:
+        gain = float(np.exp(rng.normal(0, 0.7))) if rng.random() < 0.7 else 1.0
+        sim = simulated(replace(machine, conditions=machine.nominal), modelled, rng, gain)
+    values = {effect.name: values_of(effect) for effect in modelled}
+    spec = TwinSpec("phenomenological", tuple(values), None, values)
+    return SimulatedGap(nominal, spec, sim, effects, modelled, strange, machine)
+
+
+def simulated(
+    machine: Machine, effects: Sequence[Effect], rng: np.random.Generator, gain: float = 1.0
+) -> RecordSet:
+    """Records of the machine under its conditions."""
+    return machine.twin(effects, gain).simulate(machine.conditions, rng)
+
+
+def draw_effects(rng: np.random.Generator, machine: Machine, count: int) -> tuple[Effect, ...]:
+    """So many different effects, as far as this machine's records could show them."""
+    names = list(catalogue())
+    chances = np.array([_SHYNESS.get(name, 1.0) for name in names])
+    out: list[Effect] = []
+    for place in rng.choice(len(names), len(names), replace=False, p=chances / chances.sum()):
+        if len(out) == count:
+            break
+        name = names[place]
+        drawer = DRAWERS.get(name, _plausible(name))
+        values = drawer(rng, machine)
+        if values is None:
+            continue
+        try:
+            effect = make_effect(name, values)
+        except TwingapError:
+            continue
+        if _fits(effect, machine):
+            out.append(effect)
+    return tuple(out)
+
+
+def _fits(effect: Effect, machine: Machine) -> bool:
+    """Whether every record of the machine can be simulated with it."""
+    from twingap.effects import Draft
+
+    t = np.zeros(2)
+    fastest = max(machine.conditions, key=lambda c: c.speed_rpm)
+    return effect.cannot_act_on(Draft(fastest, machine.bearing, 1.0, t, t)) is None
+
+
+_SHYNESS = {
+    "entry_exit": 1.4, "mean_slip": 1.6, "slip_jitter": 1.6, "speed_fluctuation": 1.6, "impact_scatter": 1.6,
+    "second_resonance": 1.4, "load_zone": 1.6, "cage_modulation": 1.4, "damage_growth": 2.0, "speed_gain": 1.4,
+    "sensor_rolloff": 1.3, "coloured_noise": 1.3, "distributed_roughness": 1.3, "foreign_bearing": 1.2,
+}  # fmt: skip
+"""Effects that are hard to see, or that few machines' records could show, are drawn more often."""
+
+
+def _log(rng: np.random.Generator, low: float, high: float) -> float:
+    return float(np.exp(rng.uniform(np.log(low), np.log(high))))
+
+
+def _faults(machine: Machine) -> set[str]:
+    return {str(c.fault) for c in machine.conditions} - {"healthy"}
+
+
+def _any_fault(drawer: Drawer) -> Drawer:
+    return lambda rng, machine: drawer(rng, machine) if _faults(machine) else None
+
+
+def _zone(rng: np.random.Generator, machine: Machine) -> Mapping[str, float] | None:
+    return {"depth": rng.uniform(0.12, 1.0)} if _faults(machine) & {"inner", "ball"} else None
+
+
+def _growth(rng: np.random.Generator, machine: Machine) -> Mapping[str, float] | None:
+    times = [c.time_s for c in machine.conditions if c.time_s is not None and c.fault != "healthy"]
+    if len(times) < 4 or max(times) <= min(times):
+        return None
+    begin, span = min(times), max(times) - min(times)
+    onset = begin + span * rng.uniform(0, 0.6) if rng.random() < 0.6 else begin
+    return {"rate_per_s": _log(rng, 0.35, 3.0) / (max(times) - onset), "onset_s": onset}
+
+
+def _gain(rng: np.random.Generator, machine: Machine) -> Mapping[str, float] | None:
+    speeds = [c.speed_rpm for c in machine.conditions]
+    if max(speeds) / min(speeds) < 1.12:
+        return None
+    sign = 1 if rng.random() < 0.8 else -1
+    reference = 1800.0 if rng.random() < 0.3 else float(np.median(speeds))
+    return {"exponent": sign * _log(rng, 0.4, 3.0), "reference_speed_rpm": reference}
+
+
+def _resonance(rng: np.random.Generator, machine: Machine) -> Mapping[str, float] | None:
+    first, fs_hz = machine.parameters.resonance_hz, machine.conditions[0].fs_hz
+    second = _log(rng, 0.02, 0.46) * fs_hz
+    if abs(np.log(second / first)) < 0.2:
+        return None
+    return {"frequency_hz": second, "damping_ratio": _log(rng, 0.01, 0.15), "gain": _log(rng, 0.2, 4.0)}
+
+
+def _rolloff(rng: np.random.Generator, machine: Machine) -> Mapping[str, float]:
+    return {"corner_hz": machine.parameters.resonance_hz * _log(rng, 0.25, 1.25), "order": int(rng.integers(1, 7))}
+
+
+def _mains(rng: np.random.Generator, machine: Machine) -> Mapping[str, float]:
+    return {
+        "level": _log(rng, 0.04, 2.0), "decay": rng.uniform(0.2, 0.9), "mains_hz": float(rng.choice([50.0, 60.0])),
+        "n_harmonics": int(rng.integers(1, 9)),
+    }  # fmt: skip
+
+
+def _drive(rng: np.random.Generator, machine: Machine) -> Mapping[str, float]:
+    fs_hz = machine.conditions[0].fs_hz
+    order = float(rng.integers(1, 9)) if rng.random() < 0.7 else rng.uniform(1, 8)
+    return {
+        "level": _log(rng, 0.05, 2.0), "depth": rng.uniform(0.2, 2.0), "carrier_hz": fs_hz * _log(rng, 0.04, 0.46),
+        "sideband_order": order,
+    }  # fmt: skip
+
+
+def _gear(rng: np.random.Generator, machine: Machine) -> Mapping[str, float] | None:
+    fastest = max(c.speed_rpm for c in machine.conditions) / 60
+    most = int(0.45 * machine.conditions[0].fs_hz / fastest)
+    if most < 9:
+        return None
+    return {
+        "level": _log(rng, 0.05, 3.0), "decay": rng.uniform(0.1, 0.9), "depth": rng.uniform(0.1, 1.5),
+        "teeth": int(rng.integers(8, min(90, most) + 1)), "n_harmonics": int(rng.integers(1, 7)),
+    }  # fmt: skip
+
+
+def _foreign(rng: np.random.Generator, machine: Machine) -> Mapping[str, float]:
+    fs_hz = machine.conditions[0].fs_hz
+    return {
+        "level": _log(rng, 1.0, 20.0), "order": rng.uniform(1.3, 13.0), "resonance_hz": fs_hz * _log(rng, 0.04, 0.44),
+        "damping_ratio": _log(rng, 0.01, 0.15),
+    }  # fmt: skip
+
+
+def _coloured(rng: np.random.Generator, machine: Machine) -> Mapping[str, float]:
+    fs_hz = machine.conditions[0].fs_hz
+    if rng.random() < 0.55:  # a slope from pumps and flow
+        slope = rng.uniform(0.6, 2.5) if rng.random() < 0.85 else rng.uniform(-1.0, -0.6)
+        band = {"slope": slope, "low_hz": _log(rng, 0.001, 0.01) * fs_hz, "high_hz": _log(rng, 0.2, 1.2) * fs_hz}
+    else:  # a band from a neighbour
+        low = fs_hz * rng.uniform(0.005, 0.4)
+        band = {"slope": rng.uniform(-0.3, 0.5), "low_hz": low, "high_hz": low + fs_hz * rng.uniform(0.01, 0.15)}
+    return {"level": _log(rng, 0.2, 4.0), **band}
+
+
+def _knocks(rng: np.random.Generator, machine: Machine) -> Mapping[str, float]:
+    fs_hz = machine.conditions[0].fs_hz
+    return {
+        "level": _log(rng, 4.0, 60.0), "rate_hz": _log(rng, 0.7, 40.0), "resonance_hz": fs_hz * _log(rng, 0.03, 0.44),
+        "damping_ratio": _log(rng, 0.01, 0.25),
+    }  # fmt: skip
+
+
+def _waviness(rng: np.random.Generator, machine: Machine) -> Mapping[str, float]:
+    return {
+        "level": _log(rng, 0.04, 2.0), "decay": rng.uniform(0.2, 0.95), "n_harmonics": int(rng.integers(1, 8)),
+        "inner": int(rng.random() < 0.35),
+    }  # fmt: skip
+
+
+def _clipping(rng: np.random.Generator, machine: Machine) -> Mapping[str, float]:
+    # Where the strongest records reach is known only roughly here; a rail that nothing meets is no effect.
+    reach = 3.2 if not _faults(machine) else max(machine.parameters.impact_amplitude.values()) + 2.5
+    return {"rail": max(reach * rng.uniform(0.25, 0.8), 1.6)}
+
+
+DRAWERS: dict[str, Drawer] = {
+    "speed_fluctuation": _any_fault(lambda r, m: {"level": _log(r, 0.0015, 0.05), "bandwidth_hz": _log(r, 0.5, 10.0)}),
+    "mean_slip": lambda r, m: (
+        {"slip": float(r.choice([-1, 1])) * _log(r, 0.004, 0.04)} if len(_faults(m)) > 1 else None
+    ),
+    "slip_jitter": _any_fault(lambda r, m: {"sigma": _log(r, 0.005, 0.1), "accumulating": int(r.random() < 0.3)}),
+    "impact_scatter": _any_fault(lambda r, m: {"sigma": _log(r, 0.1, 1.0)}),
+    "load_zone": _zone,
+    "cage_modulation": _any_fault(lambda r, m: {"depth": r.uniform(0.12, 1.0)}),
+    "entry_exit": _any_fault(lambda r, m: {"arc_deg": _log(r, 0.6, 10.0), "exit_ratio": _log(r, 0.35, 2.5)}),
+    "distributed_roughness": lambda r, m: {"level": _log(r, 0.3, 4.0), "depth": r.uniform(0.25, 1.0)},
+    "speed_gain": _gain,
+    "damage_growth": _growth,
+    "second_resonance": _resonance,
+    "sensor_rolloff": _rolloff,
+    "shaft_harmonics": lambda r, m: {f"level_{k}x": _log(r, 0.03, 1.5) for k in (1, 2, 3)},
+    "looseness": lambda r, m: {
+        "level": _log(r, 0.04, 1.2), "decay": r.uniform(0.6, 0.97), "half_ratio": r.uniform(0.25, 1.0),
+        "n_orders": int(r.integers(5, 18)),
+    },
+    "mains_interference": _mains,
+    "drive_interference": _drive,
+    "gear_mesh": _gear,
+    "foreign_bearing": _foreign,
+    "coloured_noise": _coloured,
+    "impulsive_noise": _knocks,
+    "waviness": _waviness,
+    "clipping": _clipping,
+    "quantisation": lambda r, m: {"step": _log(r, 0.05, 2.0)},
+    "dropout": lambda r, m: {"rate_hz": _log(r, 0.4, 20.0), "length_s": _log(r, 0.001, 0.03)},
+}  # fmt: skip
+"""Effect -> values at random for a machine, visible in its records; None where they could not show it.
+
+Wider than one machine has them and narrower than their plausible ranges, whose lower ends nobody could see.
+"""
+
+
+def _plausible(name: str) -> Drawer:
+    """Values for an effect of a user's own: its plausible ranges."""
+    import dataclasses
+
+    def draw(rng: np.random.Generator, machine: Machine) -> Mapping[str, float]:
+        out = {}
+        for field in dataclasses.fields(catalogue()[name]):  # type: ignore[arg-type]
+            low, high = field.metadata["plausible"]
+            if field.metadata["fitted"]:
+                out[field.name] = _log(rng, low, high) if field.metadata["log"] else rng.uniform(low, high)
+        return out
+
+    return draw

@@ -1,0 +1,308 @@
+"""What is learnt from simulated gaps: which effects are missing, at which values, and whether anything is.
+
+examples (features, what is missing, values) --folds of whole machines--> detectors, estimators, null scores
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+FOLDS: Final = 4
+_KEPT: Final = 160
+_FEWEST: Final = 25
+"""Examples of an effect below which nothing is learnt of it."""
+
+
+@dataclass
+class Examples:
+    """Simulated gaps as numbers.
+
+    Parameters
+    ----------
+    features : Array [examples, features]
+    missing : Mask [examples, effects]
+    strange : Mask [examples]
+        Something outside the catalogue.
+    machine : Array [examples]
+        Which machine: one machine never sits on both sides of a fold.
+    first : Mask [examples]
+        Whether the twin was as given; False: effects found so far had been added to it.
+    values : Array [examples, parameters]
+        Of the missing effects, NaN otherwise.
+    fit_features : Array [examples, features]
+        The same comparison on the records that parameters are fitted to.
+    """
+
+    features: NDArray[np.float32]
+    missing: Mask
+    strange: Mask
+    machine: NDArray[np.int64]
+    first: Mask
+    values: Array
+    fit_features: NDArray[np.float32]
+
+    def __len__(self) -> int:
+        return len(self.features)
+
+
+@dataclass
+class Ensemble:
+    """One model per fold over the features that matter, and what it said of examples it had not seen."""
+
+    columns: NDArray[np.int64]
+    models: list[Any]
+    slope: float = 1.0
+    offset: float = 0.0
+    unseen: Array = field(default_factory=lambda: np.empty(0))
+
+    def score(self, features: NDArray[Any]) -> Array:
+        """[examples] Log odds of a classifier, or a regressor's value, averaged over folds."""
+        own = np.asarray(features[:, self.columns], np.float32)
+        if hasattr(self.models[0], "decision_function"):
+            raw = np.mean([m.decision_function(own) for m in self.models], axis=0)
+            return np.asarray(self.slope * raw + self.offset)
+        return np.asarray(np.mean([m.predict(own) for m in self.models], axis=0))
+
+
+@dataclass
+class Estimator:
+    """A parameter's value: a line over the feature that tells most, and trees for the rest."""
+
+    anchor: int
+    line: tuple[float, float]
+    middle: float
+    rest: Ensemble
+    error: float
+    """Nine of ten estimates for machines not learnt from were off by less (in comparable numbers)."""
+
+    def estimate(self, features: NDArray[Any]) -> Array:
+        """[examples] Comparable numbers, see `parameters`."""
+        return self._on_line(features) + self.rest.score(features)
+
+    def _on_line(self, features: NDArray[Any]) -> Array:
+        slope, offset = self.line
+        known = np.asarray(features[:, self.anchor], float)
+        return np.where(np.isfinite(known), slope * known + offset, self.middle)
+
+
+def folds(machine: NDArray[np.int64], count: int = FOLDS) -> NDArray[np.int64]:
+    """[examples] Fold of each example, by machine."""
+    return np.asarray(machine % count)
+
+
+class Table:
+    """Features of examples, with their ranks worked out once for all that is learnt from them."""
+
+    def __init__(self, features: NDArray[np.float32]) -> None:
+        self.values = features
+        self.ranks = np.zeros_like(features)
+        for j in range(features.shape[1]):
+            known = np.isfinite(features[:, j])
+            if known.sum() >= _FEWEST and np.ptp(features[known, j]) > 0:
+                place = np.argsort(np.argsort(features[known, j])).astype(float)
+                self.ranks[known, j] = (place - place.mean()) / (place.std() * np.sqrt(len(features)))
+
+    def take(self, rows: Mask) -> Table:
+        """Some of the examples; their ranks stay those among all."""
+        part = Table.__new__(Table)
+        part.values, part.ranks = self.values[rows], self.ranks[rows]
+        return part
+
+    def telling(self, target: Array) -> NDArray[np.int64]:
+        """Columns that tell most of the target: by rank correlation, and by what random trees split on."""
+        from sklearn.ensemble import ExtraTreesClassifier, ExtraTreesRegressor
+
+        place = np.argsort(np.argsort(target)).astype(np.float32)
+        ranked = np.abs(self.ranks.T @ (place - place.mean()))
+        binary = np.isin(target, (0.0, 1.0)).all()
+        kind = ExtraTreesClassifier if binary else ExtraTreesRegressor
+        trees = kind(n_estimators=48, max_features=0.06, min_samples_leaf=4, n_jobs=1, random_state=0)
+        usable = np.flatnonzero(np.isfinite(self.values).any(axis=0))
+        weight = np.zeros(self.values.shape[1])
+        trees.fit(self.values[:, usable], target)
+        weight[usable] = trees.feature_importances_
+        by_trees, by_rank = np.argsort(-weight)[: 2 * _KEPT // 3], np.argsort(-ranked)[: _KEPT // 3]
+        return np.unique(np.concatenate((by_trees, by_rank)))
+
+
+def learn_classifier(table: Table, label: Mask, machine: NDArray[np.int64]) -> Ensemble | None:
+    """A detector with calibrated log odds, or None when there are too few examples of either kind."""
+    from sklearn.ensemble import HistGradientBoostingClassifier
+
+    if min(label.sum(), (~label).sum()) < _FEWEST:
+        return None
+    columns = table.telling(label.astype(float))
+    own, fold = table.values[:, columns], folds(machine)
+    unseen, models = np.zeros(len(label)), []
+    for k in range(FOLDS):
+        inside = fold != k
+        model = HistGradientBoostingClassifier(
+            max_iter=130, learning_rate=0.08, max_leaf_nodes=14, min_samples_leaf=12, l2_regularization=2.0,
+            max_features=0.5, early_stopping=False, random_state=k,
+        )  # fmt: skip
+        model.fit(own[inside], label[inside])
+        unseen[~inside] = model.decision_function(own[~inside])
+        models.append(model)
+    slope, offset = _platt(unseen, label)
+    return Ensemble(columns, models, slope, offset, slope * unseen + offset)
+
+
+def learn_estimator(table: Table, value: Array, machine: NDArray[np.int64]) -> Estimator | None:
+    """How to read a parameter off the features; `value` is NaN where the effect is absent."""
+    from sklearn.ensemble import HistGradientBoostingRegressor
+
+    known = np.isfinite(value)
+    if known.sum() < _FEWEST or np.ptp(value[known]) == 0:
+        return None
+    table, value, machine = table.take(known), value[known], machine[known]
+    columns, features = table.telling(value), table.values
+    anchor, line = _anchor(features, columns, value)
+    on_line = np.where(np.isfinite(features[:, anchor]), line[0] * features[:, anchor] + line[1], np.median(value))
+    residual, own, fold = value - on_line, features[:, columns], folds(machine)
+    unseen, models = np.zeros(len(value)), []
+    for k in range(FOLDS):
+        inside = fold != k
+        model = HistGradientBoostingRegressor(
+            loss="absolute_error", max_iter=100, learning_rate=0.08, max_leaf_nodes=10, min_samples_leaf=8,
+            l2_regularization=1.0, max_features=0.5, early_stopping=False, random_state=k,
+        )  # fmt: skip
+        model.fit(own[inside], residual[inside])
+        unseen[~inside] = model.predict(own[~inside])
+        models.append(model)
+    error = float(np.quantile(np.abs(residual - unseen), 0.9))
+    return Estimator(anchor, line, float(np.median(value)), Ensemble(columns, models, unseen=unseen), error)
+
+
+def _anchor(features: NDArray[np.float32], columns: NDArray[np.int64], value: Array) -> tuple[int, tuple[float, float]]:
+    """The column that comes nearest to the value on a straight line, by mean absolute error."""
+    best: tuple[float, int, tuple[float, float]] = (
+        float(np.mean(np.abs(value - np.median(value)))), int(columns[0]), (0.0, float(np.median(value))),
+    )  # fmt: skip
+    for j in columns:
+        column = features[:, j].astype(float)
+        known = np.isfinite(column)
+        if known.mean() < 0.5 or np.std(column[known]) < 1e-9:
+            continue
+        x, y = column[known], value[known]
+        for _ in range(3):  # least squares on what lies near: features have wild outliers where nothing was found
+            slope, offset = np.polyfit(x, y, 1)
+            off = np.abs(y - slope * x - offset)
+            near = off <= np.quantile(off, 0.85)
+            if near.sum() < 10 or np.std(x[near]) < 1e-9:
+                break
+            x, y = x[near], y[near]
+        offset_missing = np.where(known, slope * np.nan_to_num(column) + offset, np.median(value))
+        error = float(np.mean(np.minimum(np.abs(value - offset_missing), 3 * best[0])))
+        if error < best[0]:
+            best = (error, int(j), (float(slope), float(offset)))
+    return best[1], best[2]
+
+
+def _platt(score: Array, label: Mask) -> tuple[float, float]:
+    """Slope and offset that make scores log odds."""
+    from sklearn.linear_model import LogisticRegression
+
+    fit = LogisticRegression(C=10.0).fit(np.clip(score, -15, 15)[:, None], label)
+    return max(float(fit.coef_[0, 0]), 0.05), float(fit.intercept_[0])
+
+
+def _alone(function: Callable[..., Any], *arguments: Any) -> Any:
+    """On one thread: its siblings have the other cores."""
+    from threadpoolctl import threadpool_limits
+
+    with threadpool_limits(1):
+        return function(*arguments)
+
+
+@dataclass
+class Learnt:
+    """All that a diagnosis brings along.
+
+    Parameters
+    ----------
+    effects : tuple of str
+        The catalogue that was learnt, in order.
+    detectors : Mapping[str, Ensemble]
+    estimators : Mapping[(effect, parameter), Estimator]
+    anything : Ensemble
+        Whether the twin lacks anything at all, named or not.
+    null : Array [machines]
+        Scores of `anything` for machines whose twin lacks nothing, each by models that had not seen it; sorted.
+    features : tuple of str
+        Names, to be sure that they are still the same.
+    about : Mapping
+        How it was made, and how well it did on machines it had not seen.
+    """
+
+    effects: tuple[str, ...]
+    detectors: Mapping[str, Ensemble]
+    estimators: Mapping[tuple[str, str], Estimator]
+    anything: Ensemble
+    null: Array
+    features: tuple[str, ...]
+    about: dict[str, Any]
+    thresholds: dict[str, float] = field(default_factory=dict)
+    set_level: float = 0.9
+    null_rest: Array = field(default_factory=lambda: np.empty(0))
+
+    def log_odds(self, features: NDArray[Any]) -> Array:
+        """[examples, effects] Log odds that each effect is missing; what was not learnt is taken as unlikely."""
+        rows = np.atleast_2d(features)
+        out = np.full((len(rows), len(self.effects)), -6.0)
+        for j, name in enumerate(self.effects):
+            if name in self.detectors:
+                out[:, j] = self.detectors[name].score(rows)
+        return out
+
+    def p_value(self, features: NDArray[Any]) -> float:
+        """Part of the machines without a gap that look at least as much like one."""
+        return self._rank(features, self.null)
+
+    def rest_p(self, features: NDArray[Any]) -> float:
+        """The same once effects have been added: against machines to which all that they lacked had been added."""
+        return self._rank(features, self.null_rest)
+
+    def _rank(self, features: NDArray[Any], null: Array) -> float:
+        score = float(self.anything.score(np.atleast_2d(features))[0])
+        return float((1 + np.sum(null >= score)) / (1 + len(null)))
+
+
+def learn(examples: Examples, effects: tuple[str, ...], parameters: tuple[tuple[str, str], ...],
+          names: tuple[str, ...], report: Callable[[str, float], None]) -> Learnt:  # fmt: skip
+    """Learn everything from the examples."""
+    import joblib
+
+    table, machine = Table(examples.features), examples.machine
+    any_gap = examples.missing.any(axis=1) | examples.strange
+    labels = {**{name: examples.missing[:, j] for j, name in enumerate(effects)}, "": any_gap}
+    # Models of one feature each are small: processes side by side are faster than threads within one.
+    parallel = joblib.Parallel(n_jobs=-1, return_as="generator")
+    detectors: dict[str, Ensemble] = {}
+    found = parallel(joblib.delayed(_alone)(learn_classifier, table, label, machine) for label in labels.values())
+    for done, (name, detector) in enumerate(zip(labels, found, strict=True)):
+        report(f"detector of {name or 'any gap'}", 0.6 * done / len(labels))
+        if detector is not None:
+            detectors[name] = detector
+    anything = detectors.pop("", None)
+    if anything is None:
+        raise ValueError("too few examples with and without a gap to learn from")
+    first = examples.first
+    table = Table(examples.fit_features[first])
+    columns = [examples.values[first, j] for j in range(len(parameters))]
+    estimators: dict[tuple[str, str], Estimator] = {}
+    made = parallel(joblib.delayed(_alone)(learn_estimator, table, own, machine[first]) for own in columns)
+    for done, (parameter, estimator) in enumerate(zip(parameters, made, strict=True)):
+        report(f"values of {parameter[0]}", 0.6 + 0.4 * done / len(parameters))
+        if estimator is not None:
+            estimators[parameter] = estimator
+    null = np.sort(anything.unseen[~any_gap & examples.first])
+    rest = np.sort(anything.unseen[~any_gap & ~examples.first])
+    return Learnt(effects, detectors, estimators, anything, null, names, {}, null_rest=rest)

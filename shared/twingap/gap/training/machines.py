@@ -1,0 +1,185 @@
+"""Random machines to learn from: geometry, structure, operation, and what their makers left out of the papers.
+
+A machine is drawn far wider than any one test rig, so that what is learnt on many of them holds on the next.
+
+rng --> geometry, rate, speeds, faults --> Machine(conditions, parameters, extra modes, small imperfections)
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from twingap.bearing import Bearing
+from twingap.effects import Draft, Effect, Mode, make_effect
+from twingap.records import Condition
+from twingap.streams import Streams
+from twingap.twins.phenomenological import PhenomenologicalParameters, PhenomenologicalTwin
+
+
+@dataclass(frozen=True)
+class Machine:
+    """A machine as it is, which its records and their metadata tell only in part.
+
+    Parameters
+    ----------
+    bearing : Bearing
+    parameters : PhenomenologicalParameters
+    conditions : tuple of Condition
+        With true speeds.
+    nominal : tuple of Condition
+        As the metadata have them.
+    modes : tuple of Mode
+        Of the structure beside the first; a twin file does not know them, so such a machine is met through records of
+        its own simulator.
+    contact_s : float
+        Duration of a strike's contact force; 0 is an impulse.
+    imperfections : tuple of Effect
+        Too small to be worth a name.
+    """
+
+    bearing: Bearing
+    parameters: PhenomenologicalParameters
+    conditions: tuple[Condition, ...]
+    nominal: tuple[Condition, ...]
+    modes: tuple[Mode, ...] = ()
+    contact_s: float = 0.0
+    imperfections: tuple[Effect, ...] = field(default=())
+
+    def twin(self, effects: Sequence[Effect] = (), scale: float = 1.0) -> StructuredTwin:
+        """What simulates this machine with these effects; `scale` is another gain."""
+        names = {effect.name for effect in effects}
+        small = tuple(effect for effect in self.imperfections if effect.name not in names)
+        own = replace(self.parameters, scale=self.parameters.scale * scale)
+        return StructuredTwin(self.bearing, own, (*small, *effects), self.modes, self.contact_s)
+
+
+class StructuredTwin(PhenomenologicalTwin):
+    """The phenomenological twin with further modes of its own and strikes of finite duration."""
+
+    def __init__(
+        self,
+        bearing: Bearing,
+        parameters: PhenomenologicalParameters,
+        effects: Sequence[Effect],
+        modes: Sequence[Mode],
+        contact_s: float,
+    ) -> None:
+        super().__init__(bearing, parameters, effects)
+        self.modes, self.contact_s = tuple(modes), contact_s
+
+    def excite(self, draft: Draft, streams: Streams) -> None:
+        """As the baseline, through all modes."""
+        super().excite(draft, streams)
+        draft.modes.extend(self.modes)
+        if self.contact_s > 0 and draft.impacts is not None:
+            # Two strikes of half strength, one contact duration apart: the force's spectrum falls as a cosine does.
+            later = self.contact_s * draft.shaft_hz
+            impacts = draft.impacts
+            impacts.turns = np.concatenate((impacts.turns, impacts.turns + later))
+            impacts.amplitudes = np.tile(impacts.amplitudes / 2, 2)
+            impacts.passes = np.tile(impacts.passes, 2)
+
+
+def draw_machine(rng: np.random.Generator, own_simulator: bool, most_records: int = 40) -> Machine:
+    """A machine at random.
+
+    Parameters
+    ----------
+    rng : numpy.random.Generator
+    own_simulator : bool
+        True: of any structure, to be met through simulated records of it; False: within reach of the baseline.
+    most_records : int
+    """
+    bearing = draw_bearing(rng)
+    fs_hz = float(np.exp(rng.uniform(np.log(6000), np.log(52000))))
+    if rng.random() < 0.7:
+        fs_hz = float(rng.choice([8000, 10000, 12000, 12800, 16000, 20000, 24000, 25600, 32000, 48000, 51200]))
+    first_hz = fs_hz * rng.uniform(0.06, 0.4)
+    sharpness = float(np.exp(rng.uniform(np.log(0.01), np.log(0.12))))
+    structure = rng.uniform(0.25, 0.97)
+    strength = float(np.exp(rng.uniform(np.log(1.8), np.log(25))))
+    parameters = PhenomenologicalParameters(
+        resonance_hz=first_hz,
+        damping_ratio=sharpness,
+        impact_amplitude={f: strength * float(np.exp(0.35 * rng.standard_normal())) for f in ("inner", "outer", "ball")},
+        structure_noise_rms=structure,
+        white_noise_rms=math.sqrt(1 - structure**2),
+        scale=float(np.exp(rng.uniform(np.log(0.01), np.log(30)))),
+    )
+    true, nominal = draw_conditions(rng, fs_hz, most_records)
+    modes: tuple[Mode, ...] = ()
+    contact_s = 0.0
+    if own_simulator:
+        modes = tuple(
+            Mode(fs_hz * rng.uniform(0.03, 0.45), float(np.exp(rng.uniform(np.log(0.01), np.log(0.12)))), g)
+            for g in np.exp(rng.uniform(np.log(0.15), np.log(1.5), rng.integers(0, 4)))
+        )
+        contact_s = rng.uniform(0, 0.45) / first_hz if rng.random() < 0.5 else 0.0
+    return Machine(bearing, parameters, true, nominal, modes, contact_s, _imperfections(rng, fs_hz))
+
+
+def draw_bearing(rng: np.random.Generator) -> Bearing:
+    """A geometry that a rolling bearing can have."""
+    rollers = int(rng.integers(6, 20))
+    ratio = rng.uniform(0.4, 0.95) * math.sin(math.pi / rollers)
+    angle = rng.uniform(5, 35) if rng.random() < 0.35 else 0.0
+    return Bearing("drawn", rollers, 60 * min(ratio, 0.4), 60.0, angle)
+
+
+def draw_conditions(
+    rng: np.random.Generator, fs_hz: float, most_records: int
+) -> tuple[tuple[Condition, ...], tuple[Condition, ...]]:
+    """True and nominal conditions of the records of one machine."""
+    count = int(np.clip(np.exp(rng.uniform(np.log(4), np.log(2 * most_records))), 4, most_records))
+    duration = float(rng.choice([0.3, 0.5, 0.8, 1.0, 1.0, 1.5]))
+    n = int(np.clip(duration * fs_hz, 3000, 26000))
+    middle = np.exp(rng.uniform(np.log(500), np.log(4200)))
+    if rng.random() < 0.25:
+        speeds = np.full(count, middle)
+    elif rng.random() < 0.6:
+        speeds = rng.choice(middle * np.exp(rng.uniform(-0.5, 0.5, rng.integers(2, 6))), count)
+    else:
+        speeds = middle * np.exp(rng.uniform(-0.4, 0.4, count))
+    # A slow shaft turns a few times at least, or nobody would diagnose anything from the record.
+    speeds = np.clip(speeds, 60 * 6 * fs_hz / n, 60 * 0.012 * fs_hz)
+    kinds = ["healthy", "outer", "inner", "ball"]
+    if rng.random() < 0.15:
+        kinds = ["healthy", str(rng.choice(kinds[1:]))]
+    elif rng.random() < 0.1:
+        kinds = kinds[1:]
+    elif rng.random() < 0.06:
+        kinds = kinds[:1]
+    order = [kinds[i % len(kinds)] for i in range(count)]
+    run = rng.random() < 0.5
+    span = float(np.exp(rng.uniform(np.log(60), np.log(3e6))))
+    times = np.linspace(0, span, count) if rng.random() < 0.5 else np.sort(rng.uniform(0, span, count))
+    if run:
+        order = [order[i] for i in rng.permutation(count)]
+    common = 1 + (0.015 * rng.standard_normal() if rng.random() < 0.4 else 0.0)
+    single = 0.006 * rng.standard_normal(count) * (rng.random() < 0.35)
+    true = tuple(
+        Condition(f"r{i}", float(speeds[i]), fs_hz, n, order[i], None, float(times[i]) if run else None)
+        for i in range(count)
+    )
+    wrong = np.clip(common + single, 0.96, 1.04)
+    nominal = tuple(replace(c, speed_rpm=c.speed_rpm / float(w)) for c, w in zip(true, wrong, strict=True))
+    return true, nominal
+
+
+def _imperfections(rng: np.random.Generator, fs_hz: float) -> tuple[Effect, ...]:
+    """Departures from the baseline that every machine has, each well below what deserves a name."""
+    small = [
+        ("slip_jitter", {"sigma": 0.0015 * rng.random()}),
+        ("impact_scatter", {"sigma": 0.04 * rng.random()}),
+        ("load_zone", {"depth": 0.03 * rng.random()}),
+        ("speed_fluctuation", {"level": 0.0003 * rng.random(), "bandwidth_hz": 2.0}),
+        ("mean_slip", {"slip": 0.0006 * rng.standard_normal()}),
+        ("quantisation", {"step": 0.002 * rng.random() + 1e-5}),
+        ("coloured_noise", {"level": 0.08 * rng.random(), "slope": 1.0, "low_hz": 10.0, "high_hz": fs_hz * 0.5}),
+        ("speed_gain", {"exponent": 0.05 * rng.standard_normal(), "reference_speed_rpm": 1500.0}),
+    ]
+    return tuple(make_effect(name, about) for name, about in small if rng.random() < 0.12)
