@@ -55,7 +55,7 @@ def main() -> None:
     """Entry point of the `twingap` command."""
     signal.signal(signal.SIGTERM, _end)
     try:
-        status = app(standalone_mode=False)
+        status = app(prog_name="twingap", standalone_mode=False)
     except TwingapError as error:
         _refuse(error)
     except _UsageError as error:

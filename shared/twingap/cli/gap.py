@@ -92,7 +92,6 @@ def diagnose(
     import numpy as np
 
     from twingap.files import replacing, replacing_folder
-    from twingap.gap import diagnose as run
     from twingap.gap.html import page
     from twingap.gap.report import dumped
     from twingap.records.folder import read_record_set, write_records
@@ -110,6 +109,8 @@ def diagnose(
         data, text = (places.enter_context(replacing(path)) for path in paths)
         folders = [places.enter_context(replacing_folder(out / name)) for name in _EXPORTS] if export else []
         with _bar() as report_step:
+            from twingap.gap import diagnose as run  # slow to import: what was mistyped is told before
+
             found = run(records, spec, np.random.default_rng(seed), sim=simulated, report=report_step)
         about = _with_provenance(found.report, records, spec, twin, sim, seed, begin)
         table = about.to_json()

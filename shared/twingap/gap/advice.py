@@ -190,7 +190,9 @@ def condition_words(condition: Mapping[str, Any] | None) -> str:
     for name, value in condition.items():
         ends = value if isinstance(value, (list, tuple)) else (value,)
         shown = " to ".join(f"{v:.5g}" if isinstance(v, float) else str(v) for v in ends)
-        parts.append(f"{shown} {units[name]}" if name in units else f"{name} {shown}" if name != "fault" else shown)
+        if name == "fault":
+            shown = "unknown fault" if value is None else shown
+        parts.append(f"{shown} {units[name]}" if name in units else shown if name == "fault" else f"{name} {shown}")
     return ", ".join(parts)
 
 

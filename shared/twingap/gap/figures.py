@@ -153,7 +153,7 @@ def metrics_figure(metrics: Sequence[Metric]) -> Any:
     import plotly.graph_objects as go
 
     shown = [m for m in metrics if m.closure is not None]
-    names = [html.escape(m.metric) for m in shown]
+    names = [html.escape(m.metric.replace("_", " ")) for m in shown]
     left = [100 * _left(m, m.after) for m in shown]
     ends = [sorted(100 * _left(m, v) for v in m.ci_after) for m in shown]
     figure = go.Figure()

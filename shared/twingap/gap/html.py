@@ -200,7 +200,7 @@ def _shrink(report: GapReport, figures: Mapping[str, str]) -> str:
     head = ("measure", "before", "after (90 % interval)", "floor", "gap closed")
     rows = [
         (
-            html.escape(m.metric) + (" <span class='small'>(higher is better)</span>" if m.higher_is_better else ""),
+            _name(m.metric) + (" <span class='small'>(higher is better)</span>" if m.higher_is_better else ""),
             _number(m.before, m.unit),
             html.escape(f"{_number(m.after, m.unit)} ({m.ci_after[0]:.3g} to {m.ci_after[1]:.3g})"),
             _number(m.floor, m.unit),

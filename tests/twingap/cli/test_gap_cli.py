@@ -1,0 +1,174 @@
+"""`twingap gap` as it is typed."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import pytest
+
+import twingap.gap
+from twingap.bearing import BEARINGS
+from twingap.cli import main
+from twingap.gap.contract import problems
+from twingap.gap.report import from_json, read_report
+from twingap.records import Condition
+from twingap.records.folder import read_record_set, write_records
+from twingap.twins.phenomenological import PhenomenologicalTwin
+
+can_diagnose = pytest.mark.skipif(not hasattr(twingap.gap, "diagnose"), reason="the diagnosis is not there yet")
+
+
+class Said(NamedTuple):
+    """What a command left."""
+
+    status: int
+    out: str
+    err: str
+
+
+Run = Callable[..., Said]
+
+
+@pytest.fixture
+def typed(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Run:
+    """Runs `twingap gap ...`."""
+
+    def run(*arguments: object) -> Said:
+        monkeypatch.setattr(sys, "argv", ["twingap", "gap", *map(str, arguments)])
+        with pytest.raises(SystemExit) as left:
+            main()
+        said = capsys.readouterr()
+        return Said(int(left.value.code or 0), said.out, said.err)
+
+    return run
+
+
+@pytest.fixture(scope="module")
+def records(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Healthy and inner-race records of a twin, in a folder with a name that is not ASCII."""
+    folder = tmp_path_factory.mktemp("sets") / "Prüfstand 7"
+    conditions = [Condition(f"{f}{i}", 1797.0, 12000.0, 12000, f) for f in ("healthy", "inner") for i in range(4)]
+    made = PhenomenologicalTwin(BEARINGS["6205"]).stream(conditions, np.random.default_rng(0))
+    return write_records(folder, "made", "g", BEARINGS["6205"], None, made)
+
+
+@pytest.fixture
+def twin(tmp_path: Path) -> Path:
+    path = tmp_path / "mein Zwilling.toml"
+    path.write_text('[twin]\nmodel = "phenomenological"\n', encoding="utf-8")
+    return path
+
+
+@pytest.mark.parametrize("asked", [["--help"], ["-h"], []])
+def test_help_explains_the_diagnosis_and_the_commands_beside_it(typed: Run, asked: list[str]) -> None:
+    said = typed(*asked)
+    for part in ("RECORDSET", "--twin", "--out", "--sim", "--export", "--seed", "train", "./study"):
+        assert part in said.out
+    assert said.status == (0 if asked else 2)
+
+
+def test_help_of_the_diagnosis_alone(typed: Run) -> None:
+    said = typed("somewhere", "--help")
+    assert said.status == 0
+    assert "twingap gap [OPTIONS]" in said.out and "--export" in said.out and "COMMAND" not in said.out
+    assert "--cache" in typed("train", "--help").out
+
+
+@pytest.mark.parametrize(
+    ("arguments", "parts"),
+    [
+        (["there"], ("missing option", "--twin", "see `twingap gap --help`")),
+        (["--twin", "t", "--out", "o"], ("missing argument", "RECORDSET", "see `twingap gap --help`")),
+        (["there", "--frob"], ("no such option", "--frob", "see `twingap gap --help`")),
+        (["./study"], ("missing option", "--twin")),
+        (["RECORDSET"], ("missing option", "--twin")),
+        (["train", "--frob"], ("no such option", "see `twingap gap train --help`")),
+        (["there", "--twin", "t", "--out", "o", "--seed", "-1"], ("--seed", "0")),
+        (["there", "--twin", "nowhere.toml", "--out", "o"], ("nowhere.toml",)),
+    ],
+)
+def test_what_was_mistyped_is_told_in_one_line(
+    typed: Run, arguments: list[str], parts: tuple[str, ...], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    said = typed(*arguments)
+    assert said.status == 2 and said.out == ""
+    assert said.err.startswith("twingap: ") and said.err.count("\n") == 1
+    for part in parts:
+        assert part in said.err
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_what_cannot_be_read_or_written_is_told_before_any_work(
+    typed: Run, records: Path, twin: Path, tmp_path: Path
+) -> None:
+    taken = tmp_path / "out"
+    (taken / "sim_after").mkdir(parents=True)
+    (taken / "sim_after" / "mine").write_text("kept")
+    before = sorted(tmp_path.rglob("*"))
+    for arguments, part in (
+        ((tmp_path / "none", "--twin", twin, "--out", tmp_path / "new"), "none"),
+        ((records, "--twin", records, "--out", tmp_path / "new"), records.name),
+        ((records, "--twin", twin, "--out", twin), twin.name),
+        ((records, "--twin", twin, "--out", tmp_path / "new", "--sim", tmp_path / "nowhere"), "nowhere"),
+        ((records, "--twin", twin, "--out", taken, "--export"), "sim_after"),
+        ((records, "--twin", twin, "--out", "/proc/nothing"), "/proc/nothing"),
+        ((records, "--twin", twin, "--out", tmp_path / "new", "--tracking-uri", "sqlite:////proc/no/x.db"), "/proc/no"),
+    ):
+        said = typed(*arguments)
+        assert said.status == 2 and said.out == ""
+        assert said.err.startswith("twingap: ") and said.err.count("\n") == 1
+        assert part in said.err
+    assert sorted(tmp_path.rglob("*")) == before
+
+
+@can_diagnose
+@pytest.mark.slow
+def test_a_diagnosis_is_written_printed_exported_and_the_same_again(
+    typed: Run, records: Path, twin: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("TWINGAP_HOME", str(tmp_path / "home"))
+    out = tmp_path / "Ergebnis ü"
+    said = typed(records, "--twin", twin, "--out", out, "--export", "--json", "--seed", 3)
+    assert said.status == 0, said.err
+    wanted = [out / name for name in ("gap.json", "report.html", "sim_before", "sim_after")]
+    assert said.err.splitlines()[-4:] == [str(path) for path in wanted]
+    assert sorted(p.name for p in out.iterdir()) == sorted(p.name for p in wanted)
+    printed: dict[str, Any] = json.loads(said.out)
+    assert problems(printed) == []
+    assert from_json(printed) == read_report(out)
+    assert printed["provenance"]["seed"] == 3
+    asked = read_record_set(records)
+    assert printed["provenance"]["records_sha256"] == asked.digest
+    for name in ("sim_before", "sim_after"):
+        made = read_record_set(out / name)
+        key = [(c.name, c.fault, c.fs_hz, c.n_samples) for c in made.conditions]
+        assert key == [(c.name, c.fault, c.fs_hz, c.n_samples) for c in asked.conditions]
+        assert made.unit == asked.unit and made.bearing == asked.bearing
+    assert (tmp_path / "home" / "mlflow.db").exists()
+    again = typed(records, "--twin", twin, "--out", tmp_path / "again", "--no-track", "--seed", 3)
+    assert again.status == 0 and again.out.splitlines()[-1] == str(tmp_path / "again" / "report.html")
+    repeated = json.loads((tmp_path / "again" / "gap.json").read_text(encoding="utf-8"))
+    for table in (printed, repeated):
+        del table["provenance"]["runtime_s"]
+    assert repeated == printed
+    page = (out / "report.html").read_bytes()
+    assert page == (tmp_path / "again" / "report.html").read_bytes()
+    assert printed["verdict"]["sentence"] in again.out
+
+
+@can_diagnose
+@pytest.mark.slow
+def test_records_of_another_simulator_take_the_twins_place(
+    typed: Run, records: Path, twin: Path, tmp_path: Path
+) -> None:
+    said = typed(records, "--twin", twin, "--out", tmp_path / "out", "--sim", records, "--no-track")
+    assert said.status == 0, said.err
+    report = read_report(tmp_path / "out")
+    assert report.verdict.status == "no_gap"
+    assert report.provenance["simulator"] == records.name
