@@ -136,7 +136,8 @@ def two_pulses(
     Returns
     -------
     (float, float, float) or None
-        Log of the misfit of one pulse over that of two, negative where one fits better; delay in samples; second pulse over first.
+        Log of the misfit of one pulse over that of two, negative where one fits better; delay in samples; second pulse
+        over first.
     """
     n = waveform.size
     poles = _predictor(waveform, int(LEAD * n))

@@ -1,6 +1,6 @@
 """What is measured on the strikes of a defect: their rate, timing, strength, modulation, shape and level.
 
-RecordView --(strikes.py)--> comb, track, strikes --+--> rate, harmonics, smear, wander      (speed, slip)
+RecordView --(comb.py, strikes.py)--> lines, track, strikes --+--> rate, harmonics, smear, wander      (speed, slip)
                                                     +--> timing differences                  (jitter, walk)
                                                     +--> strengths: scatter, shaft, cage     (scatter, load zone, cage)
                         strikes --(echo.py)---------+--> second strike of a pass             (entry and exit)
@@ -16,8 +16,9 @@ from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import nnls
 
-from twingap.gap.signatures import echo, strikes
+from twingap.gap.signatures import comb, echo, strikes
 from twingap.gap.view import RecordView
 
 Array = NDArray[np.float64]
@@ -93,25 +94,28 @@ def measure(view: RecordView) -> dict[str, float]:
     if view.fault_order is None or not view.shaft_hz > 0 or view.x.size < 256:
         return out
     with np.errstate(all="ignore"):
+        # Squares of squares are taken: beyond these levels nothing can be told from nothing.
+        if not 1e-60 < float(np.abs(view.x).max()) < 1e60 or not view.mean_square > 0:
+            return out
         _fill(view, view.fault_order, out)
     return {name: value if np.isfinite(value) else np.nan for name, value in out.items()}
 
 
 def _fill(view: RecordView, order: float, out: dict[str, float]) -> None:
     kinematic_hz = order * view.shaft_hz
-    band = strikes.band_signal(view)
-    comb = strikes.find_comb(band, kinematic_hz)
-    if comb is None:
+    band = comb.band_signal(view)
+    found = comb.find_comb(band, kinematic_hz)
+    if found is None:
         return
-    out["strike_evidence"] = float(np.log1p(comb.evidence))
-    if comb.evidence < strikes.EVIDENCE:
+    out["strike_evidence"] = float(np.log1p(found.evidence))
+    if found.evidence < comb.EVIDENCE:
         return
-    course = strikes.track(comb, view.duration_s)
+    course = comb.track(found, view.duration_s)
     if course is None:
         return
     out["rate_log_ratio"] = float(np.log(course.rate_hz / kinematic_hz))
     _lines(course, out)
-    seen = strikes.measure_strikes(band, course, view.fs_hz)
+    seen = strikes.measure_strikes(band, course)
     if seen is None:
         return
     rate = _timing(seen, course, out)
@@ -121,7 +125,7 @@ def _fill(view: RecordView, order: float, out: dict[str, float]) -> None:
     echo.measure_echo(view, seen, rate, out)
 
 
-def _lines(course: strikes.Track, out: dict[str, float]) -> None:
+def _lines(course: comb.Track, out: dict[str, float]) -> None:
     """Levels of the tracked harmonics among each other, and what tracking gains at each."""
     tidy = np.maximum(course.after - course.floor * 1e-1, 0.3 * course.floor)
     share = 0.5 * np.log(tidy / np.nansum(tidy))
@@ -135,7 +139,7 @@ def _lines(course: strikes.Track, out: dict[str, float]) -> None:
         out[f"smear_{k + 1}"] = float(np.log(gain))
 
 
-def _timing(seen: strikes.Strikes, course: strikes.Track, out: dict[str, float]) -> float:
+def _timing(seen: strikes.Strikes, course: comb.Track, out: dict[str, float]) -> float:
     """Scalars of the strikes' times; returns the mean strike rate, Hz."""
     number, weight = seen.number, seen.strength**2
     weight = np.minimum(weight, 4 * np.median(weight))
@@ -167,8 +171,6 @@ def _timing(seen: strikes.Strikes, course: strikes.Track, out: dict[str, float])
     noise_white = float(np.average(error**2, weights=own))
     basis = np.stack((np.full(lags.size, 6.0), 2.0 * lags, lags**4.0), axis=1) / np.maximum(spread, 1e-18)[:, None]
     scale = basis.max(axis=0)
-    from scipy.optimize import nnls
-
     parts = nnls(basis / scale, np.ones(lags.size))[0] / scale
     white, walk = float(parts[0]), float(parts[1])
     out["timing_log_1"] = 0.5 * float(np.log(spread[0] / 6 + _TIMING_FLOOR**2))
@@ -291,7 +293,7 @@ def _line(values: Array, number: Array, per_pass: float, width: float) -> tuple[
     return place, [np.cos(angle), np.sin(angle)]
 
 
-def _level(view: RecordView, band: strikes.BandSignal, seen: strikes.Strikes, out: dict[str, float]) -> None:
+def _level(view: RecordView, band: comb.BandSignal, seen: strikes.Strikes, out: dict[str, float]) -> None:
     """How strong a strike is, over the machine's healthy vibration and over the noise between strikes."""
     energy = float(np.mean(seen.strength**2) - seen.noise)
     energy = max(energy, 1e-3 * float(np.mean(seen.strength**2)))
