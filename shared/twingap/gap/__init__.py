@@ -6,13 +6,13 @@ records + twin --calibrate--> --measure--> --where--> --which--> --how far--> Ga
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from twingap.gap.diagnose import Diagnosis, diagnose
+    from twingap.gap.diagnosis import Diagnosis, diagnose
     from twingap.gap.report import GapReport, read_report
 
 _HOME = {
-    "Diagnosis": "twingap.gap.diagnose",
+    "Diagnosis": "twingap.gap.diagnosis",
     "GapReport": "twingap.gap.report",
-    "diagnose": "twingap.gap.diagnose",
+    "diagnose": "twingap.gap.diagnosis",
     "read_report": "twingap.gap.report",
 }
 

@@ -15,7 +15,7 @@ import warnings
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cache
-from typing import NamedTuple
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -104,7 +104,8 @@ def compare(real: Measured, simulated: Measured) -> Array:
         warnings.simplefilter("ignore", RuntimeWarning)  # means of nothing are NaN, and meant so
         blocks = [*_by_group(real, simulated), _spread(real, simulated), *_trends(real, simulated)]
         per_signature = np.concatenate(blocks)
-        shapes = background.compare(real.outlines, simulated.outlines)
+        ours, theirs = cast(Any, real.outlines), cast(Any, simulated.outlines)  # all that shapes ask of a view
+        shapes = background.compare(ours, theirs)
         shape = np.array([shapes[name] for name in background.COMPARED], float)
         out = np.concatenate((per_signature, shape, _context(real)))
     return np.where(np.isfinite(out), out, np.nan)

@@ -149,9 +149,8 @@ def _chunk(seed: int, machines: range, path: Path) -> None:
     with threadpool_limits(1):
         made = examples(seed, machines, MOST_RECORDS)
     path.parent.mkdir(parents=True, exist_ok=True)
-    with replacing(path) as temporary:
-        with temporary.open("wb") as file:
-            np.savez(file, **vars(made))
+    with replacing(path) as temporary, temporary.open("wb") as file:
+        np.savez(file, **vars(made))
 
 
 def _read(path: Path) -> Any:

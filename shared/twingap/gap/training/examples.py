@@ -86,9 +86,7 @@ def _row(
     )  # fmt: skip
 
 
-def _partly(
-    rng: np.random.Generator, gap: SimulatedGap, setting: Setting, evidence: Evidence
-) -> tuple[Effect, ...]:
+def _partly(rng: np.random.Generator, gap: SimulatedGap, setting: Setting, evidence: Evidence) -> tuple[Effect, ...]:
     """Some or all of the missing effects, as far as they can be added, at values about as wrong as estimates are."""
     can = [e for e in gap.missing if evidence.can_add(e.name) is None]
     chance = 1.0 if rng.random() < 0.5 else 0.6

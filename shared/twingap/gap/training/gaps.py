@@ -94,9 +94,7 @@ def draw_gap(rng: np.random.Generator, own_simulator: bool | None = None, most_r
     return SimulatedGap(nominal, spec, sim, effects, modelled, strange, machine)
 
 
-def simulated(
-    machine: Machine, effects: Sequence[Effect], rng: np.random.Generator, gain: float = 1.0
-) -> RecordSet:
+def simulated(machine: Machine, effects: Sequence[Effect], rng: np.random.Generator, gain: float = 1.0) -> RecordSet:
     """Records of the machine under its conditions."""
     return machine.twin(effects, gain).simulate(machine.conditions, rng)
 

@@ -102,10 +102,14 @@ def draw_machine(rng: np.random.Generator, own_simulator: bool, most_records: in
     sharpness = float(np.exp(rng.uniform(np.log(0.01), np.log(0.12))))
     structure = rng.uniform(0.25, 0.97)
     strength = float(np.exp(rng.uniform(np.log(1.8), np.log(25))))
+
+    def unlike() -> float:
+        return float(np.exp(0.35 * rng.standard_normal()))
+
     parameters = PhenomenologicalParameters(
         resonance_hz=first_hz,
         damping_ratio=sharpness,
-        impact_amplitude={f: strength * float(np.exp(0.35 * rng.standard_normal())) for f in ("inner", "outer", "ball")},
+        impact_amplitude={fault: strength * unlike() for fault in ("inner", "outer", "ball")},
         structure_noise_rms=structure,
         white_noise_rms=math.sqrt(1 - structure**2),
         scale=float(np.exp(rng.uniform(np.log(0.01), np.log(30)))),

@@ -94,7 +94,7 @@ def to_value(name: str, parameter: str, number: float, setting: Setting) -> floa
         value = 50.0 if abs(value - 50) < abs(value - 60) else 60.0
     if _place_in_spectrum(field):
         high = min(high, 0.48 * setting.fs_hz) if parameter != "high_hz" and parameter != "corner_hz" else high
-    value = min(max(value, low), high)
+    value = float(min(max(value, low), high))
     return round(value) if field.type in ("int", "bool", int, bool) else value
 
 
@@ -108,7 +108,7 @@ def _log(name: str, parameter: str) -> bool:
 
 
 def _place_in_spectrum(field: dataclasses.Field[float]) -> bool:
-    return field.metadata["unit"] == "Hz" and field.metadata["plausible"][1] > _BROAD_HZ
+    return bool(field.metadata["unit"] == "Hz" and field.metadata["plausible"][1] > _BROAD_HZ)
 
 
 def _unit(name: str, parameter: str, setting: Setting) -> float:

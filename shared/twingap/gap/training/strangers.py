@@ -8,7 +8,7 @@ learnt, only that something is left over. The shape follows neither shaft, beari
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -45,10 +45,10 @@ def estrange(records: RecordSet, rng: np.random.Generator) -> RecordSet:
         low=low,
         high=min(low + rng.uniform(0.05, 0.6), 0.5),
         strength=float(np.exp(rng.uniform(np.log(0.5), np.log(2.5)))),
-        segment=int(min(2 ** rng.integers(5, 9), n // 8)),
+        segment=min(2 ** int(rng.integers(5, 9)), n // 8),
     )
     if plan.over_time == "even" and plan.kind == "gain":
-        plan = _Plan("scrambled", *[getattr(plan, f) for f in ("over_time", "rate_hz", "low", "high", "strength", "segment")])
+        plan = replace(plan, kind="scrambled")
     part = 1.0 if rng.random() < 0.7 else 0.5
     out = [Record(r.condition, _changed(r, plan, rng) if rng.random() < part else r.samples) for r in records]
     return RecordSet.from_records(records.name, records.unit, records.bearing, out)

@@ -17,7 +17,7 @@ from twingap.effects import Effect, catalogue
 from twingap.errors import TwingapError
 from twingap.gap.calibrate import Calibrated, calibrate
 from twingap.gap.distance import Paired
-from twingap.gap.evidence import Evidence, simulator_of
+from twingap.gap.evidence import Compared, Evidence, simulator_of
 from twingap.gap.overall import overall_tests
 from twingap.gap.report import Candidate, GapReport, ParameterValue, Status, Verdict
 from twingap.gap.shrink import closure_interval, curves, paired, shrink_metrics
@@ -148,7 +148,7 @@ def diagnose(
     rest = locate(Paired(trial.real, after), rng).places if status in ("partly_explained", "unexplained") else ()
     verdict = Verdict(
         status, found.names if status in ("explained", "partly_explained") else (), found.confidence_set,
-        found.p_value, *((closed.value, closed.interval) if found.after.effects and found.gap else (None, None)),
+        found.p_value, *((closed.closure, closed.ci) if found.after.effects and found.gap else (None, None)),
     )  # fmt: skip
     whole = GapReport(
         verdict=verdict,
@@ -201,7 +201,15 @@ class _Trial:
                 gap = float(base[1].over_views(base[1].squares())[0][0])
                 own = named.get(name)
                 yield Candidate(
-                    name, probability, gap, gap, 0.0, (0.0, 0.0), _values(own) if own else {}, found.cannot[name], others
+                    name,
+                    probability,
+                    gap,
+                    gap,
+                    0.0,
+                    (0.0, 0.0),
+                    _values(own) if own else {},
+                    found.cannot[name],
+                    others,
                 )
                 continue
             if name in named:
@@ -213,12 +221,19 @@ class _Trial:
                 pair = paired(self.real, base[0], self._with(value.effect, probability))
             closed = closure_interval(*pair, floor, rng, draws=200)
             yield Candidate(
-                name, probability, closed.before, closed.after, closed.value, closed.interval, _values(value), None, others
+                name,
+                probability,
+                closed.before,
+                closed.after,
+                closed.closure,
+                closed.ci,
+                _values(value),
+                None,
+                others,
             )
 
-    def _of(self, compared: object) -> tuple[list[Views], Paired]:
-        simulator, effects = compared.simulator, compared.effects  # type: ignore[attr-defined]
-        views = self.replicates(simulator, effects, 2)
+    def _of(self, compared: Compared) -> tuple[list[Views], Paired]:
+        views = self.replicates(compared.simulator, compared.effects, 2)
         return views, Paired(self.real, views)
 
     def _with(self, effect: Effect, probability: float) -> list[Views]:
@@ -249,7 +264,7 @@ def _thinned(records: RecordSet, notes: list[str]) -> RecordSet:
         of.setdefault(c.fault, []).append(place)
     share = MOST_RECORDS // len(of)
     kept: list[int] = []
-    for fault, places in of.items():
+    for places in of.values():
         conditions = records.conditions
         places.sort(key=lambda p: (conditions[p].speed_rpm, conditions[p].time_s or 0.0, p))
         picked = np.unique(np.linspace(0, len(places) - 1, min(share, len(places))).round().astype(int))
@@ -271,7 +286,7 @@ def _values(found: Estimated) -> Mapping[str, ParameterValue]:
 
 def _calibration(calibrated: Calibrated, found: Explanation) -> dict[str, ParameterValue]:
     """What calibration found: the twin's parameters as given, the speeds, the gain."""
-    out = {}
+    out: dict[str, ParameterValue] = {}
     if calibrated.spec is not None:
         baseline = {k: v for k, v in flat(calibrated.spec.parameters).items() if k.split(".")[0] not in catalogue()}
         out |= {name: ParameterValue(float(value)) for name, value in baseline.items()}
@@ -286,8 +301,7 @@ def _told(found: Explanation) -> Iterator[str]:
     for name in found.names:
         if name in found.cannot:
             yield f"{name} is named from the records alone: {found.cannot[name]}, so it could not be added and checked"
-    extra = [note for note in getattr(found.before.simulator, "notes", ())]
-    yield from extra
+    yield from getattr(found.before.simulator, "notes", ())
 
 
 def _provenance(
