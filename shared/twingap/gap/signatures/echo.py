@@ -62,13 +62,16 @@ def measure_echo(view: RecordView, seen: Strikes, rate_hz: float, out: dict[str,
     if waveform is None:
         return
     shortest = max(FINEST_DEG / deg_per_s * view.fs_hz, FINEST_SAMPLES)
-    longest = min(WIDEST_DEG / deg_per_s * view.fs_hz, 0.45 * spacing, 0.6 * waveform.size)
+    longest = min(WIDEST_DEG / deg_per_s * view.fs_hz, 0.47 * spacing)
     if longest < shortest + 1:
         return
-    fit = two_pulses(waveform, noise, blur, shortest, longest)
+    # A pass may be seen from its second strike on: then the first of the next pass follows, at the rest of the spacing.
+    fit = two_pulses(waveform, noise, blur, shortest, longest if longest < 0.3 * spacing else 0.7 * spacing)
     if fit is None:
         return
     gain, delay, ratio = fit
+    if delay > 0.5 * spacing:
+        delay, ratio = spacing - delay, 1 / ratio
     out["echo_gain"] = gain
     arc = delay / view.fs_hz * deg_per_s
     if gain > 0.7:
@@ -87,7 +90,7 @@ def mean_waveform(x: Array, seen: Strikes, fs_hz: float, spacing: float) -> tupl
     Array [length // 2 + 1]
         What errors of alignment leave of each frequency, 0 to 1.
     """
-    length = int(np.clip(spacing, 24, 1024)) // 2 * 2
+    length = int(np.clip(1.04 * spacing, 24, 1024)) // 2 * 2
     long = length + 2 * EDGE
     start = seen.time_s * fs_hz - LEAD * length - EDGE
     whole = np.floor(start).astype(int)
