@@ -119,7 +119,7 @@ def diagnose(
         for folder, name, made in zip(folders, _EXPORTS, (found.sim_before, found.sim_after), strict=False):
             label = f"{records.name}, {'before' if name == _EXPORTS[0] else 'after'}"
             bearing = records.bearing or spec.bearing
-            total = len(records)
+            total = int(about.provenance.get("n_used", len(records)))
             write_records(folder, label, records.unit, bearing, None, _counted(made(), name, total))
     paths += [out / name for name in _EXPORTS] if export else []
     if track:

@@ -124,7 +124,7 @@ def next_steps(report: GapReport) -> tuple[str, ...]:
     measurements = list(dict.fromkeys(_DECIDING[name] for name in open_ones if name in _DECIDING))
     if measurements:
         steps.append(
-            f"The data leave open {listed(open_ones, 'or')}. To decide, "
+            f"The data leave open {_open(open_ones)}. To decide, "
             + "; or ".join(measurements[:3])
             + ("." if len(measurements) <= 3 else "; and others.")
         )
@@ -194,6 +194,10 @@ def condition_words(condition: Mapping[str, Any] | None) -> str:
             shown = "unknown fault" if value is None else shown
         parts.append(f"{shown} {units[name]}" if name in units else shown if name == "fault" else f"{name} {shown}")
     return ", ".join(parts)
+
+
+def _open(names: tuple[str, ...]) -> str:
+    return f"whether {listed(names)} is missing too" if len(names) == 1 else f"which of {listed(names)} is missing"
 
 
 def _fitted(candidate: Candidate) -> dict[str, Any]:

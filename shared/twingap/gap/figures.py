@@ -40,7 +40,7 @@ def all_figures(report: GapReport) -> Iterator[tuple[str, Any]]:
         yield f"curve-{name}", curve_figure(report.curves[name], places)
     if places:
         yield "shares", shares_figure(places)
-    if report.candidates:
+    if report.candidates and report.verdict.status != "no_gap":  # closures of no gap mean nothing
         yield "closures", closures_figure(report.candidates, report.verdict.effects)
     if report.verdict.effects and any(m.closure is not None for m in report.metrics):
         yield "metrics", metrics_figure(report.metrics)
@@ -143,7 +143,10 @@ def closures_figure(candidates: Sequence[Candidate], effects: Sequence[str]) -> 
     # Intervals may be wild where an effect does nothing; they must not squeeze the rest together.
     low = min(-10.0, *(100 * c.closure for c in shown), *(max(100 * c.closure_ci[0], -60.0) for c in shown))
     high = max(112.0, *(100 * c.closure for c in shown), *(min(100 * c.closure_ci[1], 150.0) for c in shown))
-    figure.update_xaxes(title="closure: part of the gap that it closes on held-out records (%)", range=[low - 4, high])
+    figure.update_xaxes(
+        title="closure: part of the gap that it closes on held-out records (%)",
+        range=[max(low, -100.0) - 4, min(high, 200.0)],
+    )
     figure.update_yaxes(categoryorder="array", categoryarray=order, autorange="reversed", automargin=True)
     return _styled(figure, height=130 + 34 * len(shown), top=40)
 
@@ -182,7 +185,7 @@ def metrics_figure(metrics: Sequence[Metric]) -> Any:
     figure.add_vline(x=0, line={"color": REAL, "width": 2})
     low, high = min(-12.0, *(max(e[0], -60.0) for e in ends)), max(108.0, *(min(e[1], 180.0) for e in ends), *left)
     figure.update_xaxes(title="gap left (%): 100 is the calibrated twin, 0 the floor, records against records",
-                        range=[low - 3, high + 3])  # fmt: skip
+                        range=[max(low, -100.0) - 3, min(high, 300.0) + 3])  # fmt: skip
     figure.update_yaxes(categoryorder="array", categoryarray=names, autorange="reversed", automargin=True)
     return _styled(figure, height=140 + 38 * len(shown), top=48)
 

@@ -142,7 +142,7 @@ def _which(report: GapReport, figures: Mapping[str, str]) -> str:
     for c in report.candidates:
         parameters = "<br>".join(f"{_quantity(n, p.unit)} = {_value(p)}" for n, p in c.parameters.items())
         remark = f"Cannot be added to this simulator: {html.escape(c.acts)}." if c.acts else ""
-        if not remark and c.fitted_with:
+        if not remark and set(c.fitted_with) != set(report.verdict.effects) - {c.effect}:
             remark = f"Judged together with {html.escape(listed(c.fitted_with))}."
         named = c.effect in report.verdict.effects
         cells = (
@@ -168,8 +168,8 @@ def _which(report: GapReport, figures: Mapping[str, str]) -> str:
     )
     return _section(
         "Which effect is missing",
-        "Every effect of the catalogue was tried: probability that the machine has it and the twin lacks it, and the "
-        "part of the gap that adding it closes on records not used to fit it."
+        "Every effect of the catalogue that the twin does not have yet: probability that the machine has it, and the "
+        "part of the gap that it closes on records not used to fit it, beside the verdict's other effects."
         + (" ◆ marks the verdict." if report.verdict.effects else ""),
         figures.get("closures", "") + _table(head, first) + folded,
     )
@@ -249,7 +249,9 @@ def _notes(report: GapReport) -> str:
 
 def _provenance(report: GapReport) -> str:
     rows = [
-        (_name(name), html.escape(_plain(value))) for name, value in report.provenance.items() if name != "runtime_s"
+        (_name(name), html.escape(_plain(value)))
+        for name, value in report.provenance.items()
+        if name != "runtime_s" and value != ""
     ]
     return _section("Provenance", "", _table(("", ""), rows, kind="quiet"))
 
@@ -397,7 +399,9 @@ pre { background: #f0f3f8; border: 1px solid var(--line); border-radius: 8px; pa
   font-size: 15.5px; line-height: 1.45; user-select: all; margin: 4px 0; }
 code { background: #f0f3f8; border-radius: 4px; padding: 1px 5px; font-size: 15px; }
 section.next { border-left: 12px solid #566072; } ol.steps li { margin: 0 0 10px; }
-@media print { nav { display: none; } body { background: #fff; font-size: 14px; } main { max-width: none; padding: 0; }
+@media print { nav { display: none; } body { background: #fff; }
+  /* Figures keep the width that they have on the screen: the page is shrunk as a whole to fit the paper. */
+  main { width: 1080px; max-width: none; zoom: .66; padding: 0; font-size: 19px; }
   header, section { border-radius: 0; border-width: 1px 0 0; padding: 14px 0; }
   header { border-left-width: 8px; padding-left: 14px; }
   figure, tr, pre { break-inside: avoid; } h2, h3 { break-after: avoid; } .modebar { display: none !important; } }
