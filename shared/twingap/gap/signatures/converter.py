@@ -24,6 +24,7 @@ NAMES: Final[tuple[str, ...]] = (
     "clip_fraction_log",
     "clip_rail_log",
     "clip_both",
+    "clip_repeats",
     "clip_offset",
     "peak_to_peak_log",
     "grid_step_log",
@@ -140,16 +141,22 @@ def _clipping(
     sides = (math.log10((n_high + 0.5) / (inside_high + 1.5)), math.log10((n_low + 0.5) / (inside_low + 1.5)))
     out["clip_excess"] = 0.5 * (sides[0] + sides[1]) + 0.5 * math.log10((n_high + n_low) / 2)
     out["clip_both"] = min(sides)
-    out["clip_fraction_log"] = math.log10(both / x.size * 1.0)
+    out["clip_fraction_log"] = math.log10(both / x.size)
     out["peak_to_peak_log"] = math.log10(span / 2 / scale)
-    # Atoms on both sides: more visits than a strip of the tail, and more than chance makes.
-    clipped = bool(min(n_high, n_low) >= 3 and n_high > 1.5 * inside_high and n_low > 1.5 * inside_low)
-    # A hard rail that few samples reach still repeats to the last digit, which no continuous noise does.
-    clipped |= step == 0 and min(n_high, n_low) >= 2
-    if clipped:
+    if step == 0:
+        # Continuous noise never visits the same place twice.
+        beyond = (n_high, n_low)
+        rails = (n_high >= 2, n_low >= 2)
+    else:
+        beyond = (1 + max(n_high - inside_high, 0), 1 + max(n_low - inside_low, 0))
+        rails = (n_high >= 5 and n_high > 1.3 * inside_high, n_low >= 5 and n_low > 1.3 * inside_low)
+    out["clip_repeats"] = math.log10((beyond[0] + beyond[1]) / 2)
+    if all(rails):
         out["clip_rail_log"] = math.log10(span / 2 / scale)
         out["clip_offset"] = (high + low) / span
-    return clipped
+    elif any(rails):
+        out["clip_rail_log"] = math.log10(max(abs(high if rails[0] else low), 1e-300) / scale)
+    return any(rails)
 
 
 def _gaps(

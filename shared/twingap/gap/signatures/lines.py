@@ -274,9 +274,7 @@ class Lines:
         """The shaft's rate: off its lines where they tell, else as stated."""
         return self.stated_hz * (self.lock[0] if self.locked else 1.0)
 
-    def at(
-        self, hz: Array, relative: float = 0.0, without: NDArray[np.bool_] | None = None
-    ) -> tuple[Array, Array]:
+    def at(self, hz: Array, relative: float = 0.0, without: NDArray[np.bool_] | None = None) -> tuple[Array, Array]:
         """Largest power within `relative` of each frequency and one bin.
 
         Parameters
