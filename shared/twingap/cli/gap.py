@@ -134,14 +134,19 @@ def diagnose(
 @app.command("train")
 def train(
     cache: Annotated[
-        Path | None, typer.Option(metavar="DIR", help="Where the trained parts are kept; default: twingap's cache.")
+        Path | None,
+        typer.Option(metavar="DIR", help="Where to keep it; default, and where the diagnosis looks: twingap's cache."),
     ] = None,
-    seed: Seed = 0,
+    seed: Annotated[
+        int | None, typer.Option(help="Seed of everything random; default: the diagnosis's own.", min=0)
+    ] = None,
     as_json: Json = False,
 ) -> None:
     """Train beforehand what the diagnosis learns from simulated gaps; a diagnosis that finds nothing does it itself."""
+    from twingap.gap.training import SEED
     from twingap.gap.training import train as run
 
+    seed = SEED if seed is None else seed
     with _bar() as report_step:
         path = run(cache, seed, report_step)
     if as_json:
