@@ -30,8 +30,8 @@ HARMONICS: Final = 8
 """Lines of the comb that count in the search."""
 
 EVIDENCE: Final = 10.0
-"""Log likelihood ratio of the comb from which on there is something to follow; white noise alone reached 7 in one record
-of a hundred."""
+"""Log likelihood ratio of the comb from which on there is something to follow; white noise alone reached 7 in one of a
+hundred records."""
 
 
 @dataclass(frozen=True)
@@ -257,13 +257,17 @@ def track(comb: Comb, duration_s: float) -> Track | None:
 
 def _fine_shift(lines: Complex, k: Array, floor: Array, grid: Array, df_hz: float) -> float:
     """Correction of the rate, Hz, that makes all harmonics together strongest within one bin either side."""
-    shifts = np.linspace(-1.5, 1.5, 121) * df_hz
-    turn = np.exp(-2j * np.pi * shifts[:, None] * grid)
-    score, turned = np.zeros(shifts.size), np.ones_like(turn)
-    for i in range(k.size):
-        turned = turned * turn
-        score += np.abs(turned @ lines[i]) ** 2 / floor[i]
-    return float(shifts[int(score.argmax())])
+    centre = 0.0
+    # Coarse, then fine: a bin of harmonic 1 is four of harmonic 4.
+    for reach, count in ((1.5, 31), (0.1, 9), (0.0125, 5)):
+        shifts = centre + np.linspace(-reach, reach, count) * df_hz
+        turn = np.exp(-2j * np.pi * shifts[:, None] * grid)
+        score, turned = np.zeros(shifts.size), np.ones_like(turn)
+        for i in range(k.size):
+            turned = turned * turn
+            score += np.abs(turned @ lines[i]) ** 2 / floor[i]
+        centre = float(shifts[int(score.argmax())])
+    return centre
 
 
 def _ridge(lines: Complex, k: Array, noise: Array, per_pass: float) -> Array:
