@@ -27,6 +27,7 @@ from twingap.records import Condition
 Array = NDArray[np.float64]
 Places = NDArray[np.int64]
 
+_LARGEST_POOL = 512
 _LEAST_SPREAD = 0.05
 """No bin's spread counts as less (log units): a bin that never varies would drown all others."""
 
@@ -152,24 +153,79 @@ class Paired:
             return np.zeros(self.difference.shape[1])
         return np.asarray(self.stacked[:, 1:].var(axis=1, ddof=1).mean(axis=0) * (1 + 1 / self.m))
 
-    def squares(self, weights: Sequence[Array] | None = None) -> Array:
+    def squares(self) -> Array:
         """Unbiased squared gap of each bin in each stratum, standardised.
 
         In the condition view, of which the strata are the bins proper, what all strata have in common is taken out: it
         is seen by the other views, and would not say where.
 
+        Returns
+        -------
+        Array [1, strata, bins]
+            May be negative; zero on average where nothing differs.
+        """
+        return self._contrasted([self._square(u / self.scale) for u in self.units])
+
+    def _square(self, units: Array) -> tuple[Array, Array]:
+        k, mean = len(units), units.mean(axis=0, keepdims=True)
+        if k == 1:
+            return mean**2 - self.noise / self.scale**2, mean
+        return (k * mean**2 - (units**2).mean(axis=0, keepdims=True)) / (k - 1), mean
+
+    def resampled(self, drawn: Sequence[tuple[Array, Array]]) -> Array:
+        """Squares as they might have come out with other records of the same machine.
+
+        Each unit becomes its stratum's mean plus a random residual of random sign, drawn from the residuals of all
+        strata: few units in a stratum would not do to draw from. The bias that the mean's own noise adds is taken out.
+
         Parameters
         ----------
-        weights : sequence of Array [draws, units], optional
-            How often each unit counts, per stratum: for a bootstrap. None = once.
+        drawn : sequence of (Array, Array) [draws, pool]
+            From `draw_residuals`; one and the same for two comparisons of the same records, so that intervals of what
+            changed between them do not count the records' noise twice.
 
         Returns
         -------
         Array [draws, strata, bins]
-            May be negative; zero on average where nothing differs.
         """
-        given = weights or [np.ones((1, len(u))) for u in self.units]
-        return self._contrasted([self._square(u / self.scale, w) for u, w in zip(self.units, given, strict=True)])
+        pool, parts = self._residuals, []
+        for units, (signed, plain) in zip(self.units, drawn, strict=True):
+            k = len(units)
+            square, mean = self._square(units / self.scale)
+            if not len(pool):
+                parts.append((np.repeat(square, len(signed), axis=0), np.repeat(mean, len(signed), axis=0)))
+                continue
+            moved = signed @ pool / k
+            means = mean + moved
+            if k == 1:
+                spread = (pool**2).mean(axis=0)
+                parts.append((means**2 - spread - mean**2 + square, means))
+                continue
+            own = plain @ pool**2 / k + mean**2 + 2 * mean * moved
+            parts.append(((k * means**2 - own) / (k - 1) - mean**2 + square, means))
+        return self._contrasted(parts)
+
+    def draw_residuals(self, rng: np.random.Generator, draws: int) -> list[tuple[Array, Array]]:
+        """Per stratum, how often each residual of the pool is drawn [draws, pool]: plus less minus, and in all."""
+        size, out = max(len(self._residuals), 1), []
+        for units in self.units:
+            at = rng.integers(0, size, (draws, len(units))) + size * np.arange(draws)[:, None]
+            signs = rng.choice([-1.0, 1.0], at.shape)
+            signed = np.bincount(at.ravel(), signs.ravel(), draws * size).astype(float)
+            plain = np.bincount(at.ravel(), None, draws * size).astype(float)
+            out.append((signed.reshape(draws, size), plain.reshape(draws, size)))
+        return out
+
+    @cached_property
+    def _residuals(self) -> Array:
+        """[pool, bins] Units about their stratum's mean, standardised, at full variance; or replicates."""
+        kept = [(u - u.mean(axis=0)) * np.sqrt(len(u) / (len(u) - 1)) for u in self.units if len(u) > 1]
+        if not kept and self.m > 1:
+            replicates = self.stacked[:, 1:]
+            inner = (replicates - replicates.mean(axis=1, keepdims=True)) * np.sqrt((self.m + 1) / (self.m - 1))
+            kept = [inner.reshape(-1, inner.shape[2])]
+        pool = np.concatenate(kept) / self.scale if kept else np.empty((0, self.scale.size))
+        return pool[:: max(len(pool) // _LARGEST_POOL, 1)]
 
     def _contrasted(self, parts: Sequence[tuple[Array, Array]]) -> Array:
         """[draws, strata, bins] From squares and means of each stratum, both [draws, bins]."""
@@ -180,17 +236,6 @@ class Paired:
             common = (w * m).sum(axis=1) ** 2 - (w**2 * (m**2 - s)).sum(axis=1)
             squares[..., own] = s - common[:, None] if len(parts) > 1 else 0.0
         return np.asarray(squares)
-
-    def _square(self, units: Array, weights: Array) -> tuple[Array, Array]:
-        total, own = weights.sum(axis=1)[:, None], (weights**2).sum(axis=1)[:, None]
-        means = weights @ units / total
-        if len(units) == 1:
-            return means**2 - self.noise / self.scale**2, means
-        out = (total**2 * means**2 - (weights**2) @ units**2) / np.maximum(total**2 - own, 1e-12)
-        # A draw of one unit alone has no product of two: its square, less the noise of a unit, stands for it.
-        alone = (total**2 - own < 1e-9)[:, 0]
-        out[alone] = means[alone] ** 2 - units.var(axis=0, ddof=1)
-        return np.asarray(out), means
 
     @cached_property
     def stratum_weight(self) -> Array:
@@ -234,10 +279,6 @@ class Paired:
                 kept.append((means**2 - self.noise / self.scale**2, means))
         overall, views = self.over_views(self._contrasted(kept))
         return float(overall.mean()), {d: float(v.mean()) for d, v in views.items()}
-
-    def bootstrap_weights(self, rng: np.random.Generator, draws: int) -> list[Array]:
-        """Per stratum [draws, units]: how often each unit is drawn. The same for two `Paired` of the same records."""
-        return [rng.multinomial(len(u), np.full(len(u), 1 / len(u)), draws).astype(float) for u in self.units]
 
 
 def gap_distance(

@@ -11,12 +11,14 @@ testing, 1993) takes out what is found, so that a loud place does not hide a fai
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.stats import norm
 
 from twingap.gap.distance import Paired
 from twingap.gap.overall import Choice, Exchange, exchanges
@@ -31,6 +33,7 @@ _CLIP: Final = 4.0
 """Standardised deviations count at most this much: a bin with rare outliers must not set the threshold of all."""
 _LEAST_SPREAD: Final = 0.03
 _VARIES: Final = 0.05
+_FEWEST_EXCHANGES: Final = 1000
 _NUMBERS: Final = ("speed_rpm", "load_n", "time_s")
 
 
@@ -98,9 +101,11 @@ def locate(
     plain = np.ones(deviations.shape[2], bool)
     plain[condition] = False
 
-    subsets = _subsets(pair.conditions)
+    # Too few records cannot be significant however they are exchanged, and would only set the others' threshold.
+    fewest = math.ceil(math.log(_FEWEST_EXCHANGES) / math.log(pair.m + 1))
+    subsets = _subsets(pair.conditions, fewest)
     per_bin = _subset_statistics(deviations[:, :, plain], choices, list(subsets.values()))
-    contrasts = _contrasts(pair.conditions)
+    contrasts = _contrasts(pair.conditions, fewest)
     scalars = _contrast_statistics(deviations[:, :, condition], choices, [c.weights for c in contrasts])
 
     family = np.concatenate((per_bin.reshape(len(choices), -1), scalars.reshape(len(choices), -1)), axis=1)
@@ -152,7 +157,11 @@ def _standardised(pair: Paired) -> Single:
     m = pair.m
     deviations = ((m + 1) * stacked - stacked.sum(axis=1, keepdims=True)) / m
     flat = np.abs(deviations).reshape(-1, deviations.shape[2])
-    spread = np.quantile(flat, 0.8, axis=0) / 1.2816
+    if m == 1:  # the record's deviation is its replicate's: only their size is common to both exchanges
+        spread = np.sqrt((flat**2).mean(axis=0))
+    else:  # a quantile that the record itself, one of m + 1, does not reach
+        level = min(0.8, 1 - 1.5 / (m + 1))
+        spread = np.quantile(flat, level, axis=0) / norm.ppf(0.5 + level / 2)
     for domain in pair.real.domains:
         columns = pair.real.columns(domain)
         kinds, part = np.array(pair.real.axes[domain].kind), spread[columns]
@@ -162,19 +171,22 @@ def _standardised(pair: Paired) -> Single:
     return np.asarray(np.clip(scaled, -_CLIP, _CLIP), dtype=np.float32)
 
 
-def _subsets(conditions: Sequence[Condition]) -> dict[str | None, NDArray[np.int64]]:
-    """All records (None), and those of each fault where there are several."""
+def _subsets(conditions: Sequence[Condition], fewest: int) -> dict[str | None, NDArray[np.int64]]:
+    """All records (None), and those of each fault where there are several faults of enough records."""
     faults = np.array([c.fault or "" for c in conditions])
     names = list(dict.fromkeys(faults))
     out: dict[str | None, NDArray[np.int64]] = {None: np.arange(len(conditions))}
-    return out | ({str(f): np.flatnonzero(faults == f) for f in names} if len(names) > 1 else {})
+    by_fault = {str(f): np.flatnonzero(faults == f) for f in names} if len(names) > 1 else {}
+    return out | {f: places for f, places in by_fault.items() if len(places) >= fewest}
 
 
 def _subset_statistics(deviations: Single, choices: Choice, subsets: Sequence[NDArray[np.int64]]) -> Single:
     """[draws, subsets, bins] |sum| / sqrt(count) of the deviations of who plays the record."""
     members, bins = deviations.shape[1:]
     sums = np.zeros((len(choices), len(subsets), bins), dtype=np.float32)
-    own = list(subsets[1:]) if len(subsets) > 1 else [subsets[0]]
+    # The sum over all is that over the faults, unless some fault has too few records for a subset of its own.
+    parted = sum(len(p) for p in subsets[1:]) == len(subsets[0])
+    own = list(subsets[1:] if parted else subsets)
     first = len(subsets) - len(own)
     block = max(4096 // members, 1)
     for s, places in enumerate(own):
@@ -198,7 +210,7 @@ class _Contrast:
     fault: str | None
 
 
-def _contrasts(conditions: Sequence[Condition]) -> list[_Contrast]:
+def _contrasts(conditions: Sequence[Condition], fewest: int) -> list[_Contrast]:
     """Each fault against the rest; trends over speed, load and time, within faults and in each."""
     faults = np.array([c.fault or "" for c in conditions])
     names = list(dict.fromkeys(faults))
@@ -220,7 +232,7 @@ def _contrasts(conditions: Sequence[Condition]) -> list[_Contrast]:
         for name in names if len(names) > 1 else []:
             own = np.where(faults == name, weights, 0.0)
             # A trend through two records is none.
-            if np.count_nonzero(own) >= 3:
+            if np.count_nonzero(own) >= max(fewest, 3):
                 out.append(_Contrast(variable, own, str(name)))
     return [c for c in out if np.abs(c.weights).max() > 1e-9]
 

@@ -1,0 +1,108 @@
+"""Distances: nothing on average between two sets of one machine, the truth on average between two machines."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from twingap.errors import TwingapError
+from twingap.gap.distance import Paired, gap_distance, strata
+from twingap.gap.report import Domain
+from twingap.gap.views import Axis, Views
+from twingap.records import Condition
+
+Array = NDArray[np.float64]
+BINS = 40
+
+
+def conditions_of(n: int, faults: Sequence[str] = ("healthy", "outer"), per_group: int = 1) -> tuple[Condition, ...]:
+    return tuple(
+        Condition(f"r{i}", 1500 + 20 * i, 12000, 600, faults[i % len(faults)], group=f"g{i // per_group}")
+        for i in range(n)
+    )
+
+
+def views_of(conditions: Sequence[Condition], rng: np.random.Generator, shift: Array | float = 0.0) -> Views:
+    edges = np.arange(BINS + 1.0)
+    axes: dict[Domain, Axis] = {"order": Axis(edges[:-1], edges[1:], ("lines",) * BINS, "shaft orders")}
+    return Views({"order": rng.standard_normal((len(conditions), BINS)) + shift}, axes, tuple(conditions))
+
+
+def pair_of(n: int, m: int, rng: np.random.Generator, shift: Array | float = 0.0) -> Paired:
+    conditions = conditions_of(n)
+    return Paired(views_of(conditions, rng, shift), [views_of(conditions, rng) for _ in range(m)])
+
+
+@pytest.mark.parametrize(("n", "m"), [(1, 10), (2, 10), (7, 1), (24, 5)])
+def test_squares_are_unbiased_with_and_without_a_gap(n: int, m: int) -> None:
+    rng = np.random.default_rng(1)
+    shift = np.where(np.arange(BINS) < 10, 2.0, 0.0)
+    means = []
+    for _ in range(150):
+        pair = pair_of(n, m, rng, shift)
+        squares = pair.squares()[0] * pair.scale**2
+        mean = squares.T @ pair.stratum_weight
+        means.append((mean[:10].mean(), mean[10:].mean()))
+    error = np.std(means, axis=0) / np.sqrt(150)
+    assert np.all(np.abs(np.mean(means, axis=0) - [4.0, 0.0]) < 4 * error)
+
+
+@pytest.mark.parametrize("n", [4, 12, 30])
+def test_the_floor_is_what_a_perfect_twin_shows(n: int) -> None:
+    rng = np.random.default_rng(2)
+    found = [pair_of(n, 20, rng).distance(rng, 40) for _ in range(80)]
+    overall, floor = np.mean([d.overall for d in found]), np.mean([d.floor for d in found])
+    assert 0.6 * floor < overall < 1.4 * floor
+
+
+def test_one_line_and_a_broad_change_both_stand_above_the_floor() -> None:
+    rng = np.random.default_rng(3)
+    line = np.where(np.arange(BINS) == 7, 6.0, 0.0)
+    for shift in (line, np.full(BINS, 1.0)):
+        found = pair_of(16, 10, rng, shift).distance(rng)
+        assert found.overall > 4 * found.floor
+        assert found.overall == pytest.approx(np.sqrt(np.mean(shift**2)), rel=0.2)
+
+
+def test_a_gap_of_opposite_signs_in_two_faults_does_not_cancel() -> None:
+    rng = np.random.default_rng(4)
+    conditions = conditions_of(16)
+    sign = np.where(np.arange(16) % 2 == 0, 2.0, -2.0)[:, None]
+    found = gap_distance(views_of(conditions, rng, sign), [views_of(conditions, rng) for _ in range(5)], rng)
+    assert found.overall > 1.5
+
+
+def test_windows_of_one_recording_are_one_witness() -> None:
+    """A recording's own peculiarity is no gap; taken window by window it would look like one."""
+    rng = np.random.default_rng(5)
+    conditions = conditions_of(32, ("outer",), per_group=4)
+    squares = []
+    for _ in range(100):
+        own = np.repeat(rng.standard_normal((8, BINS)), 4, axis=0)
+        pair = Paired(views_of(conditions, rng, own), [views_of(conditions, rng) for _ in range(5)])
+        squares.append(pair.squares().mean())
+    assert abs(np.mean(squares)) < 4 * np.std(squares) / 10
+
+
+def test_strata_hold_every_record_once_and_like_with_like() -> None:
+    conditions = conditions_of(24, ("healthy", "outer", "inner"))
+    parts = strata(conditions)
+    assert sorted(np.concatenate(parts).tolist()) == list(range(24))
+    for part in parts:
+        assert len({conditions[i].fault for i in part}) == 1 and len(part) >= 2
+    lonely = strata(conditions_of(3, ("healthy", "outer", "inner")))
+    assert [len(p) for p in lonely] == [3]
+    same = [Condition(f"r{i}", (1000, 2000)[i % 2], 1e4, 99) for i in range(10)]
+    assert {len({same[i].speed_rpm for i in part}) for part in strata(same)} == {1}
+
+
+def test_replicates_must_match_the_records() -> None:
+    rng = np.random.default_rng(6)
+    real = views_of(conditions_of(4), rng)
+    with pytest.raises(TwingapError, match="no simulated records"):
+        Paired(real, [])
+    with pytest.raises(TwingapError, match="against 4 records"):
+        Paired(real, [views_of(conditions_of(3), rng)])
