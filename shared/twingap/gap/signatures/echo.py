@@ -169,15 +169,18 @@ def two_pulses(
     kernel, answer, total = kernel / kernel[0], answer / kernel[0], total / kernel[0]
     near = np.arange(0, int(0.75 * m))
     # One strike of a sampled mode is two neighbouring samples: it may fall between them.
-    one = float(_pair(answer, kernel, near, np.array([UPSAMPLE]), one_sign=False)[0].max())
+    single = _pair(answer, kernel, near, np.array([UPSAMPLE]), one_sign=False)[0][:, 0]
+    one, place = float(single.max()), int(single.argmax())
     delays = np.arange(int(np.ceil(shortest * UPSAMPLE)), int(longest * UPSAMPLE) + 1)
     if delays.size < 2:
         return None
-    # Every other place first, then all about the best: the kernel is wider than that.
-    energy, ratio = _pair(answer, kernel, near[::2], delays[::2])
+    # Every third place first, then all about the best: the kernel is wider than that. One of the two strikes is near
+    # what looks like the only one.
+    near = np.arange(max(place - int(delays[-1]) - 4 * UPSAMPLE, 0), min(place + 4 * UPSAMPLE, near.size))
+    energy = _pair(answer, kernel, near[::3], delays[::3])[0]
     i, j = np.unravel_index(int(energy.argmax()), energy.shape)
-    near = np.arange(near[2 * i] - 3, near[2 * i] + 4)
-    delays = delays[max(2 * int(j) - 3, 0) : 2 * int(j) + 4]
+    near = np.arange(near[3 * i] - 4, near[3 * i] + 5)
+    delays = delays[max(3 * int(j) - 4, 0) : 3 * int(j) + 5]
     energy, ratio = _pair(answer, kernel, near, delays)
     i, j = np.unravel_index(int(energy.argmax()), energy.shape)
     two = float(energy[i, j])

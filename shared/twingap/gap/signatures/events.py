@@ -230,8 +230,12 @@ def _strengths(view: RecordView, seen: strikes.Strikes, rate: float, out: dict[s
     per_shaft, per_cage, zone = _orders(view)
     columns = [np.ones_like(relative)]
     found: dict[str, float] = {}
+    slots: dict[str, int] = {}
     # The cage's rate per pass is all but fixed; the shaft's moves with slip by up to a few per cent.
     for name, per_pass, width in (("shaft", per_shaft, 0.03), ("cage", per_cage, 0.03)):
+        if not per_pass < 0.45:
+            continue  # faster than every other pass shows
+        slots[name] = len(columns)
         fixed = name == "cage" and str(view.condition.fault) == "outer"
         place, columns_here = _line(relative, number, per_pass, 0.0 if fixed else width)
         found[name] = place
@@ -244,16 +248,16 @@ def _strengths(view: RecordView, seen: strikes.Strikes, rate: float, out: dict[s
     energies, *_ = np.linalg.lstsq(design, faint, rcond=None)
     free = max(relative.size - design.shape[1], 1)
     variance = float((rest**2).sum() / free)
-    for j, name in enumerate(("shaft", "cage")):
-        square = float((weights[1 + 2 * j : 3 + 2 * j] ** 2).sum())
-        ratio = float(np.hypot(*energies[1 + 2 * j : 3 + 2 * j])) / max(float(energies[0]), 1e-300)
+    for name, slot in slots.items():
+        square = float((weights[slot : slot + 2] ** 2).sum())
+        ratio = float(np.hypot(*energies[slot : slot + 2])) / max(float(energies[0]), 1e-300)
         depth = (1 - np.sqrt(max(1 - min(ratio, 1.4) ** 2 / 2, 0.0))) * 2 / max(ratio, 1e-9)
         # What noise and scatter put into two coefficients, more where the line was searched.
         out[f"{name}_depth"] = float(np.sqrt(max(depth**2 - 5 * variance / relative.size, 0.0)))
         out[f"{name}_line_log"] = 0.5 * float(np.log(square + _STRENGTH_FLOOR**2))
         if name == "shaft" and square > 30 * variance / relative.size:
             out["shaft_log_ratio"] = float(np.log(found[name] * rate / view.shaft_hz))
-    if zone is not None:
+    if zone in slots:
         out["zone_depth"] = out[f"{zone}_depth"]
     clean = max(variance - noise, 0.0)
     out["scatter_sigma"] = float(np.sqrt(clean))

@@ -144,12 +144,12 @@ def test_arc_of_the_defect(world: World, arc_deg: float) -> None:
     bearing, fault, fs, rpm = BEARINGS[world[0]], world[1], world[2], world[3]
     body = {"outer": bearing.ftf, "inner": 1 - bearing.ftf, "ball": bearing.bsf}[fault]
     delay = arc_deg / 360 / body / (rpm / 60) * fs
-    measured = [measure(view) for view in views(world, EntryExit(arc_deg))]
-    assert np.median([m["arc_deg"] for m in measured]) == pytest.approx(arc_deg, rel=0.1)
+    measured = [measure(view) for view in views(world, EntryExit(arc_deg), count=8)]
+    assert np.nanmedian([m["arc_deg"] for m in measured]) == pytest.approx(arc_deg, rel=0.1)
     assert np.median([m["echo_gain"] for m in measured]) > 0.7
     # Within half a period of the resonance the two strikes all but cancel where they would be seen best.
     if delay * world[5] > 0.6:
-        assert np.median([m["exit_ratio"] for m in measured]) == pytest.approx(1.0, rel=0.2)
+        assert np.nanmedian([m["exit_ratio"] for m in measured]) == pytest.approx(1.0, rel=0.2)
 
 
 def test_a_weak_second_strike_is_known_to_be_weak() -> None:
