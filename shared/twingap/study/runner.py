@@ -1,0 +1,371 @@
+"""The whole study, from cases to study.json; interrupted, it goes on where it was.
+
+cases --make, seal--> sealed.json --blind--> diagnoses, rivals --open seals--> rows --score--> study.json
+"""
+
+from __future__ import annotations
+
+import functools
+import json
+import os
+import secrets
+import sys
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from types import ModuleType
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+
+from twingap import files
+from twingap.errors import TwingapError
+from twingap.provenance import digest_of_code, digest_of_value, plain, versions
+from twingap.study import scores, worker
+from twingap.study.prepare import prepared, training_worlds
+from twingap.study.rivals import PERMUTATIONS, Detectors, Examples, OneClassifier, Rival, as_row, with_two_sample
+from twingap.study.verdicts import Found, Row, found_in, was_of
+
+if TYPE_CHECKING:
+    from twingap.rigs.worlds import Case
+
+SCHEMA: Final = "twingap.study/1"
+CHUNK: Final = 20
+DIAGNOSIS: Final = "diagnosis"
+TWO_SAMPLE: Final = "two-sample test, random forest"
+BOTH: Final = "extra-trees detectors with two-sample test"
+
+Report = Callable[[str, int, int], None]
+"""report(what, done, total)."""
+
+
+@dataclass(frozen=True)
+class Study:
+    """A finished study.
+
+    Parameters
+    ----------
+    table : Mapping
+        Content of study.json.
+    rows : Mapping[str, Sequence[Row]]
+        By method, the diagnosis first.
+    """
+
+    table: Mapping[str, Any]
+    rows: Mapping[str, Sequence[Row]]
+
+
+def diagnosis() -> worker.Diagnose:
+    """The diagnosis of this package."""
+    from twingap.gap import diagnose  # type: ignore[attr-defined, unused-ignore]
+
+    return diagnose  # type: ignore[no-any-return, unused-ignore]
+
+
+def default_rivals() -> tuple[Rival, ...]:
+    """Those that learn beforehand."""
+    from twingap.study.neural import NeuralPosterior
+
+    return (OneClassifier(), Detectors(), NeuralPosterior())
+
+
+def run_study(
+    out: str | os.PathLike[str],
+    cases: Sequence[Case],
+    seed: int,
+    *,
+    diagnose: worker.Diagnose | None = None,
+    prepare: worker.Prepare = prepared,
+    training: worker.Triples = training_worlds,
+    training_count: int = 1000,
+    rivals: Sequence[Rival] | None = None,
+    permutations: int = PERMUTATIONS,
+    jobs: int | None = None,
+    command: str = "",
+    report: Report = lambda what, done, total: None,
+) -> Study:
+    """Make, seal, diagnose, open and score worlds.
+
+    Parameters
+    ----------
+    out : path-like
+        Folder; one that holds the beginning of the same study is taken up again.
+    cases : sequence of Case
+        From `twingap.rigs.worlds.cases`; names unique.
+    seed : int
+    diagnose : callable, optional
+        See `worker.Diagnose`; `twingap.gap.diagnose` when None. Defined at module level, as `prepare` and `training`.
+    prepare : callable
+        Makes the simulated records that rivals get.
+    training, training_count
+        Worlds that rivals learn from, and how many; 0: no rival that learns.
+    rivals : sequence of Rival, optional
+        None = `default_rivals()`.
+    permutations : int
+        Of the rivals' two-sample test; 19 at least, or it can never claim a gap.
+    jobs : int, optional
+        Processes; None = one per core.
+    command : str
+        For the provenance.
+    report : callable
+        Told of progress.
+
+    Returns
+    -------
+    Study
+        Written to study.json, study.md and figures by `twingap.study.write_study`.
+
+    Raises
+    ------
+    TwingapError
+        When the folder holds another study, or a truth is not the one that was sealed.
+    SweepError
+        When a diagnosis ended with an error that is not the user's; the other worlds are done and kept.
+    """
+    begin, folder = time.perf_counter(), Path(out)
+    names = [case.name for case in cases]
+    if len(set(names)) < len(names):
+        raise TwingapError("two cases of one name", where="study", mend="give every case a name of its own")
+    diagnose = diagnose or diagnosis()
+    code = {"diagnosis": _digest_of(diagnose), "worlds": _digest_of_worlds()}
+
+    sealed = _seal(folder, cases, seed, code, jobs, report)
+    told = _diagnosed(folder, cases, seed, sealed, diagnose, prepare, permutations, code, jobs, report)
+    found = {DIAGNOSIS: [_found(t) for t in told], TWO_SAMPLE: [_tested(t) for t in told]}
+    learnt, skipped = _learnt(folder, seed, training, training_count, rivals, code, jobs, report)
+    x = np.array([t["statistics"] for t in told])
+    for rival in learnt:
+        found[rival.name] = rival.judge(x)
+        if isinstance(rival, Detectors):
+            found[BOTH] = with_two_sample(found[rival.name], found[TWO_SAMPLE])
+
+    was = _opened(folder, cases, seed, sealed, code, jobs, report)
+    rows = {method: [Row(w, f) for w, f in zip(was, answers, strict=True)] for method, answers in found.items()}
+    provenance = {
+        "seed": seed, "cases": len(cases), "command": command, "versions": versions(), "code_sha256": code,
+        "sealed_with": sealed["code_sha256"], "frozen": sealed["code_sha256"]["diagnosis"] == code["diagnosis"],
+        "training_worlds_of_rivals": training_count if learnt else 0, "rivals_skipped": skipped,
+        "diagnosis_s": sum(t["seconds"] for t in told), "runtime_s": time.perf_counter() - begin,
+    }  # fmt: skip
+    return Study(_table(rows, told, provenance), rows)
+
+
+def _table(
+    rows: Mapping[str, Sequence[Row]], told: Sequence[Mapping[str, Any]], provenance: dict[str, Any]
+) -> dict[str, Any]:
+    """Content of study.json."""
+    from twingap.effects import catalogue
+
+    own, effects = rows[DIAGNOSIS], list(catalogue())
+    worlds = []
+    for i, row in enumerate(own):
+        answer = told[i]
+        said = {m: as_row(rows[m][i].found) for m in rows if m != DIAGNOSIS}
+        worlds.append({**plain(row), "refused": answer["refused"], "report": answer["report"], "rivals": said})
+    return {
+        "schema": SCHEMA,
+        "scores": [s.row for s in scores.headline(own)],
+        "rivals": {m: [s.row for s in scores.headline(r)] for m, r in rows.items() if m != DIAGNOSIS},
+        "details": [s.row for s in scores.detailed(own)],
+        "by_effect": scores.by_effect(own),
+        "by_outsider": scores.by_outsider(own),
+        "parameters": _parameters(own),
+        "statuses": scores.statuses(own),
+        "confusion": {"effects": effects, "first_named": [*effects, scores.NOTHING],
+                      "counts": scores.confusion(own, effects).tolist()},
+        "reliability": scores.reliability(own),
+        "worlds": worlds,
+        "provenance": provenance,
+    }  # fmt: skip
+
+
+def _parameters(rows: Sequence[Row]) -> list[dict[str, Any]]:
+    from twingap.study.parameters import parameter_errors
+
+    return parameter_errors(rows)
+
+
+def _seal(
+    folder: Path, cases: Sequence[Case], seed: int, code: Mapping[str, str], jobs: int | None, report: Report
+) -> dict[str, Any]:
+    """Content of sealed.json, which is written here unless the study was begun before."""
+    asked = {"seed": seed, "cases": digest_of_value([plain(case) for case in cases]), "worlds": code["worlds"]}
+    held = folder / "sealed.json"
+    if held.exists():
+        return _taken_up(held, asked)
+    nonces = {case.name: secrets.token_hex(16) for case in cases}
+    # Written first: seals without their nonces could never be opened.
+    _write(folder / "nonces.json", nonces)
+    made = _sweep(
+        worker.seal_world,
+        [worker.SealJob(case, seed, nonces[case.name]) for case in cases],
+        folder / "work" / "sealing",
+        code["worlds"],
+        {},
+        jobs,
+        functools.partial(report, "worlds sealed"),
+    )
+    sealed = {"asked": asked, "code_sha256": dict(code),
+              "worlds": {case.name: value for case, value in zip(cases, made, strict=True)}}  # fmt: skip
+    _write(held, sealed)
+    return sealed
+
+
+def _taken_up(held: Path, asked: Mapping[str, Any]) -> dict[str, Any]:
+    try:
+        sealed: dict[str, Any] = json.loads(held.read_text(encoding="utf-8"))
+        before = sealed["asked"]
+    except (ValueError, KeyError, TypeError) as error:
+        raise TwingapError(f"is damaged: {error}", where=held, mend="name a new folder") from error
+    for what in ("seed", "cases", "worlds"):
+        if before.get(what) != asked[what]:
+            said = "its worlds were made by other code" if what == "worlds" else f"it has another {what.rstrip('s')}"
+            raise TwingapError(f"another study was sealed here: {said}", where=held, mend="name a new folder")
+    return sealed
+
+
+def _diagnosed(
+    folder: Path, cases: Sequence[Case], seed: int, sealed: Mapping[str, Any], diagnose: worker.Diagnose,
+    prepare: worker.Prepare, permutations: int, code: Mapping[str, str], jobs: int | None, report: Report,
+) -> list[dict[str, Any]]:  # fmt: skip
+    return _sweep(
+        functools.partial(worker.diagnose_world, diagnose=diagnose, prepare=prepare),
+        [worker.DiagnoseJob(c, seed, sealed["worlds"][c.name]["records_sha256"], permutations) for c in cases],
+        folder / "work" / "diagnoses",
+        _digest_of(worker.diagnose_world, "blind", "rivals", "statistics", "worker"),
+        {**code, "learnt": _learnt_key(diagnose), "prepare": _digest_of(prepare)},
+        jobs,
+        functools.partial(report, "worlds diagnosed"),
+    )
+
+
+def _opened(
+    folder: Path, cases: Sequence[Case], seed: int, sealed: Mapping[str, Any], code: Mapping[str, str],
+    jobs: int | None, report: Report,
+) -> list[Any]:  # fmt: skip
+    """What the worlds were, each checked against its seal."""
+    from twingap.rigs.worlds import open_seal
+
+    nonces = json.loads((folder / "nonces.json").read_text(encoding="utf-8"))
+    version = digest_of_value([code["worlds"], _digest_of(worker.open_world, "closure"), _digest_of_distance()])
+    told = _sweep(worker.open_world, [worker.OpenJob(c, seed) for c in cases], folder / "work" / "opening",
+                  version, {}, jobs, functools.partial(report, "seals opened"))  # fmt: skip
+    was, opened = [], {}
+    for case, value in zip(cases, told, strict=True):
+        seal = sealed["worlds"][case.name]["seal"]
+        truth = open_seal(seal, value["truth"], nonces[case.name])
+        was.append(was_of(truth, value["closure"]))
+        opened[case.name] = {"seal": seal, "nonce": nonces[case.name], "truth": value["truth"]}
+    _write(folder / "opened.json", opened)
+    return was
+
+
+def _learnt(
+    folder: Path, seed: int, training: worker.Triples, count: int, rivals: Sequence[Rival] | None,
+    code: Mapping[str, str], jobs: int | None, report: Report,
+) -> tuple[list[Rival], dict[str, str]]:  # fmt: skip
+    """Rivals that have learnt, and why others were skipped."""
+    wanted = list(default_rivals() if rivals is None else rivals)
+    skipped = {r.name: reason for r in wanted if (reason := r.skip())}
+    ready = [r for r in wanted if r.name not in skipped]
+    if not count or not ready:
+        return [], skipped | {r.name: "no training worlds" for r in ready}
+    sizes = [min(CHUNK, count - start) for start in range(0, count, CHUNK)]
+    parts = _sweep(
+        functools.partial(worker.learn_from, worlds=training),
+        [worker.LearnJob(seed, i, size) for i, size in enumerate(sizes)],
+        folder / "work" / "training",
+        _digest_of(worker.learn_from, "statistics"),
+        {"training": _digest_of(training), "diagnosis": code["diagnosis"]},
+        jobs,
+        functools.partial(report, "training worlds of rivals"),
+    )
+    examples = Examples(
+        np.concatenate([p["x"] for p in parts]),
+        np.concatenate([p["present"] for p in parts]).astype(bool),
+        tuple(parts[0]["effects"]),
+    )
+    for place, rival in enumerate(ready):
+        report("rivals trained", place, len(ready))
+        rival.fit(examples, np.random.default_rng([seed, place, 0xF17]))
+    return ready, skipped
+
+
+def _sweep(
+    function: Callable[[Any], Any], work: Sequence[Any], store: Path, version: str, data: dict[str, str],
+    jobs: int | None, report: Callable[[int, int], None],
+) -> list[Any]:  # fmt: skip
+    from twingap.sweep import sweep
+
+    done = 0
+
+    def one_more(_: object) -> None:
+        nonlocal done
+        done += 1
+        report(done, len(work))
+
+    report(0, len(work))
+    results = sweep(function, work, store=store, n_jobs=jobs, version=version, data=data, on_result=one_more,
+                    describe=_in_words)  # fmt: skip
+    return [result.value for result in results]
+
+
+def _in_words(job: Any) -> str:
+    """The case's name alone: labels lie beside results that a diagnosis could read."""
+    return job.case.name if hasattr(job, "case") else f"chunk {job.chunk}"
+
+
+def _found(told: Mapping[str, Any]) -> Found:
+    if told["report"] is None:
+        return Found("refused", runtime_s=told["seconds"], peak_mb=told["peak_mb"])
+    return found_in(told["report"], told["seconds"], told["peak_mb"])
+
+
+def _tested(told: Mapping[str, Any]) -> Found:
+    test = told["two_sample"]
+    return Found(test["status"], tuple(test.get("effects", ())), p_value=test.get("p_value"))
+
+
+def _digest_of(function: Callable[..., Any], *own: str) -> str:
+    """Digest of the code of a function: of the whole package where it is the diagnosis's, of its module otherwise."""
+    import importlib
+
+    module = function.__module__
+    parts: list[ModuleType | Any] = [importlib.import_module(f"twingap.study.{name}") for name in own] or [function]
+    if module.startswith(("twingap.gap", "twingap.study.prepare")):
+        parts += [importlib.import_module(f"twingap.{p}") for p in ("gap", "signal", "identify", "twins", "effects")]
+    return digest_of_code(*parts)
+
+
+def _digest_of_worlds() -> str:
+    import twingap.rigs
+
+    return digest_of_code(twingap.rigs)
+
+
+def _digest_of_distance() -> str:
+    from twingap.gap import distance, view, views
+
+    return digest_of_code(distance, view, views)
+
+
+def _learnt_key(diagnose: worker.Diagnose) -> str:
+    """What this package's diagnosis has learnt from."""
+    if not diagnose.__module__.startswith("twingap.gap"):
+        return ""
+    from twingap.gap import training
+
+    return training.key()
+
+
+def _write(path: Path, value: Any) -> None:
+    with files.replacing(path) as temporary:
+        temporary.write_text(json.dumps(plain(value), indent=1, sort_keys=True) + "\n", encoding="utf-8")
+
+
+def command_line() -> str:
+    """As this process was called."""
+    import shlex
+
+    return shlex.join([Path(sys.argv[0]).name, *sys.argv[1:]])

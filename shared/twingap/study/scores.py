@@ -1,0 +1,325 @@
+"""How often a method was right: rates with exact intervals beside their targets.
+
+rows of one method --counted by kind, strength, effect, arm--> Score, Score, ...
+                   --first named against true--> confusion;  --probability against truth--> reliability
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+
+from twingap.study.intervals import of_median, of_rate
+from twingap.study.verdicts import CATALOGUED, KINDS, STRANGE, Row, of_kind
+
+NOTHING: Final = "(none)"
+"""Stands for "no effect named" in confusion matrices."""
+STATUSES: Final = ("no_gap", "explained", "partly_explained", "unexplained", "refused")
+STRENGTHS: Final = ("weak", "medium", "strong")
+
+
+@dataclass(frozen=True)
+class Target:
+    """What a score should reach.
+
+    Parameters
+    ----------
+    bound : float
+    at_least : bool
+        False: at most.
+    of : {"value", "high"}
+        Whether the value itself must keep it or the upper end of its interval.
+    """
+
+    bound: float
+    at_least: bool = True
+    of: str = "value"
+
+    @property
+    def words(self) -> str:
+        """Such as "at least 0.95"."""
+        return (
+            f"{'upper bound ' if self.of == 'high' else ''}{'at least' if self.at_least else 'at most'} {self.bound:g}"
+        )
+
+
+@dataclass(frozen=True)
+class Score:
+    """One number about a method.
+
+    Parameters
+    ----------
+    name, among : str
+        What was counted, and among which worlds.
+    value, low, high : float
+        With its 95 % interval; NaN where there was nothing to count.
+    n : int
+        Worlds, or named and true effects for precision and recall.
+    k : int or None
+        Successes; None where the value is no rate.
+    target : Target or None
+    """
+
+    name: str
+    among: str
+    value: float
+    low: float
+    high: float
+    n: int
+    k: int | None = None
+    target: Target | None = None
+
+    @property
+    def met(self) -> bool | None:
+        """Whether the target is met; None without target or data."""
+        judged = self.high if self.target is not None and self.target.of == "high" else self.value
+        if self.target is None or math.isnan(judged):
+            return None
+        return judged >= self.target.bound if self.target.at_least else judged <= self.target.bound
+
+    @property
+    def row(self) -> dict[str, Any]:
+        """For tables and study.json."""
+        numbers = {name: _finite(getattr(self, name)) for name in ("value", "low", "high")}
+        target = None if self.target is None else self.target.words
+        return {
+            "score": self.name, "among": self.among, **numbers, "k": self.k, "n": self.n, "target": target,
+            "met": self.met,
+        }  # fmt: skip
+
+
+def rate(name: str, among: str, hits: Iterable[bool], target: Target | None = None) -> Score:
+    """A rate with its Clopper-Pearson interval."""
+    seen = [bool(hit) for hit in hits]
+    return counted(name, among, sum(seen), len(seen), target)
+
+
+def counted(name: str, among: str, k: int, n: int, target: Target | None = None) -> Score:
+    """The same from counts."""
+    return Score(name, among, k / n if n else math.nan, *of_rate(k, n), n, k, target)
+
+
+def median(name: str, among: str, values: Iterable[float], target: Target | None = None) -> Score:
+    """A median with its interval by order statistics."""
+    kept = [v for v in values if math.isfinite(v)]
+    return Score(name, among, float(np.median(kept)) if kept else math.nan, *of_median(kept), len(kept), None, target)
+
+
+def mean(name: str, among: str, values: Iterable[float], target: Target | None = None) -> Score:
+    """A mean with its interval by Student's t."""
+    from scipy.stats import t
+
+    kept = np.array([v for v in values if math.isfinite(v)])
+    if kept.size == 0:
+        return Score(name, among, math.nan, math.nan, math.nan, 0, None, target)
+    half = float(t.ppf(0.975, kept.size - 1) * kept.std(ddof=1) / math.sqrt(kept.size)) if kept.size > 1 else math.inf
+    return Score(name, among, float(kept.mean()), float(kept.mean()) - half, float(kept.mean()) + half, kept.size,
+                 None, target)  # fmt: skip
+
+
+def largest(name: str, among: str, values: Iterable[float], target: Target | None = None) -> Score:
+    """The largest value seen; no interval."""
+    kept = [v for v in values if math.isfinite(v)]
+    return Score(name, among, max(kept, default=math.nan), math.nan, math.nan, len(kept), None, target)
+
+
+def right_first(row: Row) -> bool:
+    """Whether the effect named first is one that the world had."""
+    return row.found.first in row.was.effects
+
+
+def exact(row: Row) -> bool:
+    """Whether the effects named are those that the world had."""
+    return set(row.found.effects) == set(row.was.effects)
+
+
+def covered(row: Row) -> bool:
+    """Whether the confidence set holds the true set."""
+    return frozenset(row.was.effects) in row.found.covers
+
+
+def headline(rows: Sequence[Row]) -> list[Score]:
+    """The scores that have targets, in their order."""
+    none, single = of_kind(rows, "none"), of_kind(rows, "single")
+    clear = [r for r in single if r.was.one_strength in ("medium", "strong")]
+    weak = [r for r in single if r.was.one_strength == "weak"]
+    pairs, crowds, strange = of_kind(rows, "pair"), of_kind(rows, "crowd"), of_kind(rows, *STRANGE)
+    false = rate("false alarms", "none", (r.found.gap for r in none), Target(0.05, at_least=False))
+    with_set = [r for r in clear if r.found.confidence_set is not None]
+    several = [r for r in of_kind(rows, *CATALOGUED) if r.found.confidence_set is not None]
+    known = of_kind(rows, *CATALOGUED)
+    size = lambda r: float(len(r.found.covers))  # noqa: E731
+    return [
+        false,
+        Score("false alarms, upper bound", "none", false.high, false.low, false.high, false.n, false.k,
+              Target(0.09, at_least=False, of="high")),
+        rate("first-named right", "single, medium or strong", map(right_first, clear), Target(0.95)),
+        rate("first-named right", "single, weak", map(right_first, weak), Target(0.75)),
+        rate("confidence set covers", "single, medium or strong", map(covered, with_set), Target(0.90)),
+        mean("size of confidence set", "single, medium or strong", map(size, with_set), Target(2.0, at_least=False)),
+        rate("confidence set covers", "single, pair, crowd", map(covered, several), Target(0.90)),
+        mean("size of confidence set", "single, pair, crowd", map(size, several), Target(2.0, at_least=False)),
+        rate("exact set", "pair", map(exact, pairs), Target(0.70)),
+        precision(crowds, "crowd", Target(0.90)),
+        recall(crowds, "crowd", Target(0.75)),
+        rate("outside recognised", "outside, outside_plus", (r.found.strange for r in strange), Target(0.80)),
+        median("closure over true closure", "single, pair, crowd", map(closure_ratio, known), Target(0.90)),
+        largest("runtime, s", "all", (_or_nan(r.found.runtime_s) for r in rows), Target(60.0, at_least=False)),
+        largest("peak memory, MB", "all", (_or_nan(r.found.peak_mb) for r in rows), Target(2048.0, at_least=False)),
+    ]  # fmt: skip
+
+
+def detailed(rows: Sequence[Row]) -> list[Score]:
+    """Every rate by kind, strength, arm and effect, without targets."""
+    out: list[Score] = []
+    for label, part in _parts(rows):
+        kinds = {r.was.kind for r in part}
+        known = of_kind(part, *CATALOGUED)
+        if "none" in kinds:
+            out.append(rate("false alarms", label, (r.found.gap for r in of_kind(part, "none"))))
+        if kinds - {"none"}:
+            out.append(rate("detected", label, (r.found.gap for r in part if r.was.kind != "none")))
+        if known:
+            out += [
+                rate("first-named right", label, map(right_first, known)),
+                rate("exact set", label, map(exact, known)),
+                precision(known, label),
+                recall(known, label),
+                median("closure over true closure", label, map(closure_ratio, known)),
+            ]
+        with_set = [r for r in part if r.found.confidence_set is not None and r.was.kind not in STRANGE]
+        if with_set:
+            out.append(rate("confidence set covers", label, map(covered, with_set)))
+            out.append(mean("size of confidence set", label, (float(len(r.found.covers)) for r in with_set)))
+        if strange := of_kind(part, *STRANGE):
+            out.append(rate("outside recognised", label, (r.found.strange for r in strange)))
+        if plus := of_kind(part, "outside_plus"):
+            out += [precision(plus, f"{label}: outside_plus"), recall(plus, f"{label}: outside_plus")]
+    out.append(median("runtime, s", "all", (_or_nan(r.found.runtime_s) for r in rows)))
+    return out
+
+
+def by_effect(rows: Sequence[Row]) -> list[dict[str, Any]]:
+    """Detection, first-named and exact set of single effects, and recall in company, by effect and strength."""
+    table = []
+    for effect in sorted({e for r in rows for e in r.was.effects}):
+        for strength in STRENGTHS:
+            alone = [
+                r for r in of_kind(rows, "single") if r.was.effects == (effect,) and r.was.one_strength == strength
+            ]
+            company = [r for r in of_kind(rows, "pair", "crowd", "outside_plus")
+                       if effect in r.was.effects and r.was.strength.get(effect) == strength]  # fmt: skip
+            measures: dict[str, list[bool]] = {
+                "detected": [r.found.gap for r in alone],
+                "first-named right": [right_first(r) for r in alone],
+                "exact set": [exact(r) for r in alone],
+                "found in company": [effect in r.found.effects for r in company],
+            }
+            scores = [rate(name, f"{effect}, {strength}", hits) for name, hits in measures.items() if hits]
+            table += [{"effect": effect, "strength": strength, **score.row} for score in scores]
+    return table
+
+
+def by_outsider(rows: Sequence[Row]) -> list[dict[str, Any]]:
+    """How often each outsider was recognised, and by which status."""
+    table = []
+    for name in sorted({o for r in rows for o in r.was.outsiders}):
+        own = [r for r in rows if name in r.was.outsiders]
+        score = rate("outside recognised", name, (r.found.strange for r in own))
+        named = [e for r in own for e in r.found.effects if e not in r.was.effects]
+        table.append({"outsider": name, **score.row, "effects named in its place": _tally(named)})
+    return table
+
+
+def precision(rows: Sequence[Row], among: str, target: Target | None = None) -> Score:
+    """Part of the effects named that were there, over all worlds together (micro)."""
+    named = [effect in row.was.effects for row in rows for effect in set(row.found.effects)]
+    return rate("precision", among, named, target)
+
+
+def recall(rows: Sequence[Row], among: str, target: Target | None = None) -> Score:
+    """Part of the effects that were there that were named, over all worlds together (micro)."""
+    return rate("recall", among, [e in row.found.effects for row in rows for e in set(row.was.effects)], target)
+
+
+def closure_ratio(row: Row) -> float:
+    """Closure of the verdict over that of the true effects; a verdict that adds nothing closes nothing."""
+    if row.was.closure is None or not row.was.closure > 0:
+        return math.nan
+    if not row.found.effects:
+        return 0.0
+    return math.nan if row.found.closure is None else row.found.closure / row.was.closure
+
+
+def statuses(rows: Sequence[Row]) -> list[dict[str, Any]]:
+    """How often each status was given to worlds of each kind."""
+    return [
+        {"kind": kind, "worlds": len(part), **{s: sum(r.found.status == s for r in part) for s in STATUSES}}
+        for kind in KINDS
+        if (part := of_kind(rows, kind))
+    ]
+
+
+def confusion(rows: Sequence[Row], effects: Sequence[str]) -> np.ndarray[tuple[int, int], np.dtype[np.int64]]:
+    """[effects, effects + 1] Single worlds: true effect against the one named first; the last column is none named."""
+    counts = np.zeros((len(effects), len(effects) + 1), np.int64)
+    place = {name: i for i, name in enumerate(effects)}
+    for row in of_kind(rows, "single"):
+        first = row.found.first
+        counts[place[row.was.effects[0]], len(effects) if first is None else place.get(first, len(effects))] += 1
+    return counts
+
+
+def reliability(rows: Sequence[Row], bins: int = 10) -> list[dict[str, Any]]:
+    """How often effects given a probability were there, by bins of probability; worlds with outsiders left out.
+
+    Returns
+    -------
+    list of dict
+        lo, hi, mean_probability, value, low, high, k, n. Intervals count effects as if independent.
+    """
+    pairs = [(p, e in r.was.effects) for r in rows if not r.was.outsiders for e, p in r.found.probability.items()]
+    edges = np.linspace(0, 1, bins + 1)
+    table = []
+    for lo, hi in itertools.pairwise(edges):
+        inside = [(p, true) for p, true in pairs if lo <= p < hi or (hi == 1.0 and p == 1.0)]
+        if inside:
+            score = rate("reliability", f"{lo:.1f} to {hi:.1f}", (true for _, true in inside))
+            table.append({"lo": float(lo), "hi": float(hi), "mean_probability": float(np.mean([p for p, _ in inside])),
+                          "value": score.value, "low": score.low, "high": score.high, "k": score.k,
+                          "n": score.n})  # fmt: skip
+    return table
+
+
+def _parts(rows: Sequence[Row]) -> Iterable[tuple[str, list[Row]]]:
+    """Labelled parts of the rows: all, by kind, by kind and strength, by kind and arm, by strength."""
+    yield "all", list(rows)
+    for kind in KINDS:
+        own = of_kind(rows, kind)
+        if own:
+            yield kind, own
+        for label, of in _CUTS.items():
+            for value in dict.fromkeys(of(r) for r in own):
+                if value:
+                    yield f"{kind}, {label}{value}", [r for r in own if of(r) == value]
+
+
+_CUTS: Mapping[str, Callable[[Row], str]] = {"": lambda r: r.was.one_strength, "arm ": lambda r: r.was.arm}
+
+
+def _tally(names: Sequence[str]) -> dict[str, int]:
+    counts = {name: names.count(name) for name in set(names)}
+    return dict(sorted(counts.items(), key=lambda item: (-item[1], item[0])))
+
+
+def _or_nan(value: float | None) -> float:
+    return math.nan if value is None else value
+
+
+def _finite(value: float) -> float | None:
+    return value if math.isfinite(value) else None

@@ -1,0 +1,198 @@
+"""Plain summary statistics of records, as a reader would write them in an afternoon: what the rivals learn from.
+
+record --moments, quantiles, band powers, lines at shaft and fault orders--> [statistics]
+measured and simulated sets --means, spreads, slopes over speed and time--> one vector per world
+
+Nothing here is shared with the signatures of the diagnosis, which the rivals are to be compared with.
+"""
+
+from __future__ import annotations
+
+import warnings
+from functools import cache
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import signal
+from scipy.stats import kurtosis, skew
+
+from twingap.bearing import Bearing
+from twingap.records import Record, RecordSet
+
+Array = NDArray[np.float64]
+
+BANDS: Final = 16
+QUANTILES: Final = (0.1, 0.5, 0.9, 0.99, 0.999)
+SHAFT_ORDERS: Final = (0.5, 1.0, 1.5, 2.0, 3.0, 4.0, 5.0)
+_HEALTHY_RIVAL_FAULT: Final = "outer"  # where a record has no fault to look for, the outer race's order stands in
+
+
+@cache
+def names() -> tuple[str, ...]:
+    """Names of the statistics of one record."""
+    return (
+        "log_rms", "kurtosis", "skewness", "crest_factor",
+        *(f"quantile_{q:g}" for q in QUANTILES),
+        "repeats", "at_extremes", "levels", "log_rms_spread", "kurtosis_spread",
+        *(f"band_{i}" for i in range(BANDS)),
+        "spectral_slope", "spectral_flatness", "spectral_centroid",
+        *(f"order_{o:g}" for o in SHAFT_ORDERS),
+        "integer_orders_6_to_80", "line_50_hz", "line_60_hz", "strongest_line", "ball_pass_line",
+        "envelope_fault_1", "envelope_fault_2", "envelope_fault_3", "envelope_decay", "envelope_shift",
+        "envelope_width", "envelope_shaft", "envelope_cage", "envelope_shaft_sidebands", "envelope_cage_sidebands",
+        "envelope_foreign", "envelope_floor",
+    )  # fmt: skip
+
+
+def of_record(record: Record, bearing: Bearing | None) -> Array:
+    """[statistics] Of one record, in the order of `names`.
+
+    Parameters
+    ----------
+    record : Record
+    bearing : Bearing or None
+        Without it, lines at its orders are NaN.
+    """
+    condition = record.condition
+    fs, shaft = condition.fs_hz, condition.speed_rpm / 60
+    x = np.asarray(record.samples, float)
+    x = x - x.mean()
+    rms = max(float(np.sqrt(np.mean(x**2))), 1e-300)
+    size = np.abs(x) / rms
+    moving = float(np.ptp(x)) > 1e-9 * float(np.abs(record.samples).max())
+    steps = np.diff(record.samples)
+    parts = [p for p in np.array_split(x, 8) if p.size > 3]
+    levels = np.array([np.sqrt(np.mean(p**2)) for p in parts]) / rms
+    kurt = np.array([kurtosis(p) if p.std() > 1e-9 * rms else 0.0 for p in parts])
+    out = [
+        np.log(rms), np.log1p(max(float(kurtosis(x)) if moving else 0.0, -0.99)), float(skew(x)) if moving else 0.0, float(size.max()),
+        *np.quantile(size, QUANTILES),
+        float(np.mean(steps == 0)), float(np.mean(size > 0.999 * size.max())),
+        np.log(np.unique(record.samples).size / x.size), float(np.std(np.log(levels + 1e-9))),
+        float(np.log1p(kurt.std())),
+    ]  # fmt: skip
+
+    nperseg = int(min(x.size, 2048))
+    f, psd = signal.welch(x, fs, nperseg=nperseg)
+    bands = np.array([float(b.mean()) for b in np.array_split(psd[1:], BANDS)])
+    shares = np.log(bands / max(float(bands.sum()), 1e-300) + 1e-12)
+    inside = psd[1:] + max(1e-12 * float(psd.max()), 1e-300)
+    slope = np.polyfit(np.log(f[1:]), np.log(inside), 1)[0]
+    flat = float(np.mean(np.log(inside)) - np.log(np.mean(inside)))
+    out += [*shares, float(slope), flat, float((f * psd).sum() / max(float(psd.sum()), 1e-300) / fs)]
+
+    n = x.size
+    power = np.abs(np.fft.rfft(x * np.hanning(n))) ** 2
+    whole = Lines(power, fs / n)
+    out += [whole.at(o * shaft) for o in SHAFT_ORDERS]
+    orders = np.arange(6, 81)
+    out.append(float(np.nanmax([whole.at(o * shaft) for o in orders if o * shaft < 0.45 * fs], initial=0.0)))
+    out += [whole.at(50.0), whole.at(60.0), whole.strongest()]
+
+    fault = condition.fault if condition.fault not in (None, "healthy") else _HEALTHY_RIVAL_FAULT
+    order = bearing.fault_order(str(fault)) if bearing is not None else np.nan
+    cage = bearing.ftf if bearing is not None else np.nan
+    out.append(whole.at(bearing.bpfo * shaft) if bearing is not None else np.nan)
+    analytic = signal.hilbert(signal.sosfiltfilt(_high_pass(fs), x)) if n > 64 else x.astype(complex)
+    envelope = np.abs(analytic) ** 2
+    envelope = envelope / max(float(envelope.mean()), 1e-300) - 1
+    spectrum = np.abs(np.fft.rfft(envelope * np.hanning(n))) ** 2
+    lines = Lines(spectrum, fs / n)
+    at = [lines.at(k * order * shaft, 0.03) for k in (1, 2, 3)]
+    peak_hz, width = lines.peak(order * shaft, 0.05)
+    out += [
+        *at, at[2] - at[0], peak_hz / (order * shaft) - 1 if bearing is not None else np.nan, width,
+        lines.at(shaft), lines.at(cage * shaft),
+        lines.at((order - 1) * shaft, 0.01) + lines.at((order + 1) * shaft, 0.01),
+        lines.at((order - cage) * shaft, 0.01) + lines.at((order + cage) * shaft, 0.01),
+        lines.strongest(), float(np.log(np.median(spectrum[1 : max(n // 20, 2)]) + 1e-300)),
+    ]  # fmt: skip
+    return np.asarray(out, float)
+
+
+class Lines:
+    """Lines of a periodogram over the median of what is around them.
+
+    Parameters
+    ----------
+    power : Array [bins]
+    df_hz : float
+    """
+
+    def __init__(self, power: Array, df_hz: float) -> None:
+        self.power, self.df_hz = power, df_hz
+
+    def at(self, frequency_hz: float, tolerance: float = 0.005) -> float:
+        """Log of the largest power near a frequency over the median around it; NaN outside the spectrum."""
+        if not np.isfinite(frequency_hz) or frequency_hz <= 0:
+            return float("nan")
+        place, half = frequency_hz / self.df_hz, max(2, round(tolerance * frequency_hz / self.df_hz))
+        if not half < place < self.power.size - half - 1:
+            return float("nan")
+        own, around = round(place), 4 * half + 10
+        near = self.power[max(own - around, 1) : own + around + 1]
+        return float(np.log((self.power[own - half : own + half + 1].max() + 1e-300) / (np.median(near) + 1e-300)))
+
+    def peak(self, frequency_hz: float, tolerance: float) -> tuple[float, float]:
+        """Where the largest power near a frequency lies, Hz, and the log of the share of it in three bins."""
+        place = frequency_hz / self.df_hz
+        half = max(3, round(tolerance * place)) if np.isfinite(place) else 0
+        if not half < place < self.power.size - half - 1:
+            return float("nan"), float("nan")
+        near = self.power[round(place) - half : round(place) + half + 1]
+        top = int(near.argmax())
+        share = near[max(top - 1, 0) : top + 2].sum() / max(float(near.sum()), 1e-300)
+        return (round(place) - half + top) * self.df_hz, float(np.log(share + 1e-12))
+
+    def strongest(self) -> float:
+        """Log of the strongest line of all over the median of the spectrum's own eighth."""
+        parts = [p for p in np.array_split(self.power[2:], 8) if p.size]
+        return float(max(np.log((p.max() + 1e-300) / (np.median(p) + 1e-300)) for p in parts))
+
+
+def table(records: RecordSet) -> Array:
+    """[records, statistics] Of a set."""
+    return np.array([of_record(record, records.bearing) for record in records])
+
+
+def of_world(real: RecordSet, simulated: RecordSet) -> Array:
+    """[4 statistics] Measured less simulated: mean, log spread, and slopes over log speed and time.
+
+    NaN where not defined, to be filled by who learns from it.
+    """
+    ours, theirs = table(real), table(simulated)
+    return from_tables(ours, theirs, real, simulated)
+
+
+def from_tables(ours: Array, theirs: Array, real: RecordSet, simulated: RecordSet) -> Array:
+    """The same from tables made before."""
+    with warnings.catch_warnings(), np.errstate(all="ignore"):
+        warnings.simplefilter("ignore", RuntimeWarning)  # means of nothing are NaN, and meant so
+        means = np.nanmean(ours, axis=0) - np.nanmean(theirs, axis=0)
+        spreads = np.log(np.nanstd(ours, axis=0) + 1e-3) - np.log(np.nanstd(theirs, axis=0) + 1e-3)
+        slopes = [_slopes(ours, real, key) - _slopes(theirs, simulated, key) for key in ("speed_rpm", "time_s")]
+    out = np.concatenate([means, spreads, *slopes])
+    return np.where(np.isfinite(out), out, np.nan)
+
+
+def world_names() -> tuple[str, ...]:
+    """Names of what `of_world` returns."""
+    return tuple(f"{name}|{kind}" for kind in ("mean", "spread", "on_speed", "on_time") for name in names())
+
+
+def _slopes(values: Array, records: RecordSet, key: str) -> Array:
+    """[statistics] Correlation with log speed or time; NaN where that does not vary."""
+    x = np.array([np.nan if getattr(c, key) is None else getattr(c, key) for c in records.conditions], float)
+    x = np.log(x) if key == "speed_rpm" else x
+    x = x - x.mean()
+    if not np.isfinite(x).all() or x.std() == 0:
+        return np.full(values.shape[1], np.nan)
+    own = values - np.nanmean(values, axis=0)
+    return np.asarray(np.nanmean(own * x[:, None], axis=0) / (x.std() * (np.nanstd(values, axis=0) + 1e-3)))
+
+
+@cache
+def _high_pass(fs_hz: float) -> Array:
+    """Above a sixteenth of the rate, where shaft and mains do not reach."""
+    return np.asarray(signal.butter(4, fs_hz / 16, "highpass", fs=fs_hz, output="sos"))

@@ -1,0 +1,169 @@
+"""What worker processes do with a world: seal it, diagnose it blind, open it.
+
+SealJob     --make_world--> seal of the truth, digest of the records          (the truth stays in the worker)
+DiagnoseJob --make_world--> Blind --diagnose--> report; --prepare--> rivals' statistics and two-sample test
+OpenJob     --make_world--> truth, closure of the true effects
+"""
+
+from __future__ import annotations
+
+import zlib
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from twingap.errors import TwingapError
+from twingap.records import RecordSet
+from twingap.study import rivals, statistics
+from twingap.study.blind import Blind, blinded
+from twingap.study.usage import Usage
+from twingap.twins.twin_file import TwinSpec
+
+if TYPE_CHECKING:
+    from twingap.rigs.worlds import Case
+
+Diagnose = Callable[..., Any]
+"""diagnose(records, spec, rng, *, sim=None) -> something with a `report` in the form of gap_report.schema.json."""
+Prepare = Callable[[RecordSet, TwinSpec, np.random.Generator, RecordSet | None], tuple[RecordSet, RecordSet]]
+"""prepare(records, spec, rng, sim) -> (records, simulated records of the calibrated twin, same conditions)."""
+Triples = Callable[[int, np.random.Generator], Iterable[tuple[RecordSet, RecordSet, frozenset[str]]]]
+"""worlds(n, rng) -> (records, simulated records, effects missing): for the rivals to learn from."""
+
+
+@dataclass(frozen=True)
+class SealJob:
+    """A world to seal.
+
+    Parameters
+    ----------
+    case : Case
+    seed : int
+    nonce : str
+    """
+
+    case: Case
+    seed: int
+    nonce: str
+
+
+@dataclass(frozen=True)
+class DiagnoseJob:
+    """A world to diagnose blind.
+
+    Parameters
+    ----------
+    case : Case
+    seed : int
+    records_sha256 : str
+        Of the records as they were sealed.
+    permutations : int
+        Of the rivals' two-sample test.
+    """
+
+    case: Case
+    seed: int
+    records_sha256: str
+    permutations: int
+
+
+@dataclass(frozen=True)
+class OpenJob:
+    """A world to open."""
+
+    case: Case
+    seed: int
+
+
+@dataclass(frozen=True)
+class LearnJob:
+    """Training worlds for the rivals.
+
+    Parameters
+    ----------
+    seed, chunk : int
+    count : int
+        Worlds in this chunk.
+    """
+
+    seed: int
+    chunk: int
+    count: int
+
+
+def seal_world(job: SealJob) -> dict[str, str]:
+    """Seal of a world's truth, and digest of its records."""
+    from twingap.rigs.worlds import make_world, seal
+
+    world = make_world(job.case, job.seed)
+    return {"seal": seal(world.truth, job.nonce), "records_sha256": world.records.digest}
+
+
+def diagnose_world(job: DiagnoseJob, diagnose: Diagnose, prepare: Prepare) -> dict[str, Any]:
+    """What the diagnosis says of a world of which it sees records, simulated records and twin alone.
+
+    Returns
+    -------
+    dict
+        report (content of gap.json without curves; None when refused), refused (why), seconds, peak_mb; statistics
+        [world statistics] and two_sample for the rivals.
+
+    Raises
+    ------
+    TwingapError
+        When the world is not the one that was sealed.
+    """
+    from twingap.rigs.worlds import make_world
+
+    world = make_world(job.case, job.seed)
+    if world.records.digest != job.records_sha256:
+        raise TwingapError("records differ from those that were sealed", where=f"case {job.case.name!r}")
+    blind = blinded(world)
+    del world
+    root = [job.seed, zlib.crc32(job.case.name.encode())]
+    report, refused = None, ""
+    with Usage() as used:
+        try:
+            report = report_of(diagnose(blind.records, blind.twin, np.random.default_rng([*root, 0]), sim=blind.sim))
+        except TwingapError as error:
+            refused = str(error)
+    out = {"report": report, "refused": refused, "seconds": used.seconds, "peak_mb": used.peak_mb}
+    return out | _for_rivals(blind, prepare, root, job.permutations)
+
+
+def open_world(job: OpenJob) -> dict[str, Any]:
+    """A world's truth as canonical JSON, and the closure of its true effects with their true parameters."""
+    from twingap.rigs.worlds import make_world
+    from twingap.study.closure import true_closure
+
+    world = make_world(job.case, job.seed)
+    return {"truth": world.truth.to_json(), "closure": true_closure(world, job.seed)}
+
+
+def learn_from(job: LearnJob, worlds: Triples) -> dict[str, Any]:
+    """Examples for the rivals."""
+    from twingap.effects import catalogue
+
+    rng = np.random.default_rng([job.seed, job.chunk, 0x1EA4])
+    made = rivals.examples(worlds(job.count, rng), tuple(catalogue()))
+    return {"x": made.x, "present": made.present, "effects": list(made.effects)}
+
+
+def report_of(diagnosis: Any) -> dict[str, Any]:
+    """Content of gap.json, without what only figures need."""
+    report = getattr(diagnosis, "report", diagnosis)
+    table = dict(report.to_json() if hasattr(report, "to_json") else report)
+    table.pop("curves", None)
+    return table
+
+
+def _for_rivals(blind: Blind, prepare: Prepare, root: list[int], permutations: int) -> dict[str, Any]:
+    try:
+        real, simulated = prepare(blind.records, blind.twin, np.random.default_rng([*root, 1]), blind.sim)
+    except TwingapError as error:
+        nothing = np.full(len(statistics.world_names()), np.nan)
+        return {"statistics": nothing, "two_sample": {"status": "refused", "why": str(error)}}
+    ours, theirs = statistics.table(real), statistics.table(simulated)
+    tested = rivals.two_sample(ours, theirs, np.random.default_rng([*root, 2]), permutations)
+    return {"statistics": statistics.from_tables(ours, theirs, real, simulated), "two_sample": rivals.as_row(tested)}

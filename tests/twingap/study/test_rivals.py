@@ -1,0 +1,124 @@
+"""Rivals: fair tests, readings that exist, learning what can be learnt; not more."""
+
+import numpy as np
+import pytest
+from study_standins import EFFECTS, tiny_worlds
+
+from twingap.bearing import BEARINGS
+from twingap.effects import catalogue
+from twingap.records import Condition, Record
+from twingap.study import rivals, statistics
+from twingap.study.neural import NeuralPosterior
+from twingap.study.verdicts import Found
+
+
+def noise_record(x: np.ndarray, fs_hz: float = 8000.0) -> Record:
+    return Record(Condition("r", 1500.0, fs_hz, x.size, "outer"), x)
+
+
+def test_every_statistic_has_a_reading_in_the_catalogue() -> None:
+    for name in statistics.names():
+        assert rivals.read_importance(name) in catalogue()
+
+
+def test_statistics_do_not_know_the_unit_but_for_the_level() -> None:
+    x = np.random.default_rng(0).standard_normal(8000)
+    one, many = (statistics.of_record(noise_record(g * x), BEARINGS["6205"]) for g in (1.0, 40.0))
+    level = statistics.names().index("log_rms")
+    assert many[level] - one[level] == pytest.approx(np.log(40))
+    np.testing.assert_allclose(np.delete(many, level), np.delete(one, level), atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("name", "hz"), [("order_1", 25.0), ("order_2", 50.0), ("line_60_hz", 60.0), ("order_0.5", 12.5)]
+)
+def test_a_tone_stands_in_its_line(name: str, hz: float) -> None:
+    rng = np.random.default_rng(1)
+    t = np.arange(16000) / 8000
+    quiet, loud = (
+        statistics.of_record(noise_record(rng.standard_normal(t.size) + a * np.sin(2 * np.pi * hz * t)), None)
+        for a in (0.0, 1.0)
+    )
+    place = statistics.names().index(name)
+    assert loud[place] - quiet[place] > 3
+    assert np.isnan(quiet[statistics.names().index("envelope_cage")])  # no bearing, no order to look at
+
+
+def test_constant_and_short_records_give_numbers_or_nan() -> None:
+    for x in (np.zeros(2000), np.ones(100), np.random.default_rng(0).standard_normal(70)):
+        values = statistics.of_record(noise_record(x), BEARINGS["6205"])
+        assert values.shape == (len(statistics.names()),) and not np.isinf(values).any()
+
+
+def test_two_sample_test_keeps_its_level_and_sees_a_shift() -> None:
+    rng = np.random.default_rng(5)
+    width = len(statistics.names())
+    null = [rivals.two_sample(*rng.standard_normal((2, 8, width)), rng, 19).gap for _ in range(5)]
+    assert sum(null) <= 2  # P(more | 5 %) = 0.001
+    moved = rng.standard_normal((8, width))
+    moved[:, statistics.names().index("repeats")] += 8
+    found = rivals.two_sample(moved, rng.standard_normal((8, width)), rng, 19)
+    assert found.gap and found.effects == ("dropout",) and not found.strange
+
+
+@pytest.fixture(scope="module")
+def learnt() -> tuple[rivals.Examples, rivals.Examples]:
+    train = rivals.examples(tiny_worlds(60, np.random.default_rng(0)), EFFECTS)
+    return train, rivals.examples(tiny_worlds(24, np.random.default_rng(1)), EFFECTS)
+
+
+def test_detectors_learn_what_can_be_learnt(learnt: tuple[rivals.Examples, rivals.Examples]) -> None:
+    train, test = learnt
+    detectors = rivals.Detectors()
+    detectors.fit(train, np.random.default_rng(0))
+    said = [set(f.effects) for f in detectors.judge(test.x)]
+    true = [{e for e, there in zip(EFFECTS, row, strict=True) if there} for row in test.present]
+    assert sum(s == t for s, t in zip(said, true, strict=True)) >= 20
+    assert all(f.status == ("explained" if f.effects else "no_gap") for f in detectors.judge(test.x))
+
+
+def test_one_classifier_learns_from_worlds_of_at_most_one_effect(
+    learnt: tuple[rivals.Examples, rivals.Examples],
+) -> None:
+    train, test = learnt
+    one = rivals.OneClassifier()
+    one.fit(train, np.random.default_rng(0))
+    found = one.judge(test.x)
+    few = test.present.sum(axis=1) <= 1
+    right = [
+        f.first == next((e for e, there in zip(EFFECTS, row, strict=True) if there), None)
+        for f, row in zip(found, test.present, strict=True)
+    ]
+    assert np.mean(np.array(right)[few]) >= 0.8
+    assert all(len(f.effects) <= 1 for f in found)
+    assert all(f.strange == (f.gap and max(f.probability.values()) < 0.5) for f in found)
+
+
+def test_same_seed_same_answers(learnt: tuple[rivals.Examples, rivals.Examples]) -> None:
+    train, test = learnt
+    answers = []
+    for _ in range(2):
+        rival = rivals.Detectors()
+        rival.fit(train, np.random.default_rng(4))
+        answers.append(rival.judge(test.x[:4]))
+    assert answers[0] == answers[1]
+
+
+def test_detectors_with_two_sample_test_may_say_outside() -> None:
+    none, one = Found("no_gap"), Found("explained", ("a",))
+    gap = Found("explained", ("b",), p_value=0.02)
+    statuses = [f.status for f in rivals.with_two_sample([none, none, one], [none, gap, gap])]
+    assert statuses == ["no_gap", "unexplained", "explained"]
+
+
+def test_neural_posterior_says_why_it_is_skipped_or_learns(learnt: tuple[rivals.Examples, rivals.Examples]) -> None:
+    rival = NeuralPosterior(epochs=60)
+    if reason := rival.skip():
+        assert "pip install" in reason
+        return
+    train, test = learnt
+    rival.fit(train, np.random.default_rng(0))
+    found = rival.judge(test.x)
+    gap = [f.gap == row.any() for f, row in zip(found, test.present, strict=True)]
+    assert np.mean(gap) >= 0.7
+    assert all(set(f.probability) == set(EFFECTS) for f in found)
