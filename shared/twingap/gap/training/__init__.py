@@ -44,7 +44,21 @@ def cache_folder() -> Path:
     return Path(pooch.os_cache("twingap")) / "gap"
 
 
-def key(machines: int = MACHINES, seed: int = SEED) -> str:
+def default_machines() -> int:
+    """Machines to learn from when nobody says: `MACHINES`, or ``TWINGAP_GAP_MACHINES`` for trials and tests.
+
+    Raises
+    ------
+    TwingapError
+        When the variable is not a number of at least 20.
+    """
+    text = os.environ.get("TWINGAP_GAP_MACHINES", str(MACHINES))
+    if not text.isdecimal() or int(text) < 20:
+        raise TwingapError(f"{text!r}, a number of at least 20 expected", where="TWINGAP_GAP_MACHINES")
+    return int(text)
+
+
+def key(machines: int, seed: int = SEED) -> str:
     """Digest of all that the result depends on: the catalogue, the features, the code that makes examples."""
     import twingap.effects
     import twingap.gap.signatures
@@ -62,7 +76,7 @@ def key(machines: int = MACHINES, seed: int = SEED) -> str:
 
 
 def train(
-    cache: Path | None = None, seed: int = SEED, report: Report = quiet, *, machines: int = MACHINES, jobs: int = 0
+    cache: Path | None = None, seed: int = SEED, report: Report = quiet, *, machines: int = 0, jobs: int = 0
 ) -> Path:
     """Learn the diagnosis from simulated gaps, or return what was learnt before.
 
@@ -74,7 +88,7 @@ def train(
     report : callable
         Told of progress.
     machines : int
-        Simulated machines to learn from.
+        Simulated machines to learn from; 0 is `default_machines`.
     jobs : int
         Processes; 0 is one per core.
 
@@ -92,6 +106,7 @@ def train(
     from twingap.gap.training.parameters import coordinates
 
     folder = cache_folder() if cache is None else Path(cache)
+    machines = machines or default_machines()
     own = key(machines, seed)
     target = folder / f"learnt-{own}.joblib"
     if _whole(target):

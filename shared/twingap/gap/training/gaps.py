@@ -13,7 +13,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twingap.effects import Effect, catalogue, make_effect
-from twingap.errors import TwingapError
 from twingap.gap.evidence import values_of
 from twingap.gap.training.machines import Machine, draw_machine
 from twingap.gap.training.strangers import estrange
@@ -112,10 +111,7 @@ def draw_effects(rng: np.random.Generator, machine: Machine, count: int) -> tupl
         values = drawer(rng, machine)
         if values is None:
             continue
-        try:
-            effect = make_effect(name, values)
-        except TwingapError:
-            continue
+        effect = make_effect(name, values)
         if _fits(effect, machine):
             out.append(effect)
     return tuple(out)
@@ -241,7 +237,7 @@ def _knocks(rng: np.random.Generator, machine: Machine) -> Mapping[str, float]:
 def _waviness(rng: np.random.Generator, machine: Machine) -> Mapping[str, float]:
     return {
         "level": _log(rng, 0.04, 2.0), "decay": rng.uniform(0.2, 0.95), "n_harmonics": int(rng.integers(1, 8)),
-        "inner": int(rng.random() < 0.35),
+        "inner": bool(rng.random() < 0.35),
     }  # fmt: skip
 
 
@@ -256,7 +252,7 @@ DRAWERS: dict[str, Drawer] = {
     "mean_slip": lambda r, m: (
         {"slip": float(r.choice([-1, 1])) * _log(r, 0.004, 0.04)} if len(_faults(m)) > 1 else None
     ),
-    "slip_jitter": _any_fault(lambda r, m: {"sigma": _log(r, 0.005, 0.1), "accumulating": int(r.random() < 0.3)}),
+    "slip_jitter": _any_fault(lambda r, m: {"sigma": _log(r, 0.005, 0.1), "accumulating": bool(r.random() < 0.3)}),
     "impact_scatter": _any_fault(lambda r, m: {"sigma": _log(r, 0.1, 1.0)}),
     "load_zone": _zone,
     "cage_modulation": _any_fault(lambda r, m: {"depth": r.uniform(0.12, 1.0)}),

@@ -76,8 +76,8 @@ def to_effect(name: str, numbers: Mapping[str, float], setting: Setting) -> Effe
         if field.name not in numbers:
             continue
         values[field.name] = to_value(name, field.name, numbers[field.name], setting)
-    if name == "coloured_noise" and values["low_hz"] >= 0.9 * values["high_hz"]:
-        values["low_hz"] = 0.5 * values["high_hz"]
+    if name == "coloured_noise" and values["low_hz"] >= 0.985 * values["high_hz"]:
+        values["low_hz"] = 0.9 * values["high_hz"]
     try:
         return make_effect(name, values)
     except TwingapError:  # a user's own effect may refuse combinations: its defaults are always meaningful
@@ -95,7 +95,9 @@ def to_value(name: str, parameter: str, number: float, setting: Setting) -> floa
     if _place_in_spectrum(field):
         high = min(high, 0.48 * setting.fs_hz) if parameter != "high_hz" and parameter != "corner_hz" else high
     value = float(min(max(value, low), high))
-    return round(value) if field.type in ("int", "bool", int, bool) else value
+    if field.type in ("bool", bool):
+        return bool(value >= 0.5)
+    return round(value) if field.type in ("int", int) else value
 
 
 @cache

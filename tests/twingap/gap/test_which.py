@@ -1,0 +1,44 @@
+"""Sets of explanations that cannot be told apart."""
+
+import itertools
+
+from hypothesis import given
+from hypothesis import strategies as st
+
+from twingap.gap.which import confidence_set
+
+PROBABILITIES = st.dictionaries(
+    st.sampled_from(["clipping", "dropout", "looseness", "mean_slip", "waviness"]), st.floats(0, 1), max_size=5
+)
+
+
+def test_a_sure_effect_stands_alone():
+    assert confidence_set({"clipping": 0.999, "dropout": 0.001}, 0.95) == (("clipping",),)
+
+
+def test_nothing_is_an_explanation_too():
+    assert confidence_set({"clipping": 0.001}, 0.95) == ((),)
+
+
+def test_what_is_uncertain_stands_both_with_and_without():
+    sets = confidence_set({"clipping": 0.999, "dropout": 0.6}, 0.9)
+    assert sets == (("clipping", "dropout"), ("clipping",))
+
+
+@given(PROBABILITIES, st.floats(0.5, 0.99))
+def test_the_sets_reach_the_level_and_no_more(probability, level):
+    sets = confidence_set(probability, level)
+    assert len(set(map(frozenset, sets))) == len(sets)
+
+    def weight(chosen):
+        out = 1.0
+        for name, p in probability.items():
+            out *= p if name in chosen else 1 - p
+        return out
+
+    every = sorted(
+        (weight(c) for r in range(len(probability) + 1) for c in itertools.combinations(probability, r)), reverse=True
+    )
+    # What is all but certain is not split: at most 1.5 % each is given away.
+    assert sum(map(weight, sets)) >= level - 0.015 * len(probability) - 1e-9
+    assert weight(sets[0]) >= every[0] - 0.015 * len(probability)

@@ -1,0 +1,68 @@
+"""Simulated gaps: reproducible, of every effect, and such that records could show them."""
+
+import numpy as np
+import pytest
+
+from twingap.effects import catalogue
+from twingap.gap.training.gaps import draw_effects, draw_gap
+from twingap.gap.training.machines import draw_bearing, draw_machine
+from twingap.gap.training.parameters import Setting, coordinates, to_effect, to_number
+from twingap.gap.training.strangers import estrange
+
+
+def test_the_same_seed_gives_the_same_gap():
+    one, other = (draw_gap(np.random.default_rng(3), most_records=6) for _ in range(2))
+    assert one.missing == other.missing
+    for a, b in zip(one.records, other.records, strict=True):
+        assert np.array_equal(a.samples, b.samples)
+        assert a.condition == b.condition
+
+
+@pytest.mark.slow
+def test_every_effect_is_drawn_and_differs_from_the_machine_without_it():
+    rng = np.random.default_rng(11)
+    seen = {}
+    for _ in range(400):
+        if len(seen) == len(catalogue()):
+            break
+        machine = draw_machine(rng, own_simulator=False, most_records=8)
+        for effect in draw_effects(rng, machine, 3):
+            if effect.name in seen:
+                continue
+            with_it, without = (
+                machine.twin(effects).simulate(machine.conditions, np.random.default_rng(5)) for effects in ((effect,), ())
+            )
+            seen[effect.name] = any(
+                not np.array_equal(a.samples, b.samples) for a, b in zip(with_it, without, strict=True)
+            )
+    assert set(seen) == set(catalogue())
+    assert all(seen.values())
+
+
+def test_bearings_have_a_geometry_that_is_possible():
+    rng = np.random.default_rng(0)
+    for _ in range(300):
+        bearing = draw_bearing(rng)  # refuses by itself what cannot be
+        assert bearing.bpfo < bearing.bpfi
+
+
+def test_numbers_and_effects_go_both_ways():
+    rng = np.random.default_rng(8)
+    for _ in range(60):
+        machine = draw_machine(rng, own_simulator=False, most_records=8)
+        setting = Setting.of(machine.conditions)
+        for effect in draw_effects(rng, machine, 2):
+            numbers = {p: to_number(effect, p, setting) for name, p in coordinates() if name == effect.name}
+            again = to_effect(effect.name, numbers, setting)
+            for parameter in numbers:
+                assert getattr(again, parameter) == pytest.approx(getattr(effect, parameter), rel=1e-6, abs=1e-9)
+
+
+def test_a_strange_record_keeps_its_length_and_changes():
+    machine = draw_machine(np.random.default_rng(2), own_simulator=False, most_records=8)
+    records = machine.twin().simulate(machine.conditions, np.random.default_rng(2))
+    for seed in range(12):
+        changed = estrange(records, np.random.default_rng(seed))
+        assert all(np.isfinite(r.samples).all() for r in changed)
+        assert any(not np.array_equal(a.samples, b.samples) for a, b in zip(changed, records, strict=True))
+        assert changed.conditions == records.conditions

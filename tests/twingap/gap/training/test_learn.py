@@ -1,0 +1,57 @@
+"""What is learnt, on numbers whose truth is known."""
+
+import numpy as np
+import pytest
+
+from twingap.gap.training.learn import Examples, Table, learn, learn_classifier, learn_estimator
+
+
+@pytest.fixture(scope="module")
+def examples():
+    rng = np.random.default_rng(0)
+    n, width = 500, 60
+    features = rng.standard_normal((n, width)).astype(np.float32)
+    missing = np.stack([features[:, 3] > 0.8, features[:, 7] + 0.3 * rng.standard_normal(n) > 1.0], axis=1)
+    values = np.where(missing[:, :1], 2.0 * features[:, 11:12] + 1.0, np.nan)
+    features[rng.random(features.shape) < 0.03] = np.nan
+    first = rng.random(n) < 0.8
+    return Examples(features, missing, np.zeros(n, bool), np.arange(n), first, values, features)
+
+
+def test_scores_of_unseen_machines_are_log_odds(examples):
+    found = learn_classifier(Table(examples.features), examples.missing[:, 0], examples.machine)
+    assert found is not None
+    probability = 1 / (1 + np.exp(-found.unseen))
+    assert probability.mean() == pytest.approx(examples.missing[:, 0].mean(), abs=0.03)
+    assert np.mean((found.unseen > 0) == examples.missing[:, 0]) > 0.93
+
+
+def test_a_label_that_nothing_tells_of_scores_no_better_than_chance(examples):
+    label = np.random.default_rng(5).random(len(examples)) < 0.4
+    found = learn_classifier(Table(examples.features), label, examples.machine)
+    assert found is not None
+    assert np.mean((found.unseen > 0) == label) < 0.68
+
+
+def test_a_value_is_read_off_the_feature_that_tells_it(examples):
+    found = learn_estimator(Table(examples.fit_features), examples.values[:, 0], examples.machine)
+    assert found is not None
+    assert found.anchor == 11
+    here = np.isfinite(examples.values[:, 0])
+    off = np.abs(found.estimate(examples.fit_features[here]) - examples.values[here, 0])
+    assert np.median(off) < 0.1
+
+
+def test_too_few_examples_teach_nothing(examples):
+    few = np.zeros(len(examples), bool)
+    few[:5] = True
+    assert learn_classifier(Table(examples.features), few, examples.machine) is None
+
+
+def test_the_null_is_of_machines_without_a_gap_and_p_values_are_even(examples):
+    learnt = learn(examples, ("a", "b"), (("a", "size"),), ("f",) * 60, lambda what, part: None)
+    nothing = ~examples.missing.any(axis=1) & examples.first
+    assert len(learnt.null) == nothing.sum()
+    ranks = np.array([np.mean(learnt.null >= s) for s in learnt.anything.unseen[nothing]])
+    assert np.mean(ranks <= 0.1) == pytest.approx(0.1, abs=0.02)
+    assert learnt.p_value(examples.features[np.flatnonzero(examples.missing.all(axis=1))[0]]) < 0.1
