@@ -25,6 +25,7 @@ from numpy.typing import NDArray
 
 from twingap.gap.distance import Paired
 from twingap.gap.report import TwoSampleTest
+from twingap.records import Condition
 
 Array = NDArray[np.float64]
 Choice = NDArray[np.int64]
@@ -66,8 +67,8 @@ def classifier_test(
     """Classifier two-sample test: is the record picked out among its replicates by a classifier that never saw it?
 
     The classifier is linear, by least squares with a ridge (Fisher's discriminant): its predictions are linear in the
-    labels, so every permutation costs a matrix product instead of a training. Views are standardised by the spread
-    between records, with all views of equal weight.
+    labels, so every permutation costs a matrix product instead of a training. It has weights for all records and more
+    for each fault. Views are standardised by the spread between replicates, with all views of equal weight.
 
     Parameters
     ----------
@@ -87,19 +88,18 @@ def classifier_test(
         Statistic: mean over held-out records of the part of its replicates that score below it.
     """
     rows, kept = _rows(pair, rng)
-    members = rows.shape[1]
-    groups = [pair.conditions[i].group for i in kept]
-    choices = exchanges(groups, members - 1, draws, rng, exchange)
-    auc = _within_auc(_scores(rows, groups, choices, folds, rng), choices).mean(axis=1)
+    conditions = [pair.conditions[i] for i in kept]
+    choices = exchanges([c.group for c in conditions], rows.shape[1] - 1, draws, rng, exchange)
+    auc = _within_auc(_scores(rows, conditions, choices, folds, rng), choices).mean(axis=1)
     return _tested("classifier two-sample test (AUC)", auc)
 
 
 def auc_of_records(pair: Paired, rng: np.random.Generator, folds: int = 5) -> tuple[Array, list[str | None]]:
     """AUC of each (kept) record within its own condition, and the records' groups: for a bootstrap."""
     rows, kept = _rows(pair, rng)
-    groups = [pair.conditions[i].group for i in kept]
+    conditions = [pair.conditions[i] for i in kept]
     real = np.zeros((1, len(rows)), dtype=np.int64)
-    return _within_auc(_scores(rows, groups, real, folds, rng), real)[0], groups
+    return _within_auc(_scores(rows, conditions, real, folds, rng), real)[0], [c.group for c in conditions]
 
 
 def mmd_test(pair: Paired, rng: np.random.Generator, draws: int = 999, exchange: Exchange = "record") -> TwoSample:
@@ -191,15 +191,19 @@ def _rows(pair: Paired, rng: np.random.Generator) -> tuple[Array, Choice]:
     return np.asarray(rows * np.sqrt(pair.real.weight)), kept
 
 
-def _scores(rows: Array, groups: Sequence[str | None], choices: Choice, folds: int, rng: np.random.Generator) -> Array:
+def _scores(
+    rows: Array, conditions: Sequence[Condition], choices: Choice, folds: int, rng: np.random.Generator
+) -> Array:
     """[draws, records, members] Scores of every member by classifiers that were not trained on its fold."""
     n, members, _ = rows.shape
     draws = len(choices)
     labels = np.full((draws, n, members), -1 / (members - 1))
     np.put_along_axis(labels, choices[:, :, None], 1.0, axis=2)
     x = rows.reshape(n * members, -1)
-    gram = x @ x.T
-    fold = np.repeat(_folds(groups, folds, rng), members)
+    # Each fault has weights of its own besides those of all: what a twin lacks may show in opposite ways.
+    faults = np.repeat(np.array([c.fault or "" for c in conditions]), members)
+    gram = x @ x.T * (1.0 + (faults[:, None] == faults))
+    fold = np.repeat(_folds([c.group for c in conditions], folds, rng), members)
     scores = np.zeros((n * members, draws))
     flat = labels.reshape(draws, -1)
     for f in np.unique(fold):

@@ -102,7 +102,9 @@ def locate(
     plain[condition] = False
 
     # Too few records cannot be significant however they are exchanged, and would only set the others' threshold.
-    fewest = math.ceil(math.log(_FEWEST_EXCHANGES) / math.log(pair.m + 1))
+    fewest = math.ceil(math.log(_FEWEST_EXCHANGES) / math.log(pair.m + 1)) if exchange != "world" else 1
+    if exchange == "group":
+        fewest *= max(round(pair.n / len(set(groups))), 1)
     subsets = _subsets(pair.conditions, fewest)
     per_bin = _subset_statistics(deviations[:, :, plain], choices, list(subsets.values()))
     contrasts = _contrasts(pair.conditions, fewest)
@@ -113,8 +115,8 @@ def locate(
         return Located((), 1.0, 1.0)
     p = adjusted(family)
     p_bins = np.ones((len(subsets), plain.size))
-    p_bins[:, plain] = p[: per_bin[0].size].reshape(len(subsets), -1)
-    p_contrasts = p[per_bin[0].size :].reshape(len(contrasts), -1)
+    p_bins[:, plain] = p[: per_bin[0].size].reshape(per_bin[0].shape)
+    p_contrasts = p[per_bin[0].size :].reshape(scalars[0].shape)
 
     part = pair.real.weight * (pair.squares()[0] * pair.stratum_weight[:, None]).sum(axis=0)
     found = _Found(pair, alpha, np.maximum(part, 0.0), p_bins, tuple(subsets), np.abs(per_bin[0]), plain)
@@ -310,7 +312,7 @@ class _Found:
         """The clearest significant contrast of each variable; a scalar's part is divided between them evenly."""
         best: dict[str, int] = {}
         for k in np.argsort(p.min(axis=1, initial=1.0), kind="stable"):
-            if p[k].min() <= self.alpha:
+            if p[k].min(initial=1.0) <= self.alpha:
                 best.setdefault(contrasts[k].variable, int(k))
         if not best:
             return []

@@ -58,6 +58,13 @@ def test_one_bin_of_many_is_found() -> None:
     assert mmd.p_value <= 0.02
 
 
+def test_a_difference_of_opposite_signs_in_two_faults_is_found() -> None:
+    rng = np.random.default_rng(9)
+    sign = np.where(np.arange(16) % 2 == 0, 1.5, -1.5)[:, None]
+    for result in overall_tests(pair_of(16, 10, rng, sign), rng, 199):
+        assert result.p_value <= 0.02 or result.name.startswith("MMD")
+
+
 def test_auc_is_a_half_and_mmd_is_zero_on_average_where_nothing_differs() -> None:
     rng = np.random.default_rng(5)
     statistics = np.array([[t.statistic for t in overall_tests(pair_of(6, 4, rng), rng, 1)] for _ in range(150)])

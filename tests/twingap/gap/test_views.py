@@ -112,7 +112,7 @@ def test_clipping_dropout_and_asymmetry_show_in_the_amplitudes(noise: Array) -> 
     assert changed(dropped, "amplitude", "repeated")[0][0] > 2
     assert changed(dropped, "time", "level")[0].min() < -0.3
     skewed = views_of(noise, np.where(noise > 0, 2 * noise, noise))
-    assert changed(skewed, "amplitude", "asymmetry")[0].min() > 0.1
+    assert changed(skewed, "amplitude", "asymmetry")[0][1:].min() > 0.3
 
 
 def test_rates_and_lengths_may_differ_within_a_set() -> None:
