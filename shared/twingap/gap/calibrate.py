@@ -31,7 +31,7 @@ from twingap.twins.twin_file import TwinSpec, build_twin, flat, nested
 
 Array = NDArray[np.float64]
 
-MOST_FIT: Final = 24
+MOST_FIT: Final = 12
 """Records of each state that parameters are read from: more hardly sharpen them."""
 SEGMENT_S: Final = 0.08
 """Aimed length of a segment, s: half of what `identify` takes, at a third of its time."""
@@ -116,10 +116,11 @@ def calibrate(
     notes += speeds.notes
     known = _with_bearing(speeds.corrected(known), bearing)
     fit, held_out, shared = split_parts(known, rng, notes)
-    frame = _frame_of_records(fit, bearing)
     identified = None
     if spec is not None and sim is None:
-        identified, frame = _identified(spec, fit, frame, rng, notes)
+        identified, frame = _identified(spec, fit, bearing, rng, notes)
+    else:
+        frame = _frame(fit, bearing, rng)
     return Calibrated(
         fit, held_out, identified, frame, speeds, tuple(c.name for c in known.conditions), shared, aside, tuple(notes)
     )
@@ -270,33 +271,34 @@ def healthy_rms(records: RecordSet) -> float | None:
     return float(np.sqrt(np.mean(own))) if own else None
 
 
-def _frame_of_records(records: RecordSet, bearing: Bearing) -> Frame:
-    """Band and yardstick from records alone: the most impulsive band, and healthy RMS."""
-    from twingap.signal import most_impulsive_band
-
+def _frame(records: RecordSet, bearing: Bearing, rng: np.random.Generator) -> Frame:
+    """Band and yardstick from records alone: the band of their dominant mode, and healthy RMS."""
     own = thinned(records, 6)
-    faulty = [r for r in own if r.condition.fault != "healthy"] or list(own)
-    widest = max(_impact_hz(r.condition, bearing) for r in faulty)
-    lows, highs, weights = [], [], []
-    for record in faulty:
-        # A band shows only what is slower than its width.
-        fs_hz, n = record.condition.fs_hz, record.condition.n_samples
-        level = max(1, int(math.log2(max(fs_hz / 2 / (3 * widest), 2.0))))
-        level = min(level, max(1, int(math.log2(n / 256))))
-        (best,) = most_impulsive_band(record.samples, fs_hz, max_level=level)
-        lows.append(best.low_hz)
-        highs.append(best.high_hz)
-        weights.append(max(best.kurtosis, 1e-3))
-    top = max(weights)
-    sound = [i for i, w in enumerate(weights) if w >= 0.3 * top]
-    low, high = float(np.median([lows[i] for i in sound])), float(np.median([highs[i] for i in sound]))
-    half = min(c.fs_hz for c in own.conditions) / 2
-    if not 0 <= low < high <= half:
-        low, high = 0.1 * half, 0.9 * half
     scale = healthy_rms(records)
     if scale is None:  # the quietest there is
         scale = float(np.sqrt(min(r.samples.var() for r in own)))
-    return Frame(bearing, (low, high), scale)
+    try:
+        found, _ = quick_identify(TwinSpec("phenomenological", bearing=bearing), own, rng, impacts=False)
+    except TwingapError:
+        return Frame(bearing, _impulsive_band(own, bearing), scale)
+    given = flat(found.parameters)
+    return Frame(bearing, mode_band(given["resonance_hz"], given["damping_ratio"], own.conditions, bearing), scale)
+
+
+def _impulsive_band(records: RecordSet, bearing: Bearing) -> tuple[float, float]:
+    """Band of the highest kurtosis, Hz, of the record where it is highest; wide enough for the impact rate."""
+    from twingap.signal import most_impulsive_band
+
+    found = []
+    for record in records:
+        condition = record.condition
+        widest = 3 * _impact_hz(condition, bearing)
+        level = int(math.log2(min(max(condition.fs_hz / 2 / widest, 2.0), condition.n_samples / 128)))
+        (best,) = most_impulsive_band(record.samples, condition.fs_hz, max_level=max(level, 1))
+        found.append((best.kurtosis, best.low_hz, best.high_hz))
+    _, low, high = max(found)
+    top = min(c.fs_hz for c in records.conditions) / 2
+    return (low, min(high, top)) if low < 0.9 * top else (0.1 * top, 0.9 * top)
 
 
 def mode_band(
@@ -324,34 +326,34 @@ def _impact_hz(condition: Condition, bearing: Bearing) -> float:
 
 
 def _identified(
-    spec: TwinSpec, fit: RecordSet, frame: Frame, rng: np.random.Generator, notes: list[str]
+    spec: TwinSpec, fit: RecordSet, bearing: Bearing, rng: np.random.Generator, notes: list[str]
 ) -> tuple[TwinSpec, Frame]:
-    """The twin with what the fit part shows, and the frame that its mode asks for."""
+    """The twin with what the fit part shows, and the frame that goes with it."""
     if spec.model == "phenomenological":
         found, told = quick_identify(spec, thinned(fit), rng)
         notes += told
-    elif spec.model == "contact":
+        given = flat(found.parameters)
+        band = mode_band(given["resonance_hz"], given["damping_ratio"], fit.conditions, bearing)
+        frame = Frame(bearing, band, healthy_rms(fit) or build_twin(found, bearing, fit.unit).reference_rms)
+        if found.effects:
+            found = match_baseline(found, thinned(fit, 6), frame, rng, free=spec)
+            given = flat(found.parameters)
+            band = mode_band(given["resonance_hz"], given["damping_ratio"], fit.conditions, bearing)
+            frame = Frame(bearing, band, frame.scale)
+        return found, frame
+    frame = _frame(fit, bearing, rng)
+    if spec.model == "contact":
         from twingap.identify import identify
 
         outcome = identify(spec, thinned(fit), rng)
-        found = outcome.spec
         notes += outcome.notes
-    else:
-        found = _scaled(spec, fit, rng, notes)
-    if found.effects and found.model == "phenomenological":
-        found = match_baseline(found, thinned(fit, 6), frame, rng, free=spec)
-    twin = build_twin(found, fit.bearing, fit.unit)
-    scale = frame.scale
-    if healthy_rms(fit) is None and twin.reference_rms > 0:
-        scale = float(twin.reference_rms)
-    band = frame.band_hz
-    if found.model == "phenomenological":
-        given = flat(found.parameters)
-        band = mode_band(given["resonance_hz"], given["damping_ratio"], fit.conditions, frame.bearing)
-    return found, Frame(frame.bearing, band, scale)
+        return outcome.spec, frame
+    return _scaled(spec, fit, rng, notes), frame
 
 
-def quick_identify(spec: TwinSpec, records: RecordSet, rng: np.random.Generator) -> tuple[TwinSpec, list[str]]:
+def quick_identify(
+    spec: TwinSpec, records: RecordSet, rng: np.random.Generator, *, impacts: bool = True
+) -> tuple[TwinSpec, list[str]]:
     """The phenomenological twin's free parameters, as `identify` finds them but without its intervals.
 
     Parameters
@@ -361,6 +363,8 @@ def quick_identify(spec: TwinSpec, records: RecordSet, rng: np.random.Generator)
     records : RecordSet
         Of known faults.
     rng : numpy.random.Generator
+    impacts : bool
+        False: impact amplitudes are left alone.
 
     Returns
     -------
@@ -387,7 +391,7 @@ def quick_identify(spec: TwinSpec, records: RecordSet, rng: np.random.Generator)
     problem, fit = problem.begin(baseline, notes)
     values = dict(problem.values(fit))
     scale = problem.levels(fit)["scale"]
-    for fault in FAULTS[1:]:
+    for fault in FAULTS[1:] if impacts else ():
         name = f"impact_amplitude.{fault}"
         if name in problem.given:
             continue
@@ -676,17 +680,13 @@ class _Matcher:
     @cached_property
     def acts(self) -> Literal["nothing", "after the mode", "more"]:
         """What the effects do to a healthy record."""
-        short = [Condition("short", 1800.0, 4 * self.frame.band_hz[1], 512, "healthy", time_s=0.0)]
-        values = {"resonance_hz": self.frame.band_hz[1] / 2, "damping_ratio": 0.05}
-        try:
-            with_effects, without = (
-                replace(self, spec=spec).simulated(short, values)[0].samples for spec in (self.spec, self.plain)
-            )
-        except TwingapError:
-            return "more"
-        if np.array_equal(with_effects, without):  # strikes of a defect, say
-            return "nothing"
         stages = {catalogue()[name].stage for name in self.spec.effects}
+        if stages <= {Stage.SHAFT, Stage.EXCITATION}:
+            short = [Condition("short", 1800.0, 4 * self.frame.band_hz[1], 512, "healthy", time_s=0.0)]
+            values = {"resonance_hz": self.frame.band_hz[1] / 2, "damping_ratio": 0.05}
+            one, other = (replace(self, spec=s).simulated(short, values)[0].samples for s in (self.spec, self.plain))
+            if np.array_equal(one, other):  # they change the strikes of a defect, say
+                return "nothing"
         return "more" if Stage.EXCITATION in stages else "after the mode"
 
     def density(self, conditions: Sequence[Condition], values: dict[str, float], spec: TwinSpec) -> Array:

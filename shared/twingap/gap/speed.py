@@ -39,8 +39,14 @@ COMB: Final = 4.5
 record of ten thousand (bands and places searched included)."""
 SHAFT_LINE: Final = 16.0
 """Power over its neighbourhood's mean from which a line counts: noise reaches it once in 1e7 bins."""
+LONE_LINE: Final = 40.0
+"""The same for a line at 1x that no other line confirms: real spectra are not flat down there."""
 ORDERS: Final = (0.5, 1.0, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0, 8.0)
 """Orders of the shaft at which tones are sought."""
+SMEARED: Final = 1e-3
+"""Least relative error of a comb whose lines are smeared (the speed varies, impacts jitter)."""
+SHARP: Final = 0.75
+"""Part of a harmonic's energy that lies within a bin of its highest when the rate is steady."""
 SHAFT_LINES: Final = "shaft lines"
 SIDEBANDS: Final = "sidebands"
 COMBINED: Final = "common factor from inner and outer"
@@ -237,9 +243,13 @@ class _Comb:
     top: int  # bins of the spectrum that the band's width leaves usable
 
 
-def _envelopes(x: Array, fs_hz: float, rate_hz: float, shaft_hz: float) -> list[tuple[Array, Array, float, int]]:
-    """Spectra of squared envelopes of overlapping bands: power, power over its neighbourhood, bin, usable bins."""
-    n, df = x.size, fs_hz / x.size
+_Band = tuple[Array, Array, float, int, Array]
+"""Power of the envelope's spectrum, the same over its neighbourhood, width of a bin, usable bins, squared envelope."""
+
+
+def _envelopes(x: Array, fs_hz: float, rate_hz: float, shaft_hz: float) -> list[_Band]:
+    """Squared envelopes of overlapping bands."""
+    df = fs_hz / x.size
     spectrum = scipy.fft.rfft(x - x.mean())
     width = max(spectrum.size // 6, int((3 * rate_hz + 4 * shaft_hz) / df))
     width = min(width, spectrum.size - 1)
@@ -254,8 +264,7 @@ def _envelopes(x: Array, fs_hz: float, rate_hz: float, shaft_hz: float) -> list[
         z = scipy.fft.ifft(padded)
         squared = z.real**2 + z.imag**2
         power = tone_power(squared / max(float(squared.mean()), 1e-300))[: highest + 4]
-        out.append((power, power / _floor(power), m * df / m, highest))
-    del n
+        out.append((power, power / _floor(power), df, highest, squared))
     return out
 
 
@@ -270,11 +279,11 @@ def _floor(power: Array, width: int = 49) -> Array:
     return np.asarray(np.exp(np.interp(np.arange(power.size), places, np.log(levels))) / math.log(2))
 
 
-def _find_comb(envelopes: Sequence[tuple[Array, Array, float, int]], rate_hz: float, shaft_hz: float) -> _Comb | None:
+def _find_comb(envelopes: Sequence[_Band], rate_hz: float, shaft_hz: float) -> _Comb | None:
     """The comb of harmonics that stands highest in any band, None where none stands out."""
     reach = REACH + SLIP_REACH
     best: tuple[float, float, int] | None = None
-    for number, (_, z, df, top) in enumerate(envelopes):
+    for number, (_, z, df, top, _) in enumerate(envelopes):
         count = min(4, int(top * df / (rate_hz * (1 + reach))))
         if count < 1 or rate_hz * reach < df:  # too few impacts for a search to resolve anything
             continue
@@ -293,14 +302,53 @@ def _find_comb(envelopes: Sequence[tuple[Array, Array, float, int]], rate_hz: fl
     if best is None:
         return None
     height, ratio, number = best
-    power, z, df, top = envelopes[number]
+    power, z, df, top, squared = envelopes[number]
     orders = np.arange(1, 7, dtype=float)
     refined = _fit_lines(power, z, df, orders * rate_hz, ratio, 6.0, top)
     refined = _fit_lines(power, z, df, orders * rate_hz, refined[0] if refined else ratio, 6.0, top)
     if refined is None:
         return None
     ratio, sigma = refined
+    smeared = _mean_rate(squared, ratio * rate_hz / df, power, z)
+    if smeared is not None:
+        ratio, sigma = smeared[0] * df / rate_hz, max(sigma, smeared[1])
     return _Comb(ratio * rate_hz, math.log(ratio), sigma / ratio, height * COMB, power, z, df, top)
+
+
+def _mean_rate(squared: Array, place: float, power: Array, z: Array) -> tuple[float, float] | None:
+    """Cycles of a smeared comb within the record and their relative error; None where its first harmonic is sharp.
+
+    Where the speed wanders, the highest point of a smeared line says little about its mean. The phase that the first
+    harmonic gathers from the record's beginning to its end does, where it stands out of the noise.
+    """
+    half = max(4, int(0.08 * place))
+    k = round(place)
+    low, high = k - half, k + half + 1
+    if low < 2 or high > power.size:
+        return None
+    own = scipy.fft.rfft(squared - squared.mean())[low:high]
+    energy = own.real**2 + own.imag**2
+    # `power` is relative to the mean, and of a Hann window: noise of variance s^2 has 3 s^2 / n there, n s^2 here.
+    floor = float(power[k] / z[k]) * (squared.mean() * squared.size) ** 2 / 3
+    signal = float((energy - floor).sum())
+    peak = int(np.argmax(energy))
+    sharp = float((energy - floor)[max(peak - 1, 0) : peak + 2].sum())
+    if signal <= floor * math.sqrt(own.size) or sharp > SHARP * signal:
+        return None
+    noise = floor * own.size
+    if signal < 4 * noise:
+        bins = np.arange(own.size)
+        weights = np.maximum(energy - 3 * floor, 0)
+        spread = math.sqrt(float((weights * (bins - peak) ** 2).sum() / max(float(weights.sum()), 1e-300)))
+        return place, max(spread, 1.0) / place
+    m = 8 * own.size
+    around = np.zeros(m, complex)
+    around[: own.size] = own
+    phase = np.unwrap(np.angle(scipy.fft.ifft(around)))
+    # The ends run into each other: what lies right at them is left out.
+    first, last = round(0.02 * m), round(0.98 * m) - 1
+    cycles = (phase[last] - phase[first]) / (2 * math.pi) * m / (last - first)
+    return float(low + cycles), SMEARED
 
 
 def _near(z: Array, at: Array) -> Array:
@@ -374,28 +422,60 @@ def _tones(x: Array, df: float, shaft_hz: float, fault_hz: float | None, *, trip
             k = round(frequency / df)
             masked[max(k - 1, 0) : k + 2] = 0
     found = (0.0, math.inf)
-    step = 0.3 * df / (3 * shaft_hz)
-    grid = np.arange(1 - REACH, 1 + REACH + step, step)
-    orders = np.array([o for o in ORDERS if o * shaft_hz * (1 + REACH) / df < top - 2])
-    if orders.size and shaft_hz / df >= 4:
-        at = np.outer(orders, grid) * (shaft_hz / df)
-        heights = np.log1p(_near(masked, at) / 4)
-        worth = np.where(orders == 1, 1.5, np.where(orders <= 3, 1.0, 0.5))
-        score = worth @ heights - (grid - 1) ** 2 / (2 * 0.03**2)
-        ratio = float(grid[np.argmax(score)])
-        lines = [(o, *_peak(low, masked, o * ratio * shaft_hz / df)) for o in orders]
-        high = [(o, place, h) for o, place, h in lines if h > SHAFT_LINE]
-        whole = [o for o, _, _ in high if o in (1.0, 2.0, 3.0)]
-        if 1.0 in whole or len(whole) >= 2 or (whole and len(high) >= 3):
-            o, place, h = (np.array(v) for v in zip(*high, strict=True))
-            fitted = _ratio_of(place, o * shaft_hz / df, h, 3.0)
-            if fitted is not None and abs(fitted[0] - 1) < REACH + 0.005:
-                found = math.log(fitted[0]), fitted[1] / fitted[0]
+    if shaft_hz / df >= 4:
+        found = max((_chain(low, masked, shaft_hz / df, start) for start in (1.0, 2.0, 3.0)), key=lambda c: c[0])[1]
     if triplets:
         mesh = _mesh(power, df, shaft_hz, fault_hz)
         if mesh is not None:
             found = _pooled(found, mesh)
     return found
+
+
+def _chain(power: Array, z: Array, shaft: float, start: float) -> tuple[float, tuple[float, float]]:
+    """Height, log ratio and its error of a family of tones that begins with the highest one around order `start`.
+
+    Low orders lead: each next order is sought where those before place it, since real spectra hold lines of other
+    machines' near most whole orders, and a high order may be a per cent or two off one.
+
+    Parameters
+    ----------
+    power, z : Array [bins]
+        Of the raw spectrum, and over its neighbourhood; 0 where nothing of the shaft's can be told.
+    shaft : float
+        Nominal 1x, bins.
+    start : float
+    """
+    nothing = -math.inf, (0.0, math.inf)
+    if start * shaft * (1 + REACH) > z.size - 3:
+        return nothing
+    place, height = _peak(power, z, start * shaft, REACH * start * shaft)
+    if height < SHAFT_LINE:
+        return nothing
+    lines = [(start, place, height)]
+    ratio, error = place / (start * shaft), 0.4 / (start * shaft)
+    for order in (o for o in (1.0, 2.0, 3.0, *ORDERS) if o != start):
+        expected, reach = order * ratio * shaft, min(0.4 + 3 * order * error * shaft, 1.3)
+        if any(o == order for o, _, _ in lines) or expected > z.size - 3:
+            continue
+        place, height = _peak(power, z, expected, reach)
+        if height < SHAFT_LINE or abs(place - expected) > reach:
+            continue
+        lines.append((order, place, height))
+        o, places, heights = (np.array(v) for v in zip(*lines, strict=True))
+        fitted = _ratio_of(places, o * shaft, heights, 3.0)
+        if fitted is not None:
+            ratio, error = fitted
+    o, places, heights = (np.array(v) for v in zip(*lines, strict=True))
+    low_orders = np.isin(o, (1.0, 2.0, 3.0))
+    alone = bool((heights[o == 1] > LONE_LINE).any())
+    if not (alone or low_orders.sum() >= 2 or (low_orders.any() and o.size >= 3)):
+        return nothing
+    fitted = _ratio_of(places, o * shaft, heights, 3.0)
+    if fitted is None or abs(fitted[0] - 1) > REACH + 0.005:
+        return nothing
+    worth = np.where(o == 1, 1.5, np.where(o <= 3, 1.0, 0.5))
+    score = float(worth @ np.log1p(heights / 4)) - (fitted[0] - 1) ** 2 / (2 * 0.03**2)
+    return score, (math.log(fitted[0]), fitted[1] / fitted[0])
 
 
 def _mesh(power: Array, df: float, shaft_hz: float, fault_hz: float | None) -> tuple[float, float] | None:
@@ -462,7 +542,9 @@ def _sidebands(comb: _Comb, shaft_hz: float) -> tuple[float, float] | None:
     fitted = _ratio_of(np.abs(away), np.abs(nominal), high, 2.5)
     if fitted is None or abs(fitted[0] - 1) > REACH + 0.005:
         return None
-    return math.log(fitted[0]), fitted[1] / fitted[0]
+    # All harmonics carry the same slow noise of the impacts' strength: many side lines tell little more than one.
+    single = 0.55 / math.sqrt(float(high.max())) / float(np.abs(nominal[np.argmax(high)]))
+    return math.log(fitted[0]), max(fitted[1] / fitted[0], single)
 
 
 def _pooled(a: tuple[float, float], b: tuple[float, float]) -> tuple[float, float]:
@@ -514,7 +596,7 @@ def combine(readings: Sequence[Reading], conditions: Sequence[Condition], bearin
     with_slip = max((a for a in accounts if a.covariance[1, 1] > 0), key=lambda a: a.evidence)
     best = with_slip if with_slip.evidence > without.evidence + _MARGIN else without
     notes: list[str] = []
-    estimates, mean_sigma = _estimates(best, y, sigma, seen, moves, readings, conditions)
+    estimates, mean_sigma = _estimates(best, y, sigma, moves, readings)
     slip_sigma = _slip_sigma(y, sigma, seen, moves, best)
     combs = int(seen[:, 1].sum())
     off = abs(best.common) > 1e-3 or best.scatter > 5e-4
@@ -540,7 +622,10 @@ def combine(readings: Sequence[Reading], conditions: Sequence[Condition], bearin
         notes.append(f"the cage lags its kinematic speed by {100 * best.slip:.2f} %, whatever the shaft's speed")
     hidden = sum(e.found_by == NOT_VISIBLE for e in estimates)
     if hidden:
-        notes.append(f"{hidden} of {len(estimates)} records do not show their speed: it was left as given")
+        notes.append(
+            f"{hidden} of {len(estimates)} records do not show their speed: it was taken as given, but for what is "
+            "common to all"
+        )
     return Speeds(
         tuple(estimates), math.exp(best.common), mean_sigma, best.slip, slip_sigma if combs else math.inf,
         0.0 if best.scatter <= 1e-5 else best.scatter, not doubtful, tuple(notes),
@@ -607,10 +692,8 @@ def _estimates(
     best: _Account,
     y: Array,
     sigma: Array,
-    seen: NDArray[np.bool_],
     moves: Array,
     readings: Sequence[Reading],
-    conditions: Sequence[Condition],
 ) -> tuple[list[SpeedEstimate], float]:
     """Each record's own speed given the account, and the error of the common factor."""
     mean_sigma = math.sqrt(best.covariance[0, 0])
@@ -626,18 +709,18 @@ def _estimates(
             error = math.hypot(sigma[place, 1], moves[place] * math.sqrt(best.covariance[1, 1]))
             weight += error**-2
             total += (y[place, 1] - moves[place] * best.slip) * error**-2
-        log_ratio, own = total / weight, weight**-0.5
+        log_ratio = total / weight
+        own = math.hypot(weight**-0.5, mean_sigma * best.scatter**-2 / weight)
         if shaft:
             how = reading.found_by
         elif comb:
             how = COMBINED if len(kinds) > 1 and best.scatter < 5e-4 else COMB_ONLY
         elif best.kept.any() and best.scatter < 5e-4:
-            how, own = "common factor", math.hypot(own, mean_sigma)
+            how = "common factor"
         else:
             how, own = NOT_VISIBLE, math.inf
             log_ratio = best.common
         if not best.kept.any():
             how, own, log_ratio = NOT_VISIBLE, math.inf, 0.0
         out.append(SpeedEstimate(math.exp(log_ratio), own, how))
-    del conditions
     return out, mean_sigma
