@@ -2,7 +2,7 @@
 
 study.json --draw_all--> scores.png, confusion.png, by_effect.png, rivals.png, reliability.png
 
-Colours are Okabe and Ito's (https://jfly.uni-koeln.de/color/) and viridis-like maps; nothing is told by colour alone.
+Colours are Okabe and Ito's (https://jfly.uni-koeln.de/color/) and shades of one; nothing is told by colour alone.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 BLUE, ORANGE, GREEN, GREY, BLACK = "#0072B2", "#D55E00", "#009E73", "#999999", "#000000"
-_COLOURS = (BLUE, "#E69F00", GREEN, "#CC79A7", "#56B4E9", "#F0E442")
+_COLOURS = (BLUE, "#E69F00", GREEN, "#CC79A7", "#56B4E9", BLACK)
 _MARKS = "osD^vP"
 
 
@@ -56,11 +56,11 @@ def scores(table: Mapping[str, Any]) -> Figure:
     left.grid(axis="x", color="#dddddd", linewidth=0.6)
     left.set_axisbelow(True)
     lines = [
-        f"{r['score']}: {r['value']:.3g} ({r['target']}, {'met' if r['met'] else 'missed'})"
+        f"{r['score']} ({r['among']}): {r['value']:.3g} ({r['target']}, {'met' if r['met'] else 'missed'})"
         for r in others if r["value"] is not None
     ]  # fmt: skip
     _title(
-        left, table, "Scores against targets\nfilled blue circle: met; open orange square: missed\n" + "; ".join(lines)
+        left, table, "Scores against targets\nfilled blue circle: met; open orange square: missed\n" + "\n".join(lines)
     )
     return figure
 
@@ -72,7 +72,7 @@ def confusion(table: Mapping[str, Any]) -> Figure:
     figure = _figure(10.5, 9.2)
     axes = figure.subplots(1, 1)
     share = counts / np.maximum(counts.sum(axis=1, keepdims=True), 1)
-    axes.imshow(share, cmap="cividis_r", vmin=0, vmax=1, aspect="auto")
+    axes.imshow(share, cmap="Blues", vmin=0, vmax=1, aspect="auto")
     for i, j in zip(*np.nonzero(counts), strict=True):
         colour = "white" if share[i, j] > 0.55 else "black"
         axes.text(j, i, f"{counts[i, j]:.0f}", ha="center", va="center", fontsize=8, color=colour,
@@ -106,16 +106,17 @@ def by_effect(table: Mapping[str, Any]) -> Figure:
                 row = by.get((effect, strength, panel))
                 if row is None:
                     axis.text(j, i, "-", ha="center", va="center", fontsize=8, color=GREY)
+                    axis.fill_between([j - 0.5, j + 0.5], i - 0.5, i + 0.5, color="#eeeeee", linewidth=0)
                     continue
                 grid[i, j] = row["value"]
                 colour = "white" if row["value"] > 0.55 else "black"
                 axis.text(j, i, f"{row['k']}/{row['n']}", ha="center", va="center", fontsize=8, color=colour)
-        axis.imshow(grid, cmap="cividis_r", vmin=0, vmax=1, aspect="auto")
+        axis.imshow(grid, cmap="Blues", vmin=0, vmax=1, aspect="auto")
         axis.set_xticks(range(len(STRENGTHS)), STRENGTHS, fontsize=8)
         axis.set_yticks(range(len(effects)), effects, fontsize=8)
         alone = "pairs, crowds, outside_plus" if place == 3 else "single"
         axis.set_title(f"{panel}\n({alone})", fontsize=9)
-    figure.suptitle(f"By effect and strength, {_worlds(table)}; a dash: no such world", fontsize=10)
+    figure.suptitle(f"By effect and strength, {_worlds(table)}; darker: more often; a dash: no such world", fontsize=10)
     return figure
 
 
@@ -134,7 +135,7 @@ def rivals(table: Mapping[str, Any]) -> Figure:
                 continue
             axis.plot([row["low"], row["high"]], [at, at], color=_COLOURS[m % 6], linewidth=1.4)
             axis.plot(row["value"], at, _MARKS[m % 6], color=_COLOURS[m % 6], markeredgecolor=BLACK,
-                      markeredgewidth=0.4, markersize=6 if m == 0 else 5, clip_on=False,
+                      markeredgewidth=0.4, markersize=7 if m == 0 else 5, clip_on=False,
                       label=method if y == 0 else None)  # fmt: skip
     for y, (name, _) in enumerate(chosen):
         axis.axhline(y + 0.5, color="#dddddd", linewidth=0.6)

@@ -30,7 +30,7 @@ def prepared(
     from twingap.gap.calibrate import calibrate
     from twingap.gap.evidence import simulator_of
 
-    calibrated = calibrate(records, spec, rng, sim=sim)
+    calibrated = calibrate(records, None if sim is not None else spec, rng, sim=sim)
     kept = {r.condition.name: r for part in (calibrated.fit, calibrated.held_out) for r in part}
     real = RecordSet.from_records("records", records.unit, calibrated.frame.bearing, kept.values())
     made = simulator_of(calibrated, sim).simulate((), real.conditions, int(rng.integers(2**62)), 1)

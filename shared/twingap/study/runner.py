@@ -128,10 +128,13 @@ def run_study(
     if len(set(names)) < len(names):
         raise TwingapError("two cases of one name", where="study", mend="give every case a name of its own")
     diagnose = diagnose or diagnosis()
+    learnt_from = _made_ready(diagnose, jobs, report)
     code = {"diagnosis": _digest_of(diagnose), "worlds": _digest_of_worlds()}
 
     sealed = _seal(folder, cases, seed, code, jobs, report)
-    told = _diagnosed(folder, cases, seed, sealed, diagnose, prepare, permutations, code, jobs, report)
+    told = _diagnosed(
+        folder, cases, seed, sealed, diagnose, prepare, permutations, {**code, "learnt": learnt_from}, jobs, report
+    )
     found = {DIAGNOSIS: [_found(t) for t in told], TWO_SAMPLE: [_tested(t) for t in told]}
     learnt, skipped = _learnt(folder, seed, training, training_count, rivals, code, jobs, report)
     x = np.array([t["statistics"] for t in told])
@@ -144,7 +147,8 @@ def run_study(
     rows = {method: [Row(w, f) for w, f in zip(was, answers, strict=True)] for method, answers in found.items()}
     provenance = {
         "seed": seed, "cases": len(cases), "command": command, "versions": versions(), "code_sha256": code,
-        "sealed_with": sealed["code_sha256"], "frozen": sealed["code_sha256"]["diagnosis"] == code["diagnosis"],
+        "sealed_with": sealed["code_sha256"], "learnt_sha256": learnt_from,
+        "frozen": sealed["code_sha256"]["diagnosis"] == code["diagnosis"],
         "training_worlds_of_rivals": training_count if learnt else 0, "rivals_skipped": skipped,
         "diagnosis_s": sum(t["seconds"] for t in told), "runtime_s": time.perf_counter() - begin,
     }  # fmt: skip
@@ -234,7 +238,7 @@ def _diagnosed(
         [worker.DiagnoseJob(c, seed, sealed["worlds"][c.name]["records_sha256"], permutations) for c in cases],
         folder / "work" / "diagnoses",
         _digest_of(worker.diagnose_world, "blind", "rivals", "statistics", "worker"),
-        {**code, "learnt": _learnt_key(diagnose), "prepare": _digest_of(prepare)},
+        {**code, "prepare": _digest_of(prepare)},
         jobs,
         functools.partial(report, "worlds diagnosed"),
     )
@@ -350,13 +354,18 @@ def _digest_of_distance() -> str:
     return digest_of_code(distance, view, views)
 
 
-def _learnt_key(diagnose: worker.Diagnose) -> str:
-    """What this package's diagnosis has learnt from."""
+def _made_ready(diagnose: worker.Diagnose, jobs: int | None, report: Report) -> str:
+    """Digest of what this package's diagnosis has learnt, which is learnt here if it was not before.
+
+    Worker processes would otherwise all learn it at once.
+    """
     if not diagnose.__module__.startswith("twingap.gap"):
         return ""
     from twingap.gap import training
 
-    return training.key()
+    path = training.train(report=lambda what, part: report(f"training, once: {what}", round(100 * part), 100),
+                          jobs=jobs or 0)  # fmt: skip
+    return files.sha256(path)
 
 
 def _write(path: Path, value: Any) -> None:

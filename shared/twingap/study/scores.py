@@ -20,6 +20,8 @@ from twingap.study.verdicts import CATALOGUED, KINDS, STRANGE, Row, of_kind
 NOTHING: Final = "(none)"
 """Stands for "no effect named" in confusion matrices."""
 STATUSES: Final = ("no_gap", "explained", "partly_explained", "unexplained", "refused")
+LEAST_CLOSURE: Final = 0.1
+"""Part of the gap that the true effects must close for a ratio of closures to mean something."""
 STRENGTHS: Final = ("weak", "medium", "strong")
 
 
@@ -248,12 +250,16 @@ def recall(rows: Sequence[Row], among: str, target: Target | None = None) -> Sco
 
 
 def closure_ratio(row: Row) -> float:
-    """Closure of the verdict over that of the true effects; a verdict that adds nothing closes nothing."""
-    if row.was.closure is None or not row.was.closure > 0:
+    """Closure of the verdict over that of the true effects; a verdict that adds nothing closes nothing.
+
+    Both count as 1 at most: below the floor lies chance. NaN where the true effects close less than a tenth of the
+    gap, so that a ratio would be chance too, and where there is no closure to compare.
+    """
+    if row.was.closure is None or row.was.closure < LEAST_CLOSURE:
         return math.nan
     if not row.found.effects:
         return 0.0
-    return math.nan if row.found.closure is None else row.found.closure / row.was.closure
+    return math.nan if row.found.closure is None else min(row.found.closure, 1.0) / min(row.was.closure, 1.0)
 
 
 def statuses(rows: Sequence[Row]) -> list[dict[str, Any]]:

@@ -66,7 +66,8 @@ def of_record(record: Record, bearing: Bearing | None) -> Array:
     levels = np.array([np.sqrt(np.mean(p**2)) for p in parts]) / rms
     kurt = np.array([kurtosis(p) if p.std() > 1e-9 * rms else 0.0 for p in parts])
     out = [
-        np.log(rms), np.log1p(max(float(kurtosis(x)) if moving else 0.0, -0.99)), float(skew(x)) if moving else 0.0, float(size.max()),
+        np.log(rms), np.log1p(max(float(kurtosis(x)), -0.99)) if moving else 0.0, float(skew(x)) if moving else 0.0,
+        float(size.max()),
         *np.quantile(size, QUANTILES),
         float(np.mean(steps == 0)), float(np.mean(size > 0.999 * size.max())),
         np.log(np.unique(record.samples).size / x.size), float(np.std(np.log(levels + 1e-9))),

@@ -1,6 +1,7 @@
 """Scores against counts made by hand and intervals against published ones."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -114,6 +115,8 @@ def test_closure_ratio_counts_silence_as_nothing_closed() -> None:
     assert scores.closure_ratio(Row(was, Found("explained", ("a",), closure=0.6))) == pytest.approx(0.75)
     assert scores.closure_ratio(Row(was, Found("no_gap"))) == 0.0
     assert math.isnan(scores.closure_ratio(Row(Was("w", "single", "twin", ("a",)), Found("no_gap"))))
+    assert scores.closure_ratio(Row(replace(was, closure=1.7), Found("explained", ("a",), closure=1.2))) == 1.0
+    assert math.isnan(scores.closure_ratio(Row(replace(was, closure=0.05), Found("explained", ("a",), closure=0.5))))
 
 
 def test_reliability_of_honest_probabilities() -> None:

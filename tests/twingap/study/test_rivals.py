@@ -53,8 +53,8 @@ def test_constant_and_short_records_give_numbers_or_nan() -> None:
 def test_two_sample_test_keeps_its_level_and_sees_a_shift() -> None:
     rng = np.random.default_rng(5)
     width = len(statistics.names())
-    null = [rivals.two_sample(*rng.standard_normal((2, 8, width)), rng, 19).gap for _ in range(5)]
-    assert sum(null) <= 2  # P(more | 5 %) = 0.001
+    null = [rivals.two_sample(*rng.standard_normal((2, 8, width)), rng, 19).gap for _ in range(3)]
+    assert sum(null) <= 1  # P(more | 5 %) = 0.007
     moved = rng.standard_normal((8, width))
     moved[:, statistics.names().index("repeats")] += 8
     found = rivals.two_sample(moved, rng.standard_normal((8, width)), rng, 19)
@@ -63,8 +63,8 @@ def test_two_sample_test_keeps_its_level_and_sees_a_shift() -> None:
 
 @pytest.fixture(scope="module")
 def learnt() -> tuple[rivals.Examples, rivals.Examples]:
-    train = rivals.examples(tiny_worlds(60, np.random.default_rng(0)), EFFECTS)
-    return train, rivals.examples(tiny_worlds(24, np.random.default_rng(1)), EFFECTS)
+    train = rivals.examples(tiny_worlds(40, np.random.default_rng(0)), EFFECTS)
+    return train, rivals.examples(tiny_worlds(16, np.random.default_rng(1)), EFFECTS)
 
 
 def test_detectors_learn_what_can_be_learnt(learnt: tuple[rivals.Examples, rivals.Examples]) -> None:
@@ -73,7 +73,7 @@ def test_detectors_learn_what_can_be_learnt(learnt: tuple[rivals.Examples, rival
     detectors.fit(train, np.random.default_rng(0))
     said = [set(f.effects) for f in detectors.judge(test.x)]
     true = [{e for e, there in zip(EFFECTS, row, strict=True) if there} for row in test.present]
-    assert sum(s == t for s, t in zip(said, true, strict=True)) >= 20
+    assert sum(s == t for s, t in zip(said, true, strict=True)) >= 13
     assert all(f.status == ("explained" if f.effects else "no_gap") for f in detectors.judge(test.x))
 
 
