@@ -227,7 +227,7 @@ def _tell(report: GapReport) -> None:
         ]
         show(rows, False, title="Where the gap lies")
     shown = [c for i, c in enumerate(report.candidates) if i < 6 or c.effect in report.verdict.effects]
-    if shown:
+    if shown and report.verdict.status != "no_gap":
         rows = [
             {
                 "effect": c.effect,

@@ -99,7 +99,9 @@ def next_steps(report: GapReport) -> tuple[str, ...]:
     """What to do next, in full sentences, the most useful first."""
     verdict = report.verdict
     steps: list[str] = []
-    if verdict.status == "no_gap":
+    if disagreeing := contradictions(report):
+        steps.extend(disagreeing)
+    elif verdict.status == "no_gap":
         steps.append(
             "Use the twin as it is for conditions like these. A gap that shows only elsewhere (other speeds, loads or "
             "faults) has not been looked for."
@@ -139,6 +141,18 @@ def next_steps(report: GapReport) -> tuple[str, ...]:
             "register it: the diagnosis tries it like any other."
         )
     return tuple(steps)
+
+
+def contradictions(report: GapReport) -> tuple[str, ...]:
+    """Where the parts of a report do not agree, said plainly: a reader should not have to find out."""
+    clear = [t for t in report.tests if t.p_value * len(report.tests) < 0.01]  # Bonferroni
+    if report.verdict.status != "no_gap" or not clear:
+        return ()
+    tests = " and ".join(f"{t.name} (p = {t.p_value:.2g})" for t in clear)
+    return (
+        f"Careful: the verdict is no gap, but the overall tests tell records and twin apart: {tests}. Look at the "
+        "curves before you rely on the verdict.",
+    )
 
 
 def undecided(report: GapReport) -> tuple[str, ...]:

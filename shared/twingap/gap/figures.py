@@ -20,7 +20,7 @@ BEFORE: Final = "#D55E00"
 AFTER: Final = "#0072B2"
 PLACE: Final = "rgba(240, 228, 66, 0.45)"
 GREY: Final = "#7a7a7a"
-FIRST: Final = ("spectrum", "envelope", "order", "amplitude", "time", "condition")
+FIRST: Final = ("spectrum", "lines", "envelope", "order", "amplitude", "time", "condition")
 """Order of the curves on the page; others follow."""
 MOST_CANDIDATES: Final = 12
 MOST_PLACES: Final = 12
@@ -83,7 +83,7 @@ def curve_figure(curve: Curve, places: Sequence[Place] = ()) -> Any:
     if not words:
         _mark(figure, curve, places, x)
     figure.update_layout(hovermode="x unified" if not words else "closest")
-    figure.update_xaxes(title=html.escape(curve.x_unit), automargin=True)
+    figure.update_xaxes(title=html.escape(_AXES.get(curve.x_unit, curve.x_unit)), automargin=True)
     figure.update_yaxes(title=html.escape(curve.y_unit), type="log" if curve.log_y else "linear", automargin=True)
     if curve.log_y:
         figure.update_yaxes(exponentformat="power", dtick=1)
@@ -232,6 +232,16 @@ _DOMAINS: Final[Mapping[str, str]] = {
     "time": "time",
     "condition": "condition",
 }
+
+
+_AXES: Final[Mapping[str, str]] = {
+    "Hz": "frequency (Hz)",
+    "s": "time within the record (s)",
+    "quantile": "quantile of |x|",
+    "shaft orders": "shaft orders (multiples of shaft speed)",
+    "condition": "",
+}
+"""Units of curves that deserve a quantity."""
 
 
 def _thinned(x: Sequence[float], *lines: Sequence[float]) -> tuple[list[float], ...]:

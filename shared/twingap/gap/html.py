@@ -13,7 +13,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, Final
 
 from twingap.effects import catalogue
-from twingap.gap.advice import condition_words, next_steps, place_words, snippet, undecided
+from twingap.gap.advice import condition_words, contradictions, next_steps, place_words, snippet, undecided
 from twingap.gap.figures import all_figures
 from twingap.gap.report import GapReport, ParameterValue, Place, count_words, listed
 
@@ -24,7 +24,7 @@ _TITLES: Final[Mapping[str, tuple[str, str]]] = {
     "unexplained": ("Gap unexplained", "#D55E00"),
 }
 _MEANING: Final[Mapping[str, str]] = {
-    "no_gap": "Records and calibrated twin differ no more than chance allows.",
+    "no_gap": "No gap beyond chance was found.",
     "explained": "Adding the named effects brings the gap down to its floor.",
     "partly_explained": "The named effects shrink the gap significantly; a significant rest remains.",
     "unexplained": "There is a significant gap, and nothing in the catalogue shrinks it significantly.",
@@ -51,7 +51,7 @@ def page(report: GapReport) -> str:
 
     figures = {name: _figure(name, figure) for name, figure in all_figures(report)}
     sections = [
-        _curves(figures),
+        _curves(report, figures),
         _where(report, figures),
         _which(report, figures),
         _confidence(report),
@@ -89,7 +89,7 @@ def _verdict(report: GapReport) -> str:
     word, colour = _TITLES[verdict.status]
     facts = [("p-value of no gap", _p(verdict.p_value))]
     if verdict.closure is not None:
-        facts.append(("gap closed", _with_interval(verdict.closure, verdict.closure_ci, percent=True)))
+        facts.append(("gap closed", _percent(verdict.closure, verdict.closure_ci)))
     held_out, total = report.provenance.get("n_held_out"), report.provenance.get("n_records")
     if total is not None:
         facts.append(("records", f"{total}" + (f", judged on {held_out}" if held_out is not None else "")))
@@ -101,6 +101,7 @@ def _verdict(report: GapReport) -> str:
         + "<dl>"
         + "".join(f"<div><dt>{name}</dt><dd>{html.escape(value)}</dd></div>" for name, value in facts)
         + "</dl>"
+        + "".join(f'<p class="careful">{html.escape(line)}</p>' for line in contradictions(report))
         + (
             f'<p class="small">Overall tests of records against twin:</p><ul class="small">{tests}</ul>'
             if tests
@@ -110,12 +111,13 @@ def _verdict(report: GapReport) -> str:
     )
 
 
-def _curves(figures: Mapping[str, str]) -> str:
+def _curves(report: GapReport, figures: Mapping[str, str]) -> str:
     curves = {name: text for name, text in figures.items() if name.startswith("curve-")}
     if not curves:
         return ""
     drawn = "".join(
-        f"<div><h3>{_CURVES.get(n) or _name(n.removeprefix('curve-'))}</h3>{t}</div>" for n, t in curves.items()
+        f"<div><h3>{html.escape(report.curves[n.removeprefix('curve-')].title)}</h3>{t}</div>"
+        for n, t in curves.items()
     )
     return _section(
         "Before and after",
@@ -139,6 +141,7 @@ def _which(report: GapReport, figures: Mapping[str, str]) -> str:
     if not report.candidates:
         return ""
     rows = []
+    nothing = report.verdict.status == "no_gap"  # closures of no gap mean nothing
     for c in report.candidates:
         parameters = "<br>".join(f"{_quantity(n, p.unit)} = {_value(p)}" for n, p in c.parameters.items())
         remark = f"Cannot be added to this simulator: {html.escape(c.acts)}." if c.acts else ""
@@ -149,8 +152,8 @@ def _which(report: GapReport, figures: Mapping[str, str]) -> str:
             f"<b>{_name(c.effect)}</b>{' ◆' if named else ''}<br><span class='small'>{_about(c.effect)}</span>"
             + (f"<br><i class='small'>{remark}</i>" if remark else ""),
             f"{100 * c.probability:.0f} %",
-            "–" if c.acts else html.escape(_with_interval(c.closure, c.closure_ci, percent=True)),
-            "–" if c.acts else f"{c.gap_before:.3g} → {c.gap_after:.3g}",
+            "–" if c.acts or nothing else html.escape(_percent(c.closure, c.closure_ci)),
+            "–" if c.acts or nothing else f"{c.gap_before:.3g} → {c.gap_after:.3g}",
             parameters or "–",
         )
         rows.append((named, cells))
@@ -200,7 +203,12 @@ def _shrink(report: GapReport, figures: Mapping[str, str]) -> str:
     head = ("measure", "before", "after (90 % interval)", "floor", "gap closed")
     rows = [
         (
-            _name(m.metric) + (" <span class='small'>(higher is better)</span>" if m.higher_is_better else ""),
+            _name(m.metric)
+            + (
+                ""
+                if not m.higher_is_better or "higher" in m.metric
+                else " <span class='small'>(higher is better)</span>"
+            ),
             _number(m.before, m.unit),
             html.escape(f"{_number(m.after, m.unit)} ({m.ci_after[0]:.3g} to {m.ci_after[1]:.3g})"),
             _number(m.floor, m.unit),
@@ -331,10 +339,11 @@ def _number(value: float, unit: str = "") -> str:
     return (shown if unit in ("", "1") else f"{shown}\u00a0{unit}").replace("-", "−", int(value < 0))
 
 
-def _with_interval(value: float, interval: tuple[float, float] | None, percent: bool = False) -> str:
-    scale, unit = (100.0, " %") if percent else (1.0, "")
-    ends = "" if interval is None else f" ({scale * interval[0]:.0f} to {scale * interval[1]:.0f}{unit})"
-    return f"{scale * value:.0f}{unit}{ends}".replace("-", "−").replace(" ", "\u00a0").replace("\u00a0(", " (")
+def _percent(part: float, interval: tuple[float, float] | None) -> str:
+    """A part with its interval in per cent, breaking before the interval only; rounded, so that nothing reads "-0"."""
+    value, *ends = (round(100 * v) for v in (part, *(interval or ())))
+    shown = f"{value} %" + (f" ({ends[0]} to {ends[1]} %)" if ends else "")
+    return shown.replace("-", "−").replace(" ", "\u00a0").replace("\u00a0(", " (")
 
 
 def _p(value: float) -> str:
@@ -357,15 +366,6 @@ def _code(escaped: str) -> str:
 
 _SUFFIXES: Final[Mapping[str, str]] = {"Hz": "_hz", "rpm": "_rpm", "s": "_s", "N": "_n", "deg": "_deg", "1/s": "_per_s"}
 
-_CURVES: Final[Mapping[str, str]] = {
-    "curve-spectrum": "Spectrum",
-    "curve-envelope": "Envelope spectrum",
-    "curve-order": "Order spectrum",
-    "curve-amplitude": "Amplitude distribution",
-    "curve-time": "Time within the record",
-    "curve-condition": "Across operating conditions",
-}
-
 _STYLE: Final = """
 :root { --ink: #1d2330; --soft: #566072; --line: #dde1e8; --paper: #ffffff; --ground: #f4f5f8; }
 * { box-sizing: border-box; }
@@ -381,6 +381,7 @@ h1 { font-size: 29px; line-height: 1.28; margin: 10px 0 14px; font-weight: 650; 
 h2 { font-size: 23px; margin: 0 0 6px; }
 h3 { font-size: 17px; margin: 18px 0 0; color: var(--soft); font-weight: 600; }
 p { margin: 6px 0 12px; } .small { color: var(--soft); font-size: 15px; }
+p.careful { border: 2px solid #D55E00; border-radius: 8px; padding: 10px 14px; }
 header ul { margin: 0; padding-left: 22px; }
 dl { display: flex; flex-wrap: wrap; gap: 12px 44px; margin: 14px 0 10px; }
 dt { color: var(--soft); font-size: 15px; } dd { margin: 0; font-size: 21px; font-weight: 600; }

@@ -12,10 +12,10 @@ import pytest
 from plotly.offline import get_plotlyjs
 
 from twingap.effects import make_effect
-from twingap.gap.advice import condition_words, next_steps, place_words, snippet, undecided
+from twingap.gap.advice import condition_words, contradictions, next_steps, place_words, snippet, undecided
 from twingap.gap.figures import MOST_POINTS, all_figures, curve_figure
 from twingap.gap.html import page
-from twingap.gap.report import Candidate, Curve, GapReport, ParameterValue, Place, Verdict
+from twingap.gap.report import Candidate, Curve, GapReport, ParameterValue, Place, TwoSampleTest, Verdict
 from twingap.twins.twin_file import read_twin
 
 MakeReport = Callable[..., GapReport]
@@ -183,7 +183,8 @@ def test_advice_names_what_would_decide(make_report: MakeReport) -> None:
     assert not any("To decide" in step for step in next_steps(settled))
     assert any("1010 to 1400 Hz" in step for step in next_steps(make_report("unexplained")))
     assert any("0.9 to 1.1 orders" in step for step in next_steps(make_report("partly_explained")))
-    assert "Use the twin" in next_steps(make_report("no_gap"))[0]
+    calm = dataclasses.replace(make_report("no_gap"), tests=())
+    assert "Use the twin" in next_steps(calm)[0]
 
 
 @pytest.mark.parametrize(
@@ -200,3 +201,14 @@ def test_advice_names_what_would_decide(make_report: MakeReport) -> None:
 def test_places_in_words(place: Place, words: str) -> None:
     assert place_words(place) == words
     assert condition_words(place.condition) in words
+
+
+def test_a_verdict_of_no_gap_that_a_test_contradicts_is_flagged(make_report: MakeReport) -> None:
+    calm = dataclasses.replace(make_report("no_gap"), tests=(TwoSampleTest("MMD", 0.01, 0.3),))
+    assert contradictions(calm) == () and "Careful" not in own(page(calm))
+    torn = dataclasses.replace(calm, tests=(TwoSampleTest("MMD", 0.4, 0.001),))
+    assert "MMD (p = 0.001)" in contradictions(torn)[0]
+    assert own(page(torn)).count("Careful") == 2 and "Careful" in next_steps(torn)[0]
+    assert not any("Use the twin" in step for step in next_steps(torn))
+    found = dataclasses.replace(make_report("explained"), tests=torn.tests)
+    assert contradictions(found) == ()
