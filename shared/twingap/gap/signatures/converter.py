@@ -133,9 +133,9 @@ def _clipping(
     span = high - low
     strip = max(0.02 * span, 1.5 * step)
     at_high, at_low = runs >= high - same, runs <= low + same
-    inside_high = np.count_nonzero(~at_high & (runs >= high - strip))
-    inside_low = np.count_nonzero(~at_low & (runs <= low + strip))
-    n_high, n_low = np.count_nonzero(at_high), np.count_nonzero(at_low)
+    inside_high = int(np.count_nonzero(~at_high & (runs >= high - strip)))
+    inside_low = int(np.count_nonzero(~at_low & (runs <= low + strip)))
+    n_high, n_low = int(np.count_nonzero(at_high)), int(np.count_nonzero(at_low))
     both = np.count_nonzero(np.abs(x - high) <= same) + np.count_nonzero(np.abs(x - low) <= same)
     # A density that falls outwards fills the strip more than the extreme itself.
     sides = (math.log10((n_high + 0.5) / (inside_high + 1.5)), math.log10((n_low + 0.5) / (inside_low + 1.5)))
@@ -174,7 +174,12 @@ def _gaps(
     shortest = _SHORTEST
     if step > 0:
         # Runs of a quantised noise end at a constant rate; a slow signal's do not, so the common long ones set it.
-        repeats = min(max(float(np.count_nonzero(lengths > 1)) / runs.size, 1e-3), 0.999)
+        # A quiet signal stays longest on one level, its commonest: gaps are judged by how long that one holds.
+        levels = np.rint((runs - runs[0]) / step).astype(np.int64)
+        visits = np.bincount(levels - levels.min())
+        common = levels == int(np.argmax(visits)) + levels.min()
+        lasting = 1 - float(np.count_nonzero(common)) / float(lengths[common].sum())
+        repeats = min(max(float(np.count_nonzero(lengths > 1)) / runs.size, lasting, 1e-3), 0.999)
         usual = float(np.quantile(lengths, 0.99))
         shortest = max(_SHORTEST, 1 + math.ceil(math.log(0.003 / n) / math.log(repeats)), math.ceil(3 * usual))
     held = lengths >= shortest

@@ -72,6 +72,9 @@ NAMES: Final[tuple[str, ...]] = (
     "fault_comb_share",
     "fault_ratio_log",
     "fault_low_excess",
+    "comb_score",
+    "comb_order",
+    "comb_level",
     "free_count_log",
     "free_share",
     *(f"free_{i}_{what}" for i in (1, 2) for what in ("excess", "level", "hz_log", "fs")),
@@ -129,14 +132,22 @@ class Lines:
         Where a fault's impacts should lie at the stated speed.
     race_hz : tuple of float
         Ball-pass rates of the races at the stated speed.
+    fs_hz : float or None
+        Sampling rate, about half of which lines may have folded.
     """
 
     def __init__(
-        self, tones: Array, df_hz: float, shaft_hz: float, fault_hz: float | None, race_hz: tuple[float, ...] = ()
+        self,
+        tones: Array,
+        df_hz: float,
+        shaft_hz: float,
+        fault_hz: float | None,
+        race_hz: tuple[float, ...] = (),
+        fs_hz: float | None = None,
     ) -> None:
         self.tones, self.df_hz, self.stated_hz = tones, df_hz, max(shaft_hz, 1e-6)
         self.stated_fault_hz = fault_hz if fault_hz and fault_hz > 0 else None
-        self.race_hz = race_hz
+        self.race_hz, self.fs_hz = race_hz, fs_hz
         self.floor = block_floor(tones)
 
     @cached_property
@@ -175,9 +186,13 @@ class Lines:
         return self.df_hz * (0.12 + 0.8 / np.sqrt(self.peaks.excess))
 
     def on_comb(self, base_hz: float, widths: Array | None = None, highest: float = math.inf) -> NDArray[np.bool_]:
-        """Which peaks lie on multiples of a frequency."""
+        """Which peaks lie on multiples of a frequency; without a highest one, folded ones count too."""
         k = np.rint(self.peaks.hz / base_hz)
         off = np.abs(self.peaks.hz - k * base_hz)
+        if self.fs_hz is not None and math.isinf(highest):
+            # Impacts have lines beyond half the sampling rate, which fold back.
+            beyond = self.fs_hz - self.peaks.hz
+            off = np.minimum(off, np.abs(beyond - np.rint(beyond / base_hz) * base_hz))
         return np.asarray((k >= 1) & (k <= highest) & (off < 2.5 * (self.widths if widths is None else widths)))
 
     @cached_property
@@ -211,9 +226,10 @@ class Lines:
         score = comb_scores(self.peaks.hz, self.weights, widths, ratios * self.stated_fault_hz, 1e9, False)
         best = float(ratios[int(np.argmax(score))])
         own = self.on_comb(best * self.stated_fault_hz, widths)
-        if own.any():  # least squares over its peaks
-            k = np.rint(self.peaks.hz[own] / (best * self.stated_fault_hz))
-            best = float((k @ self.peaks.hz[own]) / (k @ k)) / self.stated_fault_hz
+        direct = self.on_comb(best * self.stated_fault_hz, widths, 1e9)
+        if direct.any():  # least squares over its peaks
+            k = np.rint(self.peaks.hz[direct] / (best * self.stated_fault_hz))
+            best = float((k @ self.peaks.hz[direct]) / (k @ k)) / self.stated_fault_hz
             own = self.on_comb(best * self.stated_fault_hz, widths)
         chance = float(np.median(score)) / max(float(self.weights.sum()), 1e-9) * len(self.peaks)
         beyond = float(np.count_nonzero(own)) - chance - 2.0
@@ -225,6 +241,7 @@ class Lines:
     def lock(self) -> tuple[float, float]:
         """Shaft rate over the stated one, and how much speaks for it (0 nothing, 1 and more: two lines or more)."""
         use = ~(self.fault_comb[2] | self.of_mains) & (self.peaks.hz < _HIGHEST_ORDER * self.stated_hz)
+        use &= ~self.alien_comb[2]
         first = self._locked_with(use)
         # Waviness may sit on whole orders of a wrong speed by chance: whose comb explains more?
         rival = np.zeros(len(self.peaks), bool)
@@ -233,6 +250,48 @@ class Lines:
             if score > max(first[1], 0.6):
                 rival |= self.on_comb(ratio * base_hz, highest=10)
         return self._locked_with(use & ~rival) if rival.any() else first
+
+    @cached_property
+    def alien_comb(self) -> tuple[float, float, NDArray[np.bool_]]:
+        """Rate, strength and peaks of a comb that is neither the shaft's nor the fault's: impacts of something else.
+
+        Between one and a half and fourteen shaft orders; it has to explain more than the shaft does.
+        """
+        none = np.zeros(len(self.peaks), bool)
+        use = ~(self.fault_comb[2] | self.of_mains)
+        if np.count_nonzero(use) < 5:
+            return math.nan, 0.0, none
+        hz, weights = self.peaks.hz[use], self.weights[use]
+        widths = np.maximum(self.widths[use], 0.25 * self.df_hz)
+        count = int(np.clip(2.3 * float(hz[-1]) / (0.5 * self.df_hz), 200, 16000))
+        bases = np.geomspace(1.5, 14.0, count) * self.stated_hz
+        score = comb_scores(hz, weights, widths, bases, 1e9, False)
+        # Narrow combs catch more by chance: as many as a line's width is of their spacing.
+        score = score - 5 * float(widths.mean()) * float(weights.sum()) / bases
+        best = int(np.argmax(score))
+        base = float(bases[best])
+        own = use & self.on_comb(base, np.maximum(self.widths, 0.25 * self.df_hz), 1e9)
+        if np.count_nonzero(own) < 4:
+            return math.nan, 0.0, none
+        k = np.rint(self.peaks.hz[own] / base)
+        for multiple in (2, 3):
+            if not np.any(k % multiple):
+                base, k = base * multiple, k / multiple
+        # A rate is proven by neighbouring multiples, not by any numbers that happen to fit.
+        if np.count_nonzero(np.diff(k) == 1) < 2:
+            return math.nan, 0.0, none
+        base = float((k @ self.peaks.hz[own]) / (k @ k))
+        strength = float(score[best] - self.weights[own].max())
+        # By the same count: a gear's lines lie on the shaft's comb, however high their orders.
+        shaft = np.linspace(1 - SEARCH, 1 + SEARCH, int(np.clip(6 * SEARCH * float(hz[-1]) / self.df_hz, 41, 4001)))
+        rival = float(comb_scores(hz, weights, widths, shaft * self.stated_hz, 1e9, False).max())
+        rival -= 5 * float(widths.mean()) * float(weights.sum()) / self.stated_hz
+        # Of two combs that explain as much, the sparser one does not do so by chance.
+        if strength < 1.0 or float(score[best]) < 0.95 * rival:
+            return math.nan, 0.0, none
+        if any(self.wave(race_hz, SEARCH + SLIP / 2, use)[1] > 0.85 * strength for race_hz in self.race_hz):
+            return math.nan, 0.0, none
+        return base, strength, use & self.on_comb(base, np.maximum(self.widths, 0.25 * self.df_hz))
 
     def wave(self, base_hz: float, reach: float, use: NDArray[np.bool_]) -> tuple[float, float]:
         """Rate of the comb about `base_hz` that holds most of the peaks, over `base_hz`, and how much it holds."""
@@ -321,7 +380,7 @@ def lines_of(view: RecordView) -> Lines:
     if found is None:
         fault_hz = None if view.fault_order is None else view.fault_order * view.shaft_hz
         races = (view.bearing.bpfo * view.shaft_hz, view.bearing.bpfi * view.shaft_hz)
-        found = _LINES[view] = Lines(view.tones, view.df_hz, view.shaft_hz, fault_hz, races)
+        found = _LINES[view] = Lines(view.tones, view.df_hz, view.shaft_hz, fault_hz, races, view.fs_hz)
     return found
 
 
@@ -343,7 +402,12 @@ def measure(view: RecordView) -> dict[str, float]:
     lines, scale = lines_of(view), max(view.frame.scale, 1e-300)
     out["shaft_ratio_log"] = math.log(lines.lock[0]) if lines.locked else 0.0
     out["shaft_lock"] = lines.lock[1]
-    known = lines.fault_comb[2] | lines.of_mains
+    base, strength, alien = lines.alien_comb
+    out["comb_score"] = strength
+    if strength > 0:
+        out["comb_order"] = base / lines.shaft_hz
+        out["comb_level"] = _level(float(lines.peaks.power[alien].sum()), scale)
+    known = lines.fault_comb[2] | lines.of_mains | alien
     waves = _waviness(view, lines, scale, out)
     _orders(lines, scale, out, known | waves)
     _mains(lines, scale, out)
@@ -432,7 +496,7 @@ def _waviness(view: RecordView, lines: Lines, scale: float, out: dict[str, float
     """Multiples of the ball-pass orders of both races."""
     taken = np.zeros(len(lines.peaks), bool)
     reach = SLIP if lines.locked else SEARCH + SLIP / 2
-    free = ~lines.of_mains
+    free = ~(lines.of_mains | lines.alien_comb[2])
     if lines.locked:
         free &= ~lines.on_comb(lines.shaft_hz / 2, highest=42)
     for race, order in (("outer", view.bearing.bpfo), ("inner", view.bearing.bpfi)):
@@ -520,6 +584,15 @@ def _pair(lines: Lines, fs_hz: float, scale: float, out: dict[str, float], taken
         score = np.where((miss < allowed) & (unlike < 2.0), np.log10(weaker / _PEAK) + 0.3 - 0.2 * unlike, 0.0)
         # A carrier is not weaker than its side lines.
         score *= own.power[centre] > 0.7 * np.minimum(own.power[above][:, None], own.power[below][None, :])
+        # Side lines of one modulation stand alone; those of a comb go on at twice the distance.
+        spacing = 0.5 * (distance[above][:, None] - distance[below][None, :])
+        onward = np.zeros(score.shape)
+        for sign in (2.0, -2.0):
+            target = own.hz[centre] + sign * spacing
+            at = np.clip(np.searchsorted(own.hz, target), 1, len(own) - 1)
+            nearest = np.minimum(np.abs(own.hz[at] - target), np.abs(own.hz[at - 1] - target))
+            onward += nearest < 1.5 * lines.df_hz
+        score = np.where(onward > 0, 0.3 * score / (1 + onward), score)
         place = int(np.argmax(score))
         i, j = divmod(place, below.size)
         value = float(score[i, j]) + 0.3 * math.log10(own.excess[centre] / _PEAK) if score[i, j] > 0 else 0.0
@@ -559,7 +632,7 @@ def block_floor(power: Array, block: int = 32) -> Array:
 def comb_scores(hz, weights, widths, bases, highest, based):  # type: ignore[no-untyped-def]  # pragma: no cover
     """[candidates] Sum of the weights of the lines that lie on multiples of each base, less by their distance.
 
-    With `based` a comb without its first line counts a quarter.
+    With `based` a comb without its first line counts nothing.
     """
     out = np.zeros(bases.size)
     for c in range(bases.size):
@@ -572,7 +645,7 @@ def comb_scores(hz, weights, widths, bases, highest, based):  # type: ignore[no-
             if off < 1.0:
                 first |= k == 1
                 total += weights[i] * (1 - off * off)
-        out[c] = total if first or not based else 0.25 * total
+        out[c] = total if first or not based else 0.0
     return out
 
 
