@@ -217,6 +217,25 @@ def unit_response(base: Base) -> Array:
     return base.path(deposit(at, np.ones(1), np.full(1, base.pulse_s), 0.0, n, OVERSAMPLING * base.fs_hz, base.hertz))
 
 
+def visible_ratio(base: Base, rate_hz: float, line_db: float, duration_s: float) -> float:
+    """RMS of strikes over that of all noise at which their envelope line stands `line_db` out of one record.
+
+    In the mode's band of width B = pi zeta f the squared envelope of noise of power N has a floor N^2 / (B T) a line,
+    and strikes of power P that ring down as exp(-4 pi zeta f t) a line P^2 / (1 + (rate / (2 zeta f))^2).
+    """
+    mode = base.modes[0]
+    half_hz = mode.damping_ratio * mode.frequency_hz
+    band_hz = np.pi * half_hz
+    noise = base.structure_rms**2 + base.white_rms**2 * 2 * band_hz / base.fs_hz
+    rounded = 1 + (rate_hz / (2 * half_hz)) ** 2
+    power = noise * np.sqrt(10 ** (line_db / 10) * rounded / max(band_hz * duration_s, 1.0))
+    return float(np.sqrt(power / (base.structure_rms**2 + base.white_rms**2)))
+
+
+FAINTEST_DB: Final = 14.0
+"""The fault line of the faintest defect over the floor of one record's envelope spectrum."""
+
+
 def draw_base(arm: str, layout: Layout, rng: np.random.Generator) -> Base:
     """Draw a machine; its own effects (contact arm) are left to the caller, who knows the case."""
     fs = layout.fs_hz
@@ -259,8 +278,9 @@ def draw_base(arm: str, layout: Layout, rng: np.random.Generator) -> Base:
     )
     energy = float(np.sum(unit_response(base) ** 2))
     for fault in ("inner", "outer", "ball"):
-        own_ratio = float(np.clip(ratio * np.exp(rng.uniform(-0.4, 0.4)), 0.3, 4.0))
         rate = fault_order(layout.bearing, fault, 1.0) * layout.mean_rpm / 60
+        faint = visible_ratio(base, rate, FAINTEST_DB, layout.n_samples / fs)
+        own_ratio = max(float(np.clip(ratio * np.exp(rng.uniform(-0.4, 0.4)), 0.3, 4.0)), faint)
         base.ratio[fault] = own_ratio
         base.level[fault] = own_ratio / float(np.sqrt(energy * rate / fs))
     return base

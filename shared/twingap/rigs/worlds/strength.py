@@ -14,7 +14,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from twingap.rigs.worlds.base import Base
+from twingap.rigs.worlds.base import Base, visible_ratio
 from twingap.rigs.worlds.case import STRENGTHS
 from twingap.rigs.worlds.layout import Layout
 from twingap.rigs.worlds.motion import fault_order
@@ -69,7 +69,7 @@ class Setting:
 
     def line_db(self) -> float:
         """How far the strongest line of a tonal effect stands out of one record's noise."""
-        return self.pick((7.0, 10.0), (17.0, 22.0), (32.0, 40.0))
+        return self.pick((5.0, 8.0), (17.0, 22.0), (32.0, 40.0))
 
     def raised(self) -> float:
         """Added power density over what was there."""
@@ -136,7 +136,7 @@ def _distributed_roughness(s: Setting) -> Params:
     first = s.base.modes[0].frequency_hz
     beside = 2 * s.base.white_rms**2 / s.base.fs_hz
     there = s.yard.at(first)
-    share = s.pick((0.22, 0.35), (0.8, 1.3), (3.0, 6.0))
+    share = s.pick((0.3, 0.45), (0.8, 1.3), (3.0, 6.0))
     through = max(there - beside, 0.1 * there)  # what the noise force makes of the peak
     return {
         "rms_over_structure": float(np.sqrt(share * there / through)),
@@ -236,7 +236,8 @@ def _foreign_bearing(s: Setting) -> Params:
         clear = all(abs(h * order - t) > 0.035 * h * order for h in (1, 2) for t in taken)
         if clear and all(abs(h * order - round(h * order)) > 0.06 for h in (1, 2)):
             break
-    ratio = s.pick((0.3, 0.42), (0.7, 1.0), (1.7, 3.0))
+    line_db = s.pick((8.0, 11.0), (18.0, 22.0), (28.0, 36.0))
+    ratio = min(visible_ratio(s.base, order * s.shaft_hz, line_db, s.yard.duration_s), 8.0)
     impulse = ratio * s.yard.quiet_rms / np.sqrt(s.yard.strike_energy * order * s.shaft_hz / s.base.fs_hz)
     return {"order": order, "impulse": float(impulse), "slip_fraction": s.uniform(0.0, 0.004), "rms_over_quiet": ratio}
 
