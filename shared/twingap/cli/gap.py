@@ -8,7 +8,6 @@ twingap gap train ...                                what the diagnosis learns b
 from __future__ import annotations
 
 import dataclasses
-import importlib.util
 import sys
 import time
 from collections.abc import Callable, Iterable, Iterator
@@ -19,6 +18,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Final
 import typer
 from typer.core import TyperCommand, TyperGroup
 
+from twingap.cli.gap_study import study
 from twingap.cli.options import Json, Seed, TrackingUri, progress_console, say, say_json, show, steps, wrote
 from twingap.errors import TwingapError
 
@@ -156,10 +156,7 @@ def train(
     wrote(path, as_json=as_json)
 
 
-if importlib.util.find_spec("twingap.cli.gap_study") is not None:
-    from twingap.cli.gap_study import study
-
-    app.command("study")(study)
+app.command("study")(study)
 
 _EXPORTS: Final = ("sim_before", "sim_after")
 

@@ -15,13 +15,13 @@ from twingap.bearing import BEARINGS
 from twingap.cli import main
 from twingap.gap.contract import problems
 from twingap.gap.report import from_json, read_report
-from twingap.gap.training import cache_folder, key
+from twingap.gap.training import cache_folder, default_machines, key
 from twingap.records import Condition
 from twingap.records.folder import read_record_set, write_records
 from twingap.twins.phenomenological import PhenomenologicalTwin
 
 learnt_before = pytest.mark.skipif(
-    not (cache_folder() / f"learnt-{key()}.joblib").exists(),
+    not (cache_folder() / f"learnt-{key(default_machines())}.joblib").exists(),
     reason="needs what `twingap gap train` learns (twenty minutes)",
 )
 
@@ -70,7 +70,7 @@ def twin(tmp_path: Path) -> Path:
 @pytest.mark.parametrize("asked", [["--help"], ["-h"], []])
 def test_help_explains_the_diagnosis_and_the_commands_beside_it(typed: Run, asked: list[str]) -> None:
     said = typed(*asked)
-    for part in ("RECORDSET", "--twin", "--out", "--sim", "--export", "--seed", "train", "./study"):
+    for part in ("RECORDSET", "--twin", "--out", "--sim", "--export", "--seed", "train", "study ", "./study"):
         assert part in said.out
     assert said.status == (0 if asked else 2)
 
@@ -80,6 +80,7 @@ def test_help_of_the_diagnosis_alone(typed: Run) -> None:
     assert said.status == 0
     assert "twingap gap [OPTIONS]" in said.out and "--export" in said.out and "COMMAND" not in said.out
     assert "--cache" in typed("train", "--help").out
+    assert "--cases" in typed("study", "--help").out
 
 
 @pytest.mark.parametrize(
@@ -90,6 +91,7 @@ def test_help_of_the_diagnosis_alone(typed: Run) -> None:
         (["there", "--frob"], ("no such option", "--frob", "see `twingap gap --help`")),
         (["./study"], ("missing option", "--twin")),
         (["RECORDSET"], ("missing option", "--twin")),
+        (["study"], ("missing option", "--out", "see `twingap gap study --help`")),
         (["train", "--frob"], ("no such option", "see `twingap gap train --help`")),
         (["there", "--twin", "t", "--out", "o", "--seed", "-1"], ("--seed", "0")),
         (["there", "--twin", "nowhere.toml", "--out", "o"], ("nowhere.toml",)),
