@@ -197,7 +197,7 @@ def read_speed(samples: Array, condition: Condition, bearing: Bearing) -> Readin
     comb: _Comb | None = None
     if condition.fault not in (None, "healthy", "cage"):
         rate = bearing.fault_order(str(condition.fault)) * shaft_hz
-        comb = _find_comb(_envelopes(x, condition.fs_hz, rate, shaft_hz), rate, shaft_hz)
+        comb = _find_comb(_envelopes(x, condition.fs_hz, rate, shaft_hz), rate, bearing.ftf * shaft_hz)
     fault_hz = comb.rate_hz if comb is not None else None
     known = condition.fault == "healthy" or comb is not None
     found = _tones(x, df, shaft_hz, fault_hz, triplets=known)
@@ -221,7 +221,7 @@ def comb_heights(samples: Array, condition: Condition, bearing: Bearing) -> dict
     out = {}
     for fault in ("inner", "outer", "ball"):
         rate = bearing.fault_order(fault) * shaft_hz
-        comb = _find_comb(_envelopes(x, condition.fs_hz, rate, shaft_hz), rate, shaft_hz)
+        comb = _find_comb(_envelopes(x, condition.fs_hz, rate, shaft_hz), rate, bearing.ftf * shaft_hz)
         out[fault] = comb.height if comb is not None else 0.0
     return out
 
@@ -279,7 +279,7 @@ def _floor(power: Array, width: int = 49) -> Array:
     return np.asarray(np.exp(np.interp(np.arange(power.size), places, np.log(levels))) / math.log(2))
 
 
-def _find_comb(envelopes: Sequence[_Band], rate_hz: float, shaft_hz: float) -> _Comb | None:
+def _find_comb(envelopes: Sequence[_Band], rate_hz: float, cage_hz: float) -> _Comb | None:
     """The comb of harmonics that stands highest in any band, None where none stands out."""
     reach = REACH + SLIP_REACH
     best: tuple[float, float, int] | None = None
@@ -291,8 +291,8 @@ def _find_comb(envelopes: Sequence[_Band], rate_hz: float, shaft_hz: float) -> _
         grid = np.arange(1 - reach, 1 + reach, step)
         at = np.outer(np.arange(1, count + 1), grid) * (rate_hz / df)
         heights = np.log1p(_near(z, at) / 3)
-        # Speeds are the likelier the nearer to nominal: decides between combs that fit alike.
-        score = heights.sum(axis=0) - (grid - 1) ** 2 / (2 * 0.04**2)
+        # Speeds are the likelier the nearer to nominal: decides between a comb and its side lines at cage rate.
+        score = heights.sum(axis=0) - (grid - 1) ** 2 / (2 * 0.025**2)
         place = int(np.argmax(score))
         threshold = COMB * (0.4 + 0.15 * count)  # fewer harmonics, each of which has to stand higher
         if score[place] > threshold and (heights[:, place] > math.log1p(8 / 3)).sum() >= min(2, count):
@@ -309,22 +309,22 @@ def _find_comb(envelopes: Sequence[_Band], rate_hz: float, shaft_hz: float) -> _
     if refined is None:
         return None
     ratio, sigma = refined
-    smeared = _mean_rate(squared, ratio * rate_hz / df, power, z)
+    smeared = _mean_rate(squared, ratio * rate_hz / df, 0.7 * cage_hz / df, power, z)
     if smeared is not None:
         ratio, sigma = smeared[0] * df / rate_hz, max(sigma, smeared[1])
     return _Comb(ratio * rate_hz, math.log(ratio), sigma / ratio, height * COMB, power, z, df, top)
 
 
-def _mean_rate(squared: Array, place: float, power: Array, z: Array) -> tuple[float, float] | None:
+def _mean_rate(squared: Array, place: float, widest: float, power: Array, z: Array) -> tuple[float, float] | None:
     """Cycles of a smeared comb within the record and their relative error; None where its first harmonic is sharp.
 
     Where the speed wanders, the highest point of a smeared line says little about its mean. The phase that the first
     harmonic gathers from the record's beginning to its end does, where it stands out of the noise.
     """
-    half = max(4, int(0.08 * place))
+    half = int(min(max(4.0, 0.08 * place), widest))  # short of side lines at cage rate
     k = round(place)
     low, high = k - half, k + half + 1
-    if low < 2 or high > power.size:
+    if half < 4 or low < 2 or high > power.size:
         return None
     own = scipy.fft.rfft(squared - squared.mean())[low:high]
     energy = own.real**2 + own.imag**2
