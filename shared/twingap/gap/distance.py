@@ -264,19 +264,18 @@ class Paired:
     def floor(self, rng: np.random.Generator, splits: int = 100) -> tuple[float, dict[Domain, float]]:
         """Records against records, overall and per view, at the number of records in hand.
 
-        The differences of a stratum about their own mean get random signs: their mean is then half the difference of
-        two random halves of the records, whose noise is that of all records against a twin.
+        Differences of units about their stratum's mean are drawn from all strata, with random signs: the mean of such a
+        draw is half the difference of two random halves of the records, whose noise is that of all records against a
+        twin.
         """
-        kept = []
-        for units in self.units:
+        pool, kept = self._residuals, []
+        if not len(pool):
+            return 0.0, dict.fromkeys(self.real.domains, 0.0)
+        for units, (signed, plain) in zip(self.units, self.draw_residuals(rng, splits), strict=True):
             k = len(units)
-            if k > 1:
-                inner = (units - units.mean(axis=0)) / self.scale * np.sqrt(k / (k - 1))
-                means = rng.choice([-1.0, 1.0], (splits, k)) @ inner / k
-                kept.append(((k * means**2 - (inner**2).mean(axis=0)) / (k - 1), means))
-            else:  # one record: as far as its replicates are from one another
-                means = rng.standard_normal((splits, units.shape[1])) * np.sqrt(self.noise) / self.scale
-                kept.append((means**2 - self.noise / self.scale**2, means))
+            means = signed @ pool / k
+            noise = plain @ pool**2 / k if k > 1 else np.mean(pool**2, axis=0)
+            kept.append(((k * means**2 - noise) / (k - 1) if k > 1 else means**2 - noise, means))
         overall, views = self.over_views(self._contrasted(kept))
         return float(overall.mean()), {d: float(v.mean()) for d, v in views.items()}
 
