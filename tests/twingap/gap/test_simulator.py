@@ -169,7 +169,7 @@ def test_faults_that_nobody_simulated() -> None:
 # ------------------------------------------------------------------------------------------------------------ functions
 
 
-def tones(conditions: list[Condition], rng: np.random.Generator) -> list[np.ndarray]:  # type: ignore[type-arg]
+def tones(conditions: list[Condition], rng: np.random.Generator) -> list[np.ndarray]:
     return [0.01 * rng.standard_normal(c.n_samples) + np.sin(np.arange(c.n_samples)) for c in conditions]
 
 
