@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import gc
 from collections.abc import Iterator
-from types import ModuleType
+from types import FunctionType, ModuleType
 from typing import Any
 
 import numpy as np
@@ -78,15 +78,18 @@ def tiny_worlds(n: int, rng: np.random.Generator) -> Iterator[tuple[RecordSet, R
 
 
 def reachable(*roots: object) -> list[object]:
-    """Everything that references lead to, modules and classes (which hold all code) left out."""
+    """Everything that references lead to, but for code: modules, classes and the globals of functions."""
     seen: dict[int, object] = {}
     waiting = list(roots)
     while waiting:
         item = waiting.pop()
-        if id(item) in seen or isinstance(item, (ModuleType, type)):
+        if id(item) in seen or issubclass(type(item), (ModuleType, type)):
             continue
         seen[id(item)] = item
-        waiting += gc.get_referents(item)
+        if isinstance(item, FunctionType):
+            waiting += [item.__closure__, item.__defaults__, item.__kwdefaults__, item.__dict__]
+        else:
+            waiting += gc.get_referents(item)
     return list(seen.values())
 
 

@@ -10,6 +10,7 @@ import pytest
 import study_standins as standins
 
 from twingap.errors import TwingapError
+from twingap.records import RecordSet
 from twingap.rigs.worlds import Case, make_world
 from twingap.study import run_study, write_study
 from twingap.study.blind import blinded
@@ -85,9 +86,9 @@ def test_the_search_for_truth_would_find_it() -> None:
     blind = blinded(world)
     spec, rng = blind.twin, np.random.default_rng(0)
     told = [replace(c, extra={"made_with": "clipping"}) for c in world.records.conditions]
-    open_records = type(world.records)("machine", "", world.records.bearing, told, lambda i: world.records[i].samples)
+    open_records = RecordSet("machine", "", world.records.bearing, told, lambda i: np.asarray(world.records[i].samples))
     found = standins.suspicious(open_records, spec, rng)["verdict"]["effects"]
-    assert {"World", "Truth", "clipping"} <= set(found)
+    assert {"World", "Truth", "Case", "clipping"} <= set(found)
     assert not standins.suspicious(blind.records, spec, rng)["verdict"]["effects"]
 
 
