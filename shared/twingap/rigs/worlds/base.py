@@ -183,6 +183,16 @@ def through(modes: tuple[Mode, ...], force: Array, hertz: bool, fs_hz: float, dr
     return total
 
 
+def response_power(modes: tuple[Mode, ...], hertz: bool, fs_hz: float, hz: Array) -> Array:
+    """Squared modulus of the path's frequency response at these frequencies."""
+    fine_hz = OVERSAMPLING * fs_hz
+    total = np.zeros(hz.size, dtype=np.complex128)
+    for mode in modes:
+        b, a = _filter(mode.frequency_hz, mode.damping_ratio, hertz, 1 / fine_hz)
+        total += mode.gain * signal.freqz(b, a, worN=hz, fs=fine_hz)[1]
+    return np.asarray(np.abs(total) ** 2)
+
+
 @lru_cache(maxsize=1)
 def _taps() -> Array:
     return np.asarray(signal.firwin(20 * OVERSAMPLING + 1, 0.94 / OVERSAMPLING, window=("kaiser", 6.0)))

@@ -14,7 +14,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from twingap.rigs.worlds.base import Base, visible_ratio
+from twingap.rigs.worlds.base import Base, Mode, response_power, visible_ratio
 from twingap.rigs.worlds.case import STRENGTHS
 from twingap.rigs.worlds.layout import Layout
 from twingap.rigs.worlds.motion import fault_order
@@ -166,12 +166,27 @@ def _second_resonance(s: Setting) -> Params:
         if all(abs(hz - m.frequency_hz) > max(0.2 * m.frequency_hz, 2 * m.damping_ratio * m.frequency_hz)
                + 2 * damping * hz for m in modes):  # fmt: skip
             break
+    sign = -1.0 if s.coin(0.5) else 1.0
+    near = hz * (1 + damping * np.linspace(-0.5, 0.5, 9))
+    white = 2 * s.base.white_rms**2 / fs
+    there = s.yard.at(hz)
+    raised = 1 + s.raised()
+    before = response_power(modes, s.base.hertz, fs, near)
+    # What drives the structure, from what the first mode makes of it: its mean over the mode's own width.
     first = modes[0]
-    mechanical = max(s.yard.at(first.frequency_hz) - 2 * s.base.white_rms**2 / fs, 1e-12)
-    # Peak of a mode's response: gain / (2 zeta w).
-    unit = mechanical * (first.damping_ratio * first.frequency_hz / (damping * hz)) ** 2
-    gain = float(np.sqrt(s.raised() * s.yard.at(hz) / unit))
-    return {"frequency_hz": hz, "damping_ratio": damping, "gain": -gain if s.coin(0.5) else gain}
+    wide = first.frequency_hz * (1 + first.damping_ratio * np.linspace(-1, 1, 15))
+    seen = np.mean([s.yard.at(f) for f in wide]) - white
+    drive = max(float(seen), 1e-12) / float(response_power(modes, s.base.hertz, fs, wide).mean())
+
+    def level(gain: float) -> float:
+        after = response_power((*modes, Mode(hz, damping, sign * gain)), s.base.hertz, fs, near)
+        return float(1 + drive * np.mean(after - before) / there)
+
+    low, high = 1e-4, 1e3  # out of phase with a loud first mode, the level may fall before it rises
+    while high / low > 1.001:
+        middle = float(np.sqrt(low * high))
+        low, high = (middle, high) if level(middle) < raised else (low, middle)
+    return {"frequency_hz": hz, "damping_ratio": damping, "gain": sign * high}
 
 
 def _sensor_rolloff(s: Setting) -> Params:
