@@ -22,7 +22,7 @@ def study(
         int | None,
         typer.Option(
             "--rival-worlds", metavar="W", min=0, help="Worlds that the rivals learn from; 0: none that learn.",
-            show_default="1500, or 10 per world where that is less",
+            show_default="1500, or 5 per world where that is less",
         ),
     ] = None,
     json: Json = False,
@@ -42,7 +42,7 @@ def study(
                 out,
                 plan(cases, seed),
                 seed,
-                training_count=min(1500, 10 * cases) if rivals is None else rivals,
+                training_count=min(1500, 5 * cases) if rivals is None else rivals,
                 jobs=jobs,
                 command=command_line(),
                 report=lambda what, part, whole: bar.update(line, description=what, completed=part, total=whole),

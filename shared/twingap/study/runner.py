@@ -128,10 +128,10 @@ def run_study(
     if len(set(names)) < len(names):
         raise TwingapError("two cases of one name", where="study", mend="give every case a name of its own")
     diagnose = diagnose or diagnosis()
-    learnt_from = _made_ready(diagnose, jobs, report)
     code = {"diagnosis": _digest_of(diagnose), "worlds": _digest_of_worlds()}
 
     sealed = _seal(folder, cases, seed, code, jobs, report)
+    learnt_from = _made_ready(diagnose, jobs, report)
     told = _diagnosed(
         folder, cases, seed, sealed, diagnose, prepare, permutations, {**code, "learnt": learnt_from}, jobs, report
     )
