@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 
 from twingap.gap import signatures
 from twingap.gap.signatures import background
+from twingap.gap.speed import Speeds
 from twingap.gap.view import Frame, RecordView
 from twingap.records import Condition, Record
 
@@ -33,6 +34,11 @@ GROUPS = {
     False: ("all", "healthy", "faulty"),
 }
 """Kinds of records that means are taken over, for signatures of strikes (True) and for all others."""
+CONTEXT = (
+    "records", "healthy_share", "log_samples", "log_turns", "speeds", "span_s",
+    "slip", "slip_z", "slip_decidable", "speed_z", "speed_scatter",
+    "extent_1", "extent_4", "extent_13", "extent_41", "extent_121", "extent_mean",
+)  # fmt: skip
 _FEWEST_FOR_TREND = 4
 
 
@@ -94,12 +100,14 @@ def feature_names() -> tuple[str, ...]:
         names += [f"{n}|{group}.{kind}" for group in GROUPS[strikes] for kind in ("diff", "z", "level") for n in own]
     trends = ("spread", "on_speed", "on_speed.z", "on_time", "on_time.z")
     names += [f"{name}|{kind}" for kind in trends for name in signatures.NAMES]
-    context = ["records", "healthy_share", "log_samples", "log_turns", "speeds", "span_s", "resonance_share"]
-    return (*names, *(f"shape|{name}" for name in background.COMPARED), *(f"context|{name}" for name in context))
+    return (*names, *(f"shape|{name}" for name in background.COMPARED), *(f"context|{name}" for name in CONTEXT))
 
 
-def compare(real: Measured, simulated: Measured) -> Array:
-    """[features] What tells the measured set from the simulated one; see `feature_names`."""
+def compare(real: Measured, simulated: Measured, speeds: Speeds | None = None) -> Array:
+    """[features] What tells the measured set from the simulated one; see `feature_names`.
+
+    `speeds` are those of calibration, which tell of the cage's slip.
+    """
     with warnings.catch_warnings(), np.errstate(all="ignore"):
         warnings.simplefilter("ignore", RuntimeWarning)  # means of nothing are NaN, and meant so
         blocks = [*_by_group(real, simulated), _spread(real, simulated), *_trends(real, simulated)]
@@ -107,7 +115,7 @@ def compare(real: Measured, simulated: Measured) -> Array:
         ours, theirs = cast(Any, real.outlines), cast(Any, simulated.outlines)  # all that shapes ask of a view
         shapes = background.compare(ours, theirs)
         shape = np.array([shapes[name] for name in background.COMPARED], float)
-        out = np.concatenate((per_signature, shape, _context(real)))
+        out = np.concatenate((per_signature, shape, _context(real, speeds), _extent(per_signature)))
     return np.where(np.isfinite(out), out, np.nan)
 
 
@@ -137,7 +145,7 @@ def _by_group(real: Measured, simulated: Measured) -> list[Array]:
             variance = within / np.maximum(n_r + n_b - 2, 1) + small**2
             diff = mean_r - mean_b
             z = diff / np.sqrt(variance * (1 / np.maximum(n_r, 1) + 1 / np.maximum(n_b, 1)))
-            columns += [diff, np.clip(z, -200, 200), mean_r]
+            columns += [diff, np.clip(z, -200, 200), np.nanmedian(r, axis=0)]  # a median: one wrong line is no level
     return columns
 
 
@@ -200,8 +208,22 @@ def _slope(x: Array, y: Array, kinds: NDArray[np.str_]) -> list[Array]:
     return [np.where(few, np.nan, slope), np.where(few, np.nan, np.clip(slope / error, -200, 200))]
 
 
-def _context(real: Measured) -> Array:
-    """[7] What every feature's scatter depends on."""
+def _extent(per_signature: Array) -> Array:
+    """How far the sets lie apart whatever the signature: the largest of |z|, one after the other, and their mean."""
+    z = np.sort(np.abs(per_signature[_z_places()]))
+    z = z[np.isfinite(z)][::-1]
+    if z.size == 0:
+        return np.full(6, np.nan)
+    return np.array([*(np.log1p(z[min(k, z.size - 1)]) for k in (0, 3, 12, 40, 120)), np.log1p(np.mean(z**2))])
+
+
+@cache
+def _z_places() -> NDArray[np.int64]:
+    return np.array([i for i, name in enumerate(feature_names()) if name.endswith(".z") and "|on_" not in name])
+
+
+def _context(real: Measured, of: Speeds | None) -> Array:
+    """What every feature's scatter depends on, and what calibration found of the speeds."""
     conditions = real.conditions
     times = [c.time_s for c in conditions if c.time_s is not None]
     speeds = np.array([c.speed_rpm for c in conditions])
@@ -213,6 +235,18 @@ def _context(real: Measured) -> Array:
             np.log(np.mean([c.duration_s * c.speed_rpm / 60 for c in conditions])),
             np.log(speeds.max() / speeds.min()),
             np.log1p(max(times) - min(times)) if times else np.nan,
-            np.mean([c.fault not in (None, "healthy") for c in conditions]),
+            *(_speeds(of) if of is not None else [np.nan] * 5),
         ]
     )
+
+
+def _speeds(of: Speeds) -> list[float]:
+    known = np.isfinite(of.slip_sigma) and of.slip_sigma > 0
+    error = np.log(max(of.common_ratio, 1e-3))
+    return [
+        of.slip,
+        of.slip / of.slip_sigma if known else np.nan,
+        float(of.decidable),
+        error / of.common_sigma if np.isfinite(of.common_sigma) and of.common_sigma > 0 else np.nan,
+        of.scatter,
+    ]

@@ -104,8 +104,9 @@ class Evidence:
             comparison.measure(self.simulated(simulator, effects, part.conditions, part_number), self.frame)
             for part_number, part in enumerate((self.calibrated.fit, self.calibrated.held_out))
         ]
-        fit = comparison.compare(self.fit, simulated[0])
-        return Compared(effects, simulator, fit, comparison.compare(self.held_out, simulated[1]))
+        speeds = self.calibrated.speeds
+        fit = comparison.compare(self.fit, simulated[0], speeds)
+        return Compared(effects, simulator, fit, comparison.compare(self.held_out, simulated[1], speeds))
 
     def _recalibrated(self, effects: tuple[Effect, ...]) -> Simulator:
         """What simulates these effects, its baseline matched anew: what the effects explain is no noise of the twin."""

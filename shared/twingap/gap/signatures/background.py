@@ -151,7 +151,7 @@ def measure(view: RecordView) -> dict[str, float]:
     out = dict.fromkeys(NAMES, math.nan)
     if view.x.size < 256 or not np.isfinite(view.mean_square) or view.mean_square <= 0:
         return out
-    smooth = smooth_spectrum(view)
+    smooth = view.smooth
     _shape(view, smooth, out)
     _amplitudes(view, out)
     _roughness(view, out)
@@ -163,18 +163,6 @@ def measure(view: RecordView) -> dict[str, float]:
 
 
 # ---------------------------------------------------------------------------------------------- shape of the spectrum
-
-
-def smooth_spectrum(view: RecordView) -> Array:
-    """[512] Power density with tones taken out, in equal bands that reach exactly to half the sampling rate.
-
-    Bands need not hold a whole number of bins, so that places mean the same frequency whatever a record's length.
-    """
-    power = (view.transform.real**2 + view.transform.imag**2)[1:] * (2 / (view.fs_hz * view.x.size))
-    width = power.size / SMOOTH_SEGMENTS
-    inner = (np.arange(max(math.ceil(width), 1)) + 0.5) / max(math.ceil(width), 1)
-    at = ((np.arange(SMOOTH_SEGMENTS)[:, None] + inner) * width).astype(int)
-    return np.asarray(np.median(power[np.minimum(at, power.size - 1)], axis=1) / math.log(2))
 
 
 def _shape(view: RecordView, smooth: Array, out: dict[str, float]) -> None:
@@ -680,7 +668,7 @@ def _mean_log(views: Sequence[RecordView], of: str, points: int) -> Array | None
     logs = []
     for view in own:
         unit = view.fs_hz / max(view.frame.scale, 1e-300) ** 2
-        logs.append(np.log(np.maximum(smooth_spectrum(view) * unit, 1e-30)).reshape(points, -1).mean(axis=1))
+        logs.append(np.log(np.maximum(view.smooth * unit, 1e-30)).reshape(points, -1).mean(axis=1))
     return np.asarray(np.mean(logs, axis=0))
 
 
