@@ -12,10 +12,11 @@ from __future__ import annotations
 
 import importlib
 import importlib.util
+import io
 import logging
 import warnings
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, redirect_stdout
 from typing import Any, Final
 
 import numpy as np
@@ -61,7 +62,8 @@ class NeuralPosterior(Rival):
         noise = rng.uniform(-HALF_WIDTH, HALF_WIDTH, examples.present.shape)
         theta = torch.as_tensor(examples.present + noise, dtype=torch.float32)
         x = self._input(examples.x)
-        with _seeded(int(rng.integers(2**31))), warnings.catch_warnings():
+        # sbi prints its progress; standard output belongs to results.
+        with _seeded(int(rng.integers(2**31))), warnings.catch_warnings(), redirect_stdout(io.StringIO()):
             warnings.simplefilter("ignore")
             logging.getLogger("arviz").setLevel(logging.ERROR)
             # Optional: imported by name, so that neither this module nor its type check needs it.
@@ -69,7 +71,7 @@ class NeuralPosterior(Rival):
             box: Any = importlib.import_module("sbi.utils").BoxUniform
 
             prior = box(torch.full(theta.shape[1:], -HALF_WIDTH), torch.full(theta.shape[1:], 1 + HALF_WIDTH))
-            inference = sbi.NPE(prior=prior, density_estimator="maf", show_progress_bars=False, tracker=None)
+            inference = sbi.NPE(prior=prior, density_estimator="maf", show_progress_bars=False, tracker=_Untracked())
             self.density: Any = inference.append_simulations(theta, x).train(
                 max_num_epochs=self.epochs, show_train_summary=False
             )
@@ -97,6 +99,27 @@ class NeuralPosterior(Rival):
         import torch
 
         return torch.as_tensor(self.components.transform(self.fill(x)), dtype=torch.float32)
+
+
+class _Untracked:
+    """Where sbi may report its training: nowhere. Its own default writes TensorBoard logs into the working folder."""
+
+    log_dir: str | None = None
+
+    def log_metric(self, name: str, value: float, step: int | None = None) -> None:
+        """Take no note."""
+
+    def log_metrics(self, metrics: dict[str, float], step: int | None = None) -> None:
+        """Take no note."""
+
+    def log_params(self, params: dict[str, Any]) -> None:
+        """Take no note."""
+
+    def add_figure(self, name: str, figure: Any, step: int | None = None) -> None:
+        """Take no note."""
+
+    def flush(self) -> None:
+        """Nothing waits."""
 
 
 @contextmanager

@@ -1,5 +1,7 @@
 """Rivals: fair tests, readings that exist, learning what can be learnt; not more."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from study_standins import EFFECTS, tiny_worlds
@@ -111,7 +113,10 @@ def test_detectors_with_two_sample_test_may_say_outside() -> None:
     assert statuses == ["no_gap", "unexplained", "explained"]
 
 
-def test_neural_posterior_says_why_it_is_skipped_or_learns() -> None:
+def test_neural_posterior_says_why_it_is_skipped_or_learns(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
     rival = NeuralPosterior(epochs=80)
     if reason := rival.skip():
         assert "pip install" in reason
@@ -132,3 +137,5 @@ def test_neural_posterior_says_why_it_is_skipped_or_learns() -> None:
              for f, row in zip(found, test.present, strict=True)]  # fmt: skip
     assert np.mean(gap) >= 0.85 and np.mean(exact) >= 0.8
     assert found == rival.judge(test.x)
+    assert capsys.readouterr().out == ""
+    assert not list(tmp_path.iterdir())  # sbi leaves logs where it is not told otherwise
