@@ -5,18 +5,21 @@ examples (features, what is missing, values) --folds of whole machines--> detect
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from fnmatch import fnmatchcase
 from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
+from twingap.gap.signatures.telling import columns
+
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 FOLDS: Final = 4
-_KEPT: Final = 160
+_KEPT: Final = 170
 _FEWEST: Final = 25
 """Examples of an effect below which nothing is learnt of it."""
 
@@ -65,7 +68,7 @@ class Ensemble:
 
     def score(self, features: NDArray[Any]) -> Array:
         """[examples] Log odds of a classifier, or a regressor's value, averaged over folds."""
-        own = np.asarray(features[:, self.columns], np.float32)
+        own = np.asarray(np.asarray(features)[:, self.columns], np.float32)
         if hasattr(self.models[0], "decision_function"):
             raw = np.mean([m.decision_function(own) for m in self.models], axis=0)
             return np.asarray(self.slope * raw + self.offset)
@@ -116,31 +119,42 @@ class Table:
         part.values, part.ranks = self.values[rows], self.ranks[rows]
         return part
 
-    def telling(self, target: Array) -> NDArray[np.int64]:
-        """Columns that tell most of the target: by rank correlation, and by what random trees split on."""
+    def telling(self, target: Array, allowed: Sequence[int]) -> NDArray[np.int64]:
+        """Those of the allowed columns that tell most: by rank correlation, and by what random trees split on."""
         from sklearn.ensemble import ExtraTreesClassifier, ExtraTreesRegressor
 
+        own = np.asarray(allowed, int)
+        own = own[np.isfinite(self.values[:, own]).any(axis=0)]
+        if own.size <= _KEPT:
+            return own
         place = np.argsort(np.argsort(target)).astype(np.float32)
-        ranked = np.abs(self.ranks.T @ (place - place.mean()))
+        ranked = np.abs(self.ranks[:, own].T @ (place - place.mean()))
         binary = np.isin(target, (0.0, 1.0)).all()
         kind = ExtraTreesClassifier if binary else ExtraTreesRegressor
-        trees = kind(n_estimators=48, max_features=0.06, min_samples_leaf=4, n_jobs=1, random_state=0)
-        usable = np.flatnonzero(np.isfinite(self.values).any(axis=0))
-        weight = np.zeros(self.values.shape[1])
-        trees.fit(self.values[:, usable], target)
-        weight[usable] = trees.feature_importances_
+        trees = kind(n_estimators=48, max_features=0.1, min_samples_leaf=4, n_jobs=1, random_state=0)
+        weight = trees.fit(self.values[:, own], target).feature_importances_
         by_trees, by_rank = np.argsort(-weight)[: 2 * _KEPT // 3], np.argsort(-ranked)[: _KEPT // 3]
-        return np.unique(np.concatenate((by_trees, by_rank)))
+        return own[np.unique(np.concatenate((by_trees, by_rank)))]
 
 
-def learn_classifier(table: Table, label: Mask, machine: NDArray[np.int64]) -> Ensemble | None:
-    """A detector with calibrated log odds, or None when there are too few examples of either kind."""
+def learn_classifier(table: Table, label: Mask, machine: NDArray[np.int64], allowed: Sequence[int]) -> Ensemble | None:
+    """A detector with calibrated log odds, or None when there are too few examples of either kind.
+
+    Parameters
+    ----------
+    table : Table
+    label : Mask [examples]
+    machine : Array [examples]
+        Machines stay whole in a fold.
+    allowed : sequence of int
+        Columns that may be read.
+    """
     from sklearn.ensemble import HistGradientBoostingClassifier
 
     if min(label.sum(), (~label).sum()) < _FEWEST:
         return None
-    columns = table.telling(label.astype(float))
-    own, fold = table.values[:, columns], folds(machine)
+    own_columns = table.telling(label.astype(float), allowed)
+    own, fold = table.values[:, own_columns], folds(machine)
     unseen, models = np.zeros(len(label)), []
     for k in range(FOLDS):
         inside = fold != k
@@ -152,10 +166,10 @@ def learn_classifier(table: Table, label: Mask, machine: NDArray[np.int64]) -> E
         unseen[~inside] = model.decision_function(own[~inside])
         models.append(model)
     slope, offset = _platt(unseen, label)
-    return Ensemble(columns, models, slope, offset, slope * unseen + offset)
+    return Ensemble(own_columns, models, slope, offset, slope * unseen + offset)
 
 
-def learn_estimator(table: Table, value: Array, machine: NDArray[np.int64]) -> Estimator | None:
+def learn_estimator(table: Table, value: Array, machine: NDArray[np.int64], allowed: Sequence[int]) -> Estimator | None:
     """How to read a parameter off the features; `value` is NaN where the effect is absent."""
     from sklearn.ensemble import HistGradientBoostingRegressor
 
@@ -163,10 +177,10 @@ def learn_estimator(table: Table, value: Array, machine: NDArray[np.int64]) -> E
     if known.sum() < _FEWEST or np.ptp(value[known]) == 0:
         return None
     table, value, machine = table.take(known), value[known], machine[known]
-    columns, features = table.telling(value), table.values
-    anchor, line = _anchor(features, columns, value)
+    own_columns, features = table.telling(value, allowed), table.values
+    anchor, line = _anchor(features, own_columns, value)
     on_line = np.where(np.isfinite(features[:, anchor]), line[0] * features[:, anchor] + line[1], np.median(value))
-    residual, own, fold = value - on_line, features[:, columns], folds(machine)
+    residual, own, fold = value - on_line, features[:, own_columns], folds(machine)
     unseen, models = np.zeros(len(value)), []
     for k in range(FOLDS):
         inside = fold != k
@@ -178,7 +192,7 @@ def learn_estimator(table: Table, value: Array, machine: NDArray[np.int64]) -> E
         unseen[~inside] = model.predict(own[~inside])
         models.append(model)
     error = float(np.quantile(np.abs(residual - unseen), 0.9))
-    return Estimator(anchor, line, float(np.median(value)), Ensemble(columns, models, unseen=unseen), error)
+    return Estimator(anchor, line, float(np.median(value)), Ensemble(own_columns, models, unseen=unseen), error)
 
 
 def _anchor(features: NDArray[np.float32], columns: NDArray[np.int64], value: Array) -> tuple[int, tuple[float, float]]:
@@ -212,6 +226,25 @@ def _platt(score: Array, label: Mask) -> tuple[float, float]:
 
     fit = LogisticRegression(C=10.0).fit(np.clip(score, -15, 15)[:, None], label)
     return max(float(fit.coef_[0, 0]), 0.05), float(fit.intercept_[0])
+
+
+def general_columns(names: tuple[str, ...]) -> NDArray[np.int64]:
+    """Columns that speak of a gap whatever its cause: how far the sets lie apart, and what no effect should move."""
+    patterns = (
+        "context|*", "background.segment_*", "background.spectral_drift|*", "background.*asymmetry|*",
+        "background.*skewness|*", "background.level_coupling|*", "background.echo_*", "background.modulation_*",
+        "background.rest_rms|*", "background.kurtosis_log|*", "lines.free_count_log|*", "lines.tonal_share|*",
+        "background.white_kurtosis_log|*", "shape|*_rms", "shape|*_rest_share", "events.strike_snr|*",
+    )  # fmt: skip
+    wanted = (".diff", ".z", "|spread")
+    return np.array(
+        [
+            i for i, name in enumerate(names)
+            if any(fnmatchcase(name, p) for p in patterns)
+            and (name.endswith(wanted) or name.startswith(("context|", "shape|")))
+        ],
+        dtype=np.int64,
+    )  # fmt: skip
 
 
 def _alone(function: Callable[..., Any], *arguments: Any) -> Any:
@@ -252,6 +285,7 @@ class Learnt:
     thresholds: dict[str, float] = field(default_factory=dict)
     set_level: float = 0.9
     null_rest: Array = field(default_factory=lambda: np.empty(0))
+    general: NDArray[np.int64] = field(default_factory=lambda: np.empty(0, np.int64))
 
     def log_odds(self, features: NDArray[Any]) -> Array:
         """[examples, effects] Log odds that each effect is missing; what was not learnt is taken as unlikely."""
@@ -271,8 +305,16 @@ class Learnt:
         return self._rank(features, self.null_rest)
 
     def _rank(self, features: NDArray[Any], null: Array) -> float:
-        score = float(self.anything.score(np.atleast_2d(features))[0])
+        score = float(self.anything_score(features)[0])
         return float((1 + np.sum(null >= score)) / (1 + len(null)))
+
+    def anything_score(self, features: NDArray[Any]) -> Array:
+        """[examples] Log odds that the twin lacks anything, named or not."""
+        rows = np.atleast_2d(features)
+        scores = self.log_odds(rows)
+        return self.anything.score(
+            np.concatenate((scores, np.sort(scores, axis=1)[:, -3:], rows[:, self.general]), axis=1)
+        )
 
 
 def learn(examples: Examples, effects: tuple[str, ...], parameters: tuple[tuple[str, str], ...],
@@ -280,29 +322,47 @@ def learn(examples: Examples, effects: tuple[str, ...], parameters: tuple[tuple[
     """Learn everything from the examples."""
     import joblib
 
-    table, machine = Table(examples.features), examples.machine
-    any_gap = examples.missing.any(axis=1) | examples.strange
-    labels = {**{name: examples.missing[:, j] for j, name in enumerate(effects)}, "": any_gap}
-    # Models of one feature each are small: processes side by side are faster than threads within one.
+    # Both parts of a machine's records are examples; only the held-out part, as in a diagnosis, is scored.
+    table = Table(np.concatenate((examples.features, examples.fit_features)))
+    machine, missing = np.tile(examples.machine, 2), np.tile(examples.missing, (2, 1))
+    here = np.arange(len(examples))
+    allowed = [columns(name, names) for name in effects]
+    # Models of one label each are small: processes side by side are faster than threads within one.
     parallel = joblib.Parallel(n_jobs=-1, return_as="generator")
     detectors: dict[str, Ensemble] = {}
-    found = parallel(joblib.delayed(_alone)(learn_classifier, table, label, machine) for label in labels.values())
-    for done, (name, detector) in enumerate(zip(labels, found, strict=True)):
-        report(f"detector of {name or 'any gap'}", 0.6 * done / len(labels))
+    found = parallel(
+        joblib.delayed(_alone)(learn_classifier, table, missing[:, j], machine, allowed[j]) for j in range(len(effects))
+    )
+    for done, (name, detector) in enumerate(zip(effects, found, strict=True)):
+        report(f"detector of {name}", 0.5 * done / len(effects))
         if detector is not None:
             detectors[name] = detector
-    anything = detectors.pop("", None)
-    if anything is None:
-        raise ValueError("too few examples with and without a gap to learn from")
-    first = examples.first
-    table = Table(examples.fit_features[first])
-    columns = [examples.values[first, j] for j in range(len(parameters))]
+    first = np.tile(examples.first, 2)
+    early, values = table.take(first), np.tile(examples.values, (2, 1))[first]
     estimators: dict[tuple[str, str], Estimator] = {}
-    made = parallel(joblib.delayed(_alone)(learn_estimator, table, own, machine[first]) for own in columns)
+    made = parallel(
+        joblib.delayed(_alone)(
+            learn_estimator, early, values[:, j], machine[first], allowed[effects.index(parameter[0])]
+        )
+        for j, parameter in enumerate(parameters)
+    )
     for done, (parameter, estimator) in enumerate(zip(parameters, made, strict=True)):
-        report(f"values of {parameter[0]}", 0.6 + 0.4 * done / len(parameters))
+        report(f"values of {parameter[0]}", 0.5 + 0.4 * done / len(parameters))
         if estimator is not None:
             estimators[parameter] = estimator
+    report("detector of any gap", 0.9)
+    scores = np.full((len(machine), len(effects)), -6.0)
+    for j, name in enumerate(effects):
+        if name in detectors:
+            scores[:, j] = detectors[name].unseen
+            detectors[name].unseen = detectors[name].unseen[here]
+    any_gap = examples.missing.any(axis=1) | examples.strange
+    general = general_columns(names)
+    whole = Table(np.concatenate((scores, np.sort(scores, axis=1)[:, -3:], table.values[:, general]), axis=1))
+    anything = learn_classifier(whole, np.tile(any_gap, 2), machine, range(whole.values.shape[1]))
+    if anything is None:
+        raise ValueError("too few examples with and without a gap to learn from")
+    anything.unseen = anything.unseen[here]
     null = np.sort(anything.unseen[~any_gap & examples.first])
     rest = np.sort(anything.unseen[~any_gap & ~examples.first])
-    return Learnt(effects, detectors, estimators, anything, null, names, {}, null_rest=rest)
+    return Learnt(effects, detectors, estimators, anything, null, names, {}, null_rest=rest, general=general)

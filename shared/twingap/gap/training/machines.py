@@ -138,9 +138,9 @@ def draw_conditions(
     rng: np.random.Generator, fs_hz: float, most_records: int
 ) -> tuple[tuple[Condition, ...], tuple[Condition, ...]]:
     """True and nominal conditions of the records of one machine."""
-    count = int(np.clip(np.exp(rng.uniform(np.log(4), np.log(2 * most_records))), 4, most_records))
+    count = int(np.clip(np.exp(rng.uniform(np.log(5), np.log(1.6 * most_records))), 5, most_records))
     duration = float(rng.choice([0.3, 0.5, 0.8, 1.0, 1.0, 1.5]))
-    n = int(np.clip(duration * fs_hz, 3000, 26000))
+    n = int(np.clip(duration * fs_hz, 3000, 18000))  # longer ones teach little more, and cost as much more
     middle = np.exp(rng.uniform(np.log(500), np.log(4200)))
     if rng.random() < 0.25:
         speeds = np.full(count, middle)

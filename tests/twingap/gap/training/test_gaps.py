@@ -30,7 +30,8 @@ def test_every_effect_is_drawn_and_differs_from_the_machine_without_it():
             if effect.name in seen:
                 continue
             with_it, without = (
-                machine.twin(effects).simulate(machine.conditions, np.random.default_rng(5)) for effects in ((effect,), ())
+                machine.twin(effects).simulate(machine.conditions, np.random.default_rng(5))
+                for effects in ((effect,), ())
             )
             seen[effect.name] = any(
                 not np.array_equal(a.samples, b.samples) for a, b in zip(with_it, without, strict=True)

@@ -19,7 +19,7 @@ def examples():
 
 
 def test_scores_of_unseen_machines_are_log_odds(examples):
-    found = learn_classifier(Table(examples.features), examples.missing[:, 0], examples.machine)
+    found = learn_classifier(Table(examples.features), examples.missing[:, 0], examples.machine, range(60))
     assert found is not None
     probability = 1 / (1 + np.exp(-found.unseen))
     assert probability.mean() == pytest.approx(examples.missing[:, 0].mean(), abs=0.03)
@@ -28,13 +28,13 @@ def test_scores_of_unseen_machines_are_log_odds(examples):
 
 def test_a_label_that_nothing_tells_of_scores_no_better_than_chance(examples):
     label = np.random.default_rng(5).random(len(examples)) < 0.4
-    found = learn_classifier(Table(examples.features), label, examples.machine)
+    found = learn_classifier(Table(examples.features), label, examples.machine, range(60))
     assert found is not None
     assert np.mean((found.unseen > 0) == label) < 0.68
 
 
 def test_a_value_is_read_off_the_feature_that_tells_it(examples):
-    found = learn_estimator(Table(examples.fit_features), examples.values[:, 0], examples.machine)
+    found = learn_estimator(Table(examples.fit_features), examples.values[:, 0], examples.machine, range(60))
     assert found is not None
     assert found.anchor == 11
     here = np.isfinite(examples.values[:, 0])
@@ -45,11 +45,11 @@ def test_a_value_is_read_off_the_feature_that_tells_it(examples):
 def test_too_few_examples_teach_nothing(examples):
     few = np.zeros(len(examples), bool)
     few[:5] = True
-    assert learn_classifier(Table(examples.features), few, examples.machine) is None
+    assert learn_classifier(Table(examples.features), few, examples.machine, range(60)) is None
 
 
 def test_the_null_is_of_machines_without_a_gap_and_p_values_are_even(examples):
-    learnt = learn(examples, ("a", "b"), (("a", "size"),), ("f",) * 60, lambda what, part: None)
+    learnt = learn(examples, ("a", "b"), (("a", "size"),), tuple(f"context|records{k}" for k in range(60)), lambda what, part: None)
     nothing = ~examples.missing.any(axis=1) & examples.first
     assert len(learnt.null) == nothing.sum()
     ranks = np.array([np.mean(learnt.null >= s) for s in learnt.anything.unseen[nothing]])
