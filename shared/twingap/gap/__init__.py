@@ -9,20 +9,17 @@ if TYPE_CHECKING:
     from twingap.gap.diagnosis import Diagnosis, diagnose
     from twingap.gap.report import GapReport, read_report
 
-_HOME = {
-    "Diagnosis": "twingap.gap.diagnosis",
-    "GapReport": "twingap.gap.report",
-    "diagnose": "twingap.gap.diagnosis",
-    "read_report": "twingap.gap.report",
-}
-
 
 def __getattr__(name: str) -> Any:
     """Public names, imported when they are asked for: a report is read without what diagnoses."""
-    import importlib
+    if name in ("Diagnosis", "diagnose"):
+        from twingap.gap import diagnosis
 
-    if name in _HOME:
-        return getattr(importlib.import_module(_HOME[name]), name)
+        return getattr(diagnosis, name)
+    if name in ("GapReport", "read_report"):
+        from twingap.gap import report
+
+        return getattr(report, name)
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 
 

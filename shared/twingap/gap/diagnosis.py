@@ -38,6 +38,10 @@ MOST_RECORDS: Final = 240
 """Records that a diagnosis looks at; of more, as many of each fault and speed are taken as this allows."""
 _SIMULATED: Final = 260
 """Simulated records that tests and places are measured with, all replicates together."""
+_UNITS: Final = {
+    "resonance_hz": "Hz", "structure_noise_rms": "of scale", "white_noise_rms": "of scale", "scale": "unit of the records",
+    **{f"impact_amplitude.{fault}": "of scale" for fault in ("inner", "outer", "ball", "cage")},
+}  # fmt: skip
 _LIKELY: Final = 0.02
 """Probability below which a candidate's baseline is not matched anew: its closure says that it is none."""
 
@@ -289,8 +293,8 @@ def _calibration(calibrated: Calibrated, found: Explanation) -> dict[str, Parame
     out: dict[str, ParameterValue] = {}
     if calibrated.spec is not None:
         baseline = {k: v for k, v in flat(calibrated.spec.parameters).items() if k.split(".")[0] not in catalogue()}
-        out |= {name: ParameterValue(float(value)) for name, value in baseline.items()}
-    out["speed_correction"] = ParameterValue(float(np.exp(calibrated.speeds.common_ratio)), "true over nominal")
+        out |= {name: ParameterValue(float(value), _UNITS.get(name, "")) for name, value in baseline.items()}
+    out["speed_correction"] = ParameterValue(float(calibrated.speeds.common_ratio), "true over nominal")
     gain = getattr(found.before.simulator, "gain", None)
     if gain is not None:
         out["unit_gain"] = ParameterValue(float(gain), "records over simulation")
