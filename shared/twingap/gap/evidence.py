@@ -7,7 +7,8 @@ twin + effects --recalibrate on the fit part, simulate both parts--> Compared: f
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import fields, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,24 +28,34 @@ from twingap.twins.twin_file import TwinSpec
 Array = NDArray[np.float64]
 
 
-@dataclass(frozen=True)
 class Compared:
-    """The records against one simulation of them.
+    """The records against one simulation of them; each part is simulated when it is asked for.
 
-    Parameters
+    Attributes
     ----------
     effects : tuple of Effect
         Added to the twin.
     simulator : Simulator
         The twin, calibrated with them.
-    fit, held_out : Array [features]
-        Comparison on the part that parameters are fitted to, and on the part that is reported.
     """
 
-    effects: tuple[Effect, ...]
-    simulator: Simulator
-    fit: Array
-    held_out: Array
+    def __init__(self, evidence: Evidence, effects: tuple[Effect, ...], simulator: Simulator) -> None:
+        self._evidence, self.effects, self.simulator = evidence, effects, simulator
+
+    @cached_property
+    def fit(self) -> Array:
+        """[features] Comparison on the part that parameters are fitted to."""
+        return self._features(self._evidence.fit, 0)
+
+    @cached_property
+    def held_out(self) -> Array:
+        """[features] Comparison on the part that is reported."""
+        return self._features(self._evidence.held_out, 1)
+
+    def _features(self, real: Measured, replicate: int) -> Array:
+        of = self._evidence
+        made = of.simulated(self.simulator, self.effects, real.conditions, replicate)
+        return comparison.compare(real, comparison.measure(made, of.frame), of.calibrated.speeds)
 
 
 def simulator_of(calibrated: Calibrated, sim: RecordSet | None = None) -> Simulator:
@@ -86,7 +97,7 @@ class Evidence:
         """The twin with these effects added, recalibrated on the fit part, against both parts."""
         chain = tuple(sorted(effects, key=lambda effect: effect.name))
         if chain not in self._known:
-            self._known[chain] = self._compare(chain)
+            self._known[chain] = Compared(self, chain, self._recalibrated(chain))
         return self._known[chain]
 
     @property
@@ -97,16 +108,6 @@ class Evidence:
     def can_add(self, name: str) -> str | None:
         """Why the simulator cannot have this effect, or None."""
         return self._simulator.can_add(name)
-
-    def _compare(self, effects: tuple[Effect, ...]) -> Compared:
-        simulator = self._recalibrated(effects)
-        simulated = [
-            comparison.measure(self.simulated(simulator, effects, part.conditions, part_number), self.frame)
-            for part_number, part in enumerate((self.calibrated.fit, self.calibrated.held_out))
-        ]
-        speeds = self.calibrated.speeds
-        fit = comparison.compare(self.fit, simulated[0], speeds)
-        return Compared(effects, simulator, fit, comparison.compare(self.held_out, simulated[1], speeds))
 
     def _recalibrated(self, effects: tuple[Effect, ...]) -> Simulator:
         """What simulates these effects, its baseline matched anew: what the effects explain is no noise of the twin."""

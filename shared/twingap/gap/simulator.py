@@ -216,7 +216,8 @@ class OwnSimulator:
         self, sim: RecordSet, real: RecordSet, bearing: Bearing, reference_rms: float, *, name: str | None = None
     ) -> None:
         self.sim, self.bearing, self.reference_rms = sim, bearing, reference_rms
-        self.name, self.has = name or sim.name, ()
+        self.name = name or sim.name
+        self.has: tuple[str, ...] = ()
         self.conditions = real.conditions
         faults = {c.fault for c in sim.conditions if c.fault is not None}
         wanted = {c.fault for c in real.conditions if c.fault is not None}

@@ -125,12 +125,12 @@ class RecordView:
         The median of the periodogram within each of equal bands, made unbiased for Gaussian noise.
         """
         power = (self.transform.real**2 + self.transform.imag**2) * (2 / (self.fs_hz * self.x.size))
-        return band_medians(power[1:], SMOOTH_SEGMENTS) / np.log(2)
+        return np.asarray(band_medians(power[1:], SMOOTH_SEGMENTS) / np.log(2), float)
 
     @cached_property
     def smooth_hz(self) -> Array:
         """[SMOOTH_SEGMENTS] Centres of the bands of `smooth`, Hz."""
-        return (np.arange(SMOOTH_SEGMENTS) + 0.5) * (self.fs_hz / 2 / SMOOTH_SEGMENTS)
+        return np.asarray((np.arange(SMOOTH_SEGMENTS) + 0.5) * (self.fs_hz / 2 / SMOOTH_SEGMENTS))
 
     @cached_property
     def mean_square(self) -> float:

@@ -116,7 +116,7 @@ def end_with(leader: int) -> None:
 def limited_threads(threads: int) -> Iterator[None]:
     """At most this many threads in BLAS, OpenMP, torch and numba within the block, also when it loads them first."""
     import joblib
-    import threadpoolctl  # type: ignore[import-untyped]
+    import threadpoolctl
 
     names = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")  # read when a library is loaded
     before = {name: os.environ.get(name) for name in names}

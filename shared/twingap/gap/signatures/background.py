@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from scipy.signal import find_peaks
 
 from twingap.gap.signatures.lines import SEARCH, Lines, block_floor, lines_of
-from twingap.gap.view import SMOOTH_SEGMENTS, Envelope, RecordView, band_medians
+from twingap.gap.view import Envelope, RecordView, band_medians
 
 Array = NDArray[np.float64]
 

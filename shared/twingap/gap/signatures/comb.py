@@ -183,8 +183,9 @@ def track(comb: Comb, duration_s: float) -> Track | None:
     size = scipy.fft.next_fast_len(max(int(np.ceil(4 * half_hz * duration_s)), 32))
     grid = (np.arange(size) + 0.5) * (duration_s / size)
     demodulated, floors = [], []
-    for k in range(1, 5):
-        first, last = int((k * rate - half_hz) / comb.df_hz), int((k * rate + half_hz) / comb.df_hz) + 1
+    for harmonic in range(1, 5):
+        centre_hz = harmonic * rate
+        first, last = int((centre_hz - half_hz) / comb.df_hz), int((centre_hz + half_hz) / comb.df_hz) + 1
         if first < 1 or last > comb.lines.size:
             break
         own = comb.lines[first:last]
@@ -194,12 +195,13 @@ def track(comb: Comb, duration_s: float) -> Track | None:
         taper = np.minimum(1.0, 4 * np.minimum(np.arange(count) + 0.5, count - 0.5 - np.arange(count)) / count)
         padded[:count] = own[:count] * taper * np.exp(1j * np.pi * np.arange(count) / size)
         low = np.asarray(scipy.fft.ifft(padded)) * size
-        demodulated.append(low * np.exp(-2j * np.pi * (k * rate - first * comb.df_hz) * grid))
+        demodulated.append(low * np.exp(-2j * np.pi * (centre_hz - first * comb.df_hz) * grid))
         floors.append(float(np.median(comb.floor[first:last])))
     if not demodulated:
         return None
-    lines, k = np.array(demodulated), np.arange(1, len(demodulated) + 1)
-    floor = np.array(floors)
+    lines: Complex = np.array(demodulated)
+    k: Array = np.arange(1.0, len(demodulated) + 1)
+    floor: Array = np.array(floors, float)
 
     # First the best constant rate: the comb's grid is coarse, the fundamental's peak is fine.
     shift = _fine_shift(lines, k, floor, grid, comb.df_hz)

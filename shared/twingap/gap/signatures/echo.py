@@ -224,7 +224,7 @@ def _predictor(waveform: Array, start: int, order: int = 2) -> Array | None:
     design, target = np.stack(columns, axis=1), waveform[order:]
     design, target = design[max(start - order, 0) :], target[max(start - order, 0) :]
     keep = np.ones(target.size, bool)
-    solution = np.zeros(order)
+    solution: Array = np.zeros(order)
     for _ in range(3):
         if keep.sum() < 4 * order:
             return None
