@@ -12,7 +12,8 @@ import pytest
 
 from twingap.bearing import BEARINGS
 from twingap.errors import TwingapError
-from twingap.gap.calibrate import calibrate, match_baseline, mode_band, mode_density, recalibrate, split_parts
+from twingap.gap.baseline import match_baseline, mode_density
+from twingap.gap.calibrate import calibrate, mode_band, recalibrate, split_parts
 from twingap.records import Condition, Record, RecordSet
 from twingap.twins.twin_file import TwinSpec, build_twin, flat
 

@@ -181,7 +181,7 @@ def track(comb: Comb, duration_s: float) -> Track | None:
     rate = comb.rate_hz
     half_hz = 0.3 * rate
     size = scipy.fft.next_fast_len(max(int(np.ceil(4 * half_hz * duration_s)), 32))
-    grid = (np.arange(size) + 0.5) * (duration_s / size)
+    grid = np.asarray((np.arange(size) + 0.5) * (duration_s / size), float)
     demodulated, floors = [], []
     for harmonic in range(1, 5):
         centre_hz = harmonic * rate
@@ -201,7 +201,7 @@ def track(comb: Comb, duration_s: float) -> Track | None:
         return None
     lines: Complex = np.array(demodulated)
     k: Array = np.arange(1.0, len(demodulated) + 1)
-    floor: Array = np.array(floors, float)
+    floor = np.array(floors)
 
     # First the best constant rate: the comb's grid is coarse, the fundamental's peak is fine.
     shift = _fine_shift(lines, k, floor, grid, comb.df_hz)

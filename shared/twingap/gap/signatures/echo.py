@@ -228,7 +228,7 @@ def _predictor(waveform: Array, start: int, order: int = 2) -> Array | None:
     for _ in range(3):
         if keep.sum() < 4 * order:
             return None
-        solution, *_ = np.linalg.lstsq(design[keep], target[keep], rcond=None)
+        solution = np.asarray(np.linalg.lstsq(design[keep], target[keep], rcond=None)[0], float)
         miss = np.abs(target - design @ solution)
         keep = miss < max(4 * float(np.median(miss[keep])), 1e-300)
     out = np.concatenate(([1.0], -solution))

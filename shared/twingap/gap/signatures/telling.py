@@ -71,7 +71,9 @@ TELLING: Final[dict[str, tuple[str, ...]]] = {
     "waviness": _TONES,
     "clipping": ("converter.*", "background.quantile_*", "background.crest_log", "background.kurtosis_log"),
     "quantisation": ("converter.*", "background.white_level", "background.quantile_50"),
-    "dropout": ("converter.*", "background.knock_*", "background.rms_log", "background.segment_*", "background.white_level"),
+    "dropout": (
+        "converter.*", "background.knock_*", "background.rms_log", "background.segment_*", "background.white_level",
+    ),
 }  # fmt: skip
 """Effect -> patterns of signatures, and of features that are none (`shape|`, `context|`)."""
 

@@ -1,0 +1,311 @@
+"""The baseline of a twin that has further effects, matched to records through the twin itself.
+
+spec with effects --simulated with each noise alone--> spectra [BANDS] --least squares--> two noise powers, per mode
+                  --simulated with and without impacts--> energy in the band --fixed point--> impact amplitudes
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import Any, Final, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twingap.bearing import FAULTS
+from twingap.effects import Stage, catalogue
+from twingap.gap.view import Frame
+from twingap.records import Condition, Record, RecordSet
+from twingap.streams import root_entropy
+from twingap.twins.twin_file import TwinSpec, flat, model_parameters, nested
+
+Array = NDArray[np.float64]
+
+MOST_SIMULATED: Final = 4
+"""Records of each state that are simulated to match a baseline."""
+BANDS: Final = 128
+"""Bands of the spectra that baselines are matched in."""
+
+
+@dataclass(frozen=True)
+class _Side:
+    """Records of one state at one rate: mean power density in bands, tones left out."""
+
+    fault: str
+    fs_hz: float
+    conditions: tuple[Condition, ...]
+    psd: Array
+    energy: float  # mean square in the frame's band
+
+
+def match_baseline(
+    spec: TwinSpec,
+    fit_records: RecordSet,
+    frame: Frame,
+    rng: np.random.Generator,
+    steps: int = 4,
+    *,
+    free: TwinSpec | None = None,
+) -> TwinSpec:
+    """Bring the baseline of a twin with effects to records, through the twin itself.
+
+    The healthy spectrum is linear in two powers (structure noise, white noise; disturbances go with their sum), whose
+    spectra are simulated with one of them alone; so they come by weighted non-negative least squares, for each of a few
+    resonances and dampings around the present ones. Impacts come from the energy that they add in the band, found by
+    fixed-point iteration. Random streams are the same throughout.
+
+    Parameters
+    ----------
+    spec : TwinSpec
+        Phenomenological, with all parameters and the effects.
+    fit_records : RecordSet
+        A few of each state do.
+    frame : Frame
+    rng : numpy.random.Generator
+    steps : int
+        Rounds; 0 leaves the mode alone and matches levels once.
+    free : TwinSpec, optional
+        What it fixes stays as it is.
+
+    Returns
+    -------
+    TwinSpec
+    """
+    root = root_entropy(rng)
+    fixed = set(flat(free.parameters)) if free is not None else set()
+    values = {k: float(v) for k, v in flat(all_parameters(spec)).items()}
+    sides = _sides(list(fit_records), frame)
+    quiet = [s for s in sides if s.fault == "healthy"]
+    loud = [s for s in sides if s.fault != "healthy"]
+    noise_free = not {"structure_noise_rms", "white_noise_rms", "scale"} & fixed
+    matcher = _Matcher(spec, frame, fit_records.unit, root)
+    if quiet:
+        at, best_powers = _mode_search(matcher, quiet, values, fixed, steps)
+        values["resonance_hz"], values["damping_ratio"] = at
+        if noise_free:
+            before = values["scale"]
+            structure, white = np.sqrt(best_powers)
+            scale = math.hypot(structure, white)
+            if scale > 0:
+                values.update(scale=scale, structure_noise_rms=structure / scale, white_noise_rms=white / scale)
+                for fault in FAULTS[1:]:
+                    name = f"impact_amplitude.{fault}"
+                    if name in values and name not in fixed:
+                        values[name] *= before / scale
+    for _ in range(2 if steps else 1):
+        for fault in sorted({s.fault for s in loud}):
+            name = f"impact_amplitude.{fault}"
+            if name in fixed:
+                continue
+            values[name] = matcher.amplitude(fault, [s for s in loud if s.fault == fault], values)
+    return matcher.spec_with(values)
+
+
+def _mode_search(
+    matcher: _Matcher, quiet: Sequence[_Side], values: dict[str, float], fixed: set[str], steps: int
+) -> tuple[tuple[float, float], Array]:
+    """Resonance and damping that fit best, and the powers of structure and white noise that go with them.
+
+    From the best of a few starts (where the fit of one mode to what further effects make is far off), along each axis
+    in turn; a step that leads on is kept, one that does not is halved.
+    """
+    top = 0.49 * min(s.fs_hz for s in quiet)
+    names = ("resonance_hz", "damping_ratio")
+    free = [axis for axis in (0, 1) if names[axis] not in fixed]
+    start = (values["resonance_hz"], values["damping_ratio"])
+
+    def tried(point: tuple[float, float]) -> tuple[float, Array, tuple[float, float]]:
+        inside = (float(np.clip(point[0], 0.01 * top, top)), float(np.clip(point[1], 1e-3, 0.45)))
+        return (*matcher.noise(quiet, *inside, values), inside)
+
+    best = tried(start)
+    if steps and len(free) == 2:
+        loudest = max(quiet, key=lambda s: len(s.conditions))
+        smooth = np.convolve(loudest.psd[2:], np.ones(3) / 3, mode="same")
+        peak = (int(np.argmax(smooth[: int(0.9 * smooth.size)])) + 2.5) / BANDS * loudest.fs_hz / 2
+        best = min([best, *(tried((f, 0.04)) for f in (start[0], peak))], key=lambda t: t[0])
+    step = [0.03, 0.25]
+    for _ in range(steps):
+        for axis in free:
+            points = [(0.0, best), *((sign, tried(_moved(best[2], axis, sign * step[axis]))) for sign in (-1.0, 1.0))]
+            losses = np.array([p[1][0] for p in sorted(points, key=lambda p: p[0])])
+            bend = losses[0] - 2 * losses[1] + losses[2]
+            vertex = float(0.5 * (losses[0] - losses[2]) / bend) if bend > 0 else 0.0
+            if 0.05 < abs(vertex) < 1:
+                points.append((vertex, tried(_moved(best[2], axis, vertex * step[axis]))))
+            how_far, found = min(points, key=lambda p: p[1][0])
+            best = found
+            step[axis] *= 1.5 if abs(how_far) == 1 else 0.5
+    return best[2], best[1]
+
+
+def _moved(point: tuple[float, float], axis: int, by: float) -> tuple[float, float]:
+    """The point with one coordinate multiplied by exp(by)."""
+    factor = math.exp(by)
+    return (point[0] * factor, point[1]) if axis == 0 else (point[0], point[1] * factor)
+
+
+def _sides(records: Sequence[Record], frame: Frame) -> list[_Side]:
+    """Records gathered by state and rate."""
+    by: dict[tuple[str, float], list[Record]] = {}
+    for record in records:
+        by.setdefault((str(record.condition.fault), record.condition.fs_hz), []).append(record)
+    out = []
+    for (fault, fs_hz), own in by.items():
+        measured = [_bands(r, frame) for r in own]
+        out.append(
+            _Side(
+                fault, fs_hz, tuple(r.condition for r in own), np.mean([m[0] for m in measured], axis=0),
+                float(np.mean([m[1] for m in measured])),
+            )
+        )  # fmt: skip
+    return out
+
+
+def _bands(record: Record, frame: Frame) -> tuple[Array, float]:
+    """Power density in `BANDS` bands without tones, and mean square in the frame's band, tones and all."""
+    import scipy.fft
+
+    x, fs_hz = record.samples, record.condition.fs_hz
+    transform = scipy.fft.rfft(x - x.mean())
+    power = (transform.real**2 + transform.imag**2) * (2 / (fs_hz * x.size))
+    df = fs_hz / x.size
+    low, high = (round(f / df) for f in frame.band_hz)
+    energy = float(power[max(low, 1) : max(high, low + 1)].sum() * df)
+    per = (power.size - 1) // BANDS
+    if per < 1:
+        return np.interp(np.arange(BANDS), np.linspace(0, BANDS - 1, power.size - 1), power[1:]), energy
+    blocks = power[1 : 1 + per * BANDS].reshape(BANDS, per)
+    if per < 8:
+        return np.asarray(blocks.mean(axis=1)), energy
+    # Tones lie above what chance does to the largest of so many bins: each bin counts as at most that.
+    level = np.median(blocks, axis=1, keepdims=True) / math.log(2)
+    return np.asarray(np.minimum(blocks, level * (math.log(per) + 3)).mean(axis=1)), energy
+
+
+@dataclass(frozen=True)
+class _Matcher:
+    """Simulates a twin under changed baselines with the same random streams."""
+
+    spec: TwinSpec
+    frame: Frame
+    unit: str
+    root: int
+    known: dict[float, Array] = field(default_factory=dict)
+
+    @cached_property
+    def plain(self) -> TwinSpec:
+        """The twin without its effects."""
+        own = {k: v for k, v in self.spec.parameters.items() if k not in self.spec.effects}
+        return replace(self.spec, effects=(), parameters=own)
+
+    def spec_with(self, values: dict[str, float]) -> TwinSpec:
+        """The twin with these baseline values."""
+        return replace(self.spec, parameters=nested(flat(self.spec.parameters) | values))
+
+    def simulated(self, conditions: Sequence[Condition], values: dict[str, float]) -> list[Record]:
+        """Its records."""
+        from twingap.gap.simulator import TwinSimulator
+
+        own = TwinSimulator(self.spec_with(values), self.frame.bearing, self.unit)
+        return own.simulate((), conditions, self.root, 0)
+
+    def noise(self, quiet: Sequence[_Side], f: float, zeta: float, values: dict[str, float]) -> tuple[float, Array]:
+        """Misfit of the healthy spectra and the powers of structure and white noise that give it."""
+        loss, powers, weights = 0.0, np.zeros(2), 0.0
+        for side in quiet:
+            conditions = side.conditions[:MOST_SIMULATED]
+            basis = []
+            for structure, white in ((1.0, 1e-4), (1e-4, 1.0)):
+                own = values | {
+                    "resonance_hz": f, "damping_ratio": zeta, "scale": 1.0,
+                    "structure_noise_rms": structure, "white_noise_rms": white,
+                }  # fmt: skip
+                exact = structure**2 * mode_density(f, zeta, side.fs_hz) + white**2 * 2 / side.fs_hz
+                basis.append(exact * self._changed(conditions, own))
+            inside = slice(2, int(0.92 * BANDS))
+            got, one = _nonnegative(np.array(basis).T[inside], side.psd[inside])
+            loss += one * len(side.conditions)
+            powers += got * len(side.conditions)
+            weights += len(side.conditions)
+        return loss / weights, powers / weights
+
+    def _changed(self, conditions: Sequence[Condition], values: dict[str, float]) -> Array | float:
+        """Factor by which effects change the healthy spectrum [BANDS], read off records with the same chances."""
+        if self.acts == "nothing":
+            return 1.0
+        # Without structure noise the mode does not matter, unless an effect drives it.
+        lasting = self.acts == "after the mode" and values["structure_noise_rms"] < values["white_noise_rms"]
+        if lasting and conditions[0].fs_hz in self.known:
+            return self.known[conditions[0].fs_hz]
+        factor = self.density(conditions, values, self.spec) / self.density(conditions, values, self.plain)
+        if lasting:
+            self.known[conditions[0].fs_hz] = factor
+        return factor
+
+    @cached_property
+    def acts(self) -> Literal["nothing", "after the mode", "more"]:
+        """What the effects do to a healthy record."""
+        stages = {catalogue()[name].stage for name in self.spec.effects}
+        if stages <= {Stage.SHAFT, Stage.EXCITATION}:
+            short = [Condition("short", 1800.0, 4 * self.frame.band_hz[1], 512, "healthy", time_s=0.0)]
+            values = {"resonance_hz": self.frame.band_hz[1] / 2, "damping_ratio": 0.05}
+            one, other = (replace(self, spec=s).simulated(short, values)[0].samples for s in (self.spec, self.plain))
+            if np.array_equal(one, other):  # they change the strikes of a defect, say
+                return "nothing"
+        return "more" if Stage.EXCITATION in stages else "after the mode"
+
+    def density(self, conditions: Sequence[Condition], values: dict[str, float], spec: TwinSpec) -> Array:
+        """Mean power density [BANDS] of a twin's records."""
+        made = replace(self, spec=spec).simulated(conditions, values)
+        return np.asarray(np.mean([_bands(r, self.frame)[0] for r in made], axis=0))
+
+    def amplitude(self, fault: str, sides: Sequence[_Side], values: dict[str, float]) -> float:
+        """Impact amplitude that brings the energy in the band to what it is in the records."""
+        name = f"impact_amplitude.{fault}"
+        now = max(values[name], 1e-3)
+        gain, loss = 0.0, 0.0
+        for side in sides:
+            conditions = side.conditions[:MOST_SIMULATED]
+            struck = self.simulated(conditions, values | {name: now})
+            calm = self.simulated(conditions, values | {name: 0.0})
+            with_impacts = float(np.mean([_bands(r, self.frame)[1] for r in struck]))
+            without = float(np.mean([_bands(r, self.frame)[1] for r in calm]))
+            gain += (side.energy - without) * len(side.conditions)
+            loss += (with_impacts - without) * len(side.conditions)
+        if loss <= 0:
+            return now
+        return now * math.sqrt(float(np.clip(gain / loss, 0.01, 100.0)))
+
+
+def mode_density(resonance_hz: float, damping_ratio: float, fs_hz: float) -> Array:
+    """[BANDS] Power density of sampled structure noise of unit variance, 1/Hz, from 0 to half the rate."""
+    f = (np.arange(8 * BANDS) + 0.5) / (16 * BANDS)
+    w = 2 * math.pi * resonance_hz / fs_hz
+    r, theta = math.exp(-damping_ratio * w), math.sqrt(1 - damping_ratio**2) * w
+    turn = np.exp(-2j * math.pi * f)
+    power = 1 / np.abs(1 - 2 * r * math.cos(theta) * turn + r**2 * turn**2) ** 2
+    return np.asarray((power / power.mean() * 2 / fs_hz).reshape(BANDS, 8).mean(axis=1))
+
+
+def _nonnegative(basis: Array, wanted: Array) -> tuple[Array, float]:
+    """Powers [2] of the two spectra [bins, 2] by least squares of relative errors, and their mean log misfit."""
+    from scipy.optimize import nnls
+
+    weight = 1 / np.maximum(wanted, 1e-300)
+    got = np.zeros(2)
+    for _ in range(4):
+        got = nnls(basis * weight[:, None], wanted * weight)[0]
+        model = np.maximum(basis @ got, 1e-3 * wanted)
+        weight = 1 / np.sqrt(model * wanted)
+    rest = np.log(np.maximum(basis @ got, 1e-300) / np.maximum(wanted, 1e-300))
+    return got, float(np.mean(np.minimum(rest**2, 1.0)))
+
+
+def all_parameters(spec: TwinSpec) -> dict[str, Any]:
+    """The model's parameters, defaults included."""
+    return dataclasses.asdict(model_parameters(spec))
