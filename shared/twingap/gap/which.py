@@ -26,12 +26,19 @@ from twingap.gap.training.parameters import coordinates, to_effect, to_number, t
 Array = NDArray[np.float64]
 Report = Callable[[str, float], None]
 
-ROUNDS: Final = 3
+ROUNDS: Final = 4
 ALPHA: Final = 0.03
 """Level at which a gap is called one, a little below the 5 % that it promises on machines nobody has seen."""
 ALPHA_REST: Final = 0.06
 MOST_EFFECTS: Final = 7
-_UNCERTAIN: Final = 0.015
+_UNCERTAIN: Final = 0.01
+THRESHOLD: Final = 0.3
+"""Log odds from which an effect is named, unless learning found a better limit for it."""
+KEEPS: Final = 0.5
+"""How much less certain an effect may become, once the others are in, and stay named."""
+HELPS: Final = 1.5
+"""By how much the log odds of a gap must fall for an effect that seemed unlikely to be taken."""
+UNLIKELY: Final = -2.5
 
 
 @dataclass(frozen=True)
@@ -99,51 +106,108 @@ def explain(evidence: Evidence, learnt: Learnt, report: Report) -> Explanation:
     report : callable
         Told of progress.
     """
-    cannot = {n: why for n in catalogue() if (why := evidence.can_add(n)) is not None}
-    already = set(evidence.modelled)
+    search = _Search(evidence, learnt)
     report("the twin as given", 0.0)
     before = evidence.against()
-    first = _odds(learnt, before.held_out, already)
     p_value = learnt.p_value(before.held_out)
-    limit = {name: learnt.thresholds.get(name, 0.0) for name in first}
-    chosen = [name for name in _strongest(first) if first[name] > limit[name]][:MOST_EFFECTS]
-    values = {name: estimate(name, before.fit, evidence, learnt) for name in chosen}
-    after, odds = before, first
+    gap = p_value <= ALPHA
     for turn in range(ROUNDS):
         report("effects added", 0.2 + 0.2 * turn)
-        added = [values[name].effect for name in chosen if name not in cannot]
-        after = evidence.against(added)
-        odds = _odds(learnt, after.held_out, already)
-        more = [n for n in _strongest(odds) if n not in values and odds[n] > limit[n] + 0.7 * (turn > 0)]
         # What was thrown out once stays out, or the search would go in circles.
-        more = more[: MOST_EFFECTS - len(chosen)]
-        if more:
-            values |= {name: estimate(name, after.fit, evidence, learnt) for name in more}
-            chosen += more
-            continue
-        missed = _missed(chosen, values, cannot, evidence, learnt, already)
-        kept = [name for name in chosen if missed.get(name, first[name]) > limit[name] - 0.5]
-        if kept == chosen:
+        more = search.seem_missing() or (search.that_help() if gap and turn else [])
+        if not more and turn:
             break
-        chosen = kept
-    else:
-        missed = _missed(chosen, values, cannot, evidence, learnt, already)
-        added = [values[name].effect for name in chosen if name not in cannot]
-        after = evidence.against(added)
-        odds = _odds(learnt, after.held_out, already)
+        search.add(more)
+        search.drop_idle()
     report("confidence", 0.9)
-    certain = {name: missed.get(name, first[name]) for name in chosen}
-    final = {name: certain.get(name, min(odds[name], first[name] + 2.0)) for name in first}
-    probability = {name: _probability(value) for name, value in final.items()} | dict.fromkeys(already, 0.0)
-    gap = p_value <= ALPHA
-    rest_p = learnt.rest_p(after.held_out) if chosen else p_value
-    ordered = sorted(chosen, key=lambda name: -(certain[name] + first[name]))
+    probability = {name: _probability(value) for name, value in search.certainty().items()}
+    rest_p = learnt.rest_p(search.now.held_out) if search.values else p_value
     sets = confidence_set(probability, learnt.set_level)
-    if not gap:
-        ordered, sets = [], _with(sets, ())
+    named = search.strongest_first() if gap else []
     return Explanation(
-        p_value, gap, tuple(values[name] for name in ordered), probability, sets, rest_p, before, after, cannot
-    )
+        p_value, gap, tuple(search.values[name] for name in named),
+        probability | dict.fromkeys(search.already, 0.0), sets if gap else _with(sets, ()), rest_p,
+        before, search.now, search.cannot,
+    )  # fmt: skip
+
+
+class _Search:
+    """Effects found so far, and the twin that has them."""
+
+    def __init__(self, evidence: Evidence, learnt: Learnt) -> None:
+        self.evidence, self.learnt = evidence, learnt
+        self.cannot = {n: why for n in catalogue() if (why := evidence.can_add(n)) is not None}
+        self.already = set(evidence.modelled)
+        self.now = evidence.against()
+        self.first = self.odds(self.now)
+        self.values: dict[str, Estimated] = {}
+        self.missed: dict[str, float] = {}
+        self.tried: set[str] = set()
+        self.helped: set[str] = set()
+
+    def odds(self, compared: Compared) -> dict[str, float]:
+        """Log odds that the twin lacks each effect; what it has from the start cannot be missing."""
+        found = self.learnt.log_odds(compared.held_out)[0]
+        pairs = zip(self.learnt.effects, found, strict=True)
+        return {name: float(value) for name, value in pairs if name not in self.already}
+
+    def seem_missing(self) -> list[str]:
+        """Effects not tried yet that the twin, as it is now, seems to lack; strongest first."""
+        odds = self.odds(self.now)
+        limit = self.learnt.thresholds
+        found = [n for n in _strongest(odds) if odds[n] > limit.get(n, THRESHOLD) and n not in self.tried]
+        return found[: max(MOST_EFFECTS - len(self.values), 0)]
+
+    def that_help(self) -> list[str]:
+        """Where something is left over that has no name yet: the less likely effect that takes most of it away."""
+        left = float(self.learnt.anything_score(self.now.held_out)[0])
+        if self.learnt.rest_p(self.now.held_out) > ALPHA_REST or len(self.values) >= MOST_EFFECTS:
+            return []
+        odds, best = self.odds(self.now), (left - HELPS, "")
+        for name in [n for n in _strongest(odds) if n not in self.tried and n not in self.cannot][:3]:
+            if odds[name] < UNLIKELY:
+                continue
+            value = estimate(name, self.now.fit, self.evidence, self.learnt)
+            compared = self.evidence.against((*self._added(), value.effect))
+            best = min(best, (float(self.learnt.anything_score(compared.held_out)[0]), name))
+        self.helped |= {best[1]} - {""}
+        return [best[1]] if best[1] else []
+
+    def add(self, names: Sequence[str]) -> None:
+        """Add effects at the values that the fit part suggests against the twin as it is now."""
+        for name in names:
+            self.values[name] = estimate(name, self.now.fit, self.evidence, self.learnt)
+            self.tried.add(name)
+        self.now = self.evidence.against(self._added())
+
+    def drop_idle(self) -> None:
+        """Leave one effect out after the other: what is not missed then goes."""
+        while self.values:
+            self.missed = {}
+            for name in self.values:
+                without = self.evidence.against(self._added(without=name))
+                self.missed[name] = self.odds(without)[name]
+            slack = {name: odds - self._least(name) for name, odds in self.missed.items()}
+            idle = min(slack, key=lambda name: slack[name])
+            if slack[idle] > 0:
+                return
+            del self.values[idle]
+            self.now = self.evidence.against(self._added())
+
+    def _least(self, name: str) -> float:
+        return UNLIKELY if name in self.helped else self.learnt.thresholds.get(name, THRESHOLD) - KEEPS
+
+    def certainty(self) -> dict[str, float]:
+        """Log odds of every effect: of a named one when it alone is left out, of another against the twin as it is."""
+        now = self.odds(self.now)
+        return {name: self.missed.get(name, now[name]) if name in self.values else now[name] for name in now}
+
+    def strongest_first(self) -> list[str]:
+        """The named effects."""
+        return sorted(self.values, key=lambda name: -(self.missed.get(name, 0.0) + self.first[name]))
+
+    def _added(self, without: str = "") -> tuple[Effect, ...]:
+        return tuple(v.effect for n, v in self.values.items() if n != without and n not in self.cannot)
 
 
 def estimate(name: str, features: Array, evidence: Evidence, learnt: Learnt) -> Estimated:
@@ -193,24 +257,6 @@ def confidence_set(probability: Mapping[str, float], level: float) -> tuple[tupl
         if reached >= level:
             break
     return tuple(out)
-
-
-def _missed(
-    chosen: Sequence[str], values: Mapping[str, Estimated], cannot: Mapping[str, str], evidence: Evidence,
-    learnt: Learnt, already: set[str],
-) -> dict[str, float]:  # fmt: skip
-    """Log odds of each chosen effect when all others are in the twin and it alone is not."""
-    out = {}
-    for name in chosen:
-        others = [values[n].effect for n in chosen if n != name and n not in cannot]
-        out[name] = _odds(learnt, evidence.against(others).held_out, already)[name]
-    return out
-
-
-def _odds(learnt: Learnt, features: Array, already: set[str]) -> dict[str, float]:
-    """Log odds that the twin lacks each effect; what it has already cannot be missing."""
-    found = learnt.log_odds(features)[0]
-    return {name: float(value) for name, value in zip(learnt.effects, found, strict=True) if name not in already}
 
 
 def _strongest(odds: Mapping[str, float]) -> list[str]:

@@ -228,6 +228,39 @@ def _platt(score: Array, label: Mask) -> tuple[float, float]:
     return max(float(fit.coef_[0, 0]), 0.05), float(fit.intercept_[0])
 
 
+PRECISION: Final = 0.93
+"""Of the effects that a detector names on machines that it has not seen, at least this part is there."""
+COVERAGE: Final = 0.93
+"""Part of the machines not seen whose truth the confidence set is to hold: 90 %, and some for what is unlike them."""
+
+
+def _limit(score: Array, label: Mask) -> float:
+    """Least log odds, 0 to 2, from which naming an effect is right often enough."""
+    for limit in np.arange(0.0, 2.01, 0.25):
+        named = score > limit
+        if named.sum() >= 10 and label[named].mean() >= PRECISION:
+            return float(limit)
+    return 1.0
+
+
+def _level(scores: Array, missing: Mask) -> float:
+    """Joint probability that most probable sets of effects must reach to hold the truth as often as promised."""
+    needed = []
+    for own, truth in zip(scores, missing, strict=True):
+        p = 1 / (1 + np.exp(-np.clip(own, -30, 30)))
+        open_ = np.argsort(-np.minimum(p, 1 - p))[:8]
+        closed = np.setdiff1d(np.arange(p.size), open_)
+        if ((p[closed] > 0.5) != truth[closed]).any():
+            needed.append(1.0)
+            continue
+        picks = (np.arange(2**open_.size)[:, None] >> np.arange(open_.size)) & 1
+        weights = np.where(picks, p[open_], 1 - p[open_]).prod(axis=1)
+        of_truth = np.where(truth[open_], p[open_], 1 - p[open_]).prod()
+        # All sets more probable than the truth have to be in it before the truth is.
+        needed.append(float(weights[weights > of_truth].sum() + 1e-9))
+    return float(np.clip(np.quantile(needed, COVERAGE), 0.7, 0.995))
+
+
 def general_columns(names: tuple[str, ...]) -> NDArray[np.int64]:
     """Columns that speak of a gap whatever its cause: how far the sets lie apart, and what no effect should move."""
     patterns = (
@@ -365,4 +398,8 @@ def learn(examples: Examples, effects: tuple[str, ...], parameters: tuple[tuple[
     anything.unseen = anything.unseen[here]
     null = np.sort(anything.unseen[~any_gap & examples.first])
     rest = np.sort(anything.unseen[~any_gap & ~examples.first])
-    return Learnt(effects, detectors, estimators, anything, null, names, {}, null_rest=rest, general=general)
+    scores = scores[here]
+    limits = {name: _limit(scores[:, j], examples.missing[:, j]) for j, name in enumerate(effects)}
+    known = examples.first & ~examples.strange
+    level = _level(scores[known], examples.missing[known])
+    return Learnt(effects, detectors, estimators, anything, null, names, {}, limits, level, rest, general)
