@@ -2,6 +2,7 @@
 
 twingap gap RECORDSET --twin TWIN.toml --out DIR     the diagnosis
 twingap gap study ...                                the blind study
+twingap gap public ...                               the diagnosis on public records
 twingap gap train ...                                what the diagnosis learns beforehand
 """
 
@@ -18,6 +19,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Final
 import typer
 from typer.core import TyperCommand, TyperGroup
 
+from twingap.cli.gap_public import public
 from twingap.cli.gap_study import study
 from twingap.cli.options import Json, Seed, TrackingUri, progress_console, say, say_json, show, steps, wrote
 from twingap.errors import TwingapError
@@ -63,8 +65,8 @@ class _WithMain(TyperGroup):
 
 app = typer.Typer(
     cls=_WithMain,
-    help="What a twin lacks. Beside the diagnosis itself (RECORDSET, above) there are two commands; a record set in a "
-    "folder named like one of them is given as ./study or ./train.",
+    help="What a twin lacks. Beside the diagnosis itself (RECORDSET, above) there are three commands; a record set in "
+    "a folder named like one of them is given as ./study, ./train or ./public.",
     no_args_is_help=True,
 )
 
@@ -157,6 +159,7 @@ def train(
 
 
 app.command("study")(study)
+app.command("public")(public)
 
 _EXPORTS: Final = ("sim_before", "sim_after")
 

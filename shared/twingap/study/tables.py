@@ -27,7 +27,7 @@ def write_study(study: Study, out: str | os.PathLike[str]) -> list[Path]:
     from twingap.study.figures import draw_all
 
     folder = Path(out)
-    text = json.dumps(_finite(study.table), indent=1, allow_nan=False) + "\n"
+    text = json.dumps(finite(study.table), indent=1, allow_nan=False) + "\n"
     written = []
     for name, content in (("study.json", text), ("study.md", markdown(study.table))):
         with files.replacing(folder / name) as temporary:
@@ -49,19 +49,19 @@ def markdown(table: Mapping[str, Any]) -> str:
         "## Scores against targets", _scores(table["scores"]),
         "## Rivals on the same worlds", _rivals(table),
         *(f"Not run: {name} ({why})." for name, why in about["rivals_skipped"].items()),
-        "## Statuses by kind of world", _grid(table["statuses"]),
+        "## Statuses by kind of world", grid(table["statuses"]),
         "## By effect", _by_effect(table["by_effect"]),
-        "## Outside the catalogue", _grid([
+        "## Outside the catalogue", grid([
             {"outsider": r["outsider"], "recognised": _rate(r), "named in its place": _tally(r)}
             for r in table["by_outsider"]
         ]),
-        "## Parameters", _grid([
+        "## Parameters", grid([
             {"effect": r["effect"], "parameter": r["parameter"], "n": r["n"],
              "median relative error": f"{r['median_relative_error']:.3g}",
              "90 % interval covers": "" if r["ci_covers"] is None else f"{r['ci_covers']:.2f} of {r['with_ci']}"}
             for r in table["parameters"]
         ]),
-        "## Reliability of probabilities", _grid([
+        "## Reliability of probabilities", grid([
             {"said": f"{r['mean_probability']:.2f}", "true": f"{r['value']:.2f} ({r['low']:.2f} to {r['high']:.2f})",
              "n": r["n"]} for r in table["reliability"]
         ]),
@@ -71,7 +71,7 @@ def markdown(table: Mapping[str, Any]) -> str:
 
 
 def _scores(rows: Sequence[Mapping[str, Any]]) -> str:
-    return _grid([
+    return grid([
         {"score": r["score"], "among": r["among"], "value": _number(r["value"]),
          "95 % interval": _interval(r), "n": r["n"], "target": r["target"] or "",
          "met": {None: "", True: "yes", False: "**no**"}[r["met"]]}
@@ -86,7 +86,7 @@ def _rivals(table: Mapping[str, Any]) -> str:
     for method, scores in methods.items():
         by = {(s["score"], s["among"]): s for s in scores}
         rows.append({"method": method, **{f"{name}: {among}": _rate(by[name, among]) for name, among in chosen}})
-    return _grid(rows)
+    return grid(rows)
 
 
 COMPARED = ("false alarms", "first-named right", "exact set", "precision", "recall", "outside recognised")
@@ -97,14 +97,14 @@ def _by_effect(rows: Sequence[Mapping[str, Any]]) -> str:
     columns = ("detected", "first-named right", "exact set", "found in company")
     keys = dict.fromkeys((r["effect"], r["strength"]) for r in rows)
     by = {(r["effect"], r["strength"], r["score"]): r for r in rows}
-    return _grid([
+    return grid([
         {"effect": e, "strength": s,
          **{c: "" if (e, s, c) not in by else f"{by[e, s, c]['k']}/{by[e, s, c]['n']}" for c in columns}}
         for e, s in keys
     ])  # fmt: skip
 
 
-def _grid(rows: Sequence[Mapping[str, Any]]) -> str:
+def grid(rows: Sequence[Mapping[str, Any]]) -> str:
     """A Markdown table."""
     if not rows:
         return "(nothing to show)"
@@ -134,12 +134,12 @@ def _interval(row: Mapping[str, Any]) -> str:
     return f"{_number(row['low'])} to {_number(row['high'])}"
 
 
-def _finite(value: Any) -> Any:
+def finite(value: Any) -> Any:
     """NaN and infinities as null; tuples as lists; NumPy numbers as numbers."""
     if isinstance(value, Mapping):
-        return {str(key): _finite(item) for key, item in value.items()}
+        return {str(key): finite(item) for key, item in value.items()}
     if isinstance(value, (list, tuple)):
-        return [_finite(item) for item in value]
+        return [finite(item) for item in value]
     if hasattr(value, "item"):
         value = value.item()
     return None if isinstance(value, float) and not math.isfinite(value) else value

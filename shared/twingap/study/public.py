@@ -1,0 +1,323 @@
+"""The diagnosis on public records: what each paper's twin lacks, effects withheld and added, single recordings.
+
+sets --twins--> verdicts --the best twin, an effect left out--> named again?
+     --halves, an effect added or nothing--> named? false alarms?
+     --recording by recording--> beside what the literature says        all --> public.json, public.md
+"""
+
+from __future__ import annotations
+
+import functools
+import json
+import os
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+from twingap import files
+from twingap.errors import TwingapError
+from twingap.provenance import digest_of_code, plain, versions
+from twingap.study.intervals import of_rate
+from twingap.study.public_jobs import TWINS, PublicJob, can_be_injected, chain_of, run_job, twin_spec
+from twingap.study.public_sets import DOCUMENTED, SINGLE, PublicSet, documented, public_set
+
+SCHEMA: Final = "twingap.public/1"
+SETS: Final = ("cwru", "hit_sm")
+SEARCHED: Final = ("bare", "paper1")
+"""Twins from which effects are withheld: the contact twin's effects follow from its physics and cannot be left out."""
+
+Report = Callable[[str, int, int], None]
+"""report(what, done, total)."""
+
+
+@dataclass(frozen=True)
+class Plan:
+    """How much is done.
+
+    Parameters
+    ----------
+    sets : tuple of str
+    seed : int
+    pieces : int
+        Records of each recording.
+    splits : int
+        Random halvings of each set with nothing added.
+    injections : int
+        Halvings that every effect is added on, in the first set.
+    single_pieces : int
+        Records of each recording that is diagnosed by itself; 0: none is.
+    """
+
+    sets: tuple[str, ...] = SETS
+    seed: int = 0
+    pieces: int = 3
+    splits: int = 10
+    injections: int = 1
+    single_pieces: int = 5
+
+
+def run_public(
+    out: str | os.PathLike[str],
+    plan: Plan,
+    *,
+    root: str | None = None,
+    jobs: int | None = None,
+    command: str = "",
+    report: Report = lambda what, done, total: None,
+) -> dict[str, Any]:
+    """Diagnose public records in all ways that the study asks for.
+
+    Parameters
+    ----------
+    out : path-like
+        Folder; what was finished there by the same code on the same records is taken.
+    plan : Plan
+    root : str or None
+        Data root; TWINGAP_DATA when None.
+    jobs : int, optional
+        Processes; None = one per core.
+    command : str
+        For the provenance.
+    report : callable
+        Told of progress.
+
+    Returns
+    -------
+    dict
+        Content of public.json.
+
+    Raises
+    ------
+    TwingapError
+        When none of the sets is at hand and nothing stands in.
+    """
+    begin = time.perf_counter()
+    held, skipped = _at_hand(plan, root)
+    report("learnt beforehand", 0, 1)
+    code, data = _digests(held)
+    run = functools.partial(
+        _swept, store=Path(out) / "work", code=code, data=data, root=root, workers=jobs, report=report
+    )
+    work = [j for name in held for j in _first_jobs(plan, name, held[name])]
+    answers = dict(zip(work, run(work, "records diagnosed"), strict=True))
+    twins = {(j.data_set, j.twin): row for j, row in answers.items() if j.kind == "twin"}
+    best = {name: best_twin({t: twins[name, t] for t in SEARCHED}) for name in held}
+    later = [j for name in held for j in _withheld_jobs(plan, name, best[name], twins, held[name])]
+    answers |= dict(zip(later, run(later, "effects withheld"), strict=True))
+    table: dict[str, Any] = {
+        "schema": SCHEMA,
+        "sets": [
+            {"name": name, "title": own.title, "real": own.real, "records": len(own.records),
+             "recordings": list(own.records.groups), "sha256": own.records.digest}
+            for name, own in held.items()
+        ],
+        "skipped": skipped,
+        "twins": [{"set": s, "twin": t, **row} for (s, t), row in twins.items()],
+        "best": best,
+        "withheld": withheld_rows(answers),
+        "injected": injected_rows(answers),
+        "nothing": nothing_rows(answers),
+        "single": single_rows(answers),
+        "documented": [
+            {"said": d.said, "recordings": list(d.recordings), "shows": d.shows, "source": d.source} for d in DOCUMENTED
+        ],
+    }  # fmt: skip
+    table["provenance"] = {
+        "command": command, "plan": plain(plan), "versions": versions(), "code_sha256": code, "data": data,
+        "diagnoses": len(answers), "computed_s": sum(r.get("seconds", 0.0) for r in answers.values()),
+        "runtime_s": round(time.perf_counter() - begin, 1),
+    }  # fmt: skip
+    return table
+
+
+def _at_hand(plan: Plan, root: str | None) -> tuple[dict[str, PublicSet], dict[str, str]]:
+    held: dict[str, PublicSet] = {}
+    skipped: dict[str, str] = {}
+    for name in plan.sets:
+        try:
+            held[name] = public_set(name, root, plan.pieces)
+        except TwingapError as error:
+            skipped[name] = str(error)
+    if not held:
+        raise TwingapError("none of the sets is at hand", where=", ".join(plan.sets), mend="; ".join(skipped.values()))
+    return held, skipped
+
+
+def _digests(held: Mapping[str, PublicSet]) -> tuple[str, dict[str, str]]:
+    """Of the code that answers, and of what it reads."""
+    import twingap.effects
+    import twingap.gap
+    import twingap.identify
+    import twingap.signal
+    import twingap.twins
+    from twingap.gap.training import train
+    from twingap.study import public_jobs, public_looks, public_sets
+
+    code = digest_of_code(
+        twingap.effects, twingap.gap, twingap.identify, twingap.signal, twingap.twins, public_jobs, public_looks,
+        public_sets,
+    )  # fmt: skip
+    return code, {"learnt": files.sha256(train()), **{name: own.records.digest for name, own in held.items()}}
+
+
+def _swept(
+    work: Sequence[PublicJob], what: str, *, store: Path, code: str, data: Mapping[str, str], root: str | None,
+    workers: int | None, report: Report,
+) -> list[dict[str, Any]]:  # fmt: skip
+    from twingap.sweep import sweep
+
+    done = 0
+
+    def one_more(_: object) -> None:
+        nonlocal done
+        done += 1
+        report(what, done, len(work))
+
+    report(what, 0, len(work))
+    results = sweep(
+        functools.partial(run_job, root=root), work, store=store, n_jobs=workers, version=code, data=data,
+        on_result=one_more, describe=lambda job: job.words,
+    )  # fmt: skip
+    return [dict(result.value) for result in results]
+
+
+# ---------------------------------------------------------------------------------------------------------------- jobs
+
+
+def _first_jobs(plan: Plan, name: str, own: PublicSet) -> list[PublicJob]:
+    made = functools.partial(PublicJob, data_set=name, seed=plan.seed, pieces=plan.pieces)
+    jobs = [made("twin", twin=twin) for twin in TWINS]
+    jobs += [made("nothing", twin="bare", split=split) for split in range(plan.splits)]
+    if name == plan.sets[0] and plan.injections and plan.splits:
+        effects = can_be_injected(own.records)
+        # Effects take turns at the halvings; on each, what is named with nothing added is known.
+        jobs += [
+            made("injected", twin="bare", effect=effect, split=(place + turn) % plan.splits)
+            for turn in range(plan.injections)
+            for place, effect in enumerate(effects)
+        ]
+    if name == SINGLE:
+        jobs.append(made("looks", twin="bare"))
+        if plan.single_pieces:
+            single = functools.partial(PublicJob, data_set=name, seed=plan.seed, pieces=plan.single_pieces)
+            jobs += [single("recording", twin="bare", recording=group) for group in own.records.groups]
+    return jobs
+
+
+def best_twin(rows: Mapping[str, Mapping[str, Any]]) -> str:
+    """The twin whose gap is smallest once its verdict's effects are added; "" when all were refused."""
+    left = {twin: row["gap"]["after"] for twin, row in rows.items() if not row["refused"] and row["gap"]}
+    return min(left, key=lambda twin: left[twin]) if left else ""
+
+
+def _withheld_jobs(
+    plan: Plan, name: str, twin: str, twins: Mapping[tuple[str, str], Mapping[str, Any]], own: PublicSet
+) -> list[PublicJob]:
+    if not twin:
+        return []
+    chain = chain_of(twins[name, twin])
+    text = json.dumps(chain, sort_keys=True)
+    effects = dict.fromkeys((*twin_spec(twin, own.records)[0].effects, *chain))
+    return [
+        PublicJob("withheld", name, twin, plan.seed, plan.pieces, effect, text) for effect in ("", *effects)
+    ]  # fmt: skip
+
+
+# ---------------------------------------------------------------------------------------------------------------- rows
+
+
+def judged(row: Mapping[str, Any], effect: str, besides: Sequence[str] = ()) -> dict[str, Any]:
+    """Whether a diagnosis names an effect: first, at all, and whether its confidence set covers the truth.
+
+    Parameters
+    ----------
+    row : mapping
+        Of `run_job`.
+    effect : str
+        What is missing.
+    besides : sequence of str
+        What is missing too: the truth is the effect and these.
+    """
+    if row.get("refused"):
+        return {"first": None, "named": None, "covers": None, "in_a_set": None}
+    truth = {effect, *besides}
+    sets = [set(s) for s in row["confidence_set"]]
+    return {
+        "first": row["effects"][:1] == [effect],
+        "named": effect in row["effects"],
+        "covers": truth in sets,
+        "in_a_set": any(effect in s for s in sets),
+    }
+
+
+def withheld_rows(answers: Mapping[PublicJob, Mapping[str, Any]]) -> list[dict[str, Any]]:
+    """A row per effect left out; what the whole chain was said to lack is expected beside it."""
+    own = {j: row for j, row in answers.items() if j.kind == "withheld"}
+    rest = {j.data_set: list(row.get("effects", [])) for j, row in own.items() if not j.effect}
+    return [
+        {"set": j.data_set, "twin": j.twin, "effect": j.effect, "rest": rest[j.data_set],
+         "from_verdict": j.effect in json.loads(j.chain), **judged(row, j.effect, rest[j.data_set]), **_short(row)}
+        for j, row in own.items() if j.effect
+    ]  # fmt: skip
+
+
+def injected_rows(answers: Mapping[PublicJob, Mapping[str, Any]]) -> list[dict[str, Any]]:
+    """A row per effect added; what is named on the same halving with nothing added is expected beside it."""
+    calm = {(j.data_set, j.split): list(r.get("effects", [])) for j, r in answers.items() if j.kind == "nothing"}
+    out = []
+    for j, row in answers.items():
+        if j.kind == "injected":
+            rest = calm.get((j.data_set, j.split), [])
+            more = {key: row.get(key) for key in ("split_by", "parameters", "acts_on", "changed")}
+            out.append({
+                "set": j.data_set, "effect": j.effect, "split": j.split, "rest": rest,
+                "named_without_it": j.effect in rest, **judged(row, j.effect, rest), **more, **_short(row),
+            })  # fmt: skip
+    return out
+
+
+def nothing_rows(answers: Mapping[PublicJob, Mapping[str, Any]]) -> list[dict[str, Any]]:
+    """A row per set: how often halves of the same records are said to differ."""
+    out = []
+    own = {j: row for j, row in answers.items() if j.kind == "nothing"}
+    for name in dict.fromkeys(j.data_set for j in own):
+        rows = [row for j, row in own.items() if j.data_set == name]
+        heard = [row for row in rows if not row["refused"]]
+        alarms = [row for row in heard if row["status"] != "no_gap"]
+        low, high = of_rate(len(alarms), len(heard)) if heard else (0.0, 1.0)
+        named: dict[str, int] = {}
+        for effect in (e for row in alarms for e in row["effects"]):
+            named[effect] = named.get(effect, 0) + 1
+        out.append({
+            "set": name, "title": rows[0]["title"], "split_by": rows[0]["split_by"], "alarms": len(alarms),
+            "splits": len(heard), "rate": len(alarms) / len(heard) if heard else None, "interval": [low, high],
+            "named": named, "p_values": [row["p_value"] for row in heard],
+            "accuracy": [row["accuracy"] for row in heard], "refused": [r["refused"] for r in rows if r["refused"]],
+        })  # fmt: skip
+    return out
+
+
+def single_rows(answers: Mapping[PublicJob, Mapping[str, Any]]) -> list[dict[str, Any]]:
+    """A row per recording: plain looks, verdict, what is said of it, and whether that is seen."""
+    verdicts = {j.recording: row for j, row in answers.items() if j.kind == "recording"}
+    looks = [row for j, answer in answers.items() if j.kind == "looks" for row in answer["recordings"]]
+    titles = [answer["title"] for j, answer in answers.items() if j.kind == "looks"]
+    out = []
+    for look in looks:
+        verdict = verdicts.get(look["recording"], {})
+        real = not titles[0].startswith("virtual")
+        said = documented(look["recording"]) if real else ()  # a virtual rig's numbers mean other recordings
+        unclear = [d for d in said if d.shows == "fault unclear"]
+        out.append({
+            **look, "title": titles[0], **_short(verdict), "said": [d.said for d in said],
+            "said_unclear": bool(unclear),
+            "agrees": None if look["shows_fault"] is None or not real else look["shows_fault"] != bool(unclear),
+        })  # fmt: skip
+    return out
+
+
+def _short(row: Mapping[str, Any]) -> dict[str, Any]:
+    keys = ("title", "refused", "status", "effects", "confidence_set", "p_value", "closure", "accuracy", "seconds")
+    return {key: row[key] for key in keys if key in row}

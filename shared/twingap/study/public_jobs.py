@@ -1,0 +1,280 @@
+"""One diagnosis of public records, of each kind that the study of real records asks for.
+
+PublicJob --records of a public set--> what a twin lacks | an effect withheld | an effect added | one recording --> row
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import time
+import zlib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, Final, Literal
+
+import numpy as np
+
+from twingap.bearing import Bearing
+from twingap.effects import Effect, apply_to_waveform, catalogue, make_effect
+from twingap.errors import TwingapError
+from twingap.gap.advice import place_words
+from twingap.gap.report import GapReport
+from twingap.records import Record, RecordSet
+from twingap.streams import Streams
+from twingap.study.public_sets import halves, public_set
+from twingap.twins.phenomenological import paper1_chain
+from twingap.twins.twin_file import TwinSpec
+
+Kind = Literal["twin", "withheld", "injected", "nothing", "recording", "looks"]
+ACCURACY: Final = "accuracy on the records"
+"""What the report's accuracy begins with: of a classifier trained on the twin alone."""
+TWINS: Final[Mapping[str, str]] = {
+    "bare": "phenomenological twin without effects",
+    "paper1": "paper 1: eq. 1 as a chain of effects",
+    "paper2": "paper 2: contact twin, printed values",
+    "paper3": "paper 3: contact twin, physical values, jitter",
+}
+"""Twin -> in words."""
+STRENGTHS: Final[Mapping[str, Mapping[str, float]]] = {
+    "slip_jitter": {"sigma": 0.015, "accumulating": True},
+    "impact_scatter": {"sigma": 0.45},
+    "load_zone": {"depth": 0.5},
+    "cage_modulation": {"depth": 0.5},
+    "entry_exit": {"arc_deg": 4.0},
+}
+"""Where an effect is added otherwise than at the catalogue's default values: depths that are plain to see."""
+
+
+@dataclass(frozen=True)
+class PublicJob:
+    """A question.
+
+    Parameters
+    ----------
+    kind : str
+        "twin": records against a twin; "withheld": against the same with the effects of `chain`, but `effect`;
+        "injected" and "nothing": one half of the records, `effect` added or not, against the other half; "recording":
+        one recording against a twin; "looks": plain looks at every recording.
+    data_set : str
+    twin : str
+        Of `TWINS`.
+    seed : int
+    pieces : int
+        Records of each recording.
+    effect : str
+        Withheld or added; "" for none.
+    chain : str
+        JSON: effect -> parameters, beyond the twin's own.
+    split : int
+        Number of the random halving.
+    recording : str
+    """
+
+    kind: Kind
+    data_set: str
+    twin: str
+    seed: int
+    pieces: int
+    effect: str = ""
+    chain: str = ""
+    split: int = 0
+    recording: str = ""
+
+    @property
+    def words(self) -> str:
+        """For progress and errors."""
+        more = [self.effect or self.recording, f"split {self.split}" if self.kind in ("injected", "nothing") else ""]
+        return " ".join(filter(None, (self.kind, self.data_set, self.twin, *more)))
+
+
+def twin_spec(name: str, records: RecordSet) -> tuple[TwinSpec, tuple[str, ...]]:
+    """A paper's twin for these records, its free parameters left to calibration; and what of it cannot act on them."""
+    bearing = records.bearing
+    if name == "bare":
+        return TwinSpec("phenomenological", bearing=bearing), ()
+    if name in ("paper2", "paper3"):
+        effects = ("slip_jitter",) if name == "paper3" else ()
+        return TwinSpec("contact", effects, "paper" if name == "paper2" else "physical", bearing=bearing), ()
+    if name != "paper1":
+        raise TwingapError(f"unknown twin {name!r}", mend=f"use one of {', '.join(TWINS)}")
+    chain, left_out = [], []
+    for effect in paper1_chain():
+        if effect.name == "damage_growth" and any(c.time_s is None for c in records.conditions):
+            left_out.append("damage_growth: the records have no time within a run")
+        else:
+            chain.append(effect)
+    values = {e.name: parameters_of(e) for e in chain}
+    return TwinSpec("phenomenological", tuple(e.name for e in chain), None, values, bearing), tuple(left_out)
+
+
+def with_effects(spec: TwinSpec, chain: Mapping[str, Mapping[str, Any]], without: str = "") -> TwinSpec:
+    """The twin with further effects, at given values, less one (which may be its own)."""
+    names = tuple(n for n in dict.fromkeys((*spec.effects, *chain)) if n != without)
+    values = {k: v for k, v in spec.parameters.items() if k != without}
+    values |= {n: dict(v) for n, v in chain.items() if n != without}
+    return replace(spec, effects=names, parameters=values)
+
+
+def parameters_of(effect: Effect) -> dict[str, Any]:
+    """Its parameters by name."""
+    return {f.name: getattr(effect, f.name) for f in dataclasses.fields(effect)}  # type: ignore[arg-type]
+
+
+def injected_effect(name: str) -> Effect:
+    """The effect at the strength at which it is added to real records."""
+    return make_effect(name, STRENGTHS.get(name))
+
+
+def run_job(job: PublicJob, root: str | None = None) -> dict[str, Any]:
+    """Answer one question.
+
+    Returns
+    -------
+    dict
+        Plain values; ``refused`` says why there is no diagnosis.
+    """
+    own = public_set(job.data_set, root, job.pieces)
+    rng = np.random.default_rng([job.seed, zlib.crc32(job.words.encode())])
+    about = {"title": own.title, "real": own.real}
+    if job.kind == "looks":
+        from twingap.study.public_looks import look_at
+
+        return {**about, "recordings": look_at(own.records, rng)}
+    records, spec = own.records, twin_spec(job.twin, own.records)[0]
+    if job.kind in ("injected", "nothing"):
+        return {**about, **_against_itself(job, records, spec, rng)}
+    if job.kind == "recording":
+        records = records.select(lambda c: c.group == job.recording)
+    if job.kind == "withheld":
+        spec = with_effects(spec, json.loads(job.chain), job.effect)
+    left_out = twin_spec(job.twin, records)[1]
+    return {**about, "left_out": list(left_out), "twin_effects": list(spec.effects), **diagnosed(records, spec, rng)}
+
+
+def diagnosed(
+    records: RecordSet, spec: TwinSpec, rng: np.random.Generator, sim: RecordSet | None = None
+) -> dict[str, Any]:
+    """The diagnosis in plain values, or why it was refused."""
+    from twingap.gap import diagnose
+
+    begin = time.perf_counter()
+    size = {"records": len(records), "recordings": len(records.groups)}
+    try:
+        found = diagnose(records, spec, rng, sim=sim)
+    except TwingapError as error:
+        return {**size, "refused": str(error), "seconds": time.perf_counter() - begin}
+    return {**size, "refused": "", "seconds": time.perf_counter() - begin, **summary(found.report)}
+
+
+def summary(report: GapReport) -> dict[str, Any]:
+    """What tables need of a report."""
+    verdict = report.verdict
+    metrics = {m.metric: m for m in report.metrics}
+    gap = next(iter(metrics.values()), None)
+    accuracy = next((m for name, m in metrics.items() if name.startswith(ACCURACY)), None)
+
+    def three(metric: Any) -> dict[str, float] | None:
+        return None if metric is None else {"before": metric.before, "after": metric.after, "floor": metric.floor}
+
+    return {
+        "status": verdict.status,
+        "sentence": verdict.sentence,
+        "effects": list(verdict.effects),
+        "confidence_set": [list(s) for s in verdict.confidence_set],
+        "p_value": verdict.p_value,
+        "closure": verdict.closure,
+        "closure_ci": None if verdict.closure_ci is None else list(verdict.closure_ci),
+        "gap": three(gap),
+        "accuracy": three(accuracy),
+        "where": [
+            {"place": f"{p.domain}: {place_words(p)}", "share": p.share, "p_value": p.p_value}
+            for p in report.places[:5]
+        ],
+        "which": [
+            {
+                "effect": c.effect, "probability": c.probability, "closure": c.closure, "ci": list(c.closure_ci),
+                "cannot": c.acts, "parameters": {k: v.value for k, v in c.parameters.items()},
+            }
+            for c in report.candidates if c.effect in verdict.effects or c.probability > 0.1
+        ],
+        "notes": list(report.notes),
+    }  # fmt: skip
+
+
+def chain_of(row: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
+    """Named effects that the simulator could have -> their fitted values, with the types that the catalogue wants."""
+    out = {}
+    for one in row.get("which", []):
+        if one["effect"] in row["effects"] and one["cannot"] is None and one["parameters"]:
+            default = catalogue()[one["effect"]]()
+            out[one["effect"]] = {k: type(getattr(default, k))(v) for k, v in one["parameters"].items()}
+    return out
+
+
+# ------------------------------------------------------------------------------------------ real records against real
+
+
+def _against_itself(job: PublicJob, records: RecordSet, spec: TwinSpec, rng: np.random.Generator) -> dict[str, Any]:
+    """One half plays the machine, the other the simulator; the halving depends on seed and split alone."""
+    machine, sim, by = halves(records, np.random.default_rng([job.seed, job.split]))
+    sim = RecordSet("the other half", sim.unit, sim.bearing, sim.conditions, _Samples(sim))
+    about: dict[str, Any] = {"split_by": by, "changed": None, "acts_on": None}
+    if job.effect:
+        assert machine.bearing is not None
+        effect = injected_effect(job.effect)
+        machine, share, change, why = injected(machine, effect, machine.bearing, job.seed)
+        about |= {"parameters": parameters_of(effect), "acts_on": share, "changed": change}
+        if share == 0:
+            return {**about, "refused": f"cannot act: {why}", "records": len(machine), "seconds": 0.0}
+    return {**about, **diagnosed(machine, spec, rng, sim)}
+
+
+def injected(records: RecordSet, effect: Effect, bearing: Bearing, seed: int) -> tuple[RecordSet, float, float, str]:
+    """Records with an effect added where it can act.
+
+    Returns
+    -------
+    RecordSet
+    float
+        Part of the records that were changed.
+    float
+        Median RMS of the change over that of the record, among those.
+    str
+        Why it cannot act on the others; "" where it can on all.
+    """
+    quiet = [float(r.samples.var()) for r in records if r.condition.fault == "healthy"]
+    reference_rms = float(np.sqrt(np.mean(quiet) if quiet else min(float(r.samples.var()) for r in records)))
+    made: list[Record] = []
+    changes: list[float] = []
+    why = ""
+    for place, record in enumerate(records):
+        try:
+            after = apply_to_waveform((effect,), record, bearing, reference_rms, Streams(seed, place))
+        except TwingapError as error:
+            after, why = record, error.what
+        change = float(np.std(after.samples - record.samples)) / max(float(np.std(record.samples)), 1e-300)
+        if change > 0:
+            changes.append(change)
+        made.append(after)
+    whole = RecordSet.from_records(f"{records.name} with {effect.name}", records.unit, records.bearing, made)
+    return whole, len(changes) / len(made), float(np.median(changes)) if changes else 0.0, why or "it changes nothing"
+
+
+def can_be_injected(records: RecordSet) -> tuple[str, ...]:
+    """Catalogued effects that act on at least one of these records' waveforms."""
+    by_fault: dict[str, Record] = {}
+    for place, condition in enumerate(records.conditions):
+        if str(condition.fault) not in by_fault:
+            by_fault[str(condition.fault)] = records[place]
+    assert records.bearing is not None
+    some = RecordSet.from_records(records.name, records.unit, records.bearing, by_fault.values())
+    return tuple(n for n in catalogue() if injected(some, injected_effect(n), records.bearing, 0)[1] > 0)
+
+
+@dataclass(frozen=True)
+class _Samples:
+    records: Sequence[Record]
+
+    def __call__(self, index: int) -> np.ndarray[Any, np.dtype[np.float64]]:
+        return self.records[index].samples

@@ -1,0 +1,121 @@
+"""Plain looks at single recordings, for what the literature says of them: no twin, no verdict, numbers alone.
+
+recording --combs, extremes, levels in time, tones--> a row
+signatures --against those of the other recordings of the fault--> what stands out
+"""
+
+from __future__ import annotations
+
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twingap.gap.calibrate import CLEAR_COMB, calibrate
+from twingap.gap.signatures import NAMES, measure
+from twingap.gap.speed import comb_heights
+from twingap.gap.view import RecordView
+from twingap.records import RecordSet
+from twingap.twins.twin_file import TwinSpec
+
+Array = NDArray[np.float64]
+
+STANDS_OUT: Final = 6.0
+"""Robust standard deviations from the other recordings of the same fault."""
+CLIPPED: Final = 4
+"""Samples at one extreme from which a record is said to have a rail: without one, one sample is the largest."""
+BURST_DB: Final = 10.0
+"""Level of the loudest twentieth of a record over its median, in the top quarter of the band, from which it bursts."""
+LOOSE: Final = ("lines.half_mean", "lines.whole_high_mean")
+"""Signatures of half orders and of high whole orders of the shaft."""
+
+
+def look_at(records: RecordSet, rng: np.random.Generator) -> list[dict[str, Any]]:
+    """A row of each recording.
+
+    Returns
+    -------
+    list of dict
+        recording, fault, size_inch, speed_rpm; comb (height of each fault's comb, median over records), shows_fault
+        (None for healthy); at_extremes (samples at one extreme, most of any record), clipped; burst_db, bursts;
+        kurtosis; half_orders, high_orders; stands_out (signature -> robust deviations).
+    """
+    assert records.bearing is not None
+    spec = TwinSpec("phenomenological", bearing=records.bearing)
+    frame = calibrate(records, spec, rng).frame
+    measured: dict[str, Array] = {}
+    rows: list[dict[str, Any]] = []
+    for group in records.groups:
+        own = list(records.take(i for i, c in enumerate(records.conditions) if c.group == group))
+        table = np.array([measure(RecordView(r.samples, r.condition, frame)) for r in own])
+        measured[group] = _medians(table)
+        heights = [comb_heights(r.samples, r.condition, records.bearing) for r in own]
+        comb = {fault: float(np.median([h[fault] for h in heights])) for fault in heights[0]}
+        condition = own[0].condition
+        at_extremes = max(_at_extremes(r.samples) for r in own)
+        burst = max(burst_db(r.samples) for r in own)
+        rows.append({
+            "recording": group, "fault": condition.fault, "size_inch": condition.extra.get("fault_size_inch"),
+            "load_hp": condition.extra.get("load_hp"), "speed_rpm": condition.speed_rpm, "comb": comb,
+            "shows_fault": shows_fault(comb, str(condition.fault)),
+            "at_extremes": at_extremes, "clipped": at_extremes >= CLIPPED,
+            "burst_db": burst, "bursts": burst > BURST_DB,
+            "kurtosis": float(np.median([_kurtosis(r.samples) for r in own])),
+            "half_orders": float(measured[group][NAMES.index(LOOSE[0])]),
+            "high_orders": float(measured[group][NAMES.index(LOOSE[1])]),
+        })  # fmt: skip
+    for row in rows:
+        others = [measured[o["recording"]] for o in rows if o["fault"] == row["fault"] and o is not row]
+        row["stands_out"] = standing_out(measured[row["recording"]], others)
+    return rows
+
+
+def shows_fault(comb: dict[str, float], fault: str) -> bool | None:
+    """Whether a fault's own comb is clear and the highest of all; None for a fault without one (healthy, cage)."""
+    if fault not in comb:
+        return None
+    return comb[fault] >= CLEAR_COMB and comb[fault] == max(comb.values())
+
+
+def standing_out(own: Array, others: list[Array], most: int = 3) -> dict[str, float]:
+    """Signatures [signatures] farthest from those of other recordings, in robust standard deviations."""
+    if len(others) < 4:
+        return {}
+    table = np.array(others)
+    seen = np.isfinite(own) & (np.isfinite(table).sum(axis=0) >= 4)
+    centre, spread = np.full(own.size, np.nan), np.full(own.size, np.nan)
+    for j in np.flatnonzero(seen):
+        column = table[np.isfinite(table[:, j]), j]
+        centre[j] = np.median(column)
+        # Signatures that hardly vary would make any difference look large.
+        spread[j] = max(1.4826 * float(np.median(np.abs(column - centre[j]))), 0.05)
+    z = np.where(seen, (own - centre) / spread, 0.0)
+    order = np.argsort(-np.abs(z))[:most]
+    return {NAMES[j]: float(z[j]) for j in order if abs(z[j]) > STANDS_OUT}
+
+
+def burst_db(x: Array, segments: int = 20) -> float:
+    """Loudest of equal segments over their median, dB, in the top quarter of the band."""
+    transform = np.fft.rfft(x - x.mean())
+    transform[: 3 * transform.size // 4] = 0
+    top = np.fft.irfft(transform, x.size)
+    levels = np.array([np.mean(part**2) for part in np.array_split(top, segments)])
+    return float(10 * np.log10(max(float(levels.max()), 1e-300) / max(float(np.median(levels)), 1e-300)))
+
+
+def _at_extremes(x: Array) -> int:
+    """Samples at the highest and at the lowest value, whichever are more."""
+    return int(max(np.count_nonzero(x == x.max()), np.count_nonzero(x == x.min())))
+
+
+def _kurtosis(x: Array) -> float:
+    z = x - x.mean()
+    return float(np.mean(z**4) / max(float(np.mean(z**2)) ** 2, 1e-300))
+
+
+def _medians(table: Array) -> Array:
+    """[signatures] Medians over records, NaN where none has a number."""
+    out = np.full(table.shape[1], np.nan)
+    seen = np.isfinite(table).any(axis=0)
+    out[seen] = np.nanmedian(table[:, seen], axis=0)
+    return out

@@ -1,0 +1,218 @@
+"""public.json and public.md: the study of real records for people.
+
+table of `run_public` --json--> public.json;  --tables--> public.md
+"""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from twingap import files
+from twingap.study.public_jobs import TWINS
+from twingap.study.tables import finite, grid
+
+
+def write_public(table: Mapping[str, Any], out: str | os.PathLike[str]) -> list[Path]:
+    """Write both; their paths."""
+    text = json.dumps(finite(table), indent=1, allow_nan=False) + "\n"
+    written = []
+    for name, content in (("public.json", text), ("public.md", markdown(table))):
+        path = Path(out) / name
+        with files.replacing(path) as temporary:
+            temporary.write_text(content, encoding="utf-8")
+        written.append(path)
+    return written
+
+
+def markdown(table: Mapping[str, Any]) -> str:
+    """The study of real records as a page of tables."""
+    about, titles = table["provenance"], {s["name"]: s["title"] for s in table["sets"]}
+    plan, used = about["plan"], about["versions"]
+    injected = [r for r in table["injected"] if not r["refused"]]
+    parts = [
+        "# The gap diagnosis on public records",
+        f"Command: `{about['command']}`, seed {plan['seed']}, twingap {used['twingap']}, code "
+        f"{about['code_sha256'][:12]}, learnt {about['data']['learnt'][:12]}; {about['diagnoses']} answers, "
+        f"{about['computed_s']:.0f} s of computing. Records of 1 s, {plan['pieces']} of each recording; recordings are "
+        "never on both sides unless a table says so.",
+        *(
+            f"**{s['title']}**: stands in for {s['name'].upper()}, whose records were not at hand; nothing below is "
+            "of that set."
+            for s in table["sets"] if not s["real"]
+        ),
+        *(f"Left out: {name} ({why})." for name, why in table["skipped"].items()),
+        grid([
+            {"set": s["title"], "recordings": len(s["recordings"]), "records": s["records"]} for s in table["sets"]
+        ]),
+        "## What each paper's twin lacks",
+        "Accuracy: of a classifier that learns from the twin's records alone, on held-out real records, before and "
+        "after the verdict's effects are added; in brackets, learning from other real records.",
+        grid(twin_rows(table)),
+        *(part for row in table["twins"] for part in _details(row, titles)),
+        "## An effect withheld",
+        "From the twin that is nearest to the records once its verdict's effects are added, one effect is left out; "
+        "the diagnosis is blind to which. Nobody knows that the machine has these effects: they are what the "
+        "diagnosis, or paper 1, says that it has, so this shows whether verdicts stand, not whether they are true. "
+        "Covers: the confidence set holds the effect together with what the whole twin was said to lack.",
+        grid([{"set": titles[r["set"]], "twin": r["twin"], "left out": r["effect"],
+                "comes from": "verdict" if r["from_verdict"] else "the paper", **_answers(r)}
+               for r in table["withheld"]]),
+        _tally(table["withheld"]),
+        "## Real records with an effect added",
+        "One half of the real recordings plays the simulator, the other half, with the effect added, the machine. "
+        "Changed: RMS of the change over that of a record, median.",
+        grid([{"effect": r["effect"], "parameters": _values(r["parameters"]), "halved by": r["split_by"],
+               "acts on": _percent(r["acts_on"]), "changed": _percent(r["changed"]), **_answers(r)}
+              for r in injected]),
+        _tally(injected),
+        *(f"Not added: {r['effect']} ({r['refused']})." for r in table["injected"] if r["refused"]),
+        "## Nothing added",
+        "Halves of the same records against each other; a gap is a false alarm unless recordings of the same bearing "
+        "differ by themselves, which they do to some degree. Halvings share recordings: the interval (95 %, "
+        "Clopper-Pearson) takes them as independent and is too narrow.",
+        grid([_nothing(r) for r in table["nothing"]]),
+        "## Single recordings and what the literature says of them",
+        grid([{"said": d["said"], "recordings": ", ".join(d["recordings"]) or "not known to us", "source": d["source"]}
+              for d in table["documented"]]),
+        _agreement(table["single"]),
+        "Plain looks (comb: height of the fault's own comb in the envelope, clear from 6; at extremes: samples at one "
+        "extreme value, rail from 4; bursts: loudest twentieth of a second over the median, top quarter of the band) "
+        "and the verdict against the bare twin, calibrated on the recording itself:",
+        grid([_single(row) for row in table["single"]]),
+    ]  # fmt: skip
+    return "\n\n".join(part for part in parts if part) + "\n"
+
+
+def twin_rows(table: Mapping[str, Any]) -> list[dict[str, str]]:
+    """A row of text per set and twin: verdict, what is missing, gap and accuracy before and after."""
+    titles = {s["name"]: s["title"] for s in table["sets"]}
+    return [_twin(row, titles) for row in table["twins"]]
+
+
+def _twin(row: Mapping[str, Any], titles: Mapping[str, str]) -> dict[str, str]:
+    first = {"set": titles[row["set"]], "twin": f"{row['twin']} ({TWINS[row['twin']]})"}
+    if row["refused"]:
+        return {**first, "verdict": f"refused: {row['refused']}", "lacks": "", "closes": "", "gap": "", "accuracy": ""}
+    gap = row["gap"]
+    return {
+        **first,
+        "verdict": f"{row['status']} (p {row['p_value']:.2g})",
+        "lacks": ", ".join(row["effects"]) or "nothing named",
+        "closes": _closure(row),
+        "gap": f"{gap['before']:.2f} to {gap['after']:.2f} (floor {gap['floor']:.2f})",
+        "accuracy": _accuracy(row["accuracy"]),
+    }
+
+
+def _details(row: Mapping[str, Any], titles: Mapping[str, str]) -> list[str]:
+    if row["refused"]:
+        return []
+    named = [
+        {"effect": c["effect"], "probability": f"{c['probability']:.2f}", "closes": f"{c['closure']:.0%}",
+         "90 % interval": "{:.0%} to {:.0%}".format(*c["ci"]),
+         "values": _values(c["parameters"]), "cannot be added": c["cannot"] or ""}
+        for c in row["which"]
+    ]  # fmt: skip
+    places = [
+        {"where": w["place"], "share": f"{w['share']:.0%}", "p": f"{w['p_value']:.2g}"} for w in row["where"]
+    ]  # fmt: skip
+    notes = [*row["left_out"], *row["notes"]]
+    return [
+        f"### {titles[row['set']]}, {row['twin']}",
+        row["sentence"],
+        grid(named) if named else "",
+        grid(places) if places else "",
+        "\n".join(f"- {note}" for note in notes),
+    ]
+
+
+def _answers(row: Mapping[str, Any]) -> dict[str, str]:
+    return {
+        "verdict": row.get("status") or f"refused: {row.get('refused', '')}",
+        "named": ", ".join(row.get("effects") or ()),
+        "first": _yes(row["first"]), "at all": _yes(row["named"]), "covers": _yes(row["covers"]),
+        "in a set": _yes(row["in_a_set"]), "expected besides": ", ".join(row["rest"]),
+    }  # fmt: skip
+
+
+def _tally(rows: Sequence[Mapping[str, Any]]) -> str:
+    heard = [r for r in rows if r["first"] is not None]
+    if not heard:
+        return "Nothing could be asked." if not rows else "All were refused."
+    counts = {k: sum(bool(r[k]) for r in heard) for k in ("first", "named", "covers", "in_a_set")}
+    return "Of {}: first {first}, at all {named}, covered {covers}, in one of the sets {in_a_set}.".format(
+        len(heard), **counts
+    )
+
+
+def _nothing(row: Mapping[str, Any]) -> dict[str, str]:
+    rate = "-" if row["rate"] is None else f"{row['rate']:.2f} ({row['interval'][0]:.2f} to {row['interval'][1]:.2f})"
+    return {
+        "set": row["title"], "halved by": row["split_by"] or "", "called a gap": f"{row['alarms']} of {row['splits']}",
+        "rate": rate, "named": ", ".join(f"{k} {v}" for k, v in row["named"].items()),
+        "p values": ", ".join(f"{p:.2g}" for p in sorted(row["p_values"])),
+    }  # fmt: skip
+
+
+def _agreement(rows: Sequence[Mapping[str, Any]]) -> str:
+    judged = [r for r in rows if r["agrees"] is not None]
+    if not judged:
+        return ""
+    unclear = [r for r in judged if r["said_unclear"]]
+    clear = [r for r in judged if not r["said_unclear"]]
+    dim = sum(not r["shows_fault"] for r in unclear)
+    seen = sum(bool(r["shows_fault"]) for r in clear)
+    rails = [r["recording"] for r in rows if r["clipped"]]
+    bursts = [r["recording"] for r in rows if r["bursts"]]
+    loose = [r["recording"] for r in rows if "looseness" in (r.get("effects") or ())]
+    return (
+        f"Of {len(unclear)} recordings said to be unclear, {dim} do not show their fault's comb as the highest and "
+        f"clear; of {len(clear)} other faulty ones, {seen} do. Records at a rail: {', '.join(rails) or 'none'}. "
+        f"Bursts: {', '.join(bursts) or 'none'}. Looseness named: {', '.join(loose) or 'none'}."
+    )
+
+
+def _single(row: Mapping[str, Any]) -> dict[str, str]:
+    comb = row["comb"].get(row["fault"])
+    return {
+        "recording": row["recording"], "fault": row["fault"],
+        "size, in": "" if not row["size_inch"] else f"{row['size_inch']:g}",
+        "comb": "" if comb is None else f"{comb:.1f}", "shows it": _yes(row["shows_fault"]),
+        "said unclear": "yes" if row["said_unclear"] else "",
+        "at extremes": f"{row['at_extremes']}", "burst, dB": f"{row['burst_db']:.1f}",
+        "kurtosis": f"{row['kurtosis']:.1f}",
+        "stands out by": ", ".join(f"{k} {v:+.0f}" for k, v in row["stands_out"].items()),
+        "verdict": row.get("status") or row.get("refused") or "not asked",
+        "named": ", ".join(row.get("effects") or ()),
+    }  # fmt: skip
+
+
+def _closure(row: Mapping[str, Any]) -> str:
+    if row["closure"] is None:
+        return ""
+    ci = row["closure_ci"]
+    return f"{row['closure']:.0%}" + (f" ({ci[0]:.0%} to {ci[1]:.0%})" if ci else "")
+
+
+def _accuracy(metric: Mapping[str, float] | None) -> str:
+    if metric is None:
+        return ""
+    return f"{metric['before']:.2f} to {metric['after']:.2f} ({metric['floor']:.2f})"
+
+
+def _values(parameters: Mapping[str, Any] | None) -> str:
+    return ", ".join(
+        f"{k} {v:.3g}" if isinstance(v, float) else f"{k} {v}" for k, v in (parameters or {}).items()
+    )  # fmt: skip
+
+
+def _percent(value: float | None) -> str:
+    return "" if value is None else f"{value:.0%}"
+
+
+def _yes(value: bool | None) -> str:
+    return {None: "", True: "yes", False: "no"}[value]

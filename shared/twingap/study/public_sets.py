@@ -1,0 +1,220 @@
+"""Public record sets as the study of real records takes them, and what the literature says of single recordings.
+
+data.load --> recordings --a few pieces of 1 s each--> RecordSet --halves, by recording--> one part | the other
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Final
+
+import numpy as np
+
+from twingap.data import cut, load
+from twingap.errors import TwingapError
+from twingap.records import Condition, RecordSet
+
+PIECE_S: Final = 1.0
+"""Length of a record, s."""
+STAND_INS: Final[Mapping[str, str]] = {"cwru": "virtual_cwru"}
+"""Public set -> the virtual rig that takes its place where its records are not at hand."""
+NEAR_SPEEDS: Final = 1.1
+"""Speeds of one bearing's recordings within this ratio: recordings can stand for each other."""
+SINGLE: Final = "cwru"
+"""The set whose single recordings the literature speaks of."""
+
+
+@dataclass(frozen=True)
+class PublicSet:
+    """A set of records, with what it really is.
+
+    Parameters
+    ----------
+    records : RecordSet
+        Pieces of `PIECE_S`; group = recording.
+    title : str
+        What stands beside every number: "CWRU", or "virtual rig, not CWRU".
+    real : bool
+    """
+
+    records: RecordSet
+    title: str
+    real: bool
+
+
+@lru_cache(maxsize=4)
+def public_set(name: str, root: str | None, pieces: int) -> PublicSet:
+    """A public set, cut and in memory; a named stand-in where its records are not at hand.
+
+    Parameters
+    ----------
+    name : str
+        "cwru" or "hit_sm", or another reader of `twingap.data` whose records carry faults.
+    root : str or None
+        Data root; TWINGAP_DATA when None.
+    pieces : int
+        Of each recording, evenly spread over it.
+
+    Raises
+    ------
+    TwingapError
+        When the records are not at hand and nothing stands in, or `root` is given and does not hold them.
+    """
+    try:
+        records, title, real = load(name, root), name.upper().replace("_", "-"), True
+    except TwingapError:
+        if root is not None or name not in STAND_INS:
+            raise
+        records, real = load(STAND_INS[name]), False
+        title = f"virtual rig, not {name.upper()}"
+    return PublicSet(_pieces(records, pieces), title, real)
+
+
+def _pieces(records: RecordSet, pieces: int) -> RecordSet:
+    """So many pieces of every recording that is long enough for one."""
+    long = records.select(lambda c: c.duration_s >= PIECE_S and c.fault is not None)
+    every = cut(long, duration_s=PIECE_S)
+    places: dict[str, list[int]] = {}
+    for place, condition in enumerate(every.conditions):
+        places.setdefault(str(condition.group), []).append(place)
+    kept: list[int] = []
+    for own in places.values():
+        spread = np.linspace(0, len(own) - 1, min(pieces, len(own))).round().astype(int)
+        kept += [own[i] for i in np.unique(spread)]
+    return RecordSet.from_records(records.name, records.unit, records.bearing, every.take(kept))
+
+
+def bearing_of(condition: Condition) -> tuple[str, str]:
+    """Fault and bearing: recordings that agree in both differ in load or speed only."""
+    return str(condition.fault), str(condition.extra.get("bearing_id", ""))
+
+
+def halves(records: RecordSet, rng: np.random.Generator) -> tuple[RecordSet, RecordSet, str]:
+    """Two halves that hold the same bearings: by recording where recordings can stand for each other.
+
+    Each bearing's recordings are sorted by speed and dealt out in pairs, by lot within a pair; the odd one of a bearing
+    goes where the last odd one did not. Where a bearing's recordings differ in speed by more than `NEAR_SPEEDS`, or
+    there is one only, dealing recordings would make the halves differ by itself: then every recording is cut in the
+    middle of its pieces, and which part goes where is drawn.
+
+    Returns
+    -------
+    RecordSet, RecordSet
+    str
+        "recording", or "time within recordings", which flatters: both halves are of the same recordings.
+
+    Raises
+    ------
+    TwingapError
+        When recordings of one piece would have to be cut.
+    """
+    groups: dict[str, list[int]] = {}
+    for place, condition in enumerate(records.conditions):
+        groups.setdefault(str(condition.group), []).append(place)
+    by_bearing: dict[tuple[str, str], list[str]] = {}
+    for group, places in groups.items():
+        by_bearing.setdefault(bearing_of(records.conditions[places[0]]), []).append(group)
+
+    def speed(group: str) -> float:
+        return float(np.mean([records.conditions[i].speed_rpm for i in groups[group]]))
+
+    parts: tuple[list[int], list[int]] = ([], [])
+    alike = all(
+        len(own) > 1 and max(map(speed, own)) <= NEAR_SPEEDS * min(map(speed, own)) for own in by_bearing.values()
+    )
+    if alike:
+        spare = int(rng.integers(2))
+        for own in by_bearing.values():
+            ordered = sorted(own, key=lambda group: (speed(group), group))
+            for pair in range(0, len(ordered), 2):
+                both = ordered[pair : pair + 2]
+                first = int(rng.integers(2))
+                if len(both) == 1:
+                    first, spare = spare, 1 - spare
+                for turn, group in enumerate(both):
+                    parts[(first + turn) % 2].extend(groups[group])
+    else:
+        for group, places in groups.items():
+            if len(places) < 2:
+                raise TwingapError(
+                    "one piece cannot be halved",
+                    where=f"recording {group!r}",
+                    mend="take more pieces of each recording",
+                )
+            first, middle = int(rng.integers(2)), len(places) // 2
+            parts[first].extend(places[:middle])
+            parts[1 - first].extend(places[middle:])
+    one, other = (records.take(sorted(part)) for part in parts)
+    return one, other, "recording" if alike else "time within recordings"
+
+
+# --------------------------------------------------------------------------------------------- what the literature says
+
+
+@dataclass(frozen=True)
+class Documented:
+    """What is said of single CWRU recordings.
+
+    Parameters
+    ----------
+    said : str
+    recordings : tuple of str
+        By number, of those of the drive end at 12 kHz; empty: which ones could not be checked.
+    shows : {"fault unclear", "clipping", "bursts", "looseness", "rate", ""}
+        What a look at the record should find if it is so.
+    source : str
+        Where it is known from, and how far that could be checked.
+    """
+
+    said: str
+    recordings: tuple[str, ...]
+    shows: str
+    source: str
+
+
+_SMITH: Final = "W. A. Smith, R. B. Randall, MSSP 64-65 (2015) 100-131, doi:10.1016/j.ymssp.2015.04.021"
+_MEMORY: Final = f"{_SMITH}; cited from memory, the paper was not at hand to check it"
+
+
+def _numbers(*firsts: int) -> tuple[str, ...]:
+    """Recordings at 0, 1, 2, 3 hp."""
+    return tuple(str(first + hp) for first in firsts for hp in range(4))
+
+
+DOCUMENTED: Final[tuple[Documented, ...]] = (
+    Documented(
+        "most recordings of ball faults do not show the ball's classical signature", _numbers(118, 185, 222),
+        "fault unclear", _MEMORY,
+    ),
+    Documented(
+        "the outer-race fault of 0.014 in can hardly be diagnosed, unlike the smaller and the larger one",
+        _numbers(197), "fault unclear", _MEMORY,
+    ),
+    Documented(
+        "the inner-race fault of 0.014 in is among the difficult ones", _numbers(169), "fault unclear",
+        f"{_MEMORY}; our memory is less sure of this one",
+    ),
+    Documented(
+        "some recordings are clipped", (), "clipping", f"{_MEMORY}; the numbers of the recordings are not recalled",
+    ),
+    Documented(
+        "some recordings hold patches of electrical noise", (), "bursts",
+        f"{_MEMORY}; the numbers of the recordings are not recalled, they may be of the fan end only",
+    ),
+    Documented(
+        "some recordings show mechanical looseness: orders of the shaft and their modulation stand above the fault's",
+        (), "looseness", f"{_MEMORY}; the numbers of the recordings are not recalled",
+    ),
+    Documented(
+        "the healthy recordings were sampled at 48 kHz, the faults at 12 kHz: healthy and faulty records went through "
+        "other filters", ("97", "98", "99", "100"), "rate", "the owner's tables and the files themselves",
+    ),
+)  # fmt: skip
+"""Not a list of the paper's findings: only what could be stated without it."""
+
+
+def documented(recording: str) -> tuple[Documented, ...]:
+    """What is said of one recording by number."""
+    return tuple(d for d in DOCUMENTED if recording in d.recordings)
