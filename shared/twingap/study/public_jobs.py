@@ -22,7 +22,7 @@ from twingap.gap.advice import place_words
 from twingap.gap.report import GapReport
 from twingap.records import Record, RecordSet
 from twingap.streams import Streams
-from twingap.study.public_sets import halves, public_set
+from twingap.study.public_sets import bearing_of, halves, public_set
 from twingap.twins.phenomenological import paper1_chain
 from twingap.twins.twin_file import TwinSpec
 
@@ -55,7 +55,7 @@ class PublicJob:
     kind : str
         "twin": records against a twin; "withheld": against the same with the effects of `chain`, but `effect`;
         "injected" and "nothing": one half of the records, `effect` added or not, against the other half; "recording":
-        one recording against a twin; "looks": plain looks at every recording.
+        one recording against the others of its bearing; "looks": plain looks at every recording.
     data_set : str
     twin : str
         Of `TWINS`.
@@ -145,7 +145,7 @@ def run_job(job: PublicJob, root: str | None = None) -> dict[str, Any]:
     if job.kind in ("injected", "nothing"):
         return {**about, **_against_itself(job, records, spec, rng)}
     if job.kind == "recording":
-        records = records.select(lambda c: c.group == job.recording)
+        return {**about, **_among_its_kind(job.recording, records, spec, rng)}
     if job.kind == "withheld":
         spec = with_effects(spec, json.loads(job.chain), job.effect)
     left_out = twin_spec(job.twin, records)[1]

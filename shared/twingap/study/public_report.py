@@ -81,7 +81,8 @@ def markdown(table: Mapping[str, Any]) -> str:
         _agreement(table["single"]),
         "Plain looks (comb: height of the fault's own comb in the envelope, clear from 6; at extremes: samples at one "
         "extreme value, rail from 4; bursts: loudest twentieth of a second over the median, top quarter of the band) "
-        "and the verdict against the bare twin, calibrated on the recording itself:",
+        "and the verdict of a diagnosis of the recording against the other recordings of the same bearing, which play "
+        "the simulator: what all recordings of a bearing have is no gap there, and what the load changes is one:",
         grid([_single(row) for row in table["single"]]),
     ]  # fmt: skip
     return "\n\n".join(part for part in parts if part) + "\n"

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from twingap.gap.training.learn import Learnt
     from twingap.records import RecordSet
 
-MACHINES: Final = 3600
+MACHINES: Final = 2400
 """Machines of a full training: twenty minutes on two cores."""
 CHUNK: Final = 30
 MOST_RECORDS: Final = 24
@@ -58,21 +58,32 @@ def default_machines() -> int:
     return int(text)
 
 
-def key(machines: int, seed: int = SEED) -> str:
-    """Digest of all that the result depends on: the catalogue, the features, the code that makes examples."""
+def examples_key(seed: int = SEED) -> str:
+    """Digest of all that examples depend on: the catalogue, and the code that simulates, calibrates and compares."""
     import twingap.effects
     import twingap.gap.signatures
-    import twingap.gap.training
+    import twingap.identify
     import twingap.twins
     from twingap.effects import catalogue
-    from twingap.gap import calibrate, comparison, evidence, simulator, speed, view
+    from twingap.gap import baseline, calibrate, comparison, evidence, simulator, speed, view
+    from twingap.gap.training import examples, gaps, machines, parameters, strangers
     from twingap.provenance import digest_of_code
 
     code = digest_of_code(
-        twingap.effects, twingap.twins, twingap.gap.signatures, twingap.gap.training,
-        calibrate, comparison, evidence, simulator, speed, view,
+        twingap.effects, twingap.twins, twingap.identify, twingap.gap.signatures, baseline, calibrate, comparison, evidence, simulator,
+        speed, view, examples, gaps, machines, parameters, strangers,
     )  # fmt: skip
-    return digest_of_value({"code": code, "effects": list(catalogue()), "machines": machines, "seed": seed})[:16]
+    about = {"code": code, "effects": list(catalogue()), "seed": seed, "most_records": MOST_RECORDS, "chunk": CHUNK}
+    return digest_of_value(about)[:16]
+
+
+def key(machines: int, seed: int = SEED) -> str:
+    """Digest of all that what is learnt depends on: the examples, their number, and how is learnt from them."""
+    from twingap.gap.training import learn
+    from twingap.provenance import digest_of_code
+
+    about = {"examples": examples_key(seed), "learn": digest_of_code(learn), "machines": machines}
+    return digest_of_value(about)[:16]
 
 
 def train(
@@ -112,7 +123,9 @@ def train(
     if _whole(target):
         return target
     chunks = [range(start, min(start + CHUNK, machines)) for start in range(0, machines, CHUNK)]
-    paths = [folder / f"examples-{own}" / f"{chunk.start:05d}.npz" for chunk in chunks]
+    # A chunk is the same whatever the number of machines, but for the last one of an odd number.
+    kept = folder / f"examples-{examples_key(seed)}"
+    paths = [kept / f"{chunk.start:05d}-{len(chunk)}.npz" for chunk in chunks]
     waiting = [(chunk, path) for chunk, path in zip(chunks, paths, strict=True) if not path.exists()]
     report("simulated gaps", (len(paths) - len(waiting)) / len(paths))
     tasks = (joblib.delayed(_chunk)(seed, chunk, path) for chunk, path in waiting)

@@ -20,6 +20,8 @@ Mask = NDArray[np.bool_]
 
 FOLDS: Final = 4
 _KEPT: Final = 170
+_KNOWN: Final = 0.12
+"""Part of the examples in which a feature must be known for anything to be learnt from it."""
 _FEWEST: Final = 25
 """Examples of an effect below which nothing is learnt of it."""
 
@@ -124,7 +126,8 @@ class Table:
         from sklearn.ensemble import ExtraTreesClassifier, ExtraTreesRegressor
 
         own = np.asarray(allowed, int)
-        own = own[np.isfinite(self.values[:, own]).any(axis=0)]
+        # What is known of a handful of machines only may be unknown in a whole fold.
+        own = own[np.isfinite(self.values[:, own]).mean(axis=0) >= _KNOWN]
         if own.size <= _KEPT:
             return own
         place = np.argsort(np.argsort(target)).astype(np.float32)
@@ -154,6 +157,8 @@ def learn_classifier(table: Table, label: Mask, machine: NDArray[np.int64], allo
     if min(label.sum(), (~label).sum()) < _FEWEST:
         return None
     own_columns = table.telling(label.astype(float), allowed)
+    if own_columns.size == 0:
+        return None
     own, fold = table.values[:, own_columns], folds(machine)
     unseen, models = np.zeros(len(label)), []
     for k in range(FOLDS):
@@ -178,6 +183,8 @@ def learn_estimator(table: Table, value: Array, machine: NDArray[np.int64], allo
         return None
     table, value, machine = table.take(known), value[known], machine[known]
     own_columns, features = table.telling(value, allowed), table.values
+    if own_columns.size == 0:
+        return None
     anchor, line = _anchor(features, own_columns, value)
     on_line = np.where(np.isfinite(features[:, anchor]), line[0] * features[:, anchor] + line[1], np.median(value))
     residual, own, fold = value - on_line, features[:, own_columns], folds(machine)
