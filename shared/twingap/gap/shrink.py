@@ -332,7 +332,12 @@ def _accuracy(pairs: tuple[Paired, Paired], rng: np.random.Generator, draws: int
         return
     labels, groups = [str(faults[i]) for i in known], [pairs[0].conditions[i].group for i in known]
     real = pairs[0].real.take(known)
-    b, a = (accuracy_on_records([s.take(known) for s in p.sims], real, labels, rng).astype(float) for p in pairs)
+    # The same lots for both: a difference between them is the records', not the trees'.
+    lots = int(rng.integers(2**63))
+    b, a = (
+        accuracy_on_records([s.take(known) for s in p.sims], real, labels, np.random.default_rng(lots)).astype(float)
+        for p in pairs
+    )
     among = accuracy_between_records(real, labels, groups, rng)
     ci_a, ci_b = _mean_interval(a, groups, rng, draws), _mean_interval(b, groups, rng, draws)
     name = "accuracy on the records of a classifier trained on the twin (higher is better)"
