@@ -230,6 +230,17 @@ def _against_itself(job: PublicJob, records: RecordSet, spec: TwinSpec, rng: np.
     return {**about, **diagnosed(machine, spec, rng, sim)}
 
 
+def _among_its_kind(recording: str, records: RecordSet, spec: TwinSpec, rng: np.random.Generator) -> dict[str, Any]:
+    """One recording against the other recordings of the same bearing, which play the simulator."""
+    own = records.select(lambda c: c.group == recording)
+    bearing = bearing_of(own.conditions[0])
+    if not any(bearing_of(c) == bearing and c.group != recording for c in records.conditions):
+        return {"refused": "no other recording of this bearing", "records": len(own), "seconds": 0.0}
+    others = records.select(lambda c: bearing_of(c) == bearing and c.group != recording)
+    sim = RecordSet("its other recordings", others.unit, others.bearing, others.conditions, _Samples(others))
+    return {"against": list(others.groups), **diagnosed(own, spec, rng, sim)}
+
+
 def injected(records: RecordSet, effect: Effect, bearing: Bearing, seed: int) -> tuple[RecordSet, float, float, str]:
     """Records with an effect added where it can act.
 

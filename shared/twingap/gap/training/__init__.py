@@ -70,8 +70,8 @@ def examples_key(seed: int = SEED) -> str:
     from twingap.provenance import digest_of_code
 
     code = digest_of_code(
-        twingap.effects, twingap.twins, twingap.identify, twingap.gap.signatures, baseline, calibrate, comparison, evidence, simulator,
-        speed, view, examples, gaps, machines, parameters, strangers,
+        twingap.effects, twingap.twins, twingap.identify, twingap.gap.signatures, baseline, calibrate, comparison,
+        evidence, simulator, speed, view, examples, gaps, machines, parameters, strangers,
     )  # fmt: skip
     about = {"code": code, "effects": list(catalogue()), "seed": seed, "most_records": MOST_RECORDS, "chunk": CHUNK}
     return digest_of_value(about)[:16]
