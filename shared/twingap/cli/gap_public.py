@@ -22,17 +22,17 @@ def public(
     ] = None,
     pieces: Annotated[
         int, typer.Option("--pieces", metavar="N", help="Records of 1 s from each recording.", min=2, max=60)
-    ] = 3,
+    ] = 2,
     splits: Annotated[
         int, typer.Option("--splits", metavar="N", help="Random halvings with nothing added, per set.", min=0)
-    ] = 10,
+    ] = 6,
     injections: Annotated[
         int, typer.Option("--injections", metavar="N", help="Halvings that each effect is added on.", min=0)
     ] = 1,
     single_pieces: Annotated[
         int,
         typer.Option("--single", metavar="N", help="Records of each recording diagnosed by itself; 0: none.", min=0),
-    ] = 5,
+    ] = 3,
     seed: Seed = 0,
     jobs: Annotated[
         int | None, typer.Option("--jobs", metavar="J", help="Processes; one per core when absent.", min=1)

@@ -52,10 +52,10 @@ class Plan:
 
     sets: tuple[str, ...] = SETS
     seed: int = 0
-    pieces: int = 3
-    splits: int = 10
+    pieces: int = 2
+    splits: int = 6
     injections: int = 1
-    single_pieces: int = 5
+    single_pieces: int = 3
 
 
 def run_public(

@@ -1,0 +1,342 @@
+"""The study of real records: halves, effects left out and added, answers judged, plain looks, the page."""
+
+from __future__ import annotations
+
+import json
+import os
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from twingap.bearing import BEARINGS
+from twingap.effects import make_effect
+from twingap.errors import TwingapError
+from twingap.records import Condition, Record, RecordSet
+from twingap.study import public, public_jobs, public_looks, public_report, public_sets
+from twingap.study.public_jobs import PublicJob
+
+FS = 4096.0
+needs_data = pytest.mark.skipif("TWINGAP_DATA" not in os.environ, reason="TWINGAP_DATA names no data root")
+
+
+def record_set(speeds: dict[str, list[float]], pieces: int = 2) -> RecordSet:
+    """Noise of one recording per bearing and speed; a bearing is named by its fault and a number."""
+    rng = np.random.default_rng(0)
+    made = []
+    for bearing, own in speeds.items():
+        for speed in own:
+            group = f"{bearing}-{speed:g}"
+            for piece in range(pieces):
+                condition = Condition(
+                    f"{group}+{piece}", speed, FS, int(FS), bearing.split("-")[0], group=group,
+                    extra={"bearing_id": bearing},
+                )  # fmt: skip
+                made.append(Record(condition, rng.standard_normal(int(FS))))
+    return RecordSet.from_records("set", "g", BEARINGS["6205"], made)
+
+
+NEAR = {"healthy": [1797.0, 1750.0], "inner-7": [1797, 1772, 1750, 1730.0], "inner-14": [1797, 1772, 1750.0]}
+
+
+# --------------------------------------------------------------------------------------------------------------- halves
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_halves_share_no_recording_and_hold_the_same_bearings(seed: int) -> None:
+    records = record_set(NEAR)
+    one, other, by = public_sets.halves(records, np.random.default_rng(seed))
+    assert by == "recording"
+    assert not one.common_groups(other)
+    assert len(one) + len(other) == len(records)
+    assert {public_sets.bearing_of(c) for c in one.conditions} == {public_sets.bearing_of(c) for c in other.conditions}
+    assert abs(len(one) - len(other)) <= 2  # one recording more at most
+
+
+def test_halvings_differ_from_seed_to_seed_and_agree_for_one() -> None:
+    records = record_set(NEAR)
+    drawn = {public_sets.halves(records, np.random.default_rng(s))[0].groups for s in range(20)}
+    assert len(drawn) > 5
+    assert public_sets.halves(records, np.random.default_rng(3))[0].groups in drawn
+
+
+@pytest.mark.parametrize("speeds", [{"healthy": [600.0, 1200.0]}, {"healthy": [1797.0, 1750.0], "ball-7": [1797.0]}])
+def test_recordings_that_cannot_stand_for_each_other_are_cut_in_time(speeds: dict[str, list[float]]) -> None:
+    records = record_set(speeds)
+    one, other, by = public_sets.halves(records, np.random.default_rng(0))
+    assert by == "time within recordings"
+    assert set(one.groups) == set(other.groups) == set(records.groups)
+    assert not {c.name for c in one.conditions} & {c.name for c in other.conditions}
+    with pytest.raises(TwingapError, match="halved"):
+        public_sets.halves(record_set(speeds, pieces=1), np.random.default_rng(0))
+
+
+# ---------------------------------------------------------------------------------------------------------------- twins
+
+
+def test_the_papers_twins_for_records_without_time() -> None:
+    records = record_set(NEAR)
+    spec, left_out = public_jobs.twin_spec("paper1", records)
+    assert spec.effects == ("speed_gain", "slip_jitter", "load_zone", "impact_scatter")
+    assert len(left_out) == 1 and "damage_growth" in left_out[0]
+    assert spec.parameters["load_zone"] == {"depth": 0.3}
+    assert public_jobs.twin_spec("paper2", records)[0].preset == "paper"
+    assert public_jobs.twin_spec("paper3", records)[0].effects == ("slip_jitter",)
+    with pytest.raises(TwingapError, match="paper1"):
+        public_jobs.twin_spec("paper9", records)
+
+
+def test_an_effect_left_out_is_gone_with_its_parameters_and_the_rest_stays() -> None:
+    spec, _ = public_jobs.twin_spec("paper1", record_set(NEAR))
+    chain = {"clipping": {"rail": 3.0}, "looseness": {"level": 0.2}}
+    whole = public_jobs.with_effects(spec, chain)
+    assert set(whole.effects) == {*spec.effects, *chain}
+    for name in whole.effects:
+        less = public_jobs.with_effects(spec, chain, name)
+        assert set(whole.effects) - set(less.effects) == {name}
+        assert name not in less.parameters
+        assert all(less.parameters[other] == whole.parameters[other] for other in less.effects)
+
+
+def test_the_chain_of_a_verdict_holds_what_could_be_added_with_the_catalogues_types() -> None:
+    values = {"level": 0.5, "decay": 0.6, "n_harmonics": 4.0, "inner": 1.0}
+    rows = [
+        {"effect": "waviness", "cannot": None, "parameters": values},
+        {"effect": "mean_slip", "cannot": "no", "parameters": {"slip": 0.01}},
+        {"effect": "clipping", "cannot": None, "parameters": {"rail": 3.0}},
+    ]
+    chain = public_jobs.chain_of({"which": rows, "effects": ["waviness", "mean_slip"]})
+    assert chain == {"waviness": {**values, "n_harmonics": 4, "inner": True}}
+    assert type(chain["waviness"]["inner"]) is bool and type(chain["waviness"]["n_harmonics"]) is int
+    make_effect("waviness", chain["waviness"])
+
+
+def test_the_best_twin_has_the_smallest_gap_afterwards_and_was_not_refused() -> None:
+    rows: dict[str, dict[str, Any]] = {
+        "bare": {"refused": "", "gap": {"before": 3.0, "after": 2.0}},
+        "paper1": {"refused": "", "gap": {"before": 2.5, "after": 2.4}},
+        "paper2": {"refused": "too slow", "gap": None},
+    }
+    assert public.best_twin(rows) == "bare"
+    assert public.best_twin({"paper2": rows["paper2"]}) == ""
+
+
+# -------------------------------------------------------------------------------------------------------- effects added
+
+
+def test_an_effect_is_added_in_units_of_healthy_vibration_and_only_where_it_can_act() -> None:
+    records = record_set(NEAR)
+    loud = RecordSet.from_records(
+        "loud", "g", records.bearing,
+        [Record(r.condition, r.samples * (1 if r.condition.fault == "healthy" else 100)) for r in records],
+    )  # fmt: skip
+    made, share, change, _ = public_jobs.injected(loud, make_effect("clipping", {"rail": 2.0}), BEARINGS["6205"], 0)
+    assert share == 1.0 and change > 0.5
+    assert max(float(np.abs(r.samples).max()) for r in made) == pytest.approx(2.0, rel=0.05)
+    same, share, change, why = public_jobs.injected(loud, make_effect("mean_slip"), BEARINGS["6205"], 0)
+    assert (share, change) == (0.0, 0.0) and "waveform" in why
+    assert all(np.array_equal(a.samples, b.samples) for a, b in zip(same, loud, strict=True))
+
+
+def test_effects_that_can_be_added_to_waveforms() -> None:
+    names = public_jobs.can_be_injected(record_set(NEAR, pieces=1))
+    assert {"quantisation", "looseness", "slip_jitter", "sensor_rolloff"} <= set(names)
+    assert not {"mean_slip", "distributed_roughness", "damage_growth"} & set(names)
+
+
+# ------------------------------------------------------------------------------------------------------ answers, judged
+
+
+def answer(effects: list[str], sets: list[list[str]] | None = None, status: str = "explained") -> dict[str, Any]:
+    return {
+        "title": "CWRU", "real": True, "refused": "", "status": status, "effects": effects, "p_value": 0.01,
+        "confidence_set": [effects] if sets is None else sets, "closure": 0.5, "closure_ci": [0.4, 0.6],
+        "accuracy": None, "seconds": 1.0, "split_by": "recording", "changed": 0.1, "acts_on": 1.0, "parameters": {},
+    }  # fmt: skip
+
+
+def test_an_answer_is_judged_against_the_effect_and_what_is_missing_besides() -> None:
+    row = answer(["looseness", "clipping"], [["looseness", "clipping"], ["clipping"]])
+    assert public.judged(row, "clipping") == {"first": False, "named": True, "covers": True, "in_a_set": True}
+    assert public.judged(row, "looseness") == {"first": True, "named": True, "covers": False, "in_a_set": True}
+    assert public.judged(row, "looseness", ["clipping"])["covers"]
+    assert public.judged({"refused": "why"}, "clipping")["named"] is None
+
+
+def test_a_withheld_effect_is_expected_beside_what_the_whole_twin_lacks() -> None:
+    chain = json.dumps({"clipping": {"rail": 3.0}})
+    jobs = [PublicJob("withheld", "cwru", "bare", 0, 2, effect, chain) for effect in ("", "clipping")]
+    rows = public.withheld_rows(
+        dict(zip(jobs, [answer(["gear_mesh"]), answer(["clipping", "gear_mesh"])], strict=True))
+    )
+    assert len(rows) == 1
+    assert rows[0]["rest"] == ["gear_mesh"] and rows[0]["covers"] and rows[0]["first"] and rows[0]["from_verdict"]
+
+
+def test_an_added_effect_that_is_named_without_it_is_told_apart() -> None:
+    calm = PublicJob("nothing", "cwru", "bare", 0, 2, split=1)
+    added = [PublicJob("injected", "cwru", "bare", 0, 2, name, split=1) for name in ("clipping", "looseness")]
+    rows = public.injected_rows({
+        calm: answer(["looseness"]), added[0]: answer(["clipping", "looseness"]), added[1]: answer(["looseness"]),
+    })  # fmt: skip
+    assert [r["named_without_it"] for r in rows] == [False, True]
+    assert rows[0]["covers"] and rows[0]["rest"] == ["looseness"]
+
+
+def test_false_alarms_are_counted_among_what_was_not_refused() -> None:
+    answers = {
+        PublicJob("nothing", "cwru", "bare", 0, 2, split=i): row
+        for i, row in enumerate([
+            answer([], status="no_gap"), answer(["clipping"]), answer([], status="unexplained"),
+            {"title": "CWRU", "real": True, "refused": "why", "split_by": "recording"},
+        ])
+    }  # fmt: skip
+    (row,) = public.nothing_rows(answers)
+    assert (row["alarms"], row["splits"], row["named"]) == (2, 3, {"clipping": 1})
+    assert row["interval"][0] < row["rate"] < row["interval"][1]
+    assert row["refused"] == ["why"]
+
+
+# ---------------------------------------------------------------------------------------------------------- plain looks
+
+
+def test_a_fault_shows_when_its_own_comb_is_clear_and_highest() -> None:
+    assert public_looks.shows_fault({"inner": 20.0, "outer": 7.0, "ball": 0.0}, "inner") is True
+    assert public_looks.shows_fault({"inner": 20.0, "outer": 7.0, "ball": 0.0}, "outer") is False
+    assert public_looks.shows_fault({"inner": 3.0, "outer": 1.0, "ball": 0.0}, "inner") is False
+    assert public_looks.shows_fault({"inner": 20.0, "outer": 1.0, "ball": 0.0}, "healthy") is None
+
+
+def test_bursts_are_seen_in_the_top_of_the_band_and_steady_noise_has_none() -> None:
+    x = np.random.default_rng(0).standard_normal(8192)
+    patch = x.copy()
+    patch[3000:3400] *= 6
+    assert public_looks.burst_db(x) < 3 < public_looks.BURST_DB < public_looks.burst_db(patch)
+
+
+def test_what_stands_out_is_what_was_moved() -> None:
+    rng = np.random.default_rng(1)
+    size = len(public_looks.NAMES)
+    others = [rng.standard_normal(size) * 0.3 for _ in range(11)]
+    own = np.zeros(size)
+    own[5], own[7] = 9.0, np.nan
+    assert list(public_looks.standing_out(own, others)) == [public_looks.NAMES[5]]
+    assert public_looks.standing_out(own, others[:3]) == {}
+
+
+# ------------------------------------------------------------------------------------------------------------- the page
+
+
+def table(title: str, real: bool) -> dict[str, Any]:
+    twin = answer(["clipping"]) | {
+        "title": title, "set": "cwru", "twin": "bare", "sentence": "The twin lacks clipping.", "left_out": [],
+        "gap": {"before": 2.0, "after": 1.0, "floor": 0.1}, "accuracy": {"before": 0.4, "after": 0.5, "floor": 0.9},
+        "where": [{"place": "frequency: 10 to 20 Hz", "share": 0.3, "p_value": 0.001}], "notes": ["a note"],
+        "which": [{"effect": "clipping", "probability": 0.9, "closure": 0.5, "ci": [0.4, 0.6], "cannot": None,
+                   "parameters": {"rail": 3.0}}],
+    }  # fmt: skip
+    looks = [{
+        "recording": "118", "fault": "ball", "size_inch": 0.007, "load_hp": 0, "speed_rpm": 1797.0,
+        "comb": {"inner": 0.0, "outer": 0.0, "ball": 1.0}, "shows_fault": False, "at_extremes": 1, "clipped": False,
+        "burst_db": 1.0, "bursts": False, "kurtosis": 3.0, "half_orders": float("nan"), "high_orders": 0.0,
+        "stands_out": {"lines.half_mean": 8.0},
+    }]  # fmt: skip
+    answers = {
+        PublicJob("looks", "cwru", "bare", 0, 2): {"title": title, "recordings": looks},
+        PublicJob("recording", "cwru", "bare", 0, 2, recording="118"): answer([], status="no_gap") | {"title": title},
+        PublicJob("nothing", "cwru", "bare", 0, 2): answer([], status="no_gap") | {"title": title},
+        PublicJob("injected", "cwru", "bare", 0, 2, "clipping"): answer(["clipping"]) | {"title": title},
+    }
+    return {
+        "schema": public.SCHEMA, "skipped": {"hit_sm": "not there"}, "best": {"cwru": "bare"}, "twins": [twin],
+        "sets": [{"name": "cwru", "title": title, "real": real, "records": 2, "recordings": ["118"], "sha256": "0"}],
+        "withheld": [], "injected": public.injected_rows(answers), "nothing": public.nothing_rows(answers),
+        "single": public.single_rows(answers), "documented": [],
+        "provenance": {"command": "twingap gap public", "plan": {"seed": 0, "pieces": 2}, "versions": {"twingap": "0"},
+                       "code_sha256": "c" * 64, "data": {"learnt": "d" * 64}, "diagnoses": 4, "computed_s": 4.0,
+                       "runtime_s": 5.0},
+    }  # fmt: skip
+
+
+def test_the_page_and_the_numbers_of_real_records(tmp_path: Path) -> None:
+    paths = public_report.write_public(table("CWRU", True), tmp_path)
+    held = json.loads(paths[0].read_text())
+    assert held["single"][0]["half_orders"] is None  # NaN is no JSON
+    assert held["single"][0]["agrees"] is True and held["single"][0]["said_unclear"]
+    page = paths[1].read_text()
+    for part in ("0.40 to 0.50 (0.90)", "Left out: hit_sm (not there).", "clipping", "0 of 1", "a note", "rail 3"):
+        assert part in page
+    assert "virtual" not in page
+
+
+def test_a_stand_in_is_called_one_and_nothing_documented_is_laid_at_its_door() -> None:
+    made = table("virtual rig, not CWRU", False)
+    assert made["single"][0]["said"] == [] and made["single"][0]["agrees"] is None
+    page = public_report.markdown(made)
+    assert "stands in for CWRU" in page and "virtual rig, not CWRU" in page
+
+
+# -------------------------------------------------------------------------------------------------------------- records
+
+
+def test_sets_that_nobody_has_are_refused(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    with pytest.raises(TwingapError, match="at hand"):
+        public.run_public(tmp_path / "out", public.Plan(("hit_sm",)), root=str(tmp_path))
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.data
+@needs_data
+def test_pieces_are_spread_evenly_over_whole_recordings() -> None:
+    own = public_sets.public_set("cwru", None, 2)
+    assert own.real and own.title == "CWRU"
+    counts = {g: sum(c.group == g for c in own.records.conditions) for g in own.records.groups}
+    assert set(counts.values()) == {2}
+    assert all(c.n_samples == c.fs_hz for c in own.records.conditions)
+    assert "98" not in counts  # windows of a tenth of a second
+
+
+@pytest.mark.data
+@needs_data
+def test_what_is_documented_names_recordings_of_the_fault_it_speaks_of() -> None:
+    at_hand = {str(c.group): c for c in public_sets.public_set("cwru", None, 2).records.conditions}
+    for said in public_sets.DOCUMENTED:
+        own = [at_hand[name] for name in said.recordings if name in at_hand]
+        for word in ("ball", "inner", "outer"):
+            if f"{word}" in said.said:
+                assert {c.fault for c in own} == {word}
+        if "0.014" in said.said:
+            assert {c.extra["fault_size_inch"] for c in own} == {0.014}
+
+
+@pytest.mark.slow
+def test_what_was_answered_is_taken_from_the_folder(
+    learnt_home: Path, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """On the virtual rig: halves of the same records, diagnosed once."""
+    monkeypatch.setenv("TWINGAP_HOME", str(learnt_home))
+    monkeypatch.setenv("TWINGAP_GAP_MACHINES", "90")
+    monkeypatch.delenv("TWINGAP_DATA", raising=False)
+    work = [PublicJob("nothing", "cwru", "bare", 0, 2)]
+
+    def swept() -> tuple[list[dict[str, Any]], list[tuple[int, int]]]:
+        told: list[tuple[int, int]] = []
+        found = public._swept(
+            work, "halves", store=tmp_path, code="one", data={"learnt": "0"}, root=None, workers=1,
+            report=lambda what, done, total: told.append((done, total)),
+        )  # fmt: skip
+        return found, told
+
+    first, _ = swept()
+    held = {p: p.stat().st_mtime_ns for p in tmp_path.rglob("*.json")}
+    again, told = swept()
+    assert again == first and told[-1] == (1, 1)
+    assert {p: p.stat().st_mtime_ns for p in tmp_path.rglob("*.json")} == held
+    assert first[0]["title"] == "virtual rig, not CWRU" and not first[0]["real"]
+    assert first[0]["refused"] == "" and first[0]["status"] in (
+        "no_gap",
+        "explained",
+        "partly_explained",
+        "unexplained",
+    )
