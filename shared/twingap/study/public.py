@@ -95,8 +95,7 @@ def run_public(
     """
     begin = time.perf_counter()
     held, skipped = _at_hand(plan, root)
-    report("learnt beforehand", 0, 1)
-    code, data = _digests(held)
+    code, data = _digests(held, report)
     run = functools.partial(
         _swept, store=Path(out) / "work", code=code, data=data, root=root, workers=jobs, report=report
     )
@@ -145,8 +144,8 @@ def _at_hand(plan: Plan, root: str | None) -> tuple[dict[str, PublicSet], dict[s
     return held, skipped
 
 
-def _digests(held: Mapping[str, PublicSet]) -> tuple[str, dict[str, str]]:
-    """Of the code that answers, and of what it reads."""
+def _digests(held: Mapping[str, PublicSet], report: Report) -> tuple[str, dict[str, str]]:
+    """Of the code that answers, and of what it reads; what is learnt beforehand is learnt now, if it was not."""
     import twingap.effects
     import twingap.gap
     import twingap.identify
@@ -159,7 +158,8 @@ def _digests(held: Mapping[str, PublicSet]) -> tuple[str, dict[str, str]]:
         twingap.effects, twingap.gap, twingap.identify, twingap.signal, twingap.twins, public_jobs, public_looks,
         public_sets,
     )  # fmt: skip
-    return code, {"learnt": files.sha256(train()), **{name: own.records.digest for name, own in held.items()}}
+    learnt = train(report=lambda what, part: report(f"learnt beforehand: {what}", round(100 * part), 100))
+    return code, {"learnt": files.sha256(learnt), **{name: own.records.digest for name, own in held.items()}}
 
 
 def _swept(

@@ -26,6 +26,8 @@ CLIPPED: Final = 4
 """Samples at one extreme from which a record is said to have a rail: without one, one sample is the largest."""
 BURST_DB: Final = 10.0
 """Level of the loudest twentieth of a record over its median, in the top quarter of the band, from which it bursts."""
+PLACES: Final = ("_teeth", "_hz_log", "_fs", "_order", "_ratio_log")
+"""Endings of signatures that say where something lies, which means little where there is nothing."""
 LOOSE: Final = ("lines.half_mean", "lines.whole_high_mean")
 """Signatures of half orders and of high whole orders of the shaft."""
 
@@ -66,7 +68,7 @@ def look_at(records: RecordSet, rng: np.random.Generator) -> list[dict[str, Any]
         })  # fmt: skip
     for row in rows:
         others = [measured[o["recording"]] for o in rows if o["fault"] == row["fault"] and o is not row]
-        row["stands_out"] = standing_out(measured[row["recording"]], others)
+        row["stands_out"] = standing_out(measured[row["recording"]], others, list(measured.values()))
     return rows
 
 
@@ -77,21 +79,36 @@ def shows_fault(comb: dict[str, float], fault: str) -> bool | None:
     return comb[fault] >= CLEAR_COMB and comb[fault] == max(comb.values())
 
 
-def standing_out(own: Array, others: list[Array], most: int = 3) -> dict[str, float]:
-    """Signatures [signatures] farthest from those of other recordings, in robust standard deviations."""
+def standing_out(own: Array, others: list[Array], everyone: list[Array], most: int = 3) -> dict[str, float]:
+    """Signatures [signatures] farthest from those of other recordings, in robust standard deviations.
+
+    Parameters
+    ----------
+    own : Array [signatures]
+    others : list of Array
+        Of recordings of the same fault: fewer than four give nothing.
+    everyone : list of Array
+        Of all recordings: a signature that hardly varies among the others is judged by half of its spread here.
+    most : int
+    """
     if len(others) < 4:
         return {}
-    table = np.array(others)
+    table, whole = np.array(others), np.array(everyone)
     seen = np.isfinite(own) & (np.isfinite(table).sum(axis=0) >= 4)
     centre, spread = np.full(own.size, np.nan), np.full(own.size, np.nan)
     for j in np.flatnonzero(seen):
         column = table[np.isfinite(table[:, j]), j]
         centre[j] = np.median(column)
-        # Signatures that hardly vary would make any difference look large.
-        spread[j] = max(1.4826 * float(np.median(np.abs(column - centre[j]))), 0.05)
+        spread[j] = max(_spread(column), 0.5 * _spread(whole[np.isfinite(whole[:, j]), j]), 0.05)
     z = np.where(seen, (own - centre) / spread, 0.0)
+    z[[name.endswith(PLACES) for name in NAMES]] = 0.0
     order = np.argsort(-np.abs(z))[:most]
     return {NAMES[j]: float(z[j]) for j in order if abs(z[j]) > STANDS_OUT}
+
+
+def _spread(values: Array) -> float:
+    """Standard deviation by the median of deviations from the median."""
+    return 1.4826 * float(np.median(np.abs(values - np.median(values))))
 
 
 def burst_db(x: Array, segments: int = 20) -> float:

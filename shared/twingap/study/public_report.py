@@ -64,7 +64,8 @@ def markdown(table: Mapping[str, Any]) -> str:
         _tally(table["withheld"]),
         "## Real records with an effect added",
         "One half of the real recordings plays the simulator, the other half, with the effect added, the machine. "
-        "Changed: RMS of the change over that of a record, median.",
+        "Changed: RMS of the change over that of a record, median. What hardly changes the records cannot be seen "
+        "(speed_gain where speeds are nearly equal).",
         grid([{"effect": r["effect"], "parameters": _values(r["parameters"]), "halved by": r["split_by"],
                "acts on": _percent(r["acts_on"]), "changed": _percent(r["changed"]), **_answers(r)}
               for r in injected]),

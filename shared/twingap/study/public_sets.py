@@ -5,6 +5,7 @@ data.load --> recordings --a few pieces of 1 s each--> RecordSet --halves, by re
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
@@ -44,7 +45,6 @@ class PublicSet:
     real: bool
 
 
-@lru_cache(maxsize=4)
 def public_set(name: str, root: str | None, pieces: int) -> PublicSet:
     """A public set, cut and in memory; a named stand-in where its records are not at hand.
 
@@ -62,6 +62,12 @@ def public_set(name: str, root: str | None, pieces: int) -> PublicSet:
     TwingapError
         When the records are not at hand and nothing stands in, or `root` is given and does not hold them.
     """
+    return _read(name, root, os.environ.get("TWINGAP_DATA"), pieces)
+
+
+@lru_cache(maxsize=4)
+def _read(name: str, root: str | None, default_root: str | None, pieces: int) -> PublicSet:
+    """`public_set`, once for each place where the records may lie."""
     try:
         records, title, real = load(name, root), name.upper().replace("_", "-"), True
     except TwingapError:

@@ -219,10 +219,18 @@ def test_what_stands_out_is_what_was_moved() -> None:
     rng = np.random.default_rng(1)
     size = len(public_looks.NAMES)
     others = [rng.standard_normal(size) * 0.3 for _ in range(11)]
+    moved, place = (
+        next(i for i, name in enumerate(public_looks.NAMES) if name.endswith(public_looks.PLACES) == what)
+        for what in (False, True)
+    )
     own = np.zeros(size)
-    own[5], own[7] = 9.0, np.nan
-    assert list(public_looks.standing_out(own, others)) == [public_looks.NAMES[5]]
-    assert public_looks.standing_out(own, others[:3]) == {}
+    own[[moved, place]] = 9.0
+    own[moved + 1] = np.nan
+    assert list(public_looks.standing_out(own, others, [*others, own])) == [public_looks.NAMES[moved]]
+    assert public_looks.standing_out(own, others[:3], [*others, own]) == {}
+    # The same step is nothing where all other recordings vary as much.
+    spread = [*others, *(rng.standard_normal(size) * 30 for _ in range(40))]
+    assert public_looks.standing_out(own, others, spread) == {}
 
 
 # ------------------------------------------------------------------------------------------------------------- the page
