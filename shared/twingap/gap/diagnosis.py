@@ -36,10 +36,11 @@ Report = Callable[[str, float], None]
 
 MOST_RECORDS: Final = 240
 """Records that a diagnosis looks at; of more, as many of each fault and speed are taken as this allows."""
-_SIMULATED: Final = 260
+_SIMULATED: Final = 220
 """Simulated records that tests and places are measured with, all replicates together."""
 _UNITS: Final = {
-    "resonance_hz": "Hz", "structure_noise_rms": "of scale", "white_noise_rms": "of scale", "scale": "unit of the records",
+    "resonance_hz": "Hz", "structure_noise_rms": "of scale", "white_noise_rms": "of scale",
+    "scale": "unit of the records",
     **{f"impact_amplitude.{fault}": "of scale" for fault in ("inner", "outer", "ball", "cage")},
 }  # fmt: skip
 _LIKELY: Final = 0.02
@@ -222,7 +223,8 @@ class _Trial:
                 value = named[name]
             else:
                 value = estimate(name, (found.after if found.gap else found.before).fit, self.evidence, learnt)
-                pair = paired(self.real, base[0], self._with(value.effect, probability))
+                few = base[0][: 1 + (probability > _LIKELY)]
+                pair = paired(self.real, few, self._with(value.effect, probability, len(few)))
             closed = closure_interval(*pair, floor, rng, draws=200)
             yield Candidate(
                 name,
@@ -240,15 +242,15 @@ class _Trial:
         views = self.replicates(compared.simulator, compared.effects, 2)
         return views, Paired(self.real, views)
 
-    def _with(self, effect: Effect, probability: float) -> list[Views]:
+    def _with(self, effect: Effect, probability: float, count: int) -> list[Views]:
         """The twin with the named effects and one more."""
         after = self.found.after if self.found.gap else self.found.before
         effects = (*after.effects, effect)
         simulator = self.evidence.against(effects).simulator if probability > _LIKELY else after.simulator
         try:
-            return self.replicates(simulator, effects, 2)
+            return self.replicates(simulator, effects, count)
         except TwingapError:  # at these values it cannot act on one of the records: then it explains nothing
-            return self.replicates(after.simulator, after.effects, 2)
+            return self.replicates(after.simulator, after.effects, count)
 
 
 def _status(found: Explanation) -> Status:

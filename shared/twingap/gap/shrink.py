@@ -349,7 +349,7 @@ def _right(
 ) -> NDArray[np.bool_]:
     from sklearn.ensemble import ExtraTreesClassifier  # a second that the command line need not wait
 
-    trees = ExtraTreesClassifier(200, max_features="sqrt", random_state=int(rng.integers(2**31)), n_jobs=1)
+    trees = ExtraTreesClassifier(120, max_features="sqrt", random_state=int(rng.integers(2**31)), n_jobs=1)
     return np.asarray(trees.fit(x, y).predict(test) == truth)
 
 

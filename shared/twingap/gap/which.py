@@ -27,9 +27,9 @@ Array = NDArray[np.float64]
 Report = Callable[[str, float], None]
 
 ROUNDS: Final = 4
-ALPHA: Final = 0.03
+ALPHA: Final = 0.04
 """Level at which a gap is called one, a little below the 5 % that it promises on machines nobody has seen."""
-ALPHA_REST: Final = 0.06
+ALPHA_REST: Final = 0.1
 MOST_EFFECTS: Final = 7
 _UNCERTAIN: Final = 0.01
 THRESHOLD: Final = 0.3
@@ -139,6 +139,7 @@ class _Search:
         self.cannot = {n: why for n in catalogue() if (why := evidence.can_add(n)) is not None}
         self.already = set(evidence.modelled)
         self.now = evidence.against()
+        self._known: dict[Compared, dict[str, float]] = {}
         self.first = self.odds(self.now)
         self.values: dict[str, Estimated] = {}
         self.missed: dict[str, float] = {}
@@ -147,9 +148,11 @@ class _Search:
 
     def odds(self, compared: Compared) -> dict[str, float]:
         """Log odds that the twin lacks each effect; what it has from the start cannot be missing."""
-        found = self.learnt.log_odds(compared.held_out)[0]
-        pairs = zip(self.learnt.effects, found, strict=True)
-        return {name: float(value) for name, value in pairs if name not in self.already}
+        if compared not in self._known:
+            found = self.learnt.log_odds(compared.held_out)[0]
+            pairs = zip(self.learnt.effects, found, strict=True)
+            self._known[compared] = {name: float(value) for name, value in pairs if name not in self.already}
+        return self._known[compared]
 
     def seem_missing(self) -> list[str]:
         """Effects not tried yet that the twin, as it is now, seems to lack; strongest first."""
@@ -161,7 +164,8 @@ class _Search:
     def that_help(self) -> list[str]:
         """Where something is left over that has no name yet: the less likely effect that takes most of it away."""
         left = float(self.learnt.anything_score(self.now.held_out)[0])
-        if self.learnt.rest_p(self.now.held_out) > ALPHA_REST or len(self.values) >= MOST_EFFECTS:
+        rest = self.learnt.rest_p(self.now.held_out) if self.values else 0.0  # of a gap without any name, all is left
+        if rest > ALPHA_REST or len(self.values) >= MOST_EFFECTS:
             return []
         odds, best = self.odds(self.now), (left - HELPS, "")
         for name in [n for n in _strongest(odds) if n not in self.tried and n not in self.cannot][:3]:

@@ -235,19 +235,22 @@ def _platt(score: Array, label: Mask) -> tuple[float, float]:
     return max(float(fit.coef_[0, 0]), 0.05), float(fit.intercept_[0])
 
 
-PRECISION: Final = 0.93
+PRECISION: Final = 0.8
 """Of the effects that a detector names on machines that it has not seen, at least this part is there."""
 COVERAGE: Final = 0.93
 """Part of the machines not seen whose truth the confidence set is to hold: 90 %, and some for what is unlike them."""
 
+MOST: Final = 0.93
+"""Level beyond which sets only grow: what is missed then is what a first look cannot see at all."""
+
 
 def _limit(score: Array, label: Mask) -> float:
-    """Least log odds, 0 to 2, from which naming an effect is right often enough."""
-    for limit in np.arange(0.0, 2.01, 0.25):
+    """Least log odds, about even, from which naming an effect is right often enough before it is checked."""
+    for limit in np.arange(-0.25, 0.51, 0.25):
         named = score > limit
         if named.sum() >= 10 and label[named].mean() >= PRECISION:
             return float(limit)
-    return 1.0
+    return 0.5
 
 
 def _level(scores: Array, missing: Mask) -> float:
@@ -265,7 +268,7 @@ def _level(scores: Array, missing: Mask) -> float:
         of_truth = np.where(truth[open_], p[open_], 1 - p[open_]).prod()
         # All sets more probable than the truth have to be in it before the truth is.
         needed.append(float(weights[weights > of_truth].sum() + 1e-9))
-    return float(np.clip(np.quantile(needed, COVERAGE), 0.7, 0.995))
+    return float(np.clip(np.quantile(needed, COVERAGE), 0.7, MOST))
 
 
 def general_columns(names: tuple[str, ...]) -> NDArray[np.int64]:
