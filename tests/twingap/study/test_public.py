@@ -13,9 +13,11 @@ import pytest
 from twingap.bearing import BEARINGS
 from twingap.effects import make_effect
 from twingap.errors import TwingapError
+from twingap.gap.report import Candidate, GapReport, Metric, ParameterValue, Place, Verdict
 from twingap.records import Condition, Record, RecordSet
 from twingap.study import public, public_jobs, public_looks, public_report, public_sets
 from twingap.study.public_jobs import PublicJob
+from twingap.twins.twin_file import build_twin
 
 FS = 4096.0
 needs_data = pytest.mark.skipif("TWINGAP_DATA" not in os.environ, reason="TWINGAP_DATA names no data root")
@@ -110,6 +112,36 @@ def test_the_chain_of_a_verdict_holds_what_could_be_added_with_the_catalogues_ty
     assert chain == {"waviness": {**values, "n_harmonics": 4, "inner": True}}
     assert type(chain["waviness"]["inner"]) is bool and type(chain["waviness"]["n_harmonics"]) is int
     make_effect("waviness", chain["waviness"])
+
+
+def test_a_report_becomes_a_row_and_its_verdict_a_chain_for_the_twin() -> None:
+    values = {"rail": ParameterValue(3.0, "x", (2.0, 4.0))}
+    report = GapReport(
+        verdict=Verdict(
+            "partly_explained", ("clipping", "mean_slip"), (("clipping", "mean_slip"),), 0.01, 0.5, (0.4, 0.6)
+        ),
+        places=(Place("frequency", 10.0, 20.0, "Hz", 0.3, 0.001),),
+        candidates=(
+            Candidate("clipping", 0.9, 2.0, 1.0, 0.5, (0.4, 0.6), values),
+            Candidate("mean_slip", 0.8, 2.0, 2.0, 0.0, (0.0, 0.0), {}, "it cannot"),
+            Candidate("looseness", 0.01, 2.0, 2.0, 0.0, (0.0, 0.0), {}),
+        ),
+        metrics=(
+            Metric("overall gap", 2.0, 1.0, 0.1, (0.9, 1.1)),
+            Metric("accuracy on the records of a classifier", 0.4, 0.6, 0.9, (0.5, 0.7), higher_is_better=True),
+        ),
+        provenance={},
+    )
+    row = public_jobs.summary(report)
+    json.dumps(row)
+    assert row["gap"] == {"before": 2.0, "after": 1.0, "floor": 0.1}
+    assert row["accuracy"] == {"before": 0.4, "after": 0.6, "floor": 0.9}
+    assert [one["effect"] for one in row["which"]] == ["clipping", "mean_slip"]
+    assert "10 to 20 Hz" in row["where"][0]["place"]
+    chain = public_jobs.chain_of(row)
+    assert chain == {"clipping": {"rail": 3.0}}
+    spec = public_jobs.with_effects(public_jobs.twin_spec("bare", record_set(NEAR))[0], chain)
+    build_twin(spec, BEARINGS["6205"], "g")
 
 
 def test_the_best_twin_has_the_smallest_gap_afterwards_and_was_not_refused() -> None:
