@@ -14,14 +14,15 @@ from __future__ import annotations
 import warnings
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from functools import cache
-from typing import Any, NamedTuple, cast
+from functools import cache, cached_property
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from twingap.gap import signatures
-from twingap.gap.signatures import background
+from twingap.gap.signatures import background, path
+from twingap.gap.signatures.path import Outline
 from twingap.gap.speed import Speeds
 from twingap.gap.view import Frame, RecordView
 from twingap.records import Condition, Record
@@ -40,15 +41,6 @@ CONTEXT = (
     "extent_1", "extent_4", "extent_13", "extent_41", "extent_121", "extent_mean",
 )  # fmt: skip
 _FEWEST_FOR_TREND = 4
-
-
-class Outline(NamedTuple):
-    """What is kept of a record's view for the shapes of mean spectra."""
-
-    condition: Condition
-    frame: Frame
-    fs_hz: float
-    smooth: Array
 
 
 @dataclass(frozen=True)
@@ -76,6 +68,12 @@ class Measured:
         kept = np.asarray(places, dtype=int)
         return Measured(self.values[kept], tuple(self.outlines[i] for i in kept))
 
+    @cached_property
+    def path(self) -> Array:
+        """[path.NAMES] Shape of the mean spectra."""
+        found = path.measure(self.outlines)
+        return np.array([found[name] for name in path.NAMES])
+
     def faults(self) -> NDArray[np.str_]:
         """[records] Fault of each, "" when unknown."""
         return np.array([c.fault or "" for c in self.conditions])
@@ -100,7 +98,9 @@ def feature_names() -> tuple[str, ...]:
         names += [f"{n}|{group}.{kind}" for group in GROUPS[strikes] for kind in ("diff", "z", "level") for n in own]
     trends = ("spread", "on_speed", "on_speed.z", "on_time", "on_time.z")
     names += [f"{name}|{kind}" for kind in trends for name in signatures.NAMES]
-    return (*names, *(f"shape|{name}" for name in background.COMPARED), *(f"context|{name}" for name in CONTEXT))
+    names += [f"shape|{name}" for name in background.COMPARED]
+    names += [f"path|{name}" for name in path.NAMES] + [f"path|{name}.diff" for name in path.NAMES]
+    return (*names, *(f"context|{name}" for name in CONTEXT))
 
 
 def compare(real: Measured, simulated: Measured, speeds: Speeds | None = None) -> Array:
@@ -115,7 +115,8 @@ def compare(real: Measured, simulated: Measured, speeds: Speeds | None = None) -
         ours, theirs = cast(Any, real.outlines), cast(Any, simulated.outlines)  # all that shapes ask of a view
         shapes = background.compare(ours, theirs)
         shape = np.array([shapes[name] for name in background.COMPARED], float)
-        out = np.concatenate((per_signature, shape, _context(real, speeds), _extent(per_signature)))
+        paths = (real.path, real.path - simulated.path)
+        out = np.concatenate((per_signature, shape, *paths, _context(real, speeds), _extent(per_signature)))
     return np.where(np.isfinite(out), out, np.nan)
 
 

@@ -17,6 +17,7 @@ from twingap.effects import Effect
 from twingap.gap import comparison
 from twingap.gap.calibrate import Calibrated, recalibrate
 from twingap.gap.comparison import Measured
+from twingap.gap.distance import Paired
 from twingap.gap.simulator import OwnSimulator, Simulator, TwinSimulator
 from twingap.gap.training.parameters import Setting
 from twingap.gap.view import RecordView
@@ -108,6 +109,36 @@ class Evidence:
     def can_add(self, name: str) -> str | None:
         """Why the simulator cannot have this effect, or None."""
         return self._simulator.can_add(name)
+
+    @cached_property
+    def _fit_grid(self) -> Grid:
+        return Grid.of(self.fit.conditions, self.frame.bearing)
+
+    @cached_property
+    def _fit_views(self) -> Views:
+        return self.views(self.calibrated.fit, self._fit_grid)
+
+    @cached_property
+    def _yardstick(self) -> Array:
+        """Spread that distances on the fit part are measured with, one for all twins."""
+        views = [self._fit_simulated(self._simulator, (), k) for k in (3, 4)]
+        return Paired(self._fit_views, views).scale
+
+    def gap(self, simulator: Simulator, effects: Sequence[Effect]) -> float:
+        """Overall distance of the fit part from one simulation of it: for choosing, never for reporting."""
+        pair = Paired(self._fit_views, [self._fit_simulated(simulator, effects, 3)], None, self._yardstick)
+        return float(pair.over_views(pair.squares())[0][0])
+
+    def _fit_simulated(self, simulator: Simulator, effects: Sequence[Effect], replicate: int) -> Views:
+        return self.views(self.simulated(simulator, effects, self.fit.conditions, replicate), self._fit_grid)
+
+    def with_values(self, compared: Compared, effects: Sequence[Effect]) -> Simulator:
+        """The simulator of a comparison, its baseline as it is, with other values of its effects."""
+        own = compared.simulator
+        if not isinstance(own, TwinSimulator):
+            return own
+        values = {**own.spec.parameters, **{e.name: values_of(e) for e in effects if e.name in own.spec.effects}}
+        return TwinSimulator(replace(own.spec, parameters=values), self.frame.bearing, own.unit, own.conditions)
 
     def _recalibrated(self, effects: tuple[Effect, ...]) -> Simulator:
         """What simulates these effects, its baseline matched anew: what the effects explain is no noise of the twin."""

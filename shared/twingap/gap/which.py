@@ -12,14 +12,15 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from twingap.effects import Effect, catalogue
-from twingap.gap.evidence import Compared, Evidence
+from twingap.effects import Effect, catalogue, make_effect
+from twingap.errors import TwingapError
+from twingap.gap.evidence import Compared, Evidence, values_of
 from twingap.gap.training.learn import Learnt
 from twingap.gap.training.parameters import coordinates, to_effect, to_number, to_value
 
@@ -36,8 +37,16 @@ THRESHOLD: Final = 0.3
 """Log odds from which an effect is named, unless learning found a better limit for it."""
 KEEPS: Final = 0.5
 """How much less certain an effect may become, once the others are in, and stay named."""
-HELPS: Final = 1.5
-"""By how much the log odds of a gap must fall for an effect that seemed unlikely to be taken."""
+HELPS: Final = 0.25
+"""Part of the distance on the fit part that an effect must close to be taken though it seemed unlikely."""
+WORSE: Final = 1.03
+"""Factor on the distance on the fit part from which an added effect has made it worse."""
+DOUBT: Final = 2.0
+"""By how many log odds such an effect has to be plainer."""
+REFINES: Final = 0.96
+"""Factor by which a moved value has to bring the fit part nearer: less is the chance of one simulation."""
+MOST_REFINED: Final = 3
+"""Parameters of an effect that are refined: those that its estimate leaves open most."""
 UNLIKELY: Final = -2.5
 
 
@@ -163,19 +172,52 @@ class _Search:
 
     def that_help(self) -> list[str]:
         """Where something is left over that has no name yet: the less likely effect that takes most of it away."""
-        left = float(self.learnt.anything_score(self.now.held_out)[0])
         rest = self.learnt.rest_p(self.now.held_out) if self.values else 0.0  # of a gap without any name, all is left
         if rest > ALPHA_REST or len(self.values) >= MOST_EFFECTS:
             return []
-        odds, best = self.odds(self.now), (left - HELPS, "")
-        for name in [n for n in _strongest(odds) if n not in self.tried and n not in self.cannot][:3]:
+        odds, gap = self.odds(self.now), self._gap()
+        best = (1.0, "")
+        for name in [n for n in _strongest(odds) if n not in self.tried and n not in self.cannot][:4]:
             if odds[name] < UNLIKELY:
                 continue
             value = estimate(name, self.now.fit, self.evidence, self.learnt)
-            compared = self.evidence.against((*self._added(), value.effect))
-            best = min(best, (float(self.learnt.anything_score(compared.held_out)[0]), name))
+            added = (*self._added(), value.effect)
+            left = self.evidence.gap(self.evidence.against(added).simulator, added) / max(gap, 1e-9)
+            # One that seems more likely need help less.
+            best = min(best, (left / (1 - HELPS * _probability(-odds[name])), name))
         self.helped |= {best[1]} - {""}
         return [best[1]] if best[1] else []
+
+    def _gap(self) -> float:
+        """Distance of the fit part from the twin as it is now."""
+        added = self._added()
+        return self.evidence.gap(self.evidence.with_values(self.now, added), added)
+
+    def refine(self, names: Sequence[str]) -> None:
+        """Move the values of effects to where the fit part comes nearest, within what their estimates leave open."""
+        least = self._gap()
+        setting = self.evidence.setting
+        for name in names:
+            if name in self.cannot:
+                continue
+            for parameter, step in self._open(name)[:MOST_REFINED]:
+                for size in (0.5 * step, 0.25 * step):
+                    for sign in (1.0, -1.0):
+                        number = to_number(self.values[name].effect, parameter, setting) + sign * size
+                        moved = _moved(self.values[name], parameter, to_value(name, parameter, number, setting))
+                        if moved is None:
+                            continue
+                        added = tuple(moved.effect if e.name == name else e for e in self._added())
+                        gap = self.evidence.gap(self.evidence.with_values(self.now, added), added)
+                        if gap < REFINES * least:
+                            least, self.values[name] = gap, moved
+                            break
+        self.now = self.evidence.against(self._added())
+
+    def _open(self, name: str) -> list[tuple[str, float]]:
+        """Parameters of an effect that its estimate leaves open most, and how far."""
+        errors = {p: e.error for (n, p), e in self.learnt.estimators.items() if n == name}
+        return sorted(((p, e) for p, e in errors.items() if e > 0.02), key=lambda item: -item[1])
 
     def add(self, names: Sequence[str]) -> None:
         """Add effects at the values that the fit part suggests against the twin as it is now."""
@@ -183,15 +225,19 @@ class _Search:
             self.values[name] = estimate(name, self.now.fit, self.evidence, self.learnt)
             self.tried.add(name)
         self.now = self.evidence.against(self._added())
+        self.refine(names)
 
     def drop_idle(self) -> None:
         """Leave one effect out after the other: what is not missed then goes."""
         while self.values:
-            self.missed = {}
+            self.missed, slack, gap = {}, {}, self._gap()
             for name in self.values:
-                without = self.evidence.against(self._added(without=name))
+                others = self._added(without=name)
+                without = self.evidence.against(others)
                 self.missed[name] = self.odds(without)[name]
-            slack = {name: odds - self._least(name) for name, odds in self.missed.items()}
+                # Adding what is missing cannot drive records and twin apart: if it does, it has to be plain otherwise.
+                worse = name not in self.cannot and gap > WORSE * self.evidence.gap(without.simulator, others)
+                slack[name] = self.missed[name] - self._least(name) - DOUBT * worse
             idle = min(slack, key=lambda name: slack[name])
             if slack[idle] > 0:
                 return
@@ -231,6 +277,16 @@ def estimate(name: str, features: Array, evidence: Evidence, learnt: Learnt) -> 
         ends = [to_value(name, parameter, number + sign * found.error, setting) for sign in (-1, 1)]
         intervals[parameter] = (min(ends), max(ends))
     return Estimated(to_effect(name, numbers, setting), intervals)
+
+
+def _moved(found: Estimated, parameter: str, value: float) -> Estimated | None:
+    """The same estimate with one value changed; None when that changes nothing or has no meaning."""
+    if value == getattr(found.effect, parameter):
+        return None
+    try:
+        return replace(found, effect=make_effect(found.effect.name, values_of(found.effect) | {parameter: value}))
+    except TwingapError:
+        return None
 
 
 def confidence_set(probability: Mapping[str, float], level: float) -> tuple[tuple[str, ...], ...]:

@@ -171,8 +171,7 @@ def two_pulses(
     # One strike of a sampled mode is two neighbouring samples: it may fall between them.
     single = _pair(answer, kernel, near, np.array([UPSAMPLE]), one_sign=False)[0][:, 0]
     one, place = float(single.max()), int(single.argmax())
-    # A second strike beyond half the window would be the first one of the next.
-    delays = np.arange(int(np.ceil(shortest * UPSAMPLE)), min(int(longest * UPSAMPLE), m // 2) + 1)
+    delays = np.arange(int(np.ceil(shortest * UPSAMPLE)), min(int(longest * UPSAMPLE) + 1, m))
     if delays.size < 2:
         return None
     # Every third place first, then all about the best: the kernel is wider than that. One of the two strikes is near

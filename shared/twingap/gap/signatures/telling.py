@@ -23,7 +23,7 @@ _STRENGTH = (
     "background.quantile_*", "background.knock_count_log",
 )  # fmt: skip
 _SHAPE = (
-    "shape|*", "background.band_*", "background.mode_*", "background.white_level", "background.rest_*",
+    "shape|*", "path|*", "background.band_*", "background.mode_*", "background.white_level", "background.rest_*",
     "background.edge_*", "background.rms_log", "background.time_asymmetry", "background.kurtosis_log",
     "background.rough_*", "background.envelope_1x", "events.strike_level", "events.strike_snr", "background.knock_*",
     "background.foreign_score", "background.quantile_*",
@@ -92,7 +92,7 @@ def columns(effect: str, features: tuple[str, ...]) -> tuple[int, ...]:
         of, _, kind = feature.partition("|")
         if of == "context":
             fits = kind in _ALWAYS or any(fnmatchcase(feature, p) for p in patterns)
-        elif of == "shape":
+        elif of in ("shape", "path"):
             fits = any(fnmatchcase(feature, p) for p in patterns)
         else:
             trend = kind.startswith("on_")

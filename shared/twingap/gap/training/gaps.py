@@ -6,6 +6,7 @@ machine + effects at random --simulate--> records (nominal metadata)   what a di
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -168,16 +169,39 @@ def _gain(rng: np.random.Generator, machine: Machine) -> Mapping[str, float] | N
     return {"exponent": sign * _log(rng, 0.4, 3.0), "reference_speed_rpm": reference}
 
 
+def _density(machine: Machine, f_hz: float, more: tuple[float, float, float] | None = None) -> float:
+    """Power density of healthy vibration at a frequency, 1/Hz in units of scale, with one more mode or without."""
+    own, fs_hz = machine.parameters, machine.conditions[0].fs_hz
+
+    def response(at_hz: Array, mode_hz: float, damping: float, gain: float) -> NDArray[np.complex128]:
+        w = 2 * np.pi * mode_hz
+        return np.asarray(gain * w / (w**2 - (2 * np.pi * at_hz) ** 2 + 4j * np.pi * damping * w * at_hz))
+
+    grid = np.linspace(0, fs_hz / 2, 600)
+    first = response(grid, own.resonance_hz, own.damping_ratio, 1.0)
+    force = own.structure_noise_rms**2 / float(np.mean(np.abs(first) ** 2) * fs_hz / 2)
+    at = np.array([f_hz])
+    whole = response(at, own.resonance_hz, own.damping_ratio, 1.0)
+    if more is not None:
+        whole = whole + response(at, *more)
+    return float(np.abs(whole[0]) ** 2 * force + own.white_noise_rms**2 / (fs_hz / 2))
+
+
 def _resonance(rng: np.random.Generator, machine: Machine) -> Mapping[str, float] | None:
     first, fs_hz = machine.parameters.resonance_hz, machine.conditions[0].fs_hz
-    second = _log(rng, 0.02, 0.46) * fs_hz
+    second, damping = _log(rng, 0.02, 0.46) * fs_hz, _log(rng, 0.01, 0.15)
     if abs(np.log(second / first)) < 0.2:
         return None
-    return {"frequency_hz": second, "damping_ratio": _log(rng, 0.01, 0.15), "gain": _log(rng, 0.2, 4.0)}
+    wanted = 10 ** (rng.uniform(1.0, 14.0) / 10)
+    for gain in np.geomspace(0.05, 8.0, 60):  # the least that raises the healthy spectrum there by as much
+        if _density(machine, second, (second, damping, float(gain))) > wanted * _density(machine, second):
+            return {"frequency_hz": second, "damping_ratio": damping, "gain": float(gain)}
+    return None
 
 
 def _rolloff(rng: np.random.Generator, machine: Machine) -> Mapping[str, float]:
-    return {"corner_hz": machine.parameters.resonance_hz * _log(rng, 0.25, 1.25), "order": int(rng.integers(1, 7))}
+    order, loss_db = int(rng.integers(1, 7)), _log(rng, 1.0, 14.0)  # at the resonance
+    return {"corner_hz": machine.parameters.resonance_hz / (10 ** (loss_db / 10) - 1) ** (0.5 / order), "order": order}
 
 
 def _mains(rng: np.random.Generator, machine: Machine) -> Mapping[str, float]:
@@ -220,10 +244,11 @@ def _coloured(rng: np.random.Generator, machine: Machine) -> Mapping[str, float]
     if rng.random() < 0.55:  # a slope from pumps and flow
         slope = rng.uniform(0.6, 2.5) if rng.random() < 0.85 else rng.uniform(-1.0, -0.6)
         band = {"slope": slope, "low_hz": _log(rng, 0.001, 0.01) * fs_hz, "high_hz": _log(rng, 0.2, 1.2) * fs_hz}
-    else:  # a band from a neighbour
-        low = fs_hz * rng.uniform(0.005, 0.4)
-        band = {"slope": rng.uniform(-0.3, 0.5), "low_hz": low, "high_hz": low + fs_hz * rng.uniform(0.01, 0.15)}
-    return {"level": _log(rng, 0.2, 4.0), **band}
+        return {"level": _log(rng, 0.2, 4.0), **band}
+    low, width = fs_hz * rng.uniform(0.005, 0.4), fs_hz * rng.uniform(0.01, 0.15)  # a band from a neighbour
+    power = (10 ** (rng.uniform(1.2, 15.0) / 10) - 1) * _density(machine, low + width / 2) * width
+    level = math.sqrt(power) / math.hypot(machine.parameters.structure_noise_rms, machine.parameters.white_noise_rms)
+    return {"level": level, "slope": rng.uniform(-0.3, 0.5), "low_hz": low, "high_hz": low + width}
 
 
 def _knocks(rng: np.random.Generator, machine: Machine) -> Mapping[str, float]:

@@ -12,6 +12,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
+import scipy.fft
+from numpy.typing import NDArray
 
 from twingap.bearing import Bearing
 from twingap.effects import Draft, Effect, Mode, make_effect
@@ -37,6 +39,9 @@ class Machine:
         its own simulator.
     contact_s : float
         Duration of a strike's contact force; 0 is an impulse.
+    tilt : float
+        What the structure's response gains or loses at half the sampling rate: laboratories differ in how a response
+        is sampled, and near there it shows.
     imperfections : tuple of Effect
         Too small to be worth a name.
     """
@@ -47,6 +52,7 @@ class Machine:
     nominal: tuple[Condition, ...]
     modes: tuple[Mode, ...] = ()
     contact_s: float = 0.0
+    tilt: float = 0.0
     imperfections: tuple[Effect, ...] = field(default=())
 
     def twin(self, effects: Sequence[Effect] = (), scale: float = 1.0) -> StructuredTwin:
@@ -54,7 +60,7 @@ class Machine:
         names = {effect.name for effect in effects}
         small = tuple(effect for effect in self.imperfections if effect.name not in names)
         own = replace(self.parameters, scale=self.parameters.scale * scale)
-        return StructuredTwin(self.bearing, own, (*small, *effects), self.modes, self.contact_s)
+        return StructuredTwin(self.bearing, own, (*small, *effects), self.modes, self.contact_s, self.tilt)
 
 
 class StructuredTwin(PhenomenologicalTwin):
@@ -67,14 +73,17 @@ class StructuredTwin(PhenomenologicalTwin):
         effects: Sequence[Effect],
         modes: Sequence[Mode],
         contact_s: float,
+        tilt: float,
     ) -> None:
         super().__init__(bearing, parameters, effects)
-        self.modes, self.contact_s = tuple(modes), contact_s
+        self.modes, self.contact_s, self.tilt = tuple(modes), contact_s, tilt
 
     def excite(self, draft: Draft, streams: Streams) -> None:
         """As the baseline, through all modes."""
         super().excite(draft, streams)
         draft.modes.extend(self.modes)
+        if self.tilt:
+            draft.filters.append(lambda x: _tilted(x, self.tilt))
         if self.contact_s > 0 and draft.impacts is not None:
             # Two strikes of half strength, one contact duration apart: the force's spectrum falls as a cosine does.
             later = self.contact_s * draft.shaft_hz
@@ -82,6 +91,13 @@ class StructuredTwin(PhenomenologicalTwin):
             impacts.turns = np.concatenate((impacts.turns, impacts.turns + later))
             impacts.amplitudes = np.tile(impacts.amplitudes / 2, 2)
             impacts.passes = np.tile(impacts.passes, 2)
+
+
+def _tilted(x: NDArray[np.float64], tilt: float) -> NDArray[np.float64]:
+    """x with its amplitudes changed by a factor 1 + tilt at half the sampling rate, hardly below a fifth of it."""
+    spectrum = scipy.fft.rfft(x)
+    spectrum *= 1 + tilt * np.linspace(0, 1, spectrum.size) ** 2.5
+    return np.asarray(scipy.fft.irfft(spectrum, x.size))
 
 
 def draw_machine(rng: np.random.Generator, own_simulator: bool, most_records: int = 40) -> Machine:
@@ -123,7 +139,8 @@ def draw_machine(rng: np.random.Generator, own_simulator: bool, most_records: in
             for g in np.exp(rng.uniform(np.log(0.15), np.log(1.5), rng.integers(0, 4)))
         )
         contact_s = rng.uniform(0, 0.45) / first_hz if rng.random() < 0.5 else 0.0
-    return Machine(bearing, parameters, true, nominal, modes, contact_s, _imperfections(rng, fs_hz))
+    tilt = rng.uniform(-0.25, 0.35) if rng.random() < 0.4 else 0.0
+    return Machine(bearing, parameters, true, nominal, modes, contact_s, tilt, _imperfections(rng, fs_hz))
 
 
 def draw_bearing(rng: np.random.Generator) -> Bearing:

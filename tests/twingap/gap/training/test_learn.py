@@ -49,7 +49,9 @@ def test_too_few_examples_teach_nothing(examples):
 
 
 def test_the_null_is_of_machines_without_a_gap_and_p_values_are_even(examples):
-    learnt = learn(examples, ("a", "b"), (("a", "size"),), tuple(f"context|records{k}" for k in range(60)), lambda what, part: None)
+    learnt = learn(
+        examples, ("a", "b"), (("a", "size"),), tuple(f"context|records{k}" for k in range(60)), lambda what, part: None
+    )
     nothing = ~examples.missing.any(axis=1) & examples.first
     assert len(learnt.null) == nothing.sum()
     ranks = np.array([np.mean(learnt.null >= s) for s in learnt.anything.unseen[nothing]])
