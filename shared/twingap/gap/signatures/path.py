@@ -73,9 +73,9 @@ def measure(spectra: Sequence[Outline]) -> dict[str, float]:
         out[f"{name}_gain"] = gain
         out[f"{name}_lead"] = gain - max(g for n, g in gains.items() if n != name)
     out["base_fs"], out["base_damping"] = (math.log(v) for v in base.at)
-    first, damping, second, own, gain = fits["mode"].at
+    second, own, gain = fits["mode"].at[2:]
     out["mode_fs"], out["mode_damping"], out["mode_strength"] = math.log(second), math.log(own), math.log(gain)
-    first, damping, corner, order = fits["loss"].at
+    first, _, corner, order = fits["loss"].at
     out["loss_corner"], out["loss_order"] = math.log(corner), order
     out["loss_at_mode"] = math.log1p((first / corner) ** (2 * order))
     power = fits["slope"].at[2]
