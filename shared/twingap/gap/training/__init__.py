@@ -6,7 +6,7 @@ draw_gap --calibrate, compare--> examples (in chunks, resumable) --learn--> dete
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
@@ -58,7 +58,7 @@ def default_machines() -> int:
     return int(text)
 
 
-def examples_key(seed: int = SEED) -> str:
+def examples_key(seed: int = SEED, among: Sequence[str] = ()) -> str:
     """Digest of all that examples depend on: the catalogue, and the code that simulates, calibrates and compares."""
     import twingap.effects
     import twingap.gap.signatures
@@ -73,21 +73,30 @@ def examples_key(seed: int = SEED) -> str:
         twingap.effects, twingap.twins, twingap.identify, twingap.gap.signatures, baseline, calibrate, comparison,
         evidence, simulator, speed, view, examples, gaps, machines, parameters, strangers,
     )  # fmt: skip
-    about = {"code": code, "effects": list(catalogue()), "seed": seed, "most_records": MOST_RECORDS, "chunk": CHUNK}
+    about = {
+        "code": code, "effects": list(catalogue()), "seed": seed, "most_records": MOST_RECORDS, "chunk": CHUNK,
+        "among": list(among),
+    }  # fmt: skip
     return digest_of_value(about)[:16]
 
 
-def key(machines: int, seed: int = SEED) -> str:
+def key(machines: int, seed: int = SEED, among: Sequence[str] = ()) -> str:
     """Digest of all that what is learnt depends on: the examples, their number, and how is learnt from them."""
     from twingap.gap.training import learn
     from twingap.provenance import digest_of_code
 
-    about = {"examples": examples_key(seed), "learn": digest_of_code(learn), "machines": machines}
+    about = {"examples": examples_key(seed, among), "learn": digest_of_code(learn), "machines": machines}
     return digest_of_value(about)[:16]
 
 
 def train(
-    cache: Path | None = None, seed: int = SEED, report: Report = quiet, *, machines: int = 0, jobs: int = 0
+    cache: Path | None = None,
+    seed: int = SEED,
+    report: Report = quiet,
+    *,
+    machines: int = 0,
+    jobs: int = 0,
+    among: Sequence[str] = (),
 ) -> Path:
     """Learn the diagnosis from simulated gaps, or return what was learnt before.
 
@@ -102,6 +111,8 @@ def train(
         Simulated machines to learn from; 0 is `default_machines`.
     jobs : int
         Processes; 0 is one per core.
+    among : sequence of str
+        Effects to learn; empty is the whole catalogue.
 
     Returns
     -------
@@ -118,17 +129,17 @@ def train(
 
     folder = cache_folder() if cache is None else Path(cache)
     machines = machines or default_machines()
-    own = key(machines, seed)
+    own = key(machines, seed, among)
     target = folder / f"learnt-{own}.joblib"
     if _whole(target):
         return target
     chunks = [range(start, min(start + CHUNK, machines)) for start in range(0, machines, CHUNK)]
     # A chunk is the same whatever the number of machines, but for the last one of an odd number.
-    kept = folder / f"examples-{examples_key(seed)}"
+    kept = folder / f"examples-{examples_key(seed, among)}"
     paths = [kept / f"{chunk.start:05d}-{len(chunk)}.npz" for chunk in chunks]
     waiting = [(chunk, path) for chunk, path in zip(chunks, paths, strict=True) if not path.exists()]
     report("simulated gaps", (len(paths) - len(waiting)) / len(paths))
-    tasks = (joblib.delayed(_chunk)(seed, chunk, path) for chunk, path in waiting)
+    tasks = (joblib.delayed(_chunk)(seed, chunk, path, tuple(among)) for chunk, path in waiting)
     parallel = joblib.Parallel(n_jobs=jobs or os.cpu_count(), return_as="generator_unordered")
     for done, _ in enumerate(parallel(tasks), start=len(paths) - len(waiting) + 1):
         report("simulated gaps", 0.8 * done / len(paths))
@@ -169,13 +180,13 @@ def _whole(path: Path) -> bool:
     return path.exists() and check.exists() and check.read_text(encoding="utf-8").split()[:1] == [sha256(path)]
 
 
-def _chunk(seed: int, machines: range, path: Path) -> None:
+def _chunk(seed: int, machines: range, path: Path, among: tuple[str, ...]) -> None:
     from threadpoolctl import threadpool_limits
 
     from twingap.gap.training.examples import examples
 
     with threadpool_limits(1):
-        made = examples(seed, machines, MOST_RECORDS)
+        made = examples(seed, machines, MOST_RECORDS, among)
     path.parent.mkdir(parents=True, exist_ok=True)
     with replacing(path) as temporary, temporary.open("wb") as file:
         np.savez(file, **vars(made))

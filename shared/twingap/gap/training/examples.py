@@ -23,7 +23,7 @@ from twingap.gap.training.parameters import Setting, coordinates, to_effect, to_
 Array = NDArray[np.float64]
 
 
-def examples(seed: int, machines: Sequence[int], most_records: int) -> Examples:
+def examples(seed: int, machines: Sequence[int], most_records: int, among: Sequence[str] = ()) -> Examples:
     """Examples of these machines.
 
     Parameters
@@ -32,8 +32,10 @@ def examples(seed: int, machines: Sequence[int], most_records: int) -> Examples:
     machines : sequence of int
         Their numbers; a machine depends on the seed and its number alone.
     most_records : int
+    among : sequence of str
+        Effects to draw from; empty is the whole catalogue.
     """
-    rows = [row for machine in machines for row in _of(seed, machine, most_records)]
+    rows = [row for machine in machines for row in _of(seed, machine, most_records, among)]
     return stacked([Examples(*[np.asarray([value]) for value in row]) for row in rows])
 
 
@@ -50,10 +52,10 @@ def stacked(parts: Sequence[Examples]) -> Examples:
     return Examples(*[np.concatenate([getattr(part, name) for part in parts]) for name in fields])
 
 
-def _of(seed: int, machine: int, most_records: int) -> Iterator[tuple[object, ...]]:
+def _of(seed: int, machine: int, most_records: int, among: Sequence[str]) -> Iterator[tuple[object, ...]]:
     rng = np.random.default_rng([seed, machine])
     try:
-        gap = draw_gap(rng, most_records=most_records)
+        gap = draw_gap(rng, most_records=most_records, among=among)
         calibrated = calibrate(gap.records, gap.spec, rng, sim=gap.sim)
         evidence = Evidence(calibrated, simulator_of(calibrated, gap.sim), gap.spec, int(rng.integers(2**62)))
     except TwingapError:  # a drawn machine that nobody could calibrate teaches nothing

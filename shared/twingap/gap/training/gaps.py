@@ -25,6 +25,8 @@ Drawer = Callable[[np.random.Generator, Machine], Mapping[str, float] | None]
 
 HOW_MANY = (0.16, 0.27, 0.22, 0.14, 0.12, 0.09)
 """Chances of 0, 1, ... effects missing."""
+HOW_MANY_OF_FEW = (0.48, 0.34, 0.18)
+"""The same when only some effects are learnt, from few machines: a p-value needs its share without a gap."""
 STRANGE = 0.18
 """Part of the gaps with something that no catalogued effect describes."""
 
@@ -59,7 +61,9 @@ class SimulatedGap:
     machine: Machine
 
 
-def draw_gap(rng: np.random.Generator, own_simulator: bool | None = None, most_records: int = 40) -> SimulatedGap:
+def draw_gap(
+    rng: np.random.Generator, own_simulator: bool | None = None, most_records: int = 40, among: Sequence[str] = ()
+) -> SimulatedGap:
     """A gap at random.
 
     Parameters
@@ -68,12 +72,15 @@ def draw_gap(rng: np.random.Generator, own_simulator: bool | None = None, most_r
     own_simulator : bool or None
         Whether the twin is a set of simulated records; None: one time in three.
     most_records : int
+    among : sequence of str
+        Effects to draw from; empty is the whole catalogue.
     """
     own = bool(rng.random() < 1 / 3) if own_simulator is None else own_simulator
     machine = draw_machine(rng, own, most_records)
-    count = int(rng.choice(len(HOW_MANY), p=HOW_MANY))
+    chances = HOW_MANY_OF_FEW if among else HOW_MANY
+    count = int(rng.choice(len(chances), p=chances))
     modelled: tuple[Effect, ...] = ()
-    effects = draw_effects(rng, machine, count + (int(rng.integers(1, 3)) if rng.random() < 0.25 else 0))
+    effects = draw_effects(rng, machine, count + (int(rng.integers(1, 3)) if rng.random() < 0.25 else 0), among)
     if len(effects) > count:
         kept = rng.permutation(len(effects))
         modelled, effects = tuple(effects[i] for i in kept[count:]), tuple(effects[i] for i in kept[:count])
@@ -99,9 +106,11 @@ def simulated(machine: Machine, effects: Sequence[Effect], rng: np.random.Genera
     return machine.twin(effects, gain).simulate(machine.conditions, rng)
 
 
-def draw_effects(rng: np.random.Generator, machine: Machine, count: int) -> tuple[Effect, ...]:
+def draw_effects(
+    rng: np.random.Generator, machine: Machine, count: int, among: Sequence[str] = ()
+) -> tuple[Effect, ...]:
     """So many different effects, as far as this machine's records could show them."""
-    names = list(catalogue())
+    names = [name for name in catalogue() if not among or name in among]
     chances = np.array([_SHYNESS.get(name, 1.0) for name in names])
     out: list[Effect] = []
     for place in rng.choice(len(names), len(names), replace=False, p=chances / chances.sum()):
