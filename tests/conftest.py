@@ -37,3 +37,11 @@ def learnt(learnt_home: Path) -> Any:
     from twingap.gap.training import load, train
 
     return load(train(learnt_home / "gap", machines=FEW_MACHINES, jobs=1, among=PLAIN))
+
+
+@pytest.fixture
+def small_training(learnt_home: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Lets commands find what was learnt there."""
+    monkeypatch.setenv("TWINGAP_HOME", str(learnt_home))
+    monkeypatch.setenv("TWINGAP_GAP_MACHINES", str(FEW_MACHINES))
+    monkeypatch.setenv("TWINGAP_GAP_EFFECTS", ",".join(PLAIN))

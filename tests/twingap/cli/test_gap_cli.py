@@ -15,15 +15,11 @@ from twingap.bearing import BEARINGS
 from twingap.cli import main
 from twingap.gap.contract import problems
 from twingap.gap.report import from_json, read_report
-from twingap.gap.training import cache_folder, default_machines, key
 from twingap.records import Condition
 from twingap.records.folder import read_record_set, write_records
 from twingap.twins.phenomenological import PhenomenologicalTwin
 
-learnt_before = pytest.mark.skipif(
-    not (cache_folder() / f"learnt-{key(default_machines())}.joblib").exists(),
-    reason="needs what `twingap gap train` learns (twenty minutes)",
-)
+learnt_before = pytest.mark.usefixtures("small_training")
 
 
 class Said(NamedTuple):

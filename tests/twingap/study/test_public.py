@@ -352,11 +352,9 @@ def test_what_is_documented_names_recordings_of_the_fault_it_speaks_of() -> None
 
 @pytest.mark.slow
 def test_what_was_answered_is_taken_from_the_folder(
-    learnt_home: Path, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+    small_training: None, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     """On the virtual rig: halves of the same records, diagnosed once."""
-    monkeypatch.setenv("TWINGAP_HOME", str(learnt_home))
-    monkeypatch.setenv("TWINGAP_GAP_MACHINES", "90")
     monkeypatch.delenv("TWINGAP_DATA", raising=False)
     work = [PublicJob("nothing", "cwru", "bare", 0, 2)]
 

@@ -58,6 +58,23 @@ def default_machines() -> int:
     return int(text)
 
 
+def default_among() -> tuple[str, ...]:
+    """Effects to learn when nobody says: all, or those that ``TWINGAP_GAP_EFFECTS`` lists with commas, for trials.
+
+    Raises
+    ------
+    TwingapError
+        For an unknown effect.
+    """
+    from twingap.effects import catalogue
+
+    names = tuple(name.strip() for name in os.environ.get("TWINGAP_GAP_EFFECTS", "").split(",") if name.strip())
+    for name in names:
+        if name not in catalogue():
+            raise TwingapError(f"unknown effect {name!r}", where="TWINGAP_GAP_EFFECTS")
+    return names
+
+
 def examples_key(seed: int = SEED, among: Sequence[str] = ()) -> str:
     """Digest of all that examples depend on: the catalogue, and the code that simulates, calibrates and compares."""
     import twingap.effects
@@ -112,7 +129,7 @@ def train(
     jobs : int
         Processes; 0 is one per core.
     among : sequence of str
-        Effects to learn; empty is the whole catalogue.
+        Effects to learn; empty is `default_among`.
 
     Returns
     -------
@@ -128,7 +145,7 @@ def train(
     from twingap.gap.training.parameters import coordinates
 
     folder = cache_folder() if cache is None else Path(cache)
-    machines = machines or default_machines()
+    machines, among = machines or default_machines(), tuple(among) or default_among()
     own = key(machines, seed, among)
     target = folder / f"learnt-{own}.joblib"
     if _whole(target):
