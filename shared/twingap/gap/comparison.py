@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twingap.gap import signatures
-from twingap.gap.signatures import background, path
+from twingap.gap.signatures import background, path, pooled
 from twingap.gap.signatures.path import Outline
 from twingap.gap.speed import Speeds
 from twingap.gap.view import Frame, RecordView
@@ -74,6 +74,13 @@ class Measured:
         found = path.measure(self.outlines)
         return np.array([found[name] for name in path.NAMES])
 
+    @cached_property
+    def pooled(self) -> Array:
+        """[pooled.NAMES] Lines of the set's mean spectra."""
+        kept = [outline.whitened for outline in self.outlines if outline.whitened is not None]
+        found = pooled.measure(kept, self.outlines[0].frame.bearing)
+        return np.array([found[name] for name in pooled.NAMES])
+
     def faults(self) -> NDArray[np.str_]:
         """[records] Fault of each, "" when unknown."""
         return np.array([c.fault or "" for c in self.conditions])
@@ -85,7 +92,7 @@ def measure(records: Iterable[Record], frame: Frame) -> Measured:
     for record in records:
         view = RecordView(record.samples, record.condition, frame)
         values.append(signatures.measure(view))
-        outlines.append(Outline(record.condition, frame, view.fs_hz, view.smooth))
+        outlines.append(Outline(record.condition, frame, view.fs_hz, view.smooth, pooled.whitened(view)))
     return Measured(np.array(values), tuple(outlines))
 
 
@@ -99,7 +106,8 @@ def feature_names() -> tuple[str, ...]:
     trends = ("spread", "on_speed", "on_speed.z", "on_time", "on_time.z")
     names += [f"{name}|{kind}" for kind in trends for name in signatures.NAMES]
     names += [f"shape|{name}" for name in background.COMPARED]
-    names += [f"path|{name}" for name in path.NAMES] + [f"path|{name}.diff" for name in path.NAMES]
+    for of, whole in (("path", path.NAMES), ("pooled", pooled.NAMES)):
+        names += [f"{of}|{name}" for name in whole] + [f"{of}|{name}.diff" for name in whole]
     return (*names, *(f"context|{name}" for name in CONTEXT))
 
 
@@ -115,7 +123,7 @@ def compare(real: Measured, simulated: Measured, speeds: Speeds | None = None) -
         ours, theirs = cast(Any, real.outlines), cast(Any, simulated.outlines)  # all that shapes ask of a view
         shapes = background.compare(ours, theirs)
         shape = np.array([shapes[name] for name in background.COMPARED], float)
-        paths = (real.path, real.path - simulated.path)
+        paths = (real.path, real.path - simulated.path, real.pooled, real.pooled - simulated.pooled)
         out = np.concatenate((per_signature, shape, *paths, _context(real, speeds), _extent(per_signature)))
     return np.where(np.isfinite(out), out, np.nan)
 

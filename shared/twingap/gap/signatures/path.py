@@ -19,6 +19,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from twingap.gap.signatures.pooled import Whitened
 from twingap.gap.view import SMOOTH_SEGMENTS, Frame
 from twingap.records import Condition
 
@@ -41,12 +42,13 @@ NAMES: Final = (
 
 
 class Outline(NamedTuple):
-    """What is kept of a record's view for the shapes of mean spectra."""
+    """What is kept of a record's view for what is measured on a whole set."""
 
     condition: Condition
     frame: Frame
     fs_hz: float
     smooth: Array
+    whitened: Whitened | None = None
 
 
 class _Fit(NamedTuple):

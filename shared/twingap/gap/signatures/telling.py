@@ -26,9 +26,16 @@ _SHAPE = (
     "shape|*", "path|*", "background.band_*", "background.mode_*", "background.white_level", "background.rest_*",
     "background.edge_*", "background.rms_log", "background.time_asymmetry", "background.kurtosis_log",
     "background.rough_*", "background.envelope_1x", "events.strike_level", "events.strike_snr", "background.knock_*",
-    "background.foreign_score", "background.quantile_*",
+    "background.foreign_score", "background.quantile_*", "pooled|envelope_*",
 )  # fmt: skip
-_TONES = ("lines.*", "background.band_00", "background.band_01", "events.rate_log_ratio", "events.strike_snr")
+_TONES = (
+    "lines.*",
+    "pooled|*",
+    "background.band_00",
+    "background.band_01",
+    "events.rate_log_ratio",
+    "events.strike_snr",
+)
 _KNOCKS = (
     "background.knock_*", "background.white_kurtosis_log", "background.kurtosis_log", "background.crest_log",
     "background.quantile_*", "background.foreign_*", "background.rms_log", "background.rest_*", "background.band_*",
@@ -65,7 +72,7 @@ TELLING: Final[dict[str, tuple[str, ...]]] = {
     "mains_interference": _TONES,
     "drive_interference": _TONES,
     "gear_mesh": _TONES,
-    "foreign_bearing": (*_KNOCKS, "lines.free_*", "background.modulation_*", "background.rough_*"),
+    "foreign_bearing": (*_KNOCKS, "pooled|foreign*", "lines.free_*", "background.modulation_*", "background.rough_*"),
     "coloured_noise": _SHAPE,
     "impulsive_noise": _KNOCKS,
     "waviness": _TONES,
@@ -92,7 +99,7 @@ def columns(effect: str, features: tuple[str, ...]) -> tuple[int, ...]:
         of, _, kind = feature.partition("|")
         if of == "context":
             fits = kind in _ALWAYS or any(fnmatchcase(feature, p) for p in patterns)
-        elif of in ("shape", "path"):
+        elif of in ("shape", "path", "pooled"):
             fits = any(fnmatchcase(feature, p) for p in patterns)
         else:
             trend = kind.startswith("on_")

@@ -316,6 +316,7 @@ def general_columns(names: tuple[str, ...]) -> NDArray[np.int64]:
         "background.*skewness|*", "background.level_coupling|*", "background.echo_*", "background.modulation_*",
         "background.rest_rms|*", "background.kurtosis_log|*", "lines.free_count_log|*", "lines.tonal_share|*",
         "background.white_kurtosis_log|*", "shape|*_rms", "shape|*_rest_share", "path|*_cost*", "path|*_gain*",
+        "pooled|modulation_fixed*", "pooled|turning*", "pooled|fixed*",
         "events.strike_snr|*",
     )  # fmt: skip
     wanted = (".diff", ".z", "|spread")
@@ -323,7 +324,7 @@ def general_columns(names: tuple[str, ...]) -> NDArray[np.int64]:
         [
             i for i, name in enumerate(names)
             if any(fnmatchcase(name, p) for p in patterns)
-            and (name.endswith(wanted) or name.startswith(("context|", "shape|", "path|")))
+            and (name.endswith(wanted) or name.startswith(("context|", "shape|", "path|", "pooled|")))
         ],
         dtype=np.int64,
     )  # fmt: skip
