@@ -3,7 +3,7 @@
 records --periodogram over its floor--> whitened spectra --mean over records, in Hz and in orders--> z of a line
 
 A line far below the noise of one record stands in the mean of many, where the noise is even. What is fixed in Hz
-(mains, a drive's carrier) adds up in Hz, what turns with the shaft in orders, and each smears in the other's mean. z is taken
+(mains, a carrier) adds up in Hz, what turns with the shaft in orders, and each smears in the other's mean. z is taken
 against the same mean a few bins away, so that neither length nor number of records matters to what nothing looks like.
 """
 
