@@ -43,6 +43,8 @@ _UNITS: Final = {
     "scale": "unit of the records",
     **{f"impact_amplitude.{fault}": "of scale" for fault in ("inner", "outer", "ball", "cage")},
 }  # fmt: skip
+AT_FLOOR: Final = 0.9
+"""Closure that the interval has to reach for a gap to be called explained."""
 _LIKELY: Final = 0.02
 """Probability below which a candidate's baseline is not matched anew: its closure says that it is none."""
 
@@ -138,7 +140,6 @@ def diagnose(
     first = Paired(trial.real, before)
     located = locate(first, rng)
     tests = tuple(test.test for test in overall_tests(first, rng))
-    status = _status(found)
     after = before
     if found.gap and found.after.effects:
         after = trial.replicates(found.after.simulator, found.after.effects, trial.fewer)
@@ -148,6 +149,7 @@ def diagnose(
     pairs = paired(trial.real, before[:count], after[:count])
     floor, _ = pairs[1].floor(rng)
     closed = closure_interval(*pairs, floor, rng)
+    status = _status(found, closed.ci[1])
     report("candidates", 0.8)
     candidates = tuple(trial.candidates(learnt, floor, rng, lambda part: report("candidates", 0.8 + 0.18 * part)))
     rest = locate(Paired(trial.real, after), rng).places if status in ("partly_explained", "unexplained") else ()
@@ -253,12 +255,14 @@ class _Trial:
             return self.replicates(after.simulator, after.effects, count)
 
 
-def _status(found: Explanation) -> Status:
+def _status(found: Explanation, closure_at_most: float) -> Status:
+    """Explained only where nothing is left over, and the distance may have come down to its floor."""
     if not found.gap:
         return "no_gap"
     if not found.effects:
         return "unexplained"
-    return "explained" if found.rest_p > ALPHA_REST else "partly_explained"
+    reached = found.rest_p > ALPHA_REST and closure_at_most >= AT_FLOOR
+    return "explained" if reached else "partly_explained"
 
 
 def _thinned(records: RecordSet, notes: list[str]) -> RecordSet:

@@ -201,34 +201,6 @@ def local_floor(power: Array, width: int = 101) -> Array:
     return np.asarray(np.interp(np.arange(power.size), places[: len(windows)], np.median(windows, axis=1)))
 
 
-def line_excess(power: Array, df_hz: float, at_hz: Array | float, halfwidth_hz: float = 0.0) -> Array:
-    """Largest power within `halfwidth_hz` (and a bin) of each frequency, over the median of its neighbourhood.
-
-    Parameters
-    ----------
-    power : Array [bins]
-        Of a periodogram whose bins lie df_hz apart.
-    at_hz : Array [k] or float
-    halfwidth_hz : float
-
-    Returns
-    -------
-    Array [k]
-        1 to 3 where nothing stands out; NaN beyond the spectrum.
-    """
-    at = np.atleast_1d(np.asarray(at_hz, float))
-    out = np.full(at.size, np.nan)
-    half = max(int(np.ceil(halfwidth_hz / df_hz)), 1)
-    around = half + max(20, 3 * half)
-    for i, frequency in enumerate(at):
-        place = round(frequency / df_hz) if np.isfinite(frequency) else -1
-        if not half < place < power.size - half:
-            continue
-        near = power[max(place - around, 1) : place + around + 1]
-        out[i] = power[place - half : place + half + 1].max() / max(float(np.median(near)), 1e-300)
-    return out
-
-
 _WINDOWS: dict[int, Array] = {}
 
 

@@ -4,7 +4,9 @@ features --detectors--> effects that seem missing --estimators--> values --add, 
    ^                                                                                                        |
    +------------------- more seem missing? one left out: is it missed? something left over? ----------------+
 
-Every decision reads the held-out part; values are estimated from the fit part.
+Detectors read the held-out part. Values are estimated, and moved by distance, on the fit part; so is what makes its
+distance worse, or better without having seemed likely. Closures that are reported are measured elsewhere, on the
+held-out part.
 """
 
 from __future__ import annotations
@@ -31,8 +33,10 @@ ROUNDS: Final = 4
 ALPHA: Final = 0.04
 """Level at which a gap is called one, a little below the 5 % that it promises on machines nobody has seen."""
 ALPHA_REST: Final = 0.1
+"""Level at which something is called left over."""
 MOST_EFFECTS: Final = 7
 _UNCERTAIN: Final = 0.01
+"""Probability from which (and up to whose complement) an effect is held open in confidence sets."""
 THRESHOLD: Final = 0.3
 """Log odds from which an effect is named, unless learning found a better limit for it."""
 KEEPS: Final = 0.5
@@ -48,6 +52,7 @@ REFINES: Final = 0.96
 MOST_REFINED: Final = 3
 """Parameters of an effect that are refined: those that its estimate leaves open most."""
 UNLIKELY: Final = -2.5
+"""Log odds below which an effect is not even tried."""
 
 
 @dataclass(frozen=True)
