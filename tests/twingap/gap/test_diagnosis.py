@@ -1,6 +1,7 @@
 """The whole diagnosis, with a training small enough for tests: what must hold whatever was learnt."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ from twingap.effects import make_effect
 from twingap.errors import TwingapError
 from twingap.gap import diagnose
 from twingap.gap.contract import problems
+from twingap.gap.diagnosis import _status
 from twingap.records import Condition, RecordSet
 from twingap.twins.phenomenological import PhenomenologicalParameters, PhenomenologicalTwin
 from twingap.twins.twin_file import TwinSpec
@@ -45,6 +47,15 @@ def test_a_plain_effect_is_named_and_adding_it_closes_the_gap(clipped):
     assert candidate.effect == "quantisation"
     assert candidate.closure > 0.6
     assert candidate.parameters["step"].value == pytest.approx(0.8, rel=0.35)
+
+
+def test_explained_is_said_only_where_the_distance_reaches_its_floor(clipped):
+    quiet = replace(clipped.explanation, rest_p=0.5)
+    assert _status(quiet, 0.95) == "explained"
+    assert _status(quiet, 0.5) == "partly_explained"
+    assert _status(replace(quiet, rest_p=0.001), 0.95) == "partly_explained"
+    assert _status(replace(quiet, effects=()), 0.95) == "unexplained"
+    assert _status(replace(quiet, gap=False), 0.95) == "no_gap"
 
 
 def test_the_report_keeps_the_contract(clipped):
