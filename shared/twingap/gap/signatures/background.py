@@ -16,14 +16,16 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from typing import Final
+from weakref import WeakKeyDictionary
 
 import numpy as np
 import scipy.fft
+from numba import njit
 from numpy.typing import NDArray
 from scipy.signal import find_peaks
 
 from twingap.gap.signatures.lines import SEARCH, Lines, block_floor, lines_of
-from twingap.gap.view import Envelope, RecordView, band_medians
+from twingap.gap.view import Envelope, RecordView, band_medians, medians
 
 Array = NDArray[np.float64]
 
@@ -214,22 +216,44 @@ def _single_mode(f: Array, log_s: Array, top: float) -> tuple[Array, float, floa
     centre, damping = (grid.ravel() for grid in np.meshgrid(centres, dampings, indexing="ij"))
     shapes = mode_shape(f, centre[:, None], damping[:, None])
     s = np.exp(log_s - log_s.max())
-    fit = np.broadcast_to(s, shapes.shape)
-    a = w = np.zeros(len(shapes))
-    for _ in range(5):
-        # Weighted least squares of s on (shape, 1): relative errors count.
-        weight = 1 / np.maximum(fit, 1e-12) ** 2
-        hh, h1, n1 = (weight * shapes**2).sum(1), (weight * shapes).sum(1), weight.sum(1)
-        hs, s1 = (weight * shapes * s).sum(1), (weight * s).sum(1)
-        determinant = np.maximum(hh * n1 - h1 * h1, 1e-300)
-        a, w = np.maximum((hs * n1 - s1 * h1) / determinant, 0.0), np.maximum((hh * s1 - h1 * hs) / determinant, 0.0)
-        a, w = np.where(w > 0, a, hs / hh), np.where(a > 0, w, s1 / n1)
-        fit = np.maximum(a[:, None] * shapes + w[:, None], 1e-9)
+    a, w = _mode_and_white(shapes, s)
+    fit = np.maximum(a[:, None] * shapes + w[:, None], 1e-9)
     cost = np.abs(np.log(s) - np.log(fit)).mean(axis=1)
     best = int(np.argmin(cost))
     unit = math.exp(log_s.max())
     strength, white = float(a[best]) * unit, max(float(w[best]), 1e-9) * unit
     return fit[best] * unit, float(centre[best]), float(damping[best]), strength, white
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _mode_and_white(shapes, s):  # type: ignore[no-untyped-def]  # pragma: no cover
+    """([shapes], [shapes]) a and w of a shape + w to s [8 k], by weighted least squares: relative errors count."""
+    strengths, whites = np.empty(len(shapes)), np.empty(len(shapes))
+    sums = np.empty((5, 8))
+    for i in range(len(shapes)):
+        a, w = 0.0, 0.0
+        for step in range(5):
+            # Eight partial sums each: differences of these sums all but cancel for some shapes.
+            sums[:] = 0.0
+            for begin in range(0, s.size, 8):
+                for j in range(8):
+                    shape, value = shapes[i, begin + j], s[begin + j]
+                    fit = max(value if step == 0 else max(a * shape + w, 1e-9), 1e-12)
+                    weight = 1 / (fit * fit)
+                    sums[0, j] += weight * (shape * shape)
+                    sums[1, j] += weight * shape
+                    sums[2, j] += weight
+                    sums[3, j] += weight * shape * value
+                    sums[4, j] += weight * value
+            for j in (1, 2, 4):
+                for k in range(0, 8, 2 * j):
+                    sums[:, k] += sums[:, k + j]
+            hh, h1, n1, hs, s1 = sums[:, 0]
+            determinant = max(hh * n1 - h1 * h1, 1e-300)
+            a, w = max((hs * n1 - s1 * h1) / determinant, 0.0), max((hh * s1 - h1 * hs) / determinant, 0.0)
+            a, w = a if w > 0 else hs / hh, w if a > 0 else s1 / n1
+        strengths[i], whites[i] = a, w
+    return strengths, whites
 
 
 def mode_shape(f: Array, centre: Array | float, damping: Array | float) -> Array:
@@ -280,12 +304,22 @@ def _amplitudes(view: RecordView, out: dict[str, float]) -> None:
         out["half_wave_asymmetry"] = math.log10(max(power / count / max(below / (z.size - count), 1e-300), 1e-6))
 
 
+_CLEAN: WeakKeyDictionary[RecordView, RecordView] = WeakKeyDictionary()
+
+
 def _without_tones(view: RecordView) -> RecordView:
-    """The record with its tones' bins taken out, but for those of the fault."""
+    """The record with its tones' bins taken out, but for those of the fault; the record itself where it has none."""
+    if not np.any(~lines_of(view).fault_comb[2]):
+        return view
+    found = _CLEAN.get(view)
+    if found is None:
+        found = _CLEAN[view] = _cleaned(view)
+    return found
+
+
+def _cleaned(view: RecordView) -> RecordView:
     lines = lines_of(view)
     own = lines.peaks.of(~lines.fault_comb[2])
-    if len(own) == 0:
-        return view
     clean = RecordView(view.x, view.condition, view.frame)
     spectrum = view.transform.copy()
     places = np.rint(own.hz / view.df_hz).astype(int)
@@ -324,12 +358,18 @@ def _roughness(view: RecordView, out: dict[str, float]) -> None:
         _free_modulation(view, own, out)
 
 
+_SPECTRA: WeakKeyDictionary[Envelope, dict[float, Lines]] = WeakKeyDictionary()
+
+
 def _spectrum(envelope: Envelope, shaft_hz: float) -> Lines | None:
-    """The lines of an envelope spectrum, up to thirty shaft orders beyond what fault combs need."""
+    """The lines of an envelope spectrum, up to thirty shaft orders beyond what fault combs need; found once."""
     if envelope.values.size < 128 or envelope.mean <= 0:
         return None
-    last = int(min(80 * shaft_hz / envelope.df_hz, envelope.spectrum.size))
-    return Lines(envelope.spectrum[: max(last, 64)], envelope.df_hz, shaft_hz, None)
+    known = _SPECTRA.setdefault(envelope, {})
+    if shaft_hz not in known:
+        last = int(min(80 * shaft_hz / envelope.df_hz, envelope.spectrum.size))
+        known[shaft_hz] = Lines(envelope.spectrum[: max(last, 64)], envelope.df_hz, shaft_hz, None)
+    return known[shaft_hz]
 
 
 def _nearest(lines: Lines, hz: float, reach: float) -> float:
@@ -361,22 +401,37 @@ def _explained(view: RecordView, hz: Array, df_hz: float) -> NDArray[np.bool_]:
     out = (k <= 3) & (np.abs(hz - k * shaft) < width + loose * np.minimum(hz, 2 * shaft))
     k = np.maximum(np.rint(hz / (bearing.ftf * shaft)), 1)
     out |= (k <= 4) & (np.abs(hz - k * bearing.ftf * shaft) < width + 0.03 * hz)
-    if view.fault_order is not None:
-        fault = _fault_hz(view)
-        k = np.arange(0, 40)[:, None]
-        for side in (0.0, 1.0, 2.0, bearing.ftf):
-            for sign in (1.0, -1.0):
-                at = k * fault + sign * side * shaft
-                slack = width + 0.001 * k * fault + (0.03 * side * shaft if side else 0.0)
-                out |= (np.abs(hz[None, :] - at) < slack).any(axis=0)
+    if view.fault_order is not None and hz.size:
+        out |= _on_sides(hz, _fault_hz(view), np.array([0.0, 1.0, 2.0, bearing.ftf]) * shaft, width)
     return np.asarray(out)
 
 
+@njit(cache=True, nogil=True, error_model="numpy")
+def _on_sides(hz, fault, sides, width):  # type: ignore[no-untyped-def]  # pragma: no cover
+    """[frequencies] Which lie on a multiple of the fault's rate, or as far from one as any of the side lines."""
+    out = np.zeros(hz.size, np.bool_)
+    for i in range(hz.size):
+        for k in range(40):
+            for side in sides:
+                off = abs(abs(hz[i] - k * fault) - side)
+                if off < width + 0.001 * k * fault + 0.03 * side:
+                    out[i] = True
+    return out
+
+
 _FAULT_HARMONICS: Final = np.arange(1.0, 6.0)
+_FAULT_HZ: WeakKeyDictionary[RecordView, float] = WeakKeyDictionary()
 
 
 def _fault_hz(view: RecordView) -> float:
-    """Rate of the fault, off its comb in the raw spectrum or in the envelope."""
+    """Rate of the fault, off its comb in the raw spectrum or in the envelope; found once."""
+    found = _FAULT_HZ.get(view)
+    if found is None:
+        found = _FAULT_HZ[view] = _search_fault(view)
+    return found
+
+
+def _search_fault(view: RecordView) -> float:
     lines = lines_of(view)
     assert view.fault_order is not None
     stated = view.fault_order * view.shaft_hz
@@ -405,7 +460,7 @@ def _knocks(view: RecordView, smooth: Array, out: dict[str, float]) -> None:
     white = _without_tones(view).transform * gain
     w = scipy.fft.irfft(white, n)
     size = np.abs(w)
-    sigma = float(np.median(size)) / 0.6745
+    sigma = float(medians(size)) / 0.6745
     if sigma <= 0:
         return
     square = w * w
@@ -521,22 +576,7 @@ def _comb(view: RecordView, env: Lines, logs: Array, hidden: NDArray[np.int64]) 
     if top <= 1.5 * shaft:
         return 0.0, shaft
     hz = np.arange(1.5 * shaft, top, df_hz / 4)
-    places = hz / df_hz
-
-    def level(multiple: float) -> Array:
-        at = np.rint(multiple * places).astype(int)
-        return np.asarray(np.where(at < wide.size, wide[np.minimum(at, wide.size - 1)], np.nan))
-
-    harmonics = np.array([level(k) for k in range(1, _COMB + 1)])
-    seen = np.isfinite(harmonics)
-    values = np.where(seen, harmonics, 0.0)
-    # The strongest line proves no comb: the others do. Where the band is narrow, fewer are asked.
-    score = (values.sum(axis=0) - values.max(axis=0)) * (_COMB - 1) / np.maximum(seen.sum(axis=0) - 1, 1)
-    score = np.where(seen.sum(axis=0) >= min(3, seen.any(axis=1).sum()), score, 0.6 * score)
-    score = np.where(values[0] < 0.5, np.where(seen[0], 0.5, 0.8) * score, score)
-    # A multiple of the true rate has lines of the comb between its own.
-    score -= 0.6 * np.minimum(np.nan_to_num(level(0.5)), np.nan_to_num(level(1.5)))
-    score -= 0.8 * np.minimum(np.nan_to_num(level(1 / 3)), np.nan_to_num(level(2 / 3)))
+    score = _foreign_scores(wide, hz / df_hz)
     bearing = view.bearing
     healthy = view.fault_order is None
     for order in (bearing.bpfo, bearing.bpfi, 2 * bearing.bsf, bearing.bsf):
@@ -545,6 +585,42 @@ def _comb(view: RecordView, env: Lines, logs: Array, hidden: NDArray[np.int64]) 
     score[np.abs(hz / shaft - np.rint(hz / shaft)) * shaft < 1.2 * df_hz] *= 0.6
     best = int(np.argmax(score))
     return float(score[best]), float(hz[best])
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _foreign_scores(wide, places):  # type: ignore[no-untyped-def]  # pragma: no cover
+    """[candidates] Score of the comb with its first line at each place (bins); NaN in `wide` is not known."""
+    out, reached = np.empty(places.size), 0
+    for k in range(1, _COMB + 1):
+        for place in places:
+            at = int(np.rint(k * place))
+            if at < wide.size and not np.isnan(wide[at]):
+                reached += 1
+                break
+    for i in range(places.size):
+        total, largest, first, seen, sees_first = 0.0, 0.0, 0.0, 0, False
+        for k in range(1, _COMB + 1):
+            at = int(np.rint(k * places[i]))
+            if at >= wide.size or np.isnan(wide[at]):
+                continue
+            seen += 1
+            total += wide[at]
+            largest = max(largest, wide[at])
+            if k == 1:
+                first, sees_first = wide[at], True
+        # The strongest line proves no comb: the others do. Where the band is narrow, fewer are asked.
+        score = (total - largest) * (_COMB - 1) / max(seen - 1, 1)
+        if seen < min(3, reached):
+            score *= 0.6
+        if first < 0.5:
+            score *= 0.5 if sees_first else 0.8
+        # A multiple of the true rate has lines of the comb between its own.
+        for weight, low, high in ((0.6, 0.5, 1.5), (0.8, 1 / 3, 2 / 3)):
+            below, above = int(np.rint(low * places[i])), int(np.rint(high * places[i]))
+            if above < wide.size and not (np.isnan(wide[below]) or np.isnan(wide[above])):
+                score -= weight * min(wide[below], wide[above])
+        out[i] = score
+    return out
 
 
 def _refined(env: Lines, hz: float) -> float:

@@ -21,7 +21,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from twingap.gap.view import RecordView
+from twingap.gap.view import RecordView, medians
 
 Array = NDArray[np.float64]
 
@@ -161,12 +161,13 @@ class Lines:
         e = self.excess
         if e.size < 8:
             return Peaks(np.empty(0), np.empty(0), np.empty(0))
-        at = np.flatnonzero((e[2:-2] > _PEAK) & (e[2:-2] >= e[1:-3]) & (e[2:-2] > e[3:-1])) + 2
+        at = np.flatnonzero(e[2:-2] > _PEAK) + 2
+        at = at[(e[at] >= e[at - 1]) & (e[at] > e[at + 1])]
         # The side lobes of a strong tone are no peaks: -31 dB and falling, within a few bins.
         strongest = np.sort(at[np.argsort(e[at])[::-1][:_MOST_PEAKS]])
-        kept = np.array([self.tones[i] > 2e-2 * self.tones[max(i - 6, 0) : i + 7].max() for i in strongest], bool)
-        at = strongest[kept] if strongest.size else strongest
         p = self.tones
+        about = p[np.clip(strongest[:, None] + np.arange(-6, 7), 0, p.size - 1)]
+        at = strongest[p[strongest] > 2e-2 * about.max(axis=1)]
         left, middle, right = (np.sqrt(p[at + k]) for k in (-1, 0, 1))
         up = right > left
         ratio = np.where(up, right, left) / np.maximum(middle, 1e-300)
@@ -358,16 +359,7 @@ class Lines:
             for k in range(-3, 4):
                 at = np.clip(places + k, 0, size - 1)
                 tones[at] = np.minimum(tones[at], self.floor[at])
-        for i, f in enumerate(hz):
-            reach = 1 + relative * f / self.df_hz
-            low, high = max(round(f / self.df_hz - reach), 1), round(f / self.df_hz + reach) + 1
-            if high > size - 2 or f < 1.5 * self.df_hz:
-                continue
-            place = low + int(np.argmax(tones[low:high]))
-            # Neighbouring bins of a Hann window share a third of their noise.
-            expected = (math.log((high - low) / 1.3) + 0.577) / math.log(2)
-            logs[i] = math.log10(max(tones[place] / self.floor[place] / expected, 1e-3))
-            power[i] = tones[place - 1 : place + 2].sum() / 1.5
+        look_up(tones, self.floor, hz / self.df_hz, relative, logs, power)
         return logs, power
 
 
@@ -618,35 +610,58 @@ def block_floor(power: Array, block: int = 32) -> Array:
     if n < 4 * block:
         return np.full(n, max(float(np.median(power)), 1e-300))
     count = n // block
-    middles = np.median(power[: count * block].reshape(count, block), axis=1)
+    middles = medians(power[: count * block].reshape(count, block))
     # Where lines fill a block, its neighbours speak for it; mean rather than median keeps the slope of a resonance.
     padded = np.concatenate((middles[:1], middles, middles[-1:]))
     around = np.minimum(np.maximum(padded[:-2], padded[2:]), 1e300)
     middles = np.log(np.maximum(np.minimum(middles, 2 * around), 1e-300))
     padded = np.concatenate((middles[:1], middles, middles[-1:]))
     middles = 0.25 * padded[:-2] + 0.5 * middles + 0.25 * padded[2:]
-    return np.asarray(np.exp(np.interp(np.arange(n), (np.arange(count) + 0.5) * block, middles)))
+    floor = np.empty(n)
+    half, end = block // 2, block // 2 + (count - 1) * block
+    steps = np.arange(block) / block
+    np.add(middles[:-1, None], np.diff(middles)[:, None] * steps, out=floor[half:end].reshape(count - 1, block))
+    floor[:half], floor[end:] = middles[0], middles[-1]
+    return np.asarray(np.exp(floor, out=floor))
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def comb_scores(hz, weights, widths, bases, highest, based):  # type: ignore[no-untyped-def]  # pragma: no cover
     """[candidates] Sum of the weights of the lines that lie on multiples of each base, less by their distance.
 
     With `based` a comb without its first line counts nothing.
     """
-    out = np.zeros(bases.size)
-    for c in range(bases.size):
-        total, first = 0.0, False
-        for i in range(hz.size):
-            k = math.floor(hz[i] / bases[c] + 0.5)
-            if k < 1 or k > highest:
-                continue
-            off = abs(hz[i] - k * bases[c]) / (2.5 * widths[i])
-            if off < 1.0:
-                first |= k == 1
-                total += weights[i] * (1 - off * off)
-        out[c] = total if first or not based else 0.0
+    out, first = np.zeros(bases.size), np.zeros(bases.size)
+    # Candidates are the inner loop, and nothing in it branches: so it is done eight at a time.
+    for i in range(hz.size):
+        line, weight, width = hz[i], weights[i], 2.5 * widths[i]
+        for c in range(bases.size):
+            k = np.floor(line / bases[c] + 0.5)
+            off = abs(line - k * bases[c]) / width
+            hit = (off < 1.0) & (k >= 1.0) & (k <= highest)
+            out[c] += weight * (1 - off * off) if hit else 0.0
+            if based:
+                first[c] = 1.0 if hit & (k == 1.0) else first[c]
+    if based:
+        for c in range(bases.size):
+            out[c] = out[c] if first[c] > 0 else 0.0
     return out
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def look_up(tones, floor, places, relative, logs, power):  # type: ignore[no-untyped-def]  # pragma: no cover
+    """Fill what `Lines.at` returns; places are frequencies in bins."""
+    for i in range(places.size):
+        place = places[i]
+        reach = 1 + relative * place
+        low, high = max(int(np.rint(place - reach)), 1), int(np.rint(place + reach)) + 1
+        if high > tones.size - 2 or place < 1.5:
+            continue
+        best = low + int(np.argmax(tones[low:high]))
+        # Neighbouring bins of a Hann window share a third of their noise.
+        expected = (math.log((high - low) / 1.3) + 0.577) / math.log(2)
+        logs[i] = math.log10(max(tones[best] / floor[best] / expected, 1e-3))
+        power[i] = (tones[best - 1] + tones[best] + tones[best + 1]) / 1.5
 
 
 def _levels(power: Array, scale: float) -> Array:
