@@ -1,11 +1,12 @@
-"""One training loop for the plain network, with and without adversarial adaptation.
+"""One training loop for every network and every alignment.
 
 labelled source ----> extractor -> classifier -> cross-entropy
                           |
-unlabelled target ------> + -> reversal -> discriminator -> domain loss      (method "dann" only)
+unlabelled target ------> + -> alignment (discriminators, discrepancies) -> loss      (where there is one)
 
-With the same seed both methods start from the same weights and see the same source batches in the same order; they
-differ in the domain loss and in nothing else (with its weight at 0 the weights agree bit for bit, and a test says so).
+With the same seed two alignments of one network start from the same weights and see the same source batches in the same
+order; they differ in the added loss and in nothing else (with its weight at 0 the weights agree bit for bit, and a test
+says so).
 """
 
 from __future__ import annotations
@@ -13,20 +14,26 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Final, Literal
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
 from torch import Tensor, nn
 
-from twingap.adapt.dann import DomainDiscriminator, adversarial_schedule, reverse_gradient
+from twingap.adapt.alignment import Aligner, Alignment, Seen
+from twingap.adapt.dann import adversarial_schedule
+from twingap.adapt.mode_network import Architecture, ModeNetwork
 from twingap.adapt.nets import PlainCNN, best_device
 
 Inputs = NDArray[np.float32]
 Labels = NDArray[np.int64]
 Method = Literal["source_only", "dann"]
 State = dict[str, Tensor]
+Network = PlainCNN | ModeNetwork
+
+ALIGNMENTS: Final[dict[Method, Alignment]] = {"source_only": Alignment(), "dann": Alignment(("features",))}
+"""By name, for the plain network."""
 
 
 @dataclass(frozen=True)
@@ -44,7 +51,7 @@ class Training:
     checkpoints : int
         States kept for selection, evenly spaced, the last at the end.
     adversarial_weight : float
-        Highest weight of the reversed gradient ("dann").
+        Highest weight of the reversed gradient, or of the discrepancy.
     """
 
     steps: int = 1200
@@ -63,11 +70,11 @@ class Checkpoint:
     ----------
     step : int
     state : State
-        Weights of the `PlainCNN`, on the processor.
+        Weights of the network, on the processor.
     source_loss : float
         Mean cross-entropy on source batches since the last checkpoint.
     domain_accuracy : float
-        Share of samples whose domain the discriminator told right since then; NaN without one.
+        Share of samples whose domain the discriminators told right since then; NaN without one.
     """
 
     step: int
@@ -87,6 +94,8 @@ class Trained:
         The network's shape.
     device : str
         Where it was trained.
+    architecture : Architecture or None
+        None = `PlainCNN`.
     """
 
     checkpoints: tuple[Checkpoint, ...]
@@ -94,10 +103,11 @@ class Trained:
     channels: int
     n_classes: int
     device: str = field(compare=False)
+    architecture: Architecture | None = None
 
-    def network(self, place: int = -1) -> PlainCNN:
+    def network(self, place: int = -1) -> Network:
         """The network of one checkpoint, on the processor, ready to predict."""
-        net = PlainCNN(self.length, self.n_classes, self.channels)
+        net = _network(self.architecture, self.length, self.channels, self.n_classes)
         net.load_state_dict(self.checkpoints[place].state)
         return net.eval()
 
@@ -129,27 +139,30 @@ def train(
     source: Inputs,
     labels: Labels,
     target: Inputs,
-    method: Method,
+    method: Method | Alignment,
     settings: Training,
     seed: int,
     n_classes: int,
     device: str = "auto",
+    architecture: Architecture | None = None,
 ) -> Trained:
-    """Train on labelled source windows and, with "dann", on unlabelled target windows.
+    """Train on labelled source windows and, where there is an alignment, on unlabelled target windows.
 
     Parameters
     ----------
     source : Inputs [windows, channels, length]
     labels : Labels [windows]
     target : Inputs [windows, channels, length]
-        Not looked at by "source_only". There is no argument for target labels.
-    method : {"source_only", "dann"}
+        Not looked at without an alignment. There is no argument for target labels.
+    method : {"source_only", "dann"} or Alignment
     settings : Training
     seed : int
         Weights and order of batches.
     n_classes : int
     device : str
         "auto", "cpu" or "cuda".
+    architecture : Architecture or None
+        None = `PlainCNN`.
 
     Returns
     -------
@@ -157,10 +170,11 @@ def train(
         Same seed, same bytes on the same kind of device.
     """
     place = best_device(device)
+    alignment = method if isinstance(method, Alignment) else ALIGNMENTS[method]
     with reproducible(seed):
-        net = PlainCNN(source.shape[2], n_classes, source.shape[1]).to(place)
-        discriminator = DomainDiscriminator().to(place)
-        parameters = [*net.parameters(), *(discriminator.parameters() if method == "dann" else ())]
+        net = _network(architecture, source.shape[2], source.shape[1], n_classes).to(place)
+        aligner = Aligner(alignment, n_classes).to(place)
+        parameters = [*net.parameters(), *aligner.parameters()]
         optimiser = torch.optim.AdamW(parameters, lr=settings.learning_rate, weight_decay=settings.weight_decay)
         x, y = torch.from_numpy(source).to(place), torch.from_numpy(labels).to(place)
         other = torch.from_numpy(target).to(place)
@@ -168,23 +182,22 @@ def train(
             _batches(len(x), settings.batch, seed, 0),
             _batches(len(other), settings.batch, seed, 1),
         )
-        class_loss, domain_loss = nn.CrossEntropyLoss(), nn.BCEWithLogitsLoss()
+        class_loss = nn.CrossEntropyLoss()
         marks = {round((i + 1) * settings.steps / settings.checkpoints) for i in range(settings.checkpoints)}
         kept: list[Checkpoint] = []
         losses: list[Tensor] = []
         told: list[Tensor] = []
         for step in range(settings.steps):
             chosen = next(source_order)
-            features = net.extractor(x[chosen])
-            loss = class_loss(net.classifier(features), y[chosen])
+            labelled = _seen(net, x[chosen])
+            loss = class_loss(labelled.logits, y[chosen])
             losses.append(loss.detach())
-            if method == "dann":
+            if alignment.active:
                 weight = adversarial_schedule(step / settings.steps, settings.adversarial_weight)
-                both = torch.cat([features, net.extractor(other[next(target_order)])])
-                domain = (torch.arange(len(both), device=place) >= len(features)).float()
-                guess = discriminator(reverse_gradient(both, weight))
-                loss = loss + domain_loss(guess, domain)
-                told.append(((guess.detach() > 0) == (domain > 0.5)).float().mean())
+                added, right = aligner(labelled, y[chosen], _seen(net, other[next(target_order)]), weight)
+                loss = loss + added
+                if right is not None:
+                    told.append(right)
             optimiser.zero_grad(set_to_none=True)
             loss.backward()
             optimiser.step()
@@ -193,7 +206,18 @@ def train(
                 accuracy = float(torch.stack(told).mean()) if told else float("nan")
                 kept.append(Checkpoint(step + 1, state, float(torch.stack(losses).mean()), accuracy))
                 losses, told = [], []
-    return Trained(tuple(kept), source.shape[2], source.shape[1], n_classes, str(place))
+    return Trained(tuple(kept), source.shape[2], source.shape[1], n_classes, str(place), architecture)
+
+
+def _network(architecture: Architecture | None, length: int, channels: int, n_classes: int) -> Network:
+    if architecture is None:
+        return PlainCNN(length, n_classes, channels)
+    return ModeNetwork(architecture, length, channels, n_classes)
+
+
+def _seen(net: Network, x: Tensor) -> Seen:
+    features = net.extractor(x)
+    return Seen(features, net.classifier(features))
 
 
 def _batches(n: int, batch: int, seed: int, stream: int) -> Iterator[Tensor]:
@@ -233,12 +257,12 @@ class Outputs:
         return np.asarray(self.logits.argmax(axis=1), dtype=np.int64)
 
 
-def outputs(net: PlainCNN, inputs: Inputs, batch: int = 512) -> Outputs:
+def outputs(net: Network, inputs: Inputs, batch: int = 256) -> Outputs:
     """Run a network over windows, on one thread, so that the bytes do not depend on the machine's cores."""
     logits, features = [], []
     with reproducible(0), torch.no_grad():
         for start in range(0, len(inputs), batch):
-            seen = net.extractor(torch.from_numpy(inputs[start : start + batch]))
-            features.append(seen.numpy())
-            logits.append(net.classifier(seen).numpy())
+            seen = _seen(net, torch.from_numpy(inputs[start : start + batch]))
+            features.append(seen.features.numpy())
+            logits.append(seen.logits.numpy())
     return Outputs(np.concatenate(logits), np.concatenate(features))

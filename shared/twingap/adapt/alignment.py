@@ -1,0 +1,151 @@
+"""What adaptation adds to the loss on labelled source windows: reversed discriminators, and discrepancies.
+
+features, logits of source and target --+--> reversal --> discriminators --> mean domain loss
+                                        +--> kernel discrepancy (of all, or class by class) x weight
+
+Sources: Ganin et al. 2016, arXiv:1505.07818 (reversal); Long et al. 2018, arXiv:1705.10667 (conditional discriminator);
+Long et al. 2015, arXiv:1502.02791 (several kernels); Zhu et al. 2021, DOI 10.1109/TNNLS.2020.2988928 (class by class).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final, Literal, NamedTuple
+
+import torch
+from torch import Tensor, nn
+
+from twingap.adapt.dann import DomainDiscriminator, reverse_gradient
+from twingap.adapt.nets import FEATURES
+
+Discriminated = Literal["features", "conditional"]
+Discrepancy = Literal["none", "domain", "category"]
+
+BANDWIDTHS: Final = (0.25, 0.5, 1.0, 2.0, 4.0)
+"""Of the kernels, over the mean squared distance of the batch."""
+
+
+@dataclass(frozen=True)
+class Alignment:
+    """What draws source and target together; the default is nothing.
+
+    Parameters
+    ----------
+    discriminators : tuple of {"features", "conditional"}
+        Each tells domains by the features, or by features and predicted classes together (their outer product).
+    discrepancy : {"none", "domain", "category"}
+        Kernel discrepancy between domains as wholes, or the mean of those between equal classes, where the target's
+        are those that the network believes in.
+    weight : float
+        Of all of it, relative to the training's.
+    """
+
+    discriminators: tuple[Discriminated, ...] = ()
+    discrepancy: Discrepancy = "none"
+    weight: float = 1.0
+
+    @property
+    def active(self) -> bool:
+        """Whether target windows are looked at."""
+        return bool(self.discriminators) or self.discrepancy != "none"
+
+
+class Seen(NamedTuple):
+    """What the network makes of a batch.
+
+    Parameters
+    ----------
+    features : Tensor [batch, 100]
+    logits : Tensor [batch, classes]
+    """
+
+    features: Tensor
+    logits: Tensor
+
+
+class Aligner(nn.Module):
+    """The loss of an alignment, with its discriminators.
+
+    Parameters
+    ----------
+    alignment : Alignment
+    n_classes : int
+    """
+
+    def __init__(self, alignment: Alignment, n_classes: int) -> None:
+        super().__init__()
+        self.alignment, self.n_classes = alignment, n_classes
+        self.discriminators = nn.ModuleList(
+            DomainDiscriminator(FEATURES if kind == "features" else FEATURES * n_classes)
+            for kind in alignment.discriminators
+        )
+        self.domain_loss = nn.BCEWithLogitsLoss()
+
+    def forward(self, source: Seen, labels: Tensor, target: Seen, weight: float) -> tuple[Tensor, Tensor | None]:
+        """Loss to be added, and the share of samples whose domain the discriminators told right (None without them).
+
+        Parameters
+        ----------
+        source : Seen
+        labels : Tensor [batch]
+        target : Seen
+        weight : float
+            Of the reversed gradient and of the discrepancy. At 0 the network's gradients are the source's alone.
+        """
+        weight = weight * self.alignment.weight
+        losses: list[Tensor] = []
+        told: list[Tensor] = []
+        if self.discriminators:
+            both = torch.cat([source.features, target.features])
+            domain = (torch.arange(len(both), device=both.device) >= len(source.features)).float()
+            each = []
+            for kind, discriminator in zip(self.alignment.discriminators, self.discriminators, strict=True):
+                shown = both
+                if kind == "conditional":
+                    # Predictions are not pulled by it, only features, as in the authors' own code.
+                    believed = torch.cat([source.logits, target.logits]).softmax(dim=1).detach()
+                    shown = (believed[:, :, None] * both[:, None, :]).flatten(1)
+                guess = discriminator(reverse_gradient(shown, weight))
+                each.append(self.domain_loss(guess, domain))
+                told.append(((guess.detach() > 0) == (domain > 0.5)).float().mean())
+            losses.append(torch.stack(each).mean() if len(each) > 1 else each[0])
+        if self.alignment.discrepancy == "domain":
+            losses.append(weight * kernel_discrepancy(source.features, target.features))
+        elif self.alignment.discrepancy == "category":
+            own = nn.functional.one_hot(labels, self.n_classes).to(source.features.dtype)
+            believed = target.logits.softmax(dim=1).detach()
+            losses.append(weight * kernel_discrepancy(source.features, target.features, own, believed))
+        loss = sum(losses[1:], losses[0])
+        return loss, (torch.stack(told).mean() if told else None)
+
+
+def kernel_discrepancy(
+    source: Tensor, target: Tensor, source_weights: Tensor | None = None, target_weights: Tensor | None = None
+) -> Tensor:
+    """Squared maximum mean discrepancy with a sum of Gaussian kernels, mean over weightings.
+
+    Parameters
+    ----------
+    source, target : Tensor [n, features], [m, features]
+    source_weights, target_weights : Tensor [n, weightings], [m, weightings], optional
+        Not negative; each column is scaled to sum 1. Columns without weight in the source are left out. Default: one
+        column of equal weights, the plain discrepancy (its biased estimate).
+
+    Returns
+    -------
+    Tensor
+        Scalar, at least 0 but for rounding.
+    """
+    a = torch.ones_like(source[:, :1]) if source_weights is None else source_weights
+    b = torch.ones_like(target[:, :1]) if target_weights is None else target_weights
+    present = a.sum(dim=0) > 0
+    a = a / a.sum(dim=0).clamp_min(1e-6)
+    b = b / b.sum(dim=0).clamp_min(1e-6)
+    both = torch.cat([source, target])
+    signed = torch.cat([a, -b])  # [n + m, weightings]: the squared norm of the signed mean embedding
+    square = both.square().sum(dim=1)
+    distance = (square[:, None] + square[None] - 2 * both @ both.T).clamp_min(0.0)
+    scale = distance.detach().mean().clamp_min(1e-12)
+    kernel = sum((torch.exp(-distance / (scale * width)) for width in BANDWIDTHS), torch.zeros_like(distance))
+    each = (signed * (kernel @ signed)).sum(dim=0)
+    return (each * present).sum() / present.sum().clamp_min(1)

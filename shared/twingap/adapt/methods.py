@@ -1,0 +1,318 @@
+"""The nine methods of paper 3 as a table of options, and the one way to train and ask any of them.
+
+source Windows (labelled) ---+--> ModeInputs --> split by group --> train --> checkpoints --> chosen without labels
+target Windows (unlabelled) -+                                                                   |
+                                              windows --> ModeInputs --> predict_proba, embed <--+--> judge
+
+Used in: paper 3, DOI 10.1177/10775463261462852. What each name changes is in `METHODS`; what the paper leaves open
+there was read as follows.
+
+- "Dual-discriminator": one discriminator of the features and one of features and predicted classes together. (It might
+  mean no more than a label classifier and a domain discriminator; then Proposed would have DANN's alignment.)
+- MMD, DANN and DACD align the paper's own convolutional extractor on the same modes, without denoising network and
+  attention, which the paper's remarks on them call missing.
+- DACD, "builds upon the DANN by incorporating category information": DANN and a discrepancy between equal classes.
+- Base-Attn replaces inverse embedding and cosines by ordinary attention across time; Non-DN and Base-NDN have one
+  strided convolution in place of the denoising network; all three keep both discriminators.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twingap.adapt.alignment import Alignment
+from twingap.adapt.evaluate import Scores, score
+from twingap.adapt.mode_inputs import ModeInputs
+from twingap.adapt.mode_network import Architecture
+from twingap.adapt.mode_svm import ModeSVM, train_svm
+from twingap.adapt.selection import CRITERIA, DEFAULT, Evidence, select
+from twingap.adapt.training import Inputs, Trained, Training, outputs, train
+from twingap.adapt.windows import Windows, split_by_group
+from twingap.errors import TwingapError
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class MethodOptions:
+    """A method.
+
+    Parameters
+    ----------
+    name : str
+    architecture : Architecture or None
+        Of the network; None = support vector machine.
+    alignment : Alignment
+        What draws the domains together.
+    """
+
+    name: str
+    architecture: Architecture | None
+    alignment: Alignment = field(default_factory=Alignment)
+
+
+_BARE: Final = Architecture(denoising=False, attention="none")
+_DUAL: Final = Alignment(("features", "conditional"))
+
+METHODS: Final[dict[str, MethodOptions]] = {
+    m.name: m
+    for m in (
+        MethodOptions("VMD+SVM", None),
+        MethodOptions("Non-DA", Architecture()),
+        MethodOptions("MMD", _BARE, Alignment(discrepancy="domain")),
+        MethodOptions("DANN", _BARE, Alignment(("features",))),
+        MethodOptions("DACD", _BARE, Alignment(("features",), "category")),
+        MethodOptions("Base-Attn", Architecture(attention="time"), _DUAL),
+        MethodOptions("Non-DN", Architecture(denoising=False), _DUAL),
+        MethodOptions("Base-NDN", Architecture(denoising=False, attention="time"), _DUAL),
+        MethodOptions("Proposed", Architecture(), _DUAL),
+    )
+}
+"""By the paper's names, in its order."""
+
+
+def steps_of_epochs(epochs: float, n_windows: int, batch: int) -> int:
+    """Gradient steps in which `n_windows` source windows are seen `epochs` times; at least 1."""
+    return max(1, round(epochs * n_windows / batch))
+
+
+@dataclass(frozen=True)
+class Fitted:
+    """A trained method.
+
+    Parameters
+    ----------
+    method : MethodOptions
+    inputs : ModeInputs
+    trained : Trained or None
+        Of a network.
+    svm : ModeSVM or None
+        Of VMD+SVM.
+    criteria : Mapping[str, tuple[float, ...]]
+        Label-free criterion -> score of each checkpoint; empty for the machine.
+    chosen : Mapping[str, int]
+        Criterion -> place of the checkpoint that it prefers.
+    criterion : str
+        The one that counts.
+    source_accuracy : tuple[float, ...]
+        Of each checkpoint, on source windows held out from training.
+    """
+
+    method: MethodOptions
+    inputs: ModeInputs
+    trained: Trained | None
+    svm: ModeSVM | None
+    criteria: Mapping[str, tuple[float, ...]]
+    chosen: Mapping[str, int]
+    criterion: str
+    source_accuracy: tuple[float, ...]
+
+    @property
+    def checkpoints(self) -> int:
+        """How many states there are to choose from; 1 for the machine."""
+        return 1 if self.trained is None else len(self.trained.checkpoints)
+
+    @property
+    def place(self) -> int:
+        """Of the checkpoint chosen without target labels."""
+        return self.chosen.get(self.criterion, 0)
+
+    @property
+    def history(self) -> list[dict[str, float]]:
+        """One row a checkpoint: step, source_loss, domain_accuracy (NaN without), source_accuracy, each criterion."""
+        if self.trained is None:
+            return []
+        return [
+            {
+                "step": float(c.step),
+                "source_loss": c.source_loss,
+                "domain_accuracy": c.domain_accuracy,
+                "source_accuracy": self.source_accuracy[i],
+                **{name: scores[i] for name, scores in self.criteria.items()},
+            }
+            for i, c in enumerate(self.trained.checkpoints)
+        ]
+
+    def predict_proba(self, windows: Windows, place: int | None = None) -> Array:
+        """Probabilities [windows, classes], of the chosen checkpoint or of the one at `place`."""
+        return self._outputs(self.inputs(windows), place)[0]
+
+    def embed(self, windows: Windows, place: int | None = None) -> Array:
+        """Features before the classifier [windows, 100] (the standardised numbers, for the machine)."""
+        return self._outputs(self.inputs(windows), place)[1]
+
+    def _outputs(self, x: Inputs, place: int | None) -> tuple[Array, Array]:
+        if self.svm is not None:
+            return self.svm.probabilities(x), self.svm.features(x)
+        assert self.trained is not None
+        seen = outputs(self.trained.network(self.place if place is None else place), x)
+        return seen.probabilities, seen.features.astype(np.float64)
+
+
+def fit(
+    method: str | MethodOptions,
+    source: Windows,
+    target_unlabelled: Windows,
+    seed: int,
+    *,
+    n_classes: int,
+    settings: Training | None = None,
+    inputs: ModeInputs | None = None,
+    held_out: float = 0.25,
+    criterion: str = DEFAULT,
+    device: str = "auto",
+) -> Fitted:
+    """Train a method and choose a checkpoint without target labels.
+
+    Parameters
+    ----------
+    method : str or MethodOptions
+        A key of `METHODS`, or options of your own.
+    source : Windows
+        Labelled; a share of the groups of each class is held out from training, the same for every method.
+    target_unlabelled : Windows
+        Without labels: an attempt to pass any is an error.
+    seed : int
+        Of the split, the weights and the batches. VMD+SVM has nothing to choose: it is trained on all of the source,
+        and the seed changes nothing.
+    n_classes : int
+    settings : Training, optional
+    inputs : ModeInputs, optional
+    held_out : float
+        Share of source groups for validation.
+    criterion : str
+        Key of `twingap.adapt.CRITERIA`.
+    device : str
+        "auto" (a GPU when there is one), "cpu" or "cuda".
+
+    Returns
+    -------
+    Fitted
+
+    Raises
+    ------
+    TwingapError
+        For an unknown method or criterion, labels on the target, or none on the source.
+    """
+    options = _known(method)
+    if criterion not in CRITERIA:
+        raise TwingapError(f"unknown criterion {criterion!r}", mend=f"use one of {', '.join(CRITERIA)}")
+    if target_unlabelled.labels is not None:
+        raise TwingapError("the windows of adaptation carry labels", where="fit", mend="pass .unlabelled() windows")
+    if source.labels is None:
+        raise TwingapError("the source windows carry no labels", where="fit", mend="cut them with their classes")
+    prepare = inputs or ModeInputs()
+    x = prepare(source)
+    if options.architecture is None:
+        return Fitted(options, prepare, None, train_svm(x, source.labels, n_classes), {}, {}, criterion, ())
+    part, held = _split(source, held_out, seed)
+    x_target = prepare(target_unlabelled)
+    trained = train(
+        x[part], source.labels[part], x_target, options.alignment, settings or Training(), seed, n_classes, device,
+        options.architecture,
+    )  # fmt: skip
+    nets = [trained.network(i) for i in range(len(trained.checkpoints))]
+    labels = source.labels[held]
+    evidence = [Evidence(outputs(net, x[held]), labels, outputs(net, x_target)) for net in nets]
+    return Fitted(
+        options,
+        prepare,
+        trained,
+        None,
+        {name: tuple(rule(e) for e in evidence) for name, rule in CRITERIA.items()},
+        {name: select(evidence, name) for name in CRITERIA},
+        criterion,
+        tuple(float(np.mean(e.source.predicted == labels)) for e in evidence),
+    )
+
+
+def _known(method: str | MethodOptions) -> MethodOptions:
+    if isinstance(method, MethodOptions):
+        return method
+    if method not in METHODS:
+        raise TwingapError(f"unknown method {method!r}", mend=f"use one of {', '.join(METHODS)}")
+    return METHODS[method]
+
+
+def _split(source: Windows, share: float, seed: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Places of the windows to train on and of those held out; no group is on both sides."""
+    _, held = split_by_group(source, share, np.random.default_rng([seed, 2]))
+    outside = np.isin(source.group, held.group)
+    return np.flatnonzero(~outside), np.flatnonzero(outside)
+
+
+@dataclass(frozen=True)
+class Judged:
+    """What a trained method is worth on labelled windows that it has not seen.
+
+    Parameters
+    ----------
+    scores : Scores
+        Of the checkpoint chosen without target labels: the method's result.
+    probabilities : Array [windows, classes]
+        Of that checkpoint.
+    accuracy_by_checkpoint : tuple[float, ...]
+    accuracy_by_criterion : Mapping[str, float]
+        What each label-free criterion would have given.
+    oracle_accuracy : float
+        Of the best checkpoint by target labels: no method may claim it.
+    """
+
+    scores: Scores
+    probabilities: Array
+    accuracy_by_checkpoint: tuple[float, ...]
+    accuracy_by_criterion: Mapping[str, float]
+    oracle_accuracy: float
+
+    @property
+    def accuracy(self) -> float:
+        """Of the checkpoint chosen without target labels."""
+        return self.scores.accuracy
+
+    def plain(self) -> dict[str, Any]:
+        """For a result store: numbers, dictionaries and arrays."""
+        return {
+            "accuracy": self.accuracy,
+            "balanced_accuracy": self.scores.balanced_accuracy,
+            "confusion": self.scores.confusion,
+            "recordings_right": self.scores.recordings_right,
+            "recordings": self.scores.recordings,
+            "probabilities": self.probabilities.astype(np.float32),
+            "accuracy_by_checkpoint": list(self.accuracy_by_checkpoint),
+            "accuracy_by_criterion": dict(self.accuracy_by_criterion),
+            "oracle_accuracy": self.oracle_accuracy,
+        }
+
+
+def judge(fitted: Fitted, windows: Windows) -> Judged:
+    """Judge on labelled windows, none of which may have been adapted to.
+
+    Parameters
+    ----------
+    fitted : Fitted
+    windows : Windows
+        Labelled.
+
+    Raises
+    ------
+    TwingapError
+        When they carry no labels.
+    """
+    if windows.labels is None:
+        raise TwingapError("the windows to judge on carry no labels", where="judge", mend="cut them with their classes")
+    x = fitted.inputs(windows)
+    each = [fitted._outputs(x, place)[0] for place in range(fitted.checkpoints)]
+    scores = [score(p, windows.labels, windows.group) for p in each]
+    accuracies = tuple(s.accuracy for s in scores)
+    return Judged(
+        scores[fitted.place],
+        each[fitted.place],
+        accuracies,
+        {name: accuracies[place] for name, place in fitted.chosen.items()},
+        max(accuracies),
+    )

@@ -1,0 +1,114 @@
+"""The network of paper 3, with and without each of its parts.
+
+modes [batch, K, N] -> denoising (or lift) -> [batch, C, N/8] -> attention (or none) -> convolutional feed-forward
+    extractor -> features [batch, 100] -> classifier -> logits [batch, classes]
+
+With K = 4, three branches and two maps C = 24; N = 2048 makes mappings of 256 samples. The last two stages take part
+in every variant, so that two variants differ only in the part that is left out. Source: section 3 of paper 3, DOI
+10.1177/10775463261462852; sizes are ours (the paper's table of them is not in its text).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import torch
+from torch import Tensor, nn
+
+from twingap.adapt.attention import PATCH, MappingAttention, TimeAttention
+from twingap.adapt.denoising import STRIDE, DenoisingNetwork, Lift
+from twingap.adapt.nets import FEATURES
+
+AttentionKind = Literal["none", "time", "mappings", "cosine"]
+
+
+@dataclass(frozen=True)
+class Architecture:
+    """Which parts the network has, and their sizes.
+
+    Parameters
+    ----------
+    denoising : bool
+        The multi-scale mode denoising network; a plain strided convolution otherwise.
+    attention : {"none", "time", "mappings", "cosine"}
+        None; ordinary attention across time; scaled dot products across mappings (inverse embedding without the
+        cosine); the paper's.
+    kernels : tuple[int, ...]
+        Of the branches.
+    maps : int
+        Mappings per mode and branch.
+    width : int
+        Of the attention's tokens.
+    """
+
+    denoising: bool = True
+    attention: AttentionKind = "cosine"
+    kernels: tuple[int, ...] = (5, 7, 9)
+    maps: int = 2
+    width: int = 64
+
+
+class FeedForwardExtractor(nn.Module):
+    """Convolutional feed-forward extractor: [batch, C, L] -> [batch, 100].
+
+    A depthwise convolution takes each mapping's series by itself; two convolutions widen to 48 and 64 maps; 8 averages
+    over time of each, and one linear layer.
+    """
+
+    def __init__(self, channels: int) -> None:
+        super().__init__()
+        self.convolutions = nn.Sequential(
+            nn.Conv1d(channels, channels, 5, stride=2, padding=2, groups=channels),
+            nn.Conv1d(channels, 48, 1), nn.GroupNorm(4, 48), nn.ReLU(),
+            nn.Conv1d(48, 64, 3, stride=2, padding=1), nn.GroupNorm(4, 64), nn.ReLU(),
+        )  # fmt: skip
+        self.out = nn.Linear(64 * 8, FEATURES)
+
+    def forward(self, x: Tensor) -> Tensor:
+        """Features."""
+        maps = self.convolutions(x)
+        # Averages over equal stretches: unlike adaptive pooling, deterministic on a GPU.
+        stretches = maps[:, :, : maps.shape[2] // 8 * 8].unflatten(2, (8, -1)).mean(dim=3)
+        features: Tensor = torch.relu(self.out(stretches.flatten(1)))
+        return features
+
+
+class ModeNetwork(nn.Module):
+    """Modes [batch, K, N] -> logits [batch, classes].
+
+    Parameters
+    ----------
+    architecture : Architecture
+    length : int
+        N, a multiple of 32, at least 256.
+    modes : int
+        K.
+    n_classes : int
+    """
+
+    def __init__(self, architecture: Architecture, length: int, modes: int, n_classes: int) -> None:
+        super().__init__()
+        if length % (STRIDE * PATCH) or length < 8 * 4 * STRIDE:
+            raise ValueError(f"length = {length}, a multiple of {STRIDE * PATCH} and at least {32 * STRIDE} expected")
+        a, shorter = architecture, length // STRIDE
+        channels = modes * a.maps * len(a.kernels)
+        stages: dict[str, nn.Module] = {}
+        if a.denoising:
+            stages["denoising"] = DenoisingNetwork(modes, a.kernels, a.maps)
+        else:
+            stages["lift"] = Lift(modes, channels)
+        if a.attention == "time":
+            stages["attention"] = TimeAttention(channels, shorter, a.width)
+        elif a.attention != "none":
+            stages["attention"] = MappingAttention(channels, shorter, a.width, cosine=a.attention == "cosine")
+        stages["feed_forward"] = FeedForwardExtractor(channels)
+        self.extractor = nn.Sequential()
+        for name, stage in stages.items():
+            self.extractor.add_module(name, stage)
+        self.classifier = nn.Linear(FEATURES, n_classes)
+
+    def forward(self, x: Tensor) -> Tensor:
+        """Logits."""
+        logits: Tensor = self.classifier(self.extractor(x))
+        return logits
