@@ -5,6 +5,7 @@ Frame (bearing, band, scale) + samples + condition --> RecordView: periodogram, 
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from typing import Final
@@ -67,7 +68,9 @@ class Envelope:
 
         A modulation 1 + d cos stands as a line of d^2 / 2, whatever the length; the floor falls with the length.
         """
-        return tone_power(self.values / max(self.mean, 1e-300) - 1.0)
+        swing = self.values / max(self.mean, 1e-300)
+        swing -= 1.0
+        return tone_power(swing)
 
     @property
     def df_hz(self) -> float:
@@ -155,28 +158,48 @@ class RecordView:
         return found
 
     def _envelope_in(self, low_hz: float, high_hz: float) -> Envelope:
-        n = self.x.size
-        first = int(np.clip(np.floor(low_hz / self.df_hz), 1, max(n // 2 - 2, 1)))
-        last = int(np.clip(np.ceil(high_hz / self.df_hz), first + 1, n // 2))
+        z = self.band[0] if (low_hz, high_hz) == self.frame.band_hz else self._analytic(low_hz, high_hz)[0]
+        squared = z.real**2
+        squared += z.imag**2
+        squared *= (2 * z.size / self.x.size) ** 2
+        return Envelope(squared, z.size * self.df_hz)
+
+    @cached_property
+    def band(self) -> tuple[NDArray[np.complex128], int]:
+        """Analytic signal [m] of the frame's band over 2 m / n, moved down to 0, and the bin that has become 0."""
+        return self._analytic(*self.frame.band_hz)
+
+    def _analytic(self, low_hz: float, high_hz: float) -> tuple[NDArray[np.complex128], int]:
+        half = self.x.size // 2
+        first = min(max(math.floor(min(low_hz / self.df_hz, half)), 1), max(half - 2, 1))
+        last = min(max(math.ceil(min(high_hz / self.df_hz, half)), first + 1), half)
         own = self.transform[first:last]
         m = scipy.fft.next_fast_len(2 * own.size)
         padded = np.zeros(m, complex)
-        # A flat top with raised-cosine edges: a sharp band would ring.
-        edge = max(own.size // 16, 1)
-        taper = np.ones(own.size)
-        ramp = 0.5 - 0.5 * np.cos(np.pi * (np.arange(edge) + 0.5) / edge)
-        taper[:edge], taper[-edge:] = ramp, ramp[::-1]
-        padded[: own.size] = own * taper
-        z = scipy.fft.ifft(padded)
-        return Envelope((z.real**2 + z.imag**2) * (2 * m / n) ** 2, m * self.df_hz)
+        np.multiply(own, _taper(own.size), out=padded[: own.size])
+        return np.asarray(scipy.fft.ifft(padded, overwrite_x=True)), first
+
+
+@lru_cache(maxsize=32)
+def _taper(size: int) -> Array:
+    """[size] A flat top with raised-cosine edges: a sharp band would ring."""
+    edge = max(size // 16, 1)
+    taper = np.ones(size)
+    ramp = 0.5 - 0.5 * np.cos(np.pi * (np.arange(edge) + 0.5) / edge)
+    taper[:edge], taper[-edge:] = ramp, ramp[::-1]
+    return taper
 
 
 def tone_power(x: Array) -> Array:
     """[n // 2 + 1] Hann power spectrum in which a sine of amplitude a peaks at a^2 / 2."""
     n = x.size
-    window = _hann(n)
-    spectrum = scipy.fft.rfft((x - x.mean()) * window)
-    return np.asarray((spectrum.real**2 + spectrum.imag**2) * (8 / n**2))  # the window's sum is n / 2
+    windowed = x - x.mean()
+    windowed *= _hann(n)
+    spectrum = scipy.fft.rfft(windowed)
+    power = spectrum.real**2
+    power += spectrum.imag**2
+    power *= 8 / n**2  # the window's sum is n / 2
+    return np.asarray(power)
 
 
 def medians(values: Array) -> Array:

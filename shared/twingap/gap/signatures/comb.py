@@ -12,10 +12,12 @@ doi:10.1016/j.ymssp.2010.07.017 (envelope, order tracking).
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Final
 
 import numpy as np
 import scipy.fft
+from numba import njit
 from numpy.typing import NDArray
 
 from twingap.gap.view import RecordView, band_medians
@@ -108,18 +110,8 @@ class Track:
 
 def band_signal(view: RecordView) -> BandSignal:
     """The complex signal whose squared modulus is `view.envelope`."""
-    n, (low_hz, high_hz) = view.x.size, view.frame.band_hz
-    first = int(np.clip(np.floor(low_hz / view.df_hz), 1, max(n // 2 - 2, 1)))
-    last = int(np.clip(np.ceil(high_hz / view.df_hz), first + 1, n // 2))
-    own = view.transform[first:last]
-    m = scipy.fft.next_fast_len(2 * own.size)
-    padded = np.zeros(m, complex)
-    edge = max(own.size // 16, 1)
-    taper = np.ones(own.size)
-    ramp = 0.5 - 0.5 * np.cos(np.pi * (np.arange(edge) + 0.5) / edge)
-    taper[:edge], taper[-edge:] = ramp, ramp[::-1]
-    padded[: own.size] = own * taper
-    return BandSignal(np.asarray(scipy.fft.ifft(padded)) * (2 * m / n), m * view.df_hz, first * view.df_hz)
+    z, first = view.band
+    return BandSignal(z * (2 * z.size / view.x.size), z.size * view.df_hz, first * view.df_hz)
 
 
 def find_comb(band: BandSignal, kinematic_hz: float) -> Comb | None:
@@ -218,7 +210,7 @@ def track(comb: Comb, duration_s: float) -> Track | None:
             phase, length = starts[attempt], size / (2.0 if attempt == 0 else 6.0)
             while length * passes / size > 5:
                 smooth = _smooth(lines[0] * np.exp(-1j * phase), length)
-                phase = phase + np.unwrap(np.angle(smooth))
+                phase = phase + _unwrapped(smooth)
                 score = float((_power(lines, k, phase)[judges] / floor[judges]).sum())
                 if score > 1.03 * best_score + 3:
                     best_score, wander, window = score, phase, length * passes / size
@@ -263,13 +255,33 @@ def _fine_shift(lines: Complex, k: Array, floor: Array, grid: Array, df_hz: floa
     # Coarse, then fine: a bin of harmonic 1 is four of harmonic 4.
     for reach, count in ((1.5, 31), (0.1, 9), (0.0125, 5)):
         shifts = centre + np.linspace(-reach, reach, count) * df_hz
-        turn = np.exp(-2j * np.pi * shifts[:, None] * grid)
+        turn = _turns(-2 * np.pi * shifts, grid)
         score, turned = np.zeros(shifts.size), np.ones_like(turn)
         for i in range(k.size):
-            turned = turned * turn
-            score += np.abs(turned @ lines[i]) ** 2 / floor[i]
+            turned *= turn
+            score += _square(turned @ lines[i]) / floor[i]
         centre = float(shifts[int(score.argmax())])
     return centre
+
+
+def _turns(rates: Array, grid: Array, every: int = 16) -> Complex:
+    """[rates, grid] exp(i rate t) on an even grid: few exponentials, the rest are products of two."""
+    step = float(grid[1] - grid[0]) if grid.size > 1 else 0.0
+    fine = np.exp(1j * rates[:, None] * (step * np.arange(every)))
+    coarse = np.exp(1j * rates[:, None] * grid[::every])
+    return np.asarray((coarse[:, :, None] * fine[:, None, :]).reshape(rates.size, -1)[:, : grid.size])
+
+
+def _square(values: Complex) -> Array:
+    """|values|^2."""
+    return np.asarray(values.real**2 + values.imag**2)
+
+
+def _unwrapped(values: Complex) -> Array:
+    """[n] Angles without leaps of a turn."""
+    angle = np.angle(values)
+    angle[1:] -= np.cumsum(np.rint(np.diff(angle) / (2 * np.pi))) * (2 * np.pi)
+    return np.asarray(angle)
 
 
 def _ridge(lines: Complex, k: Array, noise: Array, per_pass: float) -> Array:
@@ -293,38 +305,64 @@ def _ridge(lines: Complex, k: Array, noise: Array, per_pass: float) -> Array:
     place = np.arange(length)
     window = np.hanning(length + 2)[1:-1]
     power = np.zeros((begin.size, grid.size))
+    turn = _turns(-2 * np.pi / per_pass * grid, np.asarray(place, float)).T
+    turned, total = window[:, None] * turn, float((window**2).sum())
     for i in range(min(k.size, 3)):
-        turn = np.exp(-2j * np.pi * k[i] * place[:, None] * (grid / per_pass)) * window[:, None]
-        power += np.abs(lines[i][begin[:, None] + place] @ turn) ** 2 / (noise[i] * float((window**2).sum()))
+        if i:
+            turned = turned * turn
+        power += _square(lines[i][begin[:, None] + place] @ turned) / (noise[i] * total)
     step = (grid[:, None] - grid) / 0.01
-    penalty = 0.5 * step**2
-    best, trace = power[0], np.zeros(power.shape, int)
-    for row in range(1, begin.size):
-        reached = best - penalty
-        trace[row] = reached.argmax(axis=1)
-        best = reached.max(axis=1) + power[row]
-    at = np.empty(begin.size, int)
-    at[-1] = int(best.argmax())
-    for row in range(begin.size - 1, 0, -1):
-        at[row - 1] = trace[row, at[row]]
+    at = _best_path(power, 0.5 * step**2)
     course = np.interp(np.arange(size), begin + length / 2, grid[at])
     return np.asarray(np.cumsum(course) * (2 * np.pi / per_pass))
 
 
+@njit(cache=True, nogil=True, error_model="numpy")
+def _best_path(power, penalty):  # type: ignore[no-untyped-def]  # pragma: no cover
+    """[rows] Place in each row of the path of most power less the penalties [places, places] of its steps."""
+    rows, places = power.shape
+    best, trace = power[0].copy(), np.zeros((rows, places), np.int64)
+    reached = np.empty(places)
+    for row in range(1, rows):
+        reached[:] = -np.inf
+        for i in range(places):
+            for j in range(places):
+                value = best[i] - penalty[i, j]
+                better = value > reached[j]
+                reached[j] = value if better else reached[j]
+                trace[row, j] = i if better else trace[row, j]
+        best[:] = reached + power[row]
+    at = np.empty(rows, np.int64)
+    at[-1] = np.argmax(best)
+    for row in range(rows - 1, 0, -1):
+        at[row - 1] = trace[row, at[row]]
+    return at
+
+
 def _power(lines: Complex, k: Array, phase: Array) -> Array:
     """[harmonics] |mean|^2 of the lines along a phase."""
-    return np.asarray(np.abs((lines * np.exp(-1j * k[:, None] * phase)).mean(axis=1)) ** 2)
+    turn = np.exp(-1j * phase)
+    turned, sums = turn, np.empty(k.size, complex)
+    for i in range(k.size):  # k is 1, 2, ...
+        turned = turned * turn if i else turn
+        sums[i] = lines[i] @ turned
+    return _square(sums / phase.size)
 
 
 def _smooth(values: Complex, length: float) -> Complex:
     """Hann-weighted running mean of about `length` samples, over what there is at the ends."""
-    half = max(round(length), 1)
-    half = min(half, values.size - 1)
-    kernel = 0.5 + 0.5 * np.cos(np.pi * np.arange(-half, half + 1) / (half + 1))
-    size = scipy.fft.next_fast_len(values.size + 2 * half)
-    transform = scipy.fft.fft(kernel, size)
-    sums = scipy.fft.ifft(transform * scipy.fft.fft(values, size))[half : half + values.size]
-    reach = np.concatenate(([0.0], np.cumsum(kernel)))
-    place = np.arange(values.size)
-    share = reach[np.minimum(half + 1 + place, 2 * half + 1)] - reach[np.maximum(half + 1 + place - values.size, 0)]
+    half = min(max(round(length), 1), values.size - 1)
+    transform, share = _window(half, values.size)
+    sums = scipy.fft.ifft(transform * scipy.fft.fft(values, transform.size))[half : half + values.size]
     return np.asarray(sums / share)
+
+
+@lru_cache(maxsize=256)
+def _window(half: int, count: int) -> tuple[Complex, Array]:
+    """Transform of a Hann window of 2 half + 1, and [count] how much of it lies within the values at each place."""
+    kernel = 0.5 + 0.5 * np.cos(np.pi * np.arange(-half, half + 1) / (half + 1))
+    size = scipy.fft.next_fast_len(count + 2 * half)
+    reach = np.concatenate(([0.0], np.cumsum(kernel)))
+    place = np.arange(count)
+    share = reach[np.minimum(half + 1 + place, 2 * half + 1)] - reach[np.maximum(half + 1 + place - count, 0)]
+    return np.asarray(scipy.fft.fft(kernel, size)), np.asarray(share)

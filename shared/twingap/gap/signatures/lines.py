@@ -611,18 +611,29 @@ def block_floor(power: Array, block: int = 32) -> Array:
         return np.full(n, max(float(np.median(power)), 1e-300))
     count = n // block
     middles = medians(power[: count * block].reshape(count, block))
-    # Where lines fill a block, its neighbours speak for it; mean rather than median keeps the slope of a resonance.
-    padded = np.concatenate((middles[:1], middles, middles[-1:]))
-    around = np.minimum(np.maximum(padded[:-2], padded[2:]), 1e300)
-    middles = np.log(np.maximum(np.minimum(middles, 2 * around), 1e-300))
-    padded = np.concatenate((middles[:1], middles, middles[-1:]))
-    middles = 0.25 * padded[:-2] + 0.5 * middles + 0.25 * padded[2:]
-    floor = np.empty(n)
-    half, end = block // 2, block // 2 + (count - 1) * block
-    steps = np.arange(block) / block
-    np.add(middles[:-1, None], np.diff(middles)[:, None] * steps, out=floor[half:end].reshape(count - 1, block))
-    floor[:half], floor[end:] = middles[0], middles[-1]
+    floor = _between(middles, n, block)
     return np.asarray(np.exp(floor, out=floor))
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _between(middles, n, block):  # type: ignore[no-untyped-def]  # pragma: no cover
+    """[n] Logarithm of smoothed medians of blocks, interpolated between their middles."""
+    last = middles.size - 1
+    logs, smooth = np.empty(middles.size), np.empty(middles.size)
+    for i in range(middles.size):
+        # Where lines fill a block, its neighbours speak for it; mean rather than median keeps the slope of a resonance.
+        around = min(max(middles[max(i - 1, 0)], middles[min(i + 1, last)]), 1e300)
+        logs[i] = math.log(max(min(middles[i], 2 * around), 1e-300))
+    for i in range(middles.size):
+        smooth[i] = 0.25 * logs[max(i - 1, 0)] + 0.5 * logs[i] + 0.25 * logs[min(i + 1, last)]
+    out = np.empty(n)
+    half = block // 2
+    out[:half], out[half + last * block :] = smooth[0], smooth[last]
+    for i in range(last):
+        step = (smooth[i + 1] - smooth[i]) / block
+        for j in range(block):
+            out[half + i * block + j] = smooth[i] + step * j
+    return out
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

@@ -82,7 +82,9 @@ def whitened(view: RecordView) -> Whitened:
 def _white(power: Array) -> Single:
     over = power / np.maximum(local_floor(power), 1e-300)
     over[:3] = 1.0
-    widest = np.maximum(over, np.maximum(np.append(over[1:], 1.0), np.append(1.0, over[:-1])))
+    widest = np.maximum(over, 1.0)
+    widest[1:-1] = np.maximum(np.maximum(over[1:-1], over[:-2]), over[2:])
+    widest[0], widest[-1] = max(widest[0], *over[1:2]), max(widest[-1], *over[-2:-1])
     return np.asarray(np.minimum(widest, _CAP), dtype=np.float32)
 
 
