@@ -110,7 +110,12 @@ class RecordView:
     @cached_property
     def transform(self) -> NDArray[np.complex128]:
         """[n // 2 + 1] rfft of the samples less their mean, no window."""
-        return np.asarray(scipy.fft.rfft(self.x - self.x.mean()))
+        return np.asarray(scipy.fft.rfft(self.centred))
+
+    @cached_property
+    def centred(self) -> Array:
+        """[n] The samples less their mean."""
+        return np.asarray(self.x - self.x.mean())
 
     @property
     def df_hz(self) -> float:
@@ -120,7 +125,7 @@ class RecordView:
     @cached_property
     def tones(self) -> Array:
         """[n // 2 + 1] Power spectrum (Hann) scaled for tones: a sine of amplitude a peaks at a^2 / 2, unit squared."""
-        return tone_power(self.x)
+        return _tone_power(self.centred * _hann(self.x.size))
 
     @cached_property
     def smooth(self) -> Array:
@@ -139,7 +144,7 @@ class RecordView:
     @cached_property
     def mean_square(self) -> float:
         """Mean square about the mean, unit squared."""
-        return float(np.var(self.x))
+        return float(self.centred @ self.centred) / max(self.x.size, 1)
 
     @cached_property
     def envelope(self) -> Envelope:
@@ -192,13 +197,16 @@ def _taper(size: int) -> Array:
 
 def tone_power(x: Array) -> Array:
     """[n // 2 + 1] Hann power spectrum in which a sine of amplitude a peaks at a^2 / 2."""
-    n = x.size
     windowed = x - x.mean()
-    windowed *= _hann(n)
+    windowed *= _hann(x.size)
+    return _tone_power(windowed)
+
+
+def _tone_power(windowed: Array) -> Array:
     spectrum = scipy.fft.rfft(windowed)
     power = spectrum.real**2
     power += spectrum.imag**2
-    power *= 8 / n**2  # the window's sum is n / 2
+    power *= 8 / windowed.size**2  # the window's sum is n / 2
     return np.asarray(power)
 
 
@@ -239,7 +247,7 @@ def local_floor(power: Array, width: int = 101) -> Array:
     if coarse is not None:
         return np.asarray(coarse)
     half, places = width // 2, np.arange(0, power.size, step)
-    padded = np.pad(power, half, mode="reflect")
+    padded = np.concatenate((power[half:0:-1], power, power[-2 : -half - 2 : -1]))  # reflected
     windows = np.lib.stride_tricks.sliding_window_view(padded, 2 * half + 1)[::step]
     return np.asarray(np.interp(np.arange(power.size), places[: len(windows)], medians(windows)))
 

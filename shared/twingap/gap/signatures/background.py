@@ -209,11 +209,13 @@ def _shape(view: RecordView, smooth: Array, out: dict[str, float]) -> None:
     out["edge_step"], out["edge_hz_log"] = float(steps[best]), math.log10(at[best] / 1024 * view.fs_hz)
 
 
+_DAMPINGS: Final = np.geomspace(0.01, 0.3, 9)
+
+
 def _single_mode(f: Array, log_s: Array, top: float) -> tuple[Array, float, float, float, float]:
     """Best a |H|^2 + w of one mode near `top`: the spectrum, its centre, damping, a at resonance, w."""
-    centres = np.clip(top * np.array([0.97, 1.0, 1.03]), 1e-3, 0.5)
-    dampings = np.geomspace(0.01, 0.3, 9)
-    centre, damping = (grid.ravel() for grid in np.meshgrid(centres, dampings, indexing="ij"))
+    centre = np.repeat(np.clip(top * np.array([0.97, 1.0, 1.03]), 1e-3, 0.5), _DAMPINGS.size)
+    damping = np.tile(_DAMPINGS, 3)
     shapes = mode_shape(f, centre[:, None], damping[:, None])
     s = np.exp(log_s - log_s.max())
     a, w = _mode_and_white(shapes, s)
@@ -281,7 +283,7 @@ def _bump(curve: Array) -> tuple[float, int, int]:
 def _amplitudes(view: RecordView, out: dict[str, float]) -> None:
     """Shape of the amplitude distribution."""
     scale, rms = max(view.frame.scale, 1e-300), math.sqrt(view.mean_square)
-    z = (view.x - view.x.mean()) / rms
+    z = view.centred / rms
     square = z * z
     out["rms_log"] = math.log10(rms / scale)
     out["kurtosis_log"] = math.log10(max(float(square @ square) / z.size / 3, 1e-6))
@@ -398,29 +400,29 @@ def _free_modulation(view: RecordView, own: Lines, out: dict[str, float]) -> Non
 
 def _explained(view: RecordView, hz: Array, df_hz: float) -> NDArray[np.bool_]:
     """Whether shaft, cage, or the fault with its side lines explain envelope lines."""
-    lines, bearing = lines_of(view), view.bearing
-    shaft = lines.shaft_hz
+    lines = lines_of(view)
+    fault = math.nan if view.fault_order is None else _fault_hz(view)
     loose = 0.0 if lines.locked else SEARCH / 2
-    width = 2.2 * df_hz
-    k = np.maximum(np.rint(hz / shaft), 1)
-    out = (k <= 3) & (np.abs(hz - k * shaft) < width + loose * np.minimum(hz, 2 * shaft))
-    k = np.maximum(np.rint(hz / (bearing.ftf * shaft)), 1)
-    out |= (k <= 4) & (np.abs(hz - k * bearing.ftf * shaft) < width + 0.03 * hz)
-    if view.fault_order is not None and hz.size:
-        out |= _on_sides(hz, _fault_hz(view), np.array([0.0, 1.0, 2.0, bearing.ftf]) * shaft, width)
-    return np.asarray(out)
+    return np.asarray(
+        _rotation_explains(hz, lines.shaft_hz, view.bearing.ftf * lines.shaft_hz, fault, loose, 2.2 * df_hz)
+    )
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _on_sides(hz, fault, sides, width):  # type: ignore[no-untyped-def]  # pragma: no cover
-    """[frequencies] Which lie on a multiple of the fault's rate, or as far from one as any of the side lines."""
+def _rotation_explains(hz, shaft, cage, fault, loose, width):  # type: ignore[no-untyped-def]  # pragma: no cover
+    """[frequencies] Which lie on the shaft's first orders, the cage's, or the fault's with side lines; NaN: no fault."""
     out = np.zeros(hz.size, np.bool_)
     for i in range(hz.size):
+        k = max(np.rint(hz[i] / shaft), 1.0)
+        out[i] = k <= 3 and abs(hz[i] - k * shaft) < width + loose * min(hz[i], 2 * shaft)
+        k = max(np.rint(hz[i] / cage), 1.0)
+        out[i] |= k <= 4 and abs(hz[i] - k * cage) < width + 0.03 * hz[i]
+        if np.isnan(fault):
+            continue
         for k in range(40):
-            for side in sides:
+            for side in (0.0, shaft, 2 * shaft, cage):
                 off = abs(abs(hz[i] - k * fault) - side)
-                if off < width + 0.001 * k * fault + 0.03 * side:
-                    out[i] = True
+                out[i] |= off < width + 0.001 * k * fault + 0.03 * side
     return out
 
 
@@ -491,7 +493,7 @@ def _knocks(view: RecordView, smooth: Array, out: dict[str, float]) -> None:
         rate *= math.exp(min(threshold / max(excess, 0.2 * threshold), 3.0)) if count >= 2 else 1.0
         reach = max(int(0.002 * fs_hz), 2)
         around = np.clip(at[:, None] + np.arange(-reach, reach), 0, n - 1)
-        x = view.x - view.x.mean()
+        x = view.centred
         raw = np.abs(x[around]).max(axis=1)
         share = max(excess / max(float(size[at].mean()), 1e-300), 0.2)
         out["knock_level"] = math.log10(max(float(raw.mean()) * share, 1e-300) / max(view.frame.scale, 1e-300))
@@ -585,23 +587,17 @@ def _comb(view: RecordView, env: Lines, logs: Array, hidden: NDArray[np.int64]) 
     if top <= 1.5 * shaft:
         return 0.0, shaft
     hz = np.arange(1.5 * shaft, top, df_hz / 4)
-    score = _foreign_scores(wide, hz / df_hz)
     bearing = view.bearing
-    healthy = view.fault_order is None
-    for order in (bearing.bpfo, bearing.bpfi, 2 * bearing.bsf, bearing.bsf):
-        tolerance = (0.025 if healthy else 0.01) + 1.5 * df_hz / (order * shaft)
-        low, high = np.searchsorted(hz, order * shaft * np.array([1 - tolerance, 1 + tolerance]))
-        score[low:high] = 0.0
-    turns = hz / shaft
-    score[np.abs(turns - np.rint(turns)) * shaft < 1.2 * df_hz] *= 0.6
+    own_hz = shaft * np.array([bearing.bpfo, bearing.bpfi, 2 * bearing.bsf, bearing.bsf])
+    score = _foreign_scores(wide, hz, df_hz, shaft, own_hz, 0.025 if view.fault_order is None else 0.01)
     best = int(np.argmax(score))
     return float(score[best]), float(hz[best])
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _foreign_scores(wide, places):  # type: ignore[no-untyped-def]  # pragma: no cover
-    """[candidates] Score of the comb with its first line at each place (bins); NaN in `wide` is not known."""
-    out, reached = np.empty(places.size), 0
+def _foreign_scores(wide, hz, df_hz, shaft, own_hz, tolerance):  # type: ignore[no-untyped-def]  # pragma: no cover
+    """[candidates] Score of the comb with its first line at each frequency; NaN in `wide` is not known."""
+    out, reached, places = np.empty(hz.size), 0, hz / df_hz
     for k in range(1, _COMB + 1):
         for place in places:
             at = int(np.rint(k * place))
@@ -630,7 +626,11 @@ def _foreign_scores(wide, places):  # type: ignore[no-untyped-def]  # pragma: no
             below, above = int(np.rint(low * places[i])), int(np.rint(high * places[i]))
             if above < wide.size and not (np.isnan(wide[below]) or np.isnan(wide[above])):
                 score -= weight * min(wide[below], wide[above])
-        out[i] = score
+        for own in own_hz:
+            if abs(hz[i] / own - 1) < tolerance + 1.5 * df_hz / own:
+                score = 0.0
+        turns = hz[i] / shaft
+        out[i] = 0.6 * score if abs(turns - np.rint(turns)) * shaft < 1.2 * df_hz else score
     return out
 
 

@@ -357,7 +357,7 @@ def _smooth(values: Complex, length: float) -> Complex:
     return np.asarray(sums / share)
 
 
-@lru_cache(maxsize=256)
+@lru_cache(maxsize=512)
 def _window(half: int, count: int) -> tuple[Complex, Array]:
     """Transform of a Hann window of 2 half + 1, and [count] how much of it lies within the values at each place."""
     kernel = 0.5 + 0.5 * np.cos(np.pi * np.arange(-half, half + 1) / (half + 1))

@@ -78,7 +78,7 @@ def measure_strikes(band: BandSignal, course: Track) -> Strikes | None:
     if spacing < 6:
         return None
     phase = _extended(course, np.arange(z.size) / fs)
-    bins = (np.mod(phase, 1.0) * PHASES).astype(int).clip(0, PHASES - 1)
+    bins = np.minimum(((phase - np.floor(phase)) * PHASES).astype(int), PHASES - 1)
     hits = np.maximum(np.bincount(bins, minlength=PHASES), 1)
     cycle = np.bincount(bins, weights=squared, minlength=PHASES) / hits
     # A short smoothing makes the peak certain at low signal to noise.
