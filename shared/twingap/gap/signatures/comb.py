@@ -342,11 +342,11 @@ def _best_path(power, penalty):  # type: ignore[no-untyped-def]  # pragma: no co
 def _power(lines: Complex, k: Array, phase: Array) -> Array:
     """[harmonics] |mean|^2 of the lines along a phase."""
     turn = np.exp(-1j * phase)
-    turned, sums = turn, np.empty(k.size, complex)
+    turned, sums = turn, np.empty(k.size, np.complex128)
     for i in range(k.size):  # k is 1, 2, ...
         turned = turned * turn if i else turn
         sums[i] = lines[i] @ turned
-    return _square(sums / phase.size)
+    return _square(sums) / phase.size**2
 
 
 def _smooth(values: Complex, length: float) -> Complex:
