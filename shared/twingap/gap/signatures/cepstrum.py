@@ -12,7 +12,7 @@ import scipy.fft
 from numpy.typing import NDArray
 
 from twingap.gap.signatures.envelope_lines import fault_hz
-from twingap.gap.signatures.lines import lines_of
+from twingap.gap.signatures.tones import lines_of
 from twingap.gap.view import RecordView, band_medians, medians
 
 Array = NDArray[np.float64]

@@ -13,7 +13,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from twingap.gap.signatures.lines import SEARCH, Lines, lines_of
+from twingap.gap.signatures.tones import SEARCH, Lines, lines_of
 from twingap.gap.view import Envelope, RecordView
 
 Array = NDArray[np.float64]

@@ -15,7 +15,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from twingap.gap.signatures.envelope_lines import envelope_lines, explained
-from twingap.gap.signatures.lines import Lines, lines_of
+from twingap.gap.signatures.tones import Lines, lines_of
 from twingap.gap.view import RecordView
 
 Array = NDArray[np.float64]

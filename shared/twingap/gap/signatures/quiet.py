@@ -11,7 +11,7 @@ from weakref import WeakKeyDictionary
 import numpy as np
 from numpy.typing import NDArray
 
-from twingap.gap.signatures.lines import lines_of
+from twingap.gap.signatures.tones import lines_of
 from twingap.gap.view import RecordView
 
 Array = NDArray[np.float64]

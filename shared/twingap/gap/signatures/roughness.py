@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twingap.gap.signatures.envelope_lines import envelope_lines, explained
-from twingap.gap.signatures.lines import SEARCH, Lines, lines_of
 from twingap.gap.signatures.quiet import without_tones
+from twingap.gap.signatures.tones import SEARCH, Lines, lines_of
 from twingap.gap.view import RecordView
 
 Array = NDArray[np.float64]
