@@ -23,6 +23,9 @@ Discrepancy = Literal["none", "domain", "category"]
 
 BANDWIDTHS: Final = (0.25, 0.5, 1.0, 2.0, 4.0)
 """Of the kernels, over the mean squared distance of the batch."""
+BELIEVED: Final = 0.9
+"""Target windows count for a class from this probability. With all of them, an undecided network (any at first) pulls
+each source class towards the mean of the target, and the classes collapse into it."""
 
 
 @dataclass(frozen=True)
@@ -35,7 +38,7 @@ class Alignment:
         Each tells domains by the features, or by features and predicted classes together (their outer product).
     discrepancy : {"none", "domain", "category"}
         Kernel discrepancy between domains as wholes, or the mean of those between equal classes, where the target's
-        are those that the network believes in.
+        are those that the network is sure of.
     weight : float
         Of all of it, relative to the training's.
     """
@@ -114,6 +117,7 @@ class Aligner(nn.Module):
         elif self.alignment.discrepancy == "category":
             own = nn.functional.one_hot(labels, self.n_classes).to(source.features.dtype)
             believed = target.logits.softmax(dim=1).detach()
+            believed = believed * (believed >= BELIEVED)
             losses.append(weight * kernel_discrepancy(source.features, target.features, own, believed))
         loss = sum(losses[1:], losses[0])
         return loss, (torch.stack(told).mean() if told else None)
@@ -122,30 +126,42 @@ class Aligner(nn.Module):
 def kernel_discrepancy(
     source: Tensor, target: Tensor, source_weights: Tensor | None = None, target_weights: Tensor | None = None
 ) -> Tensor:
-    """Squared maximum mean discrepancy with a sum of Gaussian kernels, mean over weightings.
+    """Squared maximum mean discrepancy with a sum of Gaussian kernels, mean over weightings; the unbiased estimate.
+
+    The biased estimate, with each sample's kernel with itself, is the commoner one in this field. Its bias grows with
+    the scatter of a batch, and reducing it collapses the features of both domains into a point, the classes with them.
 
     Parameters
     ----------
     source, target : Tensor [n, features], [m, features]
     source_weights, target_weights : Tensor [n, weightings], [m, weightings], optional
-        Not negative; each column is scaled to sum 1. Columns without weight in the source are left out. Default: one
-        column of equal weights, the plain discrepancy (its biased estimate).
+        Not negative; each column is scaled to sum 1. A column that rests on fewer than two samples of either domain is
+        left out. Default: one column of equal weights.
 
     Returns
     -------
     Tensor
-        Scalar, at least 0 but for rounding.
+        Scalar; 0 in the mean for domains alike, so that it may be negative.
     """
     a = torch.ones_like(source[:, :1]) if source_weights is None else source_weights
     b = torch.ones_like(target[:, :1]) if target_weights is None else target_weights
-    present = a.sum(dim=0) > 0
     a = a / a.sum(dim=0).clamp_min(1e-6)
     b = b / b.sum(dim=0).clamp_min(1e-6)
     both = torch.cat([source, target])
-    signed = torch.cat([a, -b])  # [n + m, weightings]: the squared norm of the signed mean embedding
     square = both.square().sum(dim=1)
     distance = (square[:, None] + square[None] - 2 * both @ both.T).clamp_min(0.0)
     scale = distance.detach().mean().clamp_min(1e-12)
     kernel = sum((torch.exp(-distance / (scale * width)) for width in BANDWIDTHS), torch.zeros_like(distance))
-    each = (signed * (kernel @ signed)).sum(dim=0)
-    return (each * present).sum() / present.sum().clamp_min(1)
+    n = len(source)
+    # 1 minus the sum of squared weights: the share of pairs that are not a sample with itself.
+    pairs_a, pairs_b = 1 - a.square().sum(dim=0), 1 - b.square().sum(dim=0)
+    usable = (a.sum(dim=0) > 0.5) & (b.sum(dim=0) > 0.5) & (pairs_a > 1e-3) & (pairs_b > 1e-3)
+    each = _within(kernel[:n, :n], a, pairs_a) + _within(kernel[n:, n:], b, pairs_b)
+    each = each - 2 * (a * (kernel[:n, n:] @ b)).sum(dim=0)
+    return (each * usable).sum() / usable.sum().clamp_min(1)
+
+
+def _within(kernel: Tensor, weights: Tensor, pairs: Tensor) -> Tensor:
+    """Mean kernel between different samples of one domain, per weighting."""
+    own = (weights.square() * kernel.diagonal()[:, None]).sum(dim=0)
+    return ((weights * (kernel @ weights)).sum(dim=0) - own) / pairs.clamp_min(1e-3)

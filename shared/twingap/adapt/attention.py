@@ -101,9 +101,11 @@ class TimeAttention(nn.Module):
 
     def forward(self, mappings: Tensor) -> Tensor:
         """Mappings, each moment joined by those that it attends to."""
-        patches = mappings.unflatten(2, (-1, PATCH)).transpose(1, 2).flatten(2)  # [batch, L/P, C P]
+        batch, channels, length = mappings.shape
+        by_patch = mappings.reshape(batch, channels, length // PATCH, PATCH)
+        patches = by_patch.transpose(1, 2).flatten(2)  # [batch, L/P, C P]
         tokens = self.embedding(patches) + self.place
         weights = scaled_dot_scores(self.query(tokens), self.key(tokens)).softmax(dim=-1)
-        spread = (weights @ patches).unflatten(2, (-1, PATCH)).transpose(1, 2).flatten(2)
+        spread = (weights @ patches).reshape(batch, length // PATCH, channels, PATCH).transpose(1, 2).flatten(2)
         joined: Tensor = self.norm(mappings + spread)
         return joined

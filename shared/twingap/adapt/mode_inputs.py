@@ -22,8 +22,8 @@ from twingap.adapt.windows import Windows
 from twingap.errors import TwingapError
 from twingap.provenance import digest_of_code, digest_of_value
 from twingap.signal import vmd as vmd_function
+from twingap.signal import vmd_kernel
 from twingap.signal.envelope import envelope
-from twingap.signal.vmd_kernel import decompose
 
 Modes32 = NDArray[np.float32]
 
@@ -74,7 +74,7 @@ class ModeInputs:
         if self.quantity == "envelope":
             found = envelope(modes.astype(np.float64), None)
             found -= found.mean(axis=-1, keepdims=True)
-            return (found / np.maximum(found.std(axis=-1, keepdims=True), 1e-12)).astype(np.float32)
+            return np.asarray(found / np.maximum(found.std(axis=-1, keepdims=True), 1e-12), dtype=np.float32)
         return np.concatenate(
             [
                 inputs(dataclasses.replace(windows, samples=modes[:, k].astype(np.float64)), self.quantity)
@@ -116,4 +116,4 @@ class ModeInputs:
 
 @cache
 def _code() -> str:
-    return digest_of_code(vmd_function, decompose, waveform)
+    return digest_of_code(vmd_function, vmd_kernel, waveform)

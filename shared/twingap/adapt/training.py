@@ -52,6 +52,9 @@ class Training:
         States kept for selection, evenly spaced, the last at the end.
     adversarial_weight : float
         Highest weight of the reversed gradient, or of the discrepancy.
+    vary : bool
+        Show every sample, each time, shifted in time by a random amount (cyclically) and with a random sign: neither
+        where a window begins nor which way a sensor points says anything. For waveforms and envelopes, not for spectra.
     """
 
     steps: int = 1200
@@ -60,6 +63,7 @@ class Training:
     weight_decay: float = 1e-4
     checkpoints: int = 8
     adversarial_weight: float = 1.0
+    vary: bool = False
 
 
 @dataclass(frozen=True)
@@ -178,23 +182,22 @@ def train(
         optimiser = torch.optim.AdamW(parameters, lr=settings.learning_rate, weight_decay=settings.weight_decay)
         x, y = torch.from_numpy(source).to(place), torch.from_numpy(labels).to(place)
         other = torch.from_numpy(target).to(place)
-        source_order, target_order = (
-            _batches(len(x), settings.batch, seed, 0),
-            _batches(len(other), settings.batch, seed, 1),
-        )
+        # Streams of their own: what a source batch looks like does not depend on whether target batches are drawn.
+        source_batches = _batches(x, settings, seed, 0)
+        target_batches = _batches(other, settings, seed, 1)
         class_loss = nn.CrossEntropyLoss()
         marks = {round((i + 1) * settings.steps / settings.checkpoints) for i in range(settings.checkpoints)}
         kept: list[Checkpoint] = []
         losses: list[Tensor] = []
         told: list[Tensor] = []
         for step in range(settings.steps):
-            chosen = next(source_order)
-            labelled = _seen(net, x[chosen])
+            chosen, shown = next(source_batches)
+            labelled = _seen(net, shown)
             loss = class_loss(labelled.logits, y[chosen])
             losses.append(loss.detach())
             if alignment.active:
                 weight = adversarial_schedule(step / settings.steps, settings.adversarial_weight)
-                added, right = aligner(labelled, y[chosen], _seen(net, other[next(target_order)]), weight)
+                added, right = aligner(labelled, y[chosen], _seen(net, next(target_batches)[1]), weight)
                 loss = loss + added
                 if right is not None:
                     told.append(right)
@@ -220,15 +223,25 @@ def _seen(net: Network, x: Tensor) -> Seen:
     return Seen(features, net.classifier(features))
 
 
-def _batches(n: int, batch: int, seed: int, stream: int) -> Iterator[Tensor]:
-    """Indices of endless batches: every sample once before any comes again."""
-    rng = np.random.default_rng([seed, stream])
+def _batches(x: Tensor, settings: Training, seed: int, stream: int) -> Iterator[tuple[Tensor, Tensor]]:
+    """Endless batches, as places and as what the network is shown: every sample once before any comes again."""
+    rng, varying = np.random.default_rng([seed, stream]), np.random.default_rng([seed, 10 + stream])
     pool = np.empty(0, dtype=np.int64)
     while True:
-        while pool.size < batch:
-            pool = np.concatenate([pool, rng.permutation(n)])
-        yield torch.from_numpy(pool[:batch].copy())
-        pool = pool[batch:]
+        while pool.size < settings.batch:
+            pool = np.concatenate([pool, rng.permutation(len(x))])
+        chosen = torch.from_numpy(pool[: settings.batch].copy()).to(x.device)
+        pool = pool[settings.batch :]
+        yield chosen, varied(x[chosen], varying) if settings.vary else x[chosen]
+
+
+def varied(x: Tensor, rng: np.random.Generator) -> Tensor:
+    """Samples [batch, channels, length], each shifted cyclically by a random amount and times a random sign."""
+    shift = torch.from_numpy(rng.integers(0, x.shape[2], len(x)))
+    sign = torch.from_numpy(rng.choice(np.array([-1.0, 1.0], dtype=np.float32), len(x)))
+    place = (torch.arange(x.shape[2])[None] + shift[:, None]) % x.shape[2]
+    rolled = x.gather(2, place[:, None].expand(-1, x.shape[1], -1).to(x.device))
+    return rolled * sign[:, None, None].to(x.device)
 
 
 @dataclass(frozen=True)
