@@ -21,6 +21,10 @@ def identify(
     method: Annotated[
         str, typer.Option(help="whittle: mode and noises jointly; eq8: spectral peak and logarithmic decrement.")
     ] = "whittle",
+    optimiser: Annotated[
+        str | None,
+        typer.Option(help="Contact twin: zoa, zoa-ports (R = 0.01), differential-evolution (default), random."),
+    ] = None,
     seed: Seed = 0,
     as_json: Json = False,
 ) -> None:
@@ -50,6 +54,7 @@ def identify(
                 np.random.default_rng(seed),
                 level=level,
                 method=method,
+                optimiser=optimiser,
                 seed=seed,
                 report=lambda what, fraction: progress.update(task, description=what, completed=fraction),
             )

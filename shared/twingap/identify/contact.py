@@ -1,175 +1,33 @@
 """The contact twin's free parameters from records: stiffness and damping by matching spectra, levels in closed form.
 
-records -----------PSD per state, coarse----------------------> measured --+
-stiffness, damping --trajectories, no noise--> PSD per state --+           |
-contact mode ------structure noise of unit RMS-> PSD ----------+--levels--> RMSE of amplitude spectra -> least
-white noise -------------------------------------> flat -------+
+records --> `contact_objective`: error of spectra --optimiser--> best point --`contact_bottom`--> values, intervals
 
-For given stiffness and damping the spectrum is linear in three powers (scale, structure noise, white noise), found by
-non-negative least squares. What is left is an objective of two parameters that any optimiser can search (section 2.2 of
-paper 3 names the root-mean-square error of spectra). Mass, load, clearance and the defects' sizes are not free: a
-spectrum does not tell them from stiffness and scale, so they keep what the twin file or its preset says.
+Any optimiser can search the objective (section 2.2 of paper 3 searches by the zebra optimisation algorithm); from its
+best point it goes down to the bottom, with more trajectories. Mass, load, clearance and the defects' sizes are not
+free: a spectrum does not tell them from stiffness and scale, so they keep what the twin file or its preset says.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
-
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import nnls
 
 from twingap.errors import TwingapError
-from twingap.identify.mode import autocorrelation
-from twingap.identify.optimise import Optimiser, differential_evolution
-from twingap.identify.result import Estimate, Fit, Outcome, Report
-from twingap.identify.spectra import Spectra, power_density, spectra
-from twingap.records import Condition, RecordSet
+from twingap.identify.contact_bottom import descend
+from twingap.identify.contact_objective import SpectrumObjective, states_of
+from twingap.identify.optimise import DEFAULT, Optimiser, optimiser_of
+from twingap.identify.result import Fit, Outcome, Report
+from twingap.records import RecordSet
 from twingap.twins.contact import ContactTwin
-from twingap.twins.contact_dynamics import Job, accelerations
-from twingap.twins.contact_parameters import DEFECTS, ContactParameters
+from twingap.twins.contact_parameters import DEFECTS
 from twingap.twins.twin_file import TwinSpec, build_twin, flat
 
 Array = NDArray[np.float64]
 
 BOUNDS = {"stiffness": (3e8, 1e11), "damping": (20.0, 5000.0)}
-SEGMENT_S = 0.02
-"""Length of a segment, s: lines of a fault merge, so that a slightly wrong speed does not look like a misfit."""
-LENGTH_S = 0.25
-"""Length of a simulated trajectory, s."""
-EVALUATIONS = 320
+EVALUATIONS = 336
+"""Twenty-one populations of sixteen."""
 NOT_FREE = ("mass_kg", "load_n", "clearance_um", "defect_depth_um", "defect_width_mm")
-
-
-@dataclass(frozen=True)
-class State:
-    """Records of one state at one rate.
-
-    Parameters
-    ----------
-    fault : str
-    measured : Spectra
-    psd : Array [bins]
-        Their mean.
-    conditions : tuple[Condition, ...]
-        A few of theirs, cut to the length of a trajectory, to simulate.
-    """
-
-    fault: str
-    measured: Spectra
-    psd: Array
-    conditions: tuple[Condition, ...]
-
-
-class SpectrumObjective:
-    """How far the twin's amplitude spectra are from the measured ones, for points of (log stiffness, log damping).
-
-    Parameters
-    ----------
-    twin : ContactTwin
-        Whose other parameters hold.
-    states : sequence of State
-    starts : Array [trajectories, 3]
-        Angles at which trajectories start, the same for all points: common random numbers.
-    levels : Mapping
-        Fixed values among scale, structure_noise_rms, white_noise_rms.
-    """
-
-    def __init__(self, twin: ContactTwin, states: Sequence[State], starts: Array, levels: dict[str, float]) -> None:
-        self.twin, self.states, self.starts, self.levels = twin, states, starts, levels
-
-    def __call__(self, points: Array) -> Array:
-        """Root-mean-square errors relative to the measured amplitude spectra [points]."""
-        made = self.components([self.parameters(p) for p in points])
-        return np.array([np.inf if parts is None else self.match(parts)[0] for parts in made])
-
-    def parameters(self, point: Array) -> ContactParameters:
-        """The twin's parameters at a point."""
-        stiffness, damping = (float(v) for v in np.exp(point))
-        return replace(self.twin.parameters, stiffness=stiffness, damping=damping)
-
-    def components(self, candidates: Sequence[ContactParameters]) -> list[list[Array] | None]:
-        """For each candidate and state the PSDs of contact, unit structure noise and unit white noise [3, bins]."""
-        jobs, owners = [], []
-        for number, own in enumerate(candidates):
-            mine = self._jobs(own)
-            jobs += mine
-            owners += [number] * len(mine)
-        paths = accelerations(jobs)
-        out: list[list[Array] | None] = []
-        for number, own in enumerate(candidates):
-            traces = [x[lead:] for (x, lead), owner in zip(paths, owners, strict=True) if owner == number]
-            out.append(self._psds(own, traces) if traces else None)
-        return out
-
-    def match(self, parts: Sequence[Array]) -> tuple[float, Array]:
-        """Error, and the three powers (scale^2, of structure and of white noise in record units squared)."""
-        measured = np.concatenate([s.psd[s.measured.usable] for s in self.states])
-        # States count alike, whatever their bins and their level.
-        bins = [int(s.measured.usable.sum()) for s in self.states]
-        share = np.repeat([1 / (n * _power(s) * len(bins)) for n, s in zip(bins, self.states, strict=True)], bins)
-        basis = np.concatenate([p[:, s.measured.usable] for p, s in zip(parts, self.states, strict=True)], axis=1)
-        fitted = measured
-        for _ in range(6):
-            # (sqrt f - sqrt m)^2 = (f - m)^2 / (sqrt f + sqrt m)^2: least squares, weighted anew from the last fit.
-            weight = np.sqrt(share) / (np.sqrt(fitted) + np.sqrt(measured))
-            powers = self._powers(basis * weight, measured * weight)
-            fitted = powers @ basis
-        error = np.sqrt(fitted) - np.sqrt(measured)
-        return float(np.sqrt(np.sum(share * error**2))), powers
-
-    def _powers(self, basis: Array, wanted: Array) -> Array:
-        """Non-negative least squares for what is free; a fixed noise level is relative to scale."""
-        tied = {1: self.levels.get("structure_noise_rms"), 2: self.levels.get("white_noise_rms")}
-        columns, places = [basis[0]], [1, 2]
-        for place, value in tied.items():
-            if value is not None:
-                columns[0] = columns[0] + value**2 * basis[place]
-                places.remove(place)
-        free = [basis[p] for p in places]
-        scale = self.levels.get("scale")
-        if scale is None:
-            found = nnls(np.array([columns[0], *free]).T, wanted)[0]
-        else:
-            rest = nnls(np.array(free).T, wanted - scale**2 * columns[0])[0] if free else np.empty(0)
-            found = np.array([scale**2, *rest])
-        powers = np.zeros(3)
-        powers[0], powers[places] = found[0], found[1:]
-        for place, value in tied.items():
-            if value is not None:
-                powers[place] = powers[0] * value**2
-        return powers
-
-    def _jobs(self, own: ContactParameters) -> list[Job]:
-        """Trajectories of one candidate; none where it cannot be simulated."""
-        twin = ContactTwin(self.twin.bearing, own)
-        jobs, number = [], 0
-        for state in self.states:
-            for condition in state.conditions:
-                if twin.contact_mode(condition.load_n).frequency_hz >= 0.48 * condition.fs_hz:
-                    return []
-                turns = np.arange(condition.n_samples) * (condition.speed_rpm / 60 / condition.fs_hz)
-                job = Job(twin.bearing, own, condition, turns, starts=tuple(self.starts[number]))  # type: ignore[arg-type]
-                number += 1
-                try:
-                    job.oversampling()
-                except TwingapError:
-                    return []
-                jobs.append(job)
-        return jobs
-
-    def _psds(self, own: ContactParameters, traces: Sequence[Array]) -> list[Array]:
-        out, number = [], 0
-        twin = ContactTwin(self.twin.bearing, own)
-        for state in self.states:
-            s, count = state.measured, len(state.conditions)
-            contact = np.mean([power_density(x, s.fs_hz, s.segment) for x in traces[number : number + count]], axis=0)
-            number += count
-            mode = twin.contact_mode(state.conditions[0].load_n)
-            acf = autocorrelation(mode.frequency_hz, mode.damping_ratio, s.fs_hz, s.segment)
-            out.append(np.array([contact, s.expected(acf), np.full(contact.size, 2 / s.fs_hz)]))
-        return out
 
 
 def identify_contact(
@@ -180,18 +38,22 @@ def identify_contact(
     level: float,
     method: str,
     report: Report,
-    optimiser: Optimiser = differential_evolution,
+    optimiser: Optimiser | str = DEFAULT,
     evaluations: int = EVALUATIONS,
 ) -> Outcome:
     """Identify stiffness, damping, scale and noise levels of the contact twin. See `identify`.
 
-    Values come without intervals: the error of a spectrum is no likelihood, and no interval built on it has been shown
-    to keep its level.
+    Parameters
+    ----------
+    optimiser : Optimiser or str
+        What searches stiffness and damping, or its name in `twingap.identify.optimise.OPTIMISERS`.
+    evaluations : int
+        That it may spend. The descent that follows costs two to five hundred more.
     """
-    del level  # no intervals
     if method == "eq8":
         raise TwingapError('method "eq8" is for the phenomenological twin', where="identification", mend="leave it out")
-    notes = ["parameters of the contact twin come without intervals"]
+    search = optimiser_of(optimiser) if isinstance(optimiser, str) else optimiser
+    notes: list[str] = []
     twin = build_twin(spec, records.bearing, records.unit)
     assert isinstance(twin, ContactTwin)
     given = flat(spec.parameters)
@@ -223,65 +85,29 @@ def identify_contact(
         return objective(whole)
 
     best = start.copy()
+    places = [list(BOUNDS).index(name) for name in free]
     if free:
         bounds = np.log([BOUNDS[name] for name in free])
-        best[[list(BOUNDS).index(name) for name in free]] = optimiser(counted, bounds, rng, evaluations)
-    parameters = objective.parameters(best)
-    (parts,) = objective.components([parameters])
-    if parts is None:
+        best[places] = search(counted, bounds, rng, evaluations)
+    if objective.components([objective.parameters(best)])[0] is None:
         raise TwingapError(
             "no stiffness and damping within the bounds can be simulated at this sampling rate",
             where=f"record set {records.name!r}",
             mend="bring records at a higher fs_hz, or raise mass_kg in [parameters]",
         )
-    error, powers = objective.match(parts)
-    notes.append(f"relative error of the amplitude spectra: {error:.3g}")
-    scale = float(np.sqrt(powers[0]))
-    if scale == 0:
+    report("intervals", 1.0)
+    bottom = descend(objective, best, places, rng, notes)
+    parameters = objective.parameters(bottom.point)
+    notes.append(f"relative error of the amplitude spectra: {bottom.error:.3g}")
+    if bottom.powers[0] == 0:
         notes.append("no trace of the contact's vibration in the records: scale keeps its value")
-        scale = twin.parameters.scale
-    found = {
-        "stiffness": parameters.stiffness, "damping": parameters.damping, "scale": scale,
-        "structure_noise_rms": float(np.sqrt(powers[1])) / scale, "white_noise_rms": float(np.sqrt(powers[2])) / scale,
-    }  # fmt: skip
+    found = bottom.estimates(twin.parameters.scale, level)
     fits = tuple(
         Fit(
             f"{state.fault}, {len(state.measured.places)} at {state.measured.fs_hz:g} Hz",
-            state.measured.f_hz, state.psd, powers @ part, state.measured.usable,
+            state.measured.f_hz, state.psd, bottom.powers @ part, state.measured.usable,
             ContactTwin(twin.bearing, parameters).contact_mode(state.conditions[0].load_n).frequency_hz, records.unit,
         )
-        for state, part in zip(states, parts, strict=True)
+        for state, part in zip(states, bottom.parts, strict=True)
     )  # fmt: skip
-    return Outcome({n: Estimate(v) for n, v in found.items() if n not in given}, fits, tuple(notes))
-
-
-def states_of(records: RecordSet, notes: list[str], most: int = 40) -> list[State]:
-    """Spectra and conditions of each state that the contact model knows, at most `most` records of each."""
-    known = ("healthy", *DEFECTS)
-    if left := [c for c in records.conditions if c.fault not in known]:
-        notes.append(f"{len(left)} records of unknown or cage fault were left out")
-    out = []
-    for fault in known:
-        places = [i for i, c in enumerate(records.conditions) if c.fault == fault]
-        if not places:
-            continue
-        chosen = [places[i] for i in np.unique(np.linspace(0, len(places) - 1, most).round().astype(int))]
-        same = records.take(chosen)
-        for s in spectra(same, SEGMENT_S):
-            own = [same.conditions[p] for p in s.places]
-            picked = [own[i] for i in np.unique(np.linspace(0, len(own) - 1, 3).round().astype(int))]
-            length = max(s.segment, round(LENGTH_S * s.fs_hz))
-            conditions = tuple(replace(c, n_samples=length) for c in picked)
-            out.append(State(fault, s, s.mean(lines=True)[0], conditions))
-    if not out:
-        raise TwingapError(
-            "no record of a state that the contact model knows",
-            where=f"record set {records.name!r}",
-            mend="label records healthy, inner, outer or ball",
-        )
-    return out
-
-
-def _power(state: State) -> float:
-    """Mean of the measured PSD: what errors are relative to."""
-    return float(state.psd[state.measured.usable].mean())
+    return Outcome({n: e for n, e in found.items() if n not in given}, fits, tuple(notes))

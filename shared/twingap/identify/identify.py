@@ -5,7 +5,7 @@ TWIN spec + records --(the model's own identification)--> values, intervals, cur
 
 from __future__ import annotations
 
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -50,6 +50,7 @@ def identify(
     *,
     level: float = LEVEL,
     method: str = "whittle",
+    optimiser: str | None = None,
     seed: int = -1,
     report: Report = lambda what, fraction: None,
 ) -> Identified:
@@ -60,6 +61,10 @@ def identify(
     the amplitude of inner-race impacts comes out 20 % low and its 90 % interval holds the truth one time in four
     (simulated). Modes so sharp that a record does not resolve them (zeta 0.004 at 1.5 kHz: records under 0.5 s) may be
     taken for lines and left out: bring longer records.
+
+    Of the contact twin: 90 % intervals for stiffness and damping have held the truth for 85 to 100 % of simulated
+    records of 10 s, 10 dB above white noise. Damping below some 150 N s/m, a mode narrower than its spectra resolve, may be off
+    by a tenth and more, mostly without an interval. Mass, load and the defect's size are taken as known.
 
     Parameters
     ----------
@@ -74,6 +79,9 @@ def identify(
         Coverage of the intervals, between 0.5 and 0.999.
     method : {"whittle", "eq8"}
         How resonance and damping are found: jointly with the noises by likelihood, or by eq. 8 of paper 1.
+    optimiser : str or None
+        What searches stiffness and damping of the contact twin, a key of `twingap.identify.optimise.OPTIMISERS`; None:
+        the model's own choice.
     seed : int
         Only noted in the provenance.
     report : callable
@@ -96,7 +104,14 @@ def identify(
             where="[twin] model",
             mend=f"give all its parameters, or use one of {', '.join(IDENTIFICATIONS)}",
         )
-    outcome = IDENTIFICATIONS[spec.model]()(spec, records, rng, level=level, method=method, report=report)
+    chosen: dict[str, Any] = {}
+    if optimiser is not None:
+        if model_of(spec).name != "contact":
+            raise TwingapError(
+                f"optimiser {optimiser!r} is for the contact twin", where="identification", mend="leave it out"
+            )
+        chosen["optimiser"] = optimiser
+    outcome = IDENTIFICATIONS[spec.model]()(spec, records, rng, level=level, method=method, report=report, **chosen)
     provenance = Provenance(records.digest, records.unit, level, __version__, method, seed, outcome.notes)
     values = {name: estimate.value for name, estimate in outcome.estimates.items()}
     intervals = {name: e.interval for name, e in outcome.estimates.items() if e.interval is not None}

@@ -1,17 +1,30 @@
-"""Optimisers that search a box for the least of an objective; which one is used is nobody else's business."""
+"""Optimisers that search a box for the least of an objective; which one is used is nobody else's business.
+
+objective, bounds, rng, evaluations --> OPTIMISERS[name] --> best point
+objective --Traced--> the same, remembering every point and value --> cost against evaluations
+
+All of them try exactly as many points as they are given, so that they can be compared at equal cost, and hand points
+over by the population, since the objective simulates many at once.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Any, Protocol, cast
+from collections.abc import Callable, Mapping
+from typing import Any, Final, Protocol, cast
 
 import numpy as np
 from numpy.typing import NDArray
+
+from twingap.errors import TwingapError
+from twingap.identify.zebra import Zebra
 
 Array = NDArray[np.float64]
 
 Objective = Callable[[Array], Array]
 """Points [points, dimensions] -> values [points], all points at once; infinite where a point makes no sense."""
+
+WORST: Final = 1e30
+"""What stands for an infinite value where an optimiser cannot bear one."""
 
 
 class Optimiser(Protocol):
@@ -23,7 +36,7 @@ class Optimiser(Protocol):
     bounds : Array [dimensions, 2]
     rng : numpy.random.Generator
     evaluations : int
-        At most about so many points are tried.
+        Just so many points are tried.
 
     Returns
     -------
@@ -34,19 +47,64 @@ class Optimiser(Protocol):
     def __call__(self, objective: Objective, bounds: Array, rng: np.random.Generator, evaluations: int) -> Array: ...
 
 
+class Traced:
+    """An objective that remembers what it was asked and what it said.
+
+    Parameters
+    ----------
+    objective : Objective
+    """
+
+    def __init__(self, objective: Objective) -> None:
+        self.objective = objective
+        self._points: list[Array] = []
+        self._values: list[Array] = []
+
+    def __call__(self, points: Array) -> Array:
+        """The objective's values."""
+        values = np.asarray(self.objective(points), float)
+        self._points.append(np.array(points))
+        self._values.append(values)
+        return values
+
+    @property
+    def points(self) -> Array:
+        """Every point, in order [evaluations, dimensions]."""
+        return np.concatenate(self._points)
+
+    @property
+    def values(self) -> Array:
+        """Every value [evaluations]."""
+        return np.concatenate(self._values)
+
+    @property
+    def best(self) -> Array:
+        """Least value after each evaluation [evaluations]."""
+        return np.asarray(np.minimum.accumulate(self.values))
+
+
 def differential_evolution(
     objective: Objective, bounds: Array, rng: np.random.Generator, evaluations: int = 320
 ) -> Array:
-    """Differential evolution (Storn and Price 1997) as in SciPy, a generation at a time, from a Latin hypercube."""
+    """Differential evolution (Storn and Price 1997) as in SciPy, a generation at a time, from a Latin hypercube.
+
+    It goes on until the evaluations are used up; where they are no whole number of generations, the members of the last
+    that are beyond them are refused untried.
+    """
     from scipy.optimize import differential_evolution as search
 
     # SciPy makes popsize x dimensions members; a small crowd and many generations suit two smooth dimensions.
-    crowd = 8
-    generations = max(1, evaluations // (crowd * len(bounds)) - 1)
+    crowd, left = 8, evaluations
+    generations = max(0, -(-evaluations // (crowd * len(bounds))) - 1)
 
     def values(points: Array) -> Array:
-        found = objective(points.T)
-        return np.where(np.isfinite(found), found, 1e30)
+        nonlocal left
+        found = np.full(points.shape[1], WORST)
+        tried = min(left, found.size)
+        left -= tried
+        if tried:
+            found[:tried] = _finite(objective(points.T[:tried]))
+        return found
 
     found = search(
         cast(Any, values),  # vectorized: SciPy's own annotation knows scalars only
@@ -54,9 +112,44 @@ def differential_evolution(
         popsize=crowd,
         maxiter=generations,
         rng=rng,
-        tol=1e-3,
+        tol=0.0,
         polish=False,
         vectorized=True,
         updating="deferred",
     )
     return np.asarray(found.x)
+
+
+def random_search(objective: Objective, bounds: Array, rng: np.random.Generator, evaluations: int = 320) -> Array:
+    """Points drawn uniformly from the box: what any other optimiser must beat."""
+    points = bounds[:, 0] + (bounds[:, 1] - bounds[:, 0]) * rng.random((evaluations, len(bounds)))
+    values = [objective(points[at : at + 16]) for at in range(0, evaluations, 16)]
+    return np.asarray(points[int(np.argmin(_finite(np.concatenate(values))))])
+
+
+OPTIMISERS: Final[Mapping[str, Optimiser]] = {
+    "zoa": Zebra(reach=0.1),
+    "zoa-ports": Zebra(reach=0.01),
+    "differential-evolution": differential_evolution,
+    "random": random_search,
+}
+"""By the name that the command line knows. Zebra's R is 0.1 in its authors' code and 0.01 in several ports of it."""
+
+DEFAULT: Final = "differential-evolution"
+
+
+def optimiser_of(name: str) -> Optimiser:
+    """The optimiser of this name.
+
+    Raises
+    ------
+    TwingapError
+        For a name that is none.
+    """
+    if name not in OPTIMISERS:
+        raise TwingapError(f"unknown optimiser {name!r}", where="identification", mend=f"use {', '.join(OPTIMISERS)}")
+    return OPTIMISERS[name]
+
+
+def _finite(values: Array) -> Array:
+    return np.where(np.isfinite(values), values, WORST)

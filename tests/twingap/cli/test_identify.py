@@ -162,3 +162,16 @@ def test_a_folder_without_permission(twingap: Run, twin: Path, records: Path, tm
     shut = tmp_path / "shut"
     shut.mkdir(mode=0o500)
     refused(twingap(twin, records, "--out", shut / "out.toml"), "cannot be written")
+
+
+def test_the_contact_twin_by_an_optimiser_of_choice(twingap: Run, records: Path, tmp_path: Path) -> None:
+    twin, out = tmp_path / "contact.toml", tmp_path / "found.toml"
+    twin.write_text('[twin]\nmodel = "contact"\n[parameters]\nload_n = 400.0\n', encoding="utf-8")
+    said = twingap(twin, records, "--out", out, "--optimiser", "zoa")
+    assert said.status == 0 and said.err == ""
+    assert {"stiffness", "damping"} <= set(flat(read_twin(out).parameters))
+    refused(twingap(twin, records, "--out", out, "--optimiser", "annealing"), "annealing", "differential-evolution")
+
+
+def test_no_optimiser_for_a_twin_that_needs_none(twingap: Run, twin: Path, records: Path, tmp_path: Path) -> None:
+    refused(twingap(twin, records, "--out", tmp_path / "x.toml", "--optimiser", "zoa"), "zoa", "contact twin")

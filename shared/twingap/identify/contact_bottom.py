@@ -1,0 +1,231 @@
+"""From an optimiser's best point down to the bottom of the contact twin's objective, and how far the bottom scatters.
+
+best point --grid of points, several sets of trajectories--> quadratic surface --> its minimum --> again, until it holds
+                                                                 |
+    left out in turn: a block of the records of a state, a set of trajectories --> jackknife --> intervals
+
+Two things scatter an estimate: the records that were measured, and the angles at which the few simulated trajectories
+happened to start. They are independent, so their variances add. What the records have and the twin lacks is in neither:
+the intervals hold for records of the twin as given.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twingap.identify.contact_objective import SpectrumObjective
+from twingap.identify.intervals import Spread
+from twingap.identify.result import Estimate
+from twingap.identify.surface import grid, lowest, quadratic, spread, value_at
+
+Array = NDArray[np.float64]
+Parts = list[Array]
+T = TypeVar("T")
+
+SETS: Final = 6
+"""Sets of trajectories, each with starting angles of its own."""
+ROUNDS: Final = 8
+RISE: Final = 0.3
+"""By how much the squared error should rise from the middle of the grid to its edge, relative to its least value."""
+RADIUS: Final = np.array([[0.001, 0.02, 0.1], [0.005, 0.07, 0.4]])
+"""Least, first and largest half width of the grid, in ln stiffness and ln damping."""
+OWN: Final = np.array([0.001, 0.005, 0.005, 0.005, 0.005])
+"""Standard deviation, of the logarithms of `NAMES`, of what the descent itself is off by however long the records are:
+a surface that is not quite quadratic, powers that cannot be negative. Seen on simulated machines, added to the rest."""
+NAMES: Final = ("stiffness", "damping", "scale", "structure_noise_rms", "white_noise_rms")
+
+
+@dataclass(frozen=True)
+class Bottom:
+    """The bottom of the objective.
+
+    Parameters
+    ----------
+    point : Array [2]
+        ln stiffness, ln damping.
+    error : float
+        Of the amplitude spectra, relative.
+    powers : Array [3]
+        scale^2, structure noise, white noise, in record units squared.
+    parts : list of Array [3, bins]
+        For each state the PSDs that those powers weigh.
+    scatter : Spread or None
+        Of the logarithms of `NAMES`; None where it could not be found.
+    """
+
+    point: Array
+    error: float
+    powers: Array
+    parts: Parts
+    scatter: Spread | None
+
+    def estimates(self, scale: float, level: float) -> dict[str, Estimate]:
+        """Values with intervals at this level; `scale` (record units per m/s^2) serves where none was found."""
+        if self.powers[0] == 0:
+            noises = np.sqrt(self.powers[1:]) / scale
+            values = np.array([*np.exp(self.point), scale, *noises])
+            return {name: Estimate(float(v)) for name, v in zip(NAMES, values, strict=True)}
+        values = _values(self.point, self.powers)
+        out = {}
+        for place, (name, value) in enumerate(zip(NAMES, values, strict=True)):
+            interval = None
+            if self.scatter is not None and value > 0 and np.isfinite(self.scatter.variance[place]):
+                low, high = np.exp(self.scatter.at(place).interval(np.log([value]), level)[0])
+                interval = (float(low), float(high))
+            out[name] = Estimate(float(value), interval)
+        return out
+
+
+def descend(
+    objective: SpectrumObjective, start: Array, places: Sequence[int], rng: np.random.Generator, notes: list[str]
+) -> Bottom:
+    """Go from a point to the bottom beneath it.
+
+    Parameters
+    ----------
+    objective : SpectrumObjective
+    start : Array [2]
+        ln stiffness, ln damping: a point that can be simulated.
+    places : sequence of int
+        Which of them are free.
+    rng : numpy.random.Generator
+        Of the trajectories' starting angles.
+    notes : list of str
+        Told what had to be left undone.
+    """
+    free, steps = list(places), grid(len(places))
+    sets = [
+        SpectrumObjective(objective.twin, objective.states, rng.random(objective.starts.shape), objective.levels)
+        for _ in range(SETS)
+    ]
+    centre, radius, place = start.copy(), RADIUS[free, 1], None
+    for _ in range(ROUNDS):
+        points = np.tile(centre, (len(steps), 1))
+        points[:, free] += radius * steps
+        surface = _Surface(objective, sets, points, steps)
+        if len(surface.at) < 2 * (1 + len(free)) ** 2:
+            break
+        squares = surface.squares()
+        place, best = surface.lowest(squares), surface.points[int(np.argmin(squares))]
+        if place is None:
+            at_edge = np.abs(surface.at[int(np.argmin(squares))]).max() == 1
+            centre, radius = best, np.clip(radius * (2 if at_edge else 0.5), RADIUS[free, 0], RADIUS[free, 2])
+            continue
+        bend = np.maximum(np.diag(quadratic(surface.at, squares)[2]), 1e-300)
+        wanted = np.clip(radius * np.sqrt(2 * RISE * squares.min() / bend), RADIUS[free, 0], RADIUS[free, 2])
+        if np.any(wanted < radius / 2):
+            # Too wide for a quadratic to say where the bottom is: the best of the grid is a safer middle.
+            centre, radius = best, np.clip(wanted, radius / 3, radius)
+            continue
+        if np.all(np.abs(place) <= 1) and np.all(wanted < 2 * radius):
+            found = centre.copy()
+            found[free] += radius * place
+            below, above = _at(objective, sets, found), _must(_at(objective, sets, start))
+            if below is None or below.error**2 > (1 + RISE / 3) * above.error**2:
+                centre, radius = best, radius / 2  # no quadratic yet
+                continue
+            scatter = surface.scatter(place, radius, free)
+            if scatter is None:
+                notes.append("no intervals: too few records to see how they scatter, or too shallow a minimum")
+            return Bottom(found, below.error, below.powers, below.parts, scatter)
+        centre = centre.copy()
+        centre[free] += radius * np.clip(place, -1.5, 1.5)
+        radius = np.minimum(wanted, 3 * radius)
+    notes.append("no intervals: around the best point found the error of the spectra has no smooth minimum")
+    return _must(_at(objective, sets, start))
+
+
+class _Surface:
+    """Everything simulated on a grid of points, to be compared with this or that part of the records.
+
+    Parameters
+    ----------
+    objective : SpectrumObjective
+    sets : sequence of SpectrumObjective
+        That differ in the angles at which trajectories start.
+    points : Array [points, 2]
+    steps : Array [points, free]
+        The same points in units of the grid.
+    """
+
+    def __init__(
+        self, objective: SpectrumObjective, sets: Sequence[SpectrumObjective], points: Array, steps: Array
+    ) -> None:
+        made = [each.components([each.parameters(p) for p in points]) for each in sets]
+        # Whether a point can be simulated does not hang on where a trajectory starts.
+        self.kept = [i for i, parts in enumerate(made[0]) if parts is not None]
+        self.made: list[list[Parts]] = [[_must(one[i]) for i in self.kept] for one in made]
+        self.objective, self.points, self.at = objective, points[self.kept], steps[self.kept]
+
+    def match(self, left_out: int | None = None, psds: Sequence[Array] | None = None) -> tuple[Array, Array]:
+        """Squared errors [points] and powers [points, 3], a set of trajectories left out, or against other spectra."""
+        used = [one for number, one in enumerate(self.made) if number != left_out]
+        found = [self.objective.match(_mean([one[i] for one in used]), psds) for i in range(len(self.at))]
+        return np.array([error**2 for error, _ in found]), np.array([powers for _, powers in found])
+
+    def squares(self) -> Array:
+        """Squared errors [points]."""
+        return self.match()[0]
+
+    def lowest(self, squares: Array) -> Array | None:
+        """Where they are least, in units of the grid."""
+        return lowest(self.at, squares) if self.at.shape[1] else np.empty(0)
+
+    def scatter(self, place: Array, radius: Array, free: Sequence[int]) -> Spread | None:
+        """Jackknife over blocks of each state's records and over sets of trajectories."""
+        total = None
+        psds = [state.psd for state in self.objective.states]
+        for number, state in enumerate(self.objective.states):
+            if len(state.without) < 2:
+                return None
+            other = [[*psds[:number], row, *psds[number + 1 :]] for row in state.without]
+            part = self._spread([self.match(psds=each) for each in other], radius, free)
+            if part is None:
+                return None
+            total = part if total is None else total + part
+        part = self._spread([self.match(left_out=number) for number in range(len(self.made))], radius, free)
+        if part is None or total is None:
+            return None
+        return total + part + Spread(OWN**2, np.full(OWN.size, 60.0))
+
+    def _spread(self, matched: Sequence[tuple[Array, Array]], radius: Array, free: Sequence[int]) -> Spread | None:
+        rows = []
+        for squares, powers in matched:
+            place = self.lowest(squares)
+            if place is None:
+                return None
+            point = np.zeros(2)
+            point[list(free)] = radius * place
+            at = np.maximum([value_at(self.at, column, place) for column in powers.T], 0.0)
+            with np.errstate(divide="ignore", invalid="ignore"):
+                rows.append(np.log(_values(point, at)))
+        return spread(np.where(np.isfinite(rows), rows, np.nan))
+
+
+def _at(objective: SpectrumObjective, sets: Sequence[SpectrumObjective], point: Array) -> Bottom | None:
+    made = [each.components([each.parameters(point)])[0] for each in sets]
+    if made[0] is None:
+        return None
+    parts = _mean([_must(one) for one in made])
+    error, powers = objective.match(parts)
+    return Bottom(point, error, powers, parts, None)
+
+
+def _values(point: Array, powers: Array) -> Array:
+    """What `NAMES` names: noises are relative to scale."""
+    scale, structure, white = np.sqrt(powers)
+    return np.array([*np.exp(point), scale, structure / scale, white / scale])
+
+
+def _mean(sets: Sequence[Parts]) -> Parts:
+    return [np.mean(parts, axis=0) for parts in zip(*sets, strict=True)]
+
+
+def _must(value: T | None) -> T:
+    assert value is not None
+    return value
