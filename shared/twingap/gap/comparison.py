@@ -21,7 +21,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twingap.gap import signatures
-from twingap.gap.signatures import background, path, pooled
+from twingap.gap.signatures import answer, background, path, pooled
+from twingap.gap.signatures.answer import Struck
 from twingap.gap.signatures.path import Outline
 from twingap.gap.speed import Speeds
 from twingap.gap.view import Frame, RecordView
@@ -92,7 +93,9 @@ def measure(records: Iterable[Record], frame: Frame) -> Measured:
     for record in records:
         view = RecordView(record.samples, record.condition, frame)
         values.append(signatures.measure(view))
-        outlines.append(Outline(record.condition, frame, view.fs_hz, view.smooth, pooled.whitened(view)))
+        outlines.append(
+            Outline(record.condition, frame, view.fs_hz, view.smooth, pooled.whitened(view), answer.struck_of(view))
+        )
     return Measured(np.array(values), tuple(outlines))
 
 
@@ -106,6 +109,7 @@ def feature_names() -> tuple[str, ...]:
     trends = ("spread", "on_speed", "on_speed.z", "on_time", "on_time.z")
     names += [f"{name}|{kind}" for kind in trends for name in signatures.NAMES]
     names += [f"shape|{name}" for name in background.COMPARED]
+    names += [f"answer|{name}" for name in answer.COMPARED]
     for of, whole in (("path", path.NAMES), ("pooled", pooled.NAMES)):
         names += [f"{of}|{name}" for name in whole] + [f"{of}|{name}.diff" for name in whole]
     return (*names, *(f"context|{name}" for name in CONTEXT))
@@ -124,14 +128,33 @@ def compare(real: Measured, simulated: Measured, speeds: Speeds | None = None) -
         shapes = background.compare(ours, theirs)
         shape = np.array([shapes[name] for name in background.COMPARED], float)
         paths = (real.path, real.path - simulated.path, real.pooled, real.pooled - simulated.pooled)
-        out = np.concatenate((per_signature, shape, *paths, _context(real, speeds), _extent(per_signature)))
+        answers = answer.compare(
+            _struck(real), _struck(simulated), _noise(real, simulated), real.outlines[0].frame.bearing
+        )
+        told = np.array([answers[name] for name in answer.COMPARED], float)
+        out = np.concatenate((per_signature, shape, told, *paths, _context(real, speeds), _extent(per_signature)))
     return np.where(np.isfinite(out), out, np.nan)
+
+
+def _struck(measured: Measured) -> list[Struck]:
+    return [outline.struck for outline in measured.outlines if outline.struck is not None]
+
+
+def _noise(real: Measured, simulated: Measured) -> Array | None:
+    """[answer.PLACES] ln of the measured over the simulated mean spectrum of healthy records; of all without any."""
+    means = []
+    for measured in (real, simulated):
+        healthy = [o for o in measured.outlines if o.condition.fault == "healthy"] or list(measured.outlines)
+        logs = [np.log(np.maximum(o.smooth * o.fs_hz / o.frame.scale**2, 1e-30)) for o in healthy]
+        ends = np.linspace(0, logs[0].size, answer.PLACES + 1).astype(int)
+        means.append(np.add.reduceat(np.mean(logs, axis=0), ends[:-1]) / np.diff(ends))
+    return np.asarray(means[0] - means[1])
 
 
 @cache
 def _of_strikes() -> Mask:
     """[signatures] Which of them are measured on the strikes of a defect."""
-    return np.array([name.startswith("events.") for name in signatures.NAMES])
+    return np.array([name.startswith(("events.", "answer.")) for name in signatures.NAMES])
 
 
 def _by_group(real: Measured, simulated: Measured) -> list[Array]:

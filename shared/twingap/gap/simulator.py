@@ -1,8 +1,9 @@
 """Simulators that a diagnosis can question: the same conditions, the same chances, other effects.
 
 conditions + effects --TwinSimulator--> the twin with those effects, streams by record and replicate --> records
-                     --OwnSimulator---> the user's simulated records nearest in condition, brought to its speed, rate
-                                        and length, effects on the finished waveform ------------------> records
+                     --OwnSimulator---> the user's simulated records nearest in condition, brought to its rate and
+                                        length, and to its speed where theirs is not near, effects on the
+                                        finished waveform ---------------------------------------------> records
 
 What a record draws depends on the root, the replicate, its condition's name and the purpose alone: records simulated
 with and without an effect differ by that effect and by nothing else.
@@ -13,10 +14,11 @@ from __future__ import annotations
 import math
 import zlib
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, ClassVar, Final, Literal, Protocol
 
 import numpy as np
+import scipy.signal
 from numpy.typing import NDArray
 
 from twingap.bearing import Bearing
@@ -31,8 +33,9 @@ from twingap.twins.twin_file import Model, TwinSpec, build_twin, register_model
 
 Array = NDArray[np.float64]
 
-SAME_SPEED: Final = 1e-3
-"""Relative difference of speeds below which a waveform is taken as it is."""
+NEAR_SPEED: Final = 0.06
+"""Log ratio of speeds up to which a simulated record keeps its own: what is compared goes by each record's orders, and
+resampling would move its resonances."""
 SAME_GAIN: Final = math.log(1.1)
 """Log ratio of levels below which records in one unit are taken to be of one gain."""
 _OTHER_FAULT = 1e6
@@ -236,7 +239,7 @@ class OwnSimulator:
         self.gain = self._calibrated(real, notes)
         slow = [c for c in real.conditions if c.fault not in self.missing and c.fault is not None]
         off = [abs(math.log(self.sim.conditions[self._ranked(c)[0]].speed_rpm / c.speed_rpm)) for c in slow]
-        if off and max(off) > SAME_SPEED:
+        if off and max(off) > NEAR_SPEED:
             notes.append(
                 f"simulated records were resampled over the shaft angle to the real speeds (by up to "
                 f"{100 * max(off):.1f} %), by which their resonances move too"
@@ -250,7 +253,8 @@ class OwnSimulator:
         out = []
         for condition in conditions:
             streams = streams_of(condition, streams_root, replicate)
-            record = Record(condition, self._waveform(condition, streams, replicate))
+            samples, speed_rpm = self._waveform(condition, streams, replicate)
+            record = Record(replace(condition, speed_rpm=speed_rpm), samples)
             if effects:
                 record = apply_to_waveform(effects, record, self.bearing, self.reference_rms, streams)
             out.append(record)
@@ -288,8 +292,8 @@ class OwnSimulator:
             distance += abs(made.time_s - real.time_s) / span if span > 0 else 0.0
         return distance
 
-    def _waveform(self, condition: Condition, streams: Streams, replicate: int) -> Array:
-        """One simulated record under this condition."""
+    def _waveform(self, condition: Condition, streams: Streams, replicate: int) -> tuple[Array, float]:
+        """One simulated record under this condition, and its speed: its own where that is near."""
         ranked = self._ranked(condition)
         exact = [i for i in ranked if self.sim.conditions[i].name == condition.name]
         # Real records of one condition get different simulated ones, as far as there are any.
@@ -299,10 +303,13 @@ class OwnSimulator:
         again = turn >= len(ranked) or (not exact and self._turn.get(condition.name, 0) >= len(ranked))
         made = self.sim.conditions[place]
         x = self._at_rate(place, condition.fs_hz)
-        stretch = condition.speed_rpm / made.speed_rpm
-        if abs(stretch - 1) > SAME_SPEED:
+        speed_rpm, stretch = made.speed_rpm, condition.speed_rpm / made.speed_rpm
+        if abs(math.log(stretch)) > NEAR_SPEED:
+            # Twice as many samples first: splines lose what lies near half the sampling rate.
+            x = scipy.signal.resample(x, 2 * x.size)
             angle = np.arange(x.size, dtype=float)
-            x = at_angles(x, angle, np.arange(0.0, x.size - 1, stretch))
+            x = at_angles(x, angle, np.arange(0.0, x.size - 2, 2 * stretch))
+            speed_rpm = condition.speed_rpm
         begin = 0
         if again or x.size > condition.n_samples:
             spare = x.size - condition.n_samples
@@ -315,7 +322,7 @@ class OwnSimulator:
             x = x[begin : begin + condition.n_samples]
         else:  # round the record: a seam is the lesser evil beside a gap
             x = np.take(x, np.arange(begin, begin + condition.n_samples), mode="wrap")
-        return np.asarray(x * self.gain) if self.gain != 1 else np.array(x, dtype=float)
+        return (np.asarray(x * self.gain) if self.gain != 1 else np.array(x, dtype=float)), speed_rpm
 
     def _at_rate(self, place: int, fs_hz: float) -> Array:
         """A simulated record at the wanted sampling rate."""
@@ -350,7 +357,7 @@ class OwnSimulator:
         ratios = []
         for i in (healthy or shared)[:40]:
             condition = real.conditions[i]
-            made = self._waveform(condition, streams_of(condition, 0, 0), 0)
+            made, _ = self._waveform(condition, streams_of(condition, 0, 0), 0)
             ratios.append(0.5 * math.log(max(float(real[i].samples.var()), 1e-300) / max(float(made.var()), 1e-300)))
         log_gain = float(np.median(ratios)) if ratios else 0.0
         same = real.unit == self.sim.unit and real.unit != ""

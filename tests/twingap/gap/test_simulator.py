@@ -106,13 +106,13 @@ def test_a_simulated_record_is_brought_to_the_real_speed() -> None:
     tone = RecordSet.from_records(
         "tones", "m/s^2", BEARING, [Record(made.conditions[0], np.sin(2 * np.pi * 4 * turns)), made[1]]
     )
-    wanted = Condition("x", 1560.0, 10_000.0, 10_000, "inner")
+    wanted = Condition("x", 1680.0, 10_000.0, 10_000, "inner")
     real = sim([wanted], 2)
     own = OwnSimulator(tone, real, BEARING, 1.0)
     own.gain = 1.0
     (record,) = own.simulate((), [wanted], 0, 0)
     spectrum = np.abs(np.fft.rfft(record.samples * np.hanning(10_000)))
-    assert np.argmax(spectrum) == 104  # order 4 of 26 Hz, bins of 1 Hz
+    assert np.argmax(spectrum) == 112  # order 4 of 28 Hz, bins of 1 Hz
     assert any("shaft angle" in note for note in own.notes)
 
 

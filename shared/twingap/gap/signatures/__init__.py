@@ -1,6 +1,6 @@
 """What is measured on a record: named, dimensionless numbers, each moved by some effect and little by others.
 
-RecordView --events, lines, background, converter--> one number per name, NaN where it does not apply
+RecordView --events, lines, background, converter, answer--> one number per name, NaN where it does not apply
 """
 
 from typing import Final
@@ -8,10 +8,10 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from twingap.gap.signatures import background, converter, events, lines
+from twingap.gap.signatures import answer, background, converter, events, lines
 from twingap.gap.view import RecordView
 
-_KINDS: Final = {"events": events, "lines": lines, "background": background, "converter": converter}
+_KINDS: Final = {"events": events, "lines": lines, "background": background, "converter": converter, "answer": answer}
 
 NAMES: Final[tuple[str, ...]] = tuple(f"{kind}.{name}" for kind, module in _KINDS.items() for name in module.NAMES)
 """Of what `measure` returns, in its order."""

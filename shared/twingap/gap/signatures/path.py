@@ -1,6 +1,6 @@
 """What shape the spectra of a set have: one mode and white noise, or that and something more.
 
-mean smooth spectra, healthy and faulty together --fit each model--> how much better than the baseline, at which values
+noise of healthy records, all power of struck ones --fit each model--> how much better than the baseline, which values
 
 The baseline of the phenomenological twin has structure noise and impacts through one mode, and white noise. One more
 mode, a roll-off of the sensor before the white noise, noise of a power law, or noise in a band each change the healthy
@@ -13,19 +13,19 @@ difference.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Final, NamedTuple
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
+from twingap.gap.signatures.answer import Struck
 from twingap.gap.signatures.pooled import Whitened
 from twingap.gap.view import SMOOTH_SEGMENTS, Frame
 from twingap.records import Condition
 
 Array = NDArray[np.float64]
-_Model = Callable[[Array], tuple[Array, Array | None]]
-"""Places [candidates, places] -> power response of the path, and shape of what is added, both [candidates, bands]."""
 
 BANDS: Final = 64
 FINE: Final = 4
@@ -33,6 +33,8 @@ FINE: Final = 4
 _ROBUST: Final = 4.0
 """Standard deviations beyond which a band counts in proportion, no longer as the square."""
 _LEAST_SIGMA: Final = 0.015
+_LEAST_SIGMA_STRUCK: Final = 0.05
+"""Windows of an impact rate smear sharp modes, which the models do not."""
 MODELS: Final = ("mode", "loss", "slope", "band")
 NAMES: Final = (
     "base_cost", *(f"{m}_gain" for m in MODELS), *(f"{m}_lead" for m in MODELS), "best_cost",
@@ -49,6 +51,7 @@ class Outline(NamedTuple):
     fs_hz: float
     smooth: Array
     whitened: Whitened | None = None
+    struck: Struck | None = None
 
 
 class _Fit(NamedTuple):
@@ -82,7 +85,7 @@ def measure(spectra: Sequence[Outline]) -> dict[str, float]:
     out["loss_at_mode"] = math.log1p((first / corner) ** (2 * order))
     power = fits["slope"].at[2]
     out["slope_power"] = power
-    out["slope_level"] = curves.level(fits["slope"].weights[3], _power_law(curves.f, np.array([power]))[0])
+    out["slope_level"] = curves.level(fits["slope"].weights[3], _power_law(curves.f, power))
     low, high = fits["band"].at[2:]
     out["band_low"], out["band_high"] = math.log(low), math.log(high)
     out["band_level"] = curves.level(fits["band"].weights[3], ((curves.f >= low) & (curves.f <= high)).astype(float))
@@ -90,36 +93,41 @@ def measure(spectra: Sequence[Outline]) -> dict[str, float]:
 
 
 class _Curves:
-    """Mean log spectra of healthy and of faulty records, and how well bands are known."""
+    """Mean log spectra: of the noise of healthy records, and of all power of records with impacts."""
 
-    def __init__(self, healthy: Array | None, faulty: Array | None, sigma: tuple[float, float]) -> None:
-        self.f = (np.arange(FINE * BANDS) + 0.5) / (2 * FINE * BANDS)
-        self.kinds = [k for k, curve in enumerate((healthy, faulty)) if curve is not None]
-        curves = [c for c in (healthy, faulty) if c is not None]
+    def __init__(self, curves: list[Array], sigma: list[float], kinds: list[bool]) -> None:
+        self.f = (np.arange(BANDS) + 0.5) / (2 * BANDS)
+        self.struck = np.array(kinds)
         self.curves = np.exp(np.array(curves))
-        self.sigma = np.array([sigma[k] for k in self.kinds])
+        self.sigma = np.array(sigma)
         self.count = self.curves.size
 
     @classmethod
     def of(cls, spectra: Sequence[Outline]) -> _Curves | None:
         """From the records of a set, in units of its yardstick; None without any."""
-        logs: dict[bool, list[Array]] = {True: [], False: []}
+        quiet: list[Array] = []
+        struck: list[Array] = []
+        noise: list[Array] = []
         for one in spectra:
             unit = one.fs_hz / max(one.frame.scale, 1e-300) ** 2
             bands = np.log(np.maximum(one.smooth * unit, 1e-30)).reshape(BANDS, SMOOTH_SEGMENTS // BANDS).mean(axis=1)
-            logs[one.condition.fault == "healthy"].append(bands)
-        if not logs[True] and not logs[False]:
+            (quiet if one.condition.fault == "healthy" else noise).append(bands)
+            if one.struck is not None:
+                struck.append(np.log(np.maximum(one.struck.density, 1e-30)))
+        # Without healthy records, what lies between the lines of the others is noise too.
+        kept = [(own, kind) for own, kind in ((quiet or noise, False), (struck, True)) if own]
+        if not kept:
             return None
-        if logs[True]:  # impacts are lines, which smooth spectra leave out unevenly: healthy records tell more
-            logs[False] = []
-        means, sigmas = [], []
-        for own in (logs[True], logs[False]):
-            means.append(np.mean(own, axis=0) if own else None)
+        curves, sigmas = [], []
+        for own, kind in kept:
+            # Power adds: the mean of records struck with unlike strength is one path struck with their mean power.
+            curves.append(np.log(np.mean(np.exp(own), axis=0)) if kind else np.mean(own, axis=0))
             # Levels differ between records of several faults; the shape of each is what counts.
             about = [o - o.mean() for o in own]
             spread = float(np.median(np.std(about, axis=0, ddof=1))) if len(own) > 2 else 0.12
-            sigmas.append(math.hypot(max(spread, 0.03) / math.sqrt(max(len(own), 1)), _LEAST_SIGMA))
-        return cls(means[0], means[1], (sigmas[0], sigmas[1]))
+            least = _LEAST_SIGMA_STRUCK if kind else _LEAST_SIGMA
+            sigmas.append(math.hypot(max(spread, 0.03) / math.sqrt(max(len(own), 1)), least))
+        return cls(curves, sigmas, [kind for _, kind in kept])
 
     def level(self, weight: float, shape: Array) -> float:
         """Log RMS of what was added, over the yardstick."""
@@ -128,8 +136,8 @@ class _Curves:
     def base(self) -> _Fit:
         """One mode and white noise."""
         f1, damping = np.meshgrid(np.geomspace(0.01, 0.49, 56), np.geomspace(0.004, 0.4, 9), indexing="ij")
-        fit = self._best(np.stack([f1.ravel(), damping.ravel()], axis=1), self._plain)
-        return self._finer(fit, (0.03, 0.25), self._plain)
+        fit = self._best(np.stack([f1.ravel(), damping.ravel()], axis=1), _PLAIN)
+        return self._finer(fit, (0.03, 0.25), _PLAIN)
 
     def one_more_mode(self, base: _Fit) -> _Fit:
         """Another mode in parallel; either may be the one that the baseline took."""
@@ -138,8 +146,8 @@ class _Curves:
         )  # fmt: skip
         rows = np.stack([np.full(f2.size, base.at[0]), np.full(f2.size, base.at[1])], axis=1)
         more = np.stack([f2.ravel(), own.ravel(), gain.ravel()], axis=1)
-        fit = self._best(np.concatenate((rows, more), axis=1), self._two)
-        return self._finer(fit, (0.02, 0.25, 0.04, 0.4, 0.5), self._two)
+        fit = self._best(np.concatenate((rows, more), axis=1), _TWO)
+        return self._finer(fit, (0.02, 0.25, 0.04, 0.4, 0.5), _TWO)
 
     def loss(self, base: _Fit) -> _Fit:
         """A Butterworth loss after the mode, before the white noise."""
@@ -148,7 +156,7 @@ class _Curves:
             np.geomspace(0.015, 0.6, 22), (1.0, 2.0, 4.0, 6.0), indexing="ij",
         )  # fmt: skip
         rows = np.stack([a.ravel() for a in (np.minimum(f1, 0.49), damping, corner, order)], axis=1)
-        return self._finer(self._best(rows, self._rolled), (0.02, 0.15, 0.12, 0.0), self._rolled)
+        return self._finer(self._best(rows, _ROLLED), (0.02, 0.15, 0.12, 0.0), _ROLLED)
 
     def slope(self, base: _Fit) -> _Fit:
         """Noise whose power falls or rises with frequency."""
@@ -157,7 +165,7 @@ class _Curves:
             (-1.5, -0.8, 0.5, 0.8, 1.2, 1.7, 2.3, 3.0), indexing="ij",
         )  # fmt: skip
         rows = np.stack([np.minimum(f1, 0.49).ravel(), damping.ravel(), power.ravel()], axis=1)
-        return self._finer(self._best(rows, self._sloped), (0.015, 0.15, 0.0), self._sloped)
+        return self._finer(self._best(rows, _SLOPED), (0.015, 0.15, 0.0), _SLOPED)
 
     def band(self, base: _Fit) -> _Fit:
         """Flat noise between two frequencies."""
@@ -166,27 +174,9 @@ class _Curves:
             (low, low + width / (2 * BANDS)) for low in edges for width in (2, 4, 8, 14, 20) if low + width / 128 <= 0.5
         ]
         rows = [(base.at[0], d, low, high) for low, high in pairs for d in (base.at[1], 0.6 * base.at[1])]
-        return self._best(np.array(rows), self._banded)
+        return self._best(np.array(rows), _BANDED)
 
-    def _plain(self, at: Array) -> tuple[Array, Array | None]:
-        return np.abs(_response(self.f, at[:, :1], at[:, 1:2])) ** 2, None
-
-    def _two(self, at: Array) -> tuple[Array, Array | None]:
-        both = _response(self.f, at[:, :1], at[:, 1:2]) + at[:, 4:5] * _response(self.f, at[:, 2:3], at[:, 3:4])
-        return np.abs(both) ** 2, None
-
-    def _rolled(self, at: Array) -> tuple[Array, Array | None]:
-        own = np.abs(_response(self.f, at[:, :1], at[:, 1:2])) ** 2
-        return own / (1 + (self.f / at[:, 2:3]) ** (2 * at[:, 3:4])), None
-
-    def _sloped(self, at: Array) -> tuple[Array, Array | None]:
-        return self._plain(at)[0], _power_law(self.f, at[:, 2])
-
-    def _banded(self, at: Array) -> tuple[Array, Array | None]:
-        inside = (self.f >= at[:, 2:3]) & (self.f <= at[:, 3:4])
-        return self._plain(at)[0], inside.astype(float)
-
-    def _finer(self, fit: _Fit, steps: tuple[float, ...], model: _Model) -> _Fit:
+    def _finer(self, fit: _Fit, steps: tuple[float, ...], model: int) -> _Fit:
         """The fit with each place moved by smaller and smaller factors while that helps."""
         for shrink in (1.0, 0.4, 0.15):
             for _ in range(3):
@@ -202,58 +192,118 @@ class _Curves:
                 fit = better
         return fit
 
-    def _best(self, at: Array, model: _Model) -> _Fit:
-        at = at.copy()
+    def _best(self, at: Array, model: int) -> _Fit:
+        at = np.ascontiguousarray(at, dtype=float)
         at[:, 0] = np.minimum(at[:, 0], 0.49)
-        through, added = model(at)
-        through = through / np.maximum(through.mean(axis=1, keepdims=True), 1e-300)
-        through = _log_means(through)
-        added = None if added is None else _log_means(np.maximum(added, 1e-12))
-        zero, one = np.zeros_like(through), np.ones_like(through)
-        columns = []  # structure noise, impacts, white noise, what is added: each [candidates, curves, bands]
-        columns.append(np.stack([through] * len(self.kinds), axis=1))
-        columns.append(np.stack([zero if k == 0 else through for k in self.kinds], axis=1))
-        columns.append(np.stack([one] * len(self.kinds), axis=1))
-        if added is not None:
-            columns.append(np.stack([added] * len(self.kinds), axis=1))
-        basis = np.stack(columns, axis=-1) / (self.curves * self.sigma[:, None])[None, :, :, None]
-        basis = basis.reshape(len(at), -1, len(columns))
-        target = np.repeat(1 / self.sigma, BANDS)
-        weights = _non_negative(np.einsum("cbi,cbj->cij", basis, basis), np.einsum("cbi,b->ci", basis, target))
-        made = np.einsum("cbi,ci->cb", basis, weights) / target
-        # A ratio of spectra is judged by its logarithm, as likely to be twice as half.
-        off = np.log(np.clip(made, 0.05, 20.0)) * target
-        far = np.abs(off)
-        cost = np.where(far < _ROBUST, far**2, 2 * _ROBUST * far - _ROBUST**2).sum(axis=1)
-        place = int(np.argmin(cost))
-        return _Fit(float(cost[place]), tuple(float(v) for v in at[place]), weights[place])
+        costs, weights = _costs(model, at, self.curves, self.sigma, self.struck)
+        place = int(np.argmin(costs))
+        return _Fit(float(costs[place]), tuple(float(v) for v in at[place]), weights[place])
 
 
-def _log_means(fine: Array) -> Array:
-    """[candidates, bands] Geometric means within bands, as those of the records are."""
-    return np.asarray(np.exp(np.log(np.maximum(fine, 1e-12)).reshape(len(fine), BANDS, FINE).mean(axis=2)))
+def _power_law(f: Array, power: float) -> Array:
+    """[bands] f^-power, its mean 1."""
+    law = f**-power
+    return np.asarray(law / law.mean())
 
 
-def _response(f: Array, place: Array, damping: Array) -> NDArray[np.complex128]:
-    """[candidates, bands] Of a sampled mode exp(-zeta w t) sin(w_d t), at parts f of the sampling rate."""
+_PLAIN, _TWO, _ROLLED, _SLOPED, _BANDED = range(5)
+
+
+@njit(cache=True, nogil=True)
+def _add_mode(real, imag, place, damping, gain):  # type: ignore[no-untyped-def]  # pragma: no cover
+    # A sampled mode exp(-zeta w t) sin(w_d t), at parts of the sampling rate.
     w = 2 * np.pi * place
-    damping = np.minimum(damping, 0.95)
+    damping = min(damping, 0.95)
     decay, turn = np.exp(-damping * w), w * np.sqrt(1 - damping**2)
-    z = np.exp(-2j * np.pi * f)
-    return np.asarray(decay * np.sin(turn) * z / (1 - 2 * decay * np.cos(turn) * z + decay**2 * z**2))
+    a, b, top = -2 * decay * np.cos(turn), decay * decay, gain * decay * np.sin(turn)
+    for i in range(real.size):
+        angle = np.pi * (i + 0.5) / real.size
+        c, s = np.cos(angle), -np.sin(angle)
+        c2, s2 = 2 * c * c - 1, 2 * s * c
+        below_re, below_im = 1 + a * c + b * c2, a * s + b * s2
+        size = below_re * below_re + below_im * below_im
+        real[i] += top * (c * below_re + s * below_im) / size
+        imag[i] += top * (s * below_re - c * below_im) / size
 
 
-def _power_law(f: Array, power: Array) -> Array:
-    """[candidates, bands] f^-power, its mean 1."""
-    law = f[None, :] ** -power[:, None]
-    return np.asarray(law / law.mean(axis=1, keepdims=True))
-
-
-def _non_negative(gram: Array, right: Array) -> Array:
-    """[candidates, n] Non-negative least squares of many small problems at once, by coordinate descent."""
-    out = np.zeros_like(right)
-    for _ in range(60):
-        for i in range(right.shape[1]):
-            rest = right[:, i] - np.einsum("cj,cj->c", gram[:, i], out) + gram[:, i, i] * out[:, i]
-            out[:, i] = np.maximum(rest / np.maximum(gram[:, i, i], 1e-300), 0.0)
-    return out
+@njit(cache=True, nogil=True)
+def _costs(model, at, curves, sigma, struck):  # type: ignore[no-untyped-def]  # pragma: no cover
+    """[candidates] Misfit and [candidates, 4] weights of structure noise, impacts, white noise and what is added."""
+    count, bands = len(at), curves.shape[1]
+    fine = FINE * bands
+    costs, weights = np.empty(count), np.zeros((count, 4))
+    real, imag = np.empty(fine), np.empty(fine)
+    through, added = np.empty(bands), np.zeros(bands)
+    basis = np.empty((4, curves.size))
+    for c in range(count):
+        real[:], imag[:] = 0.0, 0.0
+        _add_mode(real, imag, at[c, 0], at[c, 1], 1.0)
+        if model == _TWO:
+            _add_mode(real, imag, at[c, 2], at[c, 3], at[c, 4])
+        mean = 0.0
+        for b in range(bands):
+            product = 1.0
+            for i in range(FINE * b, FINE * (b + 1)):
+                power = real[i] * real[i] + imag[i] * imag[i]
+                if model == _ROLLED:
+                    ratio = (i + 0.5) / (2 * fine) / at[c, 2]
+                    loss = ratio * ratio
+                    for _ in range(int(at[c, 3]) - 1):
+                        loss *= ratio * ratio
+                    power /= 1 + loss
+                mean += power
+                product *= power + 1e-30
+            # Geometric means within bands, as those of the records are.
+            through[b] = np.sqrt(np.sqrt(product))
+        mean /= fine
+        if model == _SLOPED:
+            total = 0.0
+            for b in range(bands):
+                added[b] = ((b + 0.5) / (2 * bands)) ** -at[c, 2]
+                total += added[b]
+            added *= bands / total
+        elif model == _BANDED:
+            for b in range(bands):
+                low, high = max(b, 2 * bands * at[c, 2]), min(b + 1.0, 2 * bands * at[c, 3])
+                added[b] = max(high - low, 0.0)
+        row = 0
+        for k in range(len(curves)):
+            for b in range(bands):
+                scale = 1 / (curves[k, b] * sigma[k])
+                basis[0, row] = through[b] / mean * scale
+                basis[1, row] = basis[0, row] if struck[k] else 0.0
+                basis[2, row] = scale
+                basis[3, row] = added[b] * scale
+                row += 1
+        gram, right, w = np.zeros((4, 4)), np.zeros(4), np.zeros(4)
+        row = 0
+        for k in range(len(curves)):
+            for _ in range(bands):
+                for i in range(4):
+                    right[i] += basis[i, row] / sigma[k]
+                    for j in range(i + 1):
+                        gram[i, j] += basis[i, row] * basis[j, row]
+                row += 1
+        for i in range(4):
+            for j in range(i):
+                gram[j, i] = gram[i, j]
+        for _ in range(60):  # non-negative least squares, by coordinate descent
+            for i in range(4):
+                if gram[i, i] > 0:
+                    rest = right[i] + gram[i, i] * w[i]
+                    for j in range(4):
+                        rest -= gram[i, j] * w[j]
+                    w[i] = max(rest / gram[i, i], 0.0)
+        cost, row = 0.0, 0
+        for k in range(len(curves)):
+            for _ in range(bands):
+                made = 0.0
+                for i in range(4):
+                    made += w[i] * basis[i, row]
+                # A ratio of spectra is judged by its logarithm, as likely to be twice as half.
+                off = abs(np.log(min(max(made * sigma[k], 0.05), 20.0))) / sigma[k]
+                cost += off * off if off < _ROBUST else 2 * _ROBUST * off - _ROBUST * _ROBUST
+                row += 1
+        costs[c] = cost
+        weights[c] = w
+    return costs, weights

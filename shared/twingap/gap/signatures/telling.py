@@ -23,10 +23,11 @@ _STRENGTH = (
     "background.quantile_*", "background.knock_count_log",
 )  # fmt: skip
 _SHAPE = (
-    "shape|*", "path|*", "background.band_*", "background.mode_*", "background.white_level", "background.rest_*",
-    "background.edge_*", "background.rms_log", "background.time_asymmetry", "background.kurtosis_log",
-    "background.rough_*", "background.envelope_1x", "events.strike_level", "events.strike_snr", "background.knock_*",
-    "background.foreign_score", "background.quantile_*", "pooled|envelope_*",
+    "shape|*", "path|*", "answer|*", "answer.*", "background.band_*", "background.mode_*", "background.white_level",
+    "background.rest_*", "background.edge_*", "background.rms_log", "background.time_asymmetry",
+    "background.kurtosis_log", "background.rough_*", "background.envelope_1x", "events.strike_level",
+    "events.strike_snr", "background.knock_*", "background.foreign_score", "background.quantile_*",
+    "pooled|envelope_*",
 )  # fmt: skip
 _TONES = (
     "lines.*",
@@ -40,11 +41,13 @@ _KNOCKS = (
     "background.knock_*", "background.white_kurtosis_log", "background.kurtosis_log", "background.crest_log",
     "background.quantile_*", "background.foreign_*", "background.rms_log", "background.rest_*", "background.band_*",
     "lines.comb_*", "background.segment_*", "converter.gap_*", "events.strike_snr", "events.scatter_sigma", "shape|*",
+    "answer|*",
 )  # fmt: skip
 _LEVEL = (
     "background.rms_log", "background.white_level", "background.mode_over_white_log", "background.kurtosis_log",
     "background.crest_log", "background.quantile_*", "events.strike_*", "background.band_*", "background.rest_rms",
-    "background.knock_peak_log", "lines.fault_low_excess", "events.harmonic_1", "background.rest_low",
+    "background.knock_peak_log", "lines.fault_low_excess", "events.harmonic_1", "background.rest_low", "answer.*",
+    "answer|level",
 )  # fmt: skip
 
 TELLING: Final[dict[str, tuple[str, ...]]] = {
@@ -59,8 +62,8 @@ TELLING: Final[dict[str, tuple[str, ...]]] = {
     "cage_modulation": _STRENGTH,
     "entry_exit": (
         *_FOLLOWED, "events.echo_gain", "events.arc_*", "events.exit_ratio", "events.cycle_width_deg",
-        "events.timing_*", "events.jitter_sigma", "background.echo_*", "shape|faulty_*", "background.time_asymmetry",
-        "background.band_*", "lines.fault_*",
+        "events.timing_*", "events.jitter_sigma", "background.echo_*", "shape|faulty_*", "answer|*", "answer.*",
+        "background.time_asymmetry", "background.band_*", "lines.fault_*",
     ),
     "distributed_roughness": _SHAPE,
     "speed_gain": _LEVEL,
@@ -82,7 +85,7 @@ TELLING: Final[dict[str, tuple[str, ...]]] = {
         "converter.*", "background.knock_*", "background.rms_log", "background.segment_*", "background.white_level",
     ),
 }  # fmt: skip
-"""Effect -> patterns of signatures, and of features that are none (`shape|`, `context|`)."""
+"""Effect -> patterns of signatures, and of features that are none (`shape|`, `answer|`, `context|`)."""
 
 _TRENDED: Final = {"speed_gain": ("on_speed",), "damage_growth": ("on_time",)}
 """Effects that show in how a signature changes over conditions; for all others trends are left out."""
@@ -99,7 +102,7 @@ def columns(effect: str, features: tuple[str, ...]) -> tuple[int, ...]:
         of, _, kind = feature.partition("|")
         if of == "context":
             fits = kind in _ALWAYS or any(fnmatchcase(feature, p) for p in patterns)
-        elif of in ("shape", "path", "pooled"):
+        elif of in ("shape", "path", "pooled", "answer"):
             fits = any(fnmatchcase(feature, p) for p in patterns)
         else:
             trend = kind.startswith("on_")

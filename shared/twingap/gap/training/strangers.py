@@ -1,9 +1,12 @@
 """Changes that no catalogued effect describes, so that what is learnt can tell when it knows no name.
 
 record --STFT--> gains or noise of random shape over the time-frequency plane --inverse--> record
+       --random curve over amplitude--> record
+       --random taps over delay--> record
 
-One generic mechanism on purpose: what real machines have beyond the catalogue is not known, so no list of suspects is
-learnt, only that something is left over. The shape follows neither shaft, bearing nor record set.
+Generic mechanisms on purpose, one for each axis that a record has: what real machines have beyond the catalogue is not
+known, so no list of suspects is learnt, only that something is left over. The shapes follow neither shaft, bearing nor
+record set.
 """
 
 from __future__ import annotations
@@ -12,8 +15,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import ShortTimeFFT
-from scipy.signal.windows import hann
+from scipy.signal import istft, stft
 
 from twingap.records import Record, RecordSet
 
@@ -31,6 +33,11 @@ class _Plan:
     high: float
     strength: float
     segment: int
+    entropy: int
+    """Of what all records of a set have in common: a curve, a path."""
+
+
+_CHANCES = (0.2, 0.2, 0.15, 0.1, 0.2, 0.15)
 
 
 def estrange(records: RecordSet, rng: np.random.Generator) -> RecordSet:
@@ -39,13 +46,14 @@ def estrange(records: RecordSet, rng: np.random.Generator) -> RecordSet:
     duration_s = min(c.duration_s for c in records.conditions)
     low = rng.uniform(0.0, 0.4)
     plan = _Plan(
-        kind=str(rng.choice(["gain", "noise", "scrambled", "fold"])),
+        kind=str(rng.choice(["gain", "noise", "scrambled", "fold", "curve", "taps"], p=_CHANCES)),
         over_time=str(rng.choice(["ramp", "step", "wave", "pulses", "even"])),
         rate_hz=float(np.exp(rng.uniform(np.log(1.5 / duration_s), np.log(60)))),
         low=low,
         high=min(low + rng.uniform(0.05, 0.6), 0.5),
         strength=float(np.exp(rng.uniform(np.log(0.5), np.log(2.5)))),
         segment=min(2 ** int(rng.integers(5, 9)), n // 8),
+        entropy=int(rng.integers(2**62)),
     )
     if plan.over_time == "even" and plan.kind == "gain":
         plan = replace(plan, kind="scrambled")
@@ -58,12 +66,17 @@ def _changed(record: Record, plan: _Plan, rng: np.random.Generator) -> Array:
     x, fs_hz = record.samples, record.condition.fs_hz
     if plan.kind == "fold":  # a part of the record returns where it does not belong: mirrored in time, and weaker
         return np.asarray(x + min(plan.strength, 1.0) * 0.6 * x[::-1] * _shape(np.arange(x.size) / fs_hz, plan, rng))
-    hop = max(plan.segment // 4, 1)
-    transform = ShortTimeFFT(hann(plan.segment, sym=False), hop, fs_hz)
-    tiles = transform.stft(x)
+    if plan.kind in ("curve", "taps"):
+        common = np.random.default_rng(plan.entropy)
+        more = _curve(x, common) if plan.kind == "curve" else _taps(x, fs_hz, common)
+        return np.asarray(x + 0.3 * plan.strength * more * _shape(np.arange(x.size) / fs_hz, plan, rng))
+    # The older interface: all segments in one transform, where `ShortTimeFFT` takes them one by one (twenty times as
+    # long for short segments).
+    overlap = plan.segment - max(plan.segment // 4, 1)
+    _, t, tiles = stft(x, fs_hz, "hann", plan.segment, overlap)
     f = np.linspace(0, 0.5, tiles.shape[0])
     band = ((f >= plan.low) & (f <= plan.high)).astype(float)[:, None]
-    shape = _shape(transform.t(x.size), plan, rng)[None, :] * band
+    shape = _shape(t, plan, rng)[None, :] * band
     if plan.kind == "gain":
         tiles = tiles * np.exp(plan.strength * (shape - 0.5 * band))
     elif plan.kind == "noise":
@@ -73,7 +86,30 @@ def _changed(record: Record, plan: _Plan, rng: np.random.Generator) -> Array:
     else:
         turned = np.exp(2j * np.pi * rng.random(tiles.shape))
         tiles = np.where(shape > 0.5, tiles * turned, tiles)
-    return np.asarray(transform.istft(tiles, k1=x.size))
+    return np.asarray(istft(tiles, fs_hz, "hann", plan.segment, overlap)[1][: x.size])
+
+
+def _curve(x: Array, rng: np.random.Generator) -> Array:
+    """A random function of the sample's value alone, no constant and no gain in it, as strong as the record."""
+    rms = max(float(x.std()), 1e-300)
+    z = x / rms
+    out = np.zeros_like(z)
+    for _ in range(int(rng.integers(1, 4))):
+        centre, width, height = rng.uniform(-2.5, 2.5), np.exp(rng.uniform(np.log(0.1), np.log(2.0))), rng.normal()
+        out += height * np.tanh((z - centre) / width)
+    out -= out.mean()
+    out -= z * float(out @ z) / max(float(z @ z), 1e-300)
+    return np.asarray(out * rms / max(float(out.std()), 1e-3))
+
+
+def _taps(x: Array, fs_hz: float, rng: np.random.Generator) -> Array:
+    """The record heard again a few times, later, softened or turned upside down."""
+    longest = min(0.3 * x.size / fs_hz, 0.1)
+    out = np.zeros_like(x)
+    for _ in range(int(rng.integers(1, 4))):
+        later = max(int(fs_hz * np.exp(rng.uniform(np.log(3 / fs_hz), np.log(longest)))), 1)
+        out[later:] += rng.uniform(-1, 1) * x[:-later]
+    return np.asarray(out * float(x.std()) / max(float(out.std()), 1e-300))
 
 
 def _shape(t: Array, plan: _Plan, rng: np.random.Generator) -> Array:
