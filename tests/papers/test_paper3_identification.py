@@ -1,0 +1,135 @@
+"""Paper 3's identification study: metrics against hand computations, equal evaluations, resumable, small."""
+
+from __future__ import annotations
+
+import re
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from papers.paper3_zoa_dann import identification
+from papers.paper3_zoa_dann.agreement import agreement, aligned, amplitude_spectra, mmd, prd, rmse, windows
+from papers.paper3_zoa_dann.identification import CONFIG, Study, main, read_study, recordings, run
+from twingap.errors import TwingapError
+from twingap.identify.optimise import OPTIMISERS
+
+TINY = """
+[profiles.tiny]
+seeds = 2
+evaluations = 20
+machines = 1
+"""
+
+
+@pytest.fixture(scope="module")
+def config(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("study") / "identification.toml"
+    text = CONFIG.read_text(encoding="utf-8")
+    for name, value in {
+        "faults": '["outer"]', "settings": '["paper"]', "machine_duration_s": "2.0", "window_samples": "1024",
+    }.items():  # fmt: skip
+        text = re.sub(rf"(?m)^{name} = .*$", f"{name} = {value}", text)
+    path.write_text(text + TINY, encoding="utf-8")
+    return path
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("out")
+
+
+@pytest.fixture(scope="module")
+def study(config: Path, folder: Path) -> Study:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.delenv("TWINGAP_DATA", raising=False)
+        return run("tiny", out=folder, backend="sequential", config=config)
+
+
+def test_metrics_by_hand() -> None:
+    x, y = np.array([[3.0, 4.0]]), np.array([[0.0, 4.0]])
+    assert prd(x, y) == pytest.approx(60.0)  # 100 * 3 / 5
+    assert rmse(x, y) == pytest.approx(3 / np.sqrt(2))
+    # Rows at distance 1, both simulated ones upon the first: kernel means (1 + e) / 2, 1, (1 + e) / 2, e = exp(-1/2).
+    e = np.exp(-0.5)
+    rows = np.array([[0.0], [1.0]])
+    assert mmd(rows, np.zeros((2, 1))) == pytest.approx(np.sqrt((1 + e) / 2 + 1 - (1 + e)))
+    assert mmd(rows, rows) == 0.0
+
+
+def test_windows_are_of_unit_rms_and_a_shift_is_found_again() -> None:
+    x = windows(3 + 5 * np.random.default_rng(0).standard_normal(4100), 1024)
+    assert x.shape == (4, 1024)
+    assert np.allclose(x.mean(axis=1), 0) and np.allclose((x**2).mean(axis=1), 1)
+    assert np.array_equal(aligned(x, np.roll(x, 37, axis=1)), x)
+    tone = np.sqrt(2) * np.cos(2 * np.pi * 100 * np.arange(1024) / 1024)
+    assert amplitude_spectra(tone[None]).argmax() == 99
+
+
+def test_a_signal_agrees_with_itself() -> None:
+    x = np.random.default_rng(0).standard_normal(8192)
+    assert agreement(x, x, 1024) == pytest.approx(dict.fromkeys(agreement(x, x, 1024), 0.0), abs=1e-7)
+
+
+def test_all_optimisers_spend_the_same_and_every_table_says_whose_data(study: Study) -> None:
+    assert {r.job.optimiser for r in study.searches} == set(OPTIMISERS)
+    assert {len(r.value["best"]) for r in study.searches} == {20}
+    for name, table in study.tables.items():
+        expected = "simulated machines" if "recovery" in name else "virtual rig, not CWRU"
+        assert set(table["data"]) == {expected}
+    found = study.tables["identification-agreement"]
+    assert list(dict.fromkeys(found["twin"]))[:2] == ["empirical", "paper preset"]
+    # What is lower than before by p percent has dropped by p percent.
+    alone = found[found["reading"] == "contact alone"].set_index("twin")["spectrum mmd"]
+    drops = study.tables["identification-drops"]
+    row = drops[(drops["reading"] == "contact alone") & (drops["to"] == "paper preset") & (drops["of"] == "spectrum")]
+    assert row["mmd %"].item() == pytest.approx(100 * (1 - alone["paper preset"] / alone["empirical"]))
+
+
+def test_an_interrupted_study_goes_on_and_ends_with_the_same_tables(
+    study: Study, folder: Path, config: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.delenv("TWINGAP_DATA", raising=False)
+    before = {p.name: p.read_bytes() for p in (folder / "tables").iterdir()}
+    kept = sorted(p for p in (folder / "results").rglob("*") if p.is_file())
+    assert len(before) == 8 and kept
+    assert {p.name for p in (folder / "figures").iterdir()} == {
+        "identification-convergence.png", "identification-signals-paper.png",
+    }  # fmt: skip
+    again = run("tiny", out=folder, backend="sequential", config=config, draw=False)
+    assert not any(r.why for part in (again.searches, again.comparisons, again.recoveries) for r in part)
+    assert {p.name: p.read_bytes() for p in (folder / "tables").iterdir()} == before
+
+
+def test_the_half_that_is_judged_on_is_not_the_half_that_is_fitted(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("TWINGAP_DATA", raising=False)
+    _, (fit, judge) = recordings(read_study(), None)
+    assert [c.fault for c in fit.conditions] == [c.fault for c in judge.conditions] == ["inner", "outer", "ball"]
+    for first, second in zip(fit, judge, strict=True):
+        assert not np.array_equal(first.samples, second.samples)
+
+
+def test_wrong_input_is_one_line(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(SystemExit) as left:
+        main(["--profile", "huge", "--out", str(tmp_path)])
+    said = capsys.readouterr().err
+    assert left.value.code == 2 and said.count("\n") == 1 and "unknown profile 'huge'" in said
+    with pytest.raises(SystemExit) as left:
+        main(["--out", str(tmp_path), "--root", str(tmp_path / "nowhere")])
+    assert left.value.code == 2 and capsys.readouterr().err.count("\n") == 1
+    bad = tmp_path / "bad.toml"
+    bad.write_text(CONFIG.read_text(encoding="utf-8").replace('"ball"]', '"cage"]'), encoding="utf-8")
+    with pytest.raises(TwingapError, match="no contact model for fault 'cage'"):
+        read_study(bad)
+
+
+def test_every_option_is_explained_and_used() -> None:
+    text = CONFIG.read_text(encoding="utf-8")
+    code = Path(str(identification.__file__)).read_text(encoding="utf-8")
+    code += Path(sys.modules["papers.paper3_zoa_dann.tables_identification"].__file__ or "").read_text(encoding="utf-8")
+    for name in identification.StudyOptions.__dataclass_fields__:
+        assert f"options.{name}" in code, name
+        assert name == "profiles" or re.search(rf"(?m)^{name} = .*#", text), name
