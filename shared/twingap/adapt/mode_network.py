@@ -55,7 +55,7 @@ class FeedForwardExtractor(nn.Module):
     """Convolutional feed-forward extractor: [batch, C, L] -> [batch, 100].
 
     A depthwise convolution takes each mapping's series by itself, [C, L/2]; three more convolutions mix and widen,
-    [48, L/2], [64, L/4], [64, L/8]; averages over 4 equal stretches of time, and one linear layer. For 12 kHz and the
+    [32, L/2], [48, L/4], [64, L/8]; averages over 4 equal stretches of time, and one linear layer. For 12 kHz and the
     strides before it, it sees 50 ms at once: five impacts of an outer race, without which no rate can be told.
     """
 
@@ -63,9 +63,9 @@ class FeedForwardExtractor(nn.Module):
         super().__init__()
         self.convolutions = nn.Sequential(
             nn.Conv1d(channels, channels, 9, stride=2, padding=4, groups=channels),
-            nn.Conv1d(channels, 48, 1), nn.GroupNorm(4, 48), nn.ReLU(),
+            nn.Conv1d(channels, 32, 1), nn.GroupNorm(4, 32), nn.ReLU(),
+            nn.Conv1d(32, 48, 9, stride=2, padding=4), nn.GroupNorm(4, 48), nn.ReLU(),
             nn.Conv1d(48, 64, 9, stride=2, padding=4), nn.GroupNorm(4, 64), nn.ReLU(),
-            nn.Conv1d(64, 64, 9, stride=2, padding=4), nn.GroupNorm(4, 64), nn.ReLU(),
         )  # fmt: skip
         self.out = nn.Linear(64 * STRETCHES, FEATURES)
 

@@ -66,6 +66,14 @@ def test_shapes_within_the_denoising_network(modes: int, kernels: tuple[int, ...
     assert Lift(modes, channels)(drawn(2, modes, 256)).shape == (2, channels, 32)
 
 
+def test_branches_are_convolutions_side_by_side() -> None:
+    """Sorted by mode, then branch, whatever the lengths of their kernels."""
+    branches, x = CompactBranches(3, (5, 9), 2), drawn(2, 3, 64)
+    each = [branch(x) for branch in branches.branches]  # [2, 3 x 2, 16] each
+    expected = torch.stack([e.unflatten(1, (3, 2)) for e in each], dim=2).flatten(1, 3)
+    torch.testing.assert_close(branches(x), torch.relu(branches.norm(expected)))
+
+
 def test_lengths_that_do_not_fit_are_refused() -> None:
     for length in (128, 1000):
         with pytest.raises(ValueError, match="multiple of 32"):
