@@ -32,6 +32,7 @@ import twingap.records
 import twingap.signal
 import twingap.streams
 import twingap.twins
+from papers.paper3_zoa_dann import identification as identification_module
 from papers.paper3_zoa_dann import job as job_module
 from papers.paper3_zoa_dann import options as options_module
 from papers.paper3_zoa_dann import source as source_module
@@ -124,6 +125,10 @@ def run(
     results: list[TaskResult] = []
     with (tracker or NullTracker()).run("paper3", {"paper": "paper3", "profile": profile, "data": target.title}) as log:
         _log_inputs(log, options, sizes, profile, seed, target, config)
+        if profile in identification_module.read_study().profiles:
+            identification_module.run(
+                profile, out=out, root=root, backend=backend, address=address, log=log, progress=progress, draw=draw
+            )
         for task in tasks:
             measured = _measured(task, options, sizes)
             progress(f"identifying the twin, {task.title}", done, total)
