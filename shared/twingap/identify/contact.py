@@ -27,6 +27,8 @@ Array = NDArray[np.float64]
 BOUNDS = {"stiffness": (3e8, 1e11), "damping": (20.0, 5000.0)}
 EVALUATIONS = 336
 """Twenty-one populations of sixteen."""
+MISFIT = 0.1
+"""Relative error of spectra from which on intervals are called too narrow: the twin's own records stay below."""
 NOT_FREE = ("mass_kg", "load_n", "clearance_um", "defect_depth_um", "defect_width_mm")
 
 
@@ -99,6 +101,8 @@ def identify_contact(
     bottom = descend(objective, best, places, rng, notes)
     parameters = objective.parameters(bottom.point)
     notes.append(f"relative error of the amplitude spectra: {bottom.error:.3g}")
+    if bottom.scatter is not None and bottom.error > MISFIT:
+        notes.append("the twin's spectra are not the records': what it lacks moves values beyond their intervals")
     if bottom.powers[0] == 0:
         notes.append("no trace of the contact's vibration in the records: scale keeps its value")
     found = bottom.estimates(twin.parameters.scale, level)

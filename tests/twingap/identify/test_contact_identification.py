@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 from twingap.bearing import BEARINGS
 from twingap.errors import TwingapError
@@ -63,6 +64,18 @@ def test_the_same_seed_gives_the_same_numbers() -> None:
     measured = machine("outer", 2, duration_s=1.0)[1]
     found = [identify(TwinSpec("contact"), measured, np.random.default_rng(3), optimiser="zoa") for _ in range(2)]
     assert found[0].estimates == found[1].estimates
+
+
+def test_who_lacks_something_is_told_that_intervals_do_not_hold_it() -> None:
+    """The same machine with a strong second mode: the twin of one mode still finds a minimum."""
+    measured = machine("outer", 1)[1]
+    ringing = lfilter([1.0], [1.0, -1.9 * np.cos(0.6), 0.9025], measured[0].samples)
+    other = RecordSet.from_records("m", "g", measured.bearing, [Record(measured[0].condition, ringing)])
+    told = [
+        any("moves values beyond" in note for note in identify(TwinSpec("contact"), r, np.random.default_rng(0)).notes)
+        for r in (measured, other)
+    ]
+    assert told == [False, True]
 
 
 def test_records_too_short_for_two_blocks_give_no_intervals() -> None:
