@@ -28,7 +28,7 @@ from numpy.typing import NDArray
 from twingap.adapt.alignment import Alignment
 from twingap.adapt.evaluate import Scores, score
 from twingap.adapt.mode_inputs import ModeInputs
-from twingap.adapt.mode_network import Architecture
+from twingap.adapt.mode_network import MULTIPLE, SHORTEST, Architecture
 from twingap.adapt.mode_svm import ModeSVM, train_svm
 from twingap.adapt.selection import CRITERIA, DEFAULT, Evidence, select
 from twingap.adapt.training import Inputs, Trained, Training, outputs, train
@@ -182,6 +182,7 @@ def fit(
         and the seed changes nothing.
     n_classes : int
     settings : Training, optional
+        Default: its own defaults, and inputs that are waveforms are varied.
     inputs : ModeInputs, optional
     held_out : float
         Share of source groups for validation.
@@ -197,7 +198,8 @@ def fit(
     Raises
     ------
     TwingapError
-        For an unknown method or criterion, labels on the target, or none on the source.
+        For an unknown method or criterion, labels on the target, none on the source, windows of a length that the
+        network cannot take, or variations asked for of inputs that are no waveforms.
     """
     options = _known(method)
     if criterion not in CRITERIA:
@@ -207,13 +209,23 @@ def fit(
     if source.labels is None:
         raise TwingapError("the source windows carry no labels", where="fit", mend="cut them with their classes")
     prepare = inputs or ModeInputs()
+    settings = settings or Training(vary=prepare.waveforms)
+    if settings.vary and not prepare.waveforms:
+        mend = "set vary = false"
+        raise TwingapError(f"{prepare.quantity} shifted or turned about is another", where="Training.vary", mend=mend)
     x = prepare(source)
     if options.architecture is None:
         return Fitted(options, prepare, None, train_svm(x, source.labels, n_classes), {}, {}, criterion, ())
+    if x.shape[2] % MULTIPLE or x.shape[2] < SHORTEST:
+        raise TwingapError(
+            f"{x.shape[2]} points a channel, a multiple of {MULTIPLE} and at least {SHORTEST} expected",
+            where="fit",
+            mend="cut windows of 1024 or 2048 samples",
+        )
     part, held = _split(source, held_out, seed)
     x_target = prepare(target_unlabelled)
     trained = train(
-        x[part], source.labels[part], x_target, options.alignment, settings or Training(), seed, n_classes, device,
+        x[part], source.labels[part], x_target, options.alignment, settings, seed, n_classes, device,
         options.architecture,
     )  # fmt: skip
     nets = [trained.network(i) for i in range(len(trained.checkpoints))]

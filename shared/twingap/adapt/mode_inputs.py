@@ -46,7 +46,8 @@ class ModeInputs:
         What of each mode: "modes" (the paper's) is its waveform, in standard deviations of the window; "envelope" its
         envelope, standardised; any other a view of `twingap.adapt.VIEWS`, taken of each mode.
     cache : Path or None
-        Folder of modes already computed, keyed by the content of the windows; None computes them each time.
+        Folder of modes already computed, keyed by the content of the windows; None computes them each time. A place,
+        not a setting: leave it out of what a result is keyed by.
 
     Raises
     ------
@@ -65,6 +66,11 @@ class ModeInputs:
         known = ("modes", "envelope", *VIEWS)
         if self.quantity not in known:
             raise TwingapError(f"unknown quantity {self.quantity!r} of modes", mend=f"use one of {', '.join(known)}")
+
+    @property
+    def waveforms(self) -> bool:
+        """Whether channels are waveforms, which mean the same shifted in time or with the other sign."""
+        return self.quantity in ("modes", "waveform")
 
     def __call__(self, windows: Windows) -> Modes32:
         """Network input [windows, K, points]. Labels are not read."""

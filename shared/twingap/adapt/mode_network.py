@@ -22,6 +22,9 @@ from twingap.adapt.nets import FEATURES
 
 STRETCHES: Final = 4
 """Of time, over which the last maps are averaged."""
+MULTIPLE: Final = STRIDE * PATCH
+SHORTEST: Final = 8 * STRETCHES * STRIDE
+"""Points of an input: a multiple of the one, at least the other."""
 AttentionKind = Literal["none", "time", "mappings", "cosine"]
 
 
@@ -93,8 +96,8 @@ class ModeNetwork(nn.Module):
 
     def __init__(self, architecture: Architecture, length: int, modes: int, n_classes: int) -> None:
         super().__init__()
-        if length % (STRIDE * PATCH) or length < 8 * 4 * STRIDE:
-            raise ValueError(f"length = {length}, a multiple of {STRIDE * PATCH} and at least {32 * STRIDE} expected")
+        if length % MULTIPLE or length < SHORTEST:
+            raise ValueError(f"length = {length}, a multiple of {MULTIPLE} and at least {SHORTEST} expected")
         a, shorter = architecture, length // STRIDE
         channels = modes * a.maps * len(a.kernels)
         stages: dict[str, nn.Module] = {}

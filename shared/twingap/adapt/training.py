@@ -54,7 +54,7 @@ class Training:
         Highest weight of the reversed gradient, or of the discrepancy.
     vary : bool
         Show every sample, each time, shifted in time by a random amount (cyclically) and with a random sign: neither
-        where a window begins nor which way a sensor points says anything. For waveforms and envelopes, not for spectra.
+        where a window begins nor which way a sensor points says anything. For waveforms only.
     """
 
     steps: int = 1200

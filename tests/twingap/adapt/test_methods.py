@@ -134,6 +134,18 @@ def test_target_labels_are_refused_and_inputs_do_not_read_any() -> None:
     assert np.array_equal(INPUTS(TARGET), INPUTS(UNLABELLED))
 
 
+def test_what_the_network_cannot_take_is_refused_in_words() -> None:
+    spectra = replace(INPUTS, quantity="envelope_spectrum")
+    with pytest.raises(TwingapError, match="vary = false"):
+        fit("Non-DA", SOURCE, UNLABELLED, 0, n_classes=2, settings=SMALL, inputs=spectra)
+    plain = replace(SMALL, vary=False)
+    done = fit("Non-DA", SOURCE, UNLABELLED, 0, n_classes=2, settings=plain, inputs=spectra, device="cpu")
+    assert done.predict_proba(UNLABELLED).shape == (24, 2)
+    short = replace(SOURCE, samples=SOURCE.samples[:, :250])
+    with pytest.raises(TwingapError, match="250 points a channel, a multiple of 32 and at least 256"):
+        fit("Non-DA", short, UNLABELLED, 0, n_classes=2, settings=SMALL, inputs=INPUTS)
+
+
 def test_held_out_groups_are_not_trained_on() -> None:
     """Windows of held-out groups can be anything: the weights stay."""
     from twingap.adapt.methods import _split
