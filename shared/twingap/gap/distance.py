@@ -15,6 +15,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,11 +31,16 @@ Places = NDArray[np.int64]
 _LARGEST_POOL = 512
 _LEAST_SPREAD = 0.05
 """No bin's spread counts as less (log units): a bin that never varies would drown all others."""
+_PLAIN: Final = 16.0
+"""Square of four standard deviations: what is plain to anyone gets little plainer. By squares alone, one strong tone or
+a converter's repeated samples would be all of the gap, and nothing else that is closed would count."""
 
 
 @dataclass(frozen=True)
 class Distance:
     """Gap between records and twin: standard deviations between records, root mean square over bins and views.
+
+    Squares beyond four standard deviations count with their logarithm.
 
     Parameters
     ----------
@@ -235,7 +241,7 @@ class Paired:
             s, m = squares[..., own], means[..., own]
             common = (w * m).sum(axis=1) ** 2 - (w**2 * (m**2 - s)).sum(axis=1)
             squares[..., own] = s - common[:, None] if len(parts) > 1 else 0.0
-        return np.asarray(squares)
+        return _tempered(squares)
 
     @cached_property
     def stratum_weight(self) -> Array:
@@ -352,6 +358,11 @@ def _units(rows: Array, groups: Sequence[str | None]) -> Array:
     if not 1 < len(names) < len(rows):
         return rows
     return np.stack([rows[[g == name for g in groups]].mean(axis=0) for name in names])
+
+
+def _tempered(squares: Array) -> Array:
+    """Squares that grow with the logarithm beyond `_PLAIN`."""
+    return np.where(squares > _PLAIN, _PLAIN * (1 + np.log(np.maximum(squares, _PLAIN) / _PLAIN)), squares)
 
 
 def _root(square: Array) -> Array:

@@ -163,7 +163,7 @@ class _Search:
     def odds(self, compared: Compared) -> dict[str, float]:
         """Log odds that the twin lacks each effect; what it has from the start cannot be missing."""
         if compared not in self._known:
-            found = self.learnt.log_odds(compared.held_out)[0]
+            found = self.learnt.log_odds(compared.held_out, later=bool(compared.effects))[0]
             pairs = zip(self.learnt.effects, found, strict=True)
             self._known[compared] = {name: float(value) for name, value in pairs if name not in self.already}
         return self._known[compared]

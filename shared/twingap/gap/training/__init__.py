@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from twingap.gap.training.learn import Learnt
     from twingap.records import RecordSet
 
-MACHINES: Final = 3000
+MACHINES: Final = 2250
 """Machines of a full training: twenty minutes on two cores."""
 CHUNK: Final = 30
 MOST_RECORDS: Final = 24

@@ -64,16 +64,20 @@ class Ensemble:
 
     columns: NDArray[np.int64]
     models: list[Any]
-    slope: float = 1.0
-    offset: float = 0.0
+    line: tuple[float, float] = (1.0, 0.0)
+    line_later: tuple[float, float] = (1.0, 0.0)
     unseen: Array = field(default_factory=lambda: np.empty(0))
 
-    def score(self, features: NDArray[Any]) -> Array:
-        """[examples] Log odds of a classifier, or a regressor's value, averaged over folds."""
+    def score(self, features: NDArray[Any], *, later: bool = False) -> Array:
+        """[examples] Log odds of a classifier, or a regressor's value, averaged over folds.
+
+        `later`: effects have been added to the twin. What looks like one more is then more often what they left over.
+        """
         own = np.asarray(np.asarray(features)[:, self.columns], np.float32)
         if hasattr(self.models[0], "decision_function"):
             raw = np.mean([m.decision_function(own) for m in self.models], axis=0)
-            return np.asarray(self.slope * raw + self.offset)
+            slope, offset = self.line_later if later else self.line
+            return np.asarray(slope * raw + offset)
         return np.asarray(np.mean([m.predict(own) for m in self.models], axis=0))
 
 
@@ -158,7 +162,9 @@ class Table:
         return np.asarray(own[np.unique(np.concatenate((by_trees, by_rank)))])
 
 
-def learn_classifier(table: Table, label: Mask, machine: NDArray[np.int64], allowed: Sequence[int]) -> Ensemble | None:
+def learn_classifier(
+    table: Table, label: Mask, machine: NDArray[np.int64], allowed: Sequence[int], first: Mask | None = None
+) -> Ensemble | None:
     """A detector with calibrated log odds, or None when there are too few examples of either kind.
 
     Parameters
@@ -169,6 +175,8 @@ def learn_classifier(table: Table, label: Mask, machine: NDArray[np.int64], allo
         Machines stay whole in a fold.
     allowed : sequence of int
         Columns that may be read.
+    first : Mask [examples], optional
+        Examples whose twin was as given: they and the others are calibrated apart. None: all together.
     """
     from sklearn.ensemble import HistGradientBoostingClassifier
 
@@ -188,8 +196,11 @@ def learn_classifier(table: Table, label: Mask, machine: NDArray[np.int64], allo
         model.fit(own[inside], label[inside])
         unseen[~inside] = model.decision_function(own[~inside])
         models.append(model)
-    slope, offset = _platt(unseen, label)
-    return Ensemble(own_columns, models, slope, offset, slope * unseen + offset)
+    first = np.ones(len(label), bool) if first is None else first
+    line = _platt(unseen[first], label[first])
+    line_later = line if label[~first].sum() < _FEWEST else _platt(unseen[~first], label[~first])
+    calibrated = np.where(first, line[0] * unseen + line[1], line_later[0] * unseen + line_later[1])
+    return Ensemble(own_columns, models, line, line_later, calibrated)
 
 
 def learn_estimator(table: Table, value: Array, machine: NDArray[np.int64], allowed: Sequence[int]) -> Estimator | None:
@@ -284,7 +295,7 @@ MOST: Final = 0.93
 
 def _limit(score: Array, label: Mask) -> float:
     """Least log odds, about even, from which naming an effect is right often enough before it is checked."""
-    for limit in np.arange(-0.25, 0.51, 0.25):
+    for limit in np.arange(-0.75, 0.51, 0.25):
         named = score > limit
         if named.sum() >= 10 and label[named].mean() >= PRECISION:
             return float(limit)
@@ -370,33 +381,36 @@ class Learnt:
     null_rest: Array = field(default_factory=lambda: np.empty(0))
     general: NDArray[np.int64] = field(default_factory=lambda: np.empty(0, np.int64))
 
-    def log_odds(self, features: NDArray[Any]) -> Array:
-        """[examples, effects] Log odds that each effect is missing; what was not learnt is taken as unlikely."""
+    def log_odds(self, features: NDArray[Any], *, later: bool = False) -> Array:
+        """[examples, effects] Log odds that each effect is missing; what was not learnt is taken as unlikely.
+
+        `later`: of a twin to which effects have been added.
+        """
         rows = np.atleast_2d(features)
         out = np.full((len(rows), len(self.effects)), -6.0)
         for j, name in enumerate(self.effects):
             if name in self.detectors:
-                out[:, j] = self.detectors[name].score(rows)
+                out[:, j] = self.detectors[name].score(rows, later=later)
         return out
 
     def p_value(self, features: NDArray[Any]) -> float:
         """Part of the machines without a gap that look at least as much like one."""
-        return self._rank(features, self.null)
+        return self._rank(features, self.null, later=False)
 
     def rest_p(self, features: NDArray[Any]) -> float:
         """The same once effects have been added: against machines to which all that they lacked had been added."""
-        return self._rank(features, self.null_rest)
+        return self._rank(features, self.null_rest, later=True)
 
-    def _rank(self, features: NDArray[Any], null: Array) -> float:
-        score = float(self.anything_score(features)[0])
+    def _rank(self, features: NDArray[Any], null: Array, *, later: bool) -> float:
+        score = float(self.anything_score(features, later=later)[0])
         return float((1 + np.sum(null >= score)) / (1 + len(null)))
 
-    def anything_score(self, features: NDArray[Any]) -> Array:
+    def anything_score(self, features: NDArray[Any], *, later: bool = False) -> Array:
         """[examples] Log odds that the twin lacks anything, named or not."""
         rows = np.atleast_2d(features)
-        scores = self.log_odds(rows)
+        scores = self.log_odds(rows, later=later)
         return self.anything.score(
-            np.concatenate((scores, np.sort(scores, axis=1)[:, -3:], rows[:, self.general]), axis=1)
+            np.concatenate((scores, np.sort(scores, axis=1)[:, -3:], rows[:, self.general]), axis=1), later=later
         )
 
 
@@ -408,19 +422,20 @@ def learn(examples: Examples, effects: tuple[str, ...], parameters: tuple[tuple[
     # Both parts of a machine's records are examples; only the held-out part, as in a diagnosis, is scored.
     table = Table(np.concatenate((examples.features, examples.fit_features)))
     machine, missing = np.tile(examples.machine, 2), np.tile(examples.missing, (2, 1))
+    first = np.tile(examples.first, 2)
     here = np.arange(len(examples))
     allowed = [columns(name, names) for name in effects]
     # Models of one label each are small: processes side by side are faster than threads within one.
     parallel = joblib.Parallel(n_jobs=-1, return_as="generator")
     detectors: dict[str, Ensemble] = {}
     found = parallel(
-        joblib.delayed(_alone)(learn_classifier, table, missing[:, j], machine, allowed[j]) for j in range(len(effects))
+        joblib.delayed(_alone)(learn_classifier, table, missing[:, j], machine, allowed[j], first)
+        for j in range(len(effects))
     )
     for done, (name, detector) in enumerate(zip(effects, found, strict=True)):
         report(f"detector of {name}", 0.5 * done / len(effects))
         if detector is not None:
             detectors[name] = detector
-    first = np.tile(examples.first, 2)
     early, values = table.take(first), np.tile(examples.values, (2, 1))[first]
     estimators: dict[tuple[str, str], Estimator] = {}
     made = parallel(
@@ -442,7 +457,7 @@ def learn(examples: Examples, effects: tuple[str, ...], parameters: tuple[tuple[
     any_gap = examples.missing.any(axis=1) | examples.strange
     general = general_columns(names)
     whole = Table(np.concatenate((scores, np.sort(scores, axis=1)[:, -3:], table.values[:, general]), axis=1))
-    anything = learn_classifier(whole, np.tile(any_gap, 2), machine, range(whole.values.shape[1]))
+    anything = learn_classifier(whole, np.tile(any_gap, 2), machine, range(whole.values.shape[1]), first)
     if anything is None:
         raise ValueError("too few examples with and without a gap to learn from")
     anything.unseen = anything.unseen[here]
