@@ -142,20 +142,20 @@ def train_and_judge(job: Job, measured: Measured) -> dict[str, Any]:
         "device": trained.device,
     }
     if job.embedded:
-        own = _spread(len(held), job.embedded), _spread(len(labels), job.embedded)
+        own = spread(len(held), job.embedded), spread(len(labels), job.embedded)
         features = np.concatenate([evidence[place].source.features[own[0]], judged[place].features[own[1]]])
-        result["embedding"] = _embed(features, job.seed)
+        result["embedding"] = embed(features, job.seed)
         result["embedding_labels"] = np.concatenate([held.labels[own[0]], labels[own[1]]])
         result["embedding_is_target"] = np.arange(len(features)) >= len(own[0])
     return result
 
 
-def _spread(n: int, wanted: int) -> NDArray[np.int64]:
+def spread(n: int, wanted: int) -> NDArray[np.int64]:
     """At most `wanted` places, evenly spread over n."""
     return np.unique(np.linspace(0, n - 1, min(n, wanted)).astype(np.int64))
 
 
-def _embed(features: NDArray[np.float32], seed: int) -> NDArray[np.float32]:
+def embed(features: NDArray[np.float32], seed: int) -> NDArray[np.float32]:
     """t-SNE of features, standardised, in two dimensions [windows, 2]."""
     from sklearn.manifold import TSNE
 

@@ -1,4 +1,4 @@
-"""Paper 3, first result: a plain network trained on the contact twin, with and without adversarial adaptation.
+"""Paper 3: identification study, comparison of the nine methods, and a plain network with and without adaptation.
 
 CWRU, or virtual rig --> recordings --> task: adapt | evaluate
                                           |        |
@@ -11,8 +11,9 @@ CWRU, or virtual rig --> recordings --> task: adapt | evaluate
                                              tables, figures, MLflow runs
 
 Used in: Paper 3, dynamics-assisted unsupervised domain adaptation for rolling bearing fault diagnosis, Journal of
-Vibration and Control, DOI 10.1177/10775463261462852. This is its frame (twin, identification, DANN) with a plain
-network in place of the paper's; the mode denoising and attention networks come later.
+Vibration and Control, DOI 10.1177/10775463261462852. What is drawn above is its frame (twin, identification, DANN) with
+a plain network in place of the paper's, which shows what inputs are worth; `identification` and `comparison` are
+studies of their own, run first.
 """
 
 from __future__ import annotations
@@ -32,6 +33,7 @@ import twingap.records
 import twingap.signal
 import twingap.streams
 import twingap.twins
+from papers.paper3_zoa_dann import comparison as comparison_module
 from papers.paper3_zoa_dann import identification as identification_module
 from papers.paper3_zoa_dann import job as job_module
 from papers.paper3_zoa_dann import options as options_module
@@ -70,7 +72,7 @@ def run(
     config: Path = CONFIG,
     draw: bool = True,
 ) -> Outcome:
-    """Run the paper's first result; what an interrupted run has finished is taken up again.
+    """Run the paper's studies; what an interrupted run has finished is taken up again.
 
     Parameters
     ----------
@@ -129,6 +131,11 @@ def run(
             identification_module.run(
                 profile, out=out, root=root, backend=backend, address=address, log=log, progress=progress, draw=draw
             )
+        if profile in comparison_module.read_comparison().profiles:
+            comparison_module.run(
+                profile, out=out, root=root, seed=seed, backend=backend, address=address, log=log, progress=progress,
+                draw=draw,
+            )  # fmt: skip
         for task in tasks:
             measured = _measured(task, options, sizes)
             progress(f"identifying the twin, {task.title}", done, total)

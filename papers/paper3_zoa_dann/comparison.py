@@ -1,0 +1,491 @@
+"""The paper's comparison: nine methods and the analyst's rule, seven tasks, three states of the target data, noise.
+
+tasks/*.toml, records --> cell: adapt (labels taken away) | judge (other recordings)
+                            |
+        identify k, c (no labels) --> contact twin --> labelled windows --> trials: method x seed x SNR
+                                                                                |
+                           tables, figures, MLflow (task > method > trial) <----+
+
+Used in: Paper 3, section 4, DOI 10.1177/10775463261462852. Run as part of the paper, or alone:
+python -m papers.paper3_zoa_dann.comparison --profile core --out DIR
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+import sys
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+
+import twingap.adapt
+import twingap.bearing
+import twingap.effects
+import twingap.records
+import twingap.signal
+import twingap.streams
+import twingap.twins
+from papers.paper3_zoa_dann import job as job_module
+from papers.paper3_zoa_dann import options as options_module
+from papers.paper3_zoa_dann import source as source_module
+from papers.paper3_zoa_dann import task_files, yardsticks
+from papers.paper3_zoa_dann import trial as trial_module
+from papers.paper3_zoa_dann.job import Identification, identify_twin, windows_digest
+from papers.paper3_zoa_dann.options import Options, read_options
+from papers.paper3_zoa_dann.source import FREE, Recipe
+from papers.paper3_zoa_dann.task_files import FOLDER, Material, TaskFile, load_recordings, material, read_task
+from papers.paper3_zoa_dann.tasks import Target
+from papers.paper3_zoa_dann.trial import ALL, Trial, noise_words, run_trial
+from twingap.adapt import METHODS, ModeInputs, Training
+from twingap.config import build, read_toml
+from twingap.errors import TwingapError
+from twingap.provenance import digest_of_code, digest_of_path
+from twingap.sweep import Result, sweep
+from twingap.track import NullTracker, Run
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+CONFIG: Final = Path(__file__).with_name("comparison.toml")
+Key = tuple[str, float | None]
+"""State of the unlabelled data, and the size left out."""
+
+
+@dataclass(frozen=True)
+class Published:
+    """The paper's figures of one data set, per cent and points.
+
+    Parameters
+    ----------
+    mean : float
+        Accuracy of the proposed method.
+    lead, lead_high_noise : float
+        Over the best of the rivals, without noise and at -5 dB.
+    """
+
+    mean: float
+    lead: float
+    lead_high_noise: float
+
+
+@dataclass(frozen=True)
+class Size:
+    """How much is run.
+
+    Parameters
+    ----------
+    tasks : tuple[str, ...]
+        Names of files in tasks/.
+    available : tuple[str, ...]
+        States of the unlabelled data.
+    seeds : int
+        Trainings per task, state and method, without noise.
+    strict_seeds : int
+        Of those that leave bearings out where the task itself does not; a seed leaves out one size, in turn.
+    noise_seeds : int
+        At each noise level, balanced data alone: fewer than without noise.
+    snr_db : tuple[float, ...]
+        Noise levels.
+    steps : int
+        Gradient steps of a training.
+    bearings_per_class, records_per_bearing : int
+        Simulated.
+    evaluations : int
+        Of the identification's objective.
+    rig_duration_s : float
+        Length of the virtual rig's recordings.
+    """
+
+    tasks: tuple[str, ...]
+    available: tuple[str, ...]
+    seeds: int
+    strict_seeds: int
+    noise_seeds: int
+    snr_db: tuple[float, ...]
+    steps: int
+    bearings_per_class: int
+    records_per_bearing: int
+    evaluations: int
+    rig_duration_s: float
+
+
+@dataclass(frozen=True)
+class ComparisonOptions:
+    """The comparison; every entry is explained in comparison.toml."""
+
+    references: tuple[str, ...]
+    rivals: tuple[str, ...]
+    low_noise_db: float
+    high_noise_db: float
+    embedded: int
+    published: dict[str, Published]
+    inputs: ModeInputs
+    training: Training
+    profiles: dict[str, Size]
+
+
+def read_comparison(path: Path = CONFIG) -> ComparisonOptions:
+    """Read the configuration; errors name file, key, value and what was expected."""
+    options = build(ComparisonOptions, read_toml(path), path)
+    for name, methods in (("references", options.references), ("rivals", options.rivals)):
+        for method in methods:
+            if method not in METHODS:
+                known = ", ".join(METHODS)
+                raise TwingapError(f"unknown method {method!r}", where=f"{path}: {name}", mend=f"use {known}")
+    for name, size in options.profiles.items():
+        where = f"{path}: profiles.{name}"
+        if min(size.seeds, size.steps, size.bearings_per_class, size.records_per_bearing) < 1:
+            raise TwingapError("seeds, steps, bearings and records are at least 1", where=where)
+        if size.noise_seeds > size.seeds:
+            raise TwingapError(f"noise_seeds = {size.noise_seeds}, at most seeds = {size.seeds} expected", where=where)
+    return options
+
+
+@dataclass(frozen=True)
+class Cell:
+    """What one identification and one set of simulated records serve.
+
+    Parameters
+    ----------
+    available : str
+    unseen : float or None
+        Size left out of adaptation.
+    seeds, noise_seeds : tuple[int, ...]
+        Of the trials without and with noise.
+    """
+
+    available: str
+    unseen: float | None
+    seeds: tuple[int, ...]
+    noise_seeds: tuple[int, ...]
+
+
+def cells(task: TaskFile, size: Size, seed: int) -> Iterator[Cell]:
+    """What is run of a task. Where bearings are left out, each seed leaves out one size."""
+
+    def seeds(count: int, unseen: float | None) -> tuple[int, ...]:
+        return tuple(s for s in range(seed, seed + count) if unseen is None or task.unseen(s) == unseen)
+
+    for available in size.available:
+        noise = size.noise_seeds if available == "balanced" else 0
+        for unseen in (None,) if task.same_bearings else task.sizes:
+            if own := seeds(size.seeds, unseen):
+                yield Cell(available, unseen, own, seeds(noise, unseen))
+    if task.same_bearings:
+        for unseen in task.sizes:
+            if own := seeds(size.strict_seeds, unseen):
+                yield Cell("balanced", unseen, own, ())
+
+
+def trials(
+    task: TaskFile, cell: Cell, recipe: Recipe, options: ComparisonOptions, common: Options, size: Size, seed: int
+) -> Iterator[Trial]:
+    """The trials of a cell: without noise first, methods in turn, so that what is done early can be compared."""
+    training = dataclasses.replace(options.training, steps=size.steps)
+    judging = common.judging
+    main = cell.available == "balanced" and (cell.unseen is None) == task.same_bearings
+    for snr_db in (None, *size.snr_db):
+        drawn = main and snr_db in (None, options.high_noise_db)
+        for one in cell.seeds if snr_db is None else cell.noise_seeds:
+            for method in ALL:
+                yield Trial(
+                    task.name, cell.available, cell.unseen, method, one, snr_db, training, options.inputs,
+                    judging.criterion, judging.held_out, judging.false_alarm, recipe,
+                    options.embedded if drawn and one == seed else 0,
+                )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class TaskOutcome:
+    """All that came out of one task.
+
+    Parameters
+    ----------
+    task : TaskFile
+    data : str
+        What stands beside every number.
+    materials : Mapping[Key, Material]
+    identified : Mapping[Key, Mapping[str, float]]
+    trials : Sequence[Result[Trial]]
+    """
+
+    task: TaskFile
+    data: str
+    materials: Mapping[Key, Material]
+    identified: Mapping[Key, Mapping[str, float]]
+    trials: Sequence[Result[Trial]]
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """What came out.
+
+    Parameters
+    ----------
+    options : ComparisonOptions
+    outcomes : list[TaskOutcome]
+    missing : tuple[str, ...]
+        Tasks whose data are not at hand.
+    tables : dict[str, pandas.DataFrame]
+    computed : int
+        Trials that ran now; the others came from the store.
+    """
+
+    options: ComparisonOptions
+    outcomes: list[TaskOutcome]
+    missing: tuple[str, ...]
+    tables: dict[str, pd.DataFrame]
+    computed: int
+
+
+def run(
+    profile: str = "smoke",
+    *,
+    out: Path,
+    root: Path | None = None,
+    seed: int = 0,
+    backend: str = "loky",
+    address: str | None = None,
+    device: str = "auto",
+    log: Run | None = None,
+    progress: Callable[[str, int, int], None] = lambda what, done, total: None,
+    config: Path = CONFIG,
+    folder: Path = FOLDER,
+    draw: bool = True,
+) -> Comparison:
+    """Run the comparison; what an interrupted run has finished is taken up again.
+
+    Parameters
+    ----------
+    profile : {"smoke", "core", "full"}
+        "core" is a part of "full".
+    out : Path
+        Folder for ``tables/``, ``figures/`` and ``results/``.
+    root : Path or None
+        Data root; TWINGAP_DATA when None. Without CWRU records the virtual rig is taken, and every number says so;
+        without HIT-SM records its tasks are left out.
+    seed : int
+        First of the seeds, and seed of the simulated records.
+    backend, address
+        See `twingap.sweep`.
+    device : {"auto", "cpu", "cuda"}
+        Of the trainings; auto takes a GPU when there is one.
+    log : Run or None
+        Of a tracker: runs of tasks, methods and trials go under it.
+    progress : callable
+    config, folder : Path
+        The configuration, and where task files are.
+    draw : bool
+        Make the figures.
+    """
+    if log is None:
+        with NullTracker().run("comparison") as forgetful:
+            log = forgetful
+    options, common = read_comparison(config), read_options()
+    if profile not in options.profiles:
+        known = ", ".join(options.profiles)
+        raise TwingapError(f"unknown profile {profile!r}", where=config, mend=f"use one of {known}")
+    size = options.profiles[profile]
+    found: list[tuple[TaskFile, Target]] = []
+    missing = []
+    for name in size.tasks:
+        task = read_task(name, folder)
+        if (target := load_recordings(task, root, common.target, size.rig_duration_s)) is None:
+            missing.append(name)
+        else:
+            found.append((task, target))
+    if not found:
+        mend = "set TWINGAP_DATA, or choose a profile with tasks A1 to A4"
+        raise TwingapError(f"no data for {', '.join(missing)}", mend=mend)
+    log.parameters({"comparison": options_of(options, profile), "missing": list(missing)})
+    log.data("comparison.toml", digest_of_path(config), role="configuration")
+    log.data("tasks", digest_of_path(folder), role="configuration")
+    total = sum(
+        len(ALL) * (len(cell.seeds) + len(size.snr_db) * len(cell.noise_seeds))
+        for task, _ in found
+        for cell in cells(task, size, seed)
+    )
+    done = 0
+
+    def step(_: Result[Any]) -> None:
+        nonlocal done
+        done += 1
+        progress("comparison", done, total)
+
+    swept = functools.partial(
+        sweep, store=out / "results", backend=backend, address=address, version=_version(), on_result=step,
+        describe=lambda job: job.words,
+    )  # fmt: skip
+    outcomes = []
+    for task, target in found:
+        outcome = _run_task(task, target, options, common, size, seed, device, swept, out)
+        _log_task(log, outcome)
+        outcomes.append(outcome)
+    from papers.paper3_zoa_dann import tables, tables_comparison
+
+    made = tables_comparison.all_tables(options, common, outcomes)
+    titles = ", ".join(dict.fromkeys(outcome.data for outcome in outcomes))
+    for name, frame in made.items():
+        tables.write(frame, out / "tables" / name, titles)
+        log.table(name, frame)
+    if draw:
+        from papers.paper3_zoa_dann import figures, figures_comparison
+
+        for name, figure in figures_comparison.all_figures(options, outcomes):
+            figures.write(figure, out / "figures" / f"{name}.png")
+            log.figure(name, figure)
+    computed = sum(bool(t.why) for outcome in outcomes for t in outcome.trials)
+    return Comparison(options, outcomes, tuple(missing), made, computed)
+
+
+def options_of(options: ComparisonOptions, profile: str) -> dict[str, Any]:
+    """What a run with this profile used, for the log."""
+    used = dataclasses.replace(options, profiles={profile: options.profiles[profile]})
+    return {"profile": profile, **dataclasses.asdict(used)}
+
+
+def _run_task(
+    task: TaskFile,
+    target: Target,
+    options: ComparisonOptions,
+    common: Options,
+    size: Size,
+    seed: int,
+    device: str,
+    swept: Callable[..., list[Result[Any]]],
+    out: Path,
+) -> TaskOutcome:
+    bearing = target.records.bearing
+    if bearing is None:
+        raise TwingapError("brings no bearing geometry", where=f"record set {target.records.name!r}")
+    source = dataclasses.replace(common.source, width_mm=task.width_mm)
+    materials: dict[Key, Material] = {}
+    identified: dict[Key, Mapping[str, float]] = {}
+    results: list[Result[Trial]] = []
+    for cell in cells(task, size, seed):
+        key = (cell.available, cell.unseen)
+        own = materials[key] = material(task, target.records, *key)
+        # Identified on what is adapted to and on nothing else; without added noise, as in a quiet hour.
+        (identification,) = sweep(
+            functools.partial(identify_twin, adapt=own.adapt),
+            [Identification(task.name, bearing, task.classes, source, common.identification, size.evaluations)],
+            data={"adapt": windows_digest([own.adapt])},
+            backend="sequential",
+            store=out / "results",
+            version=_version(),
+        )
+        identified[key] = identification.value
+        recipe = Recipe(
+            **{name: identification.value[name] for name in FREE},
+            # Of the machine to be diagnosed: its speed is known without any label.
+            speeds_rpm=tuple(sorted({float(speed) for speed in own.evaluate.speed_rpm})),
+            fs_hz=task.fs_hz,
+            bearing=bearing,
+            classes=task.classes,
+            options=source,
+            bearings_per_class=size.bearings_per_class,
+            records_per_bearing=size.records_per_bearing,
+            window_samples=task.window_samples,
+            seed=seed,
+        )
+        # The device is bound and no part of the key: what a training is does not depend on where it runs.
+        results += swept(
+            functools.partial(run_trial, material=own, device=device),
+            list(trials(task, cell, recipe, options, common, size, seed)),
+            data={"material": own.digest},
+        )
+    return TaskOutcome(task, target.title, materials, identified, results)
+
+
+@functools.cache
+def _version() -> str:
+    """Digest of all code that a trial or an identification depends on."""
+    return digest_of_code(
+        trial_module, task_files, job_module, source_module, options_module, yardsticks, twingap.adapt,
+        twingap.bearing, twingap.effects, twingap.records, twingap.signal, twingap.streams, twingap.twins,
+    )  # fmt: skip
+
+
+def _log_task(log: Run, outcome: TaskOutcome) -> None:
+    """Nested runs: task, then method, then seed and noise."""
+    task = outcome.task
+    with log.run(task.name, {"task": task.name, "data": outcome.data}) as of_task:
+        of_task.parameters(task)
+        for (available, unseen), own in outcome.materials.items():
+            of_task.data(f"{available} {unseen or ''}".strip(), own.digest, role="adapt and evaluate")
+        for (available, unseen), values in outcome.identified.items():
+            of_task.parameters(dict(values), prefix=f"identified.{available}.{unseen or 'all'}.")
+        for method in ALL:
+            own_trials = [t for t in outcome.trials if t.job.method == method]
+            with of_task.run(method, {"task": task.name, "method": method}) as of_method:
+                quiet = [t.value["accuracy"] for t in own_trials if t.job.snr_db is None]
+                if quiet:
+                    of_method.metrics({"accuracy mean": float(np.mean(quiet)), "trials": len(quiet)})
+                for found in own_trials:
+                    tags = {
+                        "task": task.name, "method": method, "seed": found.job.seed, "available": found.job.available,
+                        "noise": noise_words(found.job.snr_db), "unseen": found.job.unseen, "store key": found.key,
+                    }  # fmt: skip
+                    with of_method.run(found.label, tags) as of_trial:
+                        _log_trial(of_trial, found)
+
+
+def _log_trial(log: Run, found: Result[Trial]) -> None:
+    value = found.value
+    log.parameters({"seed": found.job.seed, "device": value["device"], **dataclasses.asdict(found.job.training)})
+    for row, accuracy in zip(value["history"], value["accuracy_by_checkpoint"], strict=False):
+        curves = {name: number for name, number in row.items() if name != "step"}
+        log.metrics({**curves, "target accuracy of checkpoint (judge only)": accuracy}, step=round(row["step"]))
+    unseen = value["unseen"] or {}
+    log.metrics(
+        {
+            "accuracy": value["accuracy"],
+            "balanced accuracy": value["balanced_accuracy"],
+            "oracle accuracy": value["oracle_accuracy"],
+            "accuracy, unseen bearings": unseen.get("accuracy"),
+            "source accuracy at choice": value["source_accuracy"],
+            "seconds": found.seconds,
+        }
+    )
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """The comparison from the command line."""
+    import argparse
+
+    parser = argparse.ArgumentParser(description="Paper 3's comparison of methods: tables and figures.")
+    parser.add_argument("--profile", default="smoke")
+    parser.add_argument("--out", type=Path, required=True)
+    parser.add_argument("--root", type=Path, help="data root; TWINGAP_DATA when absent")
+    parser.add_argument("--backend", default="loky")
+    parser.add_argument("--device", default="auto", choices=("auto", "cpu", "cuda"))
+    asked = parser.parse_args(arguments)
+
+    def say(what: str, done: int, total: int) -> None:
+        print(f"\r{what}: {done} of {total}", end="" if done < total else "\n", file=sys.stderr, flush=True)
+
+    try:
+        made = run(
+            asked.profile, out=asked.out, root=asked.root, backend=asked.backend, device=asked.device, progress=say
+        )
+    except KeyboardInterrupt:
+        print("\ntwingap: interrupted; what was finished is kept, run the same command to go on", file=sys.stderr)
+        raise SystemExit(130) from None
+    except TwingapError as error:
+        print(f"twingap: {error}", file=sys.stderr)
+        raise SystemExit(2) from None
+    print(made.tables["comparison-published"].to_string(index=False, float_format=lambda v: f"{v:.4g}"))
+    if made.missing:
+        print(f"no data at hand for {', '.join(made.missing)}: left out")
+    print(f"{made.computed} trials run now", asked.out / "tables", asked.out / "figures", sep="\n")
+
+
+if __name__ == "__main__":
+    # Workers look functions up by module, and this one is called __main__ here.
+    from papers.paper3_zoa_dann.comparison import main as start
+
+    start()

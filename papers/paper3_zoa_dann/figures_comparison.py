@@ -1,0 +1,185 @@
+"""Figures of the comparison, in colours that colour-blind readers tell apart (Okabe and Ito 2008; cividis).
+
+trials --> accuracy by task, SNR curves;  confusion matrices and t-SNE of the first task of each data set, with and
+without noise
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+
+from papers.paper3_zoa_dann.figures import CLASS_COLOURS, SIZES
+from papers.paper3_zoa_dann.tables_comparison import CLEAN, confusion_counts, trials
+from papers.paper3_zoa_dann.trial import ALL, ANALYST, noise_words
+from twingap.adapt import t_interval
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from papers.paper3_zoa_dann.comparison import ComparisonOptions, TaskOutcome
+
+LOOKS: Final = {
+    "VMD+SVM": ("#999999", "v", ":"),
+    "Non-DA": ("#000000", "o", ":"),
+    "MMD": ("#F0E442", "s", "-."),
+    "DANN": ("#E69F00", "D", "-."),
+    "DACD": ("#CC79A7", "^", "-."),
+    "Base-Attn": ("#56B4E9", "<", "--"),
+    "Non-DN": ("#0072B2", ">", "--"),
+    "Base-NDN": ("#009E73", "p", "--"),
+    "Proposed": ("#D55E00", "*", "-"),
+    ANALYST: ("#000000", "X", "--"),
+}
+"""Colour, marker and line of each method."""
+FAMILY: Final = {"A": "tasks A", "B": "tasks B"}
+
+
+def all_figures(options: ComparisonOptions, outcomes: Sequence[TaskOutcome]) -> Iterator[tuple[str, Figure]]:
+    """Every figure with its name."""
+    import matplotlib as mpl
+
+    outcomes = sorted(outcomes, key=lambda outcome: outcome.task.name)
+    runs = trials(outcomes)
+    families = dict.fromkeys(outcome.task.family for outcome in outcomes)
+    with mpl.rc_context(SIZES):
+        for available in dict.fromkeys(runs["available"]):
+            yield f"comparison-accuracy-{available}", accuracy(runs, str(available))
+        if runs["main"][runs["noise"] != CLEAN].any():
+            yield "comparison-noise", noise(runs)
+        for family in families:
+            first = next(outcome for outcome in outcomes if outcome.task.family == family)
+            for snr_db, word in ((None, "clean"), (options.high_noise_db, "noisy")):
+                if confusion_counts(first, "Proposed", snr_db) is not None:
+                    yield f"comparison-confusion-{first.task.name}-{word}", confusion(first, snr_db)
+                if embedded(first, snr_db):
+                    yield f"comparison-tsne-{first.task.name}-{word}", embedding(first, snr_db)
+
+
+def accuracy(runs: pd.DataFrame, available: str) -> Figure:
+    """Accuracy by task and method, seeds as dots, 95 % intervals; no noise added."""
+    own = runs[runs["main"] & (runs["noise"] == CLEAN) & (runs["available"] == available)]
+    names = list(dict.fromkeys(own["task"]))
+    columns = min(4, len(names))
+    rows = -(-len(names) // columns)
+    figure = Figure(figsize=(max(8.0, 4.0 * columns), 4.6 * rows + 1.0), layout="constrained")
+    panels = figure.subplots(rows, columns, sharey=True, sharex=True, squeeze=False)
+    for empty in panels.flat[len(names) :]:
+        empty.set_axis_off()
+    for panel, name in zip(panels.flat, names, strict=False):
+        here = own[own["task"] == name]
+        for place, method in enumerate(ALL):
+            values = 100 * here.loc[here["method"] == method, "accuracy"].to_numpy()
+            if not values.size:
+                continue
+            colour, marker, _ = LOOKS[method]
+            low, high = t_interval(list(values), 0.95)
+            if np.isfinite(low):
+                panel.plot([place, place], [max(low, 0), min(high, 100)], color=colour, lw=3, alpha=0.6, zorder=2)
+            panel.plot(np.full(values.size, place), values, ".", color="0.4", ms=5, zorder=3)
+            panel.plot(place, values.mean(), marker, color=colour, mec="k", mew=0.5, ms=11, zorder=4)
+        panel.set_title(f"{name}, {here['data'].iloc[0]}")
+        panel.set_ylim(0, 100)
+        panel.grid(axis="y", color="0.9")
+        panel.set_xticks(range(len(ALL)), ALL, rotation=60, ha="right", fontsize=11)
+    for panel in panels[:, 0]:
+        panel.set_ylabel("windows right (%)")
+    figure.suptitle(f"{available} target data: mean, seeds (dots), 95 % interval over seeds (bars)")
+    return figure
+
+
+def noise(runs: pd.DataFrame) -> Figure:
+    """Accuracy against the SNR of added noise, mean over tasks, balanced data; the seeds that noise was run with."""
+    own = runs[runs["main"] & (runs["available"] == "balanced")]
+    families = list(dict.fromkeys(own["family"]))
+    figure = Figure(figsize=(6.6 * len(families) + 1.0, 6.6), layout="constrained")
+    panels = figure.subplots(1, len(families), sharey=True, squeeze=False)[0]
+    for panel, family in zip(panels, families, strict=True):
+        here = own[own["family"] == family]
+        seeds = set(here.loc[here["noise"] != CLEAN, "seed"])
+        here = here[here["seed"].isin(seeds)]
+        levels = sorted(set(here["snr_db"]) - {np.inf})
+        for method in ALL:
+            table = here[here["method"] == method].pivot_table(index="snr_db", columns="task", values="accuracy")
+            if table.empty:
+                continue
+            values = 100 * table.dropna().mean(axis=1)
+            # Without added noise: one step to the right of the quietest level.
+            at = [len(levels) if np.isinf(level) else levels.index(level) for level in values.index]
+            colour, marker, line = LOOKS[method]
+            width = 3.0 if method == "Proposed" else 1.8
+            panel.plot(at, values, line, marker=marker, color=colour, mec="k", mew=0.5, ms=9, lw=width, label=method)
+        panel.set_xticks(range(len(levels) + 1), [*(f"{level:g}" for level in levels), "none"])
+        panel.set_xlabel("SNR of added noise (dB)")
+        panel.set_title(f"{FAMILY[family]}, {', '.join(dict.fromkeys(here['data']))}")
+        panel.set_ylim(0, 100)
+        panel.grid(color="0.9")
+    panels[0].set_ylabel("windows right (%)")
+    figure.legend(*panels[0].get_legend_handles_labels(), loc="outside lower center", ncols=5)
+    return figure
+
+
+def confusion(outcome: TaskOutcome, snr_db: float | None) -> Figure:
+    """Confusion matrices of every method, summed over seeds: rows true, columns called, per cent of the row."""
+    classes = outcome.task.classes
+    figure = Figure(figsize=(17.0, 8.2), layout="constrained")
+    panels = figure.subplots(2, 5, squeeze=False, sharex=True, sharey=True)
+    image = None
+    for panel, method in zip(panels.flat, ALL, strict=True):
+        counts = confusion_counts(outcome, method, snr_db)
+        if counts is None:
+            panel.set_axis_off()
+            continue
+        shares = 100 * counts / np.maximum(counts.sum(axis=1, keepdims=True), 1)
+        image = panel.imshow(shares, cmap="cividis", vmin=0, vmax=100)
+        for i, j in np.ndindex(shares.shape):
+            panel.text(j, i, f"{shares[i, j]:.0f}", ha="center", va="center", color="w" if shares[i, j] < 55 else "k")
+        panel.set_xticks(range(len(classes)), classes, rotation=40, ha="right")
+        panel.set_yticks(range(len(classes)), classes)
+        panel.set_title(method)
+    for panel in panels[:, 0]:
+        panel.set_ylabel("true")
+    for panel in panels[-1]:
+        panel.set_xlabel("called")
+    if image is not None:
+        figure.colorbar(image, ax=panels, label="windows of the true class (%)", shrink=0.7)
+    figure.suptitle(f"{outcome.task.name}, {outcome.data}, balanced target data, {noise_words(snr_db)}")
+    return figure
+
+
+def embedded(outcome: TaskOutcome, snr_db: float | None) -> dict[str, Any]:
+    """Values of the trials whose features were embedded, by method, in the order of `ALL`."""
+    found = {t.job.method: t.value for t in outcome.trials if "embedding" in t.value and t.job.snr_db == snr_db}
+    return {method: found[method] for method in ALL if method in found}
+
+
+def embedding(outcome: TaskOutcome, snr_db: float | None) -> Figure:
+    """t-SNE of the 100 features of simulated and measured windows, first seed: colour is class, shape is domain."""
+    found = embedded(outcome, snr_db)
+    figure = Figure(figsize=(16.0, 9.4), layout="constrained")
+    panels = figure.subplots(2, 4, squeeze=False)
+    for empty in panels.flat[len(found) :]:
+        empty.set_axis_off()
+    for panel, (method, value) in zip(panels.flat, found.items(), strict=False):
+        labels, is_target, points = value["embedding_labels"], value["embedding_is_target"], value["embedding"]
+        for place in range(len(outcome.task.classes)):
+            colour = CLASS_COLOURS[place]
+            simulated, measured = (points[(labels == place) & (is_target == side)] for side in (False, True))
+            panel.scatter(*simulated.T, s=26, marker="o", facecolors="none", edgecolors=colour, linewidths=1.0)
+            panel.scatter(*measured.T, s=30, marker="x", color=colour, linewidths=1.4)
+        panel.set_xticks([])
+        panel.set_yticks([])
+        panel.set_title(method)
+    handles = [
+        Line2D([], [], color=colour, marker="s", ls="", ms=9, label=name)
+        for colour, name in zip(CLASS_COLOURS, outcome.task.classes, strict=False)
+    ]
+    handles.append(Line2D([], [], color="0.2", marker="o", mfc="none", ls="", ms=8, label="simulated"))
+    handles.append(Line2D([], [], color="0.2", marker="x", ls="", ms=8, label=f"measured ({outcome.data})"))
+    figure.legend(handles=handles, loc="outside lower center", ncols=len(handles))
+    figure.suptitle(f"t-SNE of features, {outcome.task.name}, balanced target data, {noise_words(snr_db)}")
+    return figure
