@@ -241,6 +241,11 @@ class Comparison:
     tables: dict[str, pd.DataFrame]
     computed: int
 
+    @property
+    def core_hours(self) -> float:
+        """What all trials took, those from the store in the run that computed them."""
+        return sum(t.seconds for outcome in self.outcomes for t in outcome.trials) / 3600
+
 
 def run(
     profile: str = "smoke",
@@ -339,7 +344,9 @@ def run(
             figures.write(figure, out / "figures" / f"{name}.png")
             log.figure(name, figure)
     computed = sum(bool(t.why) for outcome in outcomes for t in outcome.trials)
-    return Comparison(options, outcomes, tuple(missing), made, computed)
+    comparison = Comparison(options, outcomes, tuple(missing), made, computed)
+    log.metrics({"comparison core hours": comparison.core_hours, "comparison trials": total})
+    return comparison
 
 
 def options_of(options: ComparisonOptions, profile: str) -> dict[str, Any]:
@@ -457,6 +464,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
     """The comparison from the command line."""
     import argparse
 
+    import pandas as pd
+
     parser = argparse.ArgumentParser(description="Paper 3's comparison of methods: tables and figures.")
     parser.add_argument("--profile", default="smoke")
     parser.add_argument("--out", type=Path, required=True)
@@ -478,10 +487,19 @@ def main(arguments: Sequence[str] | None = None) -> None:
     except TwingapError as error:
         print(f"twingap: {error}", file=sys.stderr)
         raise SystemExit(2) from None
-    print(made.tables["comparison-published"].to_string(index=False, float_format=lambda v: f"{v:.4g}"))
+    from papers.paper3_zoa_dann.tables_comparison import shown
+
+    for table in (pd.DataFrame(shown(made.tables)), made.tables["comparison-published"]):
+        print(f"\n{table.to_string(index=False, float_format=lambda v: f'{v:.4g}')}")
     if made.missing:
         print(f"no data at hand for {', '.join(made.missing)}: left out")
-    print(f"{made.computed} trials run now", asked.out / "tables", asked.out / "figures", sep="\n")
+    count = sum(len(outcome.trials) for outcome in made.outcomes)
+    print(
+        f"{count} trials, {made.core_hours:.2f} core hours in all; {made.computed} run now",
+        asked.out / "tables",
+        asked.out / "figures",
+        sep="\n",
+    )
 
 
 if __name__ == "__main__":

@@ -131,8 +131,9 @@ def run(
             identification_module.run(
                 profile, out=out, root=root, backend=backend, address=address, log=log, progress=progress, draw=draw
             )
+        comparison = None
         if profile in comparison_module.read_comparison().profiles:
-            comparison_module.run(
+            comparison = comparison_module.run(
                 profile, out=out, root=root, seed=seed, backend=backend, address=address, log=log, progress=progress,
                 draw=draw,
             )  # fmt: skip
@@ -173,7 +174,7 @@ def run(
         progress("tables and figures", total, total)
         _publish(log, results, options, target, rows, out, draw)
         computed = sum(bool(t.why) for r in results for t in r.trainings)
-        return Outcome(profile, target, options, results, rows, out, getattr(log, "id", None), computed)
+        return Outcome(profile, target, options, results, rows, out, getattr(log, "id", None), computed, comparison)
 
 
 def _version() -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +16,9 @@ from papers.paper3_zoa_dann.source import Recipe
 from papers.paper3_zoa_dann.tasks import Target, Task
 from twingap.adapt import Scores
 from twingap.sweep import Result
+
+if TYPE_CHECKING:
+    from papers.paper3_zoa_dann.comparison import Comparison
 
 
 @dataclass(frozen=True)
@@ -70,6 +73,8 @@ class Outcome:
         Of the MLflow run.
     computed : int
         Trainings that ran now; the others came from the store.
+    comparison : Comparison or None
+        Of the paper's methods, where the profile has one.
     """
 
     profile: str
@@ -80,3 +85,4 @@ class Outcome:
     out: Path
     run_id: str | None
     computed: int
+    comparison: Comparison | None = None

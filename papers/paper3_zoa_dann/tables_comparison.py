@@ -9,7 +9,7 @@ bearings alone of which nothing was adapted to; the healthy bearing, of which th
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
@@ -353,6 +353,33 @@ def identified(outcomes: Sequence[TaskOutcome]) -> pd.DataFrame:
             for (available, unseen), values in sorted(outcome.identified.items(), key=_cell)
         ]
     )  # fmt: skip
+
+
+def shown(made: Mapping[str, pd.DataFrame]) -> list[dict[str, str]]:
+    """Means over the tasks of each data set for people: per cent, the 95 % interval over seeds, points of lead."""
+
+    def text(value: float, digits: int = 1) -> str:
+        return "" if pd.isna(value) else f"{value:.{digits}f}"
+
+    rows = []
+    for row in made["comparison-mean"].to_dict("records"):
+        if (row["noise"] == CLEAN) != (row["available"] == "all"):
+            continue
+        low, high = text(100 * row["low_95"], 0), text(100 * row["high_95"], 0)
+        spread = text(100 * row["accuracy_std"])
+        rows.append(
+            {
+                "data": str(row["data"]),
+                "noise": str(row["noise"]),
+                "method": str(row["method"]),
+                "accuracy %": text(100 * row["accuracy"]) + (f" ± {spread}" if spread else ""),
+                "95 %": f"{low} to {high}" if low else "",
+                "oracle": text(100 * row["oracle"]),
+                "strict": text(100 * row["strict"]),
+                "lead": text(row["lead"]),
+            }
+        )
+    return rows
 
 
 def _cell(item: tuple[Key, Any]) -> tuple[int, float]:

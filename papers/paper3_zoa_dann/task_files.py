@@ -174,19 +174,19 @@ def load_recordings(task: TaskFile, root: Path | None, stand_in: TargetOptions, 
     Returns
     -------
     Target or None
-        None where neither the data nor a stand-in are at hand, and no root was named.
+        None where neither the data nor a stand-in are at hand.
 
     Raises
     ------
     TwingapError
-        When `root` is given and does not hold what is needed: who names data wants those used.
+        When `root` is given and what is needed is there in part, or has a stand-in: who names data wants those used.
     """
     try:
         records = data.load(task.data_set, root, fs_hz=task.fs_hz)
         _check(task, records)
         return Target(records, TITLES.get(task.data_set, task.data_set), real=True)
     except TwingapError:
-        if root is not None:
+        if root is not None and (task.data_set == stand_in.data_set or (root / task.data_set).exists()):
             raise
     if task.data_set != stand_in.data_set:
         return None

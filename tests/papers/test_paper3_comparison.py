@@ -297,10 +297,14 @@ def test_tables_say_what_was_put_in(outcomes: list[TaskOutcome]) -> None:
     assert leads["paper"].tolist() == [2.27, 13.12, 3.83, 11.65] and leads["ours, oracle"].isna().all()
     assert found["paper"].dropna().tolist()[:1] == [81.09]
     tests = made["comparison-tests"].set_index(["family", "noise", "reference", "method"])
-    row = tests.loc[("A", "no noise added", "Proposed", "DANN")]
+    row = tests.loc[[("A", "no noise added", "Proposed", "DANN")]].iloc[0]
     assert (row["pairs"], row["won"], row["lost"]) == (6, 6, 0)
     assert row["lead"] == pytest.approx(10.0)
     assert row["p"] == pytest.approx(2 / 2**6) and row["p_holm"] == pytest.approx(9 * 2 / 2**6)
+    lines = tables_comparison.shown(made)
+    assert len(lines) == 2 * 2 * len(ALL) and {line["lead"] for line in lines if line["method"] == "Proposed"} == {
+        "10.0"
+    }
     noisy = made["comparison-high-noise"]
     assert set(noisy["method"]) == set(ALL) and made["comparison-low-noise"].empty, "core has no low noise"
 
