@@ -241,16 +241,20 @@ class Paired:
             s, m = squares[..., own], means[..., own]
             common = (w * m).sum(axis=1) ** 2 - (w**2 * (m**2 - s)).sum(axis=1)
             squares[..., own] = s - common[:, None] if len(parts) > 1 else 0.0
-        return _tempered(squares)
+        return np.asarray(squares)
 
     @cached_property
     def stratum_weight(self) -> Array:
         """[strata] Part of the records in each."""
         return np.array([len(p) for p in self.strata]) / self.n
 
+    def over_strata(self, squares: Array) -> Array:
+        """[draws, bins] Mean of `squares` [draws, strata, bins], what is plain anyway tempered."""
+        return _tempered(np.einsum("dsb,s->db", squares, self.stratum_weight))
+
     def over_views(self, squares: Array) -> tuple[Array, dict[Domain, Array]]:
         """Overall and per-view distances from `squares` [draws, strata, bins]; each [draws]."""
-        means = np.einsum("dsb,s->db", squares, self.stratum_weight)
+        means = self.over_strata(squares)
         views = {d: means[:, self.real.columns(d)] @ self.real.axes[d].weight for d in self.real.domains}
         overall = np.mean(list(views.values()), axis=0)
         return _root(overall), {d: _root(v) for d, v in views.items()}
@@ -361,8 +365,9 @@ def _units(rows: Array, groups: Sequence[str | None]) -> Array:
 
 
 def _tempered(squares: Array) -> Array:
-    """Squares that grow with the logarithm beyond `_PLAIN`."""
-    return np.where(squares > _PLAIN, _PLAIN * (1 + np.log(np.maximum(squares, _PLAIN) / _PLAIN)), squares)
+    """Squares that grow with the logarithm beyond `_PLAIN`, on either side of zero."""
+    size = np.abs(squares)
+    return np.where(size > _PLAIN, np.sign(squares) * _PLAIN * (1 + np.log(np.maximum(size, _PLAIN) / _PLAIN)), squares)
 
 
 def _root(square: Array) -> Array:

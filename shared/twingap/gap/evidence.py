@@ -13,7 +13,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from twingap.effects import Effect
+from twingap.effects import Draft, Effect
 from twingap.gap import comparison
 from twingap.gap.calibrate import Calibrated, recalibrate
 from twingap.gap.comparison import Measured
@@ -109,6 +109,12 @@ class Evidence:
     def can_add(self, name: str) -> str | None:
         """Why the simulator cannot have this effect, or None."""
         return self._simulator.can_add(name)
+
+    def fits(self, effect: Effect) -> bool:
+        """Whether every record could be simulated with the effect at these values."""
+        t = np.zeros(2)
+        conditions = (*self.fit.conditions, *self.held_out.conditions)
+        return all(effect.cannot_act_on(Draft(c, self.frame.bearing, 1.0, t, t)) is None for c in conditions)
 
     @cached_property
     def _fit_grid(self) -> Grid:

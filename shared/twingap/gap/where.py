@@ -118,7 +118,7 @@ def locate(
     p_bins[:, plain] = p[: per_bin[0].size].reshape(per_bin[0].shape)
     p_contrasts = p[per_bin[0].size :].reshape(scalars[0].shape)
 
-    part = pair.real.weight * (pair.squares()[0] * pair.stratum_weight[:, None]).sum(axis=0)
+    part = pair.real.weight * pair.over_strata(pair.squares())[0]
     found = _Found(pair, alpha, np.maximum(part, 0.0), p_bins, tuple(subsets), np.abs(per_bin[0]), plain)
     places = [*found.bins(), *found.conditions(contrasts, p_contrasts)]
     # Bins without a gap are as often below zero as above: the sum is the unbiased whole, unless places exceed it.

@@ -153,20 +153,25 @@ class _Search:
         self.cannot = {n: why for n in catalogue() if (why := evidence.can_add(n)) is not None}
         self.already = set(evidence.modelled)
         self.now = evidence.against()
-        self._known: dict[Compared, dict[str, float]] = {}
+        self._known: dict[tuple[Compared, bool], dict[str, float]] = {}
         self.first = self.odds(self.now)
         self.values: dict[str, Estimated] = {}
         self.missed: dict[str, float] = {}
         self.tried: set[str] = set()
         self.helped: set[str] = set()
 
-    def odds(self, compared: Compared) -> dict[str, float]:
-        """Log odds that the twin lacks each effect; what it has from the start cannot be missing."""
-        if compared not in self._known:
-            found = self.learnt.log_odds(compared.held_out, later=bool(compared.effects))[0]
+    def odds(self, compared: Compared, *, left_out: bool = False) -> dict[str, float]:
+        """Log odds that the twin lacks each effect; what it has from the start cannot be missing.
+
+        With `left_out`, of one that had seemed missing and is asked about again without it: no newcomer, of which few
+        are left once others have been added.
+        """
+        key = compared, bool(compared.effects) and not left_out
+        if key not in self._known:
+            found = self.learnt.log_odds(compared.held_out, later=key[1])[0]
             pairs = zip(self.learnt.effects, found, strict=True)
-            self._known[compared] = {name: float(value) for name, value in pairs if name not in self.already}
-        return self._known[compared]
+            self._known[key] = {name: float(value) for name, value in pairs if name not in self.already}
+        return self._known[key]
 
     def seem_missing(self) -> list[str]:
         """Effects not tried yet that the twin, as it is now, seems to lack; strongest first."""
@@ -186,6 +191,8 @@ class _Search:
             if odds[name] < UNLIKELY:
                 continue
             value = estimate(name, self.now.fit, self.evidence, self.learnt)
+            if not self.evidence.fits(value.effect):
+                continue
             added = (*self._added(), value.effect)
             left = self.evidence.gap(self.evidence.against(added).simulator, added) / max(gap, 1e-9)
             # One that seems more likely need help less.
@@ -210,7 +217,7 @@ class _Search:
                     for sign in (1.0, -1.0):
                         number = to_number(self.values[name].effect, parameter, setting) + sign * size
                         moved = _moved(self.values[name], parameter, to_value(name, parameter, number, setting))
-                        if moved is None:
+                        if moved is None or not self.evidence.fits(moved.effect):
                             continue
                         added = tuple(moved.effect if e.name == name else e for e in self._added())
                         gap = self.evidence.gap(self.evidence.with_values(self.now, added), added)
@@ -227,10 +234,12 @@ class _Search:
     def add(self, names: Sequence[str]) -> None:
         """Add effects at the values that the fit part suggests against the twin as it is now."""
         for name in names:
-            self.values[name] = estimate(name, self.now.fit, self.evidence, self.learnt)
             self.tried.add(name)
+            value = estimate(name, self.now.fit, self.evidence, self.learnt)
+            if name in self.cannot or self.evidence.fits(value.effect):
+                self.values[name] = value
         self.now = self.evidence.against(self._added())
-        self.refine(names)
+        self.refine([name for name in names if name in self.values])
 
     def drop_idle(self) -> None:
         """Leave one effect out after the other: what is not missed then goes."""
@@ -239,7 +248,7 @@ class _Search:
             for name in self.values:
                 others = self._added(without=name)
                 without = self.evidence.against(others)
-                self.missed[name] = self.odds(without)[name]
+                self.missed[name] = self.odds(without, left_out=True)[name]
                 # Adding what is missing cannot drive records and twin apart: if it does, it has to be plain otherwise.
                 worse = name not in self.cannot and gap > WORSE * self.evidence.gap(without.simulator, others)
                 slack[name] = self.missed[name] - self._least(name) - DOUBT * worse
@@ -281,7 +290,14 @@ def estimate(name: str, features: Array, evidence: Evidence, learnt: Learnt) -> 
         numbers[parameter] = number
         ends = [to_value(name, parameter, number + sign * found.error, setting) for sign in (-1, 1)]
         intervals[parameter] = (min(ends), max(ends))
-    return Estimated(to_effect(name, numbers, setting), intervals)
+    made = to_effect(name, numbers, setting)
+    # A place beyond half the sampling rate, say: half the way back to the usual value, until records can have it.
+    for _ in range(6):
+        if evidence.fits(made):
+            break
+        numbers = {p: 0.5 * (n + to_number(default, p, setting)) for p, n in numbers.items()}
+        made = to_effect(name, numbers, setting)
+    return Estimated(made, intervals)
 
 
 def _moved(found: Estimated, parameter: str, value: float) -> Estimated | None:

@@ -284,7 +284,7 @@ def _platt(score: Array, label: Mask) -> tuple[float, float]:
     return max(float(fit.coef_[0, 0]), 0.05), float(fit.intercept_[0])
 
 
-PRECISION: Final = 0.8
+PRECISION: Final = 0.75
 """Of the effects that a detector names on machines that it has not seen, at least this part is there."""
 COVERAGE: Final = 0.93
 """Part of the machines not seen whose truth the confidence set is to hold: 90 %, and some for what is unlike them."""
@@ -295,7 +295,7 @@ MOST: Final = 0.93
 
 def _limit(score: Array, label: Mask) -> float:
     """Least log odds, about even, from which naming an effect is right often enough before it is checked."""
-    for limit in np.arange(-0.75, 0.51, 0.25):
+    for limit in np.arange(-1.0, 0.51, 0.25):
         named = score > limit
         if named.sum() >= 10 and label[named].mean() >= PRECISION:
             return float(limit)
@@ -349,6 +349,40 @@ def _alone(function: Callable[..., Any], *arguments: Any) -> Any:
         return function(*arguments)
 
 
+RECORDS: Final = "context|records"
+"""Feature that says how many records were compared (its logarithm)."""
+_NEAR_RECORDS: Final = 0.35
+
+
+def _records(features: NDArray[Any], names: tuple[str, ...]) -> Array:
+    """[examples] Log number of records; 0 where no feature says it."""
+    return np.asarray(features[:, names.index(RECORDS)] if RECORDS in names else np.zeros(len(features)), float)
+
+
+@dataclass(frozen=True)
+class Null:
+    """Scores of machines without a gap, and the log number of records that each was judged by.
+
+    Few records look like a gap more often, so a score is ranked among machines with about as many: a machine counts
+    the less the further its number lies off (a localised conformal p-value; Guan 2023, doi:10.1093/biomet/asac040).
+
+    Parameters
+    ----------
+    scores, records : Array [machines]
+    """
+
+    scores: Array
+    records: Array
+
+    def p_value(self, score: float, records: float) -> float:
+        """Part of these machines, near ones above all, that look at least as much like a gap."""
+        if not len(self.scores):
+            return 1.0
+        at = float(np.clip(records, self.records.min(), self.records.max()))
+        weight = np.exp(-0.5 * ((self.records - at) / _NEAR_RECORDS) ** 2)
+        return float((1 + weight[self.scores >= score].sum()) / (1 + weight.sum()))
+
+
 @dataclass
 class Learnt:
     """All that a diagnosis brings along.
@@ -361,8 +395,8 @@ class Learnt:
     estimators : Mapping[(effect, parameter), Estimator]
     anything : Ensemble
         Whether the twin lacks anything at all, named or not.
-    null : Array [machines]
-        Scores of `anything` for machines whose twin lacks nothing, each by models that had not seen it; sorted.
+    null : Null
+        Scores of `anything` for machines whose twin lacks nothing, each by models that had not seen it.
     features : tuple of str
         Names, to be sure that they are still the same.
     about : Mapping
@@ -373,12 +407,12 @@ class Learnt:
     detectors: Mapping[str, Ensemble]
     estimators: Mapping[tuple[str, str], Estimator]
     anything: Ensemble
-    null: Array
+    null: Null
     features: tuple[str, ...]
     about: dict[str, Any]
     thresholds: dict[str, float] = field(default_factory=dict)
     set_level: float = 0.9
-    null_rest: Array = field(default_factory=lambda: np.empty(0))
+    null_rest: Null = field(default_factory=lambda: Null(np.empty(0), np.empty(0)))
     general: NDArray[np.int64] = field(default_factory=lambda: np.empty(0, np.int64))
 
     def log_odds(self, features: NDArray[Any], *, later: bool = False) -> Array:
@@ -401,9 +435,9 @@ class Learnt:
         """The same once effects have been added: against machines to which all that they lacked had been added."""
         return self._rank(features, self.null_rest, later=True)
 
-    def _rank(self, features: NDArray[Any], null: Array, *, later: bool) -> float:
+    def _rank(self, features: NDArray[Any], null: Null, *, later: bool) -> float:
         score = float(self.anything_score(features, later=later)[0])
-        return float((1 + np.sum(null >= score)) / (1 + len(null)))
+        return null.p_value(score, float(_records(np.atleast_2d(features), self.features)[0]))
 
     def anything_score(self, features: NDArray[Any], *, later: bool = False) -> Array:
         """[examples] Log odds that the twin lacks anything, named or not."""
@@ -461,8 +495,10 @@ def learn(examples: Examples, effects: tuple[str, ...], parameters: tuple[tuple[
     if anything is None:
         raise ValueError("too few examples with and without a gap to learn from")
     anything.unseen = anything.unseen[here]
-    null = np.sort(anything.unseen[~any_gap & examples.first])
-    rest = np.sort(anything.unseen[~any_gap & ~examples.first])
+    records = _records(examples.features, names)
+    null, rest = (
+        Null(anything.unseen[rows], records[rows]) for rows in (~any_gap & examples.first, ~any_gap & ~examples.first)
+    )
     scores = scores[here]
     limits = {name: _limit(scores[:, j], examples.missing[:, j]) for j, name in enumerate(effects)}
     known = examples.first & ~examples.strange

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from twingap.gap.training.learn import Examples, Table, learn, learn_classifier, learn_estimator
+from twingap.gap.training.learn import Examples, Null, Table, learn, learn_classifier, learn_estimator
 
 
 @pytest.fixture(scope="module")
@@ -53,7 +53,18 @@ def test_the_null_is_of_machines_without_a_gap_and_p_values_are_even(examples):
         examples, ("a", "b"), (("a", "size"),), tuple(f"context|records{k}" for k in range(60)), lambda what, part: None
     )
     nothing = ~examples.missing.any(axis=1) & examples.first
-    assert len(learnt.null) == nothing.sum()
-    ranks = np.array([np.mean(learnt.null >= s) for s in learnt.anything.unseen[nothing]])
+    assert len(learnt.null.scores) == nothing.sum()
+    ranks = np.array([np.mean(learnt.null.scores >= s) for s in learnt.anything.unseen[nothing]])
     assert np.mean(ranks <= 0.1) == pytest.approx(0.1, abs=0.02)
     assert learnt.p_value(examples.features[np.flatnonzero(examples.missing.all(axis=1))[0]]) < 0.1
+
+
+def test_a_score_is_ranked_among_machines_judged_by_as_many_records():
+    rng = np.random.default_rng(3)
+    records = np.log(rng.integers(2, 25, 4000))
+    null = Null(rng.standard_normal(4000) * np.exp(1.5 - 0.5 * records), records)
+    for count in (3, 8, 20):
+        fresh = rng.standard_normal(2000) * np.exp(1.5 - 0.5 * np.log(count))
+        p = np.array([null.p_value(score, float(np.log(count))) for score in fresh])
+        assert np.mean(p <= 0.05) == pytest.approx(0.05, abs=0.03)
+    assert null.p_value(10.0, 50.0) == null.p_value(10.0, float(records.max()))  # beyond what was seen: the nearest
