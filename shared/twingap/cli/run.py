@@ -88,7 +88,7 @@ def run(
 
 
 def _print(outcome: Outcome) -> None:
-    from papers.paper3_zoa_dann import tables
+    from papers.paper3_zoa_dann import tables, tables_comparison
 
     for task, rows in tables.shown(outcome.rows).items():
         show(rows, False, f"{task}: trained on the contact twin, judged on {outcome.target.title}")
@@ -104,5 +104,10 @@ def _print(outcome: Outcome) -> None:
         "oracle: the checkpoint that target labels would have chosen, which no method may claim",
         f"{count} trainings: {outcome.computed} run now, {count - outcome.computed} taken up from earlier runs",
     )
+    if outcome.comparison is not None:
+        rows = tables_comparison.shown(outcome.comparison.tables)
+        show(rows, False, "methods compared: accuracy of windows, %, label-free selection, mean over tasks")
+        if outcome.comparison.missing:
+            say(f"not at hand, so left out: {', '.join(outcome.comparison.missing)}")
     if not outcome.target.real:
         say("no CWRU records at hand: for real ones, `twingap data fetch cwru` and set TWINGAP_DATA")
