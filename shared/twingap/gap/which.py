@@ -51,6 +51,8 @@ REFINES: Final = 0.96
 """Factor by which a moved value has to bring the fit part nearer: less is the chance of one simulation."""
 MOST_REFINED: Final = 3
 """Parameters of an effect that are refined: those that its estimate leaves open most."""
+_LEAST_SPREAD: Final = {("mains_interference", "mains_hz"): 0.002}
+"""Part of a value that no interval is narrower than: a grid's frequency wanders, and is learnt as 50 or 60 Hz."""
 UNLIKELY: Final = -2.5
 """Log odds below which an effect is not even tried."""
 
@@ -289,7 +291,8 @@ def estimate(name: str, features: Array, evidence: Evidence, learnt: Learnt) -> 
         number = float(found.estimate(features[None, :])[0])
         numbers[parameter] = number
         ends = [to_value(name, parameter, number + sign * found.error, setting) for sign in (-1, 1)]
-        intervals[parameter] = (min(ends), max(ends))
+        least = _LEAST_SPREAD.get((name, parameter), 0.0)
+        intervals[parameter] = (min(ends) * (1 - least), max(ends) * (1 + least))
     made = to_effect(name, numbers, setting)
     # A place beyond half the sampling rate, say: half the way back to the usual value, until records can have it.
     for _ in range(6):

@@ -156,9 +156,9 @@ def _fits(effect: Effect, machine: Machine) -> bool:
 
 
 _SHYNESS = {
-    "entry_exit": 1.4, "mean_slip": 1.6, "slip_jitter": 1.6, "speed_fluctuation": 1.6, "impact_scatter": 1.6,
-    "second_resonance": 1.4, "load_zone": 1.6, "cage_modulation": 1.4, "damage_growth": 2.0, "speed_gain": 1.4,
-    "sensor_rolloff": 1.3, "coloured_noise": 1.3, "distributed_roughness": 1.3, "foreign_bearing": 1.2,
+    "entry_exit": 1.8, "mean_slip": 1.6, "slip_jitter": 1.6, "speed_fluctuation": 1.6, "impact_scatter": 1.6,
+    "second_resonance": 1.8, "load_zone": 1.6, "cage_modulation": 1.4, "damage_growth": 2.0, "speed_gain": 2.0,
+    "sensor_rolloff": 1.7, "coloured_noise": 1.7, "distributed_roughness": 1.3, "foreign_bearing": 1.2,
 }  # fmt: skip
 """Effects that are hard to see, or that few machines' records could show, are drawn more often."""
 
@@ -192,7 +192,7 @@ def _gain(rng: np.random.Generator, machine: Machine) -> Mapping[str, float] | N
     speeds = [c.speed_rpm for c in machine.conditions]
     if max(speeds) / min(speeds) < 1.12:
         return None
-    sign = 1 if rng.random() < 0.8 else -1
+    sign = 1 if rng.random() < 0.6 else -1  # faster strikes harder, and may leave a resonance behind
     reference = 1800.0 if rng.random() < 0.3 else float(np.median(speeds))
     return {"exponent": sign * _log(rng, 0.4, 3.0), "reference_speed_rpm": reference}
 
