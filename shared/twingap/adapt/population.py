@@ -1,0 +1,174 @@
+"""Simulated machines like one that is given: labelled records of a twin whose parameters are drawn about its own.
+
+TwinSpec --draw--> parameters, small effects, second mode, fault level, noise --one machine each--> labelled records
+
+What nobody can read off unlabelled records is drawn widely (domain randomisation, Tobin et al. 2017, arXiv:1703.06907):
+a classifier that holds over the whole population need not know which member the real machine is.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+
+from twingap.bearing import Bearing
+from twingap.effects import Effect, make_effect
+from twingap.errors import TwingapError
+from twingap.records import Condition, Record, RecordSet
+from twingap.twins.base import Twin
+from twingap.twins.twin_file import TwinSpec, flat, model_of, model_parameters
+
+CLASSES: Final = ("healthy", "inner", "outer", "ball")
+"""In the order of their labels. A cage turns too slowly for its strikes to be told in a window of a few turns."""
+KNOWN_SPREAD: Final = 0.1
+FREE_SPREAD: Final = 0.4
+"""Log standard deviation between machines of a parameter that the twin file states, and of one that it leaves open."""
+SEVERITY_SPREAD: Final = 0.5
+"""The same of a fault's own values where they are stated: no two defects are alike."""
+FAULT_SNR_DB: Final = (-5.0, 15.0)
+"""Power of the strikes over that of healthy vibration, where nobody states it: from barely there to plain."""
+NOISE_SNR_DB: Final = (0.0, 30.0)
+"""Of the white noise added to each record."""
+SPEED_SPREAD: Final = 0.005
+"""By which a simulated machine's speed is off the stated one, as tachometers are: half the width of the range."""
+TRIES: Final = 100
+
+
+@dataclass(frozen=True)
+class Population:
+    """Where simulated machines are drawn from.
+
+    Parameters
+    ----------
+    spec : TwinSpec
+        The middle.
+    bearing : Bearing
+    unit : str
+        Of the samples.
+    conditions : tuple of Condition
+        Of the real records: speed, load, rate and length are theirs, and their faults are not read.
+    known : frozenset[str]
+        Parameters (dotted) that are stated or identified; they vary little.
+    longest_samples : int
+        Length beyond which nothing is simulated.
+
+    Raises
+    ------
+    TwingapError
+        When the twin cannot simulate a class under one of the conditions (a resonance above half their rate, say).
+    """
+
+    spec: TwinSpec
+    bearing: Bearing
+    unit: str
+    conditions: tuple[Condition, ...]
+    known: frozenset[str]
+    longest_samples: int
+
+    def __post_init__(self) -> None:
+        slowest = min(self.conditions, key=lambda c: (c.fs_hz, c.speed_rpm))
+        twin = self._twin(model_parameters(self.spec), {})
+        for fault in CLASSES:
+            pilot = dataclasses.replace(slowest, fault=fault, n_samples=min(slowest.n_samples, 1024))
+            twin.simulate([pilot], np.random.default_rng(0))
+
+    def records(self, per_class: int, rng: np.random.Generator) -> RecordSet:
+        """One labelled record of each of `per_class` new machines a class; each is a group of its own."""
+        made = [self._record(fault, number, rng) for number in range(per_class) for fault in CLASSES]
+        return RecordSet.from_records("simulated machines", self.unit, self.bearing, made)
+
+    def _record(self, fault: str, number: int, rng: np.random.Generator) -> Record:
+        like = self.conditions[int(rng.integers(len(self.conditions)))]
+        condition = dataclasses.replace(
+            like,
+            name=f"{fault}-{number}",
+            group=f"{fault}-{number}",
+            fault=fault,
+            n_samples=min(like.n_samples, self.longest_samples),
+            speed_rpm=like.speed_rpm * (1 + SPEED_SPREAD * rng.uniform(-1, 1)),
+            extra={},
+        )
+        for attempt in range(TRIES):
+            try:
+                record = self._drawn(condition, rng).simulate([condition], rng)[0]
+            except TwingapError:  # a mode above half the sampling rate, for one: another machine is drawn
+                if attempt == TRIES - 1:
+                    raise
+                continue
+            if np.isfinite(record.samples).all() and np.ptp(record.samples) > 0:
+                break
+        else:
+            raise TwingapError("the twin makes no finite vibration", where=f"record {like.name!r}")
+        noise = float(record.samples.std()) * 10 ** (-rng.uniform(*NOISE_SNR_DB) / 20)
+        return Record(condition, record.samples + noise * rng.standard_normal(record.samples.size))
+
+    def _drawn(self, condition: Condition, rng: np.random.Generator) -> Twin:
+        """The twin of one machine."""
+        middle = model_parameters(self.spec)
+        values: dict[str, Any] = {}
+        for field in dataclasses.fields(middle):
+            value = getattr(middle, field.name)
+            if not field.init or field.name == "scale":
+                continue
+            if isinstance(value, Mapping):
+                # Drawn for every key, whatever the fault: the same draws for all classes.
+                values[field.name] = {k: v * _factor(SEVERITY_SPREAD, rng) for k, v in value.items()}
+            elif isinstance(value, float):
+                values[field.name] = value * _factor(self._spread(field.name), rng)
+        values |= self._levels(values, condition, rng)
+        effects = {
+            "slip_jitter": {"sigma": rng.uniform(0, 0.02)},
+            "impact_scatter": {"sigma": rng.uniform(0, 0.3)},
+            "load_zone": {"depth": rng.uniform(0, 0.9)},
+            "second_resonance": {
+                "frequency_hz": condition.fs_hz * math.exp(rng.uniform(math.log(0.05), math.log(0.45))),
+                "damping_ratio": math.exp(rng.uniform(math.log(0.01), math.log(0.1))),
+                "gain": math.exp(rng.uniform(math.log(0.1), math.log(2.0))),
+            },
+        }
+        return self._twin(dataclasses.replace(middle, **values), effects)
+
+    def _spread(self, name: str) -> float:
+        return KNOWN_SPREAD if name in self.known else FREE_SPREAD
+
+    def _levels(
+        self, values: Mapping[str, Any], condition: Condition, rng: np.random.Generator
+    ) -> dict[str, dict[str, float]]:
+        """Impact amplitudes of the phenomenological twin that nobody states, so that the strikes have a drawn power.
+
+        Strikes A h(t) at a rate r have the power A^2 r / (4 zeta w), since h is a sine that decays at zeta w.
+        """
+        snr_db = rng.uniform(*FAULT_SNR_DB)
+        if self.spec.model != "phenomenological":
+            return {}
+        amplitudes = dict(values["impact_amplitude"])
+        healthy = values["structure_noise_rms"] ** 2 + values["white_noise_rms"] ** 2
+        decay = 4 * values["damping_ratio"] * 2 * math.pi * values["resonance_hz"]
+        for fault in amplitudes:
+            if f"impact_amplitude.{fault}" not in self.known:
+                rate = self.bearing.fault_order(fault) * condition.speed_rpm / 60
+                amplitudes[fault] = math.sqrt(10 ** (snr_db / 10) * healthy * decay / rate)
+        return {"impact_amplitude": amplitudes}
+
+    def _twin(self, parameters: Any, more: Mapping[str, Mapping[str, float]]) -> Twin:
+        """A twin with the spec's effects and with those of `more` that it has not and that can act on it."""
+        own = [make_effect(name, self.spec.parameters.get(name), "twin") for name in self.spec.effects]
+        model = model_of(self.spec)
+        bare = model.build(parameters, self.bearing, (), self.unit)
+        can = {"impacts": tuple(more), "rollers": ("slip_jitter", "second_resonance"), "waveform": ()}[bare.excitation]
+        added: list[Effect] = [make_effect(n, more[n]) for n in can if n in more and n not in self.spec.effects]
+        return model.build(parameters, self.bearing, (*own, *added), self.unit)
+
+
+def stated(spec: TwinSpec) -> frozenset[str]:
+    """Parameters that a twin file states, dotted."""
+    return frozenset(flat(spec.parameters))
+
+
+def _factor(spread: float, rng: np.random.Generator) -> float:
+    return float(np.exp(spread * rng.standard_normal()))
