@@ -1,0 +1,85 @@
+"""Numbers that tell a network where in the run and at which speed a record was taken.
+
+row after the anomaly, 1, 2, ... ----------------+
+                                                 +--eq. 13--> [rows, d_model] sines and cosines
+speed --> its rank among operating speeds, 1 = lowest
+
+Source: section 3.5 of paper 1, after Vaswani et al. 2017, Attention is all you need, arXiv:1706.03762.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from twingap.errors import TwingapError
+
+Array = NDArray[np.float64]
+
+D_MODEL = 24
+"""Length of each encoding (table 4)."""
+
+
+def positional_encoding(position: ArrayLike, d_model: int = D_MODEL) -> Array:
+    """PE(pos, 2i) = sin(pos / 10000^(2i / d_model)), PE(pos, 2i + 1) = cos of the same: eq. 13.
+
+    Parameters
+    ----------
+    position : array_like [...]
+        From 1. Fractions are allowed, and lie between their neighbours.
+    d_model : int
+        Even, at least 2.
+
+    Returns
+    -------
+    Array [..., d_model]
+
+    Raises
+    ------
+    TwingapError
+        For an odd length.
+    """
+    if d_model < 2 or d_model % 2:
+        raise TwingapError(f"d_model = {d_model}, an even number of at least 2 expected", where="encoding")
+    angle = np.asarray(position, float)[..., None] / 10000.0 ** (np.arange(0, d_model, 2) / d_model)
+    return np.stack((np.sin(angle), np.cos(angle)), axis=-1).reshape(*angle.shape[:-1], d_model)
+
+
+def sequence_position(row: ArrayLike, onset_row: int) -> Array:
+    """Position of rows [...] after the anomaly: 1 for the first row after K_anomaly, the n of eq. 14.
+
+    Rows up to K_anomaly have no such place: they get 0 and less.
+    """
+    return np.asarray(row, float) - onset_row
+
+
+def speed_position(speed_rpm: ArrayLike, speeds_rpm: ArrayLike, *, between: bool = False) -> Array:
+    """Position of a speed among the operating speeds: 1 for the lowest.
+
+    Parameters
+    ----------
+    speed_rpm : array_like [...]
+    speeds_rpm : array_like [speeds]
+        The operating speeds, increasing; the same for simulated and real rows.
+    between : bool
+        Whether a speed between two operating speeds gets a fraction between their positions. The paper's positions are
+        integers: without it, the nearest speed's.
+
+    Returns
+    -------
+    Array [...]
+        From 1 to the number of operating speeds.
+
+    Raises
+    ------
+    TwingapError
+        When the operating speeds do not increase.
+    """
+    speed, known = np.asarray(speed_rpm, float), np.asarray(speeds_rpm, float)
+    if known.ndim != 1 or known.size == 0 or (np.diff(known) <= 0).any():
+        raise TwingapError("increasing speeds expected", where="operating speeds")
+    place = np.interp(speed, known, np.arange(1.0, known.size + 1))
+    if between:
+        return place
+    middles = (known[1:] + known[:-1]) / 2
+    return np.searchsorted(middles, speed, side="right") + 1.0
