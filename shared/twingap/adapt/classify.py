@@ -11,6 +11,7 @@ no unlabelled record can show (`twingap gap` tells what the twin lacks).
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Final
@@ -257,10 +258,10 @@ def window_samples(records: RecordSet, bearing: Bearing) -> int:
             mend="correct fs_hz or speed_rpm, or record at a higher rate",
         )
     per_turn = rates[0] * 60 / slowest.speed_rpm
-    wanted = max(SHORTEST_WINDOW, 2 ** int(np.ceil(np.log2(WANTED_TURNS * per_turn))))
+    wanted = _power_of_two(WANTED_TURNS * per_turn)
     shortest = min(records.conditions, key=lambda c: c.n_samples)
-    length = min(wanted, LONGEST_WINDOW, 2 ** int(np.log2(shortest.n_samples)))
-    least = max(SHORTEST_WINDOW, 2 ** int(np.ceil(np.log2(LEAST_TURNS * per_turn))))
+    length = min(wanted, LONGEST_WINDOW, 1 << (shortest.n_samples.bit_length() - 1))
+    least = _power_of_two(LEAST_TURNS * per_turn)
     if least > LONGEST_WINDOW:
         raise TwingapError(
             f"has {per_turn:.0f} samples a turn, at most {LONGEST_WINDOW / LEAST_TURNS:.0f} expected",
@@ -274,6 +275,11 @@ def window_samples(records: RecordSet, bearing: Bearing) -> int:
             mend="bring longer records, or leave it out",
         )
     return length
+
+
+def _power_of_two(samples: float) -> int:
+    """The smallest that holds so many samples and makes a window."""
+    return max(SHORTEST_WINDOW, 1 << math.ceil(math.log2(samples)))
 
 
 def _refuse_unreadable(records: RecordSet) -> None:

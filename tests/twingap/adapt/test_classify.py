@@ -188,6 +188,17 @@ def test_windows_hold_five_turns_or_what_there_is() -> None:
     assert length(1500.0, 3000) == 2048, "4.3 turns"
 
 
+def test_the_contact_twin_and_a_method_that_adapts() -> None:
+    conditions = tuple(Condition(f"r{i}", 1797.0, 12000.0, 2048) for i in range(2))
+    rng = np.random.default_rng(0)
+    records = RecordSet.from_records("s", "g", BEARING, [Record(c, rng.standard_normal(2048)) for c in conditions])
+    options = ClassifyOptions("Proposed", machines=4, steps=2, windows=1, max_iterations=10)
+    found = classify(records, TwinSpec("contact"), 0, options)
+    assert found.probabilities.shape == (2, 4) and found.window_samples == 2048
+    assert options.criterion == "infomax" and ClassifyOptions().criterion == "source_accuracy"
+    assert len(found.notes) == 1 and "twingap identify" in found.notes[0]
+
+
 @pytest.mark.slow
 def test_stated_confidence_is_the_accuracy_on_machines_drawn_alike() -> None:
     """Fresh machines of the population: what is stated of them is what comes true, within three standard errors."""
