@@ -143,7 +143,8 @@ def deviations(rows: int, fitted: int, rule: AnomalyRule) -> float:
     -------
     float
         The number for which an independent normal sequence alarms within the horizon with the stated chance, on average
-        over what mean and deviation such a reference may give.
+        over what mean and deviation such a reference may give. With several levels the chance is a bound, nearly
+        reached when each is held for many rows. Rows that depend on one another alarm more often.
     """
     free = rows - fitted
     nodes, weights = roots_hermitenorm(41)
@@ -156,12 +157,20 @@ def deviations(rows: int, fitted: int, rule: AnomalyRule) -> float:
 
     def excess(number: float) -> float:
         q = ndtr(-(level[:, None] + number * spread[None, :]))
-        return float(np.sum(weight * _alarm(q, rule))) - rule.false_alarm
+        together = q**rule.consecutive
+        begins = (1 - q) * together
+        if fitted > 1:
+            # Each speed's constant errs by itself, so a long run averages over their errors; a single one's stays.
+            level_weight = weights[:, None] / weights.sum()
+            together, begins = (np.sum(level_weight * v, axis=0, keepdims=True) for v in (together, begins))
+        return float(np.sum(weight * _alarm(together, begins, rule))) - rule.false_alarm
 
     return float(brentq(excess, -1.0, 1e4, xtol=1e-6))
 
 
-def _alarm(q: Array, rule: AnomalyRule) -> Array:
-    """Chance of `consecutive` rows together within the horizon, each above the limit with chance q (Feller 1968)."""
-    together = q**rule.consecutive
-    return np.asarray(1 - (1 - together) * (1 - (1 - q) * together) ** (rule.horizon_rows - rule.consecutive))
+def _alarm(together: Array, begins: Array, rule: AnomalyRule) -> Array:
+    """Chance of a sequence above the limit within the horizon (Feller 1968, chapter XIII).
+
+    `together` is the chance of one at the first rows, `begins` that one begins, after a row below, at any later row.
+    """
+    return np.asarray(1 - (1 - together) * (1 - begins) ** (rule.horizon_rows - rule.consecutive))
