@@ -202,7 +202,7 @@ def test_the_contact_twin_and_a_method_that_adapts() -> None:
 @pytest.mark.slow
 def test_stated_confidence_is_the_accuracy_on_machines_drawn_alike() -> None:
     """Fresh machines of the population: what is stated of them is what comes true, within three standard errors."""
-    fresh = population().records(30, np.random.default_rng(99))
+    fresh = population().records(60, np.random.default_rng(99))
     found = classify(fresh, SPEC, 0, ClassifyOptions(machines=60, steps=150, windows=2, match=False, max_iterations=50))
     truth = np.array([CLASSES.index(str(c.fault)) for c in fresh.conditions])
     got, p = reliability(found.probabilities, truth), found.confidence
