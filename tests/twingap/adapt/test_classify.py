@@ -1,6 +1,7 @@
 """Classes of unlabelled records: simulated machines, calibrated confidence, what is never read, what is refused."""
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -154,7 +155,7 @@ def test_records_of_one_group_keep_a_row_each() -> None:
     ],
     ids=["two rates", "too short", "too fast", "too slow"],
 )
-def test_conditions_that_cannot_be_classified(change: dict[str, float], says: str) -> None:
+def test_conditions_that_cannot_be_classified(change: dict[str, Any], says: str) -> None:
     conditions = [replace(CONDITIONS[0], **change), *CONDITIONS[1:]]
     records = RecordSet.from_records("s", "", BEARING, [Record(c, np.ones(c.n_samples)) for c in conditions])
     with pytest.raises(TwingapError, match=says):
