@@ -78,8 +78,8 @@ def speed_position(speed_rpm: ArrayLike, speeds_rpm: ArrayLike, *, between: bool
     speed, known = np.asarray(speed_rpm, float), np.asarray(speeds_rpm, float)
     if known.ndim != 1 or known.size == 0 or (np.diff(known) <= 0).any():
         raise TwingapError("increasing speeds expected", where="operating speeds")
-    place = np.interp(speed, known, np.arange(1.0, known.size + 1))
+    place: Array = np.interp(speed, known, np.arange(1.0, known.size + 1))
     if between:
         return place
     middles = (known[1:] + known[:-1]) / 2
-    return np.searchsorted(middles, speed, side="right") + 1.0
+    return np.asarray(np.searchsorted(middles, speed, side="right"), float) + 1.0

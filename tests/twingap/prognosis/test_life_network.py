@@ -102,7 +102,8 @@ def test_descent_behind_the_reversal_is_the_saddle_of_equation_6() -> None:
             domain_loss(logits[0], SIMULATED),
             domain_loss(logits[1], REAL),
         )
-        (descended(*parts) if reverse else objective(*parts, weight=0.1)).backward()
+        total = descended(*parts) if reverse else objective(*parts, weight=0.1)
+        total.backward()  # type: ignore[no-untyped-call]
         return {name: p.grad.clone() for name, p in net.named_parameters() if p.grad is not None}
 
     with_reversal, plain = gradients(True), gradients(False)
