@@ -250,7 +250,9 @@ def test_one_half_of_real_recordings_simulates_the_other() -> None:
     assert own.gain == 1.0
     made = own.simulate((), found.held_out.conditions, 1, 0)
     for record, condition in zip(made, found.held_out.conditions, strict=True):
-        assert record.condition == condition
+        # Near speeds are kept: 1750 rpm as stated beside 1745 as found.
+        assert record.condition.speed_rpm == pytest.approx(condition.speed_rpm, rel=0.06)
+        assert replace(record.condition, speed_rpm=condition.speed_rpm) == condition
     for fault in {c.fault for c in found.held_out.conditions}:
         real = [r.samples.var() for r in found.held_out if r.condition.fault == fault]
         simulated = [r.samples.var() for r in made if r.condition.fault == fault]
