@@ -5,16 +5,14 @@ from __future__ import annotations
 import csv
 import json
 import os
-import sys
-from collections.abc import Callable
+from functools import partial
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 import pytest
 
+from tests.twingap.cli.typed import Run, refused
 from twingap.bearing import BEARINGS
-from twingap.cli import main
 from twingap.records import Condition
 from twingap.records.folder import write_records
 from twingap.twins.phenomenological import PhenomenologicalParameters, PhenomenologicalTwin
@@ -23,29 +21,10 @@ COLUMNS = ["record", "predicted", "confidence", "healthy", "inner", "outer", "ba
 QUICK = ("--machines", 4, "--no-match", "--method", "VMD+SVM")
 
 
-class Said(NamedTuple):
-    """What a command left."""
-
-    status: int
-    out: str
-    err: str
-
-
-Run = Callable[..., Said]
-
-
 @pytest.fixture
-def twingap(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Run:
+def twingap(typed: Run) -> Run:
     """Runs `twingap classify ...`."""
-
-    def run(*arguments: object) -> Said:
-        monkeypatch.setattr(sys, "argv", ["twingap", "classify", *map(str, arguments)])
-        with pytest.raises(SystemExit) as left:
-            main()
-        said = capsys.readouterr()
-        return Said(int(left.value.code or 0), said.out, said.err)
-
-    return run
+    return partial(typed, "classify")
 
 
 @pytest.fixture(scope="module")
@@ -63,15 +42,6 @@ def twin(tmp_path: Path) -> Path:
     path = tmp_path / "mein Zwilling.toml"
     path.write_text('[twin]\nmodel = "phenomenological"\n[parameters]\nresonance_hz = 2000.0\n', encoding="utf-8")
     return path
-
-
-def refused(said: Said, *parts: str) -> None:
-    """One line on standard error, naming all of `parts`, and exit status 2."""
-    assert said.status == 2
-    assert said.out == ""
-    assert said.err.startswith("twingap: ") and said.err.count("\n") == 1
-    for part in parts:
-        assert part in said.err
 
 
 def test_a_row_a_record_and_what_confidence_means(twingap: Run, twin: Path, records: Path, tmp_path: Path) -> None:

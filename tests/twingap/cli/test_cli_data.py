@@ -7,41 +7,21 @@ import os
 import shutil
 import subprocess
 import sys
-from collections.abc import Callable
+from functools import partial
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 import pytest
 from scipy.io import savemat
 
-from twingap.cli import main
+from tests.twingap.cli.typed import Run, Said
 from twingap.records import RecordSet
 
 
-class Said(NamedTuple):
-    """What a command left."""
-
-    status: int
-    out: str
-    err: str
-
-
 @pytest.fixture
-def twingap(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Callable[..., Said]:
+def twingap(typed: Run) -> Run:
     """Runs `twingap data ...`."""
-
-    def run(*arguments: object) -> Said:
-        monkeypatch.setattr(sys, "argv", ["twingap", "data", *map(str, arguments)])
-        with pytest.raises(SystemExit) as left:
-            main()
-        said = capsys.readouterr()
-        return Said(int(left.value.code or 0), said.out, said.err)
-
-    return run
-
-
-Run = Callable[..., Said]
+    return partial(typed, "data")
 
 
 @pytest.fixture

@@ -1,18 +1,17 @@
-"""`twingap gap` as it is typed."""
+"""`twingap gap` as it is typed_gap."""
 
 from __future__ import annotations
 
 import json
-import sys
-from collections.abc import Callable
+from functools import partial
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import pytest
 
+from tests.twingap.cli.typed import Run
 from twingap.bearing import BEARINGS
-from twingap.cli import main
 from twingap.gap.contract import problems
 from twingap.gap.report import from_json, read_report
 from twingap.records import Condition
@@ -22,29 +21,10 @@ from twingap.twins.phenomenological import PhenomenologicalTwin
 learnt_before = pytest.mark.usefixtures("small_training")
 
 
-class Said(NamedTuple):
-    """What a command left."""
-
-    status: int
-    out: str
-    err: str
-
-
-Run = Callable[..., Said]
-
-
 @pytest.fixture
-def typed(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Run:
+def typed_gap(typed: Run) -> Run:
     """Runs `twingap gap ...`."""
-
-    def run(*arguments: object) -> Said:
-        monkeypatch.setattr(sys, "argv", ["twingap", "gap", *map(str, arguments)])
-        with pytest.raises(SystemExit) as left:
-            main()
-        said = capsys.readouterr()
-        return Said(int(left.value.code or 0), said.out, said.err)
-
-    return run
+    return partial(typed, "gap")
 
 
 @pytest.fixture(scope="module")
@@ -64,19 +44,19 @@ def twin(tmp_path: Path) -> Path:
 
 
 @pytest.mark.parametrize("asked", [["--help"], ["-h"], []])
-def test_help_explains_the_diagnosis_and_the_commands_beside_it(typed: Run, asked: list[str]) -> None:
-    said = typed(*asked)
+def test_help_explains_the_diagnosis_and_the_commands_beside_it(typed_gap: Run, asked: list[str]) -> None:
+    said = typed_gap(*asked)
     for part in ("RECORDSET", "--twin", "--out", "--sim", "--export", "--seed", "train", "study ", "./study"):
         assert part in said.out
     assert said.status == (0 if asked else 2)
 
 
-def test_help_of_the_diagnosis_alone(typed: Run) -> None:
-    said = typed("somewhere", "--help")
+def test_help_of_the_diagnosis_alone(typed_gap: Run) -> None:
+    said = typed_gap("somewhere", "--help")
     assert said.status == 0
     assert "twingap gap [OPTIONS]" in said.out and "--export" in said.out and "COMMAND" not in said.out
-    assert "--cache" in typed("train", "--help").out
-    assert "--cases" in typed("study", "--help").out
+    assert "--cache" in typed_gap("train", "--help").out
+    assert "--cases" in typed_gap("study", "--help").out
 
 
 @pytest.mark.parametrize(
@@ -94,10 +74,10 @@ def test_help_of_the_diagnosis_alone(typed: Run) -> None:
     ],
 )
 def test_what_was_mistyped_is_told_in_one_line(
-    typed: Run, arguments: list[str], parts: tuple[str, ...], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    typed_gap: Run, arguments: list[str], parts: tuple[str, ...], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    said = typed(*arguments)
+    said = typed_gap(*arguments)
     assert said.status == 2 and said.out == ""
     assert said.err.startswith("twingap: ") and said.err.count("\n") == 1
     for part in parts:
@@ -106,7 +86,7 @@ def test_what_was_mistyped_is_told_in_one_line(
 
 
 def test_what_cannot_be_read_or_written_is_told_before_any_work(
-    typed: Run, records: Path, twin: Path, tmp_path: Path
+    typed_gap: Run, records: Path, twin: Path, tmp_path: Path
 ) -> None:
     taken = tmp_path / "out"
     (taken / "sim_after").mkdir(parents=True)
@@ -121,7 +101,7 @@ def test_what_cannot_be_read_or_written_is_told_before_any_work(
         ((records, "--twin", twin, "--out", "/proc/nothing"), "/proc/nothing"),
         ((records, "--twin", twin, "--out", tmp_path / "new", "--tracking-uri", "sqlite:////proc/no/x.db"), "/proc/no"),
     ):
-        said = typed(*arguments)
+        said = typed_gap(*arguments)
         assert said.status == 2 and said.out == ""
         assert said.err.startswith("twingap: ") and said.err.count("\n") == 1
         assert part in said.err
@@ -131,11 +111,11 @@ def test_what_cannot_be_read_or_written_is_told_before_any_work(
 @learnt_before
 @pytest.mark.slow
 def test_a_diagnosis_is_written_printed_exported_and_the_same_again(
-    typed: Run, records: Path, twin: Path, tmp_path: Path
+    typed_gap: Run, records: Path, twin: Path, tmp_path: Path
 ) -> None:
     store = tmp_path / "runs.db"
     out = tmp_path / "Ergebnis ü"
-    said = typed(
+    said = typed_gap(
         records, "--twin", twin, "--out", out, "--export", "--json", "--seed", 3, "--tracking-uri", f"sqlite:///{store}"
     )
     assert said.status == 0, said.err
@@ -154,7 +134,7 @@ def test_a_diagnosis_is_written_printed_exported_and_the_same_again(
         assert conditions == {(c.name, c.fault, c.fs_hz, c.n_samples) for c in asked.conditions}
         assert made.unit == asked.unit and made.bearing == asked.bearing
     assert store.exists()
-    again = typed(records, "--twin", twin, "--out", tmp_path / "again", "--no-track", "--seed", 3)
+    again = typed_gap(records, "--twin", twin, "--out", tmp_path / "again", "--no-track", "--seed", 3)
     assert again.status == 0 and again.out.splitlines()[-1] == str(tmp_path / "again" / "report.html")
     repeated = json.loads((tmp_path / "again" / "gap.json").read_text(encoding="utf-8"))
     for table in (printed, repeated):
@@ -168,9 +148,9 @@ def test_a_diagnosis_is_written_printed_exported_and_the_same_again(
 @learnt_before
 @pytest.mark.slow
 def test_records_of_another_simulator_take_the_twins_place(
-    typed: Run, records: Path, twin: Path, tmp_path: Path
+    typed_gap: Run, records: Path, twin: Path, tmp_path: Path
 ) -> None:
-    said = typed(records, "--twin", twin, "--out", tmp_path / "out", "--sim", records, "--no-track")
+    said = typed_gap(records, "--twin", twin, "--out", tmp_path / "out", "--sim", records, "--no-track")
     assert said.status == 0, said.err
     report = read_report(tmp_path / "out")
     assert report.verdict.status == "no_gap"

@@ -5,13 +5,13 @@ from __future__ import annotations
 import json
 import os
 import sys
-from collections.abc import Callable
+from functools import partial
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 import pytest
 
+from tests.twingap.cli.typed import Run, refused
 from twingap.bearing import BEARINGS
 from twingap.cli import main
 from twingap.records import Condition
@@ -20,29 +20,10 @@ from twingap.twins.phenomenological import PhenomenologicalTwin
 from twingap.twins.twin_file import TwinSpec, flat, read_twin, write_twin
 
 
-class Said(NamedTuple):
-    """What a command left."""
-
-    status: int
-    out: str
-    err: str
-
-
-Run = Callable[..., Said]
-
-
 @pytest.fixture
-def twingap(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Run:
+def twingap(typed: Run) -> Run:
     """Runs `twingap identify ...`."""
-
-    def run(*arguments: object) -> Said:
-        monkeypatch.setattr(sys, "argv", ["twingap", "identify", *map(str, arguments)])
-        with pytest.raises(SystemExit) as left:
-            main()
-        said = capsys.readouterr()
-        return Said(int(left.value.code or 0), said.out, said.err)
-
-    return run
+    return partial(typed, "identify")
 
 
 @pytest.fixture(scope="module")
@@ -59,15 +40,6 @@ def twin(tmp_path: Path) -> Path:
     path = tmp_path / "mein Zwilling.toml"
     path.write_text('[twin]\nmodel = "phenomenological"\n', encoding="utf-8")
     return path
-
-
-def refused(said: Said, *parts: str) -> None:
-    """One line on standard error, naming all of `parts`, and exit status 2."""
-    assert said.status == 2
-    assert said.out == ""
-    assert said.err.startswith("twingap: ") and said.err.count("\n") == 1
-    for part in parts:
-        assert part in said.err
 
 
 def test_it_writes_the_twin_and_its_figure(twingap: Run, twin: Path, records: Path, tmp_path: Path) -> None:

@@ -3,43 +3,21 @@
 from __future__ import annotations
 
 import json
-import sys
-from collections.abc import Callable
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 import pytest
 
+from tests.twingap.cli.typed import Run, Said, refused
 from twingap.bearing import BEARINGS
-from twingap.cli import main
 from twingap.records import RecordSet
 from twingap.twins.twin_file import Provenance, TwinSpec, write_twin
 
 
-class Said(NamedTuple):
-    """What a command left."""
-
-    status: int
-    out: str
-    err: str
-
-
-Run = Callable[..., Said]
-
-
 @pytest.fixture
-def twingap(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Run:
+def twingap(typed: Run) -> Run:
     """Runs `twingap ...`."""
-
-    def run(*arguments: object) -> Said:
-        monkeypatch.setattr(sys, "argv", ["twingap", *map(str, arguments)])
-        with pytest.raises(SystemExit) as left:
-            main()
-        said = capsys.readouterr()
-        return Said(int(left.value.code or 0), said.out, said.err)
-
-    return run
+    return typed
 
 
 @pytest.fixture
@@ -55,15 +33,6 @@ def table(tmp_path: Path) -> Path:
     rows = [f"{f}{i},{1500 + 100 * i},{f},{10 * i},{f[0]}" for f in ("healthy", "inner") for i in range(3)]
     path.write_text("record,speed_rpm,fault,time_s,rig\n" + "\n".join(rows) + "\n", encoding="utf-8")
     return path
-
-
-def refused(said: Said, *parts: str) -> None:
-    """One line on standard error, naming all of `parts`, and exit status 2."""
-    assert said.status == 2
-    assert said.out == ""
-    assert said.err.startswith("twingap: ") and said.err.count("\n") == 1
-    for part in parts:
-        assert part in said.err
 
 
 def simulate(twingap: Run, twin: Path, table: Path, out: Path, *more: object) -> Said:

@@ -9,7 +9,7 @@ import pytest
 from numpy.typing import NDArray
 
 from twingap.errors import TwingapError
-from twingap.gap.distance import Paired, gap_distance, strata
+from twingap.gap.distance import Paired, _tempered, gap_distance, strata
 from twingap.gap.report import Domain
 from twingap.gap.views import Axis, Views
 from twingap.records import Condition
@@ -106,3 +106,12 @@ def test_replicates_must_match_the_records() -> None:
         Paired(real, [])
     with pytest.raises(TwingapError, match="against 4 records"):
         Paired(real, [views_of(conditions_of(3), rng)])
+
+
+def test_what_is_plain_counts_by_its_logarithm_and_what_is_small_as_it_is() -> None:
+    squares = np.array([-100.0, -0.5, 0.0, 3.0, 15.9, 16.0, 1e4, 1e6])
+    found = _tempered(squares)
+    np.testing.assert_array_equal(found[1:6], squares[1:6])
+    assert np.all(np.diff(found) > 0)
+    assert found[0] == pytest.approx(-_tempered(np.array([100.0]))[0])
+    assert found[7] - found[6] == pytest.approx(16 * np.log(100))

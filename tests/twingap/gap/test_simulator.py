@@ -100,6 +100,15 @@ def test_another_unit_is_calibrated_away() -> None:
     assert any("multiplied" in note for note in own.notes)
 
 
+def test_a_record_of_nearly_the_real_speed_is_left_alone() -> None:
+    wanted = Condition("x", 1560.0, 10_000.0, 10_000, "inner")
+    own = OwnSimulator(sim([Condition("m", 1500.0, 10_000.0, 10_000, "inner")], 1), sim([wanted], 2), BEARING, 1.0)
+    own.gain = 1.0
+    (record,) = own.simulate((), [wanted], 0, 0)
+    assert record.condition == replace(wanted, speed_rpm=1500.0)
+    np.testing.assert_array_equal(record.samples, own.sim[0].samples)
+
+
 def test_a_simulated_record_is_brought_to_the_real_speed() -> None:
     made = sim([Condition("s", 1500.0, 10_000.0, 20_000, "inner"), Condition("h", 1500.0, 10_000.0, 20_000, "healthy")])
     turns = np.arange(20_000) / 10_000 * 25

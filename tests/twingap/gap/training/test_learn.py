@@ -68,3 +68,19 @@ def test_a_score_is_ranked_among_machines_judged_by_as_many_records():
         p = np.array([null.p_value(score, float(np.log(count))) for score in fresh])
         assert np.mean(p <= 0.05) == pytest.approx(0.05, abs=0.03)
     assert null.p_value(10.0, 50.0) == null.p_value(10.0, float(records.max()))  # beyond what was seen: the nearest
+
+
+def test_the_twin_as_given_and_one_with_effects_added_are_calibrated_apart():
+    rng = np.random.default_rng(5)
+    n = 4000
+    first = rng.random(n) < 0.6
+    label = rng.random(n) < np.where(first, 0.4, 0.08)  # few are left once others have been added
+    features = rng.standard_normal((n, 6)).astype(np.float32)
+    features[:, 0] += 1.5 * label
+    found = learn_classifier(Table(features), label, np.arange(n), range(6), first)
+    for part, later in ((first, False), (~first, True)):
+        said = 1 / (1 + np.exp(-found.score(features[part], later=later)))
+        assert said.mean() == pytest.approx(label[part].mean(), abs=0.04)
+        unseen = 1 / (1 + np.exp(-found.unseen[part]))
+        assert unseen.mean() == pytest.approx(label[part].mean(), abs=0.02)
+    assert np.all(found.score(features, later=True).mean() < found.score(features).mean() - 1)

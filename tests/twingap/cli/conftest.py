@@ -1,0 +1,24 @@
+"""Commands as they are typed."""
+
+from __future__ import annotations
+
+import sys
+
+import pytest
+
+from tests.twingap.cli.typed import Run, Said
+from twingap.cli import main
+
+
+@pytest.fixture
+def typed(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Run:
+    """Runs `twingap ...` in this process."""
+
+    def run(*arguments: object) -> Said:
+        monkeypatch.setattr(sys, "argv", ["twingap", *map(str, arguments)])
+        with pytest.raises(SystemExit) as left:
+            main()
+        said = capsys.readouterr()
+        return Said(int(left.value.code or 0), said.out, said.err)
+
+    return run

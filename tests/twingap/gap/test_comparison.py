@@ -1,0 +1,47 @@
+"""Features as normal deviates: even where nothing differs, whatever the number of records and what conditions do."""
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from twingap.gap.comparison import _normal, _paired, _slope
+
+
+@pytest.mark.parametrize("free", [3, 5, 12, 40])
+def test_a_deviate_is_as_unlikely_as_its_t(free):
+    t = np.array([-20.0, -4.0, -1.0, 0.0, 0.5, 2.0, 8.0])
+    exact = np.sign(t) * stats.norm.isf(stats.t.sf(np.abs(t), free))
+    np.testing.assert_allclose(_normal(t, np.full(t.size, free)), exact, atol=0.2)
+
+
+def beyond(z, limit=2.0):
+    z = z[np.isfinite(z)]
+    return np.mean(np.abs(z) > limit)
+
+
+def test_pairs_share_what_conditions_do():
+    rng, width = np.random.default_rng(0), 3000
+    kinds = np.repeat(["healthy", "outer", "inner"], [4, 3, 3])
+    condition = 30.0 * rng.standard_normal((10, width))  # of speed and fault: the same in both of a pair
+    ours, theirs = (condition + rng.standard_normal((10, width)) for _ in range(2))
+    small, nothing = np.full(width, 1e-3), np.full(width, np.nan)
+    assert beyond(_paired(ours - theirs, kinds, small, nothing)) == pytest.approx(0.045, abs=0.02)
+    moved = _paired(ours + 3.0 - theirs, kinds, small, nothing)
+    assert np.median(moved) > 3
+    # One pair of a kind has no spread: what the records of each side say stands instead.
+    assert np.isnan(_paired(ours[:1] - theirs[:1], kinds[:1], small, nothing)).all()
+
+
+@pytest.mark.parametrize("per_kind", [2, 3, 8])
+def test_a_handful_of_records_has_no_trend_by_chance(per_kind):
+    rng, width = np.random.default_rng(1), 4000
+    kinds = np.repeat(["healthy", "outer", "inner"], per_kind)
+    speed = np.tile(np.linspace(-0.4, 0.4, per_kind), 3)
+    y = rng.standard_normal((kinds.size, width))
+    for kind in np.unique(kinds):  # as `_trends` gives them
+        y[kinds == kind] -= y[kinds == kind].mean(axis=0)
+    _, z = _slope(speed, y, kinds)
+    assert beyond(z) == pytest.approx(0.045, abs=0.02)
+    slope, z = _slope(speed, y + 8.0 * speed[:, None], kinds)
+    assert np.median(slope) == pytest.approx(8.0, abs=0.5)
+    assert np.median(z) > 2
