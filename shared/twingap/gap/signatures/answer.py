@@ -91,8 +91,8 @@ def measure(view: RecordView) -> dict[str, float]:
     -------
     dict[str, float]
         `power_log` log10 of its RMS over the yardstick, `clear` part of its harmonics that stand out of the noise,
-        `centroid_log` log10 of their centre as a part of the sampling rate, `high_log` log10 of the power in the upper
-        half of the harmonics over that in the lower.
+        `centroid_log` log10 of their centre as a part of the sampling rate, `high_log` log10 of the power above a quarter
+        of the sampling rate over that below.
     """
     out = dict.fromkeys(NAMES, math.nan)
     found = struck_of(view)
@@ -132,10 +132,10 @@ def struck(view: RecordView) -> Struck | None:
     if count < 6 or width < 3:
         return None
     edges = (np.arange(1, count + 2) - 0.5) * width
-    over = np.interp(edges, np.arange(power.size + 1), np.concatenate(([0.0], np.cumsum(power))))
+    at = np.arange(power.size + 1)
+    total = np.concatenate(([0.0], np.cumsum(power)))
     beneath = np.concatenate(([0.0], np.cumsum(smooth[smooth_at])))
-    floor = np.diff(np.interp(edges, np.arange(power.size + 1), beneath)) / width
-    mean = np.diff(over) / width
+    mean, floor = (np.diff(np.interp(edges, at, summed)) / width for summed in (total, beneath))
     unit = rate_hz / view.fs_hz
     above, error = (mean - floor) * unit, floor / math.sqrt(width) * unit
     centre = np.arange(1, count + 1) * rate_hz
@@ -143,9 +143,8 @@ def struck(view: RecordView) -> Struck | None:
     # Around any frequency, one impact rate or one band, whichever is wider.
     half = 0.5 * max(width, power.size / PLACES)
     middle = (np.arange(PLACES) + 0.5) * (power.size / PLACES)
-    total = np.concatenate(([0.0], np.cumsum(power)))
     ends = [np.clip(middle + side * half, 0, power.size) for side in (-1, 1)]
-    sums = [np.interp(end, np.arange(power.size + 1), total) for end in ends]
+    sums = [np.interp(end, at, total) for end in ends]
     density = (sums[1] - sums[0]) / np.maximum(ends[1] - ends[0], 1.0)
     return Struck(str(view.condition.fault), above, error, places, density)
 
