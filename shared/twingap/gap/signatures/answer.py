@@ -91,8 +91,8 @@ def measure(view: RecordView) -> dict[str, float]:
     -------
     dict[str, float]
         `power_log` log10 of its RMS over the yardstick, `clear` part of its harmonics that stand out of the noise,
-        `centroid_log` log10 of their centre as a part of the sampling rate, `high_log` log10 of the power above a quarter
-        of the sampling rate over that below.
+        `centroid_log` log10 of their centre as a part of the sampling rate, `high_log` log10 of the power above a
+        quarter of the sampling rate over that below.
     """
     out = dict.fromkeys(NAMES, math.nan)
     found = struck_of(view)
