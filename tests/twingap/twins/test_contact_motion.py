@@ -1,4 +1,4 @@
-"""Displacement and velocity of the contact model: against static Hertz solutions, energy, and SciPy's own integrator."""
+"""Displacement and velocity of the contact model: against static Hertz solutions, energy and SciPy's integrator."""
 
 from __future__ import annotations
 
@@ -94,7 +94,7 @@ def test_a_standing_bearing_settles_where_the_static_hertz_equations_say(
 
 
 def test_stribeck_load_of_the_lowest_roller_without_clearance() -> None:
-    """4.37 F / Z for nine rollers, Stribeck's number for a bearing without clearance (Harris, Rolling Bearing Analysis)."""
+    """4.37 F / Z, Stribeck's number for balls without clearance (Harris, Rolling Bearing Analysis)."""
     own = replace(QUIET, clearance_um=0.0, damping=2500.0)
     (motion,) = motions([job(own, 1600, cage=0.25, turning=False)])  # a roller straight under the load
     delta, _, _ = contact_forces(own, motion.x_m[-1], motion.y_m[-1], 0.25)

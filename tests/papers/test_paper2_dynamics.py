@@ -1,0 +1,95 @@
+"""Paper 2's dynamics study: settles where the static solution is, faults strike on time, resumable, honest tables."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from papers.paper2_digital_twin import reference
+from papers.paper2_digital_twin.dynamics import CONFIG, Case, Dynamics, main, read_dynamics, run, strike
+from twingap.bearing import BEARINGS
+from twingap.errors import TwingapError
+from twingap.twins.contact_dynamics import settle, statics
+from twingap.twins.contact_parameters import ContactParameters
+
+TINY = """
+[profiles.tiny]
+speeds_rpm = [1797.0]
+loads_n = [500.0]
+clearances_um = [5.0]
+"""
+
+
+@pytest.fixture(scope="module")
+def config(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("study") / "dynamics.toml"
+    text = re.sub(r"(?m)^settings = .*$", 'settings = ["physical"]', CONFIG.read_text(encoding="utf-8"))
+    text = re.sub(r"(?m)^reference_s = .*$", "reference_s = 0.005", text)
+    path.write_text(text + TINY, encoding="utf-8")
+    return path
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("out")
+
+
+@pytest.fixture(scope="module")
+def study(config: Path, folder: Path) -> Dynamics:
+    return run("tiny", out=folder, backend="sequential", config=config)
+
+
+def test_a_normal_bearing_settles_where_the_root_finder_says(study: Dynamics) -> None:
+    (row,) = study.tables["dynamics-balance"].to_dict("records")
+    assert row["y mean um"] == pytest.approx(row["y static um"], rel=2e-3)
+    assert abs(row["x mean um"] - row["x static um"]) < 0.01 * row["y static um"]
+    assert row["settled s"] < 0.03 and row["furthest from static %"] < 1
+    assert row["energy residual %"] < 1 and row["displacement apart %"] < 0.2 and row["velocity apart %"] < 0.2
+
+
+def test_every_fault_strikes_on_time(study: Dynamics) -> None:
+    found = study.tables["dynamics-faults"]
+    assert list(found["fault"]) == ["inner", "outer", "ball"] and found["on time"].all()
+    assert (found["rms over healthy"] > 10).all()
+    assert found.set_index("fault").loc["outer", "strongest order"] == pytest.approx(BEARINGS["6205"].bpfo, rel=0.01)
+
+
+def test_a_line_elsewhere_is_not_called_on_time() -> None:
+    """Half the speed and the same records: nothing is where it is expected."""
+    case = Case("physical", "6205", "outer", 1797.0, 500.0, 5.0, 20000.0, 0.8, 0.01, 0.5, 0.02)
+    value = strike(case)
+    off = np.abs(value["order"] - 0.7 * value["expected"])
+    assert value["lines"][off < 0.1].max() < 0.1 * value["lines"].max()
+
+
+@pytest.mark.parametrize("cage", [0.0, 0.013, 0.05])
+def test_two_static_solutions_agree(cage: float) -> None:
+    """Newton on the energy (the twin's own) and Powell's method on the forces."""
+    own = ContactParameters(load_x_n=50.0)
+    xy, _, _ = settle(9, statics(own, 500.0), np.array([cage]))
+    np.testing.assert_allclose(reference.rest(BEARINGS["6205"], own, 500.0, cage), xy[0], rtol=1e-7, atol=1e-13)
+
+
+def test_taken_up_again_with_the_same_tables(study: Dynamics, folder: Path, config: Path) -> None:
+    before = {p.name: p.read_bytes() for p in (folder / "tables").iterdir()}
+    assert len(before) == 4
+    assert {p.stem for p in (folder / "figures").iterdir()} == {
+        f"dynamics-{name}-physical" for name in ("normal", "reference", "faults")
+    }
+    again = run("tiny", out=folder, backend="sequential", config=config, draw=False)
+    assert not any(r.why for r in (*again.healthy, *again.faulty))
+    assert {p.name: p.read_bytes() for p in (folder / "tables").iterdir()} == before
+
+
+def test_wrong_input_is_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as left:
+        main(["--profile", "huge", "--out", str(tmp_path)])
+    said = capsys.readouterr().err
+    assert left.value.code == 2 and said.count("\n") == 1 and "unknown profile 'huge'" in said
+    path = tmp_path / "dynamics.toml"
+    path.write_text(CONFIG.read_text(encoding="utf-8").replace('"ball"]', '"cage"]'), encoding="utf-8")
+    with pytest.raises(TwingapError, match="no contact model for fault 'cage'"):
+        read_dynamics(path)
