@@ -10,6 +10,8 @@ from typing import Final, Protocol
 from twingap.errors import TwingapError
 from twingap.records import RecordSet
 from twingap.rigs.machine import Machine, digest
+from twingap.rigs.smart_maintenance import RunTruth, SmartMaintenanceRig, truth
+from twingap.rigs.stored import stored_folder, stored_records
 from twingap.rigs.structure import Structure
 from twingap.rigs.virtual_cwru import VirtualCwru
 
@@ -32,7 +34,10 @@ class Rig(Protocol):
         ...
 
 
-RIGS: Final[dict[str, Callable[..., Rig]]] = {"virtual_cwru": VirtualCwru}
+RIGS: Final[dict[str, Callable[..., Rig]]] = {
+    "virtual_cwru": VirtualCwru,
+    "virtual_smart_maintenance": SmartMaintenanceRig,
+}
 """Name -> maker, whose keyword arguments are the rig's options."""
 
 
@@ -59,4 +64,7 @@ def make_rig(name: str, **options: float) -> Rig:
         raise TwingapError(f"takes no such option: {error}", where=f"rig {name}") from None
 
 
-__all__ = ["RIGS", "Machine", "Rig", "Structure", "VirtualCwru", "digest", "make_rig"]
+__all__ = [
+    "RIGS", "Machine", "Rig", "RunTruth", "SmartMaintenanceRig", "Structure", "VirtualCwru", "digest", "make_rig",
+    "stored_folder", "stored_records", "truth",
+]  # fmt: skip

@@ -9,7 +9,7 @@ import pytest
 import twingap
 
 ROOT = Path(twingap.__file__).parent
-RIGS_MAY = {"bearing", "records", "streams", "errors", "rigs"}
+RIGS_MAY = {"bearing", "records", "streams", "errors", "files", "rigs"}
 MAY_NOT_KNOW_RIGS = ("effects", "twins", "identify", "adapt", "gap", "signal")
 
 

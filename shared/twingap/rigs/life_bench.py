@@ -1,0 +1,225 @@
+"""A bench on which a loaded bearing runs until it fails, and one snapshot of what its sensor sees.
+
+rough surfaces (spectrum in space, swept by speed) --+
+waviness and changing stiffness (ball-pass orders) --+--> structure's modes --> + tones, background --> sensor [g]
+balls striking a spall (`twingap.rigs.spall`) -------+
+
+No law says how amplitude depends on speed: surfaces are swept faster, balls strike harder and shorter, and ball-pass
+orders move through the structure's modes, so that some speeds resonate.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import fft, signal
+
+from twingap.bearing import Bearing
+from twingap.rigs.rolling import Motion, Strikes, force, load_share, move, slow_noise
+from twingap.rigs.spall import impact
+from twingap.rigs.structure import Structure
+
+Array = NDArray[np.float64]
+GRAVITY = 9.80665
+OVERSAMPLING = 2
+SETTLING_S = 0.1
+MOTION_HZ = 2000.0
+"""Shaft and cage turn smoothly: their angles are followed at this rate."""
+BANDS_HZ = ((400, 500), (1000, 1500), (2300, 3100), (4100, 5200), (6400, 7900), (9800, 11800))
+FULL_SCALE_G = 50.0
+STEP_G = FULL_SCALE_G / 2**15
+"""Of the 16-bit converter."""
+DENT_MM = 0.12
+"""The indentation made before the test, as the length of a spall that strikes alike: its shoulders are round."""
+
+
+@dataclass(frozen=True)
+class LifeBench:
+    """A bench with one mounted bearing.
+
+    Parameters
+    ----------
+    bearing : Bearing
+    structure : Structure
+        Of this mounting.
+    slip : float
+        Mean slip of the cage, a fraction.
+    roughness : float
+        Strength of the rolling noise at 1500 rpm, N per root Hz at 1 kHz.
+    waviness_n : float
+        Force of the strongest ball-pass order, N.
+    wavy_order : int
+        Which multiple of the ball-pass order that is.
+    size_spread : Array [rollers]
+        How hard each ball strikes, relative to the mean.
+    gain : float
+        What the sensor's place makes of the structure's acceleration.
+    background_g : float
+        RMS of the coloured background, g.
+    """
+
+    bearing: Bearing
+    structure: Structure
+    slip: float
+    roughness: float
+    waviness_n: float
+    wavy_order: int
+    size_spread: Array
+    gain: float = 1.0
+    background_g: float = 0.03
+
+    @classmethod
+    def draw(cls, rng: np.random.Generator, bearing: Bearing) -> LifeBench:
+        """A random bench, scaled so that at 1500 rpm and 9 kN a spall of 3 mm alone gives 15 g and none gives 2.4 g.
+
+        Two numbers are set by that, the sensor's place and the surfaces' finish; how both change with speed is left to
+        what was drawn.
+        """
+        bench = cls(
+            bearing, Structure.draw(rng, BANDS_HZ), slip=0.002, roughness=0.0, waviness_n=0.0,
+            wavy_order=int(rng.integers(4, 7)), size_spread=np.ones(bearing.n_rollers), background_g=0.0,
+        )  # fmt: skip
+        n, fs_hz = 25_000, 50_000.0
+        entropy = int(rng.integers(0, 2**63))
+
+        def peak_to_peak(bench: LifeBench, spall_mm: float) -> float:
+            x = bench.acceleration(1500.0, 9000.0, spall_mm, n, fs_hz, np.random.default_rng(entropy), wear=1.0)
+            return float(np.ptp(x))
+
+        bench = replace(bench, gain=15.0 / peak_to_peak(bench, 3.0))
+        rough = peak_to_peak(replace(bench, roughness=1.0), 0.0)
+        return replace(bench, roughness=2.4 / rough, waviness_n=float(rng.uniform(10, 20)), background_g=0.03)
+
+    def mounted(self, rng: np.random.Generator) -> LifeBench:
+        """The same bench with another bearing in it."""
+        return replace(
+            self,
+            structure=self.structure.remounted(rng),
+            slip=float(rng.uniform(0.0, 0.006)),
+            roughness=float(self.roughness * np.exp(rng.normal(0.0, 0.1))),
+            waviness_n=float(self.waviness_n * np.exp(rng.normal(0.0, 0.2))),
+            size_spread=np.exp(rng.normal(0.0, 0.04, self.bearing.n_rollers)),
+        )
+
+    def record(
+        self, speed_rpm: float, load_n: float, spall_mm: float, n: int, fs_hz: float, rng: np.random.Generator,
+        *, wear: float,
+    ) -> Array:  # fmt: skip
+        """A snapshot: `acceleration` in whole steps of the converter, within its range."""
+        x = self.acceleration(speed_rpm, load_n, spall_mm, n, fs_hz, rng, wear=wear)
+        codes = np.clip(np.round(x / STEP_G), -(2**15), 2**15 - 1)
+        return np.asarray(codes * STEP_G + 0.0)  # a converter knows no negative zero
+
+    def acceleration(
+        self, speed_rpm: float, load_n: float, spall_mm: float, n: int, fs_hz: float, rng: np.random.Generator,
+        *, wear: float,
+    ) -> Array:  # fmt: skip
+        """Acceleration before the converter.
+
+        Parameters
+        ----------
+        speed_rpm, load_n : float
+        spall_mm : float
+            Length of the spall; the indentation is there also at 0.
+        n : int
+            Samples.
+        fs_hz : float
+        rng : numpy.random.Generator
+        wear : float
+            Level of the rolling noise relative to that of new surfaces at working temperature.
+
+        Returns
+        -------
+        Array [samples]
+            g.
+        """
+        fine_hz = OVERSAMPLING * fs_hz
+        settle = int(SETTLING_S * fs_hz)
+        count = OVERSAMPLING * (n + settle)
+        coarse = int(np.ceil(count / fine_hz * MOTION_HZ)) + 2
+        motion = move(self.bearing, speed_rpm, coarse, MOTION_HZ, self.slip, rng)
+        t = np.arange(count) / fine_hz
+        zone = float(np.clip(0.3 + load_n / 40_000, 0.3, 0.6))
+        acting = force(self._strikes(motion, load_n, zone, spall_mm + DENT_MM, rng), count, fine_hz)
+        passing = np.exp(2j * np.pi * self.bearing.n_rollers * np.interp(t, motion.t, motion.cage))
+        if self.roughness > 0:
+            rolling = wear * self._rolling_noise(speed_rpm, count, fine_hz, rng)
+            acting += rolling * (1 + 0.08 * passing.real)
+        if self.waviness_n > 0:
+            acting[1] += self._waviness(passing, rng)
+        x = self.structure.acceleration(acting, fine_hz) * (self.gain / GRAVITY)
+        if self.background_g > 0:
+            x += self._disturbances(t, motion, fine_hz, rng)
+        return np.asarray(signal.resample_poly(x, 1, OVERSAMPLING)[settle:])
+
+    def _rolling_noise(self, speed_rpm: float, n: int, fs_hz: float, rng: np.random.Generator) -> Array:
+        """Force of rough surfaces [2, samples], N.
+
+        Heights with a spectrum falling as k^-2.5 in space, swept at a speed v, have v^1.5 f^-2.5 in time; contacts of
+        finite length see no waves shorter than themselves, which is a corner that moves with v.
+        """
+        rolling_m_s = speed_rpm / 60 * np.pi * self.bearing.pitch_diameter_mm * 1e-3 * 0.5
+        f = np.maximum(np.fft.rfftfreq(n, 1 / fs_hz), 30.0)
+        corner_hz = rolling_m_s / 0.45e-3
+        level = self.roughness * (speed_rpm / 1500) ** 0.75 * (f / 1000) ** -1.25 / (1 + (f / corner_hz) ** 2)
+        draws = rng.standard_normal((2, 2, f.size))
+        spectrum = level * (draws[0] + 1j * draws[1]) * np.sqrt(n * fs_hz) / 2
+        return np.asarray(fft.irfft(spectrum, n, axis=1))
+
+    def _waviness(self, passing: NDArray[np.complex128], rng: np.random.Generator) -> Array:
+        """Force along the load of the balls passing: one order of wavy rings, and stiffness that changes, N."""
+        turn = np.exp(2j * np.pi * rng.uniform(size=8))
+        total = np.zeros(passing.size)
+        power = np.ones_like(passing)
+        for k in range(1, 9):
+            power = power * passing
+            level = 1.0 if k == self.wavy_order else 0.25 / k
+            total += self.waviness_n * level * (turn[k - 1] * power).real
+        return total
+
+    def _disturbances(self, t: Array, motion: Motion, fs_hz: float, rng: np.random.Generator) -> Array:
+        """What does not come through the bearing: unbalance, the drive's switching, coloured background, g."""
+        x = self.background_g * slow_noise(rng, t.size, fs_hz, 2e-4)
+        shaft = 2 * np.pi * np.interp(t, motion.t, motion.shaft)
+        for harmonic, level in ((1, 0.02), (2, 0.012)):
+            x += level * np.cos(harmonic * shaft + rng.uniform(0, 2 * np.pi))
+        for side in (-1, 1):
+            x += 0.015 * np.cos(2 * np.pi * 8000.0 * t + 4 * side * shaft + rng.uniform(0, 2 * np.pi))
+        return x
+
+    def _strikes(
+        self, motion: Motion, load_n: float, zone: float, length_mm: float, rng: np.random.Generator
+    ) -> Strikes:
+        """Strikes of all balls on a spall of the inner ring."""
+        bearing = self.bearing
+        z = bearing.n_rollers
+        relative = motion.shaft - motion.cage
+        at: list[Array] = []
+        hard: list[Array] = []
+        for roller in range(z):
+            turns = np.arange(np.ceil(relative[0] - roller / z), np.floor(relative[-1] - roller / z) + 1)
+            # A ball wanders in its pocket: a place that it returns to, so that its delays follow one another.
+            wander = signal.lfilter([1.0], [1.0, -0.7], rng.standard_normal(turns.size + 10))[10:]
+            place = roller / z + 0.008 / z * wander
+            at.append(np.interp(turns + place, relative, motion.t))
+            hard.append(np.full(turns.size, self.size_spread[roller]))
+        time_s, strength = np.concatenate(at), np.concatenate(hard)
+        direction = 2 * np.pi * np.interp(time_s, motion.t, motion.shaft)
+        radius_m = 0.5e-3 * (bearing.pitch_diameter_mm - bearing.roller_diameter_mm)
+        rolling_m_s = 2 * np.pi * radius_m * np.interp(time_s, motion.t, np.gradient(relative, motion.t))
+        peak_n, duration_s = impact(bearing, length_mm, rolling_m_s)
+        # Unloaded balls cross a spall without being pressed into it.
+        pressed = 0.06 + load_share(direction, zone) * (load_n / 9000) ** 0.6
+        peak_n = peak_n * strength * pressed * np.exp(rng.normal(0.0, 0.12, time_s.size))
+        crossing_s = 1e-3 * length_mm / rolling_m_s
+        return Strikes(
+            time_s=np.concatenate([time_s, time_s + crossing_s]),
+            strength_n=np.concatenate([-0.25 * peak_n, peak_n]),
+            direction_rad=np.concatenate([direction, direction]),
+            duration_s=np.concatenate([2.5 * duration_s, duration_s]),
+        )
+
+
+__all__ = ["BANDS_HZ", "FULL_SCALE_G", "STEP_G", "LifeBench"]
