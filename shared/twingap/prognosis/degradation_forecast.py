@@ -1,0 +1,341 @@
+"""What a fitted curve says of later times: its band, remaining life with an interval, and its error when they come.
+
+CurveFit --curves that other noise would have given--> band, time at which a level is reached: life, interval
+run, share of life --fit on the part seen--> error on the part not seen
+
+Other noise is made like that of the residuals: an AR(1) process of their memory with their local spread (a sieve
+bootstrap, Buehlmann 1997, DOI 10.2307/3318584, with heteroscedasticity kept as in the wild bootstrap). Intervals hold
+for the parameters, given that the model is right; that it is, no interval says.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.linalg import solve_triangular
+from scipy.signal import lfilter
+
+from twingap.errors import TwingapError
+from twingap.prognosis.degradation_models import AMPLITUDE_LIMIT, CurveFit, CurveModel, checked, fit_curve
+from twingap.prognosis.information import LONGEST_MEMORY, memory_of
+
+Array = NDArray[np.float64]
+
+TENTHS: Final = tuple(k / 10 for k in range(1, 10))
+MOST_ROWS: Final = 400
+"""Longer runs are averaged to as many rows before curves are refitted by the hundred."""
+_REFINED: Final = ((0.7, 0.82, 0.91, 1.1, 1.22, 1.4), (0.965, 1.035))
+"""Factors on exponents tried about the best of the grid, then about the best of these."""
+
+
+@dataclass(frozen=True)
+class Curves:
+    """Curves of one model that other noise would have given.
+
+    Parameters
+    ----------
+    fit : CurveFit
+        The one they scatter about.
+    coefficients : Array [curves, linear]
+    exponents : Array [curves, exponents]
+    scatter : float
+        Standard deviation of a record about the curve at the end of the rows seen.
+    """
+
+    fit: CurveFit
+    coefficients: Array
+    exponents: Array
+    scatter: float
+
+    def at(self, time_s: ArrayLike) -> Array:
+        """Values [curves, times]."""
+        u = self.fit.scaled(np.asarray(time_s, float))
+        return np.stack([
+            self.fit.model.curve(u, c, tuple(map(float, e)))
+            for c, e in zip(self.coefficients, self.exponents, strict=True)
+        ])  # fmt: skip
+
+    def band(
+        self, time_s: ArrayLike, level: float = 0.9, rng: np.random.Generator | None = None
+    ) -> tuple[Array, Array]:
+        """Interval of the curve at each time [times]; of single records when a generator is given."""
+        values = self.at(time_s)
+        if rng is not None:
+            values = values + self.scatter * rng.standard_normal(values.shape)
+        low, high = np.quantile(values, [(1 - level) / 2, (1 + level) / 2], axis=0, method="inverted_cdf")
+        return low, high
+
+
+@dataclass(frozen=True)
+class RemainingLife:
+    """Time until a curve reaches a level.
+
+    Parameters
+    ----------
+    life_s : float
+        From the last record, s. 0 when the level has been passed, inf when it is not reached within the horizon.
+    low_s, high_s : float
+        Interval; inf likewise.
+    never : float
+        Share of curves that do not reach it.
+    """
+
+    life_s: float
+    low_s: float
+    high_s: float
+    never: float
+
+
+@dataclass(frozen=True)
+class OutOfSample:
+    """Error of a curve on records it was not fitted to.
+
+    Parameters
+    ----------
+    share : float
+        Of the life that was seen.
+    rmse_rest : float
+        On all later records, in the indicator's unit.
+    rmse_next : float
+        On those of the next tenth only.
+    rows : int
+        Records seen.
+    """
+
+    share: float
+    rmse_rest: float
+    rmse_next: float
+    rows: int
+
+
+def redrawn(fit: CurveFit, n_curves: int, rng: np.random.Generator) -> Curves:
+    """Refit to as many series of other noise about the curve.
+
+    Parameters
+    ----------
+    fit : CurveFit
+        Residuals further than four robust deviations off are cut to these, lest one spike make the noise of all rows.
+    n_curves : int
+    rng : Generator
+
+    Returns
+    -------
+    Curves
+        By squares within the bounds, exponents from a grid refined to 2 %.
+    """
+    u, centre, off = _thinned(fit)
+    n, model = u.size, fit.model
+    middle = float(np.median(off))
+    widest = 4 * 1.4826 * float(np.median(np.abs(off - middle)))
+    if widest > 0:
+        off = np.clip(off, middle - widest, middle + widest)
+    # A curve follows its noise most where it has most leverage, at the ends, and the more the longer noise remembers.
+    rho = memory_of(off)
+    held = leverage(fit, u) * (1 + max(rho, 0.0)) / (1 - max(rho, 0.0))
+    off = off / np.sqrt(1 - np.minimum(held, 0.75))
+    window = min(max(30, n // 5), n)
+    kernel = np.ones(window)
+    spread = np.sqrt(np.convolve(off**2, kernel, "same") / np.convolve(np.ones(n), kernel, "same"))
+    rho = memory_of(np.divide(off, spread, out=np.zeros(n), where=spread > 0))
+    # For the same reason the memory of what is left looks short (Kendall 1954 gives
+    # (1 + 3 rho) / n for a fitted mean; every further parameter takes about as much again).
+    rho = min(rho + (1 + 3 * rho) * model.parameters / n, LONGEST_MEMORY) if rho > 0 else rho
+    shocks = rng.standard_normal((n_curves, n))
+    shocks[:, 1:] *= np.sqrt(1 - rho**2)
+    noise = np.asarray(lfilter([1.0], [1.0, -rho], shocks, axis=1), float) * spread
+    # The spread is an estimate too, from fewer independent rows than there are: as Student's t to the normal.
+    free = max(n * (1 - rho**2) / (1 + rho**2) - model.parameters, 4.0)
+    noise *= np.sqrt(free / rng.chisquare(free, n_curves))[:, None]
+    size = float(np.abs(fit.values).max()) or 1.0
+    coefficients, exponents = refitted(model, u, ((centre + noise) / size).T, fit.exponents)
+    return Curves(fit, coefficients * size, exponents, float(spread[-1]))
+
+
+def leverage(fit: CurveFit, u: Array) -> Array:
+    """By how much each row [rows] draws the curve to itself: diagonal of the hat matrix of the linearised model."""
+    sloped = [(fit.coefficients[column] * each)[:, None] for column, each in fit.model.slopes(u, fit.exponents)]
+    jacobian = np.concatenate([fit.model.design(u, fit.exponents), *sloped], axis=1)
+    size = np.sqrt(np.sum(jacobian**2, axis=0))
+    q, r = np.linalg.qr(jacobian[:, size > 0] / size[size > 0])
+    kept = np.abs(np.diag(r)) > 1e-8
+    return np.asarray(np.sum(q[:, kept] ** 2, axis=1), float)
+
+
+def refitted(model: CurveModel, u: Array, y: Array, near: tuple[float, ...]) -> tuple[Array, Array]:
+    """Least squares of many series at once.
+
+    Parameters
+    ----------
+    model : CurveModel
+    u : Array [rows]
+    y : Array [rows, series]
+        Over the largest indicator.
+    near : tuple of float
+        Exponents that are tried first.
+
+    Returns
+    -------
+    coefficients : Array [series, linear]
+    exponents : Array [series, exponents]
+    """
+    count = y.shape[1]
+    power = np.sum(y**2, axis=0)
+    least = np.full(count, np.inf)
+    coefficients, chosen = np.zeros((count, model.linear)), np.tile(np.array(near, float), (count, 1))
+
+    def attempt(exponents: tuple[float, ...], which: NDArray[np.intp]) -> None:
+        q, r = np.linalg.qr(model.design(u, exponents))
+        diagonal = np.abs(np.diag(r))
+        if diagonal.min() <= 1e-9 * diagonal.max():
+            return
+        turned = q.T @ y[:, which]
+        rss = power[which] - np.sum(turned**2, axis=0)
+        found = solve_triangular(r, turned)
+        better = (rss < least[which]) & (np.abs(found).max(axis=0) <= AMPLITUDE_LIMIT)
+        at = which[better]
+        least[at], coefficients[at], chosen[at] = rss[better], found[:, better].T, exponents
+
+    everything = np.arange(count)
+    attempt(near, everything)
+    for exponents in model.grid():
+        attempt(exponents, everything)
+    if model.starts:
+        low, high = model.bounds
+        for factors in _REFINED:
+            best = chosen.copy()
+            for centre in np.unique(best, axis=0):
+                which = np.flatnonzero((best == centre).all(axis=1))
+                for exponents in _about(centre, factors):
+                    inside = all(low <= e <= high for e in exponents)
+                    apart = len(exponents) < 2 or exponents[1] >= model.spread * exponents[0]
+                    if inside and apart:
+                        attempt(exponents, which)
+    # A series that no grid point fits within the limits keeps the estimate: rare, and better than a wild one.
+    lost = ~np.isfinite(least)
+    if lost.any():
+        coefficients[lost] = np.linalg.lstsq(model.design(u, near), y[:, lost], rcond=1e-10)[0].T
+    return coefficients, chosen
+
+
+def remaining_life(
+    curves: Curves, limit: float, *, rising: bool = True, level: float = 0.9, horizon: float = 20.0
+) -> RemainingLife:
+    """Time until the limit is reached, counted from the last record of the fit.
+
+    Parameters
+    ----------
+    curves : Curves
+    limit : float
+        Indicator at which life ends.
+    rising : bool
+        Whether it is reached from below.
+    level : float
+        Of the interval.
+    horizon : float
+        How far is looked ahead, in times of the run seen.
+
+    Returns
+    -------
+    RemainingLife
+    """
+    fit = curves.fit
+    own = _reached(fit, fit.coefficients[None], np.array([fit.exponents], float), limit, rising, horizon)[0]
+    lives = np.sort(_reached(fit, curves.coefficients, curves.exponents, limit, rising, horizon))
+    # Order statistics: an average of a time and "never" is no number.
+    places = [round((lives.size - 1) * q) for q in ((1 - level) / 2, (1 + level) / 2)]
+    return RemainingLife(own, float(lives[places[0]]), float(lives[places[1]]), float(np.mean(np.isinf(lives))))
+
+
+def out_of_sample(
+    model: CurveModel,
+    time_s: ArrayLike,
+    values: ArrayLike,
+    *,
+    shares: Sequence[float] = TENTHS,
+    robust: bool = False,
+) -> list[OutOfSample]:
+    """Fit on the first part of a life, and compare with what came.
+
+    Parameters
+    ----------
+    model : CurveModel
+    time_s, values : array_like [rows]
+    shares : sequence of float
+        Of the time from first to last record; between 0 and 1. Those with too few records to fit are left out.
+    robust : bool
+        As `fit_curve`.
+
+    Returns
+    -------
+    list[OutOfSample]
+        A fit at a share reads no record after it.
+    """
+    t, y = checked(time_s, values, at_least=3)
+    found = []
+    for share in shares:
+        if not 0 < share < 1:
+            raise TwingapError(f"share {share!r}, between 0 and 1 expected", where="out of sample")
+        rows = rows_until(t, share)
+        if rows < model.parameters + 2 or rows >= t.size:
+            continue
+        fit = fit_curve(model, t[:rows], y[:rows], robust=robust)
+        off = fit.at(t[rows:]) - y[rows:]
+        near = t[rows:] <= t[0] + (share + 0.1) * (t[-1] - t[0])
+        near[0] = True
+        found.append(OutOfSample(share, _rms(off), _rms(off[near]), rows))
+    return found
+
+
+def rows_until(time_s: Array, share: float) -> int:
+    """Records taken up to this share of the time from first to last."""
+    return int(np.searchsorted(time_s, time_s[0] + share * (time_s[-1] - time_s[0]) * (1 + 1e-12), side="right"))
+
+
+def _about(centre: Array, factors: tuple[float, ...]) -> list[tuple[float, ...]]:
+    """Exponents about a centre: one moved at a time, and both together."""
+    found = []
+    for factor in factors:
+        for k in range(centre.size):
+            moved = centre.copy()
+            moved[k] *= factor
+            found.append(tuple(map(float, moved)))
+        if centre.size > 1:
+            found.append(tuple(map(float, centre * factor)))
+    return found
+
+
+def _thinned(fit: CurveFit) -> tuple[Array, Array, Array]:
+    """Scaled time, curve and residuals, averaged to a number of rows that can be refitted often."""
+    u, residuals = fit.scaled(fit.time_s), fit.residuals
+    step = -(-u.size // MOST_ROWS)
+    if step > 1:
+        # Whole groups from the end: the latest rows say most about what comes.
+        cut = u.size % step
+        u, residuals = (x[cut:].reshape(-1, step).mean(axis=1) for x in (u, residuals))
+    return u, fit.model.curve(u, fit.coefficients, fit.exponents), residuals
+
+
+def _reached(fit: CurveFit, coefficients: Array, exponents: Array, limit: float, rising: bool, horizon: float) -> Array:
+    """Time after the last row at which each curve first reaches the limit, s; inf for never."""
+    ahead = np.concatenate([[0.0], np.geomspace(1e-4, horizon, 400)])
+    sign = 1.0 if rising else -1.0
+    lives = np.empty(len(coefficients))
+    for place, (c, e) in enumerate(zip(coefficients, exponents, strict=True)):
+        over = sign * (fit.model.curve(1 + ahead, c, tuple(map(float, e))) - limit)
+        at = int(np.argmax(over >= 0))
+        if over[at] < 0:
+            lives[place] = np.inf
+        elif at == 0:
+            lives[place] = 0.0
+        else:
+            part = -over[at - 1] / (over[at] - over[at - 1])
+            lives[place] = fit.span_s * (ahead[at - 1] + part * (ahead[at] - ahead[at - 1]))
+    return lives
+
+
+def _rms(x: Array) -> float:
+    return float(np.sqrt(np.mean(x**2)))

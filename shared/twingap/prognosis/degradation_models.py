@@ -1,0 +1,337 @@
+"""Curves for a health indicator along a run, fitted by least squares with bounds.
+
+time_s, indicator --start: grid of exponents, the rest linear--> least squares, bounded --> CurveFit --> any later time
+
+Paper 2 names "the exponential model, power model, and polynomial model" as common and prefers "the combined power
+function", whose form it does not give. Two readings of that are here, a t^b + c and a t^b + c t^d + e. Time enters as
+u = (t - first) / (last - first): only a t^b without offset depends on where the clock begins, and it begins with the
+run. All models are linear but for their exponents (Golub and Pereyra 1973, DOI 10.1137/0710036), which gives starts
+that need no luck.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.optimize import least_squares
+
+from twingap.errors import TwingapError
+
+Array = NDArray[np.float64]
+
+AMPLITUDE_LIMIT: Final = 100.0
+"""Of every linear coefficient, in units of the largest indicator. Without it, two terms of nearly equal exponent grow
+without end against each other, and extrapolate accordingly."""
+LARGEST_ARGUMENT: Final = 300.0
+"""exp(300) is beyond any indicator; it only keeps numbers, and their squares, finite."""
+POWERS: Final = (0.05, 60.0)
+RATES: Final = (-60.0, 60.0)
+"""Bounds of b and d: per run observed. 60 is a curve that does all it does in the last 2 % of what was seen."""
+
+
+@dataclass(frozen=True)
+class CurveModel:
+    """A family of curves: y = sum of coefficient times column, columns depending on time and a few exponents.
+
+    Parameters
+    ----------
+    name, formula : str
+    columns : callable
+        (u [rows], exponents) -> list of Arrays [rows].
+    slopes : callable
+        The same for each exponent: (u, exponents) -> list of (column number, its derivative [rows]).
+    starts : tuple of Array
+        Grid for each exponent; none for linear models.
+    bounds : (float, float)
+        Of each exponent.
+    spread : float
+        Least ratio of the second exponent to the first, where there are two.
+    linear : int
+        Number of columns.
+    """
+
+    name: str
+    formula: str
+    columns: Callable[[Array, tuple[float, ...]], list[Array]]
+    slopes: Callable[[Array, tuple[float, ...]], list[tuple[int, Array]]]
+    starts: tuple[Array, ...]
+    bounds: tuple[float, float]
+    linear: int
+    spread: float = 1.25
+
+    @property
+    def parameters(self) -> int:
+        """Coefficients and exponents."""
+        return self.linear + len(self.starts)
+
+    def design(self, u: Array, exponents: tuple[float, ...]) -> Array:
+        """Columns as [rows, linear]."""
+        return np.stack(self.columns(u, exponents), axis=-1)
+
+    def grid(self) -> list[tuple[float, ...]]:
+        """Exponents worth trying: one order only, and no two that are nearly equal."""
+        whole = [tuple(float(v) for v in values) for values in itertools.product(*self.starts)]
+        return [v for v in whole if len(v) < 2 or v[1] >= self.spread * v[0]]
+
+    def curve(self, u: Array, coefficients: Array, exponents: tuple[float, ...]) -> Array:
+        """Values at u [rows] for coefficients [linear]."""
+        value: Array = self.design(u, exponents) @ coefficients
+        return value
+
+
+@dataclass(frozen=True)
+class CurveFit:
+    """A model fitted to a run.
+
+    Parameters
+    ----------
+    model : CurveModel
+    origin_s, span_s : float
+        u = (t - origin) / span.
+    coefficients : Array [linear]
+        In the indicator's unit.
+    exponents : tuple of float
+    time_s, values : Array [rows]
+        What it was fitted to.
+    """
+
+    model: CurveModel
+    origin_s: float
+    span_s: float
+    coefficients: Array
+    exponents: tuple[float, ...]
+    time_s: Array
+    values: Array
+
+    def at(self, time_s: ArrayLike) -> Array:
+        """The curve at these times [...], s."""
+        t = np.asarray(time_s, float)
+        flat = self.model.curve(self.scaled(t.ravel()), self.coefficients, self.exponents)
+        return flat.reshape(t.shape)
+
+    def scaled(self, time_s: ArrayLike) -> Array:
+        """u of these times."""
+        return np.asarray((np.asarray(time_s, float) - self.origin_s) / self.span_s)
+
+    @property
+    def residuals(self) -> Array:
+        """Indicator less curve [rows]."""
+        return self.values - self.at(self.time_s)
+
+    @property
+    def rmse(self) -> float:
+        """Root of the mean squared residual."""
+        return float(np.sqrt(np.mean(self.residuals**2)))
+
+    @property
+    def r2(self) -> float:
+        """Share of variance explained; 0 for an indicator that does not vary."""
+        spread = float(np.sum((self.values - self.values.mean()) ** 2))
+        return 1 - float(np.sum(self.residuals**2)) / spread if spread > 0 else 0.0
+
+    @property
+    def at_bound(self) -> bool:
+        """Whether a parameter lies at its bound: then the data do not determine it."""
+        low, high = self.model.bounds
+        limit = AMPLITUDE_LIMIT * float(np.abs(self.values).max())
+        ends = [b - low < 1e-3 * (high - low) or high - b < 1e-3 * (high - low) for b in self.exponents]
+        return any(ends) or bool((np.abs(self.coefficients) > 0.999 * limit).any())
+
+
+def _power(u: Array, b: float) -> Array:
+    safe = np.where(u > 0, u, 1.0)
+    return np.where(u > 0, np.exp(np.minimum(b * np.log(safe), LARGEST_ARGUMENT)), 0.0)
+
+
+def _log(u: Array) -> Array:
+    """log u, 0 where u^b log u is to be 0."""
+    return np.log(np.where(u > 0, u, 1.0))
+
+
+def _exp(u: Array, b: float) -> Array:
+    # From the last row instead of the first: the coefficient is then of the indicator's size whatever the rate.
+    return np.exp(np.minimum(b * (u - 1), LARGEST_ARGUMENT))
+
+
+def _ones(u: Array) -> Array:
+    return np.ones_like(u)
+
+
+def _polynomial(degree: int) -> CurveModel:
+    terms = " + ".join(["a", "b t", "c t^2", "d t^3"][: degree + 1])
+    return CurveModel(
+        f"polynomial {degree}", terms, lambda u, e: [u**k for k in range(degree + 1)], lambda u, e: [], (), (0.0, 1.0),
+        degree + 1,
+    )  # fmt: skip
+
+
+_RATE_STARTS: Final = np.concatenate([-np.geomspace(30, 0.3, 8), np.geomspace(0.3, 55, 14)])
+_POWER_STARTS: Final = np.geomspace(0.06, 55, 22)
+_TWO_STARTS: Final = (np.geomspace(0.06, 30, 10), np.geomspace(0.2, 55, 11))
+
+EXPONENTIAL: Final = CurveModel(
+    "exponential", "a exp(b t)", lambda u, e: [_exp(u, e[0])], lambda u, e: [(0, (u - 1) * _exp(u, e[0]))],
+    (_RATE_STARTS,), RATES, 1,
+)  # fmt: skip
+EXPONENTIAL_OFFSET: Final = CurveModel(
+    "exponential with offset", "a exp(b t) + c", lambda u, e: [_exp(u, e[0]), _ones(u)],
+    lambda u, e: [(0, (u - 1) * _exp(u, e[0]))], (_RATE_STARTS,), RATES, 2,
+)  # fmt: skip
+POWER: Final = CurveModel(
+    "power", "a t^b", lambda u, e: [_power(u, e[0])], lambda u, e: [(0, _log(u) * _power(u, e[0]))],
+    (_POWER_STARTS,), POWERS, 1,
+)  # fmt: skip
+COMBINED_3: Final = CurveModel(
+    "combined power 3", "a t^b + c", lambda u, e: [_power(u, e[0]), _ones(u)],
+    lambda u, e: [(0, _log(u) * _power(u, e[0]))], (_POWER_STARTS,), POWERS, 2,
+)  # fmt: skip
+COMBINED_5: Final = CurveModel(
+    "combined power 5", "a t^b + c t^d + e", lambda u, e: [_power(u, e[0]), _power(u, e[1]), _ones(u)],
+    lambda u, e: [(k, _log(u) * _power(u, e[k])) for k in range(2)], _TWO_STARTS, POWERS, 3,
+)  # fmt: skip
+CONSTANT: Final = CurveModel("constant", "a", lambda u, e: [_ones(u)], lambda u, e: [], (), (0.0, 1.0), 1)
+
+MODELS: Final[Mapping[str, CurveModel]] = {
+    model.name: model
+    for model in (
+        CONSTANT, EXPONENTIAL, EXPONENTIAL_OFFSET, POWER, _polynomial(2), _polynomial(3), COMBINED_3, COMBINED_5,
+    )
+}  # fmt: skip
+"""By name. The constant is what a curve has to beat; the exponential without offset is MATLAB's `exp1`, the combined
+power of three parameters its `power2`: the tool that the paper uses."""
+
+
+def fit_curve(model: CurveModel, time_s: ArrayLike, values: ArrayLike, *, robust: bool = False) -> CurveFit:
+    """Least squares of a model, with bounds on every parameter.
+
+    Parameters
+    ----------
+    model : CurveModel
+    time_s : array_like [rows]
+        Increasing, s.
+    values : array_like [rows]
+        Indicator.
+    robust : bool
+        Weigh what is far off the curve less: soft L1, which turns linear at 1.345 robust standard deviations (Huber's
+        constant) of the residuals of the plain fit.
+
+    Returns
+    -------
+    CurveFit
+
+    Raises
+    ------
+    TwingapError
+        For NaN, times that do not increase, or fewer rows than parameters and two.
+    """
+    t, y = checked(time_s, values, at_least=model.parameters + 2)
+    origin, span = float(t[0]), float(t[-1] - t[0])
+    u = (t - origin) / span
+    size = float(np.abs(y).max())
+    if size == 0:
+        return CurveFit(model, origin, span, np.zeros(model.linear), _first(model), t, y)
+    start, exponents = _start(model, u, y / size)
+    parameters = np.concatenate([start, exponents])
+    if model.starts:
+        parameters = polished(model, u, y / size, parameters)
+    if robust:
+        for _ in range(2):  # the scale is taken anew from the robust curve: outliers have widened the first
+            off = y / size - model.curve(u, parameters[: model.linear], tuple(parameters[model.linear :]))
+            scale = 1.345 * 1.4826 * float(np.median(np.abs(off - np.median(off))))
+            if scale > 1e-12:
+                parameters = polished(model, u, y / size, parameters, scale=scale)
+    return CurveFit(
+        model, origin, span, parameters[: model.linear] * size, tuple(map(float, parameters[model.linear :])), t, y
+    )
+
+
+def polished(
+    model: CurveModel, u: Array, y: Array, parameters: Array, *, scale: float | None = None, memory: float = 0.0
+) -> Array:
+    """Bounded least squares from a start.
+
+    Parameters
+    ----------
+    model : CurveModel
+    u, y : Array [rows]
+        Scaled time; indicator over its largest value.
+    parameters : Array [linear + exponents]
+        The start.
+    scale : float or None
+        Of the soft L1; None for squares.
+    memory : float
+        Correlation of neighbouring rows that is taken out of the residuals first, as in an AR(1) process.
+    """
+    low, high = model.bounds
+    count = len(model.starts)
+    limits = (
+        np.array([-AMPLITUDE_LIMIT] * model.linear + [low] * count),
+        np.array([AMPLITUDE_LIMIT] * model.linear + [high] * count),
+    )
+
+    def off(p: Array) -> Array:
+        return whitened(model.curve(u, p[: model.linear], tuple(p[model.linear :])) - y, memory)
+
+    def slope(p: Array) -> Array:
+        coefficients, exponents = p[: model.linear], tuple(p[model.linear :])
+        parts = [
+            (coefficients[column] * each)[:, None]
+            for column, each in model.slopes(u, exponents)
+        ]  # fmt: skip
+        return whitened(np.concatenate([model.design(u, exponents), *parts], axis=1), memory)
+
+    inside = np.clip(parameters, limits[0] + 1e-9, limits[1] - 1e-9)
+    found = least_squares(
+        off, inside, jac=slope, bounds=limits, x_scale="jac", max_nfev=60, xtol=1e-8, ftol=1e-9, gtol=1e-9,
+        loss="linear" if scale is None else "soft_l1", f_scale=1.0 if scale is None else scale,
+    )  # fmt: skip
+    return np.asarray(found.x, float)
+
+
+def whitened(x: Array, memory: float) -> Array:
+    """Rows less `memory` times the row before; the first one scaled to the same variance."""
+    if memory == 0:
+        return x
+    return np.concatenate([x[:1] * np.sqrt(1 - memory**2), x[1:] - memory * x[:-1]])
+
+
+def checked(time_s: ArrayLike, values: ArrayLike, *, at_least: int) -> tuple[Array, Array]:
+    """Times and values as arrays [rows], refused where no curve can be laid through them."""
+    t, y = np.asarray(time_s, float), np.asarray(values, float)
+    where = "degradation curve"
+    if t.ndim != 1 or t.shape != y.shape:
+        raise TwingapError(f"shapes {t.shape} and {y.shape}, one time per value expected", where=where)
+    if t.size < at_least:
+        raise TwingapError(f"{t.size} rows, at least {at_least} expected", where=where, mend="give more records")
+    if not (np.isfinite(t).all() and np.isfinite(y).all()):
+        raise TwingapError("holds NaN or infinity", where=where, mend="leave these rows out")
+    if (np.diff(t) <= 0).any():
+        raise TwingapError("times do not increase", where=where, mend="sort the rows, and keep one of each time")
+    return t, y
+
+
+def _first(model: CurveModel) -> tuple[float, ...]:
+    return model.grid()[0] if model.starts else ()
+
+
+def _start(model: CurveModel, u: Array, y: Array) -> tuple[Array, tuple[float, ...]]:
+    """Best of the grid; amplitudes within their limit."""
+    found: tuple[float, Array, tuple[float, ...]] | None = None
+    spare: tuple[float, Array, tuple[float, ...]] | None = None
+    for exponents in model.grid():
+        design = model.design(u, exponents)
+        coefficients = np.linalg.lstsq(design, y, rcond=1e-10)[0]
+        rss = float(np.sum((y - design @ coefficients) ** 2))
+        if np.abs(coefficients).max() <= 0.99 * AMPLITUDE_LIMIT:
+            if found is None or rss < found[0]:
+                found = rss, coefficients, exponents
+        elif spare is None or rss < spare[0]:
+            spare = rss, np.clip(coefficients, -0.99 * AMPLITUDE_LIMIT, 0.99 * AMPLITUDE_LIMIT), exponents
+    best = found or spare
+    assert best is not None
+    return best[1], best[2]

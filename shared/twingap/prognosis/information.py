@@ -1,0 +1,117 @@
+"""Which curve explains a run best for its number of parameters, when residuals depend on their neighbours.
+
+CurveFit --residuals independent--> AICc, BIC (too sure of themselves: a run's residuals wander)
+         --AR(1) errors, refitted--> AICc, BIC that take the wandering into account
+
+Sources: Hurvich and Tsai 1989, DOI 10.1093/biomet/76.2.297 (AICc); Schwarz 1978, DOI 10.1214/aos/1176344136 (BIC);
+Cochrane and Orcutt 1949, DOI 10.1080/01621459.1949.10483290 (errors with memory).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twingap.prognosis.degradation_models import CurveFit, polished, whitened
+
+Array = NDArray[np.float64]
+
+LONGEST_MEMORY = 0.99
+"""Largest correlation of neighbours: at 1, any level is as likely as any other."""
+
+
+@dataclass(frozen=True)
+class Criteria:
+    """Lower is better; differences count, not values.
+
+    Parameters
+    ----------
+    aicc, bic : float
+        With residuals taken as independent.
+    aicc_ar1, bic_ar1 : float
+        With residuals as an AR(1) process; its memory counts as a parameter.
+    memory : float
+        Correlation of neighbouring residuals of the least-squares fit.
+    memory_ar1 : float
+        That of the refitted curve.
+    """
+
+    aicc: float
+    bic: float
+    aicc_ar1: float
+    bic_ar1: float
+    memory: float
+    memory_ar1: float
+
+
+def memory_of(residuals: Array) -> float:
+    """Correlation of neighbouring residuals about zero, between -0.99 and 0.99; 0 where all are 0."""
+    power = float(np.sum(residuals**2))
+    if power <= 0:
+        return 0.0
+    rho = float(np.sum(residuals[1:] * residuals[:-1])) / power
+    return min(max(rho, -LONGEST_MEMORY), LONGEST_MEMORY)
+
+
+def criteria(fit: CurveFit) -> Criteria:
+    """AICc and BIC of a fit, twice: with independent residuals, and with AR(1) ones.
+
+    Parameters
+    ----------
+    fit : CurveFit
+        By squares. Of a robust fit they are those of its curve under the normal law, which it does not minimise.
+
+    Returns
+    -------
+    Criteria
+        Rows are taken as evenly spaced. An exact fit has -inf.
+
+    Notes
+    -----
+    The curve with AR(1) errors is another one: it is refitted with the memory taken out of curve and indicator, the
+    memory estimated anew from it, until the likelihood no longer rises. Variance is taken as constant along the run; it
+    is not, where a failing bearing scatters more.
+    """
+    n = fit.values.size
+    parameters = fit.model.parameters
+    residuals = fit.residuals
+    independent = _deviance(residuals, 0.0)
+    memory = memory_of(residuals)
+    with_memory, rho_best = _deviance(residuals, memory), memory
+    size = float(np.abs(fit.values).max())
+    if size > 0:
+        u, y = fit.scaled(fit.time_s), fit.values / size
+        p, rho, linear = np.concatenate([fit.coefficients / size, fit.exponents]), memory, fit.model.linear
+        for _ in range(8):
+            p = polished(fit.model, u, y, p, memory=rho)
+            left = y - fit.model.curve(u, p[:linear], tuple(p[linear:]))
+            rho = memory_of(left)
+            deviance = _deviance(left * size, rho)
+            if deviance < with_memory:
+                gained = with_memory - deviance
+                with_memory, rho_best = deviance, rho
+                if gained > 1e-3:
+                    continue
+            break
+    free, free_ar1 = parameters + 1, parameters + 2
+    return Criteria(
+        _aicc(independent, free, n), independent + free * math.log(n),
+        _aicc(with_memory, free_ar1, n), with_memory + free_ar1 * math.log(n), memory, rho_best,
+    )  # fmt: skip
+
+
+def _deviance(residuals: Array, memory: float) -> float:
+    """-2 log likelihood of normal residuals, their variance the most likely one."""
+    n = residuals.size
+    variance = float(np.mean(whitened(residuals, memory) ** 2))
+    if variance <= 0:
+        return -math.inf
+    return n * (math.log(2 * math.pi * variance) + 1) - math.log(1 - memory**2)
+
+
+def _aicc(deviance: float, free: int, n: int) -> float:
+    left = n - free - 1
+    return deviance + 2 * free + (2 * free * (free + 1) / left if left > 0 else math.inf)
