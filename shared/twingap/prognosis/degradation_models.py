@@ -323,15 +323,16 @@ def _start(model: CurveModel, u: Array, y: Array) -> tuple[Array, tuple[float, .
     """Best of the grid; amplitudes within their limit."""
     found: tuple[float, Array, tuple[float, ...]] | None = None
     spare: tuple[float, Array, tuple[float, ...]] | None = None
+    highest = 0.99 * AMPLITUDE_LIMIT
     for exponents in model.grid():
         design = model.design(u, exponents)
-        coefficients = np.linalg.lstsq(design, y, rcond=1e-10)[0]
+        coefficients: Array = np.asarray(np.linalg.lstsq(design, y, rcond=1e-10)[0], float)
         rss = float(np.sum((y - design @ coefficients) ** 2))
-        if np.abs(coefficients).max() <= 0.99 * AMPLITUDE_LIMIT:
+        if np.abs(coefficients).max() <= highest:
             if found is None or rss < found[0]:
                 found = rss, coefficients, exponents
         elif spare is None or rss < spare[0]:
-            spare = rss, np.clip(coefficients, -0.99 * AMPLITUDE_LIMIT, 0.99 * AMPLITUDE_LIMIT), exponents
+            spare = rss, np.asarray(np.clip(coefficients, -highest, highest), float), exponents
     best = found or spare
     assert best is not None
     return best[1], best[2]

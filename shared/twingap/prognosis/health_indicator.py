@@ -1,0 +1,212 @@
+"""A health indicator for a run: features, what they fuse to, and the choice among them.
+
+records --> 11 time-domain, 4 spectral-kurtosis features [rows, 15]
+features --healthy start--> normalised features, fusion features --criteria--> the one chosen
+
+Source: section 4 of paper 2. The indicators themselves are online: learnt from the first `healthy_rows` alone, every
+row's value stands when the row comes. The choice looks at whatever runs it is given; made on other runs than the one it
+is used on, it reads nothing of that run.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twingap.errors import TwingapError
+from twingap.prognosis.fusion import Fusion, Order, Scaling, constant, learn_fusion
+from twingap.prognosis.indicator_criteria import IndicatorCriteria, judge
+from twingap.records import RecordSet
+from twingap.signal.features import PAPER2_FEATURES, paper2_features
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Run:
+    """Features along one run.
+
+    Parameters
+    ----------
+    name : str
+    time_s : Array [rows]
+        Increasing.
+    names : tuple of str
+    features : Array [rows, features]
+    """
+
+    name: str
+    time_s: Array
+    names: tuple[str, ...]
+    features: Array
+
+    def __post_init__(self) -> None:
+        if self.features.shape != (self.time_s.size, len(self.names)):
+            raise TwingapError(
+                f"features of shape {self.features.shape} for {self.time_s.size} times and {len(self.names)} names",
+                where=self.name,
+            )
+        if not (np.isfinite(self.features).all() and np.isfinite(self.time_s).all()):
+            raise TwingapError("holds NaN or infinity", where=self.name, mend="leave these rows out")
+        if (np.diff(self.time_s) <= 0).any():
+            raise TwingapError("times do not increase", where=self.name, mend="sort rows, one of each time")
+
+    def until(self, rows: int) -> Run:
+        """The first rows."""
+        return Run(self.name, self.time_s[:rows], self.names, self.features[:rows])
+
+    def only(self, names: Sequence[str]) -> Run:
+        """These features, in this order."""
+        places = [self.names.index(name) for name in names]
+        return Run(self.name, self.time_s, tuple(names), self.features[:, places])
+
+
+@dataclass(frozen=True)
+class Indicators:
+    """Candidates for one run, by name: normalised features, and fusion features "fusion 1", "fusion 2", ...
+
+    Parameters
+    ----------
+    fusion : Fusion
+        Of the features that vary.
+    values : dict[str, Array [rows]]
+    constant : tuple of str
+        Features left out, since they do not vary in the rows learnt from.
+    """
+
+    fusion: Fusion
+    values: dict[str, Array]
+    constant: tuple[str, ...]
+
+
+def features_of(
+    records: RecordSet,
+    name: str | None = None,
+    *,
+    window_samples: int = 128,
+    step: Callable[[], None] = lambda: None,
+) -> Run:
+    """The 15 features of each record of a run, one record in memory at a time.
+
+    Parameters
+    ----------
+    records : RecordSet
+        With `time_s`, of one run; sorted by it here.
+    name : str, optional
+        Of the run; the set's name when absent.
+    window_samples : int
+        Of the spectral kurtosis.
+    step : callable
+        Called after each record.
+
+    Returns
+    -------
+    Run
+
+    Raises
+    ------
+    TwingapError
+        When records have no time, share one, or are too short for the spectral kurtosis.
+    """
+    missing = [c.name for c in records.conditions if c.time_s is None]
+    if missing:
+        raise TwingapError(
+            f"{len(missing)} of {len(records)} records have no time_s, the first is {missing[0]!r}",
+            where=records.name, mend="add a column time_s: seconds from the start of the run",
+        )  # fmt: skip
+    times = np.array([c.time_s for c in records.conditions], float)
+    order = np.argsort(times, kind="stable")
+    twice = np.flatnonzero(np.diff(times[order]) == 0)
+    if twice.size:
+        first, second = (records.conditions[order[twice[0] + k]].name for k in (0, 1))
+        raise TwingapError(
+            f"records {first!r} and {second!r} have the same time_s", where=records.name,
+            mend="give the records of one run and one channel",
+        )  # fmt: skip
+    rows = np.empty((len(records), len(PAPER2_FEATURES)))
+    for place, at in enumerate(order):
+        record = records[int(at)]
+        try:
+            rows[place] = paper2_features(record.samples, record.condition.fs_hz, window_samples=window_samples).values
+        except TwingapError as error:
+            raise TwingapError(error.what, where=f"record {record.condition.name!r}", mend=error.mend) from error
+        step()
+    return Run(name or records.name, times[order], PAPER2_FEATURES, rows)
+
+
+def online_indicators(
+    run: Run, healthy_rows: int, *, scaling: Scaling = "z", order: Order = "descending"
+) -> Indicators:
+    """Candidates learnt from the first rows; the value at a row depends on these and on itself.
+
+    Parameters
+    ----------
+    run : Run
+    healthy_rows : int
+        Taken to be healthy.
+    scaling, order
+        As `learn_fusion`.
+
+    Raises
+    ------
+    TwingapError
+        When the run is not longer than its healthy start, or nothing varies in it.
+    """
+    if not 3 <= healthy_rows < run.time_s.size:
+        raise TwingapError(
+            f"{healthy_rows} healthy rows of {run.time_s.size}, at least 3 and fewer than all expected", where=run.name
+        )
+    return _indicators(run, run.features[:healthy_rows], scaling, order)
+
+
+def offline_indicators(run: Run, *, scaling: Scaling = "z", order: Order = "descending") -> Indicators:
+    """The paper's reading: normalisation and axes from the whole run. Each value depends on later rows.
+
+    Parameters and errors as `online_indicators`.
+    """
+    return _indicators(run, run.features, scaling, order)
+
+
+def _indicators(run: Run, learnt_from: Array, scaling: Scaling, order: Order) -> Indicators:
+    flat = constant(learnt_from)
+    if flat.all():
+        raise TwingapError(
+            f"all {flat.size} features are constant in the {learnt_from.shape[0]} rows learnt from", where=run.name,
+            mend="give measured features, or more healthy rows",
+        )  # fmt: skip
+    names = [name for name, is_flat in zip(run.names, flat, strict=True) if not is_flat]
+    fusion = learn_fusion(learnt_from[:, ~flat], scaling=scaling, order=order)
+    kept = run.features[:, ~flat]
+    values: dict[str, Array] = dict(zip(names, fusion.normalised(kept).T, strict=True))
+    values |= {f"fusion {k + 1}": column for k, column in enumerate(fusion.fused(kept).T)}
+    return Indicators(fusion, values, tuple(n for n, is_flat in zip(run.names, flat, strict=True) if is_flat))
+
+
+def judged(indicators: Indicators, time_s: Array, *, healthy_rows: int, window: int) -> dict[str, IndicatorCriteria]:
+    """Criteria of every candidate; see `judge`."""
+    return {
+        name: judge(values, time_s, healthy_rows=healthy_rows, window=window)
+        for name, values in indicators.values.items()
+    }
+
+
+def chosen(found: Sequence[Mapping[str, IndicatorCriteria]]) -> str:
+    """The candidate of highest suitability, on average over runs; of equals the first.
+
+    Parameters
+    ----------
+    found : sequence of mappings
+        Criteria by candidate, one mapping a run. Only candidates that all runs have can be chosen.
+
+    Raises
+    ------
+    TwingapError
+        When there is none.
+    """
+    common = [name for name in (found[0] if found else {}) if all(name in each for each in found)]
+    if not common:
+        raise TwingapError("no indicator is there in all runs", where="choice of the health indicator")
+    return max(common, key=lambda name: float(np.mean([each[name].suitability for each in found])))
