@@ -1,0 +1,147 @@
+"""`twingap rul`: remaining life along a run."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from twingap.cli.options import AnySeed, Json, say_json, show, steps, wrote
+
+if TYPE_CHECKING:
+    from twingap.prognosis.follow import Outcome
+    from twingap.prognosis.online import LifeOptions
+
+
+class Gaps(StrEnum):
+    """What the machine did while rows are missing."""
+
+    running = "running"
+    stopped = "stopped"
+
+
+_SHOWN = 15
+
+
+def rul(
+    recordset: Annotated[
+        Path, typer.Argument(metavar="RECORDSET", help="Records of one run with time_s; speed_rpm 0 is a stop.")
+    ],
+    out: Annotated[Path, typer.Option(metavar="rul.csv", help="Where the estimates are written, a row a record.")],
+    limit: Annotated[
+        float | None,
+        typer.Option(help="Peak to peak at which life ends, in the unit of the records, at whatever speed.", min=0.0),
+    ] = None,
+    limit_ratio: Annotated[
+        float,
+        typer.Option(
+            help="Where no --limit is given: life ends at this many times the healthy peak to peak at the same speed."
+        ),
+    ] = 10.0,
+    healthy_rows: Annotated[
+        int, typer.Option(help="Rows at the beginning, the machine running, that count as healthy.", min=8)
+    ] = 60,
+    false_alarm: Annotated[
+        float, typer.Option(help="Chance of a false alarm within 2000 healthy rows.", min=1e-6, max=0.49)
+    ] = 0.01,
+    gaps: Annotated[Gaps, typer.Option(help="Whether the machine ran while rows are missing.")] = Gaps.running,
+    prior: Annotated[
+        list[Path] | None,
+        typer.Option(
+            metavar="RUN",
+            help="A run of such a bearing to its end (a record set), or a table of runs with the columns record, "
+            "life_revolutions, after_anomaly_revolutions, end_ratio. May be given several times. With it there are "
+            "estimates before the anomaly, and without --limit life ends where those runs ended.",
+        ),
+    ] = None,
+    group: Annotated[
+        str | None, typer.Option(help="Whose records are the run, where RECORDSET holds several bearings.")
+    ] = None,
+    seed: AnySeed = 0,
+    as_json: Json = False,
+) -> None:
+    """Remaining life along a run to failure: revolutions, and time with a 90 % interval.
+
+    Each row uses only the records up to its own time. Peak to peak is divided by its healthy value at the same speed,
+    learnt from the first rows; an alarm is given when it stays above what healthy rows show; from then on laws of
+    growth are weighed by what was seen. Remaining time is what the remaining revolutions take at the row's own speed.
+    Intervals are calibrated on simulated runs of many growth laws.
+
+    rul.csv has the columns record, anomaly (0 or 1), remaining_revolutions, remaining_time_s, remaining_time_s_lo and
+    remaining_time_s_hi, rows in order of time; estimates are empty before the anomaly unless --prior is given.
+    """
+    import math
+    import sys
+
+    from twingap.errors import TwingapError
+    from twingap.files import replacing
+    from twingap.prognosis.anomaly import AnomalyRule
+    from twingap.prognosis.follow import COLUMNS, follow, prior_from
+    from twingap.prognosis.online import LifeOptions
+    from twingap.prognosis.run_records import read_run
+    from twingap.records.table import write_table
+
+    if limit is not None and not limit > 0:
+        raise TwingapError(f"limit = {limit:g}, a positive amplitude expected", where="--limit")
+    if not (math.isfinite(limit_ratio) and limit_ratio > 1):
+        raise TwingapError(f"ratio = {limit_ratio:g}, more than 1 expected", where="--limit-ratio")
+    options = LifeOptions(limit, limit_ratio, healthy_rows, AnomalyRule(false_alarm), gaps.value)
+    run = read_run(recordset, group)
+    with replacing(out) as table:
+        before = [outcome for path in prior or () for outcome in _outcomes(path, options)]
+        learnt = prior_from(before) if before else None
+        found = follow(
+            run, options, learnt, report=lambda rows: steps(rows, f"{run.name}: remaining life", len(run.rows))
+        )
+        rows = found.rows()
+        write_table(table, rows, COLUMNS)
+    notes = [*found.notes, _meaning(options, run.unit, learnt is not None)]
+    if len({row.speed_rpm for row in run.rows if row.speed_rpm > 0}) > 1:
+        notes.append("speed varies: remaining time is at each row's own speed, so it moves with it; revolutions do not")
+    if as_json:
+        last = rows[-1]
+        about: dict[str, Any] = {
+            "out": str(out), "run": run.name, "rows": len(rows), "alarm": found.alarm, "onset": found.onset,
+            "last": last, "records": rows, "notes": notes,
+        }  # fmt: skip
+        say_json(about)
+    else:
+        places = sorted({round(i * (len(rows) - 1) / (_SHOWN - 1)) for i in range(_SHOWN)})
+        show([rows[i] for i in places], False, title=f"{run.name}: {len(places)} of {len(rows)} rows")
+    for note in notes:
+        print(f"note: {note}", file=sys.stderr)
+    wrote(out, as_json=as_json)
+
+
+def _outcomes(path: Path, options: LifeOptions) -> list[Outcome]:
+    """What runs that ended say: a table of them, or one as a record set."""
+    from twingap.errors import TwingapError
+    from twingap.prognosis.follow import follow, read_outcomes
+    from twingap.prognosis.run_records import read_run
+
+    if not path.is_dir():
+        if not path.is_file():
+            raise TwingapError("no such run", where=path, mend="name a record set or a table of runs")
+        return read_outcomes(path)
+    run = read_run(path)
+    return [follow(run, options, report=lambda rows: steps(rows, f"{run.name}: prior", len(run.rows))).outcome]
+
+
+def _meaning(options: LifeOptions, unit: str, prior: bool) -> str:
+    """What the numbers mean, in a line."""
+    if options.limit is not None:
+        end = (
+            f"{options.limit:g} {unit}".strip()
+            + " peak to peak, reached first at the speed of the greatest healthy amplitude (--limit)"
+        )
+    elif prior:
+        end = "the amplitudes at which the runs given by --prior ended"
+    else:
+        end = f"{options.limit_ratio:g} times the healthy peak to peak (--limit-ratio; or --limit in the records' unit)"
+    rule = options.rule
+    return (
+        f"life ends at {end}; an alarm is false in {rule.false_alarm:g} of runs of {rule.horizon_rows} independent "
+        "healthy rows; 90 % intervals are calibrated on simulated runs, and hold for growth that is like one of those"
+    )

@@ -1,0 +1,211 @@
+"""A whole run followed row by row, and what it teaches about runs to come.
+
+Run --OnlineLife, one record in memory--> Followed: an estimate a row, notes;  Followed, ... --> Prior
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from twingap.errors import TwingapError
+from twingap.prognosis.growth import EndLevel, LogNormal
+from twingap.prognosis.online import Estimate, LifeOptions, OnlineLife, Prior
+from twingap.prognosis.run_records import Run, RunRow
+from twingap.records.table import read_table
+
+COLUMNS: Final = (
+    "record", "anomaly", "remaining_revolutions", "remaining_time_s", "remaining_time_s_lo", "remaining_time_s_hi",
+)  # fmt: skip
+_IMPULSIVE: Final = 6.0
+_USUAL_SPREAD: Final = 0.7
+"""Standard deviation of log life over bearings of one kind, taken for as much as two runs would say: a Weibull life of
+slope 1.5 (rolling bearings: 1.1 to 1.5) has 0.85, one of slope 2 has 0.64."""
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What a run that has ended says about others.
+
+    Parameters
+    ----------
+    name : str
+    life : float
+        Revolutions from first to last row.
+    after_onset : float or None
+        From the onset of the anomaly; None when none was found.
+    end_ratio : float or None
+        Amplitude at the end over the healthy one.
+    """
+
+    name: str
+    life: float
+    after_onset: float | None
+    end_ratio: float | None
+
+
+@dataclass(frozen=True)
+class Followed:
+    """A run with its estimates.
+
+    Parameters
+    ----------
+    run : Run
+    estimates : tuple of Estimate
+        One a row.
+    notes : tuple of str
+    outcome : Outcome
+        Should the last row be the end of life.
+    alarm, onset : str or None
+        Records at which the anomaly was known, and began.
+    """
+
+    run: Run
+    estimates: tuple[Estimate, ...]
+    notes: tuple[str, ...]
+    outcome: Outcome
+    alarm: str | None
+    onset: str | None
+
+    def rows(self) -> list[dict[str, Any]]:
+        """Rows of rul.csv; None for an empty cell."""
+        return [_row(row, e) for row, e in zip(self.run.rows, self.estimates, strict=True)]
+
+
+def follow(
+    run: Run,
+    options: LifeOptions | None = None,
+    prior: Prior | None = None,
+    *,
+    report: Callable[[Iterable[RunRow]], Iterable[RunRow]] = iter,
+) -> Followed:
+    """Estimate remaining life after every row of a run, each from the rows up to it.
+
+    Parameters
+    ----------
+    run : Run
+    options : LifeOptions, optional
+    prior : Prior, optional
+    report : callable
+        Wraps the rows as they are taken, to show progress.
+    """
+    life = OnlineLife(options, prior)
+    estimates: list[Estimate] = []
+    skipped: list[str] = []
+    kurtosis: list[float] = []
+    for row in report(run.rows):
+        try:
+            height, shape = row.amplitude()
+        except TwingapError as error:
+            skipped.append(str(error))
+            height, shape = float("nan"), float("nan")
+        else:
+            if row.speed_rpm > 0 and not height > 0:
+                skipped.append(f"record {row.name!r} does not vibrate at all")
+        if len(kurtosis) < life.options.healthy_rows and np.isfinite(shape):
+            kurtosis.append(shape)
+        estimates.append(life.update(row.time_s, row.speed_rpm, height))
+    notes = [*run.notes, *_shortened(life.notes)]
+    if skipped:
+        more = f", and {len(skipped) - 1} more" if len(skipped) > 1 else ""
+        notes.append(f"left out, with the estimate carried on from the row before: {skipped[0]}{more}")
+    if kurtosis and float(np.median(kurtosis)) > _IMPULSIVE:
+        notes.append(
+            f"the first rows are impulsive (kurtosis {np.median(kurtosis):.1f}; Gaussian noise has 3): the bearing may "
+            "not have been healthy at the start, and amplitude is relative to what it was then"
+        )
+    if life.alarm_row is None:
+        notes.append(_why_none(life, run))
+    if life.end_row is not None:
+        notes.append(f"end of life is reached at record {run.rows[life.end_row].name!r}: nothing remains from there on")
+    outcome = Outcome(
+        run.name, life.revolutions,
+        None if life.onset_row is None else max(life.revolutions - life.revolutions_at_onset, 0.0),
+        None if not np.isfinite(life.level) else float(np.exp(life.level)),
+    )  # fmt: skip
+    names = [None if place is None else run.rows[place].name for place in (life.alarm_row, life.onset_row)]
+    return Followed(run, tuple(estimates), tuple(notes), outcome, names[0], names[1])
+
+
+def prior_from(outcomes: Sequence[Outcome]) -> Prior:
+    """What runs that ended say of the next one of their kind.
+
+    Parameters
+    ----------
+    outcomes : sequence of Outcome
+        At least one. Runs without an anomaly tell their life alone.
+
+    Returns
+    -------
+    Prior
+        Log-normal laws, with the spread of one more draw: sqrt(1 + 1/n) of their standard deviation.
+    """
+    if not outcomes:
+        raise TwingapError("no run has ended", where="prior", mend="give at least one run to failure")
+    lives = [o.life for o in outcomes if o.life > 0]
+    after = [o.after_onset for o in outcomes if o.after_onset]
+    ends = [o.end_ratio for o in outcomes if o.end_ratio and o.end_ratio > 1 and o.after_onset]
+    if not lives:
+        raise TwingapError("no run has turned at all", where="prior", mend="give runs with speed_rpm above 0")
+    life = _log_normal(lives)
+    return Prior(
+        life,
+        _log_normal(after) if after else LogNormal(life.mean - 1.0, 2.0),
+        EndLevel(*_mean_std(ends)) if ends else EndLevel(float(np.log(10.0)), _USUAL_SPREAD),
+    )
+
+
+def read_outcomes(path: str | os.PathLike[str]) -> list[Outcome]:
+    """Outcomes from a table with the columns record, life_revolutions, after_anomaly_revolutions, end_ratio.
+
+    The last two may be empty or absent.
+    """
+    found = []
+    for row in read_table(Path(path), ("record", "life_revolutions")):
+        life = row.number_in("life_revolutions", needed=True, positive=True)
+        assert life is not None
+        found.append(
+            Outcome(
+                row.text("record", needed=True) or "", life,
+                row.number_in("after_anomaly_revolutions", positive=True), row.number_in("end_ratio", positive=True),
+            )
+        )  # fmt: skip
+    return found
+
+
+def _log_normal(values: Sequence[float]) -> LogNormal:
+    return LogNormal(*_mean_std(values))
+
+
+def _mean_std(values: Sequence[float]) -> tuple[float, float]:
+    logs = np.log(values)
+    squares = float(np.sum((logs - logs.mean()) ** 2)) + 2 * _USUAL_SPREAD**2
+    return float(logs.mean()), float(np.sqrt(squares / (logs.size + 1) * (1 + 1 / logs.size)))
+
+
+def _row(row: RunRow, e: Estimate) -> dict[str, Any]:
+    values = (e.revolutions, *e.time_s())
+    cells = [float(v) if np.isfinite(v) else None for v in values]
+    return dict(zip(COLUMNS, (row.name, int(e.anomaly), *cells), strict=True))
+
+
+def _shortened(notes: Sequence[str], kept: int = 6) -> list[str]:
+    """The first notes, and how many more there are."""
+    more = [f"and {len(notes) - kept} more notes of such kinds"] if len(notes) > kept else []
+    return [*notes[:kept], *more]
+
+
+def _why_none(life: OnlineLife, run: Run) -> str:
+    if life.judged:
+        return "no anomaly: amplitude stays within its healthy scatter, and remaining life is left empty" + (
+            "" if life.prior is None else " but for what other runs say"
+        )
+    return (
+        f"{len(run.rows)} rows are too few to tell an anomaly: the first {life.options.healthy_rows} rows of the "
+        "running machine count as healthy (--healthy-rows)"
+    )

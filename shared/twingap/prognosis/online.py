@@ -1,0 +1,451 @@
+"""Remaining life along a run, row by row as it is measured: what is behind `twingap rul`.
+
+row: time, speed, peak to peak --> S(k), eqs. 9-11 --> alarm? --yes--> growth laws --> remaining revolutions, 90 %
+                                        (healthy rows)    |no                                    |
+                                                          v                                      v
+                                                  prior of other runs, if any             / speed, eq. 14 --> time
+
+A row's estimate is made when the row is taken and never again: it cannot depend on later ones. Intervals are those of
+the posterior, stretched by what simulated runs showed (see `calibration`).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from itertools import pairwise
+from typing import Final, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twingap.errors import TwingapError
+from twingap.prognosis.anomaly import AnomalyRule, detect_anomaly, rank
+from twingap.prognosis.calibration import Posterior, calibrated
+from twingap.prognosis.growth import EndLevel, LogNormal, Seen, lives
+from twingap.prognosis.speed_influence import SAME_SPEED, SpeedInfluence, fit_speed_influence
+
+Array = NDArray[np.float64]
+
+GAP: Final = 10.0
+"""A row that comes after this many times the usual spacing comes after a gap."""
+_PER_SPEED: Final = 4
+_BINS: Final = 36
+
+
+@dataclass(frozen=True)
+class Prior:
+    """What other runs of such bearings showed.
+
+    Parameters
+    ----------
+    life : LogNormal
+        Revolutions from the first row to the end.
+    after_onset : LogNormal
+        Revolutions from the onset of the anomaly to the end.
+    end : EndLevel
+        Normalised amplitude at the end.
+    """
+
+    life: LogNormal
+    after_onset: LogNormal
+    end: EndLevel
+
+
+@dataclass(frozen=True)
+class LifeOptions:
+    """How remaining life is estimated.
+
+    Parameters
+    ----------
+    limit : float or None
+        Peak to peak at which a life ends, unit of the records, at whatever speed (15 g in paper 1). None: by
+        `limit_ratio`.
+    limit_ratio : float
+        Amplitude at the end over the healthy one at the same speed.
+    healthy_rows : int
+        Rows at the beginning of the run that are taken to be healthy.
+    rule : AnomalyRule
+        States the rate of false alarms.
+    gaps : {"running", "stopped"}
+        Whether the machine ran while rows are missing.
+    """
+
+    limit: float | None = None
+    limit_ratio: float = 10.0
+    healthy_rows: int = 60
+    rule: AnomalyRule = field(default_factory=AnomalyRule)
+    gaps: Literal["running", "stopped"] = "running"
+
+    def __post_init__(self) -> None:
+        if self.limit is not None and not (np.isfinite(self.limit) and self.limit > 0):
+            raise TwingapError(f"limit = {self.limit!r}, a positive amplitude expected", where="end of life")
+        if not (np.isfinite(self.limit_ratio) and self.limit_ratio > 1):
+            raise TwingapError(f"limit ratio = {self.limit_ratio!r}, more than 1 expected", where="end of life")
+        if self.healthy_rows < 8:
+            raise TwingapError(f"{self.healthy_rows} healthy rows, at least 8 expected", where="healthy rows")
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """Remaining life as known at a row; NaN where nothing can be said.
+
+    Parameters
+    ----------
+    anomaly : bool
+    revolutions, revolutions_lo, revolutions_hi : float
+        Median and 90 % interval.
+    speed_rpm : float
+        Of the row.
+    """
+
+    anomaly: bool
+    revolutions: float = float("nan")
+    revolutions_lo: float = float("nan")
+    revolutions_hi: float = float("nan")
+    speed_rpm: float = 0.0
+
+    def time_s(self) -> tuple[float, float, float]:
+        """Median, lower and upper remaining time at the row's own speed (eq. 14), s; NaN while it stands still."""
+        if not self.speed_rpm > 0:
+            return (float("nan"),) * 3
+        a, b, c = (60 * v / self.speed_rpm for v in (self.revolutions, self.revolutions_lo, self.revolutions_hi))
+        return a, b, c
+
+
+class OnlineLife:
+    """Takes the rows of one run in order of time and says after each what life remains.
+
+    Parameters
+    ----------
+    options : LifeOptions, optional
+    prior : Prior, optional
+        From other runs. With it, there are estimates before the anomaly, and the end level is theirs unless
+        `options.limit` is given.
+
+    Attributes
+    ----------
+    notes : list of str
+        What was unusual about the run so far, and how it was taken.
+    onset_row, alarm_row : int or None
+        First row of the anomaly, and the row with which it was known, counted in rows taken.
+    revolutions : float
+        Since the first row.
+    """
+
+    def __init__(self, options: LifeOptions | None = None, prior: Prior | None = None) -> None:
+        self.options = options or LifeOptions()
+        self.prior = prior
+        self.notes: list[str] = []
+        self.onset_row: int | None = None
+        self.alarm_row: int | None = None
+        self.end_row: int | None = None
+        self.revolutions = 0.0
+        self._rows = 0
+        self._time: float | None = None
+        self._speed = 0.0
+        self._spacings: list[float] = []
+        self._influence: SpeedInfluence | None = None
+        self._same_speed = SAME_SPEED
+        self._limit = float("nan")
+        self._healthy: list[tuple[float, float]] = []
+        self._learning: dict[int, list[tuple[float, float]]] = {}
+        self._reference = (0.0, 0.1, 0.0)  # mean, standard deviation, memory of log amplitude
+        self._run: list[int] = []
+        self._together = 1
+        # Judged rows: number of the row, revolutions, log normalised amplitude.
+        self._log: list[tuple[int, float, float]] = []
+        self._last: tuple[float, float, float, float] | None = None
+        self._highest_gain = 0.0
+
+    def take(self, time_s: float, speed_rpm: float, peak_to_peak: float) -> None:
+        """Take the next row without asking for an estimate.
+
+        Parameters
+        ----------
+        time_s : float
+            Not before the last row's.
+        speed_rpm : float
+            0 while the machine stands still.
+        peak_to_peak : float
+            NaN when the record cannot be used.
+        """
+        if self._time is not None and time_s < self._time:
+            raise TwingapError("is before the row taken last", where=f"time_s = {time_s:g}", mend="sort rows by time")
+        row = self._rows
+        self._rows += 1
+        self._count(time_s, speed_rpm)
+        if not (speed_rpm > 0 and np.isfinite(peak_to_peak) and peak_to_peak > 0):
+            return
+        if self._influence is None:
+            self._healthy.append((speed_rpm, peak_to_peak))
+            if len(self._healthy) >= self.options.healthy_rows:
+                self._learn(row)
+            return
+        if self.alarm_row is None and not self._known(speed_rpm):
+            self._learn_speed(speed_rpm, peak_to_peak)
+            return
+        self._judge(row, speed_rpm, peak_to_peak)
+
+    def estimate(self) -> Estimate:
+        """Remaining life after the rows taken so far."""
+        speed = self._speed
+        if self.end_row is not None:
+            return Estimate(True, 0.0, 0.0, 0.0, speed)
+        if self.alarm_row is None:
+            return self._before(speed)
+        if self._log and (self._last is None or self._last[0] != self._log[-1][1]):
+            self._last = self._after()
+        if self._last is None:
+            return Estimate(True, speed_rpm=speed)
+        since = self.revolutions - self._last[0]
+        middle, low, high = (max(v - since, 0.0) for v in self._last[1:])
+        return Estimate(True, middle, low, high, speed)
+
+    def update(self, time_s: float, speed_rpm: float, peak_to_peak: float) -> Estimate:
+        """`take` and then `estimate`."""
+        self.take(time_s, speed_rpm, peak_to_peak)
+        return self.estimate()
+
+    @property
+    def judged(self) -> bool:
+        """Whether any row has been judged: the healthy rows are over."""
+        return bool(self._log)
+
+    @property
+    def level(self) -> float:
+        """Median log normalised amplitude of the last five judged rows; NaN before any."""
+        return float(np.median([x for _, _, x in self._log[-5:]])) if self._log else float("nan")
+
+    @property
+    def revolutions_at_onset(self) -> float:
+        """Revolutions since the first row at which the anomaly began; NaN without one."""
+        if self.onset_row is None:
+            return float("nan")
+        return next((u for row, u, _ in self._log if row >= self.onset_row), self.revolutions)
+
+    def _count(self, time_s: float, speed_rpm: float) -> None:
+        """Revolutions since the last row, and whether rows are missing."""
+        speed = max(speed_rpm, 0.0) if np.isfinite(speed_rpm) else self._speed
+        if self._time is not None:
+            dt_s = time_s - self._time
+            usual = float(np.median(self._spacings[-50:])) if len(self._spacings) >= 3 else float("inf")
+            gap = dt_s > GAP * usual and usual > 0
+            if not gap:
+                self._spacings.append(dt_s)
+            running = min(speed, self._speed) > 0 and not (gap and self.options.gaps == "stopped")
+            if running:
+                self.revolutions += (speed + self._speed) / 2 * dt_s / 60
+            if gap:
+                how = "not counted" if not running else f"counted at {(speed + self._speed) / 2:.0f} rpm"
+                self.notes.append(f"gap of {dt_s:.6g} s before time_s = {time_s:.6g}: its revolutions are {how}")
+        self._time, self._speed = time_s, speed
+
+    def _learn(self, row: int) -> None:
+        """S(k), the limit of the anomaly and the scatter, from the healthy rows."""
+        speed, p = (np.array(v) for v in zip(*self._healthy, strict=True))
+        for same_speed in (SAME_SPEED, 0.06, 0.12, 0.25, 0.5, 1.0, 1e9):
+            influence = fit_speed_influence(p, speed, same_speed=same_speed)
+            if influence.speeds_rpm.size == 1 or np.median(influence.counts) >= _PER_SPEED:
+                break
+        normalised = p / influence.amplitude(speed)
+        if (start := _rises(normalised)) is not None:
+            self._without_healthy_start(row, start)
+            return
+        speeds = int(influence.speeds_rpm.size)
+        rule = self.options.rule
+        # Few healthy rows promise the same rate of false alarms with longer sequences.
+        for more in range(rule.consecutive, min(rule.horizon_rows, 60)):
+            used = AnomalyRule(rule.false_alarm, rule.horizon_rows, more, rule.law)
+            if rule.law == "normal" or rank(normalised.size, used) > 0:
+                break
+        try:
+            found = detect_anomaly(normalised, normalised.size, used, speeds=speeds)
+        except TwingapError as error:
+            if len(self._healthy) > 20 * self.options.healthy_rows or "equal" in error.what:
+                raise
+            return  # more rows are needed than were asked for: the next one tries again
+        if len(self._healthy) > self.options.healthy_rows:
+            self.notes.append(f"{len(self._healthy)} rows were needed as healthy ones for {speeds} speeds")
+        if used.consecutive > rule.consecutive:
+            self.notes.append(
+                f"{normalised.size} healthy rows keep the stated rate of false alarms with {used.consecutive} rows "
+                f"together instead of {rule.consecutive}"
+            )
+        self._together = used.consecutive
+        self._influence, self._same_speed, self._limit = influence, max(same_speed, SAME_SPEED), found.limit
+        self._set_reference(normalised)
+        self._check_limit()
+
+    def _without_healthy_start(self, row: int, first: int) -> None:
+        """The reference rises: the run began, or became, damaged within it."""
+        head = self._healthy[:first]
+        speed, p = (np.array(v) for v in zip(*head, strict=True))
+        self._influence = fit_speed_influence(p, speed, same_speed=0.25)
+        self._same_speed = 1e9
+        self._set_reference(p / self._influence.amplitude(speed))
+        self._check_limit()
+        self.notes.append(
+            f"no healthy start: amplitude rises within the first {len(self._healthy)} rows, so the anomaly is put at "
+            f"the first row and amplitude is relative to the first {first}; end of life by ratio comes late by what "
+            "had grown before"
+        )
+        self.onset_row, self.alarm_row = 0, row
+        # Their place in the run is not kept while they count as healthy: they are spread evenly.
+        turns = np.linspace(0, self.revolutions, len(self._healthy))
+        for place, (u, (s, a)) in enumerate(zip(turns, self._healthy, strict=True)):
+            self._log.append((place, float(u), float(np.log(a / self._influence.amplitude(s)))))
+            self._highest_gain = max(self._highest_gain, float(self._influence.amplitude(s)))
+
+    def _set_reference(self, normalised: Array) -> None:
+        x = np.log(normalised)
+        x = x - np.median(x)
+        std = float(1.4826 * np.median(np.abs(x)))
+        std = max(std, 0.5 * float(x.std()), 1e-3)
+        core = np.clip(x, -3 * std, 3 * std)
+        memory = float(np.mean(core[1:] * core[:-1]) / max(np.mean(core**2), 1e-12))
+        self._reference = (float(np.median(np.log(normalised))), std, float(np.clip(memory, 0.0, 0.9)))
+
+    def _check_limit(self) -> None:
+        assert self._influence is not None
+        healthy = float(self._influence.amplitude(self._influence.speeds_rpm).max())
+        if self.options.limit is not None and healthy >= self.options.limit:
+            raise TwingapError(
+                f"healthy rows have {healthy:.4g} peak to peak already", where=f"limit {self.options.limit:g}",
+                mend="raise the limit, in the unit of the records",
+            )  # fmt: skip
+        self._highest_gain = healthy
+
+    def _known(self, speed_rpm: float) -> bool:
+        assert self._influence is not None
+        near = np.abs(self._influence.speeds_rpm / speed_rpm - 1) <= self._same_speed
+        return bool(near.any())
+
+    def _learn_speed(self, speed_rpm: float, peak_to_peak: float) -> None:
+        """A speed not seen in the healthy rows, before any anomaly: its S is learnt from its own first rows."""
+        assert self._influence is not None
+        place = round(np.log(speed_rpm) / np.log1p(self._same_speed))
+        rows = self._learning.setdefault(place, [])
+        rows.append((speed_rpm, peak_to_peak))
+        if len(rows) < _PER_SPEED:
+            return
+        new = fit_speed_influence([p for _, p in rows], [s for s, _ in rows], same_speed=1e9)
+        old = self._influence
+        order = np.argsort(np.concatenate((old.speeds_rpm, new.speeds_rpm)), kind="stable")
+        self._influence = SpeedInfluence(
+            np.concatenate((old.speeds_rpm, new.speeds_rpm))[order],
+            np.concatenate((old.c, new.c))[order],
+            np.concatenate((old.counts, new.counts))[order],
+        )
+        del self._learning[place]
+        self._check_limit()
+        self.notes.append(
+            f"{new.speeds_rpm[0]:.0f} rpm was not among the healthy rows: its healthy amplitude is learnt from its "
+            f"first {len(rows)} rows, which are not judged"
+        )
+
+    def _judge(self, row: int, speed_rpm: float, peak_to_peak: float) -> None:
+        """One row of the running machine, after the healthy ones."""
+        assert self._influence is not None
+        gain = float(self._influence.amplitude(speed_rpm))
+        normalised = peak_to_peak / gain
+        self._log.append((row, self.revolutions, float(np.log(normalised)) - self._reference[0]))
+        self._highest_gain = max(self._highest_gain, gain)
+        if self.alarm_row is None:
+            self._run = [*self._run, row] if normalised > self._limit else []
+            if len(self._run) >= self._together:
+                self.onset_row, self.alarm_row = self._run[0], row
+        if self.alarm_row is not None and self.end_row is None:
+            ended = (
+                peak_to_peak >= self.options.limit
+                if self.options.limit is not None
+                else self._end().std == 0 and np.log(normalised) >= self._end().mean
+            )
+            if ended:
+                self.end_row = row
+
+    def _end(self) -> EndLevel:
+        """Log normalised amplitude at the end of life."""
+        if self.options.limit is not None:
+            # It is reached first at the speed at which the structure answers most, of those that the run uses.
+            return EndLevel(float(np.log(self.options.limit / self._highest_gain)) - self._reference[0])
+        if self.prior is not None:
+            return self.prior.end
+        return EndLevel(float(np.log(self.options.limit_ratio)) - self._reference[0])
+
+    def _before(self, speed: float) -> Estimate:
+        """Before the anomaly: the lives of other runs, given that this one lives still."""
+        if self.prior is None:
+            return Estimate(False, speed_rpm=speed)
+        left = EndLevel(self.prior.life.mean, self.prior.life.std)
+        low, middle, high = _outlived(left, np.log(max(self.revolutions, 1e-9)))
+        u = self.revolutions
+        return Estimate(False, max(middle - u, 0.0), max(low - u, 0.0), max(high - u, 0.0), speed)
+
+    def posterior(self) -> Posterior | None:
+        """What the growth laws say at the last judged row, before calibration; None before the anomaly."""
+        if self.alarm_row is None or not self._log:
+            return None
+        seen, rows = self._seen()
+        end = self._end()
+        found = lives(seen, end, None if self.prior is None else self.prior.after_onset)
+        low, middle, high = (found.quantile(q) for q in (0.05, 0.5, 0.95))
+        return Posterior(low, middle, high, seen.per_row, rows, found.level / max(end.mean, 1e-9))
+
+    def _after(self) -> tuple[float, float, float, float]:
+        """Revolutions at the last judged row, and median and interval of what remained there."""
+        found = self.posterior()
+        assert found is not None
+        low, middle, high = calibrated(found)
+        return self._log[-1][1], middle, low, high
+
+    def _seen(self) -> tuple[Seen, int]:
+        """The rows since the onset, and as many revolutions before it, in bins."""
+        assert self.onset_row is not None
+        now = self._log[-1][1]
+        rows = np.array([r for r, _, _ in self._log])
+        first = int(np.searchsorted(rows, self.onset_row))
+        since_rows = rows.size - first
+        begin = max(first - since_rows, 0)
+        u = np.array([v for _, v, _ in self._log[begin:]])
+        x = np.array([v for _, _, v in self._log[begin:]])
+        after = np.arange(begin, rows.size) >= first
+        since = max(now - self._log[first][1], 1e-9)
+        per_row = since / max(since_rows - 1, 1)
+        _, std, memory = self._reference
+        recent = np.diff(x[-60:])
+        if recent.size >= 10:
+            std = max(std, float(1.4826 * np.median(np.abs(recent)) / np.sqrt(2)))
+        worth = (1 - memory) / (1 + memory)
+        # The last rows alone, the others in equal bins that keep the onset as a border.
+        edges = {0, x.size, max(x.size - 5, 0), first - begin}
+        edges |= {int(v) for v in np.linspace(0, max(x.size - 5, 0), _BINS)}
+        cuts = np.array(sorted(edges))
+        size = np.diff(cuts)
+        middle = np.array([np.median(x[a:b]) for a, b in pairwise(cuts)])
+        place = np.add.reduceat(u, cuts[:-1]) / size
+        variance = std**2 * np.minimum(np.pi / 2, 1 + 0.57 * (size > 1)) / np.maximum(size * worth, 1.0)
+        began = np.logical_and.reduceat(after, cuts[:-1])
+        return Seen(now - place, middle, variance, began, since, std, max(per_row, 1e-9)), since_rows
+
+
+def _rises(normalised: Array) -> int | None:
+    """Rows at the beginning to be taken as reference instead, when the healthy rows themselves rise; else None."""
+    from scipy.stats import kendalltau, theilslopes
+
+    x = np.log(normalised)
+    found = kendalltau(np.arange(x.size), x)
+    if not (found.pvalue < 1e-4 and found.statistic > 0):
+        return None
+    rise = float(theilslopes(x).slope) * x.size
+    return max(x.size // 6, 4) if rise > 0.3 else None
+
+
+def _outlived(log_life: EndLevel, log_now: float) -> tuple[float, float, float]:
+    """5 %, 50 % and 95 % of a life of that log-normal law, given that it is longer than now."""
+    from scipy.special import ndtr, ndtri
+
+    below = min(float(ndtr((log_now - log_life.mean) / log_life.std)), 1 - 1e-9)
+    low, middle, high = (
+        float(np.exp(log_life.mean + log_life.std * ndtri(below + (1 - below) * q))) for q in (0.05, 0.5, 0.95)
+    )
+    return low, middle, high

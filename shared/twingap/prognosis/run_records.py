@@ -1,0 +1,169 @@
+"""The rows of one run to failure on disk, in order of time, samples read one record at a time.
+
+record set folder --> records.csv, sorted by time_s --> RunRow, ... --load--> peak to peak, kurtosis
+
+Unlike `records.read_record_set`, a row may say that the machine stood still (speed_rpm 0), and then needs no file; and
+a record whose samples are not all finite does not end the reading.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import pairwise
+from pathlib import Path, PurePosixPath, PureWindowsPath
+
+import numpy as np
+
+from twingap.config import read_toml
+from twingap.errors import TwingapError
+from twingap.files import kind_of
+from twingap.records.samples import Channel, SampleFile, inspect
+from twingap.records.table import Row, read_table
+
+
+@dataclass(frozen=True)
+class RunRow:
+    """One row of a run.
+
+    Parameters
+    ----------
+    name : str
+    time_s, speed_rpm : float
+        Speed 0: the machine stands still.
+    channel : Channel or None
+        Where the samples are; None when the row names no file.
+    """
+
+    name: str
+    time_s: float
+    speed_rpm: float
+    channel: Channel | None
+
+    def amplitude(self) -> tuple[float, float]:
+        """Peak to peak in the records' unit, and kurtosis (3 for Gaussian noise); NaN when standing still.
+
+        Raises
+        ------
+        TwingapError
+            When the samples cannot be read, or one is not finite.
+        """
+        if self.channel is None or self.speed_rpm == 0:
+            return float("nan"), float("nan")
+        x = self.channel.load()
+        centred = x - x.mean()
+        power = float(np.mean(centred**2))
+        return float(np.ptp(x)), float(np.mean(centred**4)) / power**2 if power > 0 else float("nan")
+
+
+@dataclass(frozen=True)
+class Run:
+    """A run to failure, or its beginning.
+
+    Parameters
+    ----------
+    name : str
+    unit : str
+    rows : tuple of RunRow
+        In order of time; rows of one time as they stand in the table.
+    notes : tuple of str
+        What was put in order.
+    """
+
+    name: str
+    unit: str
+    rows: tuple[RunRow, ...]
+    notes: tuple[str, ...]
+
+    def __iter__(self) -> Iterator[RunRow]:
+        return iter(self.rows)
+
+
+def read_run(folder: str | os.PathLike[str], group: str | None = None) -> Run:
+    """Read the table of a run.
+
+    Parameters
+    ----------
+    folder : path-like
+        Record set.
+    group : str, optional
+        Whose rows are the run, where the set holds several bearings.
+
+    Returns
+    -------
+    Run
+
+    Raises
+    ------
+    TwingapError
+        Naming file, row, column and reason: a row without time_s, two runs side by side, a file that is not there.
+    """
+    folder = Path(folder)
+    if (kind := kind_of(folder)) != "folder":
+        what = "no such folder" if kind == "missing" else "is not a folder"
+        raise TwingapError(what, where=folder, mend="name the folder that holds recordset.toml and records.csv")
+    about = read_toml(folder / "recordset.toml").get("recordset", {})
+    table = folder / "records.csv"
+    rows = read_table(table, ("record", "file", "speed_rpm", "time_s"))
+    rows = _one_run(rows, table, group)
+    opened: dict[str, SampleFile] = {}
+    found = []
+    for row in rows:
+        time_s = row.number_in("time_s", needed=True)
+        speed_rpm = row.number_in("speed_rpm", needed=True, least=0)
+        name = row.text("record", needed=True)
+        assert time_s is not None and speed_rpm is not None and name is not None
+        found.append(RunRow(name, time_s, speed_rpm, _channel(folder, row, opened, needed=speed_rpm > 0)))
+    order = sorted(range(len(found)), key=lambda place: found[place].time_s)
+    notes = []
+    if order != list(range(len(found))):
+        notes.append("records.csv is not in order of time: rows are taken, and written, by time_s")
+    times = [found[place].time_s for place in order]
+    if twice := sum(a == b for a, b in pairwise(times)):
+        notes.append(f"{twice} rows have the time of the row before: they are taken as they stand in the table")
+    if still := sum(row.speed_rpm == 0 for row in found):
+        notes.append(f"the machine stands still in {still} rows: no life is used up, and no time to the end is given")
+    name = str(about.get("name") or folder.resolve().name)
+    return Run(name, str(about.get("unit") or ""), tuple(found[place] for place in order), tuple(notes))
+
+
+def _one_run(rows: tuple[Row, ...], table: Path, group: str | None) -> tuple[Row, ...]:
+    """The rows of one bearing."""
+    if group is not None:
+        kept = tuple(row for row in rows if row.text("group") == group)
+        if not kept:
+            known = ", ".join(dict.fromkeys(row.text("group") or "" for row in rows if row.text("group")))
+            mend = f"groups found: {known:.200}" if known else "leave --group out"
+            raise TwingapError(f"holds no group {group!r}", where=table, mend=mend)
+        return kept
+    spans: dict[str, list[float]] = {}
+    for row in rows:
+        if (name := row.text("group")) is not None and (time_s := row.number_in("time_s")) is not None:
+            spans.setdefault(name, []).append(time_s)
+    # Recordings of one run follow one another; runs of several bearings each begin at their own start.
+    several = sorted((min(times), max(times)) for times in spans.values() if len(times) > 1)
+    if any(later[0] < earlier[1] for earlier, later in pairwise(several)):
+        first = ", ".join(list(spans)[:6])
+        raise TwingapError(
+            f"holds {len(spans)} groups that overlap in time ({first}): not one run", where=table,
+            mend="choose one by --group",
+        )  # fmt: skip
+    return rows
+
+
+def _channel(folder: Path, row: Row, opened: dict[str, SampleFile], *, needed: bool) -> Channel | None:
+    name = row.text("file", needed=needed)
+    if name is None:
+        return None
+    if PurePosixPath(name).is_absolute() or PureWindowsPath(name).is_absolute():
+        mend = "name it relative to the folder of the record set"
+        raise TwingapError(f"{name!r} is an absolute path", where=row.where("file"), mend=mend)
+    try:
+        if name not in opened:
+            opened[name] = inspect(folder / name)
+        return opened[name].find(row.text("channel"))
+    except TwingapError as error:
+        if not needed:
+            return None
+        raise TwingapError(str(error), where=row.where("file")) from error
