@@ -13,7 +13,7 @@ from typing import Any, NoReturn
 import typer
 from typer.core import TyperGroup
 
-from twingap.cli import bench, classify, data, gap, identify, rul, run, simulate, ui
+from twingap.cli import bench, classify, data, degrade, gap, identify, rul, run, simulate, ui
 from twingap.errors import TwingapError
 
 _UsageError: Any = typer.BadParameter.__bases__[0]
@@ -48,6 +48,7 @@ app.command("identify")(identify.identify)
 app.add_typer(gap.app, name="gap")
 app.command("classify")(classify.classify)
 app.command("rul")(rul.rul)
+app.command("degrade")(degrade.degrade)
 app.command("run")(run.run)
 app.command("bench")(bench.bench)
 app.command("ui")(ui.ui)

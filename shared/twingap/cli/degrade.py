@@ -1,0 +1,154 @@
+"""`twingap degrade`: health indicator, degradation models compared, figure."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from twingap.cli.options import Json, Seed, progress, say, say_json, show, wrote
+
+if TYPE_CHECKING:
+    from twingap.prognosis.health_indicator import Run
+
+
+def degrade(
+    source: Annotated[
+        Path,
+        typer.Argument(
+            metavar="RECORDSET_OR_FEATURES.csv",
+            help="Records with time_s, or a table with a column time_s and a column of numbers per feature.",
+        ),
+    ],
+    out: Annotated[Path, typer.Option(metavar="DIR", help="New folder for indicator, tables and figure.")],
+    limit: Annotated[
+        float | None,
+        typer.Option(
+            help="Level at which life ends, for remaining life: in the feature's own unit where the indicator is a "
+            "feature, else in healthy standard deviations.",
+            show_default=False,
+        ),
+    ] = None,
+    indicator: Annotated[
+        str | None, typer.Option(help="A feature or fusion feature by name; default the most suitable.")
+    ] = None,
+    healthy: Annotated[int, typer.Option(help="Records at the beginning taken to be healthy.", min=3)] = 30,
+    group: Annotated[str | None, typer.Option(help="Which run, where there are several.")] = None,
+    robust: Annotated[bool, typer.Option("--robust", help="Weigh records far off the curve less.")] = False,
+    level: Annotated[float, typer.Option(help="Coverage of the intervals.", min=0.5, max=0.99)] = 0.9,
+    seed: Seed = 0,
+    as_json: Json = False,
+) -> None:
+    """Health indicator of a run, degradation models compared, with intervals.
+
+    The indicator is normalised on the healthy beginning and the most suitable on this run by monotonicity, correlation
+    with time and robustness. Exponential, power, polynomial and combined power curves are compared by information
+    criteria and by their error on records after each tenth of the run. Intervals hold if the model does.
+
+    DIR gets indicator.csv, candidates.csv, models.csv, degradation.json and degradation.png.
+    """
+    import numpy as np
+
+    from twingap.files import kind_of, replacing_folder
+    from twingap.prognosis.degradation_models import MODELS
+    from twingap.prognosis.degrade import DegradeOptions
+    from twingap.prognosis.degrade import degrade as run_all
+
+    options = DegradeOptions(healthy, indicator, limit, robust=robust, level=level)
+    # The place is tried before the work begins, and filled only after it has ended well.
+    with replacing_folder(out) as folder:
+        is_folder = kind_of(source) == "folder"
+        run, notes = _from_records(source, group) if is_folder else _from_table(source, group)
+        with progress("fitting", len(MODELS)) as step:
+            found = run_all(run, options, np.random.default_rng(seed), step=step)
+        if found.candidates.constant:
+            notes.append(f"constant while healthy, left out: {', '.join(found.candidates.constant)}")
+        if indicator is None:
+            notes.append(f"{found.indicator!r} was chosen on the whole of this run; name it to watch later records")
+        if limit is None:
+            notes.append("no remaining life without --limit, the level at which life ends")
+        tables = {
+            "indicator": found.indicator_rows(), "candidates": found.candidate_rows(), "models": found.model_rows(),
+        }  # fmt: skip
+        for name, rows in tables.items():
+            _write_csv(folder / f"{name}.csv", rows)
+        about = {
+            "out": str(out), "run": run.name, "records": int(run.time_s.size), "seed": seed,
+            "indicator": found.indicator, "healthy_rows": healthy, "robust": robust, "level": level,
+            "limit": limit, "limit_in_indicator": found.limit, "preferred": found.preferred,
+            "candidates": tables["candidates"],
+            "models": [
+                row | {
+                    "coefficients": m.fit.coefficients.tolist(), "exponents": list(m.fit.exponents),
+                    "origin_s": m.fit.origin_s, "span_s": m.fit.span_s,
+                    "errors": [{"share": e.share, "rmse_later": e.rmse_rest, "rmse_next_tenth": e.rmse_next,
+                                "records": e.rows} for e in m.errors],
+                }
+                for row, m in zip(tables["models"], found.models.values(), strict=True)
+            ],
+            "notes": notes,
+        }  # fmt: skip
+        _write_json(folder / "degradation.json", {k: v for k, v in about.items() if k != "out"})
+        from twingap.prognosis.degradation_figure import write_figure  # matplotlib, after mistakes have been told
+
+        write_figure(folder / "degradation.png", found)
+    if as_json:
+        say_json(about)
+    else:
+        shown = ("model", "formula", "r2", "aicc_ar1_above_least", "bic_ar1_above_least", "rmse_later_records")
+        life = ("remaining_time_s", "remaining_time_s_lo", "remaining_time_s_hi") if limit is not None else ()
+        rows = [{key: row[key] for key in (*shown, *life)} for row in tables["models"]]
+        show(rows, False, title=f"{run.name}: {run.time_s.size} records, indicator {found.indicator}")
+        for note in notes:
+            say(f"note: {note}")
+    names = ("indicator.csv", "candidates.csv", "models.csv", "degradation.json", "degradation.png")
+    wrote(*(out / name for name in names), as_json=as_json)
+
+
+def _from_records(source: Path, group: str | None) -> tuple[Run, list[str]]:
+    """Features of a record set's records."""
+    from twingap.errors import TwingapError
+    from twingap.prognosis.health_indicator import features_of
+    from twingap.records.folder import read_record_set
+
+    records = read_record_set(source)
+    groups = records.groups
+    if groups != tuple(c.name for c in records.conditions):  # without a column, each record is a group of its own
+        shown = ", ".join(groups[:8]) + (", ..." if len(groups) > 8 else "")
+        if group is not None and group not in groups:
+            raise TwingapError(f"no group {group!r}", where=source, mend=f"use one of {shown}")
+        if group is None and len(groups) > 1:
+            raise TwingapError(f"holds {len(groups)} runs: {shown}", where=source, mend="name one with --group")
+        records = records.select(lambda c: group is None or c.group == group)
+    elif group is not None:
+        raise TwingapError(f"no column group to find {group!r} in", where=source, mend="leave out --group")
+    speeds = {round(c.speed_rpm, -1) for c in records.conditions}
+    notes = [f"speed varies ({min(speeds):g} to {max(speeds):g} rpm), and features with it"] if len(speeds) > 1 else []
+    with progress("features", len(records)) as step:
+        return features_of(records, group or records.name, step=step), notes
+
+
+def _from_table(source: Path, group: str | None) -> tuple[Run, list[str]]:
+    from twingap.prognosis.feature_table import read_feature_table
+
+    return read_feature_table(source, group=group)
+
+
+def _write_csv(path: Path, rows: list[dict[str, Any]]) -> None:
+    import csv
+
+    from twingap.records.table import as_text
+
+    with path.open("w", encoding="utf-8", newline="") as stream:
+        table = csv.writer(stream, lineterminator="\n")
+        table.writerow(rows[0])
+        table.writerows([as_text(value, path.name) for value in row.values()] for row in rows)
+
+
+def _write_json(path: Path, value: object) -> None:
+    import json
+
+    from twingap.provenance import plain
+
+    path.write_text(json.dumps(plain(value), indent=2, ensure_ascii=False, allow_nan=False) + "\n", encoding="utf-8")

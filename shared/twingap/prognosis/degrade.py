@@ -1,0 +1,229 @@
+"""One run from features to a forecast: what `twingap degrade` does.
+
+Run --healthy start--> candidates --criteria--> indicator --> every model: fit, criteria, errors, band, remaining life
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twingap.errors import TwingapError
+from twingap.prognosis.degradation_forecast import (
+    Curves,
+    OutOfSample,
+    RemainingLife,
+    out_of_sample,
+    redrawn,
+    remaining_life,
+)
+from twingap.prognosis.degradation_models import MODELS, CurveFit, fit_curve
+from twingap.prognosis.health_indicator import Indicators, Run, chosen, judged, online_indicators
+from twingap.prognosis.indicator_criteria import IndicatorCriteria, causal_trend
+from twingap.prognosis.information import Criteria, criteria
+
+Array = NDArray[np.float64]
+
+FEWEST_LATER = 10
+"""Rows after the healthy start without which there is nothing to fit a curve to."""
+
+
+@dataclass(frozen=True)
+class DegradeOptions:
+    """How a run is read.
+
+    Parameters
+    ----------
+    healthy_rows : int
+        Records at the beginning that are taken to be healthy. A fixed number, so that the indicator at a row does not
+        depend on how many rows follow.
+    indicator : str or None
+        A candidate by name; None takes the one of highest suitability on this run.
+    limit : float or None
+        Level at which life ends: in the feature's own unit where the indicator is a feature, else in the indicator's.
+    trend_rows : int
+        Of the causal moving average under the criteria.
+    robust : bool
+        Fit by soft L1.
+    curves : int
+        Refits behind an interval.
+    level : float
+        Of the intervals.
+    """
+
+    healthy_rows: int = 30
+    indicator: str | None = None
+    limit: float | None = None
+    trend_rows: int = 10
+    robust: bool = False
+    curves: int = 200
+    level: float = 0.9
+
+
+@dataclass(frozen=True)
+class Model:
+    """What one model says of the run."""
+
+    fit: CurveFit
+    criteria: Criteria
+    errors: list[OutOfSample]
+    curves: Curves
+    life: RemainingLife | None
+
+    @property
+    def error(self) -> float | None:
+        """Median over tenths of the error on all later records; None where no tenth could be fitted."""
+        return float(np.median([e.rmse_rest for e in self.errors])) if self.errors else None
+
+
+@dataclass(frozen=True)
+class Degradation:
+    """What came out.
+
+    Parameters
+    ----------
+    run : Run
+    options : DegradeOptions
+    candidates : Indicators
+    judged : dict[str, IndicatorCriteria]
+    indicator : str
+    values, trend : Array [rows]
+    models : dict[str, Model]
+        Lowest BIC with AR(1) residuals first.
+    limit : float or None
+        In the indicator's unit.
+    rising : bool
+    """
+
+    run: Run
+    options: DegradeOptions
+    candidates: Indicators
+    judged: dict[str, IndicatorCriteria]
+    indicator: str
+    values: Array
+    trend: Array
+    models: dict[str, Model]
+    limit: float | None
+    rising: bool
+
+    @property
+    def preferred(self) -> str:
+        """The model of lowest BIC with AR(1) residuals."""
+        return next(iter(self.models))
+
+    def candidate_rows(self) -> list[dict[str, Any]]:
+        """A row a candidate, most suitable first."""
+        names = sorted(self.judged, key=lambda name: -self.judged[name].suitability)
+        return [
+            {
+                "candidate": name, "monotonicity": c.monotonicity, "trendability": c.trendability,
+                "robustness": c.robustness, "suitability": c.suitability, "sensitivity": c.sensitivity,
+                "chosen": int(name == self.indicator),
+            }
+            for name in names
+            for c in [self.judged[name]]
+        ]  # fmt: skip
+
+    def model_rows(self) -> list[dict[str, Any]]:
+        """A row a model; criteria as differences to the lowest. Empty remaining times: no limit, or not reached."""
+        least = {
+            name: min(getattr(m.criteria, name) for m in self.models.values())
+            for name in ("aicc", "bic", "aicc_ar1", "bic_ar1")
+        }
+        rows = []
+        for name, m in self.models.items():
+            life = m.life
+            rows.append({
+                "model": name, "formula": m.fit.model.formula, "r2": m.fit.r2, "rmse": m.fit.rmse,
+                **{f"{key}_above_least": _difference(getattr(m.criteria, key), value) for key, value in least.items()},
+                "residual_memory": m.criteria.memory, "rmse_later_records": m.error,
+                "at_bound": int(m.fit.at_bound),
+                "remaining_time_s": None if life is None else _finite(life.life_s),
+                "remaining_time_s_lo": None if life is None else _finite(life.low_s),
+                "remaining_time_s_hi": None if life is None else _finite(life.high_s),
+                "never_reached": None if life is None else life.never,
+            })  # fmt: skip
+        return rows
+
+    def indicator_rows(self) -> list[dict[str, float]]:
+        """A row a record."""
+        return [
+            {"time_s": float(t), "indicator": float(x), "trend": float(s)}
+            for t, x, s in zip(self.run.time_s, self.values, self.trend, strict=True)
+        ]
+
+
+def degrade(
+    run: Run,
+    options: DegradeOptions,
+    rng: np.random.Generator,
+    *,
+    step: Callable[[str], None] = lambda what: None,
+) -> Degradation:
+    """Indicator, models, forecasts of one run.
+
+    Parameters
+    ----------
+    run : Run
+    options : DegradeOptions
+    rng : Generator
+        Of the draws behind intervals.
+    step : callable
+        Called with a model's name when it is done.
+
+    Returns
+    -------
+    Degradation
+
+    Raises
+    ------
+    TwingapError
+        For too few rows, features that are all constant, an unknown indicator, a limit that is no number.
+    """
+    rows, needed = run.time_s.size, options.healthy_rows + FEWEST_LATER
+    if rows < needed:
+        few = f"{rows} record" if rows == 1 else f"{rows} records"
+        raise TwingapError(
+            f"{few}, at least {needed} expected: {options.healthy_rows} healthy ones and {FEWEST_LATER} more",
+            where=run.name, mend="give more records, or fewer healthy ones (--healthy)",
+        )  # fmt: skip
+    candidates = online_indicators(run, options.healthy_rows)
+    found = judged(candidates, run.time_s, healthy_rows=options.healthy_rows, window=options.trend_rows)
+    name = options.indicator or chosen([found])
+    if name not in candidates.values:
+        known = ", ".join(candidates.values)
+        raise TwingapError(f"no indicator {name!r}", where=run.name, mend=f"use one of {known}")
+    values = candidates.values[name]
+    limit = options.limit
+    if limit is not None and not np.isfinite(limit):
+        raise TwingapError(f"limit {limit!r}, a finite number expected", where="--limit")
+    varying = [n for n in run.names if n not in candidates.constant]
+    if limit is not None and name in varying:
+        place = varying.index(name)
+        limit = float((limit - candidates.fusion.centre[place]) / candidates.fusion.scale[place])
+    rising = limit is None or limit >= float(np.mean(values[: options.healthy_rows]))
+    models: dict[str, Model] = {}
+    for title, model in MODELS.items():
+        fit = fit_curve(model, run.time_s, values, robust=options.robust)
+        curves = redrawn(fit, options.curves, rng)
+        life = None if limit is None else remaining_life(curves, limit, rising=rising, level=options.level)
+        errors = out_of_sample(model, run.time_s, values, robust=options.robust)
+        models[title] = Model(fit, criteria(fit), errors, curves, life)
+        step(title)
+    ordered = dict(sorted(models.items(), key=lambda item: item[1].criteria.bic_ar1))
+    return Degradation(
+        run, options, candidates, found, name, values, causal_trend(values, options.trend_rows), ordered, limit, rising
+    )
+
+
+def _difference(value: float, least: float) -> float | None:
+    """None to the criterion of an exact fit, which is -inf."""
+    return 0.0 if value == least else _finite(value - least)
+
+
+def _finite(value: float) -> float | None:
+    return float(value) if np.isfinite(value) else None

@@ -1,0 +1,166 @@
+"""A run as a table of features: comma-separated, a column time_s, a row per record, numbers in the other columns.
+
+features.csv --numbers; text left out--> time_s, features --sorted by time--> Run, notes on what was done
+"""
+
+from __future__ import annotations
+
+import csv
+import math
+import os
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twingap.errors import TwingapError
+from twingap.prognosis.health_indicator import Run
+
+Array = NDArray[np.float64]
+
+TIME: Final = "time_s"
+GROUP: Final = "group"
+CONDITIONS: Final = ("record", "file", "channel", "speed_rpm", "load_n", "fs_hz", "fault")
+"""Columns with a meaning of their own in record sets: no features, even where they are numbers."""
+
+
+def read_feature_table(path: str | os.PathLike[str], *, group: str | None = None) -> tuple[Run, list[str]]:
+    """Features along one run.
+
+    Parameters
+    ----------
+    path : path-like
+        UTF-8, comma-separated, with a header. Columns of text, those of `CONDITIONS` and counters (the same step from
+        row to row) are left out.
+    group : str, optional
+        Which rows, by their column group, where the table holds several runs.
+
+    Returns
+    -------
+    run : Run
+        Sorted by time_s.
+    notes : list of str
+        What was left out or sorted.
+
+    Raises
+    ------
+    TwingapError
+        Naming file, row and column: no time_s, a cell that is empty or no finite number in a column of numbers, times
+        that appear twice, no features, several groups and none named.
+    """
+    path = Path(path)
+    header, rows = _rows(path)
+    if TIME not in header:
+        raise TwingapError(
+            f"column {TIME!r} is missing", where=path, mend="add the time of each record, s from the start of the run"
+        )
+    if GROUP in header:
+        rows = _of_group(path, rows, header.index(GROUP), group)
+    elif group is not None:
+        raise TwingapError(f"no column {GROUP!r} to find {group!r} in", where=path, mend="leave out --group")
+    notes: list[str] = []
+    time_s = _column(path, rows, header, TIME)
+    if time_s is None:
+        raise TwingapError("holds no numbers", where=f"{path}, column {TIME}", mend="give times in s")
+    features: dict[str, Array] = {}
+    text: list[str] = []
+    for name in header:
+        if name in (TIME, GROUP, *CONDITIONS):
+            continue
+        column = _column(path, rows, header, name)
+        if column is None:
+            text.append(name)
+        else:
+            features[name] = column
+    if text:
+        notes.append(f"left out, since they hold no numbers: {', '.join(text)}")
+    order = np.argsort(time_s, kind="stable")
+    if not np.array_equal(order, np.arange(order.size)):
+        notes.append("rows were not in order of time_s and have been sorted")
+    twice = np.flatnonzero(np.diff(time_s[order]) == 0)
+    if twice.size:
+        first, second = (rows[int(order[twice[0] + k])][0] for k in (0, 1))
+        raise TwingapError(
+            f"time_s = {time_s[order[twice[0]]]:g} in rows {first} and {second}", where=path,
+            mend="keep one row for each time, or tell runs apart in a column group",
+        )  # fmt: skip
+    counters = [name for name, x in features.items() if _counts(x[order])]
+    for name in counters:
+        del features[name]
+    if counters:
+        notes.append(f"left out, since they only count rows: {', '.join(counters)}")
+    if not features:
+        raise TwingapError("has no column of features", where=path, mend="add a column of numbers, such as rms")
+    values = np.stack(list(features.values()), axis=-1)[order]
+    return Run(group or path.stem, time_s[order], tuple(features), values), notes
+
+
+def _rows(path: Path) -> tuple[list[str], list[tuple[int, list[str]]]]:
+    """Header and rows with their numbers, as a spreadsheet counts them."""
+    try:
+        with path.open(encoding="utf-8-sig", newline="") as stream:
+            lines = [(n, row) for n, row in enumerate(csv.reader(stream, strict=True), 1) if any(map(str.strip, row))]
+    except UnicodeDecodeError as error:
+        raise TwingapError("is not UTF-8 text", where=path, mend="save it as UTF-8") from error
+    except OSError as error:
+        raise TwingapError(f"cannot be read: {error.strerror or error}", where=path) from error
+    except (csv.Error, ValueError) as error:
+        raise TwingapError(f"is not a comma-separated table: {error}", where=path) from error
+    if not lines:
+        raise TwingapError("is empty", where=path, mend=f"begin it with a header: {TIME} and the features' names")
+    header = [name.strip() for name in lines[0][1]]
+    for name in header:
+        if not name or header.count(name) > 1:
+            shown = f"column {name!r} appears twice" if name else "a column has no name"
+            raise TwingapError(shown, where=f"{path}, row {lines[0][0]}", mend="give each column a name of its own")
+    for number, row in lines[1:]:
+        if len(row) != len(header):
+            raise TwingapError(f"has {len(row)} fields, {len(header)} expected", where=f"{path}, row {number}")
+    if len(lines) == 1:
+        raise TwingapError("holds no records", where=path, mend="add a row per record")
+    return header, lines[1:]
+
+
+def _of_group(
+    path: Path, rows: list[tuple[int, list[str]]], column: int, group: str | None
+) -> list[tuple[int, list[str]]]:
+    """The rows of one run."""
+    groups = list(dict.fromkeys(row[column].strip() for _, row in rows))
+    shown = ", ".join(groups[:8]) + (", ..." if len(groups) > 8 else "")
+    if group is None and len(groups) > 1:
+        raise TwingapError(f"holds {len(groups)} runs: {shown}", where=path, mend="name one with --group")
+    if group is not None and group not in groups:
+        raise TwingapError(f"no group {group!r}", where=path, mend=f"use one of {shown}")
+    return [(n, row) for n, row in rows if group is None or row[column].strip() == group]
+
+
+def _column(path: Path, rows: list[tuple[int, list[str]]], header: list[str], name: str) -> Array | None:
+    """Numbers of a column; None when it holds none at all."""
+    place = header.index(name)
+    cells = [row[place].strip() for _, row in rows]
+    values = np.array([_number(cell) for cell in cells])
+    bad = ~np.isfinite(values)
+    if bad.all() and not any(cell.lower() in ("nan", "inf", "-inf") for cell in cells):
+        return None
+    if bad.any():
+        at = int(np.argmax(bad))
+        found = repr(cells[at]) if cells[at] else "an empty cell"
+        raise TwingapError(
+            f"{found} found, a number expected", where=f"{path}, row {rows[at][0]}, column {name}",
+            mend="fill it in, or leave out the row or the column",
+        )  # fmt: skip
+    return values
+
+
+def _number(text: str) -> float:
+    try:
+        return math.nan if "_" in text else float(text)
+    except ValueError:
+        return math.nan
+
+
+def _counts(x: Array) -> bool:
+    """Whether a column rises by the same step from each row to the next: the best indicator there is, of nothing."""
+    steps = np.diff(x)
+    return bool(steps.size > 2 and steps[0] != 0 and np.allclose(steps, steps[0], rtol=1e-6, atol=0))
