@@ -1,8 +1,11 @@
 """Fault classes of unlabelled records, from a classifier that has only seen simulated machines with their faults.
 
-records (labels dropped) --speeds, mode--> twin --draw--> simulated machines --windows--> fit (`methods`)
-                     |                              +---> other simulated machines --> temperature (`confidence`)
+records (labels dropped) --speeds--> twin --draw--> simulated fleets --windows--> trees (`order_forest`), or a network
+                     |                         +--> other simulated fleets --> temperature (`confidence`)
                      +--windows--> probabilities --mean over a record's windows--> tempered --> class, confidence
+
+The trees read lines at the bearing's orders and levels over the quietest record. Paper 3's methods (`methods`) can be
+had in their place, on simulated machines that are not in fleets, of a twin whose mode was matched to the records.
 
 Confidence is calibrated on simulated machines, so it holds for machines like those; whether the real one is like them
 no unlabelled record can show (`twingap gap` tells what the twin lacks).
@@ -20,8 +23,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twingap.adapt.confidence import Reliability, calibrate_temperature, cross_checked
+from twingap.adapt.fleets import Fleets
+from twingap.adapt.levels import operating_points
 from twingap.adapt.methods import METHODS, fit
 from twingap.adapt.mode_inputs import ModeInputs
+from twingap.adapt.order_forest import MOST_MEMBERS, examples, train_forest
 from twingap.adapt.population import CLASSES, Population, stated
 from twingap.adapt.selection import DEFAULT
 from twingap.adapt.training import Training
@@ -34,11 +40,13 @@ if TYPE_CHECKING:
     from twingap.twins.twin_file import TwinSpec
 
 Array = NDArray[np.float64]
+Labels = NDArray[np.int64]
 Report = Callable[[str, float], None]
 
-METHOD: Final = "Non-DA"
-"""Without adversarial adaptation: on real records it did better than the adversarial methods under selection without
-labels, which settle unlike classes onto each other."""
+ORDERS: Final = "orders"
+METHODS_OF_CLASSIFY: Final = (ORDERS, *METHODS)
+"""Trees on fault orders and levels; or one of paper 3's, of which those without adaptation did better on real records:
+the others settle unlike classes onto each other."""
 WANTED_TURNS: Final = 5.0
 LEAST_TURNS: Final = 3.0
 """Of the shaft in one window: the orders of faults must stand apart in its envelope spectrum."""
@@ -54,17 +62,17 @@ class ClassifyOptions:
     Parameters
     ----------
     method : str
-        Key of `METHODS`.
+        "orders", or a key of `METHODS`.
     machines : int
-        Simulated machines a class to train on; half as many more to calibrate on.
+        Simulated machines a class to train on (fleets of as many in all); half as many more to calibrate on.
     steps : int
-        Gradient steps.
+        Gradient steps of a network; the trees take none.
     windows : int
         Per record, evenly spread.
     match : bool
-        Correct speeds and identify what the twin leaves free from the records, without their labels.
+        Correct speeds from the records, without their labels; for a network also identify what the twin leaves free.
     max_iterations : int
-        Of the mode decomposition.
+        Of the networks' mode decomposition.
 
     Raises
     ------
@@ -72,16 +80,17 @@ class ClassifyOptions:
         For an unknown method or sizes too small.
     """
 
-    method: str = METHOD
-    machines: int = 80
+    method: str = ORDERS
+    machines: int = 200
     steps: int = 600
     windows: int = 6
     match: bool = True
     max_iterations: int = 200
 
     def __post_init__(self) -> None:
-        if self.method not in METHODS:
-            raise TwingapError(f"unknown method {self.method!r}", mend=f"use one of {', '.join(METHODS)}")
+        if self.method not in METHODS_OF_CLASSIFY:
+            known = ", ".join(METHODS_OF_CLASSIFY)
+            raise TwingapError(f"unknown method {self.method!r}", mend=f"use one of {known}")
         for name, least in (("machines", FEWEST_MACHINES), ("steps", 1), ("windows", 1)):
             if getattr(self, name) < least:
                 raise TwingapError(f"{name} = {getattr(self, name)}, at least {least} expected")
@@ -89,14 +98,14 @@ class ClassifyOptions:
     @property
     def inputs(self) -> ModeInputs:
         """Envelope spectra of modes for a network; the modes themselves for the machine, whose numbers are theirs."""
-        quantity = "modes" if METHODS[self.method].architecture is None else "envelope_spectrum"
+        quantity = "modes" if self.method == ORDERS or METHODS[self.method].architecture is None else "envelope_spectrum"
         return ModeInputs(quantity=quantity, max_iterations=self.max_iterations)
 
     @property
     def criterion(self) -> str:
         """Of the checkpoint. A method that adapts to nothing is chosen by simulated machines alone: information
         maximisation wants every class among the records, and a user's may well be of one."""
-        aligned = METHODS[self.method].alignment.active
+        aligned = self.method in METHODS and METHODS[self.method].alignment.active
         return DEFAULT if aligned else "source_accuracy"
 
 
@@ -197,9 +206,56 @@ def classify(
     _refuse_unreadable(records)
     notes: list[str] = []
     known = stated(spec)
-    if options.match:
+    if options.match and options.method == ORDERS:
+        report("reading speeds", 0.0)
+        records = _at_true_speeds(records, bearing, notes)
+    elif options.match:
         report("reading speeds and modes", 0.0)
         records, spec, known = _matched(records, spec, bearing, seed, notes)
+    told = _by_orders if options.method == ORDERS else _by_network
+    held, labels, target = told(records, spec, bearing, known, length, seed, options, report)
+    report("calibrating", 0.95)
+    shown = _votes(held, options.windows)
+    calibration = calibrate_temperature(shown, labels)
+    return Classified(
+        tuple(c.name for c in records.conditions),
+        CLASSES,
+        calibration(_votes(target, options.windows)),
+        calibration.temperature,
+        cross_checked(shown, labels),
+        length,
+        tuple(notes),
+    )
+
+
+def _by_orders(
+    records: RecordSet, spec: TwinSpec, bearing: Bearing, known: frozenset[str], length: int, seed: int,
+    options: ClassifyOptions, report: Report,
+) -> tuple[Array, Labels, Array]:  # fmt: skip
+    """Of windows of held-out simulated records, probabilities and their records' classes; of real ones, the former."""
+    # A window says little more than the one beside it: two a simulated record, and more records.
+    windows, target = min(options.windows, 2), cut(records, length, options.windows)
+    population = Population(spec, bearing, records.unit, records.conditions, known, windows * length)
+    of_point = np.bincount(operating_points(np.array([c.speed_rpm for c in records.conditions])))
+    fleets = Fleets(population, min(int(of_point.max()), MOST_MEMBERS))
+    count = max(2, math.ceil(options.machines * len(CLASSES) / fleets.members))
+    shown = examples(
+        fleets, count, length, windows, _stream(seed, 1), lambda done: report("simulating fleets", 0.1 + 0.5 * done)
+    )
+    spare = examples(
+        fleets, max(2, count // 2), length, options.windows, _stream(seed, 2),
+        lambda done: report("simulating fleets to calibrate on", 0.6 + 0.25 * done),
+    )  # fmt: skip
+    report("training", 0.85)
+    forest = train_forest(shown, bearing, len(CLASSES), seed)
+    return forest.of_features(spare.features), spare.labels[:: options.windows], forest.probabilities(target)
+
+
+def _by_network(
+    records: RecordSet, spec: TwinSpec, bearing: Bearing, known: frozenset[str], length: int, seed: int,
+    options: ClassifyOptions, report: Report,
+) -> tuple[Array, Labels, Array]:  # fmt: skip
+    """The same of one of paper 3's methods."""
     population = Population(spec, bearing, records.unit, records.conditions, known, options.windows * length)
     report("simulating machines", 0.1)
     source = cut(population.records(options.machines, _stream(seed, 1)), length, options.windows, CLASSES)
@@ -212,19 +268,8 @@ def classify(
         settings=Training(steps=options.steps, checkpoints=min(6, options.steps)), inputs=options.inputs,
         criterion=options.criterion, device="cpu",
     )  # fmt: skip
-    report("calibrating", 0.9)
     assert held.labels is not None
-    shown, labels = _votes(fitted.predict_proba(held), options.windows), held.labels[:: options.windows]
-    calibration = calibrate_temperature(shown, labels)
-    return Classified(
-        tuple(c.name for c in records.conditions),
-        CLASSES,
-        calibration(_votes(fitted.predict_proba(target), options.windows)),
-        calibration.temperature,
-        cross_checked(shown, labels),
-        length,
-        tuple(notes),
-    )
+    return fitted.predict_proba(held), held.labels[:: options.windows], fitted.predict_proba(target)
 
 
 def window_samples(records: RecordSet, bearing: Bearing) -> int:
@@ -289,6 +334,23 @@ def _refuse_unreadable(records: RecordSet) -> None:
             raise TwingapError("a sample is not a finite number", where=where, mend="mend it or leave the record out")
         if not np.ptp(record.samples) > 0:
             raise TwingapError("all samples are equal", where=where, mend="leave the record out")
+
+
+def _at_true_speeds(records: RecordSet, bearing: Bearing, notes: list[str]) -> RecordSet:
+    """Records with their speeds as their lines show them, where they do.
+
+    A mode is not identified for the trees: on real records, whose several modes one mode cannot stand for, drawing it
+    from all that can be did better than holding on to the one found.
+    """
+    from twingap.gap.speed import estimate_speeds
+
+    try:
+        speeds = estimate_speeds(records, bearing)
+    except TwingapError as error:
+        notes.append(f"speeds could not be read off the records ({error}): they were taken as stated")
+        return records
+    notes += speeds.notes
+    return speeds.corrected(records)
 
 
 def _matched(

@@ -37,6 +37,8 @@ NOISE_SNR_DB: Final = (0.0, 30.0)
 SPEED_SPREAD: Final = 0.005
 """By which a simulated machine's speed is off the stated one, as tachometers are: half the width of the range."""
 TRIES: Final = 100
+ON_STRIKES: Final = frozenset({"impact_scatter", "load_zone", "cage_modulation", "entry_exit"})
+"""Effects that need a train of strikes to act on; contact dynamics makes its own load zone and edges."""
 
 
 @dataclass(frozen=True)
@@ -72,7 +74,7 @@ class Population:
 
     def __post_init__(self) -> None:
         slowest = min(self.conditions, key=lambda c: (c.fs_hz, c.speed_rpm))
-        twin = self._twin(model_parameters(self.spec), {})
+        twin = self.twin({}, {})
         for fault in CLASSES:
             pilot = dataclasses.replace(slowest, fault=fault, n_samples=min(slowest.n_samples, 1024))
             twin.simulate([pilot], np.random.default_rng(0))
@@ -109,18 +111,8 @@ class Population:
 
     def _drawn(self, condition: Condition, rng: np.random.Generator) -> Twin:
         """The twin of one machine."""
-        middle = model_parameters(self.spec)
-        values: dict[str, Any] = {}
-        for field in dataclasses.fields(middle):
-            value = getattr(middle, field.name)
-            if not field.init or field.name == "scale":
-                continue
-            if isinstance(value, Mapping):
-                # Drawn for every key, whatever the fault: the same draws for all classes.
-                values[field.name] = {k: v * _factor(SEVERITY_SPREAD, rng) for k, v in value.items()}
-            elif isinstance(value, float):
-                values[field.name] = value * _factor(self._spread(field.name), rng)
-        values |= self._levels(values, condition, rng)
+        values = self.drawn_values(rng)
+        values |= self.strike_levels(values, condition, rng.uniform(*FAULT_SNR_DB))
         effects = {
             "slip_jitter": {"sigma": rng.uniform(0, 0.02)},
             "impact_scatter": {"sigma": rng.uniform(0, 0.3)},
@@ -131,19 +123,43 @@ class Population:
                 "gain": math.exp(rng.uniform(math.log(0.1), math.log(2.0))),
             },
         }
-        return self._twin(dataclasses.replace(middle, **values), effects)
+        return self.twin(values, effects)
 
-    def _spread(self, name: str) -> float:
-        return KNOWN_SPREAD if name in self.known else FREE_SPREAD
+    def drawn_values(self, rng: np.random.Generator, known_spread: float = KNOWN_SPREAD) -> dict[str, Any]:
+        """Parameters of one machine, by name: the twin's, spread by how well they are known; all but its scale."""
+        middle = model_parameters(self.spec)
+        values: dict[str, Any] = {}
+        for field in dataclasses.fields(middle):
+            value = getattr(middle, field.name)
+            if not field.init or field.name == "scale":
+                continue
+            if isinstance(value, Mapping):
+                # Drawn for every key, whatever the fault: the same draws for all classes.
+                values[field.name] = {k: v * _factor(SEVERITY_SPREAD, rng) for k, v in value.items()}
+            elif isinstance(value, float):
+                values[field.name] = value * _factor(known_spread if field.name in self.known else FREE_SPREAD, rng)
+        return values
 
-    def _levels(
-        self, values: Mapping[str, Any], condition: Condition, rng: np.random.Generator
+    def strike_levels(
+        self, values: Mapping[str, Any], condition: Condition, snr_db: float
     ) -> dict[str, dict[str, float]]:
-        """Impact amplitudes of the phenomenological twin that nobody states, so that the strikes have a drawn power.
+        """Impact amplitudes of the phenomenological twin that nobody states, so that the strikes have a given power.
 
         Strikes A h(t) at a rate r have the power A^2 r / (4 zeta w), since h is a sine that decays at zeta w.
+
+        Parameters
+        ----------
+        values : Mapping
+            Parameters of the machine, as `drawn_values` gives them.
+        condition : Condition
+        snr_db : float
+            Power of the strikes over that of healthy vibration.
+
+        Returns
+        -------
+        dict
+            ``impact_amplitude``; empty for another model, whose strikes follow from its defects.
         """
-        snr_db = rng.uniform(*FAULT_SNR_DB)
         if self.spec.model != "phenomenological":
             return {}
         amplitudes = dict(values["impact_amplitude"])
@@ -155,13 +171,28 @@ class Population:
                 amplitudes[fault] = math.sqrt(10 ** (snr_db / 10) * healthy * decay / rate)
         return {"impact_amplitude": amplitudes}
 
-    def _twin(self, parameters: Any, more: Mapping[str, Mapping[str, float]]) -> Twin:
-        """A twin with the spec's effects and with those of `more` that it has not and that can act on it."""
+    def twin(self, values: Mapping[str, Any], more: Mapping[str, Mapping[str, float]], loud: float = 1.0) -> Twin:
+        """A twin with these parameters, the spec's effects, and those of `more` that it has not and that can act on it.
+
+        Parameters
+        ----------
+        values : Mapping
+            Parameters in place of the spec's.
+        more : Mapping
+            Parameters of further effects by their names.
+        loud : float
+            Factor of all amplitudes.
+        """
+        middle = model_parameters(self.spec)
+        parameters = dataclasses.replace(middle, **values, scale=middle.scale * loud)
         own = [make_effect(name, self.spec.parameters.get(name), "twin") for name in self.spec.effects]
         model = model_of(self.spec)
-        bare = model.build(parameters, self.bearing, (), self.unit)
-        can = {"impacts": tuple(more), "rollers": ("slip_jitter", "second_resonance"), "waveform": ()}[bare.excitation]
-        added: list[Effect] = [make_effect(n, more[n]) for n in can if n in more and n not in self.spec.effects]
+        excitation = model.build(parameters, self.bearing, (), self.unit).excitation
+        if excitation == "waveform":
+            more = {}
+        elif excitation == "rollers":
+            more = {name: more[name] for name in more if name not in ON_STRIKES}
+        added: list[Effect] = [make_effect(n, dict(more[n]), "twin") for n in more if n not in self.spec.effects]
         return model.build(parameters, self.bearing, (*own, *added), self.unit)
 
 

@@ -51,10 +51,15 @@ def whitened_envelope_spectrum(windows: Windows) -> Array:
     Removes resonances and tones alike (Borghesani et al. 2013, DOI 10.1016/j.ymssp.2012.11.001; used on the CWRU
     records by Smith and Randall 2015, DOI 10.1016/j.ymssp.2015.04.021).
     """
-    transform = np.fft.rfft(waveform(windows), axis=1)
+    return _over_orders(prewhitened(waveform(windows)), windows)
+
+
+def prewhitened(x: Array) -> Array:
+    """Cepstral prewhitening [signals, samples]: the same amplitude at every frequency, the signals' own phases."""
+    transform = np.fft.rfft(x, axis=1)
     flat = transform / np.maximum(np.abs(transform), 1e-12)
     flat[:, 0] = 0.0
-    return _over_orders(np.fft.irfft(flat, windows.samples.shape[1], axis=1), windows)
+    return np.asarray(np.fft.irfft(flat, x.shape[1], axis=1))
 
 
 def _over_orders(x: Array, windows: Windows) -> Array:

@@ -9,7 +9,7 @@ import typer
 
 from twingap.cli.options import Json, Seed, progress_console, say, say_json, show, wrote
 
-_METHODS = "Non-DA, VMD+SVM, MMD, DANN, DACD, Base-Attn, Non-DN, Base-NDN or Proposed"
+_METHODS = "VMD+SVM, Non-DA, MMD, DANN, DACD, Base-Attn, Non-DN, Base-NDN or Proposed"
 
 
 def classify(
@@ -19,14 +19,18 @@ def classify(
     twin: Annotated[Path, typer.Option(metavar="TWIN.toml", help="What the simulated machines are drawn about.")],
     out: Annotated[Path, typer.Option(metavar="predictions.csv", help="Where the classes are written.")],
     method: Annotated[
-        str, typer.Option(help=f"How simulated machines are learnt from: {_METHODS}. All but the first two adapt.")
-    ] = "Non-DA",
-    machines: Annotated[int, typer.Option(help="Simulated machines per class to train on.", min=4)] = 80,
-    steps: Annotated[int, typer.Option(help="Gradient steps of the training.", min=1)] = 600,
+        str,
+        typer.Option(
+            help=f"orders: trees on lines at the bearing's orders and on levels; or a method of paper 3: {_METHODS}."
+        ),
+    ] = "orders",
+    machines: Annotated[int, typer.Option(help="Simulated machines per class to train on.", min=4)] = 200,
+    steps: Annotated[int, typer.Option(help="Gradient steps, where a network is trained.", min=1)] = 600,
     match: Annotated[
         bool,
         typer.Option(
-            "--match/--no-match", help="Correct speeds and fill the twin's free parameters from the records first."
+            "--match/--no-match",
+            help="Correct speeds from the records first, and for a network fill the twin's free parameters.",
         ),
     ] = True,
     seed: Seed = 0,

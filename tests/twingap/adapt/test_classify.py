@@ -8,7 +8,7 @@ import pytest
 
 from twingap.adapt.classify import Classified, ClassifyOptions, classify, window_samples
 from twingap.adapt.confidence import calibrate_temperature, cross_checked, reliability
-from twingap.adapt.population import CLASSES, FAULT_SNR_DB, Population, stated
+from twingap.adapt.population import CLASSES, Population, stated
 from twingap.bearing import BEARINGS
 from twingap.errors import TwingapError
 from twingap.records import Condition, Record, RecordSet
@@ -58,8 +58,8 @@ def test_strikes_have_the_power_that_was_drawn() -> None:
     values = {"impact_amplitude": {"outer": 1.0}, "structure_noise_rms": 0.6, "white_noise_rms": 0.8}
     values |= {"damping_ratio": 0.05, "resonance_hz": 2000.0}
     condition = Condition("o", 1200.0, 20000.0, 40000, "outer")
-    level = population()._levels(values, condition, np.random.default_rng(3))["impact_amplitude"]["outer"]
-    snr_db = np.random.default_rng(3).uniform(*FAULT_SNR_DB)
+    snr_db = 7.0
+    level = population().strike_levels(values, condition, snr_db)["impact_amplitude"]["outer"]
     quiet = PhenomenologicalParameters(2000.0, 0.05, {"outer": level}, 1e-6, 1e-6)
     (record,) = PhenomenologicalTwin(BEARING, quiet).simulate([condition], np.random.default_rng(0))
     assert 10 * np.log10(record.samples.var()) == pytest.approx(snr_db, abs=0.3)
