@@ -64,9 +64,10 @@ def _run(panel: Any, found: Degradation, per: float) -> None:
         shown.append(found.limit)
     panel.axvline(t[-1] / per, color="black", lw=0.8)
     low, high = min(shown), max(shown)
-    # Extrapolations may go anywhere: the panel shows twice the range of what was measured, at most.
-    most = 2 * float(np.ptp(found.values)) + (abs(found.limit) if found.limit is not None else 0.0)
-    low, high = max(low, found.values.min() - most), min(high, found.values.max() + most)
+    # Extrapolations may go anywhere: the panel shows what was measured, the limit, and half as much again.
+    seen_levels = [*found.values, *([] if found.limit is None else [found.limit])]
+    most = 0.5 * (max(seen_levels) - min(seen_levels))
+    low, high = max(low, min(seen_levels) - most), min(high, max(seen_levels) + most)
     panel.set_ylim(low - 0.05 * (high - low), high + 0.08 * (high - low))
     panel.set_xlim(times[0] / per, times[-1] / per)
 

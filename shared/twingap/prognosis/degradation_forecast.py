@@ -28,8 +28,10 @@ Array = NDArray[np.float64]
 TENTHS: Final = tuple(k / 10 for k in range(1, 10))
 MOST_ROWS: Final = 400
 """Longer runs are averaged to as many rows before curves are refitted by the hundred."""
-_REFINED: Final = ((0.7, 0.82, 0.91, 1.1, 1.22, 1.4), (0.965, 1.035))
-"""Factors on exponents tried about the best of the grid, then about the best of these."""
+_REFINED: Final = (0.7, 0.84, 0.93, 1.08, 1.19, 1.4)
+"""Factors on exponents tried about the best of the grid."""
+_STEPS: Final = 5
+"""Gauss-Newton steps from there."""
 
 
 @dataclass(frozen=True)
@@ -42,14 +44,14 @@ class Curves:
         The one they scatter about.
     coefficients : Array [curves, linear]
     exponents : Array [curves, exponents]
-    scatter : float
-        Standard deviation of a record about the curve at the end of the rows seen.
+    scatter : Array [rows]
+        Standard deviation of single records about the curve, near each row of the fit.
     """
 
     fit: CurveFit
     coefficients: Array
     exponents: Array
-    scatter: float
+    scatter: Array
 
     def at(self, time_s: ArrayLike) -> Array:
         """Values [curves, times]."""
@@ -62,10 +64,14 @@ class Curves:
     def band(
         self, time_s: ArrayLike, level: float = 0.9, rng: np.random.Generator | None = None
     ) -> tuple[Array, Array]:
-        """Interval of the curve at each time [times]; of single records when a generator is given."""
+        """Interval of the curve at each time [times]; of single records when a generator is given.
+
+        Later records are taken to scatter as those at the end of the rows seen.
+        """
         values = self.at(time_s)
         if rng is not None:
-            values = values + self.scatter * rng.standard_normal(values.shape)
+            near = np.interp(np.asarray(time_s, float), self.fit.time_s, self.scatter)
+            values = values + near * rng.standard_normal(values.shape)
         low, high = np.quantile(values, [(1 - level) / 2, (1 + level) / 2], axis=0, method="inverted_cdf")
         return low, high
 
@@ -125,7 +131,7 @@ def redrawn(fit: CurveFit, n_curves: int, rng: np.random.Generator) -> Curves:
     Returns
     -------
     Curves
-        By squares within the bounds, exponents from a grid refined to 2 %.
+        By squares within the bounds, from a grid of exponents and then by Gauss-Newton steps.
     """
     u, centre, off = _thinned(fit)
     n, model = u.size, fit.model
@@ -137,10 +143,7 @@ def redrawn(fit: CurveFit, n_curves: int, rng: np.random.Generator) -> Curves:
     rho = memory_of(off)
     held = leverage(fit, u) * (1 + max(rho, 0.0)) / (1 - max(rho, 0.0))
     off = off / np.sqrt(1 - np.minimum(held, 0.75))
-    window = min(max(30, n // 5), n)
-    kernel = np.ones(window)
-    spread = np.sqrt(np.convolve(off**2, kernel, "same") / np.convolve(np.ones(n), kernel, "same"))
-    rho = memory_of(np.divide(off, spread, out=np.zeros(n), where=spread > 0))
+    spread = _local_spread(off)
     # For the same reason the memory of what is left looks short (Kendall 1954 gives
     # (1 + 3 rho) / n for a fitted mean; every further parameter takes about as much again).
     rho = min(rho + (1 + 3 * rho) * model.parameters / n, LONGEST_MEMORY) if rho > 0 else rho
@@ -152,7 +155,7 @@ def redrawn(fit: CurveFit, n_curves: int, rng: np.random.Generator) -> Curves:
     noise *= np.sqrt(free / rng.chisquare(free, n_curves))[:, None]
     size = float(np.abs(fit.values).max()) or 1.0
     coefficients, exponents = refitted(model, u, ((centre + noise) / size).T, fit.exponents)
-    return Curves(fit, coefficients * size, exponents, float(spread[-1]))
+    return Curves(fit, coefficients * size, exponents, _local_spread(fit.residuals))
 
 
 def leverage(fit: CurveFit, u: Array) -> Array:
@@ -205,20 +208,56 @@ def refitted(model: CurveModel, u: Array, y: Array, near: tuple[float, ...]) -> 
         attempt(exponents, everything)
     if model.starts:
         low, high = model.bounds
-        for factors in _REFINED:
-            best = chosen.copy()
-            for centre in np.unique(best, axis=0):
-                which = np.flatnonzero((best == centre).all(axis=1))
-                for exponents in _about(centre, factors):
-                    inside = all(low <= e <= high for e in exponents)
-                    apart = len(exponents) < 2 or exponents[1] >= model.spread * exponents[0]
-                    if inside and apart:
-                        attempt(exponents, which)
+        best = chosen.copy()
+        for centre in np.unique(best, axis=0):
+            which = np.flatnonzero((best == centre).all(axis=1))
+            for exponents in _about(centre, _REFINED):
+                inside = all(low <= e <= high for e in exponents)
+                apart = len(exponents) < 2 or exponents[1] >= model.spread * exponents[0]
+                if inside and apart:
+                    attempt(exponents, which)
     # A series that no grid point fits within the limits keeps the estimate: rare, and better than a wild one.
     lost = ~np.isfinite(least)
     if lost.any():
         coefficients[lost] = np.linalg.lstsq(model.design(u, near), y[:, lost], rcond=1e-10)[0].T
+    if model.starts:
+        for _ in range(_STEPS):
+            _step(model, u, y, coefficients, chosen)
     return coefficients, chosen
+
+
+def _step(model: CurveModel, u: Array, y: Array, coefficients: Array, exponents: Array) -> None:
+    """One Gauss-Newton step of every series, in place; half of it, or none, where the whole one does not help."""
+    low, high = model.bounds
+    count, linear = coefficients.shape
+    shape = (count, u.size)
+
+    def columns(e: Array) -> list[Array]:
+        found = model.columns(u[None], tuple(e[:, k, None] for k in range(e.shape[1])))  # type: ignore[arg-type]
+        return [np.broadcast_to(column, shape) for column in found]
+
+    def left(c: Array, e: Array) -> Array:
+        return y.T - sum(c[:, k, None] * column for k, column in enumerate(columns(e)))
+
+    off = left(coefficients, exponents)
+    slopes = model.slopes(u[None], tuple(exponents[:, k, None] for k in range(exponents.shape[1])))  # type: ignore[arg-type]
+    sloped = [np.broadcast_to(coefficients[:, column, None] * each, shape) for column, each in slopes]
+    jacobian = np.stack([*columns(exponents), *sloped], axis=-1)
+    size = np.sqrt(np.sum(jacobian**2, axis=1))
+    size[size == 0] = 1.0
+    jacobian = jacobian / size[:, None]
+    # A trace of damping: columns of nearly equal exponents are nearly equal.
+    normal = jacobian.transpose(0, 2, 1) @ jacobian + 1e-10 * np.eye(jacobian.shape[-1])
+    move = np.linalg.solve(normal, jacobian.transpose(0, 2, 1) @ off[..., None])[..., 0] / size
+    rss = np.sum(off**2, axis=1)
+    for part in (1.0, 0.25):
+        c, e = coefficients + part * move[:, :linear], exponents + part * move[:, linear:]
+        allowed = (np.abs(c).max(axis=1) <= AMPLITUDE_LIMIT) & (e >= low).all(axis=1) & (e <= high).all(axis=1)
+        c, e = np.where(allowed[:, None], c, coefficients), np.where(allowed[:, None], e, exponents)
+        new = np.sum(left(c, e) ** 2, axis=1)
+        better = new < rss
+        coefficients[better], exponents[better], rss[better] = c[better], e[better], new[better]
+        move[better] = 0.0
 
 
 def remaining_life(
@@ -306,6 +345,14 @@ def _about(centre: Array, factors: tuple[float, ...]) -> list[tuple[float, ...]]
         if centre.size > 1:
             found.append(tuple(map(float, centre * factor)))
     return found
+
+
+def _local_spread(off: Array) -> Array:
+    """Root mean square about zero of the fifth of the rows about each row."""
+    n = off.size
+    kernel = np.ones(min(max(30, n // 5), n))
+    mean = np.convolve(off**2, kernel, "same") / np.convolve(np.ones(n), kernel, "same")
+    return np.sqrt(np.maximum(mean, 0.0))
 
 
 def _thinned(fit: CurveFit) -> tuple[Array, Array, Array]:
