@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -233,14 +233,14 @@ def _step(model: CurveModel, u: Array, y: Array, coefficients: Array, exponents:
     shape = (count, u.size)
 
     def columns(e: Array) -> list[Array]:
-        found = model.columns(u[None], tuple(e[:, k, None] for k in range(e.shape[1])))  # type: ignore[arg-type]
+        found = model.columns(u[None], tuple(e[:, k, None] for k in range(e.shape[1])))
         return [np.broadcast_to(column, shape) for column in found]
 
     def left(c: Array, e: Array) -> Array:
         return y.T - sum(c[:, k, None] * column for k, column in enumerate(columns(e)))
 
     off = left(coefficients, exponents)
-    slopes = model.slopes(u[None], tuple(exponents[:, k, None] for k in range(exponents.shape[1])))  # type: ignore[arg-type]
+    slopes = model.slopes(u[None], tuple(exponents[:, k, None] for k in range(exponents.shape[1])))
     sloped = [np.broadcast_to(coefficients[:, column, None] * each, shape) for column, each in slopes]
     jacobian = np.stack([*columns(exponents), *sloped], axis=-1)
     size = np.sqrt(np.sum(jacobian**2, axis=1))
@@ -329,7 +329,7 @@ def out_of_sample(
     return found
 
 
-def rows_until(time_s: Array, share: float) -> int:
+def rows_until(time_s: NDArray[Any], share: float) -> int:
     """Records taken up to this share of the time from first to last."""
     return int(np.searchsorted(time_s, time_s[0] + share * (time_s[-1] - time_s[0]) * (1 + 1e-12), side="right"))
 

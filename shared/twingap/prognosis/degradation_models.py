@@ -14,7 +14,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -42,7 +42,7 @@ class CurveModel:
     ----------
     name, formula : str
     columns : callable
-        (u [rows], exponents) -> list of Arrays [rows].
+        (u [rows], exponents) -> list of Arrays [rows]. Exponents may be arrays that go with u.
     slopes : callable
         The same for each exponent: (u, exponents) -> list of (column number, its derivative [rows]).
     starts : tuple of Array
@@ -57,8 +57,8 @@ class CurveModel:
 
     name: str
     formula: str
-    columns: Callable[[Array, tuple[float, ...]], list[Array]]
-    slopes: Callable[[Array, tuple[float, ...]], list[tuple[int, Array]]]
+    columns: Callable[[Array, tuple[Any, ...]], list[Array]]
+    slopes: Callable[[Array, tuple[Any, ...]], list[tuple[int, Array]]]
     starts: tuple[Array, ...]
     bounds: tuple[float, float]
     linear: int

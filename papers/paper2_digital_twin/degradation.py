@@ -1,0 +1,355 @@
+"""Degradation, as a study of its own: which indicator, which curve, and what each would have said of remaining life.
+
+runs to failure --> features --> candidates (healthy start) --> criteria --> chosen on other runs; fusion feature 9
+indicator of a run --job--> eight curves: criteria, errors on records after each tenth of life, remaining life
+simulated runs of known curves --job--> how often the intervals hold
+
+Used in: Paper 2, section 4 and figures 13 to 19. Run as part of the paper, or alone:
+python -m papers.paper2_digital_twin.degradation --profile full --out DIR
+"""
+
+from __future__ import annotations
+
+import functools
+import hashlib
+import sys
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from papers.paper2_digital_twin import degradation_jobs as jobs_module
+from papers.paper2_digital_twin.degradation_jobs import TRUTHS, Analysis, Coverage, analyse, cover
+from papers.paper2_digital_twin.degradation_runs import Reading, StudyRun, study_runs
+from twingap.config import build, read_toml
+from twingap.errors import TwingapError
+from twingap.prognosis import degradation_forecast, degradation_models, information
+from twingap.prognosis.health_indicator import Indicators, chosen, judged, offline_indicators, online_indicators
+from twingap.prognosis.indicator_criteria import IndicatorCriteria
+from twingap.provenance import digest_of_code
+from twingap.sweep import Result, sweep
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from twingap.track import Run as Log
+
+Array = NDArray[np.float64]
+CONFIG: Final = Path(__file__).with_name("degradation.toml")
+NINE: Final = "fusion 9"
+OFFLINE: Final = "fusion 9, whole run"
+"""The paper's reading: normalised and fused with the whole run known, so each value depends on later records."""
+KEPT: Final = "fusion 9, whole run, stopped records kept"
+CHOSEN: Final = "chosen on other runs"
+HINDSIGHT: Final = "own end, known in hindsight"
+OTHERS: Final = "median end of other runs"
+END_ROWS: Final = 5
+"""Records whose mean is the level at a run's end."""
+
+
+@dataclass(frozen=True)
+class DegradationProfile:
+    """How much is run.
+
+    Parameters
+    ----------
+    ims, femto : int
+        Runs of each, from the paper's on.
+    curves : int
+        Refits per interval.
+    coverage_runs : int
+        Simulated runs per kind.
+    """
+
+    ims: int
+    femto: int
+    curves: int
+    coverage_runs: int
+
+
+@dataclass(frozen=True)
+class DegradationOptions:
+    """The study; every entry is explained in degradation.toml."""
+
+    runs_ims: tuple[str, ...]
+    runs_femto: tuple[str, ...]
+    paper_run: str
+    raw_run: str
+    healthy_rows_ims: int
+    healthy_rows_femto: int
+    trend_rows_ims: int
+    trend_rows_femto: int
+    stopped_share: float
+    window_samples: int
+    primary: tuple[str, ...]
+    error: str
+    interval_level: float
+    simulated_rows: int
+    simulated_noise: float
+    profiles: dict[str, DegradationProfile]
+
+
+@dataclass(frozen=True)
+class Judged:
+    """A run with its candidates.
+
+    Parameters
+    ----------
+    run : StudyRun
+    online : Indicators
+    criteria : dict[str, IndicatorCriteria]
+        Of the online candidates.
+    choice : str or None
+        Candidate of highest suitability on other runs; None where there are no others.
+    series : dict[str, Array [rows]]
+        The indicators that curves are fitted to, by name.
+    times : dict[str, Array [rows]]
+        Their running time, s.
+    """
+
+    run: StudyRun
+    online: Indicators
+    criteria: dict[str, IndicatorCriteria]
+    choice: str | None
+    series: dict[str, Array]
+    times: dict[str, Array]
+
+
+@dataclass(frozen=True)
+class Study:
+    """What came out.
+
+    Parameters
+    ----------
+    data : str
+        Where the runs come from.
+    options : DegradationOptions
+    runs : list[Judged]
+    analyses : list[Result[Analysis]]
+    coverage : list[Result[Coverage]]
+    tables : dict[str, pandas.DataFrame]
+    """
+
+    data: str
+    options: DegradationOptions
+    runs: list[Judged]
+    analyses: list[Result[Analysis]]
+    coverage: list[Result[Coverage]]
+    tables: dict[str, pd.DataFrame]
+
+    @property
+    def shown(self) -> Judged:
+        """The run of the paper's figures, or the first where it is not at hand."""
+        return next((j for j in self.runs if j.run.name == self.options.paper_run), self.runs[0])
+
+    @property
+    def raw(self) -> Judged | None:
+        """The run whose records are shown, where there are raw ones."""
+        there = [j for j in self.runs if j.run.extremes is not None]
+        return next((j for j in there if j.run.name == self.options.raw_run), there[0] if there else None)
+
+
+def read_study(path: Path = CONFIG) -> DegradationOptions:
+    """Read the configuration; errors name file, key, value and what was expected."""
+    options = build(DegradationOptions, read_toml(path), path)
+    if len(options.primary) != 2 or not set(options.primary) <= set(degradation_models.MODELS):
+        known = ", ".join(degradation_models.MODELS)
+        raise TwingapError("two models expected", where=f"{path}: primary", mend=f"use two of {known}")
+    if options.error not in ("rest", "next"):
+        raise TwingapError(f"{options.error!r} found", where=f"{path}: error", mend="use rest or next")
+    return options
+
+
+def run(
+    profile: str = "smoke",
+    *,
+    out: Path,
+    root: Path | None = None,
+    seed: int = 0,
+    backend: str = "loky",
+    address: str | None = None,
+    log: Log | None = None,
+    progress: Callable[[str, int, int], None] = lambda what, done, total: None,
+    config: Path = CONFIG,
+    draw: bool = True,
+) -> Study:
+    """Run the study; what an interrupted run has finished is taken up again.
+
+    Parameters
+    ----------
+    profile : {"smoke", "full"}
+    out : Path
+        Folder for ``tables/``, ``figures/`` and ``results/``.
+    root : Path or None
+        Data root; TWINGAP_DATA when None. Without IMS and FEMTO simulated runs are taken, and every table says so.
+    seed : int
+        Of the draws behind intervals and of the simulated runs on which they are checked.
+    backend, address
+        See `twingap.sweep`.
+    log : Run or None
+        Of a tracker: tables and figures go there as well.
+    progress : callable
+    config : Path
+    draw : bool
+        Make the figures.
+    """
+    options = read_study(config)
+    if profile not in options.profiles:
+        known = ", ".join(options.profiles)
+        raise TwingapError(f"unknown profile {profile!r}", where=config, mend=f"use one of {known}")
+    sizes = options.profiles[profile]
+    names = sorted(options.runs_ims, key=lambda n: f"IMS {n}" != options.paper_run)[: sizes.ims]
+    done = 0
+
+    def step(_: Result[Any]) -> None:
+        nonlocal done
+        done += 1
+        progress("degradation", done, max(total, done))
+
+    total = sizes.ims + sizes.femto
+    reading = Reading(
+        options.healthy_rows_ims, options.healthy_rows_femto, options.trend_rows_ims, options.trend_rows_femto,
+        options.stopped_share, options.window_samples,
+    )  # fmt: skip
+    store = out / "results"
+    data, runs = study_runs(
+        sorted(names), list(options.runs_femto[: sizes.femto]), reading, root, store=store, backend=backend,
+        address=address, on_result=step,
+    )  # fmt: skip
+    found = judge_all(runs)
+    analyses = [
+        Analysis(
+            j.run.name, name, _limits(j, name, found), _healthy(j, name), sizes.curves, options.interval_level, seed
+        )
+        for j in found
+        for name in j.series
+    ]
+    checks = [
+        Coverage(
+            truth, model, memory, share, sizes.coverage_runs, options.simulated_rows, 100,
+            options.simulated_noise, options.interval_level, seed,
+        )
+        for truth, model in [(name, name) for name in TRUTHS] + [tuple(options.primary), tuple(options.primary[::-1])]
+        for memory in (0.0, 0.7)
+        for share in (0.5, 0.7, 0.9)
+    ]  # fmt: skip
+    total = done + len(analyses) + len(checks)
+    series = {f"{j.run.name}/{name}": (j.times[name], x) for j in found for name, x in j.series.items()}
+    code = digest_of_code(jobs_module, degradation_models, degradation_forecast, information)
+    swept = functools.partial(sweep, store=store, backend=backend, address=address, version=code, on_result=step)
+    analysed: list[Result[Analysis]] = swept(
+        functools.partial(analyse, series=series), analyses, data={"series": _digest(series)}
+    )
+    covered: list[Result[Coverage]] = swept(cover, checks)
+    from papers.paper2_digital_twin import degradation_tables as tables
+
+    study = Study(data, options, found, analysed, covered, {})
+    study.tables.update(tables.all_tables(study))
+    for name, frame in study.tables.items():
+        tables.write(frame, out / "tables" / name, data)
+        if log is not None:
+            log.table(name, frame)
+    if draw:
+        from papers.paper2_digital_twin import degradation_figures as figures
+
+        for name, figure in figures.all_figures(study):
+            figures.write(figure, out / "figures" / f"{name}.png")
+            if log is not None:
+                log.figure(name, figure)
+    return study
+
+
+def judge_all(runs: Sequence[StudyRun]) -> list[Judged]:
+    """Candidates and criteria of every run, and the choice that the others of its family make for it."""
+    online = [online_indicators(r.run, r.healthy_rows) for r in runs]
+    criteria = [
+        judged(i, r.run.time_s, healthy_rows=r.healthy_rows, window=r.trend_rows)
+        for r, i in zip(runs, online, strict=True)
+    ]
+    found = []
+    for k, (r, indicators) in enumerate(zip(runs, online, strict=True)):
+        others = [c for n, c in enumerate(criteria) if n != k and runs[n].family == r.family]
+        choice = chosen(others) if others else None
+        if choice is not None and choice not in indicators.values:  # test 3 of IMS has fewer features
+            shared = [{name: c[name] for name in c if name in indicators.values} for c in others]
+            choice = chosen(shared)
+        series, times = {"rms": indicators.values["rms"]}, {"rms": r.run.time_s}
+        if choice is not None:
+            series[CHOSEN] = indicators.values[choice]
+        if NINE in indicators.values:
+            series[NINE] = indicators.values[NINE]
+        offline = offline_indicators(r.run).values
+        if NINE in offline:
+            series[OFFLINE] = offline[NINE]
+        times |= dict.fromkeys(series, r.run.time_s)
+        if r.whole.time_s.size > r.run.time_s.size:
+            kept = offline_indicators(r.whole).values
+            if NINE in kept:
+                series[KEPT], times[KEPT] = kept[NINE], r.whole.time_s
+        found.append(Judged(r, indicators, criteria[k], choice, series, times))
+    return found
+
+
+def end_level(values: Array) -> float:
+    """Mean of the last records."""
+    return float(np.mean(values[-END_ROWS:]))
+
+
+def _healthy(j: Judged, name: str) -> float:
+    return float(np.mean(j.series[name][: j.run.healthy_rows]))
+
+
+def _limits(j: Judged, name: str, found: Sequence[Judged]) -> dict[str, float]:
+    """Levels at which life is taken to end.
+
+    A run's own end is what no one knows before; the median of other runs' ends is what a user has. The latter only for
+    plain features, in healthy standard deviations: the axes of fused ones differ from run to run.
+    """
+    limits = {HINDSIGHT: end_level(j.series[name])}
+    feature = j.choice if name == CHOSEN else name
+    others = [o for o in found if o is not j and o.run.family == j.run.family]
+    if feature in j.run.run.names and others and all(feature in o.online.values for o in others):
+        limits[OTHERS] = float(np.median([end_level(o.online.values[feature]) for o in others]))
+    return limits
+
+
+def _digest(series: dict[str, tuple[Array, Array]]) -> str:
+    total = hashlib.sha256()
+    for name, (t, x) in series.items():
+        total.update(name.encode())
+        total.update(np.ascontiguousarray(t, "<f8").tobytes())
+        total.update(np.ascontiguousarray(x, "<f8").tobytes())
+    return total.hexdigest()
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """The study from the command line."""
+    import argparse
+
+    parser = argparse.ArgumentParser(description="Degradation curves of paper 2: tables and figures.")
+    parser.add_argument("--profile", default="smoke")
+    parser.add_argument("--out", type=Path, required=True)
+    parser.add_argument("--root", type=Path, help="data root; TWINGAP_DATA when absent")
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--backend", default="loky")
+    asked = parser.parse_args(arguments)
+    try:
+        study = run(asked.profile, out=asked.out, root=asked.root, seed=asked.seed, backend=asked.backend)
+    except TwingapError as error:
+        print(f"twingap: {error}", file=sys.stderr)
+        raise SystemExit(2) from None
+    for name in ("degradation-claims", "degradation-pairs", "degradation-lives-summary", "degradation-coverage"):
+        print(
+            f"\n{name} ({study.data})\n{study.tables[name].to_string(index=False, float_format=lambda v: f'{v:.4g}')}"
+        )
+    print(asked.out / "tables", asked.out / "figures", sep="\n")
+
+
+if __name__ == "__main__":
+    # Workers look functions up by module, and this one is called __main__ here.
+    from papers.paper2_digital_twin.degradation import main as start
+
+    start()
