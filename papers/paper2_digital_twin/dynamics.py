@@ -136,7 +136,7 @@ def parameters_of(case: Case) -> ContactParameters:
 def job_of(case: Case, duration_s: float) -> Job:
     """The trajectory of a case, its cage at zero angle at the start."""
     samples = round(duration_s * case.fs_hz)
-    turns = np.arange(samples) * (case.speed_rpm / 60 / case.fs_hz)
+    turns = np.arange(samples, dtype=np.float64) * (case.speed_rpm / 60 / case.fs_hz)
     condition = Condition(case.setting, case.speed_rpm, case.fs_hz, samples, case.fault, case.load_n)
     return Job(BEARINGS[case.bearing], parameters_of(case), condition, turns)
 

@@ -105,8 +105,8 @@ def motions(jobs: Sequence[Job], start: ArrayLike = (0.0, 0.0, 0.0, 0.0), *, ste
             "the motion leaves the range of numbers", where=where, mend="raise steps, or leave them out"
         )  # fmt: skip
     return [
-        Motion(np.arange(samples) / job.condition.fs_hz, *own.copy(), train)
-        for job, own, train in zip(jobs, path, cage, strict=True)
+        Motion(np.arange(samples) / job.condition.fs_hz, x, y, vx, vy, train)
+        for job, (x, y, vx, vy), train in zip(jobs, path.copy(), cage, strict=True)
     ]
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from typing import Literal
 
 import numpy as np
 import pytest
@@ -81,7 +82,7 @@ def test_seen_sample_by_sample_it_is_the_same_trajectory_to_the_bit() -> None:
 @pytest.mark.parametrize("contact", ["point", "line"])
 @pytest.mark.parametrize(("cage", "clearance", "load_x"), [(0.0, 5.0, 0.0), (0.04, 5.0, 120.0), (0.09, -3.0, -60.0)])
 def test_a_standing_bearing_settles_where_the_static_hertz_equations_say(
-    contact: str, cage: float, clearance: float, load_x: float
+    contact: Literal["point", "line"], cage: float, clearance: float, load_x: float
 ) -> None:
     own = replace(QUIET, contact=contact, clearance_um=clearance, load_x_n=load_x, damping=2500.0)
     if contact == "line":

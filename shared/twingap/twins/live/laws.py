@@ -1,0 +1,103 @@
+"""How clearance and damping follow temperature.
+
+temperature --> inner ring warmer than outer ring --> clearance
+            --> oil viscosity (Walther) -----------> damping of the film, beside damping that stays
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from twingap.bearing import Bearing
+from twingap.errors import TwingapError
+
+
+@dataclass(frozen=True)
+class ClearanceLaw:
+    """Radial clearance that shrinks as the inner ring grows warmer than the outer one.
+
+    u(T) = u(T_ref) - (1/2) alpha D excess (T - T_ref), D the pitch diameter: the catalogues' formula for the reduction
+    of clearance by a temperature difference (SKF, Rolling Bearings: 0.012 um per K and mm of mean diameter, both sides
+    of the shaft together). The inner ring's lead over the outer one is taken as a fixed part of the outer
+    one's rise; rings and balls of one temperature grow alike and change nothing.
+
+    Parameters
+    ----------
+    expansion : float
+        alpha, 1/K; of bearing steel.
+    excess : float
+        By how much the inner ring outruns the outer one's rise, a fraction. 5 to 10 K are usual at 40 K of rise.
+    """
+
+    expansion: float = 12e-6
+    excess: float = 0.15
+
+    def change_um(self, bearing: Bearing, rise_k: float) -> float:
+        """What is added to the clearance, um, when the outer ring is `rise_k` above the reference."""
+        return -0.5 * self.expansion * 1e3 * bearing.pitch_diameter_mm * self.excess * rise_k
+
+
+@dataclass(frozen=True)
+class DampingLaw:
+    """Damping of which one part follows the oil's viscosity and the other does not.
+
+    c(T) / c(T_ref) = (1 - film) + film (nu(T) / nu(T_ref))^power. Reynolds' equation is linear in viscosity, so that a
+    film squeezed at small amplitude damps with power 1; nu follows Walther's equation, as standardised in ASTM D341,
+
+        log10 log10(nu + 0.7) = A - B log10(T / K),
+
+    through the two points of a data sheet.
+
+    Parameters
+    ----------
+    nu40, nu100 : float
+        Kinematic viscosity at 40 and 100 deg C, mm^2/s. The defaults are an ISO VG 32 oil's.
+    film : float
+        Part of the damping at the reference temperature that is the film's.
+    power : float
+    """
+
+    nu40: float = 32.0
+    nu100: float = 5.4
+    film: float = 0.8
+    power: float = 1.0
+
+    def __post_init__(self) -> None:
+        if not 0 < self.nu100 < self.nu40 < math.inf:
+            raise TwingapError(
+                f"nu40 = {self.nu40!r}, nu100 = {self.nu100!r}: 0 < nu100 < nu40 expected", where="damping law"
+            )
+        if not 0 <= self.film <= 1:
+            raise TwingapError(f"film = {self.film!r}, between 0 and 1 expected", where="damping law")
+
+    def viscosity(self, temperature_c: float) -> float:
+        """Kinematic viscosity, mm^2/s. Held at the ends of -30 and 200 deg C, beyond which the law says nothing."""
+        kelvin = min(max(temperature_c, -30.0), 200.0) + 273.15
+        at40, at100 = (math.log10(math.log10(nu + 0.7)) for nu in (self.nu40, self.nu100))
+        slope = (at40 - at100) / (math.log10(373.15) - math.log10(313.15))
+        twice: float = 10 ** (at40 - slope * (math.log10(kelvin) - math.log10(313.15)))
+        return float(10**twice) - 0.7
+
+    def factor(self, temperature_c: float, reference_c: float) -> float:
+        """c(T) / c(T_ref)."""
+        return 1 - self.film + self.film * (self.viscosity(temperature_c) / self.viscosity(reference_c)) ** self.power
+
+
+@dataclass(frozen=True)
+class Laws:
+    """Both, and the temperature at which the twin's own clearance and damping hold.
+
+    Parameters
+    ----------
+    reference_c : float
+    clearance : ClearanceLaw
+    damping : DampingLaw
+    speed_power : float
+        The structure's broadband force grows with speed to this power; rolling noise of rough surfaces: 1.
+    """
+
+    reference_c: float = 40.0
+    clearance: ClearanceLaw = ClearanceLaw()
+    damping: DampingLaw = DampingLaw()
+    speed_power: float = 1.0

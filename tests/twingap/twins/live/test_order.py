@@ -1,0 +1,94 @@
+"""The buffer: whatever the order of arrival, what comes out is in order; every case is counted; memory is bounded."""
+
+from __future__ import annotations
+
+import itertools
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from twingap.errors import TwingapError
+from twingap.twins.live import OrderOptions, Reorder, Snapshot, StateMessage
+
+
+def state(time_s: float, number: int | None = None, temperature_c: float = 40.0) -> StateMessage:
+    return StateMessage(time_s, temperature_c, 1800.0, 500.0, number)
+
+
+@given(st.lists(st.floats(0, 100), min_size=1, max_size=40, unique=True), st.integers(0, 2**32 - 1))
+@settings(max_examples=60, deadline=None)
+def test_with_enough_patience_any_shuffle_comes_out_in_order(times: list[float], seed: int) -> None:
+    buffer = Reorder(OrderOptions(lateness_s=100.0))
+    order = np.random.default_rng(seed).permutation(len(times))
+    out = [m for i in order for m in buffer.push(state(times[i]))] + buffer.flush()
+    assert [m.time_s for m in out] == sorted(times)
+    assert buffer.counts["state", "late"] == 0 and buffer.counts["state", "accepted"] == len(times)
+
+
+@given(st.lists(st.floats(0, 1000), min_size=1, max_size=60), st.integers(1, 8), st.floats(0, 200))
+@settings(max_examples=60, deadline=None)
+def test_what_comes_out_never_goes_back_in_time_and_memory_is_bounded(
+    times: list[float], capacity: int, lateness_s: float
+) -> None:
+    buffer, out, most = Reorder(OrderOptions(lateness_s=lateness_s, capacity=capacity)), [], 0
+    for t in times:
+        out += buffer.push(state(t))
+        most = max(most, buffer.held)
+    out += buffer.flush()
+    assert most <= capacity
+    assert all(a.time_s <= b.time_s for a, b in itertools.pairwise(out))
+    n = {case: buffer.counts["state", case] for case in ("accepted", "repeated", "late")}
+    assert len(out) == n["accepted"] and sum(n.values()) == len(times)
+
+
+def test_each_case_is_counted() -> None:
+    buffer = Reorder(OrderOptions(lateness_s=10.0, ahead_s=1000.0))
+    for message in (state(0, 0), state(5, 1), state(5, 1), state(40, 4), state(35, 3), state(2, 9)):
+        buffer.push(message)
+    buffer.push(state(float("nan"), 5))
+    buffer.push(state(41, 5, temperature_c=float("nan")))
+    buffer.flush()
+    counts = {case: n for (_, case), n in buffer.counts.items()}
+    assert counts == {"accepted": 4, "repeated": 1, "out of order": 1, "late": 1, "unusable": 2, "missing": 1}
+
+
+def test_a_message_that_was_only_late_is_no_longer_missing() -> None:
+    buffer = Reorder(OrderOptions(lateness_s=10.0))
+    for number, t in enumerate((0.0, 10.0, 30.0, 40.0, 60.0)):
+        buffer.push(state(t, number if number < 2 else number + 1))
+    assert buffer.counts["state", "missing"] == 1
+    buffer.push(state(20.0, 2))
+    assert buffer.counts["state", "missing"] == 0 and buffer.counts["state", "late"] == 1
+
+
+def test_one_clock_gone_mad_does_not_carry_the_watermark_away_but_two_that_agree_do() -> None:
+    buffer = Reorder(OrderOptions(lateness_s=10.0, ahead_s=1000.0))
+    buffer.push(state(0))
+    assert buffer.push(state(1e9)) == [] and buffer.counts["state", "from the future"] == 1
+    buffer.push(state(20))
+    assert buffer.counts["state", "late"] == 0 and buffer.watermark_s == 10.0
+    buffer.push(state(50_000))
+    buffer.push(state(50_010))  # the line was down for half a day
+    assert buffer.watermark_s == 50_000
+
+
+def test_states_come_before_the_snapshot_of_the_same_moment() -> None:
+    buffer = Reorder()
+    samples = np.random.default_rng(0).standard_normal(4096)
+    buffer.push(Snapshot(5.0, samples, 12000.0))
+    buffer.push(state(5.0))
+    assert [type(m) for m in buffer.flush()] == [StateMessage, Snapshot]
+
+
+@pytest.mark.parametrize("samples", [np.zeros(4096), np.full(4096, np.nan), np.ones(10)])
+def test_a_torn_cable_is_no_snapshot(samples: np.ndarray) -> None:
+    buffer = Reorder()
+    buffer.push(Snapshot(0.0, samples, 12000.0))
+    assert buffer.counts["snapshot", "unusable"] == 1 and buffer.held == 0
+
+
+def test_impossible_patience_is_refused() -> None:
+    with pytest.raises(TwingapError, match="capacity = 0, at least 1 expected"):
+        OrderOptions(capacity=0)
