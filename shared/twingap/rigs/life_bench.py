@@ -72,25 +72,29 @@ class LifeBench:
 
     @classmethod
     def draw(cls, rng: np.random.Generator, bearing: Bearing) -> LifeBench:
-        """A random bench, scaled so that at 1500 rpm and 9 kN a spall of 3 mm alone gives 15 g and none gives 2.4 g.
+        """A random bench at 9 kN, on which a spall of 3 mm alone gives 15 g at 1500 rpm, and healthy rolling 2.4 g.
 
-        Two numbers are set by that, the sensor's place and the surfaces' finish; how both change with speed is left to
-        what was drawn.
+        Three numbers are set by that: the sensor's place, the surfaces' finish and their waviness, which gives half of
+        the rolling noise or more, peak to peak, where its order meets the first mode. Where that is, and how all of
+        it changes with speed, is left to what was drawn.
         """
         bench = cls(
             bearing, Structure.draw(rng, BANDS_HZ), slip=0.002, roughness=0.0, waviness_n=0.0,
-            wavy_order=int(rng.integers(4, 7)), size_spread=np.ones(bearing.n_rollers), background_g=0.0,
+            wavy_order=int(rng.integers(5, 7)), size_spread=np.ones(bearing.n_rollers), background_g=0.0,
         )  # fmt: skip
         n, fs_hz = 25_000, 50_000.0
         entropy = int(rng.integers(0, 2**63))
 
-        def peak_to_peak(bench: LifeBench, spall_mm: float) -> float:
-            x = bench.acceleration(1500.0, 9000.0, spall_mm, n, fs_hz, np.random.default_rng(entropy), wear=1.0)
+        def peak_to_peak(bench: LifeBench, spall_mm: float, speed_rpm: float = 1500.0) -> float:
+            x = bench.acceleration(speed_rpm, 9000.0, spall_mm, n, fs_hz, np.random.default_rng(entropy), wear=1.0)
             return float(np.ptp(x))
 
         bench = replace(bench, gain=15.0 / peak_to_peak(bench, 3.0))
         rough = peak_to_peak(replace(bench, roughness=1.0), 0.0)
-        return replace(bench, roughness=2.4 / rough, waviness_n=float(rng.uniform(10, 20)), background_g=0.03)
+        resonant_rpm = 60 * float(bench.structure.frequency_hz[0]) / (bench.wavy_order * bearing.bpfo)
+        wavy = peak_to_peak(replace(bench, waviness_n=100.0), 0.0, float(np.clip(resonant_rpm, 1000, 2000)))
+        waviness_n = 100.0 * float(rng.uniform(0.5, 0.8)) * 2.4 / wavy
+        return replace(bench, roughness=2.4 / rough, waviness_n=waviness_n, background_g=0.03)
 
     def mounted(self, rng: np.random.Generator) -> LifeBench:
         """The same bench with another bearing in it."""
@@ -102,6 +106,23 @@ class LifeBench:
             waviness_n=float(self.waviness_n * np.exp(rng.normal(0.0, 0.2))),
             size_spread=np.exp(rng.normal(0.0, 0.04, self.bearing.n_rollers)),
         )
+
+    def length_that_shows(self, ratio: float, rng: np.random.Generator) -> float:
+        """Length of spall, mm, with which peak to peak at 1500 rpm and 9 kN is `ratio` times the healthy one."""
+        entropy = rng.integers(0, 2**63, 3)
+
+        def peak_to_peak(spall_mm: float) -> float:
+            return float(np.mean([
+                np.ptp(self.acceleration(1500.0, 9000.0, spall_mm, 25_000, 50e3, np.random.default_rng(e), wear=1.0))
+                for e in entropy
+            ]))  # fmt: skip
+
+        wanted = ratio * peak_to_peak(0.0)
+        low, high = 0.1, 3.0
+        for _ in range(6):
+            middle = float(np.sqrt(low * high))
+            low, high = (middle, high) if peak_to_peak(middle) < wanted else (low, middle)
+        return float(np.sqrt(low * high))
 
     def record(
         self, speed_rpm: float, load_n: float, spall_mm: float, n: int, fs_hz: float, rng: np.random.Generator,

@@ -47,16 +47,16 @@ class Growth:
     stage_time: Array
 
     @classmethod
-    def draw(cls, rng: np.random.Generator, turns: float) -> Growth:
-        """A random history that ends `turns` after the onset."""
+    def draw(cls, rng: np.random.Generator, turns: float, flake_mm: float) -> Growth:
+        """A random history that ends `turns` after the onset, with first flakes of this length."""
         lengths = rng.gamma(4.0, turns / 40, 200)  # ten stages or so
         edges = np.concatenate([[0.0], np.cumsum(lengths)])
         edges = np.append(edges[edges < turns], turns)
         pace = np.exp(rng.normal(0.0, 0.35, edges.size - 1))
         time = np.concatenate([[0.0], np.cumsum(pace * np.diff(edges))])
         return cls(
-            exponent=float(rng.uniform(1.1, 1.6)),
-            flake_mm=float(rng.uniform(0.38, 0.5)),
+            exponent=float(rng.uniform(1.2, 2.0)),
+            flake_mm=flake_mm,
             flake_turns=float(rng.uniform(0.02, 0.05) * turns),
             stage_turns=edges,
             stage_time=time / time[-1],
