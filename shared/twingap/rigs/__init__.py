@@ -5,7 +5,7 @@ test keeps it so. What it knows of bearings is their geometry.
 """
 
 from collections.abc import Callable
-from typing import Final, Protocol
+from typing import Any, Final, Protocol
 
 from twingap.errors import TwingapError
 from twingap.records import RecordSet
@@ -41,7 +41,7 @@ RIGS: Final[dict[str, Callable[..., Rig]]] = {
 """Name -> maker, whose keyword arguments are the rig's options."""
 
 
-def make_rig(name: str, **options: float) -> Rig:
+def make_rig(name: str, **options: Any) -> Rig:
     """A rig by its name.
 
     Parameters

@@ -65,6 +65,8 @@ RUNS: Final[Mapping[str, Run]] = MappingProxyType({
     "A156": Run(251.3, 224.0),
 })  # fmt: skip
 
+DIGEST: Final = "c88a0b2899c682ffddbb9a139e7e403abd0c0e4ddc7a4cb65a560e1e1e5944b8"
+"""sha256 (`twingap.rigs.digest`) of A156 with seed 0, a snapshot of 0.1 s every 300 s."""
 _MOUNTINGS = 50
 _ATTEMPTS = 20
 
