@@ -38,8 +38,8 @@ class Adaptation:
         Measurements after the alarm that are waited for before damage is fitted: 10 in the paper.
     limit : float
         Peak to peak at which a life ends, unit of the records: 15 g in the paper.
-    level : {"free", "one"}
-        Of the damage curve at K_anomaly: see `fit_damage`. The paper prints "one".
+    level : {"one", "free"}
+        Of the damage curve at K_anomaly, see `fit_damage`; "one" as printed.
     lives : int
         Simulated for training: 6 in the paper.
     held_out_lives : int
@@ -51,20 +51,20 @@ class Adaptation:
     mode_records : int
         Healthy records from which the mode is read, evenly spread over the beginning.
     lowest_mode_hz : float
-        The mode is sought above it.
+        The mode is sought above it, Hz.
     rule : AnomalyRule
     """
 
     reference_min: float = 40.0
     after_alarm_min: float = 10.0
     limit: float = 15.0
-    level: Literal["free", "one"] = "free"
+    level: Literal["one", "free"] = "one"
     lives: int = 6
     held_out_lives: int = 2
     simulation_range_min: float = 40.0
     horizon_min: float = 240.0
     mode_records: int = 44
-    lowest_mode_hz: float = 500.0
+    lowest_mode_hz: float = 0.0
     rule: AnomalyRule = field(default_factory=AnomalyRule)
 
 

@@ -11,7 +11,7 @@ record, its noise included, has S(k) D(k) peak to peak on average.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import ClassVar, Literal
 
@@ -298,3 +298,23 @@ def measured_snapshots(records: RecordSet, onset_row: int, rows: Iterable[int], 
         out[i] = record.samples[:n_samples]
     speed = np.array([records.conditions[p].speed_rpm for p in places], float)
     return Snapshots(out, speed, sequence_position(np.array(places), onset_row), np.zeros(len(places), np.int64))
+
+
+def joined(parts: Sequence[Snapshots]) -> Snapshots:
+    """Snapshots one after the other; labels where all parts have them.
+
+    Parameters
+    ----------
+    parts : sequence of Snapshots
+        At least one.
+    """
+    if len(parts) == 1:
+        return parts[0]
+    labels = [p.revolutions for p in parts if p.revolutions is not None]
+    return Snapshots(
+        np.concatenate([p.samples for p in parts]),
+        np.concatenate([p.speed_rpm for p in parts]),
+        np.concatenate([p.position for p in parts]),
+        np.concatenate([p.life for p in parts]),
+        np.concatenate(labels) if len(labels) == len(parts) else None,
+    )

@@ -1,0 +1,240 @@
+"""The runs to predict: what is known of each at the moment of prediction, and, for the judge alone, how it went on.
+
+Smart Maintenance set, or virtual rig --> run by run --> Case: twin, records up to now | later rows, the truth
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from papers.paper1_rul_varying_speed.options import TargetOptions
+from twingap import data
+from twingap.bearing import Bearing
+from twingap.errors import TwingapError
+from twingap.prognosis import end_row, normalised_peak_to_peak
+from twingap.prognosis.adaptive_twin import Adaptation, AdaptiveTwin, adapt_when_possible, read_mode
+from twingap.prognosis.remaining_life import remaining_revolutions, remaining_time_s
+from twingap.prognosis.run import Run, read_run
+from twingap.prognosis.simulated_lives import Snapshots, measured_snapshots
+from twingap.records import RecordSet
+from twingap.rigs import SmartMaintenanceRig, stored_records, truth
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Target:
+    """The machine, its runs, and what stands beside every number.
+
+    Parameters
+    ----------
+    records : RecordSet
+        All runs; group = bearing.
+    title : str
+        "Smart Maintenance", or "virtual Smart Maintenance rig (surrogate)".
+    real : bool
+    onsets_s : dict[str, float]
+        When damage really began, where that is known: of the rig.
+    """
+
+    records: RecordSet
+    title: str
+    real: bool
+    onsets_s: dict[str, float]
+
+
+@dataclass(frozen=True)
+class Known:
+    """What a training may see of a run: nothing of it comes from after `twin.now_row`.
+
+    Parameters
+    ----------
+    name : str
+        Of the bearing.
+    bearing : Bearing
+    fault : str
+    fs_hz : float
+    unit : str
+    dt_s : float
+    twin : AdaptiveTwin
+    real : Snapshots
+        Records from K_anomaly to now, without labels.
+    """
+
+    name: str
+    bearing: Bearing
+    fault: str
+    fs_hz: float
+    unit: str
+    dt_s: float
+    twin: AdaptiveTwin
+    real: Snapshots
+
+    def __post_init__(self) -> None:
+        last = self.twin.now_row - self.twin.onset_row
+        if self.real.revolutions is not None or self.real.position.max() > last:
+            raise AssertionError("a training may see neither labels nor records after now")
+
+
+@dataclass(frozen=True)
+class Case:
+    """One run.
+
+    Parameters
+    ----------
+    known : Known
+    run : Run
+        All rows to the end of life.
+    judged : Snapshots
+        Records from K_anomaly to the end of life, with their true remaining revolutions: for the judge alone.
+    onset_s : float or None
+        When damage really began, where that is known.
+    waited : tuple of str
+        Why the twin could not be adapted earlier.
+    """
+
+    known: Known
+    run: Run
+    judged: Snapshots
+    onset_s: float | None
+    waited: tuple[str, ...]
+
+    @property
+    def name(self) -> str:
+        """Of the bearing."""
+        return self.known.name
+
+    @property
+    def true_min(self) -> Array:
+        """True remaining time at the present speed [judged rows], min: eq. 14."""
+        assert self.judged.revolutions is not None
+        return remaining_time_s(self.judged.revolutions, self.judged.speed_rpm) / 60
+
+    def minutes(self, revolutions: Array) -> Array:
+        """Remaining revolutions [judged rows] as time at the present speed, min."""
+        return remaining_time_s(revolutions, self.judged.speed_rpm) / 60
+
+    @property
+    def later(self) -> NDArray[np.bool_]:
+        """Judged rows after now: records that training never saw."""
+        twin = self.known.twin
+        return np.asarray(self.judged.position > twin.now_row - twin.onset_row)
+
+    @cached_property
+    def normalised(self) -> Array:
+        """Normalised peak to peak [rows of the run], eq. 11."""
+        return normalised_peak_to_peak(self.run.peak_to_peak, self.run.speed_rpm, self.known.twin.influence)
+
+    @cached_property
+    def digest(self) -> str:
+        """Hex sha256 of run and judged records, in steps of 1e-6, so that no processor's last bit matters."""
+        whole = hashlib.sha256(
+            repr((self.name, self.known.fs_hz, self.known.fault, self.judged.samples.shape)).encode()
+        )
+        for column in (self.run.time_s, self.run.speed_rpm, self.run.peak_to_peak):
+            whole.update(np.round(column * 1e6).astype("<i8").tobytes())
+        whole.update(np.round(self.judged.samples * 1e6).astype("<i8").tobytes())
+        return whole.hexdigest()
+
+    def mean_of_lives(self) -> Array:
+        """Remaining revolutions [judged rows] that the simulated lives have on average: what needs no network."""
+        twin, rows = self.known.twin, self.judged.position.astype(int)
+        each = []
+        for life in twin.lives:
+            left = np.zeros(max(rows.max() + 1, life.speed_rpm.size))
+            left[: life.speed_rpm.size] = life.remaining_revolutions
+            each.append(left[rows])
+        return np.asarray(np.mean(each, axis=0))
+
+
+def load_target(
+    options: TargetOptions,
+    root: Path | None,
+    bearings: Sequence[str],
+    report: Callable[[str, float], None] = lambda what, fraction: None,
+) -> Target:
+    """The real runs when they are at hand, else the virtual rig's.
+
+    Parameters
+    ----------
+    options : TargetOptions
+    root : Path or None
+        Data root; TWINGAP_DATA when None.
+    bearings : sequence of str
+        Which runs.
+    report : callable (what, fraction)
+        Called while the rig's records are made.
+
+    Raises
+    ------
+    TwingapError
+        When `root` is given and does not hold what is needed: who names data wants those used.
+    """
+    try:
+        records = data.load(options.data_set, root)
+        missing = [b for b in bearings if b not in records.groups]
+        if missing:
+            raise TwingapError(f"holds no run of {', '.join(missing)}", where=f"data set {records.name}")
+        return Target(records, "Smart Maintenance", real=True, onsets_s={})
+    except TwingapError:
+        if root is not None:
+            raise
+    rig = SmartMaintenanceRig(
+        interval_s=options.interval_s, profile=options.profile, bearings=tuple(bearings)
+    )  # fmt: skip
+    records = stored_records(rig, options.stand_in_seed, report=report)
+    onsets_s = {name: own.onset_s for name, own in truth(rig, options.stand_in_seed).items()}
+    return Target(records, rig.title, real=False, onsets_s=onsets_s)
+
+
+def read_case(target: Target, name: str, options: TargetOptions, adaptation: Adaptation) -> Case:
+    """Read one run.
+
+    Parameters
+    ----------
+    target : Target
+    name : str
+        Of the bearing.
+    options : TargetOptions
+    adaptation : Adaptation
+
+    Returns
+    -------
+    Case
+
+    Raises
+    ------
+    TwingapError
+        When nothing can be predicted of the run, or it does not reach the end of life.
+    """
+    records = target.records.select(lambda c: c.group == name)
+    if records.bearing is None:
+        raise TwingapError("brings no bearing geometry", where=f"record set {records.name!r}")
+    run = read_run(records)
+    mode = read_mode(records, run, adaptation)
+    waited: list[str] = []
+    try:
+        twin = adapt_when_possible(run, mode, adaptation, waited.append)
+    except TwingapError as error:
+        raise TwingapError(str(error), where=f"run {name}") from error
+    # From here on the end of the run is looked at: for labels that only the judge gets.
+    onset, n = twin.onset_row, options.window_samples
+    beyond = end_row(run.peak_to_peak[onset:], adaptation.limit)
+    if beyond is None:
+        raise TwingapError(f"never reaches {adaptation.limit:g}", where=f"run {name}", mend="lower adaptation.limit")
+    end = onset + beyond
+    judged = measured_snapshots(records, onset, range(onset + 1, end + 1), n)
+    left = remaining_revolutions(run.speed_rpm[onset : end + 1], run.dt_s)[1:]
+    seen = judged.take(judged.position <= twin.now_row - onset)
+    known = Known(
+        name, records.bearing, options.fault, records.conditions[0].fs_hz, records.unit, run.dt_s, twin, seen
+    )  # fmt: skip
+    labelled = Snapshots(judged.samples, judged.speed_rpm, judged.position, judged.life, left)
+    return Case(known, run.until(end), labelled, target.onsets_s.get(name), tuple(waited))

@@ -1,0 +1,321 @@
+"""Figures 3 to 14 of the paper on these runs, in colours that colour-blind readers tell apart (Okabe and Ito; cividis).
+
+Figures 1 and 2 of the paper are drawings of the method. Where two of its figures show the same thing of a principle and
+of a bearing (3 and 4, 5 and 10, 6 and 12), one is drawn here, of a bearing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+from matplotlib.figure import Figure
+from matplotlib.patches import FancyBboxPatch
+
+from papers.paper1_rul_varying_speed.job import simulate
+from papers.paper1_rul_varying_speed.options import Options
+from papers.paper1_rul_varying_speed.results import CaseResult
+from papers.paper1_rul_varying_speed.tables import LIVES, PUBLISHED, layers
+from twingap import files
+from twingap.adapt.evaluate import t_interval
+from twingap.prognosis.metrics import rmse
+from twingap.signal.envelope import squared_envelope_spectrum
+
+COLOURS: Final = {
+    "CNN": "#E69F00", "DANN": "#CC79A7", "Proposed model 1": "#56B4E9", "Proposed model 2": "#009E73",
+    "Proposed model 3": "#0072B2", LIVES: "0.45",
+}  # fmt: skip
+MEASURED, SIMULATED, TRUE = "#D55E00", "#0072B2", "k"
+SIZES: Final[Any] = {"font.size": 12, "axes.titlesize": 12, "axes.labelsize": 12, "legend.fontsize": 10}
+
+
+def all_figures(results: Sequence[CaseResult], options: Options, data: str) -> Iterator[tuple[str, Figure]]:
+    """Every figure with its name; those of one bearing are of the paper's where it was run, else of the first."""
+    import matplotlib as mpl
+
+    def of(name: str) -> CaseResult:
+        return next((r for r in results if r.case.name == name), results[0])
+
+    with mpl.rc_context(SIZES):
+        yield "figure03_04-speed", speed(of("A148"), options, data)
+        yield "figure05_10-anomaly", anomaly(of("A156"), options, data)
+        yield "figure06_12-trajectories", trajectories(of("A148"), options, data)
+        yield "figure07-remaining", remaining(of("A148"), data)
+        yield "figure08-network", network(of("A148"), data)
+        yield "figure09-run", run(of("A148"), options, data)
+        yield "figure11-signals", signals(of("A148"), data)
+        if "embedding" in of("A156").trainings[0].value:
+            yield "figure13-tsne", embedding(of("A156"), data)
+        for result in results:
+            yield f"figure14-{result.case.name}", predicted(result, data)
+        yield "table5", table5(results, data)
+
+
+def speed(result: CaseResult, options: Options, data: str) -> Figure:
+    """Figures 3 and 4: healthy peak to peak over speed, and S that runs through it."""
+    case, influence = result.case, result.case.known.twin.influence
+    healthy = case.run.rows_in(options.adaptation.reference_min)
+    figure = Figure(figsize=(11, 4.6), layout="constrained")
+    left, right = figure.subplots(1, 2)
+    minutes = case.run.time_s[:healthy] / 60
+    left.plot(minutes, case.run.peak_to_peak[:healthy], ".-", color=MEASURED, lw=0.8)
+    left.set(xlabel="time (min)", ylabel=f"peak to peak ({case.known.unit})", title="healthy beginning")
+    other = left.twinx()
+    other.step(minutes, case.run.speed_rpm[:healthy], color="0.6", lw=1.2, where="mid")
+    other.set_ylabel("speed (rpm), grey")
+    fine = np.linspace(influence.speeds_rpm[0], influence.speeds_rpm[-1], 400)
+    right.plot(case.run.speed_rpm[:healthy], case.run.peak_to_peak[:healthy], ".", color=MEASURED, label="records")
+    right.plot(fine, influence.amplitude(fine), color=SIMULATED, label="S, interpolated (eqs. 9, 10)")
+    right.plot(influence.speeds_rpm, influence.amplitude(influence.speeds_rpm), "o", color=SIMULATED, ms=6)
+    right.set(xlabel="speed (rpm)", ylabel=f"peak to peak ({case.known.unit})", title="influence of speed")
+    right.set_ylim(bottom=0)
+    right.legend()
+    figure.suptitle(f"{case.name}, {data}")
+    return figure
+
+
+def anomaly(result: CaseResult, options: Options, data: str) -> Figure:
+    """Figures 5 and 10: peak to peak, the same with speed taken out and the anomaly in it, the speed profile."""
+    case, twin = result.case, result.case.known.twin
+    minutes = case.run.time_s / 60
+    figure = Figure(figsize=(11, 8), layout="constrained")
+    first, second, third = figure.subplots(3, 1, sharex=True)
+    first.plot(minutes, case.run.peak_to_peak, color=MEASURED, lw=0.9)
+    first.axhline(options.adaptation.limit, color="k", ls="--", lw=1, label="end of life")
+    first.set_ylabel(f"peak to peak ({case.known.unit})")
+    first.legend(loc="upper left")
+    second.plot(minutes, case.normalised, color=MEASURED, lw=0.9)
+    second.axhline(twin.anomaly.limit, color="k", ls=":", label="limit")
+    second.axvline(minutes[twin.onset_row], color=SIMULATED, label="anomaly, as detected")
+    second.axvline(minutes[twin.now_row], color=SIMULATED, ls="--", label="now: lives are predicted from here")
+    if case.onset_s is not None:
+        second.axvline(case.onset_s / 60, color="0.5", lw=3, alpha=0.5, label="true onset")
+    second.set_ylabel("normalised\npeak to peak")
+    second.legend(loc="upper left")
+    third.step(minutes, case.run.speed_rpm, color="0.3", lw=0.8, where="mid")
+    third.set(xlabel="time (min)", ylabel="speed (rpm)")
+    figure.suptitle(f"{case.name}, {data}")
+    return figure
+
+
+def trajectories(result: CaseResult, options: Options, data: str) -> Figure:
+    """Figures 6 and 12: the fit of eq. 12, simulated lives, and the peak to peak of their signals."""
+    case, twin = result.case, result.case.known.twin
+    made, _ = simulate(result.trainings[0].job, case.known)
+    minute = case.run.dt_s / 60
+    onset, end = twin.onset_row, case.run.time_s.size
+    figure = Figure(figsize=(12, 5), layout="constrained")
+    left, right = figure.subplots(1, 2)
+    rows = np.arange(onset, end)
+    left.plot((rows[rows > twin.now_row]) * minute, case.normalised[rows[rows > twin.now_row]], ".", color="0.75",
+              label="measured later")  # fmt: skip
+    left.plot((rows[rows <= twin.now_row]) * minute, case.normalised[rows[rows <= twin.now_row]], ".", color=MEASURED,
+              label="measured up to now")  # fmt: skip
+    for i, life in enumerate(twin.lives):
+        at = (onset + np.arange(life.growth.size)) * minute
+        left.plot(at, life.growth, color=SIMULATED, lw=1, alpha=0.8, label="simulated lives" if i == 0 else None)
+    left.set(xlabel="time (min)", ylabel="normalised peak to peak", title="D of each life (eq. 12)")
+    left.set_ylim(0, 1.15 * max(life.growth[-1] for life in twin.lives))
+    left.legend()
+    heights = np.ptp(made.samples, axis=1)
+    for i in np.unique(made.life):
+        own = np.flatnonzero(made.life == i)
+        own = own[np.argsort(made.position[own], kind="stable")]
+        right.plot((onset + made.position[own]) * minute, heights[own], color=SIMULATED, lw=0.6, alpha=0.7)
+    right.plot(rows * minute, case.run.peak_to_peak[rows], color=MEASURED, lw=1.2, label="measured")
+    right.plot([], [], color=SIMULATED, label="simulated signals")
+    right.axhline(options.adaptation.limit, color="k", ls="--", lw=1, label="end of life")
+    right.set(xlabel="time (min)", ylabel=f"peak to peak ({case.known.unit})", title="signals of eq. 1")
+    right.legend()
+    figure.suptitle(f"{case.name}, {data}")
+    return figure
+
+
+def remaining(result: CaseResult, data: str) -> Figure:
+    """Figure 7: remaining revolutions, remaining time, speed; and the slope of -1 at constant speed."""
+    case = result.case
+    assert case.judged.revolutions is not None
+    at = (case.known.twin.onset_row + case.judged.position) * case.run.dt_s / 60
+    figure = Figure(figsize=(10, 7.5), layout="constrained")
+    first, second, third = figure.subplots(3, 1, sharex=True)
+    first.plot(at, case.judged.revolutions / 1000, color=TRUE)
+    first.set_ylabel("remaining\nrevolutions (1000)")
+    second.plot(at, case.true_min, ".-", color=TRUE, lw=0.8, label="RUL by eq. 14")
+    steps = np.flatnonzero(np.diff(case.judged.speed_rpm) == 0)
+    for i, k in enumerate(steps):
+        second.plot(at[k : k + 2], case.true_min[k : k + 2], color="#E69F00", lw=3,
+                    label="constant speed: slope -1" if i == 0 else None)  # fmt: skip
+    second.set_ylabel("remaining time (min)")
+    second.legend()
+    third.step(at, case.judged.speed_rpm, color="0.3", where="mid")
+    third.set(xlabel="time (min)", ylabel="speed (rpm)")
+    figure.suptitle(f"{case.name}, {data}: true remaining life after the anomaly")
+    return figure
+
+
+def network(result: CaseResult, data: str) -> Figure:
+    """Figure 8: the network, with the sizes that were run."""
+    own = result.trainings[-1].job.architecture
+    figure = Figure(figsize=(12, 4.6), layout="constrained")
+    axes = figure.subplots()
+    axes.set_axis_off()
+    axes.set(xlim=(0, 12), ylim=(0, 5))
+
+    def box(x: float, y: float, text: str, colour: str, width: float = 1.75) -> None:
+        axes.add_patch(FancyBboxPatch((x, y), width, 0.95, boxstyle="round,pad=0.05", fc=colour, ec="k", alpha=0.35))
+        axes.text(x + width / 2, y + 0.47, text, ha="center", va="center", fontsize=9)
+
+    def arrow(a: tuple[float, float], b: tuple[float, float]) -> None:
+        axes.annotate("", b, a, arrowprops={"arrowstyle": "->", "lw": 1.2})
+
+    (_, c1, s1), (_, p1, _), (_, c2, s2), (_, p2, _) = layers(own)
+    box(0.0, 3.0, f"record\n{own.length} samples", "0.7")
+    box(2.3, 3.0, f"conv + ReLU\n{s1}\n{c1}, pool {p1}", "#56B4E9", 2.1)
+    box(4.9, 3.0, f"conv + ReLU\n{s2}\n{c2}, pool {p2}", "#56B4E9", 2.1)
+    box(4.9, 1.6, f"sequence, eq. 13: {own.d_model}", "#009E73", 2.1)
+    box(4.9, 0.3, f"speed, eq. 13: {own.d_model}", "#009E73", 2.1)
+    box(7.5, 1.6, f"joined\n{own.joined}", "0.7", 1.2)
+    box(9.3, 2.8, "regressor\n64, 32, 1 (ReLU)\nremaining revolutions", "#E69F00", 2.5)
+    box(9.3, 0.4, f"reversal, lambda {own.reversal:g}\n64, 32, 1 (sigmoid)\nsimulated or real", "#CC79A7", 2.5)
+    for a, b in (((1.8, 3.5), (2.2, 3.5)), ((4.45, 3.5), (4.8, 3.5)), ((7.05, 3.4), (7.6, 2.65)),
+                 ((7.05, 2.1), (7.4, 2.1)), ((7.05, 0.8), (7.6, 1.5)), ((8.8, 2.3), (9.2, 3.1)),
+                 ((8.8, 1.9), (9.2, 1.1))):  # fmt: skip
+        arrow(a, b)
+    figure.suptitle(f"The network of {result.trainings[-1].job.model}, as run on {data}")
+    return figure
+
+
+def run(result: CaseResult, options: Options, data: str) -> Figure:
+    """Figure 9: a whole run."""
+    case = result.case
+    figure = Figure(figsize=(11, 4.4), layout="constrained")
+    axes = figure.subplots()
+    minutes = case.run.time_s / 60
+    other = axes.twinx()
+    other.step(minutes, case.run.speed_rpm, color="0.75", lw=0.8, where="mid")
+    other.set_ylabel("speed (rpm), grey")
+    other.set_ylim(0, 2.2 * case.run.speed_rpm.max())
+    axes.plot(minutes, case.run.peak_to_peak, color=MEASURED, lw=1)
+    axes.axhline(options.adaptation.limit, color="k", ls="--", lw=1)
+    axes.set(xlabel="time (min)", ylabel=f"peak to peak ({case.known.unit})")
+    axes.set_zorder(other.get_zorder() + 1)
+    axes.patch.set_visible(False)
+    figure.suptitle(f"{case.name}, {data}")
+    return figure
+
+
+def signals(result: CaseResult, data: str) -> Figure:
+    """Figure 11: a measured record after the anomaly, a simulated one like it, and their envelope spectra."""
+    case = result.case
+    made, _ = simulate(result.trainings[0].job, case.known)
+    heights = np.ptp(made.samples, axis=1)
+    seen = int(np.flatnonzero(~case.later)[-1])
+    real, rpm = case.judged.samples[seen].astype(float), case.judged.speed_rpm[seen]
+    like = np.flatnonzero(made.speed_rpm == rpm)
+    like = like if like.size else np.arange(len(made))
+    near = int(like[np.argmin(np.abs(heights[like] - np.ptp(real)))])
+    fault_hz = case.known.bearing.fault_order(case.known.fault) * rpm / 60
+    figure = Figure(figsize=(12, 6), layout="constrained")
+    panels = figure.subplots(2, 2, sharex="col")
+    for line, name, x, colour in (
+        (0, f"measured ({data})", real, MEASURED),
+        (1, "simulated", made.samples[near].astype(float), SIMULATED),
+    ):
+        t = np.arange(x.size) / case.known.fs_hz
+        show = t < 0.1
+        panels[line, 0].plot(1000 * t[show], x[show], color=colour, lw=0.6)
+        panels[line, 0].set(ylabel=f"acceleration ({case.known.unit})", title=name)
+        spectrum = squared_envelope_spectrum(x, case.known.fs_hz)
+        low = spectrum.frequency < 5.5 * fault_hz
+        for k in range(1, 6):
+            panels[line, 1].axvline(k * fault_hz, color="0.6", ls=":", lw=1)
+        panels[line, 1].plot(spectrum.frequency[low], spectrum.values[low], color=colour, lw=0.8)
+        panels[line, 1].set(ylabel="squared envelope\n(relative)", title="dotted: fault frequency and harmonics")
+    panels[1, 0].set_xlabel("time (ms)")
+    panels[1, 1].set_xlabel("frequency (Hz)")
+    figure.suptitle(f"{case.name} at {rpm:.0f} rpm")
+    return figure
+
+
+def embedding(result: CaseResult, data: str) -> Figure:
+    """Figure 13: t-SNE of the regressor's second layer, first seed: colour is speed, size remaining life."""
+    found = {t.job.model: t.value["embedding"] for t in result.trainings if "embedding" in t.value}
+    shown = [m for m in ("CNN", "DANN", "Proposed model 3") if m in found] or list(found)[:1]
+    case = result.case
+    figure = Figure(figsize=(4.6 * len(shown) + 1, 4.8), layout="constrained")
+    panels = np.array(figure.subplots(1, len(shown), squeeze=False))[0]
+    for panel, model in zip(panels, shown, strict=True):
+        points = np.asarray(found[model])
+        size = 12 + 200 * case.true_min / case.true_min.max()
+        image = panel.scatter(*points.T, s=size, c=case.judged.speed_rpm, cmap="cividis", alpha=0.8, edgecolors="0.3",
+                              linewidths=0.4)  # fmt: skip
+        panel.set(title=model, xticks=[], yticks=[])
+    figure.colorbar(image, ax=panels, label="speed (rpm)")
+    figure.suptitle(
+        f"{case.name}, {data}: t-SNE of 32 features; size: remaining time, up to {case.true_min.max():.0f} min"
+    )
+    return figure
+
+
+def predicted(result: CaseResult, data: str) -> Figure:
+    """Figure 14: remaining time over the run by each model: mean over seeds and their range; speed below."""
+    case, models = result.case, result.models
+    shown = [m for m in ("CNN", "DANN", "Proposed model 3") if m in models] or models
+    at = (case.known.twin.onset_row + case.judged.position) * case.run.dt_s / 60
+    figure = Figure(figsize=(4.8 * len(shown), 6), layout="constrained")
+    panels = np.array(
+        figure.subplots(2, len(shown), sharex=True, sharey="row", squeeze=False, height_ratios=[3, 1])
+    )  # fmt: skip
+    now = case.known.twin.now_row * case.run.dt_s / 60
+    for place, model in enumerate(shown):
+        panel, each = panels[0, place], np.array([result.predicted_min(t) for t in result.of(model)])
+        panel.plot(at, case.true_min, color=TRUE, lw=1.4, label="true")
+        panel.fill_between(at, each.min(axis=0), each.max(axis=0), color=COLOURS[model], alpha=0.3, lw=0)
+        panel.plot(at, each.mean(axis=0), color=COLOURS[model], lw=1.4, label="predicted: mean and range of seeds")
+        panel.plot(at, case.minutes(case.mean_of_lives()), color=COLOURS[LIVES], lw=1, ls="--", label=LIVES)
+        panel.axvline(now, color="0.5", ls=":", label="now: later records were never seen")
+        error = np.mean([rmse(case.true_min, e) for e in each])
+        panel.set_title(f"{model}: RMSE {error:.1f} min")
+        panels[1, place].step(at, case.judged.speed_rpm, color="0.3", lw=0.9, where="mid")
+        panels[1, place].set_xlabel("time (min)")
+    panels[0, 0].set_ylabel("remaining time at\nthe present speed (min)")
+    panels[1, 0].set_ylabel("speed (rpm)")
+    figure.legend(*panels[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=4)
+    figure.suptitle(f"{case.name}, {data}")
+    return figure
+
+
+def table5(results: Sequence[CaseResult], data: str) -> Figure:
+    """Table 5 as a figure: RMSE by run and model, 95 % intervals over seeds, the paper's numbers as crosses."""
+    models = results[0].models
+    figure = Figure(figsize=(max(7.0, 2.1 * len(results) + 2), 5), layout="constrained")
+    axes = figure.subplots()
+    for i, result in enumerate(results):
+        for k, model in enumerate(models):
+            each = [rmse(result.case.true_min, result.predicted_min(t)) for t in result.of(model)]
+            at = i + 0.15 * (k - (len(models) - 1) / 2)
+            low, high = t_interval(each, 0.95)
+            if np.isfinite(low):
+                axes.plot([at, at], [max(low, 0), high], color=COLOURS[model], lw=3, alpha=0.5)
+            axes.plot(at, np.mean(each), "o", color=COLOURS[model], ms=8, label=model if i == 0 else None)
+            if result.case.name in PUBLISHED:
+                published = PUBLISHED[result.case.name][list(COLOURS).index(model)]
+                axes.plot(at, published, "x", color="0.4", ms=6, label="paper, its own set" if i == k == 0 else None)
+        lives = rmse(result.case.true_min, result.case.minutes(result.case.mean_of_lives()))
+        axes.plot([i - 0.4, i + 0.4], [lives, lives], color=COLOURS[LIVES], ls="--", label=LIVES if i == 0 else None)
+    axes.set_xticks(range(len(results)), [r.case.name for r in results])
+    axes.set(ylabel="RMSE of remaining time (min)", ylim=(0, None))
+    axes.grid(axis="y", color="0.9")
+    figure.legend(*axes.get_legend_handles_labels(), loc="outside lower center", ncols=4)
+    figure.suptitle(f"Remaining time, {data}; mean and 95 % interval over seeds")
+    return figure
+
+
+def write(figure: Figure, path: Path) -> None:
+    """Write a PNG, whole or not at all."""
+    import matplotlib as mpl
+
+    with mpl.rc_context(SIZES), files.replacing(path) as temporary:
+        figure.savefig(temporary, dpi=110, bbox_inches="tight")

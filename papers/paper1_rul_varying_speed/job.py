@@ -1,0 +1,145 @@
+"""One training and its judgement: what the sweep runs once per bearing, model and seed.
+
+twin --> simulated lives, labelled --+--> train --> checkpoints --> choose without labels --> judge on the whole run
+records up to now, no labels --------+
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from papers.paper1_rul_varying_speed.cases import Array, Case, Known
+from twingap.prognosis.architecture import LifeArchitecture
+from twingap.prognosis.degradation import Trajectory
+from twingap.prognosis.metrics import rmse
+from twingap.prognosis.simulated_lives import LifeSimulator, SignalModel, Snapshots, joined
+from twingap.prognosis.training import (
+    CRITERIA,
+    LifeTraining,
+    TrainedLife,
+    choose,
+    judge_checkpoints,
+    scales_of,
+    train_life,
+)
+
+
+@dataclass(frozen=True)
+class Job:
+    """One training.
+
+    Parameters
+    ----------
+    bearing : str
+    model : str
+    architecture : LifeArchitecture
+        The model's.
+    seed : int
+        Of simulated records, weights and order.
+    training : LifeTraining
+    signal : SignalModel
+    copies : int
+        Records simulated per row of a life.
+    most_records : int
+        Simulated records in all.
+    criterion : str
+        By which a checkpoint is chosen.
+    embedded : bool
+        Whether to embed the judged records by t-SNE.
+    """
+
+    bearing: str
+    model: str
+    architecture: LifeArchitecture
+    seed: int
+    training: LifeTraining
+    signal: SignalModel
+    copies: int
+    most_records: int
+    criterion: str
+    embedded: bool = False
+
+
+_held: dict[str, tuple[Snapshots, Snapshots]] = {}
+"""The last simulated records: five models of a seed share them."""
+
+
+def simulate(job: Job, known: Known, digest: str = "") -> tuple[Snapshots, Snapshots]:
+    """Labelled records of lives, for training and held out; the same for all models of a seed.
+
+    Parameters
+    ----------
+    job : Job
+    known : Known
+    digest : str
+        Of the run; with it the records may be taken from those made last.
+    """
+    key = repr((digest, known.name, job.seed, job.signal, job.copies, job.most_records))
+    if not digest or key not in _held:
+        rng = np.random.default_rng([job.seed, 2])
+        twin, n_samples = known.twin, known.real.samples.shape[1]
+        make = LifeSimulator(
+            twin, known.bearing, known.fault, known.fs_hz, n_samples, rng, job.signal, known.unit
+        )  # fmt: skip
+
+        def several(lives: tuple[Trajectory, ...], copies: int) -> Snapshots:
+            return joined([make.snapshots(lives, rng, job.most_records // copies) for _ in range(copies)])
+
+        made = several(twin.lives, job.copies), several(twin.held_out, 1)
+        _held.clear()
+        _held[key] = made
+    return _held[key]
+
+
+def fit(job: Job, known: Known, digest: str = "") -> tuple[TrainedLife, Snapshots]:
+    """Train; also the simulated records held out. Nothing of the run after now can reach here."""
+    simulated, held_out = simulate(job, known, digest)
+    scales = scales_of(simulated, known.twin.influence.speeds_rpm)
+    return train_life(simulated, known.real, job.architecture, scales, job.training, job.seed), held_out
+
+
+def train_and_judge(job: Job, case: Case) -> dict[str, Any]:
+    """Train, choose a checkpoint without labels of the run, and judge it.
+
+    Returns
+    -------
+    dict
+        ``revolutions`` (predicted by the chosen checkpoint [judged rows]), ``criteria`` (criterion -> score per
+        checkpoint), ``chosen`` (criterion -> place of its checkpoint), ``place``, ``rmse_min`` (RMSE of remaining time
+        per checkpoint: known only to the judge), curves of training, ``simulated`` (how many records), and the
+        embedding if asked for.
+    """
+    trained, held_out = fit(job, case.known, case.digest)
+    evidence = judge_checkpoints(trained, held_out, case.known.real, case.known.dt_s)
+    chosen = {name: choose(evidence, name) for name in CRITERIA}
+    place = chosen[job.criterion]
+    # Only from here on is the rest of the run looked at.
+    shown = case.judged.unlabelled()
+    predicted = [trained.predict(shown, k) for k in range(len(trained.checkpoints))]
+    result: dict[str, Any] = {
+        "revolutions": predicted[place],
+        "criteria": {name: [rule(e) for e in evidence] for name, rule in CRITERIA.items()},
+        "chosen": chosen,
+        "place": place,
+        "rmse_min": [rmse(case.true_min, case.minutes(p)) for p in predicted],
+        "steps": [c.step for c in trained.checkpoints],
+        "loss": [c.loss for c in trained.checkpoints],
+        "domain_accuracy": [None if np.isnan(c.domain_accuracy) else c.domain_accuracy for c in trained.checkpoints],
+        "simulated": len(simulate(job, case.known, case.digest)[0]),
+        "device": trained.device,
+    }
+    if job.embedded:
+        result["embedding"] = embed(trained.embed(shown, place), job.seed)
+    return result
+
+
+def embed(features: Array, seed: int) -> Array:
+    """t-SNE of features, standardised, in two dimensions [records, 2]."""
+    from sklearn.manifold import TSNE
+
+    scaled = (features - features.mean(axis=0)) / (features.std(axis=0) + 1e-6)
+    perplexity = min(30.0, (len(features) - 1) / 3)
+    return np.asarray(TSNE(perplexity=perplexity, init="pca", random_state=seed).fit_transform(scaled), dtype=float)

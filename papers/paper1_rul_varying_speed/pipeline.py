@@ -1,0 +1,259 @@
+"""Paper 1: five models on every run, five seeds each; tables 3 and 5 and figures 3 to 14.
+
+Smart Maintenance set, or virtual rig --> cases --> twin, up to now --> simulated lives --> five models x seeds
+                                                                                                    |
+                     tables, figures, MLflow runs <-- judged on the run to its end <-- chosen without labels
+
+Used in: Simulation-based remaining useful life prediction of rolling element bearings under varying operating
+conditions. The method is in `twingap.prognosis`; here is the study.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import twingap.adapt.dann
+import twingap.adapt.nets
+import twingap.adapt.training
+import twingap.bearing
+import twingap.effects
+import twingap.identify
+import twingap.records
+import twingap.streams
+import twingap.twins
+from papers.paper1_rul_varying_speed import cases as cases_module
+from papers.paper1_rul_varying_speed import job as job_module
+from papers.paper1_rul_varying_speed import models as models_module
+from papers.paper1_rul_varying_speed import tables
+from papers.paper1_rul_varying_speed.cases import Case, Target, load_target, read_case
+from papers.paper1_rul_varying_speed.job import Job, train_and_judge
+from papers.paper1_rul_varying_speed.models import architecture_of
+from papers.paper1_rul_varying_speed.options import CONFIG, Options, Profile, read_options
+from papers.paper1_rul_varying_speed.results import CaseResult, Outcome
+from twingap import files
+from twingap.errors import TwingapError
+from twingap.prognosis import (
+    adaptive_twin,
+    anomaly,
+    architecture,
+    degradation,
+    encoding,
+    healthy,
+    losses,
+    metrics,
+    network,
+    remaining_life,
+    simulated_lives,
+    speed_influence,
+    training,
+)
+from twingap.prognosis import run as run_module
+from twingap.provenance import digest_of_code, digest_of_path
+from twingap.sweep import Result, sweep
+from twingap.sweep.backends import BACKENDS
+from twingap.track import NullTracker, Run, Tracker
+
+Progress = Callable[[str, int, int], None]
+"""Called with what is going on, how much of it is done, and how much there is."""
+
+
+def run(
+    profile: str = "smoke",
+    *,
+    out: Path,
+    root: Path | None = None,
+    seed: int = 0,
+    backend: str = "loky",
+    address: str | None = None,
+    tracker: Tracker | None = None,
+    progress: Progress = lambda what, done, total: None,
+    config: Path = CONFIG,
+    draw: bool = True,
+) -> Outcome:
+    """Run the study; what an interrupted run has finished is taken up again.
+
+    Parameters
+    ----------
+    profile : str
+        "smoke" or "full" (see config.toml).
+    out : Path
+        Folder for ``tables/``, ``figures/`` and ``results/``, the store of finished trainings. Results computed
+        elsewhere can be copied into it: their keys depend on configuration, code and data, not on machine or path.
+    root : Path or None
+        Data root; TWINGAP_DATA when None. Without the data the virtual rig is taken, and every number says so.
+    seed : int
+        First of the profile's seeds.
+    backend, address
+        Where trainings run; see `twingap.sweep`.
+    tracker : Tracker or None
+        Where the run is logged; None keeps no log.
+    progress : callable
+    config : Path
+    draw : bool
+        Make the figures.
+
+    Returns
+    -------
+    Outcome
+
+    Raises
+    ------
+    TwingapError
+        For a configuration, data root, backend or folder that cannot be used, or a run of which nothing can be said.
+    """
+    options = read_options(config)
+    sizes = options.profile(profile)
+    if backend not in BACKENDS:
+        raise TwingapError(f"unknown backend {backend!r}", mend=f"use one of {', '.join(BACKENDS)}")
+    with files.replacing(out / ".writable") as probe:  # a folder that cannot be written is told before the work
+        probe.touch()
+    (out / ".writable").unlink()
+    total = len(sizes.bearings) * len(sizes.models) * sizes.seeds
+    done = 0
+
+    def step(_: Result[Any]) -> None:
+        nonlocal done
+        done += 1
+        progress("training", done, total)
+
+    def making(what: str, fraction: float) -> None:
+        progress(f"virtual rig, {what}: {100 * fraction:.0f} %", done, total)
+
+    progress("reading the runs", done, total)
+    target = load_target(options.target, root, sizes.bearings, making)
+    version = _version()
+    results: list[CaseResult] = []
+    with (tracker or NullTracker()).run("paper1", {"paper": "paper1", "profile": profile, "data": target.title}) as log:
+        _log_inputs(log, options, sizes, profile, seed, config)
+        for name in sizes.bearings:
+            progress(f"adapting the twin, {name}", done, total)
+            case = read_case(target, name, options.target, options.adaptation)
+            log.data(f"run {name}", case.digest, role="target", source=target.title)
+            progress("training", done, total)
+            trainings = sweep(
+                functools.partial(train_and_judge, case=case),
+                list(_jobs(case, options, sizes, seed)),
+                data={"run": case.digest, "adaptation": repr(options.adaptation)},
+                on_result=step,
+                describe=lambda j: f"{j.bearing}, {j.model}, seed {j.seed}",
+                backend=backend,
+                address=address,
+                store=out / "results",
+                version=version,
+            )
+            results.append(CaseResult(case, trainings))
+            _log_case(log, results[-1], target)
+        rows = tables.errors(results, options, target.title)
+        progress("tables and figures", total, total)
+        _publish(log, results, options, target, rows, out, draw)
+        computed = sum(bool(t.why) for r in results for t in r.trainings)
+        return Outcome(
+            profile, target.title, target.real, options, results, rows, out, getattr(log, "id", None), computed
+        )
+
+
+def _version() -> str:
+    """Digest of all code that a training depends on."""
+    return digest_of_code(
+        cases_module, job_module, models_module, twingap.adapt.dann, twingap.adapt.nets, twingap.adapt.training,
+        adaptive_twin, anomaly, architecture, degradation, encoding, healthy, losses, metrics, network, remaining_life,
+        run_module, simulated_lives, speed_influence, training, twingap.bearing, twingap.effects, twingap.identify,
+        twingap.records, twingap.streams, twingap.twins,
+    )  # fmt: skip
+
+
+def _jobs(case: Case, options: Options, sizes: Profile, seed: int) -> Iterator[Job]:
+    """Seeds outside, models inside: those of a seed share their simulated records."""
+    own = dataclasses.replace(options.training, steps=sizes.steps)
+    for i in range(sizes.seeds):
+        for model in sizes.models:
+            shape = architecture_of(model, printed=options.judging.printed)
+            yield Job(
+                case.name, model, dataclasses.replace(shape, length=options.target.window_samples), seed + i, own,
+                options.signal, sizes.copies, sizes.most_records, options.judging.criterion, embedded=i == 0,
+            )  # fmt: skip
+
+
+def _log_inputs(log: Run, options: Options, sizes: Profile, profile: str, seed: int, config: Path) -> None:
+    used = dataclasses.replace(options, profiles={profile: sizes})
+    log.parameters({**dataclasses.asdict(used), "profile": profile, "seed": seed})
+    log.data("config.toml", digest_of_path(config), role="configuration")
+
+
+def _log_case(log: Run, result: CaseResult, target: Target) -> None:
+    """Nested runs: bearing, then model, then seed."""
+    case, twin = result.case, result.case.known.twin
+    with log.run(case.name, {"bearing": case.name, "data": target.title}) as of_case:
+        (read,) = tables.runs([result], target.title).to_dict("records")
+        of_case.metrics({str(k): v for k, v in read.items() if isinstance(v, (int, float))})
+        of_case.parameters(
+            {"onset_row": twin.onset_row, "now_row": twin.now_row, "lives": [life.rate for life in twin.lives],
+             "waited": list(case.waited)}
+        )  # fmt: skip
+        for model in result.models:
+            with of_case.run(model, {"model": model}) as of_model:
+                errors = [t.value["rmse_min"][t.value["place"]] for t in result.of(model)]
+                of_model.metrics({"rmse min mean": float(np.mean(errors)), "rmse min std": tables.std(errors)})
+                for trained in result.of(model):
+                    with of_model.run(f"seed {trained.job.seed}", {"store key": trained.key}) as of_seed:
+                        _log_training(of_seed, trained)
+
+
+def _log_training(log: Run, trained: Result[Job]) -> None:
+    value, job = trained.value, trained.job
+    log.parameters({
+        "seed": job.seed, "device": value["device"], "architecture": dataclasses.asdict(job.architecture),
+        "training": dataclasses.asdict(job.training), "simulated records": value["simulated"],
+    })  # fmt: skip
+    for place, at in enumerate(value["steps"]):
+        curves = {f"criterion {name}": scores[place] for name, scores in value["criteria"].items()}
+        log.metrics(
+            {
+                "loss": value["loss"][place],
+                "domain accuracy": value["domain_accuracy"][place],
+                "rmse min of checkpoint (judge only)": value["rmse_min"][place],
+                **curves,
+            },
+            step=at,
+        )
+    log.metrics({
+        "rmse min": value["rmse_min"][value["place"]], "oracle rmse min": min(value["rmse_min"]),
+        "seconds": trained.seconds,
+    })  # fmt: skip
+
+
+def _publish(
+    log: Run,
+    results: list[CaseResult],
+    options: Options,
+    target: Target,
+    rows: list[dict[str, Any]],
+    out: Path,
+    draw: bool,
+) -> None:
+    """Tables and figures: to the run and to the folder."""
+    made = {
+        "errors": tables.frame(rows),
+        "table5": tables.table5(rows, target.title),
+        "comparison": tables.comparison(results, options, target.title),
+        "runs": tables.runs(results, target.title),
+        "network": tables.network(results, options, target.title),
+        "selection": tables.selection(results, target.title),
+        "predictions": tables.predictions(results, target.title),
+    }
+    for name, table in made.items():
+        log.table(name, table)
+        tables.write(table, out / "tables" / name, target.title)
+    if not draw:
+        return
+    from papers.paper1_rul_varying_speed import figures
+
+    for name, figure in figures.all_figures(results, options, target.title):
+        log.figure(name, figure)
+        figures.write(figure, out / "figures" / f"{name}.png")
