@@ -6,7 +6,8 @@ wear (slow), fresh oil (sudden) ----------------------------------> contact stif
 
 Written apart from `twingap.twins`, on other assumptions: two bodies in place of one (the sensor stands on the housing,
 feeling what the contacts transmit), balls of unequal size, velocity Verlet in place of Runge and Kutta, Vogel's
-viscosity law with a power of 0.7 for the film's damping, two thermal nodes with a lag, a second structural mode, shaft tones.
+viscosity law with a power of 0.7 for the film's damping, two thermal nodes with a lag, a second structural mode, shaft
+tones.
 """
 
 from __future__ import annotations

@@ -43,7 +43,7 @@ class Update:
     snapshots : int
         How many those were.
     seconds : float
-        What it cost.
+        What it cost: CPU seconds of this process, so that neighbours on a shared machine do not count.
     """
 
     time_s: float
@@ -66,6 +66,8 @@ class Judgement:
     time_s : float
     error : float
         Relative error of the amplitude spectrum.
+    shape : float
+        What is left of it when the twin's spectrum may be scaled as a whole.
     deviation : tuple[float, ...]
         By how much the logarithms of `FREE` seem off.
     z : tuple[float, ...]
@@ -74,6 +76,7 @@ class Judgement:
 
     time_s: float
     error: float
+    shape: float
     deviation: tuple[float, ...]
     z: tuple[float, ...] = ()
 
@@ -116,7 +119,7 @@ class Journal:
 
         rows = []
         for each in self.judgements:
-            row = {"time_s": each.time_s, "error": each.error}
+            row = {"time_s": each.time_s, "error": each.error, "shape": each.shape}
             row |= {f"{name} off": value for name, value in zip(FREE, each.deviation, strict=True)}
             row |= {f"{name} z": value for name, value in zip(FREE, each.z, strict=False)}
             rows.append(row)

@@ -76,12 +76,12 @@ class DampingLaw:
         kelvin = min(max(temperature_c, -30.0), 200.0) + 273.15
         at40, at100 = (math.log10(math.log10(nu + 0.7)) for nu in (self.nu40, self.nu100))
         slope = (at40 - at100) / (math.log10(373.15) - math.log10(313.15))
-        twice: float = 10 ** (at40 - slope * (math.log10(kelvin) - math.log10(313.15)))
-        return float(10**twice) - 0.7
+        return math.pow(10, math.pow(10, at40 - slope * (math.log10(kelvin) - math.log10(313.15)))) - 0.7
 
     def factor(self, temperature_c: float, reference_c: float) -> float:
         """c(T) / c(T_ref)."""
-        return 1 - self.film + self.film * (self.viscosity(temperature_c) / self.viscosity(reference_c)) ** self.power
+        thinner = self.viscosity(temperature_c) / self.viscosity(reference_c)
+        return 1 - self.film + self.film * math.pow(thinner, self.power)
 
 
 @dataclass(frozen=True)

@@ -39,12 +39,15 @@ class Fit:
         Relative error of the amplitude spectra, at the beginning and at the end.
     evaluations : int
         Calls of the model.
+    predicted : list of Prediction
+        At `theta`, for each snapshot.
     """
 
     theta: Array
     before: float
     after: float
     evaluations: int
+    predicted: list[Prediction]
 
 
 def relative_error(measured: Sequence[Array], predicted: Sequence[Prediction]) -> float:
@@ -127,7 +130,7 @@ def refit(
         here, predicted, error, caution = trial, made, reached, caution / 10
         if small:
             break
-    return Fit(here, before, error, spent)
+    return Fit(here, before, error, spent, predicted)
 
 
 def _step(slopes: Array, apart: Array, caution: float, here: Array, low: Array, high: Array) -> Array:

@@ -39,7 +39,7 @@ RESOLUTION_HZ: Final = 12.0
 """Aimed distance of two bins: a third of the half width of a mode of 2 % damping at 2 kHz."""
 SEGMENTS: Final = 1.5
 """Length of a simulated trajectory, in segments: two that overlap by half."""
-QUIET: Final = 0.01
+QUIET: Final = 0.05
 """Rollers that make less than this part of the power in the band are not integrated again while a fit goes on."""
 
 

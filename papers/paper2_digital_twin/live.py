@@ -1,0 +1,326 @@
+"""Live updating, as a study of its own: what does it buy to keep the twin up to date?
+
+virtual machine that drifts --> states, snapshots --> poor line --> frozen | laws alone | identification alone | live
+            (rigs.drifting)                                                    |
+                              spectrum of each snapshot, predicted before it is seen --> error, by arm and phase
+virtual machine that does not drift --> live --> alarms per snapshot, against the stated rate
+
+Used in: Paper 2, section 2 (figure 7: simple state signals update the model; results and collected data are compared).
+The paper prints no number. The machine is virtual and so is every number here; it shares no code with the twin.
+Run as part of the paper, or alone: python -m papers.paper2_digital_twin.live --out DIR
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+import twingap.rigs.drifting
+import twingap.twins
+from twingap.bearing import BEARINGS
+from twingap.config import build, read_toml
+from twingap.errors import TwingapError
+from twingap.provenance import digest_of_code
+from twingap.rigs.drifting import COOLED, WEARS, Drifting, arrivals
+from twingap.sweep import Result, sweep
+from twingap.twins.contact_parameters import PRESETS
+from twingap.twins.live import LiveOptions, LiveTwin, Message, OrderOptions, Snapshot, StateMessage
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from twingap.track import Run
+
+Array = NDArray[np.float64]
+CONFIG: Final = Path(__file__).with_name("live.toml")
+ARMS: Final[dict[str, tuple[bool, bool]]] = {
+    "frozen": (False, False),
+    "laws alone": (True, False),
+    "identification alone": (False, True),
+    "live": (True, True),
+}
+"""Name -> whether it follows temperature, whether it is identified anew."""
+DATA: Final = "virtual machine"
+
+
+@dataclass(frozen=True)
+class Line:
+    """How messages arrive; see `twingap.rigs.drifting.arrivals`."""
+
+    delay_s: float
+    late: float
+    late_s: float
+    lost: float
+    repeated: float
+
+
+@dataclass(frozen=True)
+class LiveProfile:
+    """How much is run.
+
+    Parameters
+    ----------
+    seeds, steady : int
+        Machines that drift, and that do not.
+    steady_hours : float
+        How long the latter run.
+    """
+
+    seeds: int
+    steady: int
+    steady_hours: float
+
+
+@dataclass(frozen=True)
+class LiveStudyOptions:
+    """The study; every entry is explained in live.toml."""
+
+    bearing: str
+    preset: Literal["physical", "paper"]
+    hours: float
+    snapshot_period_s: float
+    state_period_s: float
+    snapshot_s: float
+    fs_hz: float
+    lateness_s: float
+    false_alarms: float
+    halved: float
+    most_ms: float
+    poor_line: Line
+    profiles: dict[str, LiveProfile]
+
+
+@dataclass(frozen=True)
+class Scenario:
+    """One machine, and everything that is decided about it."""
+
+    seed: int
+    drift: float
+    hours: float
+    bearing: str
+    preset: str
+    snapshot_period_s: float
+    state_period_s: float
+    snapshot_s: float
+    fs_hz: float
+    lateness_s: float
+    false_alarms: float
+    line: Line
+    arms: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class LiveStudy:
+    """What came out.
+
+    Parameters
+    ----------
+    options : LiveStudyOptions
+    drifting, steady : list[Result[Scenario]]
+    tables : dict[str, pandas.DataFrame]
+    """
+
+    options: LiveStudyOptions
+    drifting: list[Result[Scenario]]
+    steady: list[Result[Scenario]]
+    tables: dict[str, pd.DataFrame]
+
+
+def read_live(path: Path = CONFIG) -> LiveStudyOptions:
+    """Read the configuration; errors name file, key, value and what was expected."""
+    options = build(LiveStudyOptions, read_toml(path), path)
+    if options.bearing not in BEARINGS:
+        known = ", ".join(BEARINGS)
+        raise TwingapError(f"unknown bearing {options.bearing!r}", where=f"{path}: bearing", mend=f"use one of {known}")
+    return options
+
+
+def machine_of(job: Scenario) -> Drifting:
+    """The machine of a scenario."""
+    return Drifting(job.hours, job.drift, job.state_period_s, job.snapshot_period_s, job.snapshot_s, job.fs_hz)
+
+
+def messages_of(job: Scenario, machine: Drifting) -> tuple[list[Message], list[Message]]:
+    """What the machine's instruments send, in order; and the same as it arrives over the line."""
+    course, rng = machine.course(job.seed), np.random.default_rng([job.seed, 17])
+    signals = zip(course.time_s, course.temperature_c, course.speed_rpm, course.load_n, strict=True)
+    states: list[Message] = [
+        StateMessage(float(at), float(temperature), float(rpm), float(load), i)
+        for i, (at, temperature, rpm, load) in enumerate(signals)
+    ]
+    snapshots: list[Message] = [
+        Snapshot(float(r.condition.time_s or 0.0), r.samples, r.condition.fs_hz, number=i)
+        for i, r in enumerate(machine.records(job.seed))
+    ]
+    sent = sorted([*states, *snapshots], key=lambda m: (m.time_s, isinstance(m, Snapshot)))
+    _, which = arrivals(
+        np.array([m.time_s for m in sent]), rng, delay_s=job.line.delay_s, late=job.line.late, late_s=job.line.late_s,
+        lost=job.line.lost, repeated=job.line.repeated,
+    )  # fmt: skip
+    return sent, [sent[i] for i in which]
+
+
+def live_through(job: Scenario) -> dict[str, Any]:
+    """All twins live through the same run; what each made of every snapshot, what it changed and when."""
+    machine = machine_of(job)
+    sent, arrived = messages_of(job, machine)
+    # The last vibration and what follows it are kept back, so that the twins can be asked for its spectrum first.
+    last = max((m for m in arrived if isinstance(m, Snapshot)), key=lambda m: m.time_s)
+    before = [m for m in arrived if m.time_s <= last.time_s and m is not last]
+    after = [m for m in arrived if m.time_s > last.time_s or m is last]
+    out: dict[str, Any] = {"arms": {}}
+    for name in job.arms:
+        follow, identify = ARMS[name]
+        options = LiveOptions(follow_temperature=follow, reidentify=identify, rate=job.false_alarms)
+        twin = LiveTwin(
+            BEARINGS[job.bearing], PRESETS[job.preset], job.fs_hz, options=options,
+            order=OrderOptions(lateness_s=job.lateness_s),
+        )  # fmt: skip
+        for message in before:
+            twin.receive(message)
+        twin.flush()
+        assert twin.state is not None
+        predicted = twin.predict(twin.state)
+        for message in sorted(after, key=lambda m: m.time_s):
+            twin.receive(message)
+        twin.flush()
+        judged, updates = twin.journal.judged(), twin.journal.frame()
+        out["arms"][name] = {
+            "judged": {c: judged[c].tolist() for c in ("time_s", "error", "shape")},
+            "updates": {c: updates[c].tolist() for c in updates} if len(updates) else {},
+            "messages": [[kind, case, n] for (kind, case), n in sorted(twin.journal.counts.items())],
+            "predicted": predicted, "commissioning": options.commissioning,
+        }  # fmt: skip
+        band, chance = twin.band, 0.5 / float(np.sqrt(twin.band.averages(last.samples.size)))
+    out |= {"f_hz": band.f_hz[band.inside], "measured": band.amplitude(last.samples), "chance": chance}
+    course = machine.course(job.seed)
+    out["course"] = {
+        "time_s": course.time_s, "temperature_c": course.temperature_c, "stiffness": course.stiffness,
+        "damping": course.damping, "clearance_um": course.clearance_um,
+    }  # fmt: skip
+    out["sent"] = len(sent)
+    return out
+
+
+def phase_of(time_s: Array, hours: float) -> list[str]:
+    """What the machine goes through at these times, in words."""
+    part = np.asarray(time_s) / (3600 * hours)
+    words = np.full(part.size, "as commissioned", dtype=object)
+    words[part >= WEARS[0]] = "wearing"
+    words[part >= WEARS[1]] = "worn"
+    for on, off in COOLED:
+        words[(part >= on) & (part < off)] = "cooled"
+    return [str(w) for w in words]
+
+
+def run(
+    profile: str = "smoke",
+    *,
+    out: Path,
+    root: Path | None = None,
+    seed: int = 0,
+    backend: str = "loky",
+    address: str | None = None,
+    log: Run | None = None,
+    progress: Callable[[str, int, int], None] = lambda what, done, total: None,
+    config: Path = CONFIG,
+    draw: bool = True,
+) -> LiveStudy:
+    """Run the study; what an interrupted run has finished is taken up again.
+
+    Parameters
+    ----------
+    profile : {"smoke", "full"}
+    out : Path
+        Folder for ``tables/``, ``figures/`` and ``results/``.
+    root : Path or None
+        Not needed here: no public data set holds a machine with its temperature and its truth.
+    seed : int
+        First of the machines.
+    backend, address
+        See `twingap.sweep`.
+    log : Run or None
+        Of a tracker: tables, figures and the first machine's updates go there as well.
+    progress : callable
+    config : Path
+    draw : bool
+        Make the figures.
+    """
+    options = read_live(config)
+    if profile not in options.profiles:
+        known = ", ".join(options.profiles)
+        raise TwingapError(f"unknown profile {profile!r}", where=config, mend=f"use one of {known}")
+    sizes = options.profiles[profile]
+    jobs = [_scenario(options, seed + i, 1.0, options.hours, tuple(ARMS)) for i in range(sizes.seeds)]
+    still = [_scenario(options, seed + i, 0.0, sizes.steady_hours, ("live",)) for i in range(sizes.steady)]
+    done, total = 0, len(jobs) + len(still)
+
+    def step(_: Result[Any]) -> None:
+        nonlocal done
+        done += 1
+        progress("live updating", done, total)
+
+    code = digest_of_code(sys.modules[__name__], twingap.rigs.drifting, twingap.twins)
+    given: dict[str, Any] = {
+        "store": out / "results", "backend": backend, "address": address, "version": code, "on_result": step
+    }  # fmt: skip
+    drifting: list[Result[Scenario]] = sweep(live_through, jobs, **given)
+    steady: list[Result[Scenario]] = sweep(live_through, still, **given)
+    from papers.paper2_digital_twin import tables_live as tables
+    from papers.paper2_digital_twin.tables_dynamics import write
+
+    study = LiveStudy(options, drifting, steady, tables.all_tables(options, drifting, steady))
+    for name, frame in study.tables.items():
+        write(frame, out / "tables" / name)
+        if log is not None:
+            log.table(name, frame)
+    if log is not None:
+        log.metrics({f"error, {r['arm']}": r["error mean"] for r in study.tables["live-errors"].to_dict("records")
+                     if r["phase"] == "after commissioning"})  # fmt: skip
+    if draw:
+        from papers.paper2_digital_twin import figures_live as figures
+        from papers.paper2_digital_twin.figures_dynamics import write as write_figure
+
+        for name, figure in figures.all_figures(study):
+            write_figure(figure, out / "figures" / f"{name}.png")
+            if log is not None:
+                log.figure(name, figure)
+    return study
+
+
+def _scenario(options: LiveStudyOptions, seed: int, drift: float, hours: float, arms: tuple[str, ...]) -> Scenario:
+    return Scenario(
+        seed, drift, hours, options.bearing, options.preset, options.snapshot_period_s, options.state_period_s,
+        options.snapshot_s, options.fs_hz, options.lateness_s, options.false_alarms, options.poor_line, arms,
+    )  # fmt: skip
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """The study from the command line."""
+    import argparse
+
+    parser = argparse.ArgumentParser(description="Live updating of paper 2's twin: tables and figures.")
+    parser.add_argument("--profile", default="smoke")
+    parser.add_argument("--out", type=Path, required=True)
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--backend", default="loky")
+    asked = parser.parse_args(arguments)
+    try:
+        study = run(asked.profile, out=asked.out, seed=asked.seed, backend=asked.backend)
+    except TwingapError as error:
+        print(f"twingap: {error}", file=sys.stderr)
+        raise SystemExit(2) from None
+    for name, frame in study.tables.items():
+        shown = frame.head(30).to_string(index=False, float_format=lambda v: f"{v:.4g}")
+        print(f"\n{name} ({DATA})\n{shown}")
+    print(asked.out / "tables", asked.out / "figures", sep="\n")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,135 @@
+"""Paper 2's study of live updating: the updated twin wins where something drifts, tables are honest, runs resume."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from papers.paper2_digital_twin.live import (
+    ARMS,
+    CONFIG,
+    LiveStudy,
+    live_through,
+    machine_of,
+    main,
+    messages_of,
+    phase_of,
+    read_live,
+    run,
+)
+from papers.paper2_digital_twin.tables_live import DRIFT, WHOLE, by_phase
+from twingap.errors import TwingapError
+from twingap.track import FolderTracker
+from twingap.twins.live import Snapshot
+
+TINY = """
+[profiles.tiny]
+seeds = 1
+steady = 1
+steady_hours = 3.0
+"""
+
+
+@pytest.fixture(scope="module")
+def config(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("study") / "live.toml"
+    text = CONFIG.read_text(encoding="utf-8")
+    for name, value in {"hours": "10.0", "snapshot_s": "0.5"}.items():
+        text = re.sub(rf"(?m)^{name} = \S+", f"{name} = {value}", text)
+    path.write_text(text + TINY, encoding="utf-8")
+    return path
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("out")
+
+
+@pytest.fixture(scope="module")
+def study(config: Path, folder: Path) -> LiveStudy:
+    with FolderTracker(folder / "runs").run("live") as log:
+        return run("tiny", out=folder, backend="sequential", config=config, log=log)
+
+
+def test_the_updated_twin_halves_the_frozen_ones_error_under_drift(study: LiveStudy) -> None:
+    (first,) = study.drifting
+    error = {arm: by_phase(first, arm) for arm in ARMS}
+    assert error["live"][DRIFT] < 0.5 * error["frozen"][DRIFT]
+    assert error["live"][WHOLE] < 0.5 * error["laws alone"][WHOLE]
+    assert error["live"]["cooled"] < error["identification alone"]["cooled"]  # what the laws are for
+    assert error["live"]["worn"] < 1.5 * float(first.value["chance"])
+
+
+def test_all_twins_are_the_same_until_they_are_commissioned_and_what_they_do_is_what_they_may(study: LiveStudy) -> None:
+    arms = study.drifting[0].value["arms"]
+    kinds = {name: set(value["updates"]["kind"]) for name, value in arms.items()}
+    assert kinds["frozen"] == {"commissioning"} and kinds["laws alone"] == {"commissioning", "law"}
+    assert "law" not in kinds["identification alone"] and {"law", "drift"} <= kinds["live"]
+    first = {name: value["judged"]["error"][0] for name, value in arms.items()}
+    assert first["frozen"] == first["identification alone"] and first["laws alone"] == first["live"]
+
+
+def test_tables_name_the_virtual_machine_and_say_what_was_missed(study: LiveStudy) -> None:
+    assert set(study.tables) == {
+        "live-errors", "live-targets", "live-false-alarms", "live-messages", "live-cost", "live-updates",
+    }  # fmt: skip
+    for table in study.tables.values():
+        assert set(table["data"]) == {"virtual machine"}
+    targets = study.tables["live-targets"].set_index("target")
+    row = targets.loc[f"frozen over live, error, {DRIFT}"]
+    assert row["met"] == (row["worst machine"] >= row["at least"])
+    (alarms,) = study.tables["live-false-alarms"].to_dict("records")
+    assert alarms["low_95"] <= alarms["rate"] <= alarms["high_95"] and alarms["stated"] == 0.002
+    cases = set(study.tables["live-messages"]["case"])
+    assert {"accepted", "out of order", "repeated", "missing"} <= cases
+
+
+def test_ratios_by_hand(study: LiveStudy) -> None:
+    (first,) = study.drifting
+    value = first.value["arms"]["live"]
+    t, e = (np.array(value["judged"][c])[value["commissioning"] :] for c in ("time_s", "error"))
+    assert by_phase(first, "live")[DRIFT] == pytest.approx(e[t >= 0.35 * 36000].mean())
+    assert phase_of(np.array([0.0, 0.2, 0.5, 0.9, 0.99]) * 36000, 10.0) == [
+        "as commissioned", "cooled", "wearing", "cooled", "worn",
+    ]  # fmt: skip
+
+
+def test_the_kept_back_snapshot_is_predicted_before_it_is_seen(study: LiveStudy) -> None:
+    first = study.drifting[0]
+    _, arrived = messages_of(first.job, machine_of(first.job))
+    last = max(m.time_s for m in arrived if isinstance(m, Snapshot))
+    for value in first.value["arms"].values():
+        assert value["judged"]["time_s"][-1] == last
+        apart = np.linalg.norm(np.asarray(value["predicted"]) - np.asarray(first.value["measured"]))
+        size = np.linalg.norm(np.asarray(first.value["measured"]))
+        assert value["judged"]["error"][-1] == pytest.approx(apart / size, rel=0.02)
+
+
+def test_taken_up_again_with_the_same_tables(study: LiveStudy, folder: Path, config: Path) -> None:
+    before = {p.name: p.read_bytes() for p in (folder / "tables").iterdir()}
+    assert {p.stem for p in (folder / "figures").iterdir()} == {"live-drift", "live-spectra"}
+    assert len(pd.read_csv(folder / "tables" / "live-updates.csv")) >= 2
+    again = run("tiny", out=folder, backend="sequential", config=config, draw=False)
+    assert not any(r.why for r in (*again.drifting, *again.steady))
+    assert {p.name: p.read_bytes() for p in (folder / "tables").iterdir()} == before
+
+
+def test_the_same_machine_makes_the_same_twin(study: LiveStudy) -> None:
+    (steady,) = study.steady
+    again = live_through(steady.job)
+    assert again["arms"]["live"]["judged"] == steady.value["arms"]["live"]["judged"]
+
+
+def test_wrong_input_is_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as left:
+        main(["--profile", "huge", "--out", str(tmp_path)])
+    said = capsys.readouterr().err
+    assert left.value.code == 2 and said.count("\n") == 1 and "unknown profile 'huge'" in said
+    path = tmp_path / "live.toml"
+    path.write_text(CONFIG.read_text(encoding="utf-8").replace('"6205"', '"9999"'), encoding="utf-8")
+    with pytest.raises(TwingapError, match="unknown bearing '9999'"):
+        read_live(path)
