@@ -1,0 +1,347 @@
+"""Diagnosis by how much fault data there is: SOM-MQE, SVM and a network from the twin, on real recordings.
+
+CWRU, HIT-SM --> pieces --+--> healthy map: alarm, severity
+                          +--> n labelled records of each fault --> SVM | maps by class | network, fine-tuned
+   twin on healthy records --> images --> network, no label -----------------------------------^
+                                                   accuracy by recording and by bearing --> crossing points
+
+Used in: Paper 2, section 3, which names the three regimes and prints no number. Run as part of the
+paper, or alone: python -m papers.paper2_digital_twin.availability --profile full --out DIR
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+import twingap.effects
+import twingap.signal
+import twingap.twins
+from papers.paper2_digital_twin import availability_jobs as jobs_module
+from papers.paper2_digital_twin import availability_records as records_module
+from papers.paper2_digital_twin import availability_source as source_module
+from papers.paper2_digital_twin import availability_split as split_module
+from papers.paper2_digital_twin.availability_jobs import (
+    AlarmJob,
+    CheckJob,
+    NetworkJob,
+    ShallowJob,
+    alarm,
+    check,
+    network,
+    shallow,
+)
+from papers.paper2_digital_twin.availability_records import TITLES, Measured, load, measure
+from papers.paper2_digital_twin.availability_source import Background, Kind, Plant, SourceOptions, simulate
+from papers.paper2_digital_twin.availability_split import ALL, SPLITS, judged
+from twingap.adapt.class_maps import fit_class_maps
+from twingap.adapt.condition_features import window_features
+from twingap.adapt.few_labels import fit_few_labels
+from twingap.adapt.inception import InceptionTraining
+from twingap.adapt.scalograms import ImageOptions
+from twingap.adapt.selection import CRITERIA, select
+from twingap.adapt.severity import MapOptions
+from twingap.config import build, read_toml
+from twingap.errors import TwingapError
+from twingap.provenance import digest_of_code, digest_of_value
+from twingap.records import RecordSet
+from twingap.sweep import Result, sweep
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from twingap.track import Run
+
+CONFIG: Final = Path(__file__).with_name("availability.toml")
+RIG: Final = "virtual_cwru"
+SHORTEST: Final = 4
+"""A recording at hand in stretches shorter than so many pieces is no background for the twin."""
+
+
+@dataclass(frozen=True)
+class StudyProfile:
+    """How much is run.
+
+    Parameters
+    ----------
+    seeds : int
+        Shuffles of recordings, choices of labels, trainings.
+    machines : int
+        Virtual machines of each source.
+    ablation_seeds : int
+        Seeds of the other sources.
+    steps : int
+        Of a training.
+    check_machines : int
+        Simulated machines on which false alarms are counted.
+    rig_duration_s : float
+        Length of the virtual rig's recordings.
+    smoke : bool
+        The first data set and the first fold alone.
+    """
+
+    seeds: int
+    machines: int
+    ablation_seeds: int
+    steps: int
+    check_machines: int
+    rig_duration_s: float
+    smoke: bool
+
+
+@dataclass(frozen=True)
+class StudyOptions:
+    """The study; every entry is explained in availability.toml."""
+
+    data: tuple[str, ...]
+    counts: tuple[int, ...]
+    folds: int
+    false_alarm: float
+    criterion: str
+    ablation: tuple[Kind, ...]
+    image: ImageOptions
+    map: MapOptions
+    source: SourceOptions
+    training: InceptionTraining
+    profiles: dict[str, StudyProfile]
+
+
+@dataclass(frozen=True)
+class Study:
+    """What came out.
+
+    Parameters
+    ----------
+    options : StudyOptions
+    data : dict[str, Measured]
+    networks : list[Result[NetworkJob]]
+    shallows : list[Result[ShallowJob]]
+    alarms : list[Result[AlarmJob]]
+    checks : list[Result[CheckJob]]
+    tables : dict[str, pandas.DataFrame]
+    """
+
+    options: StudyOptions
+    data: dict[str, Measured]
+    networks: list[Result[NetworkJob]]
+    shallows: list[Result[ShallowJob]]
+    alarms: list[Result[AlarmJob]]
+    checks: list[Result[CheckJob]]
+    tables: dict[str, pd.DataFrame]
+
+    @property
+    def title(self) -> str:
+        """Where the records come from."""
+        return ", ".join(TITLES[name] for name in self.data)
+
+
+def read_study(path: Path = CONFIG) -> StudyOptions:
+    """Read the configuration; errors name file, key, value and what was expected."""
+    options = build(StudyOptions, read_toml(path), path)
+    if options.criterion not in CRITERIA:
+        raise TwingapError(f"criterion = {options.criterion!r}, one of {', '.join(CRITERIA)} expected", where=path)
+    if any(name not in TITLES for name in options.data) or not options.data:
+        raise TwingapError(f"data = {list(options.data)}, some of {', '.join(TITLES)} expected", where=path)
+    if options.folds < 2 or any(count < 1 for count in options.counts):
+        raise TwingapError("two folds or more and counts of 1 or more expected", where=path)
+    if max(options.source.pooled) != options.source.pooled[-1]:
+        raise TwingapError(f"source.pooled = {list(options.source.pooled)}, rising numbers expected", where=path)
+    return options
+
+
+def run(
+    profile: str = "smoke",
+    *,
+    out: Path,
+    root: Path | None = None,
+    seed: int = 0,
+    backend: str = "loky",
+    address: str | None = None,
+    log: Run | None = None,
+    progress: Callable[[str, int, int], None] = lambda what, done, total: None,
+    config: Path = CONFIG,
+    draw: bool = True,
+) -> Study:
+    """Run the study; what an interrupted run has finished is taken up again.
+
+    Parameters
+    ----------
+    profile : {"smoke", "full"}
+    out : Path
+        Folder for ``tables/``, ``figures/`` and ``results/``.
+    root : Path or None
+        Data root; TWINGAP_DATA when None. Without records the virtual rig is taken, and every table says so.
+    seed : int
+        The first of the seeds.
+    backend, address
+        See `twingap.sweep`.
+    log : Run or None
+        Of a tracker: tables and figures go there as well.
+    progress : callable
+    config : Path
+    draw : bool
+        Make the figures.
+    """
+    options = read_study(config)
+    if profile not in options.profiles:
+        raise TwingapError(
+            f"unknown profile {profile!r}", where=config, mend=f"use one of {', '.join(options.profiles)}"
+        )
+    sizes = options.profiles[profile]
+    training = dataclasses.replace(options.training, steps=sizes.steps)
+    records = _record_sets(options, root, sizes)
+    data = {name: measure(found, name, options.image) for name, found in records.items()}
+    digests = {name: found.digest for name, found in records.items()}
+    healthy = {name: _backgrounds(found, data[name], options.image) for name, found in records.items()}
+    # A class or function stands for its module: the rest of `twingap.adapt` may change without a new run.
+    code = digest_of_code(
+        records_module, source_module, split_module, jobs_module, twingap.effects, twingap.signal, twingap.twins,
+        ImageOptions, MapOptions, InceptionTraining, fit_class_maps, fit_few_labels, window_features, select,
+    )  # fmt: skip
+    folds = range(1 if sizes.smoke else options.folds)
+    seeds = range(seed, seed + sizes.seeds)
+    counts = (*options.counts, ALL)
+    kinds: dict[Kind, int] = {"grafted": sizes.seeds, **dict.fromkeys(options.ablation, sizes.ablation_seeds)}
+    plants = {
+        f"{name} {kind} {fold}": _plant(options, own, kind, fold, sizes.machines, tuple(healthy[name]), seed)
+        for name, own in data.items()
+        for kind, wanted in kinds.items()
+        for fold in folds
+        if wanted
+    }
+    nets = [
+        NetworkJob(
+            name, kind, fold, options.folds, s, counts if kind == "grafted" else (), options.criterion, training,
+            options.image,
+        )
+        for name in data
+        for kind, wanted in kinds.items()
+        for s in seeds[:wanted]
+        for fold in folds
+    ]  # fmt: skip
+    shallows = [
+        ShallowJob(name, fold, options.folds, s, counts, options.map) for name in data for s in seeds for fold in folds
+    ]
+    alarms = [
+        AlarmJob(name, without, s, options.false_alarm, options.map)
+        for name, own in data.items()
+        for without in ("", *own.healthy())
+        for s in seeds
+    ]
+    first = next(iter(data))
+    checking = _plant(options, data[first], "effects", 0, 1, (), seed)
+    checks = [CheckJob(checking, 15, 4.0, s, options.false_alarm, options.map) for s in range(sizes.check_machines)]
+    unique = list(dict.fromkeys(plants.values()))
+    total, done = len(unique) + len(nets) + len(shallows) + len(alarms) + len(checks), 0
+
+    def step(_: Result[Any]) -> None:
+        nonlocal done
+        done += 1
+        progress("availability", done, total)
+
+    swept = functools.partial(
+        sweep, store=out / "results", backend=backend, address=address, version=code, on_result=step
+    )
+    made: dict[str, Any] = {}
+    for name in data:  # one data set's healthy recordings travel to a worker at a time
+        here = [p for p in unique if p.data == name]
+        found: list[Result[Plant]] = swept(
+            functools.partial(simulate, healthy=healthy[name]), here, data={"records": digests[name]}
+        )
+        by_plant = {r.job: r.value for r in found}
+        made |= {key: by_plant[p] for key, p in plants.items() if p.data == name}
+    networks: list[Result[NetworkJob]] = swept(
+        functools.partial(network, data=data, source=made), nets,
+        data={**digests, "source": digest_of_value({k: digest_of_value(p) for k, p in plants.items()})},
+    )  # fmt: skip
+    swept_data = functools.partial(swept, data=digests)
+    few: list[Result[ShallowJob]] = swept_data(functools.partial(shallow, data=data), shallows)
+    rung: list[Result[AlarmJob]] = swept_data(functools.partial(alarm, data=data), alarms)
+    checked: list[Result[CheckJob]] = swept(check, checks)
+    from papers.paper2_digital_twin import tables_availability as tables
+
+    study = Study(options, data, networks, few, rung, checked, {})
+    study.tables.update(tables.all_tables(study))
+    for name, frame in study.tables.items():
+        tables.write(frame, out / "tables" / name, study.title)
+        if log is not None:
+            log.table(name, frame)
+    if draw:
+        from papers.paper2_digital_twin import figures_availability as figures
+
+        for name, figure in figures.all_figures(study):
+            figures.write(figure, out / "figures" / f"{name}.png")
+            if log is not None:
+                log.figure(name, figure)
+    return study
+
+
+def _record_sets(options: StudyOptions, root: Path | None, sizes: StudyProfile) -> dict[str, RecordSet]:
+    """Those of the data sets that are at hand; the virtual rig when none is."""
+    found: dict[str, RecordSet] = {}
+    for name in options.data[:1] if sizes.smoke else options.data:
+        try:
+            found[name] = load(name, root, sizes.rig_duration_s)
+        except TwingapError:
+            if root is not None:  # who names data wants those used
+                raise
+    return found or {RIG: load(RIG, root, sizes.rig_duration_s)}
+
+
+def _backgrounds(records: RecordSet, data: Measured, image: ImageOptions) -> dict[str, Background]:
+    """Healthy recordings that are long enough for the twin to stand on."""
+    found = {}
+    for place, c in enumerate(records.conditions):
+        least = SHORTEST * image.piece_samples(c.fs_hz, c.speed_rpm)
+        if c.group in data.healthy() and c.n_samples >= least:
+            found[str(c.group)] = Background(records[place].samples, c.speed_rpm)
+    return found
+
+
+def _plant(
+    options: StudyOptions, data: Measured, kind: Kind, fold: int, machines: int, backgrounds: tuple[str, ...], seed: int
+) -> Plant:
+    """The population of a fold; those that stand on no measured record are the same for all folds."""
+    under: tuple[str, ...] = ()
+    if kind == "grafted":
+        # Healthy recordings are dealt alike in every seed and split.
+        own = judged(data, SPLITS[0], fold, options.folds, seed)
+        under = tuple(b for b in backgrounds if b not in own)
+        if not under:
+            raise TwingapError("no healthy recording is left to learn from", where=f"{data.name}, fold {fold}")
+    speeds = tuple(sorted({round(s, 1) for s in data.speeds_rpm.values()}))
+    return Plant(
+        kind, data.name, under, data.classes, speeds, data.fs_hz, data.bearing, machines, options.source, options.image,
+        seed,
+    )  # fmt: skip
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Run the study by itself."""
+    import argparse
+
+    parser = argparse.ArgumentParser(description="Diagnosis by how much fault data there is.")
+    parser.add_argument("--profile", default="smoke")
+    parser.add_argument("--out", type=Path, required=True)
+    parser.add_argument("--root", type=Path)
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--backend", default="loky")
+    own = parser.parse_args(arguments)
+    try:
+        run(
+            own.profile, out=own.out, root=own.root, seed=own.seed, backend=own.backend,
+            progress=lambda what, done, total: print(f"\r{what} {done}/{total}", end="", file=sys.stderr, flush=True),
+        )  # fmt: skip
+    except TwingapError as error:
+        print(error, file=sys.stderr)
+        return 2
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,262 @@
+"""Jobs of the availability study, each run anywhere and kept: network, shallow methods, alarm, false-alarm check.
+
+Network: twin images -> train -> choose without labels -> judge with no label -> fine-tune with n -> judge
+Shallow: n labelled records -> SVM, maps by class -> judge
+Alarm:   healthy windows -> map, threshold -> MQE and alarm of every recording
+Check:   simulated healthy machines -> map, threshold -> share of false alarms in recordings never seen
+
+Used in: Paper 2, diagnosis by how much fault data there is.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from papers.paper2_digital_twin.availability_records import WINDOW, Measured
+from papers.paper2_digital_twin.availability_source import Kind, Plant, healthy_recordings
+from papers.paper2_digital_twin.availability_split import ALL, SPLITS, counts_of, judged, labelled
+from twingap.adapt.class_maps import fit_class_maps
+from twingap.adapt.condition_features import window_features
+from twingap.adapt.few_labels import fit_few_labels
+from twingap.adapt.inception import InceptionTraining, evidence, fine_tune, predict, train_inception
+from twingap.adapt.scalograms import ImageOptions, Images, Modulation, images, pieces_of
+from twingap.adapt.selection import CRITERIA, Evidence, select
+from twingap.adapt.severity import MapOptions, healthy_map
+from twingap.adapt.training import Outputs
+
+Array = NDArray[np.float64]
+Places = NDArray[np.int64]
+HELD_OUT: Final = 5
+"""Every fifth virtual machine is kept from training."""
+MOST_IMAGES: Final = 96
+"""Measured, and simulated, images that fine-tuning sees."""
+TINY: Final = 1e-6
+
+
+@dataclass(frozen=True)
+class NetworkJob:
+    """One training, and all that is fine-tuned from it."""
+
+    data: str
+    kind: Kind
+    fold: int
+    folds: int
+    seed: int
+    counts: tuple[int, ...]
+    criterion: str
+    training: InceptionTraining
+    image: ImageOptions
+
+
+@dataclass(frozen=True)
+class ShallowJob:
+    """SVM and maps by class, all numbers of labels."""
+
+    data: str
+    fold: int
+    folds: int
+    seed: int
+    counts: tuple[int, ...]
+    maps: MapOptions
+
+
+@dataclass(frozen=True)
+class AlarmJob:
+    """Healthy map and alarm of a data set; `without` names a healthy recording that is kept from it."""
+
+    data: str
+    without: str
+    seed: int
+    false_alarm: float
+    maps: MapOptions
+
+
+@dataclass(frozen=True)
+class CheckJob:
+    """False alarms of one simulated machine."""
+
+    plant: Plant
+    recordings: int
+    seconds: float
+    seed: int
+    false_alarm: float
+    maps: MapOptions
+
+
+def baseline_of(data: Measured, judge: Sequence[str]) -> Array:
+    """Healthy level of the carriers, from healthy recordings that are not judged."""
+    return data.baseline([h for h in data.healthy() if h not in judge])
+
+
+def strips(data: Measured, recording: str, baseline: Array, image: ImageOptions, size: int) -> Images:
+    """A recording as images of up to `size` consecutive pieces each."""
+    return _pooled(data, data.pieces([recording]), baseline, image, size)
+
+
+def _pooled(data: Measured, places: Places, baseline: Array, image: ImageOptions, size: int) -> Images:
+    parts = np.array_split(places, max(1, round(len(places) / size)))
+    found = [Modulation(data.found.lines[p], data.found.power[p]).pooled() for p in parts]
+    whole = Modulation(np.concatenate([f.lines for f in found]), np.concatenate([f.power for f in found]))
+    return images(whole, baseline, image)
+
+
+def network(job: NetworkJob, data: Mapping[str, Measured], source: Mapping[str, Any]) -> dict[str, Any]:
+    """Train on the twin's images, choose without labels, judge; then fine-tune on few labels, and judge.
+
+    Parameters
+    ----------
+    job : NetworkJob
+    data : Mapping[str, Measured]
+        Data sets by name.
+    source : Mapping[str, Any]
+        Of `availability_source.simulate`, by ``data kind fold``.
+
+    Returns
+    -------
+    dict
+        ``split`` -> ``count`` -> recording -> called class; with no label also what each checkpoint says and scores.
+    """
+    own, made = data[job.data], source[f"{job.data} {job.kind} {job.fold}"]
+    n_classes, size = len(own.classes), 6
+    x, y = np.asarray(made["images"], dtype=np.float32), np.asarray(made["labels"], dtype=np.int64)
+    held = np.asarray(made["machine"]) % HELD_OUT == job.seed % HELD_OUT
+    states = train_inception(x[~held], y[~held], n_classes, job.training, job.seed)
+    out: dict[str, Any] = {}
+    for split in SPLITS:
+        judge = judged(own, split, job.fold, job.folds, job.seed)
+        learn = [r for r in own.recordings if r not in judge]
+        baseline = baseline_of(own, judge)
+        target = {r: strips(own, r, baseline, job.image, size) for r in own.recordings}
+        owner = np.concatenate([[r] * len(v) for r, v in target.items()])
+        shown = np.concatenate(list(target.values()))
+        seen = evidence(states, x[held], y[held], shown, n_classes, job.training)
+        known = np.isin(owner, learn)
+        # The choice looks at the recordings that may be learnt from, without their labels, never at those judged.
+        choosing = [Evidence(e.source, e.source_labels, _some(e.target, known)) for e in seen]
+        place = select(choosing, job.criterion)
+        calls = [_calls(e.target.probabilities, owner, judge) for e in seen]
+        rows: dict[str, Any] = {"0": {"calls": calls[place], "labels": 0}}
+        out[split] = {
+            "rows": rows,
+            "checkpoint": place,
+            "by criterion": {name: calls[select(choosing, name)] for name in CRITERIA},
+            "checkpoints": calls,
+            "scores": {name: [float(score(e)) for e in choosing] for name, score in CRITERIA.items()},
+        }
+        for count in job.counts:
+            rng = np.random.default_rng([job.seed, 31, job.fold, SPLITS.index(split)])
+            places = labelled(own, learn, count, rng, all_healthy=True)
+            few, truth = _labelled_images(own, places, baseline, job.image, size)
+            some = rng.permutation(len(few)) if len(few) <= MOST_IMAGES else _balanced(truth, MOST_IMAGES, rng)
+            again = rng.choice(np.flatnonzero(~held), min(MOST_IMAGES, int((~held).sum())), replace=False)
+            state = fine_tune(
+                states[place], few[some], truth[some], n_classes, job.training, job.seed, x[again], y[again]
+            )
+            told = predict(state, np.concatenate([target[r] for r in judge]), n_classes, job.training)
+            who = np.concatenate([[r] * len(target[r]) for r in judge])
+            rows[str(count)] = {"calls": _calls(told, who, judge), "labels": counts_of(own, places)}
+    return out
+
+
+def shallow(job: ShallowJob, data: Mapping[str, Measured]) -> dict[str, Any]:
+    """SVM and maps by class on the features of labelled records; ``split`` -> method -> ``count`` -> calls."""
+    own = data[job.data]
+    n_classes, truth = len(own.classes), own.piece_labels()
+    out: dict[str, Any] = {}
+    for split in SPLITS:
+        judge = judged(own, split, job.fold, job.folds, job.seed)
+        learn = [r for r in own.recordings if r not in judge]
+        asked = own.pieces(judge)
+        out[split] = {"SVM": {}, "SOM-MQE": {}}
+        for count in job.counts:
+            rng = np.random.default_rng([job.seed, 31, job.fold, SPLITS.index(split)])
+            places = labelled(own, learn, count, rng, all_healthy=False)
+            f, y = own.features[places], truth[places]
+            svm = fit_few_labels(f, y, own.recording[places], n_classes)
+            maps = fit_class_maps(f, y, n_classes, job.maps, rng)
+            for name, told in (
+                ("SVM", svm.probabilities(own.features[asked])),
+                ("SOM-MQE", maps.probabilities(own.features[asked])),
+            ):
+                row: dict[str, Any] = {
+                    "calls": _calls(told, own.recording[asked], judge),
+                    "labels": counts_of(own, places),
+                }
+                if name == "SVM":
+                    row |= {"cross-validated": svm.cross_validated}
+                out[split][name][str(count)] = row
+    return out
+
+
+def alarm(job: AlarmJob, data: Mapping[str, Measured]) -> dict[str, Any]:
+    """Healthy map of all healthy recordings but one; MQE and alarms of every recording."""
+    own = data[job.data]
+    healthy = [h for h in own.healthy() if h != job.without]
+    inside = np.isin(own.window_recording, healthy)
+    made = healthy_map(
+        own.windows[inside], own.window_recording[inside], job.false_alarm, np.random.default_rng(job.seed), job.maps
+    )
+    rows = {}
+    for r in own.recordings:
+        mine = own.windows[own.window_recording == r]
+        mqe = made.mqe(mine)
+        rows[r] = {
+            "windows": len(mine), "mqe": float(np.median(mqe)), "mqe low": float(np.quantile(mqe, 0.1)),
+            "mqe high": float(np.quantile(mqe, 0.9)), "share": float((mqe > made.threshold).mean()),
+            "alarm": made.recording_alarms(mine),
+        }  # fmt: skip
+    held = {h: float((made.held_out[own.window_recording[inside] == h] > made.threshold).mean()) for h in healthy}
+    return {"threshold": made.threshold, "healthy windows": int(inside.sum()), "recordings": rows, "held out": held}
+
+
+def check(job: CheckJob) -> dict[str, Any]:
+    """A simulated healthy machine: three recordings calibrate, the others are judged."""
+    made = healthy_recordings(job.plant, job.seed, job.recordings, job.seconds)
+    each = [window_features(pieces_of(x, WINDOW)) for x in made]
+    group = np.concatenate([[f"r{i}"] * len(f) for i, f in enumerate(each[:3])])
+    own = healthy_map(np.concatenate(each[:3]), group, job.false_alarm, np.random.default_rng(job.seed), job.maps)
+    shares = [float(own.alarms(f).mean()) for f in each[3:]]
+    return {"windows": sum(map(len, each[3:])), "share": float(np.mean(shares)), "alarms": sum(s > 0.5 for s in shares),
+            "recordings": len(shares)}  # fmt: skip
+
+
+def _some(outputs: Outputs, keep: NDArray[np.bool_]) -> Outputs:
+    return Outputs(outputs.logits[keep], outputs.features[keep])
+
+
+def _calls(probabilities: Array, owner: NDArray[np.str_], judge: Sequence[str]) -> dict[str, int]:
+    """What each recording is called: largest mean log probability over its pieces or strips."""
+    sure = np.log(np.maximum(probabilities, TINY))
+    return {r: int(sure[owner == r].mean(axis=0).argmax()) for r in judge}
+
+
+def _labelled_images(
+    data: Measured, places: Places, baseline: Array, image: ImageOptions, size: int
+) -> tuple[Images, Places]:
+    """Images of labelled pieces, each by itself, and of those of one recording together as recordings are judged."""
+    alone = images(Modulation(data.found.lines[places], data.found.power[places]), baseline, image)
+    made, labels = [alone], [data.piece_labels()[places]]
+    for r in np.unique(data.recording[places]):
+        mine = places[data.recording[places] == r]
+        if len(mine) > 1:
+            made.append(_pooled(data, mine, baseline, image, size))
+            labels.append(np.full(len(made[-1]), data.labels[str(r)], dtype=np.int64))
+    return np.concatenate(made), np.concatenate(labels)
+
+
+def _balanced(labels: Places, most: int, rng: np.random.Generator) -> Places:
+    """Places of at most `most` images, as many of each class as there are."""
+    classes = np.unique(labels)
+    share = [rng.permutation(np.flatnonzero(labels == c))[: most // len(classes)] for c in classes]
+    return np.concatenate(share)
+
+
+__all__ = [
+    "ALL", "AlarmJob", "CheckJob", "NetworkJob", "ShallowJob", "alarm", "baseline_of", "check", "network", "shallow",
+    "strips",
+]  # fmt: skip

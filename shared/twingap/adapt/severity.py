@@ -1,0 +1,239 @@
+"""Severity without a fault label: minimum quantisation error (MQE) of a self-organising map of healthy vibration.
+
+healthy features --held out in turn--> map of the others -> MQE --> threshold of a stated false-alarm rate
+       |                                                                    |
+       +--> map of all ----------------------------> MQE of a new window -> alarm?  how bad?
+
+The map (Kohonen 1990, DOI 10.1109/5.58325) is a grid of units spread over the healthy features; MQE(x) is the distance
+from x to its best matching unit (Qiu, Lee, Lin and Yu 2003, DOI 10.1016/j.aei.2004.08.001), as in paper 2. The paper
+gives no threshold. Here it is a conformal one (Vovk, Gammerman and Shafer 2005): for a window exchangeable with the
+healthy windows held out, P(alarm) <= false_alarm, whatever the distribution of the features.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twingap.errors import TwingapError
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class MapOptions:
+    """How a map is made.
+
+    Parameters
+    ----------
+    side : int
+        Units along each side of the square grid, at least 2.
+    epochs : int
+        Passes over the windows.
+    learning_rate : float
+        At the start; it decays with the passes.
+    least_spread : float
+        Added in quadrature to the spread of each feature, in the features' own unit: what one recording holds still
+        need not be still in the next. 0.115 nepers, 1 dB, suits logarithms of levels.
+    """
+
+    side: int = 6
+    epochs: int = 20
+    learning_rate: float = 0.5
+    least_spread: float = 0.0
+
+    def __post_init__(self) -> None:
+        if self.side < 2 or self.epochs < 1 or not 0 < self.learning_rate <= 1 or self.least_spread < 0:
+            raise TwingapError(
+                f"{self}",
+                where="map options",
+                mend="use a side of 2 or more, an epoch or more, a rate between 0 and 1",
+            )
+
+
+@dataclass(frozen=True)
+class FeatureMap:
+    """A trained map, with the scaling in front of it.
+
+    Parameters
+    ----------
+    weights : Array [units, features]
+        In scaled features.
+    centre, spread : Array [features]
+        Mean and standard deviation of the features it was trained on.
+    """
+
+    weights: Array
+    centre: Array
+    spread: Array
+
+    def mqe(self, features: Array) -> Array:
+        """Distance of each window from its best matching unit.
+
+        Parameters
+        ----------
+        features : Array [windows, features]
+
+        Returns
+        -------
+        Array [windows]
+            In standard deviations of the training features (Euclidean over features); 0 on a unit.
+        """
+        x = (np.atleast_2d(features) - self.centre) / self.spread
+        square = (x**2).sum(axis=1)[:, None] - 2 * x @ self.weights.T + (self.weights**2).sum(axis=1)
+        # The expanded square loses digits close to a unit: the distance itself is taken from the unit that it names.
+        best = self.weights[square.argmin(axis=1)]
+        return np.asarray(np.sqrt(((x - best) ** 2).sum(axis=1)))
+
+
+def fit_map(
+    features: Array, options: MapOptions, rng: np.random.Generator, scaling: tuple[Array, Array] | None = None
+) -> FeatureMap:
+    """Train a map on windows of one state.
+
+    Parameters
+    ----------
+    features : Array [windows, features]
+        Of one window or more; with fewer windows than units, the grid shrinks until it has no more units than windows.
+    options : MapOptions
+    rng : numpy.random.Generator
+        Drawn from once, for the order of the windows.
+    scaling : (Array, Array) or None
+        Centre and spread [features]; those of `features` when None. Maps that are compared need a common one.
+
+    Raises
+    ------
+    TwingapError
+        For features that are not finite.
+    """
+    x = np.atleast_2d(np.asarray(features, dtype=np.float64))
+    if x.size == 0 or not np.isfinite(x).all():
+        raise TwingapError("features are missing or not finite", where="self-organising map")
+    centre, spread = scaling_of(x, options.least_spread) if scaling is None else scaling
+    scaled = (x - centre) / spread
+    seed = int(rng.integers(2**31))
+    side = min(options.side, math.isqrt(len(x)))
+    if side < 2:  # a grid of one unit is the mean
+        return FeatureMap(scaled.mean(axis=0, keepdims=True), centre, spread)
+    from minisom import MiniSom
+
+    net = MiniSom(
+        side, side, scaled.shape[1], sigma=side / 3, learning_rate=options.learning_rate, random_seed=seed
+    )  # fmt: skip
+    if scaled.shape[1] > 1:
+        net.pca_weights_init(scaled)
+    else:
+        net.random_weights_init(scaled)
+    net.train(scaled, options.epochs * len(scaled), random_order=True)
+    return FeatureMap(np.asarray(net.get_weights(), dtype=np.float64).reshape(side**2, -1), centre, spread)
+
+
+def scaling_of(features: Array, least_spread: float = 0.0) -> tuple[Array, Array]:
+    """Mean and standard deviation of each feature; 1 where a feature does not vary and `least_spread` is 0."""
+    spread = np.hypot(features.std(axis=0), least_spread)
+    return features.mean(axis=0), np.where(spread > 1e-12 * (1 + np.abs(features).max(axis=0)), spread, 1.0)
+
+
+def conformal_threshold(scores: Array, false_alarm: float) -> float:
+    """The score above which a window alarms, from scores of healthy windows that the map did not see.
+
+    The k-th smallest of n scores, k = ceil((n + 1) (1 - false_alarm)): one more score of the same kind exceeds it with
+    a probability of at most `false_alarm` (exactly 1 - k / (n + 1) without ties).
+
+    Raises
+    ------
+    TwingapError
+        For a rate outside 0 to 1, or fewer scores than the rate needs (99 for 1 %).
+    """
+    if not 0 < false_alarm < 1:
+        raise TwingapError(f"false_alarm = {false_alarm!r}, a fraction between 0 and 1 expected", where="threshold")
+    n = int(np.size(scores))
+    k = math.ceil((n + 1) * (1 - false_alarm) - 1e-9)
+    if k > n:
+        needed = math.ceil(1 / false_alarm - 1e-9) - 1
+        raise TwingapError(
+            f"{n} healthy windows held out, a false-alarm rate of {false_alarm:g} needs {needed}",
+            where="threshold", mend="cut more or shorter windows, or allow more false alarms",
+        )  # fmt: skip
+    return float(np.sort(np.asarray(scores, dtype=np.float64))[k - 1])
+
+
+@dataclass(frozen=True)
+class HealthyMap:
+    """A map of healthy vibration with its alarm.
+
+    Parameters
+    ----------
+    map : FeatureMap
+        Of all healthy windows.
+    threshold : float
+        MQE above which a window alarms.
+    false_alarm : float
+        Rate for which it was set, a window.
+    held_out : Array [windows]
+        MQE of each healthy window against a map that saw nothing of its group: what the threshold was read off.
+    """
+
+    map: FeatureMap
+    threshold: float
+    false_alarm: float
+    held_out: Array
+
+    def mqe(self, features: Array) -> Array:
+        """Severity of each window; see `FeatureMap.mqe`."""
+        return self.map.mqe(features)
+
+    def alarms(self, features: Array) -> NDArray[np.bool_]:
+        """Whether each window alarms."""
+        return np.asarray(self.mqe(features) > self.threshold)
+
+    def recording_alarms(self, features: Array) -> bool:
+        """Whether a recording, given by its windows, alarms: when more than half of them do.
+
+        The windows of a recording stand and fall together, so no independence is assumed: by Markov's inequality a
+        healthy recording alarms with a probability of at most 2 `false_alarm`.
+        """
+        return bool(self.alarms(features).mean() > 0.5)
+
+
+def healthy_map(
+    features: Array,
+    groups: NDArray[np.str_],
+    false_alarm: float,
+    rng: np.random.Generator,
+    options: MapOptions | None = None,
+    blocks: int = 5,
+) -> HealthyMap:
+    """Train on healthy windows and calibrate the alarm on healthy windows held out.
+
+    Parameters
+    ----------
+    features : Array [windows, features]
+    groups : NDArray[str] [windows]
+        Recording of each window. With two or more, each is held out in turn, so that the threshold knows how much
+        healthy recordings differ; a single one is cut into `blocks` consecutive stretches instead, and then the rate
+        holds for that recording alone.
+    false_alarm : float
+        Rate for a window.
+    rng : numpy.random.Generator
+    options : MapOptions, optional
+    blocks : int
+
+    Raises
+    ------
+    TwingapError
+        For fewer windows than the rate needs.
+    """
+    own = options or MapOptions()
+    parts: NDArray[np.str_] | NDArray[np.int64] = groups
+    if np.unique(groups).size < 2:
+        parts = np.arange(len(groups)) * blocks // len(groups)
+    held_out = np.empty(len(features))
+    for part in np.unique(parts):
+        out = parts == part
+        held_out[out] = fit_map(features[~out], own, rng).mqe(features[out])
+    threshold = conformal_threshold(held_out, false_alarm)
+    return HealthyMap(fit_map(features, own, rng), threshold, false_alarm, held_out)
