@@ -42,7 +42,7 @@ CONFIG: Final = Path(__file__).with_name("degradation.toml")
 NINE: Final = "fusion 9"
 OFFLINE: Final = "fusion 9, whole run"
 """The paper's reading: normalised and fused with the whole run known, so each value depends on later records."""
-KEPT: Final = "fusion 9, whole run, stopped records kept"
+KEPT: Final = "fusion 9, whole run, silent records kept"
 CHOSEN: Final = "chosen on other runs"
 HINDSIGHT: Final = "own end, known in hindsight"
 OTHERS: Final = "median end of other runs"
@@ -82,7 +82,7 @@ class DegradationOptions:
     healthy_rows_femto: int
     trend_rows_ims: int
     trend_rows_femto: int
-    stopped_share: float
+    silent_share: float
     window_samples: int
     primary: tuple[str, ...]
     error: str
@@ -212,7 +212,7 @@ def run(
     total = sizes.ims + sizes.femto
     reading = Reading(
         options.healthy_rows_ims, options.healthy_rows_femto, options.trend_rows_ims, options.trend_rows_femto,
-        options.stopped_share, options.window_samples,
+        options.silent_share, options.window_samples,
     )  # fmt: skip
     store = out / "results"
     data, runs = study_runs(

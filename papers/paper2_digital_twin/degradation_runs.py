@@ -2,7 +2,7 @@
 
 FEMTO, raw IMS --job per bearing--> 15 features [rows, 15], extremes and spectral kurtosis for figures
 IMS feature tables --the columns that correspond--> 8 or 11 features, 4 stand-ins
-                  --pauses cut out of the clock; records of a standing machine told apart--> StudyRun
+                  --pauses cut out of the clock; silent records told apart--> StudyRun
 
 Used in: Paper 2, section 4.
 """
@@ -55,7 +55,7 @@ class StudyRun:
     Parameters
     ----------
     run : Run
-        Time is running time, s; records of a standing machine are left out.
+        Time is running time, s; silent records (machine stopped, sensor off) are left out.
     whole : Run
         With them.
     source : str
@@ -104,6 +104,7 @@ def measure(job: Measure, records: RecordSet) -> dict[str, Any]:
     extremes = np.empty((len(own), 2), np.float32)
     per_column = -(-len(own) // SHOWN_COLUMNS)
     columns: list[Array] = []
+    column_times: list[float] = []
     held: list[Array] = []
     frequency: Array = np.zeros(0)
     for row, at in enumerate(order):
@@ -114,10 +115,11 @@ def measure(job: Measure, records: RecordSet) -> dict[str, Any]:
         held.append(sk.values)
         if len(held) == per_column or row == len(own) - 1:
             columns.append(np.mean(held, axis=0))
+            column_times.append(float(run.time_s[row]))
             held = []
     return {
         "time_s": run.time_s, "features": run.features, "extremes": extremes, "frequency_hz": frequency,
-        "kurtosis_time_s": run.time_s[per_column - 1 :: per_column][: len(columns)],
+        "kurtosis_time_s": np.array(column_times),
         "kurtosis": np.array(columns, np.float32),
     }  # fmt: skip
 
@@ -130,7 +132,7 @@ class Reading:
     healthy_rows_femto: int
     trend_rows_ims: int
     trend_rows_femto: int
-    stopped_share: float
+    silent_share: float
     window_samples: int
 
 
@@ -211,7 +213,7 @@ def running_time(time_s: Array) -> Array:
 
 
 def running(run: Run, healthy_rows: int, share: float) -> NDArray[np.bool_]:
-    """Which records [rows] are of a machine that turns: RMS above a share of the median healthy one."""
+    """Which records [rows] are not silent: RMS above a share of the median healthy one."""
     rms = run.features[:, run.names.index("rms")]
     return np.asarray(rms >= share * np.median(rms[:healthy_rows]))
 
@@ -251,7 +253,7 @@ def _ims_run(name: str, reading: Reading, root: Path | None, swept: Callable[...
     names, values, stand_ins = table_features(part)
     whole = Run(title, running_time(part["time_s"].to_numpy(float)), names, values)
     return StudyRun(
-        _turning(whole, reading.healthy_rows_ims, reading.stopped_share), whole, "feature table", "IMS",
+        _turning(whole, reading.healthy_rows_ims, reading.silent_share), whole, "feature table", "IMS",
         reading.healthy_rows_ims, reading.trend_rows_ims, stand_ins,
     )  # fmt: skip
 
@@ -277,7 +279,7 @@ def _measured(
         names = twingap.signal.features.PAPER2_FEATURES
         whole = Run(f"{title} {result.job.bearing}", running_time(value["time_s"]), names, value["features"])
         found.append(StudyRun(
-            _turning(whole, healthy, reading.stopped_share), whole,
+            _turning(whole, healthy, reading.silent_share), whole,
             "simulated" if family == "simulated" else "raw records", family, healthy, trend, (), value["extremes"],
             (value["kurtosis_time_s"], value["frequency_hz"], value["kurtosis"]),
         ))  # fmt: skip

@@ -33,15 +33,18 @@ def all_tables(study: Study) -> dict[str, pd.DataFrame]:
     errors = error_rows(study)
     summary = error_summary(errors)
     lives = life_rows(study)
+    found, pair = fits(study), pairs(errors)
     tables = {
         "degradation-runs": runs(study.runs),
         "degradation-features": features(study.runs),
         "degradation-fusion9": fusion9(study.runs),
         "degradation-choice": choice(study.runs),
-        "degradation-fits": fits(study),
+        "degradation-fits": found,
         "degradation-errors": errors,
         "degradation-errors-summary": summary,
-        "degradation-pairs": pairs(errors),
+        "degradation-pairs": pair,
+        "degradation-out-of-sample": out_of_sample(pair, study.shown.run.name),
+        "degradation-criteria": criteria_summary(found),
         "degradation-lives": lives,
         "degradation-lives-summary": life_summary(lives),
     }
@@ -57,7 +60,7 @@ def runs(found: Sequence[Judged]) -> pd.DataFrame:
     return pd.DataFrame([
         {
             "run": j.run.name, "source": j.run.source, "records": j.run.run.time_s.size,
-            "of a standing machine": j.run.whole.time_s.size - j.run.run.time_s.size,
+            "silent": j.run.whole.time_s.size - j.run.run.time_s.size,
             "life h": float(j.run.run.time_s[-1]) / 3600, "healthy records": j.run.healthy_rows,
             "features": len(j.run.run.names), "stand-ins": ", ".join(j.run.stand_ins) or "none",
             "fusion features": sum(name.startswith("fusion ") for name in j.online.values),
@@ -92,7 +95,7 @@ def fusion9(found: Sequence[Judged]) -> pd.DataFrame:
         parts = [("left out", r.run)]
         if r.whole.time_s.size > r.run.time_s.size:
             parts.append(("kept", r.whole))
-        for stopped, run in parts:
+        for silent, run in parts:
             for learnt in ("whole run", "healthy start"):
                 for scaling in ("z", "range"):
                     for order in ("descending", "ascending"):
@@ -102,7 +105,7 @@ def fusion9(found: Sequence[Judged]) -> pd.DataFrame:
                             else online_indicators(run, r.healthy_rows, scaling=scaling, order=order)
                         )
                         rows.append(
-                            {"run": r.name, "stopped records": stopped, "learnt from": learnt, "scaling": scaling,
+                            {"run": r.name, "silent records": silent, "learnt from": learnt, "scaling": scaling,
                              "order": order, **_nine(made, run.time_s, r.healthy_rows, r.trend_rows)}
                         )  # fmt: skip
     return pd.DataFrame(rows)
@@ -215,6 +218,45 @@ def pairs(errors: pd.DataFrame) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
+def out_of_sample(pair: pd.DataFrame, shown: str) -> pd.DataFrame:
+    """The claim under every reading: each of two combined powers against each of two exponentials, both errors, plain
+    and robust fits, every indicator. ``holds``: lower on the paper's run and on at least four FEMTO runs."""
+    rows = []
+    keys = ["indicator", "fit", "combined", "exponential"]
+    for names, here in pair.groupby(keys, sort=False):
+        for what, words in (("rest", "all later records"), ("next", "next tenth")):
+            ratio = here.set_index("run")[f"{what}: ratio of medians"].astype(float)
+            femto = ratio[[r for r in ratio.index if str(r).startswith("FEMTO")]]
+            own = float(ratio.get(shown, np.nan))
+            lower = int((femto < 1).sum())
+            rows.append({
+                **dict(zip(keys, names, strict=True)), "error on": words, f"ratio on {shown}": own,
+                "FEMTO runs lower": lower, "FEMTO runs": len(femto), "FEMTO median ratio": femto.median(),
+                "all runs lower": int((ratio < 1).sum()), "runs": len(ratio), "holds": own < 1 and lower >= 4,
+            })  # fmt: skip
+    return pd.DataFrame(rows)
+
+
+def criteria_summary(found: pd.DataFrame) -> pd.DataFrame:
+    """In how many runs each model is the best by each criterion, and the better combined power beats the better
+    exponential."""
+    rows: list[dict[str, Any]] = []
+    for indicator, here in found.groupby("indicator", sort=False):
+        for name in ("aicc", "bic", "aicc ar1", "bic ar1"):
+            table = here.pivot_table(index="run", columns="model", values=f"{name} above best", sort=False)
+            table = table[[m for m in MODELS if m in table]]
+            combined, exponential = table[list(COMBINED)].min(axis=1), table[list(EXPONENTIALS)].min(axis=1)
+            best = table.idxmin(axis=1)
+            rows.append({
+                "indicator": indicator, "criterion": name, "runs": len(table),
+                "combined below exponential": int((combined < exponential).sum()),
+                "three parameters: combined below exponential": int(
+                    (table["combined power 3"] < table["exponential with offset"]).sum()),
+                **{f"best: {m}": int((best == m).sum()) for m in MODELS},
+            })  # fmt: skip
+    return pd.DataFrame(rows)
+
+
 def life_rows(study: Study) -> pd.DataFrame:
     """Remaining life that each model would have predicted at each tenth, as shares of the whole life."""
     hours = {j.run.name: float(j.run.run.time_s[-1]) / 3600 for j in study.runs}
@@ -258,8 +300,8 @@ def coverage(found: Sequence[Result[Coverage]]) -> pd.DataFrame:
         {
             "made with": r.job.truth, "fitted": r.job.model, "memory of noise": r.job.memory,
             "share of life": r.job.share, "runs": r.job.runs, "stated": r.job.level, "holds": r.value["inside"],
-            "interval bounded": r.value["bounded"], "median width / life": _or_none(r.value["width"], 1e6),
-            "median error / life": _or_none(r.value["error"], 1e6), "data": "simulated",
+            "interval bounded": r.value["bounded"], "median width / life": _or_none(r.value["width"], 1e3),
+            "median error / life": _or_none(r.value["error"], 1e3), "data": "simulated",
         }
         for r in found
     ])  # fmt: skip
@@ -271,8 +313,7 @@ def claims(study: Study, tables: dict[str, pd.DataFrame]) -> pd.DataFrame:
     primary, rival = options.primary
     found, nine, pair = tables["degradation-fits"], tables["degradation-fusion9"], tables["degradation-pairs"]
     rows: list[dict[str, Any]] = []
-    indicators = [name for name in study.shown.series if name.startswith("fusion 9")] or list(study.shown.series)
-    for name in indicators:
+    for name in study.shown.series:
         here = found[(found["run"] == shown) & (found["indicator"] == name)].set_index("model")
         r2 = {str(m): float(v) for m, v in here["R2"].items()}
         rows.append(_claim(
@@ -287,6 +328,13 @@ def claims(study: Study, tables: dict[str, pd.DataFrame]) -> pd.DataFrame:
             "; ".join(f"{m} +{delta[m]:.1f}" for m in (*EXPONENTIALS, *COMBINED)),
             bool(min(delta[m] for m in COMBINED) < min(delta[m] for m in EXPONENTIALS)),
         ))  # fmt: skip
+    for row in tables["degradation-criteria"].to_dict("records"):
+        if row["criterion"] == "bic ar1" and row["runs"] > 1:
+            better = row["combined below exponential"]
+            rows.append(_claim(
+                "combined power is preferred to exponential", f"all runs, {row['indicator']}, BIC with AR(1) residuals",
+                f"in {better} of {row['runs']} runs", better > row["runs"] / 2,
+            ))  # fmt: skip
     for family in dict.fromkeys(j.run.family for j in study.runs):
         there = {j.run.name for j in study.runs if j.run.family == family}
         part = nine[nine["run"].isin(there)]
@@ -298,6 +346,21 @@ def claims(study: Study, tables: dict[str, pd.DataFrame]) -> pd.DataFrame:
                 f", median rank {part['sensitivity rank'].median():.0f}" if len(part) else ""),
             bool(len(part)) and first == len(part),
         ))  # fmt: skip
+        later_first = int((part["sensitivity rank among 9 on"] == 1).sum()) if len(part) else 0
+        rows.append(_claim(
+            "fusion feature 9 is the most sensitive of 9 to 15", f"{family}, all readings of all runs that have nine",
+            f"first in {later_first} of {len(part)} readings", bool(len(part)) and later_first == len(part),
+        ))  # fmt: skip
+        for learnt in ("whole run", "healthy start"):
+            own = part[(part["learnt from"] == learnt) & (part["order"] == "descending")] if len(part) else part
+            share = float(own["variance share"].mean()) if len(own) else np.nan
+            rows.append(_claim(
+                "fusion features 9 to 15 are those of low variance, and the better ones",
+                f"{family}, {learnt}, ordered by falling variance",
+                f"9 has {100 * share:.2g} % of the variance; 9 to 15 more sensitive in "
+                f"{int(own['later better'].sum()) if len(own) else 0} of {len(own)} readings",
+                bool(len(own)) and bool(own["later better"].all()),
+            ))  # fmt: skip
         later = int(part["later better"].sum()) if len(part) else 0
         rows.append(_claim(
             "fusion features 9 to 15 outperform 1 to 8", f"{family}, mean sensitivity, all readings",

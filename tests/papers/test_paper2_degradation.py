@@ -1,0 +1,186 @@
+"""Paper 2's degradation study: tables against what they are made of, choices that read no own record, resumable."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from papers.paper2_digital_twin import degradation, degradation_runs
+from papers.paper2_digital_twin.degradation import (
+    CHOSEN,
+    CONFIG,
+    HINDSIGHT,
+    Study,
+    end_level,
+    judge_all,
+    main,
+    read_study,
+    run,
+)
+from papers.paper2_digital_twin.degradation_jobs import TRUTHS, Coverage, cover
+from papers.paper2_digital_twin.degradation_runs import STAND_INS, StudyRun, running, running_time, table_features
+from twingap.errors import TwingapError
+from twingap.prognosis.degradation_models import MODELS, fit_curve
+from twingap.prognosis.health_indicator import Run, offline_indicators
+
+TINY = """
+[profiles.tiny]
+ims = 1
+femto = 1
+curves = 10
+coverage_runs = 2
+"""
+
+
+@pytest.fixture(scope="module")
+def config(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("study") / "degradation.toml"
+    text = re.sub(r"(?m)^simulated_rows = .*$", "simulated_rows = 60", CONFIG.read_text(encoding="utf-8"))
+    path.write_text(text.replace("healthy_rows_femto = 60", "healthy_rows_femto = 30") + TINY, encoding="utf-8")
+    return path
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("out")
+
+
+@pytest.fixture(scope="module")
+def study(config: Path, folder: Path) -> Study:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.delenv("TWINGAP_DATA", raising=False)
+        short = degradation_runs.simulated_runs(2, 80)
+        patch.setattr(degradation_runs, "simulated_runs", lambda: short)
+        return run("tiny", out=folder, backend="sequential", config=config)
+
+
+def fake(name: str, seed: int, family: str = "made", rows: int = 80) -> StudyRun:
+    rng = np.random.default_rng(seed)
+    x = rng.standard_normal((rows, 10)) + 5
+    x[:, seed % 10] += np.linspace(0, 30, rows)
+    one = Run(name, 10.0 * np.arange(rows), ("rms", *"abcdefghi"), np.abs(x) + 1)
+    return StudyRun(one, one, "simulated", family, 30, 5)
+
+
+def test_every_table_and_figure_says_that_runs_are_simulated(study: Study, folder: Path) -> None:
+    assert study.data == "simulated runs, neither IMS nor FEMTO"
+    for name, table in study.tables.items():
+        assert set(table["data"]) == {"simulated" if name == "degradation-coverage" else study.data}
+    assert {p.stem for p in (folder / "tables").iterdir()} == set(study.tables)
+    shown = {p.stem for p in (folder / "figures").iterdir()}
+    numbered = {name.split("-")[1] for name in shown if name.split("-")[1].isdigit()}
+    assert numbered == {"13", "14", "15", "16", "17", "18", "19"}
+    assert {"degradation-errors", "degradation-lives", "degradation-coverage"} <= shown
+
+
+def test_tables_are_what_the_fits_say(study: Study) -> None:
+    j = study.shown
+    fits = study.tables["degradation-fits"]
+    here = fits[(fits["run"] == j.run.name) & (fits["indicator"] == "rms")].set_index("model")
+    assert list(here.index) == list(MODELS)
+    alone = fit_curve(MODELS["combined power 3"], j.times["rms"], j.series["rms"])
+    assert here.loc["combined power 3", "R2"] == pytest.approx(alone.r2)
+    for name in ("aicc", "bic", "aicc ar1", "bic ar1"):
+        assert here[f"{name} above best"].min() == 0
+    errors = study.tables["degradation-errors"]
+    pairs = study.tables["degradation-pairs"]
+    pair = pairs[(pairs["indicator"] == "rms") & (pairs["fit"] == "squares") & (pairs["run"] == j.run.name)].iloc[0]
+    for kind in ("combined", "exponential"):
+        own = errors[(errors["run"] == j.run.name) & (errors["indicator"] == "rms") & (errors["fit"] == "squares")]
+        own = own[own["model"] == pair[kind]]
+        assert len(own) == 9
+        assert pair[f"rest: {kind} median"] == pytest.approx(own["rest / range"].median())
+    lives = study.tables["degradation-lives"]
+    assert lives["true"].between(0, 1).all() and set(lives["limit"]) <= {HINDSIGHT, degradation.OTHERS}
+    at = lives[(lives["share of life"] == 0.5) & (lives["run"] == j.run.name)]["true"]
+    assert at.to_numpy() == pytest.approx(0.5, abs=0.02)
+
+
+def test_claims_follow_from_their_numbers(study: Study) -> None:
+    claims = study.tables["degradation-claims"]
+    assert set(claims["verdict"]) <= {"confirmed", "not confirmed"}
+    # Two simulated runs cannot confirm what is said of IMS and six FEMTO bearings.
+    about_femto = claims[claims["claim"].str.contains("FEMTO")]
+    assert len(about_femto) and set(about_femto["verdict"]) == {"not confirmed"}
+
+
+def test_an_interrupted_study_goes_on_and_ends_with_the_same_tables(
+    study: Study, folder: Path, config: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.delenv("TWINGAP_DATA", raising=False)
+    short = degradation_runs.simulated_runs(2, 80)
+    monkeypatch.setattr(degradation_runs, "simulated_runs", lambda: short)
+    before = {p.name: p.read_bytes() for p in (folder / "tables").iterdir()}
+    again = run("tiny", out=folder, backend="sequential", config=config, draw=False)
+    assert not any(r.why for part in (again.analyses, again.coverage) for r in part)
+    assert {p.name: p.read_bytes() for p in (folder / "tables").iterdir()} == before
+    assert study.tables.keys() == again.tables.keys()
+
+
+def test_a_choice_for_a_run_reads_nothing_of_it() -> None:
+    runs = [fake(f"r{k}", 3) for k in range(3)] + [fake("alone", 1, family="other")]
+    found = judge_all(runs)
+    assert found[0].choice == found[1].choice == "c" and found[3].choice is None and CHOSEN not in found[3].series
+    other = judge_all([fake("r0", 7), *runs[1:]])
+    assert other[0].choice == "c"  # though its own rising feature is now another
+    assert degradation._limits(found[0], CHOSEN, found)[degradation.OTHERS] == pytest.approx(
+        np.median([end_level(found[k].online.values["c"]) for k in (1, 2)])
+    )
+    assert degradation._limits(found[0], "fusion 9", found).keys() == {HINDSIGHT}
+
+
+def test_silent_records_and_pauses() -> None:
+    whole = fake("r", 0).run
+    rows = whole.features.copy()
+    rows[-2:, 0] = 0.01
+    stopped = Run("r", whole.time_s, whole.names, rows)
+    assert np.flatnonzero(~running(stopped, 30, 0.2)).tolist() == [78, 79]
+    clock = np.array([0.0, 600, 1200, 500_000, 500_600])
+    assert running_time(clock).tolist() == [0, 600, 1200, 1800, 2400]
+    assert running_time(np.zeros(1)).tolist() == [0]
+
+
+def test_table_features_are_named_for_what_they_are() -> None:
+    rms = np.array([1.0, 2.0])
+    part = pd.DataFrame({"rms": rms, "mean": 0.0, "std": rms, "max": 3 * rms, "kurt": [0.0, 1.0], "skew": 0.0})
+    names, values, there = table_features(part)
+    assert there == () and len(names) == 8
+    table = dict(zip(names, values.T, strict=True))
+    assert table["kurtosis"].tolist() == [3, 4] and table["crest_factor"].tolist() == [3, 3]
+    assert table["energy"].tolist() == [20480, 81920]
+    more = part.assign(**dict.fromkeys((*STAND_INS, "shape_factor", "impulse_factor", "clearance_factor"), 1.0))
+    assert len(table_features(more)[0]) == 15 and table_features(more)[2] == STAND_INS
+
+
+def test_coverage_is_counted_on_curves_from_one_to_five() -> None:
+    for curve in TRUTHS.values():
+        assert curve(np.array([0.0, 1.0])) == pytest.approx([1, 5])
+    found = cover(Coverage("polynomial 2", "polynomial 2", 0.0, 0.7, 40, 120, 60, 0.1, 0.9, 0))
+    assert 0.75 <= found["inside"] <= 1 and found["true"] == pytest.approx(0.3, abs=0.01)
+    wrong = cover(Coverage("polynomial 2", "constant", 0.0, 0.7, 5, 120, 60, 0.1, 0.9, 0))
+    assert wrong["inside"] == 0 and wrong["bounded"] == 0
+
+
+def test_offline_reading_of_fusion_nine_is_what_the_study_fits(study: Study) -> None:
+    j = study.shown
+    if degradation.OFFLINE in j.series:
+        assert np.array_equal(j.series[degradation.OFFLINE], offline_indicators(j.run.run).values["fusion 9"])
+
+
+def test_wrong_input_is_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as left:
+        main(["--profile", "huge", "--out", str(tmp_path)])
+    said = capsys.readouterr().err
+    assert left.value.code == 2 and said.count("\n") == 1 and "unknown profile 'huge'" in said
+    with pytest.raises(SystemExit) as left:
+        main(["--out", str(tmp_path / "out"), "--root", str(tmp_path), "--backend", "sequential"])
+    said = capsys.readouterr().err
+    assert left.value.code == 2 and said.count("\n") == 1 and "no run to failure is at hand" in said
+    bad = tmp_path / "bad.toml"
+    bad.write_text(CONFIG.read_text(encoding="utf-8").replace('"combined power 3", ', ""), encoding="utf-8")
+    with pytest.raises(TwingapError, match="two models expected"):
+        read_study(bad)

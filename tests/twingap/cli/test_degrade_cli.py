@@ -1,0 +1,214 @@
+"""`twingap degrade` as it is typed."""
+
+from __future__ import annotations
+
+import csv
+import json
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.twingap.cli.typed import Run, refused
+from twingap.bearing import BEARINGS
+from twingap.prognosis.feature_table import read_feature_table
+from twingap.records import Condition, Record
+from twingap.records.folder import write_records
+
+FILES = {"indicator.csv", "candidates.csv", "models.csv", "degradation.json", "degradation.png"}
+Table = Callable[..., Path]
+
+
+@pytest.fixture
+def twingap(typed: Run) -> Run:
+    """Runs `twingap degrade ...`."""
+    return partial(typed, "degrade")
+
+
+def rows_of(path: Path) -> list[dict[str, str]]:
+    with path.open(encoding="utf-8", newline="") as stream:
+        return list(csv.DictReader(stream))
+
+
+def made(n: int = 80) -> list[dict[str, object]]:
+    """A run whose rms rises from 1 to 5 by 4 u^6, whose kurtosis only scatters."""
+    rng = np.random.default_rng(0)
+    u = np.arange(n) / (n - 1)
+    return [
+        {"time_s": 600.0 * k, "name": f"snapshot {k}", "rms": 1 + 4 * u[k] ** 6 + 0.05 * rng.standard_normal(),
+         "kurtosis": 3 + 0.1 * rng.standard_normal(), "index": k, "speed_rpm": 1800}
+        for k in range(n)
+    ]  # fmt: skip
+
+
+@pytest.fixture
+def table(tmp_path: Path) -> Table:
+    """Writes rows as a feature table."""
+
+    def write(rows: list[dict[str, object]], name: str = "Merkmale ü.csv") -> Path:
+        path = tmp_path / name
+        with path.open("w", encoding="utf-8", newline="") as stream:
+            out = csv.DictWriter(stream, list(rows[0]))
+            out.writeheader()
+            out.writerows(rows)
+        return path
+
+    return write
+
+
+@pytest.fixture(scope="module")
+def records(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Forty-five records of two runs in one set."""
+    folder = tmp_path_factory.mktemp("sets") / "Prüfstand 7"
+    rng = np.random.default_rng(0)
+    given = [
+        Record(
+            Condition(f"{run}, {k}", 1800.0, 25600.0, 1024, time_s=10.0 * k, group=run),
+            (1 + 3 * (k / 44) ** 4) * rng.standard_normal(1024),
+        )
+        for run, count in (("ä", 45), ("b", 3))
+        for k in range(count)
+    ]
+    return write_records(folder, "made", "g", BEARINGS["PRONOSTIA"], None, given)
+
+
+def test_a_feature_table_becomes_indicator_models_and_figure(twingap: Run, table: Table, tmp_path: Path) -> None:
+    out = tmp_path / "neu" / "zwölf"
+    said = twingap(table(made()), "--out", out, "--indicator", "rms", "--limit", 8.0, "--healthy", 20)
+    assert said.status == 0 and said.err == ""
+    assert said.out.splitlines()[-5:] == [
+        str(out / n) for n in ("indicator.csv", "candidates.csv", "models.csv", "degradation.json", "degradation.png")
+    ]
+    assert {p.name for p in out.iterdir()} == FILES
+    assert "left out, since they hold no numbers: name" in said.out
+    assert "left out, since they only count rows: index" in said.out
+    assert (out / "degradation.png").read_bytes()[:4] == b"\x89PNG"
+    indicator = rows_of(out / "indicator.csv")
+    assert list(indicator[0]) == ["time_s", "indicator", "trend"] and len(indicator) == 80
+    assert [r["candidate"] for r in rows_of(out / "candidates.csv") if r["chosen"] == "1"] == ["rms"]
+    models = {r["model"]: r for r in rows_of(out / "models.csv")}
+    assert len(models) == 8 and next(iter(models)) in ("combined power 3", "exponential with offset")
+    # 1 + 4 u^6 = 8 at u = 1.0978: 4630 s after the last record.
+    life = models["combined power 3"]
+    assert float(life["remaining_time_s"]) == pytest.approx(4637, rel=0.15)
+    assert float(life["remaining_time_s_lo"]) < 4637 < float(life["remaining_time_s_hi"])
+    assert models["constant"]["remaining_time_s"] == "" and float(models["constant"]["never_reached"]) == 1
+
+
+def test_same_seed_same_bytes_and_json(twingap: Run, table: Table, tmp_path: Path) -> None:
+    source = table(made())
+    first = twingap(source, "--out", tmp_path / "a", "--limit", 8, "--indicator", "rms", "--json", "--robust")
+    about = json.loads(first.out)
+    assert about["indicator"] == "rms" and about["preferred"] == about["models"][0]["model"]
+    assert len(about["models"][0]["errors"]) >= 8 and first.err.splitlines()[-1] == str(tmp_path / "a/degradation.png")
+    again = ("--limit", 8, "--indicator", "rms", "--robust")
+    assert twingap(source, "--out", tmp_path / "b", *again).status == 0
+    assert twingap(source, "--out", tmp_path / "c", *again, "--seed", 1).status == 0
+    for name in FILES:
+        assert (tmp_path / "a" / name).read_bytes() == (tmp_path / "b" / name).read_bytes()
+    assert (tmp_path / "a/models.csv").read_bytes() != (tmp_path / "c/models.csv").read_bytes()
+    assert (tmp_path / "a/indicator.csv").read_bytes() == (tmp_path / "c/indicator.csv").read_bytes()
+
+
+def test_an_indicator_named_reads_no_later_row(twingap: Run, table: Table, tmp_path: Path) -> None:
+    rows = made()
+    for name, part in (("whole", rows), ("cut", rows[:60])):
+        source = table(part, f"{name}.csv")
+        assert twingap(source, "--out", tmp_path / name, "--indicator", "rms").status == 0
+    whole, cut = (rows_of(tmp_path / name / "indicator.csv") for name in ("whole", "cut"))
+    assert whole[:60] == cut
+
+
+def test_records_of_one_run(twingap: Run, records: Path, tmp_path: Path) -> None:
+    refused(twingap(records, "--out", tmp_path / "no"), "holds 2 runs: ä, b", "--group")
+    refused(twingap(records, "--out", tmp_path / "no", "--group", "c"), "no group 'c'")
+    refused(twingap(records, "--out", tmp_path / "no", "--group", "b"), "3 records, at least 40 expected")
+    said = twingap(records, "--out", tmp_path / "out", "--group", "ä", "--json")
+    assert said.status == 0
+    about = json.loads(said.out)
+    assert about["run"] == "ä" and about["records"] == 45
+    assert len(about["candidates"]) >= 28  # 15 features, and what they fuse to
+    assert any("chosen on the whole of this run" in note for note in about["notes"])
+    assert not (tmp_path / "no").exists()
+
+
+def test_rows_out_of_order_are_sorted_and_that_is_said(twingap: Run, table: Table, tmp_path: Path) -> None:
+    rows = made()
+    for row in rows:  # counts rows only while they are in order
+        del row["index"]
+    sorted_out, other = tmp_path / "sorted", tmp_path / "other"
+    assert twingap(table(rows), "--out", sorted_out, "--indicator", "rms").status == 0
+    shuffled = [rows[k] for k in np.random.default_rng(1).permutation(len(rows))]
+    said = twingap(table(shuffled), "--out", other, "--indicator", "rms")
+    assert said.status == 0 and "have been sorted" in said.out
+    assert (sorted_out / "models.csv").read_bytes() == (other / "models.csv").read_bytes()
+
+
+def test_a_constant_feature_is_left_out_and_that_is_said(twingap: Run, table: Table, tmp_path: Path) -> None:
+    said = twingap(table([{**row, "flat": 2.5} for row in made()]), "--out", tmp_path / "out")
+    assert said.status == 0 and "constant while healthy, left out: flat" in said.out
+
+
+def test_mistakes_are_one_line_and_leave_nothing(twingap: Run, table: Table, tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    rows = made()
+
+    def changed(at: int, **cells: object) -> list[dict[str, object]]:
+        return [{**row, **cells} if k == at else row for k, row in enumerate(rows)]
+
+    def without(name: str) -> list[dict[str, object]]:
+        return [{k: v for k, v in row.items() if k != name} for row in rows]
+
+    bad: list[tuple[list[dict[str, object]], tuple[str, ...]]] = [
+        (changed(7, rms="nan"), ("'nan' found, a number expected", "row 9, column rms")),
+        (changed(7, rms="inf"), ("'inf' found", "row 9, column rms")),
+        (changed(7, rms=""), ("an empty cell found", "row 9, column rms")),
+        (changed(7, rms="high"), ("'high' found, a number expected", "row 9")),
+        (changed(7, time_s=""), ("an empty cell", "row 9, column time_s")),
+        (changed(7, time_s=rows[6]["time_s"]), ("time_s = 3600 in rows 8 and 9", "group")),
+        (without("time_s"), ("column 'time_s' is missing",)),
+        ([{"time_s": row["time_s"], "name": row["name"]} for row in rows], ("no column of features",)),
+        ([{"time_s": row["time_s"], "x": 1, "y": -2.5} for row in rows], ("all 2 features are constant",)),
+        (rows[:1], ("1 record, at least 40 expected",)),
+        (rows[:39], ("39 records, at least 40",)),
+    ]
+    for number, (wrong, parts) in enumerate(bad):
+        refused(twingap(table(wrong, f"{number}.csv"), "--out", out), *parts)
+    texts = {
+        "empty.csv": ("", "is empty"), "header.csv": ("time_s,rms\n", "holds no records"),
+        "ragged.csv": ("time_s,rms\n0,1\n1\n", "has 1 fields, 2 expected"),
+        "twice.csv": ("time_s,rms,rms\n0,1,2\n", "column 'rms' appears twice"),
+        "quote.csv": ('time_s,rms\n0,"1"x\n', "not a comma-separated table"),
+    }  # fmt: skip
+    for name, (text, part) in texts.items():
+        (tmp_path / name).write_text(text, encoding="utf-8")
+        refused(twingap(tmp_path / name, "--out", out), part, name)
+    (tmp_path / "latin.csv").write_bytes("time_s,größe\n0,1\n".encode("latin-1"))
+    refused(twingap(tmp_path / "latin.csv", "--out", out), "not UTF-8")
+    refused(twingap(tmp_path / "nowhere.csv", "--out", out), "nowhere.csv")
+    good = table(rows)
+    refused(twingap(good, "--out", out, "--indicator", "rums"), "no indicator 'rums'", "rms")
+    refused(twingap(good, "--out", out, "--limit", "nan"), "finite number")
+    refused(twingap(good, "--out", out, "--group", "x"), "no column 'group'")
+    refused(twingap(good, "--out", tmp_path), "exists already")
+    assert not out.exists()
+
+
+def test_a_table_of_several_runs(twingap: Run, table: Table, tmp_path: Path) -> None:
+    rows = [{**row, "group": g} for g in ("b1", "b2") for row in made()]
+    source = table(rows)
+    refused(twingap(source, "--out", tmp_path / "out"), "holds 2 runs: b1, b2", "--group")
+    refused(twingap(source, "--out", tmp_path / "out", "--group", "b3"), "no group 'b3'")
+    run, notes = read_feature_table(source, group="b2")
+    assert run.name == "b2" and run.names == ("rms", "kurtosis") and run.time_s.size == 80 and len(notes) == 2
+
+
+def test_records_without_time_are_refused(twingap: Run, tmp_path: Path) -> None:
+    given = [
+        Record(Condition(f"r{k}", 1800.0, 25600.0, 1024), np.random.default_rng(k).standard_normal(1024))
+        for k in range(45)
+    ]
+    folder = write_records(tmp_path / "set", "made", "g", BEARINGS["PRONOSTIA"], None, given)
+    refused(twingap(folder, "--out", tmp_path / "out"), "45 of 45 records have no time_s", "add a column time_s")
