@@ -39,9 +39,10 @@ from papers.paper3_zoa_dann.options import Options, read_options
 from papers.paper3_zoa_dann.source import FREE, Recipe
 from papers.paper3_zoa_dann.task_files import FOLDER, Material, TaskFile, load_recordings, material, read_task
 from papers.paper3_zoa_dann.tasks import Target
-from papers.paper3_zoa_dann.trial import ALL, Trial, noise_words, run_trial
-from twingap.adapt import METHODS, ModeInputs, Training
+from papers.paper3_zoa_dann.trial import ALL, CLOSED, Trial, noise_words, run_trial
+from twingap.adapt import ModeInputs, Training
 from twingap.config import build, read_toml
+from twingap.effects import catalogue
 from twingap.errors import TwingapError
 from twingap.provenance import digest_of_code, digest_of_path
 from twingap.sweep import Result, sweep
@@ -122,6 +123,7 @@ class ComparisonOptions:
     low_noise_db: float
     high_noise_db: float
     embedded: int
+    closed: dict[str, tuple[str, ...]]
     published: dict[str, Published]
     inputs: ModeInputs
     training: Training
@@ -133,9 +135,13 @@ def read_comparison(path: Path = CONFIG) -> ComparisonOptions:
     options = build(ComparisonOptions, read_toml(path), path)
     for name, methods in (("references", options.references), ("rivals", options.rivals)):
         for method in methods:
-            if method not in METHODS:
-                known = ", ".join(METHODS)
+            if method not in ALL:
+                known = ", ".join(ALL)
                 raise TwingapError(f"unknown method {method!r}", where=f"{path}: {name}", mend=f"use {known}")
+    for family, names in options.closed.items():
+        for effect in names:
+            if effect not in catalogue():
+                raise TwingapError(f"unknown effect {effect!r}", where=f"{path}: closed.{family}")
     for name, size in options.profiles.items():
         where = f"{path}: profiles.{name}"
         if min(size.seeds, size.steps, size.bearings_per_class, size.records_per_bearing) < 1:
@@ -192,9 +198,10 @@ def trials(
         drawn = main and snr_db in (None, options.high_noise_db)
         for one in cell.seeds if snr_db is None else cell.noise_seeds:
             for method in ALL:
+                own = dataclasses.replace(recipe, closed=options.closed[task.family]) if method in CLOSED else recipe
                 yield Trial(
                     task.name, cell.available, cell.unseen, method, one, snr_db, training, options.inputs,
-                    judging.criterion, judging.held_out, judging.false_alarm, recipe,
+                    judging.criterion, judging.held_out, judging.false_alarm, own,
                     options.embedded if drawn and one == seed else 0,
                 )  # fmt: skip
 

@@ -15,7 +15,7 @@ from matplotlib.lines import Line2D
 
 from papers.paper3_zoa_dann.figures import CLASS_COLOURS, SIZES
 from papers.paper3_zoa_dann.tables_comparison import CLEAN, confusion_counts, trials
-from papers.paper3_zoa_dann.trial import ALL, ANALYST, noise_words
+from papers.paper3_zoa_dann.trial import ALL, ANALYST, OWN, noise_words
 from twingap.adapt import t_interval
 
 if TYPE_CHECKING:
@@ -33,6 +33,9 @@ LOOKS: Final = {
     "Non-DN": ("#0072B2", ">", "--"),
     "Base-NDN": ("#009E73", "p", "--"),
     "Proposed": ("#D55E00", "*", "-"),
+    "Non-DA, gap closed": ("#000000", "o", "-"),
+    "Proposed, gap closed": ("#D55E00", "P", "--"),
+    OWN: ("#0072B2", "h", "-"),
     ANALYST: ("#000000", "X", "--"),
 }
 """Colour, marker and line of each method."""
@@ -126,10 +129,14 @@ def noise(runs: pd.DataFrame) -> Figure:
 def confusion(outcome: TaskOutcome, snr_db: float | None) -> Figure:
     """Confusion matrices of every method, summed over seeds: rows true, columns called, per cent of the row."""
     classes = outcome.task.classes
-    figure = Figure(figsize=(17.0, 8.2), layout="constrained")
-    panels = figure.subplots(2, 5, squeeze=False, sharex=True, sharey=True)
+    columns = 5
+    rows = -(-len(ALL) // columns)
+    figure = Figure(figsize=(17.0, 4.1 * rows), layout="constrained")
+    panels = figure.subplots(rows, columns, squeeze=False, sharex=True, sharey=True)
+    for empty in panels.flat[len(ALL) :]:
+        empty.set_axis_off()
     image = None
-    for panel, method in zip(panels.flat, ALL, strict=True):
+    for panel, method in zip(panels.flat, ALL, strict=False):
         counts = confusion_counts(outcome, method, snr_db)
         if counts is None:
             panel.set_axis_off()
@@ -160,8 +167,9 @@ def embedded(outcome: TaskOutcome, snr_db: float | None) -> dict[str, Any]:
 def embedding(outcome: TaskOutcome, snr_db: float | None) -> Figure:
     """t-SNE of the 100 features of simulated and measured windows, first seed: colour is class, shape is domain."""
     found = embedded(outcome, snr_db)
-    figure = Figure(figsize=(16.0, 9.4), layout="constrained")
-    panels = figure.subplots(2, 4, squeeze=False)
+    rows = -(-max(len(found), 1) // 4)
+    figure = Figure(figsize=(16.0, 4.7 * rows), layout="constrained")
+    panels = figure.subplots(rows, 4, squeeze=False)
     for empty in panels.flat[len(found) :]:
         empty.set_axis_off()
     for panel, (method, value) in zip(panels.flat, found.items(), strict=False):

@@ -194,7 +194,7 @@ def _recipe(
     identified: Mapping[str, float], task: Task, options: Options, sizes: Profile, bearing: Any, seed: int
 ) -> Recipe:
     return Recipe(
-        **{name: identified[name] for name in FREE},
+        **{name: float(identified[name]) for name in FREE},  # type: ignore[arg-type]
         speeds_rpm=tuple(sorted({c.speed_rpm for c in task.adapt.conditions})),
         fs_hz=task.adapt.conditions[0].fs_hz,
         bearing=bearing,

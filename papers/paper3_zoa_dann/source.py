@@ -24,7 +24,7 @@ from scipy.stats import qmc
 from papers.paper3_zoa_dann.options import IdentificationOptions, SourceOptions
 from twingap.adapt import Windows, cut, joined
 from twingap.bearing import Bearing
-from twingap.effects import Effect, make_effect
+from twingap.effects import Effect, catalogue, make_effect
 from twingap.effects.path import SecondResonance
 from twingap.errors import TwingapError
 from twingap.records import Condition
@@ -139,6 +139,9 @@ class Recipe:
     options : SourceOptions
     bearings_per_class, records_per_bearing, window_samples : int
     seed : int
+    closed : tuple[str, ...]
+        Effects beyond `options.effects` that the gap diagnosis names: each virtual bearing has each of them or not, by
+        lot, with parameters drawn from all that is plausible.
     """
 
     stiffness: float
@@ -153,6 +156,7 @@ class Recipe:
     records_per_bearing: int
     window_samples: int
     seed: int
+    closed: tuple[str, ...] = ()
 
     def twin_toml(self) -> str:
         """The identified twin as a twin file; the white share is in a comment, since noise levels are drawn."""
@@ -180,6 +184,10 @@ def simulate(recipe: Recipe) -> Windows:
     for fault in recipe.classes:
         for number in range(recipe.bearings_per_class):
             twin, load_n = _virtual_bearing(recipe, fault, rng)
+            # Draws of their own: all else is as without them.
+            own = np.random.default_rng([recipe.seed, 61, recipe.classes.index(fault), number])
+            drawn = [drawn_effect(name, recipe.fs_hz, own) for name in recipe.closed if own.random() < 0.5]
+            twin = ContactTwin(recipe.bearing, twin.parameters, (*twin.effects, *drawn))
             conditions = []
             for i in range(recipe.records_per_bearing):
                 speed = rng.choice(recipe.speeds_rpm) * (1 + source.speed_spread * rng.uniform(-1, 1))
@@ -217,6 +225,21 @@ def _virtual_bearing(recipe: Recipe, fault: str, rng: np.random.Generator) -> tu
     )
     twin = _with_noise(own, recipe.bearing, source, (resonance,), fault, snr_db, recipe.white_share, recipe.fs_hz)
     return twin, load_n
+
+
+def drawn_effect(name: str, fs_hz: float, rng: np.random.Generator) -> Effect:
+    """An effect with parameters from all that is plausible, frequencies no higher than 0.45 of the sampling rate."""
+    values: dict[str, float] = {}
+    for field in dataclasses.fields(catalogue()[name]):  # type: ignore[arg-type]
+        about = field.metadata
+        if "plausible" not in about or not about.get("fitted", True):
+            continue
+        low, high = (float(end) for end in about["plausible"])
+        if about["unit"] == "Hz":
+            low, high = min(low, 0.4 * fs_hz), min(high, 0.45 * fs_hz)
+        value = _log_uniform((low, high), rng) if about.get("log") else _uniform((low, high), rng)
+        values[field.name] = round(value) if field.type in (int, "int") else value
+    return make_effect(name, values, "closed")
 
 
 def _with_noise(

@@ -20,9 +20,9 @@ from papers.paper3_zoa_dann import comparison, tables_comparison
 from papers.paper3_zoa_dann.comparison import CONFIG, Comparison, TaskOutcome, cells, main, read_comparison, run, trials
 from papers.paper3_zoa_dann.options import read_options
 from papers.paper3_zoa_dann.significance import holm, sign_flip
-from papers.paper3_zoa_dann.source import Recipe
+from papers.paper3_zoa_dann.source import Recipe, drawn_effect, simulate
 from papers.paper3_zoa_dann.task_files import FOLDER, Material, TaskFile, load_recordings, material, read_task, split
-from papers.paper3_zoa_dann.trial import ALL, ANALYST, Trial, noisy
+from papers.paper3_zoa_dann.trial import ALL, ANALYST, CLOSED, OWN, Trial, noisy, run_trial
 from twingap.adapt import CRITERIA, METHODS
 from twingap.bearing import BEARINGS
 from twingap.errors import TwingapError
@@ -186,6 +186,38 @@ def test_core_is_a_part_of_full_and_nothing_runs_twice(name: str) -> None:
     assert all(methods == set(ALL) for methods in states.values())
 
 
+def test_a_closed_gap_changes_the_source_and_nothing_else() -> None:
+    own = [t for t in planned("A3", "core") if t.seed == 0 and t.snr_db is None and t.unseen is None]
+    of = {t.method: t for t in own}
+    for closed, plain in CLOSED.items():
+        assert of[closed].recipe.closed == read_comparison().closed["A"] and not of[plain].recipe.closed
+        bare = dataclasses.replace(of[closed], method=plain, recipe=of[plain].recipe)
+        assert dataclasses.replace(bare, embedded=of[plain].embedded) == of[plain]
+
+
+def test_effects_of_a_closed_gap_are_plausible_and_some_bearings_have_them() -> None:
+    rng = np.random.default_rng(0)
+    drawn = [drawn_effect("drive_interference", 12000.0, rng) for _ in range(200)]
+    carriers = np.array([getattr(effect, "carrier_hz") for effect in drawn])  # noqa: B009
+    assert carriers.min() >= 500 and 4500 < carriers.max() <= 5400, "no more than 0.45 of the sampling rate"
+    closed = dataclasses.replace(RECIPE, closed=("shaft_harmonics",), bearings_per_class=6)
+    made, plain = simulate(closed), simulate(dataclasses.replace(closed, closed=()))
+    changed = {str(g) for g, a, b in zip(made.group, made.samples, plain.samples, strict=True) if not np.allclose(a, b)}
+    assert 0 < len(changed) < len(set(made.group)), "by lot, and all else is as it was"
+
+
+def test_the_own_method_sees_one_judged_recording_at_a_time() -> None:
+    task = TASKS["A3"]
+    own = material(task, fake(task), "scarce", None)
+    recipe = dataclasses.replace(RECIPE, classes=task.classes, window_samples=2048, bearings_per_class=1)
+    base = next(t for t in planned("A3", "core") if t.method == OWN and t.snr_db is None)
+    trial = dataclasses.replace(base, recipe=recipe)
+    whole = run_trial(trial, own)["probabilities"]
+    first = own.evaluate.group == own.evaluate.group[0]
+    alone = dataclasses.replace(own, evaluate=own.evaluate.take(first), bearing=own.bearing[first])
+    np.testing.assert_allclose(run_trial(trial, alone)["probabilities"], whole[first], atol=1e-6)
+
+
 def test_noise_is_the_same_for_all_methods_and_at_the_stated_ratio() -> None:
     own = material(TASKS["A3"], fake(TASKS["A3"]), "balanced", None).evaluate
     first = planned("A3", "full")[0]
@@ -300,7 +332,7 @@ def test_tables_say_what_was_put_in(outcomes: list[TaskOutcome]) -> None:
     row = tests.loc[[("A", "no noise added", "Proposed", "DANN")]].iloc[0]
     assert (row["pairs"], row["won"], row["lost"]) == (6, 6, 0)
     assert row["lead"] == pytest.approx(10.0)
-    assert row["p"] == pytest.approx(2 / 2**6) and row["p_holm"] == pytest.approx(9 * 2 / 2**6)
+    assert row["p"] == pytest.approx(2 / 2**6) and row["p_holm"] == pytest.approx((len(ALL) - 1) * 2 / 2**6)
     lines = tables_comparison.shown(made)
     assert len(lines) == 2 * 2 * len(ALL) and {line["lead"] for line in lines if line["method"] == "Proposed"} == {
         "10.0"
@@ -367,7 +399,7 @@ def test_a_run_is_tracked_and_taken_up_again(tmp_path: Path) -> None:
     assert whole.computed == 2 * len(ALL) and whole.missing == ("B1",), "HIT-SM has no stand-in"
     assert set(whole.tables["comparison-trials"]["data"]) == {"virtual rig, not CWRU"}
     trials_run = [t for o in whole.outcomes for t in o.trials]
-    assert {t.job.method for t in trials_run} == {*METHODS, ANALYST}
+    assert {t.job.method for t in trials_run} == {*METHODS, *CLOSED, OWN, ANALYST}
     for t in trials_run:
         assert set(t.value["accuracy_by_criterion"]) in (set(), set(CRITERIA))
         assert t.value["oracle_accuracy"] >= t.value["accuracy"] - 1e-12

@@ -35,6 +35,8 @@ FLATTENED_BINS: Final = 33
 """Width of the running median that flattens a spectrum: wider than a line, narrower than a resonance."""
 DEEPEST_LEVEL: Final = 4
 """Of the kurtogram: sixteen bands."""
+SHORTEST_BAND: Final = 7
+"""A window of 2^n samples is cut into no more than 2^(n - 7) bands."""
 SPECTRA: Final = ("whole", "whitened", "flattened", "impulsive")
 _FLOOR: Final = 1e-3
 
@@ -91,7 +93,11 @@ def order_features(windows: Windows, bearing: Bearing) -> Array:
     whole = waveform(windows)
     shown = {"whole": whole, "whitened": prewhitened(whole), "flattened": flattened(whole)}
     lines = places(bearing)
-    parts = [_by_speed(windows, lambda at, fs, turn, x=x: _lines(x[at], fs, turn, lines)) for x in shown.values()]
+
+    def read(x: Array) -> Reader:
+        return lambda at, fs_hz, turn_hz: _lines(x[at], fs_hz, turn_hz, lines)
+
+    parts = [_by_speed(windows, read(x)) for x in shown.values()]
 
     def impulsive(at: NDArray[np.int64], fs_hz: float, turn_hz: float) -> Array:
         return _impulsive(shown["flattened"][at], fs_hz, turn_hz, bearing, lines)
@@ -151,7 +157,8 @@ def _lines(
 def _impulsive(x: Array, fs_hz: float, turn_hz: float, bearing: Bearing, lines: dict[str, float]) -> Array:
     """Each signal in the band of its kurtogram that is most impulsive, wide enough for three harmonics of a fault."""
     widest = fs_hz / 2 / (3 * turn_hz * max(bearing.fault_order(f) for f in ("outer", "inner", "ball")))
-    level = max(1, min(math.floor(math.log2(max(widest, 2.0))), DEEPEST_LEVEL))
+    deepest = min(DEEPEST_LEVEL, math.floor(math.log2(x.shape[1])) - SHORTEST_BAND)
+    level = max(1, min(math.floor(math.log2(max(widest, 2.0))), deepest))
     bands = most_impulsive_band(x, fs_hz, max_level=level)
     rows = [
         _lines(row[None], fs_hz, turn_hz, lines, (band.low_hz, band.high_hz))

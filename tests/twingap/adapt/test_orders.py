@@ -40,7 +40,7 @@ def noise(levels: list[float], groups: list[str], speeds: list[float] | None = N
 
 
 def fleets(members: int = 4, model: str = "phenomenological") -> Fleets:
-    spec = TwinSpec(model)  # type: ignore[arg-type]
+    spec = TwinSpec(model)
     return Fleets(Population(spec, BEARING, "", CONDITIONS, stated(spec), 2 * 1024), members)
 
 
@@ -77,6 +77,12 @@ def test_windows_of_several_speeds_are_read_each_at_its_own() -> None:
     )  # fmt: skip
     apart = np.concatenate([order_features(fast, BEARING), order_features(slow, BEARING)])
     np.testing.assert_allclose(order_features(both, BEARING), apart, atol=1e-9)
+
+
+def test_short_windows_are_read_as_far_as_they_go() -> None:
+    made = windows_of("outer")
+    short = order_features(replace(made, samples=made.samples[:, :512]), BEARING)
+    assert np.isfinite(short).all() and short.shape[1] == len(names(BEARING))
 
 
 def test_names_and_places_are_those_of_the_bearing() -> None:
