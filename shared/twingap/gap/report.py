@@ -75,8 +75,11 @@ class Verdict:
         closes = f"adding {it} shrinks the gap"
         if self.closure is not None:
             closes = f"adding {it} closes {_percent(self.closure)} of the gap"
+            if self.closure < 0:
+                closes = f"adding {it} at the values found widens the gap by {_percent(-self.closure)}"
             if self.closure_ci is not None:
-                closes += " (90 % interval {} to {})".format(*map(_percent, self.closure_ci))
+                ends = self.closure_ci if self.closure >= 0 else (-self.closure_ci[1], -self.closure_ci[0])
+                closes += " (90 % interval {} to {})".format(*map(_percent, ends))
         rest = "a significant rest remains" if self.status == "partly_explained" else "no significant rest remains"
         # "Nothing at all" in the confidence set counts as an explanation like any other.
         others = sum(1 for effects in self.confidence_set if set(effects) != set(self.effects))

@@ -237,6 +237,12 @@ def test_the_sentence_says_what_how_far_and_how_sure(make_report: MakeReport, st
         assert part in sentence
 
 
+def test_a_verdict_that_widens_the_gap_says_so(make_report: MakeReport) -> None:
+    verdict = dataclasses.replace(make_report("partly_explained").verdict, closure=-0.33, closure_ci=(-0.39, -0.28))
+    assert "at the values found widens the gap by 33 % (90 % interval 28 % to 39 %)" in verdict.sentence
+    assert "closes" not in verdict.sentence
+
+
 def test_without_a_closure_of_its_own_the_verdict_takes_the_first_metric(make_report: MakeReport) -> None:
     report = make_report()
     bare = dataclasses.replace(report, verdict=dataclasses.replace(report.verdict, closure=None, closure_ci=None))
