@@ -53,7 +53,7 @@ def rul(
             metavar="RUN",
             help="A run of such a bearing to its end (a record set), or a table of runs with the columns record, "
             "life_revolutions, after_anomaly_revolutions, end_ratio. May be given several times. With it there are "
-            "estimates before the anomaly, and without --limit life ends where those runs ended.",
+            "estimates before the anomaly.",
         ),
     ] = None,
     group: Annotated[
@@ -78,7 +78,7 @@ def rul(
     from twingap.errors import TwingapError
     from twingap.files import replacing
     from twingap.prognosis.anomaly import AnomalyRule
-    from twingap.prognosis.follow import COLUMNS, follow, prior_from
+    from twingap.prognosis.follow import COLUMNS, follow, prior_from, usual_end
     from twingap.prognosis.online import LifeOptions
     from twingap.prognosis.run_records import read_run
     from twingap.records.table import write_table
@@ -97,7 +97,9 @@ def rul(
         )
         rows = found.rows()
         write_table(table, rows, COLUMNS)
-    notes = [*found.notes, _meaning(options, run.unit, learnt is not None)]
+    notes = [*found.notes, _meaning(options, run.unit)]
+    if (usual := usual_end(before)) is not None:
+        notes.append(f"the runs given by --prior ended at {usual:.3g} times their healthy peak to peak (median)")
     if len({row.speed_rpm for row in run.rows if row.speed_rpm > 0}) > 1:
         notes.append("speed varies: remaining time is at each row's own speed, so it moves with it; revolutions do not")
     if as_json:
@@ -129,15 +131,13 @@ def _outcomes(path: Path, options: LifeOptions) -> list[Outcome]:
     return [follow(run, options, report=lambda rows: steps(rows, f"{run.name}: prior", len(run.rows))).outcome]
 
 
-def _meaning(options: LifeOptions, unit: str, prior: bool) -> str:
+def _meaning(options: LifeOptions, unit: str) -> str:
     """What the numbers mean, in a line."""
     if options.limit is not None:
         end = (
             f"{options.limit:g} {unit}".strip()
             + " peak to peak, reached first at the speed of the greatest healthy amplitude (--limit)"
         )
-    elif prior:
-        end = "the amplitudes at which the runs given by --prior ended"
     else:
         end = f"{options.limit_ratio:g} times the healthy peak to peak (--limit-ratio; or --limit in the records' unit)"
     rule = options.rule

@@ -14,8 +14,8 @@ from typing import Any, Final
 import numpy as np
 
 from twingap.errors import TwingapError
-from twingap.prognosis.growth import EndLevel, LogNormal
-from twingap.prognosis.online import Estimate, LifeOptions, OnlineLife, Prior
+from twingap.prognosis.online import Estimate, LifeOptions, OnlineLife
+from twingap.prognosis.prior import LogNormal, Prior
 from twingap.prognosis.run_records import Run, RunRow
 from twingap.records.table import read_table
 
@@ -149,15 +149,19 @@ def prior_from(outcomes: Sequence[Outcome]) -> Prior:
         raise TwingapError("no run has ended", where="prior", mend="give at least one run to failure")
     lives = [o.life for o in outcomes if o.life > 0]
     after = [o.after_onset for o in outcomes if o.after_onset]
-    ends = [o.end_ratio for o in outcomes if o.end_ratio and o.end_ratio > 1 and o.after_onset]
     if not lives:
         raise TwingapError("no run has turned at all", where="prior", mend="give runs with speed_rpm above 0")
     life = _log_normal(lives)
     return Prior(
         life,
-        _log_normal(after) if after else LogNormal(life.mean - 1.0, 2.0),
-        EndLevel(*_mean_std(ends)) if ends else EndLevel(float(np.log(10.0)), _USUAL_SPREAD),
+        _log_normal(after) if after else None,
     )
+
+
+def usual_end(outcomes: Sequence[Outcome]) -> float | None:
+    """Median amplitude ratio at which runs ended that had an anomaly; None when none says."""
+    ends = [o.end_ratio for o in outcomes if o.after_onset and o.end_ratio and o.end_ratio > 1]
+    return float(np.exp(np.median(np.log(ends)))) if ends else None
 
 
 def read_outcomes(path: str | os.PathLike[str]) -> list[Outcome]:

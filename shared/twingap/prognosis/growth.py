@@ -1,7 +1,7 @@
 """What may follow from the growth seen so far: a posterior over growth laws, and with it over remaining revolutions.
 
 log amplitude over revolutions, healthy = 0 --> weights of laws (rate r, curvature q) --+
-level at which life ends (one, or a distribution) --------------------------------------+--> weighted lives
+level at which life ends ---------------------------------------------------------------+--> weighted lives
 
 The family d(log D)/du = r exp(q (log D - l)) with r the relative growth per revolution at the present level l holds the
 usual laws: q = 0 the exponential of eq. 12 of paper 1, q = -1 linear growth, -1 < q < 0 powers of time, q > 0 growth
@@ -15,7 +15,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import ndtr, ndtri
 
 Array = NDArray[np.float64]
 
@@ -33,42 +32,6 @@ what fits the past best says little of a change to come. Chosen on simulated run
 0.12 to 1), for narrow intervals after calibration."""
 _EARLY = 0.7
 """Of the greatest of n normal deviates, sqrt(2 log n), that which comes where amplitude goes on growing."""
-
-
-@dataclass(frozen=True)
-class EndLevel:
-    """Natural logarithm of normalised amplitude at which life ends.
-
-    Parameters
-    ----------
-    mean : float
-    std : float
-        0: known. Otherwise normal, and a bearing that outlived a level is known to end above it.
-    """
-
-    mean: float
-    std: float = 0.0
-
-    def nodes(self, level: Array) -> Array:
-        """Equally likely end levels [..., nodes] of bearings now at `level` [...]."""
-        if self.std == 0:
-            return np.broadcast_to(np.float64(self.mean), (*level.shape, 1))
-        shares = (np.arange(7) + 0.5) / 7
-        below = np.minimum(ndtr((level - self.mean) / self.std), 1 - 1e-9)[..., None]
-        return np.asarray(self.mean + self.std * ndtri(below + (1 - below) * shares))
-
-
-@dataclass(frozen=True)
-class LogNormal:
-    """Prior of a number of revolutions: the mean and deviation of its natural logarithm."""
-
-    mean: float
-    std: float
-
-    def log_density(self, revolutions: Array) -> Array:
-        """Up to a constant, with a tail of a tenth the weight and three times the width: other runs are few."""
-        z = (np.log(np.maximum(revolutions, 1e-300)) - self.mean) / self.std
-        return np.asarray(np.logaddexp(np.log(0.9) - z**2 / 2, np.log(0.1 / 3) - z**2 / 18))
 
 
 @dataclass(frozen=True)
@@ -154,15 +117,14 @@ def remaining(distance: Array, rate: Array, curvature: Array) -> Array:
     return np.asarray(np.where(curvature == 0, d, bent) / rate)
 
 
-def lives(seen: Seen, end: EndLevel, total: LogNormal | None = None) -> Lives:
+def lives(seen: Seen, end: float) -> Lives:
     """Posterior of remaining revolutions.
 
     Parameters
     ----------
     seen : Seen
-    end : EndLevel
-    total : LogNormal, optional
-        Prior of revolutions from onset to end, from other runs.
+    end : float
+        Log amplitude at which life ends.
 
     Returns
     -------
@@ -180,19 +142,15 @@ def lives(seen: Seen, end: EndLevel, total: LogNormal | None = None) -> Lives:
     weight, level, error = _evidence(seen, rates)
     now = level[..., None] + error[..., None] * _NODES
     logs = (weight + _CURVATURE_PRIOR)[..., None] + _NODE_LOGS
-    r, q = rates[:, None, None, None], CURVATURES[:, None, None]
-    ends = end.nodes(now)
-    growth = r * np.exp(np.clip(q * (ends - now[..., None]), -20, 20)) * seen.per_row
+    r, q = rates[:, None, None], CURVATURES[:, None]
+    growth = r * np.exp(np.clip(q * (end - now), -20, 20)) * seen.per_row
     early = seen.scatter * _EARLY * np.sqrt(2 * np.log1p(seen.scatter / np.maximum(growth, 1e-12)))
-    left = remaining(ends - early - now[..., None], r, q)
-    logs = np.broadcast_to(logs[..., None] - np.log(left.shape[-1]), left.shape)
-    if total is not None:
-        logs = logs + total.log_density(seen.since_onset + left)
+    left = remaining(end - early - now, r, q)
     w = np.exp(logs - logs.max()).ravel()
     w /= w.sum()
     order = np.argsort(left.ravel(), kind="stable")
     cumulated = np.cumsum(w[order]) - w[order] / 2
-    mean = float(np.sum(np.broadcast_to(now[..., None], left.shape).ravel() * w))
+    mean = float(np.sum(now.ravel() * w))
     return Lives(left.ravel()[order], cumulated, mean)
 
 

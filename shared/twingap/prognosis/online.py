@@ -21,7 +21,8 @@ from numpy.typing import NDArray
 from twingap.errors import TwingapError
 from twingap.prognosis.anomaly import AnomalyRule, detect_anomaly, rank
 from twingap.prognosis.calibration import Posterior, calibrated
-from twingap.prognosis.growth import EndLevel, LogNormal, Seen, lives
+from twingap.prognosis.growth import Seen, lives
+from twingap.prognosis.prior import Prior
 from twingap.prognosis.speed_influence import SAME_SPEED, SpeedInfluence, fit_speed_influence
 
 Array = NDArray[np.float64]
@@ -29,26 +30,11 @@ Array = NDArray[np.float64]
 GAP: Final = 10.0
 """A row that comes after this many times the usual spacing comes after a gap."""
 _PER_SPEED: Final = 4
+_RUN_IN: Final = 0.15
+"""Fall of healthy log amplitude with which it is learnt again."""
+_CALM: Final = 40
+"""Rows within the healthy limit, but for a tenth of them, with which an anomaly counts as passed."""
 _BINS: Final = 36
-
-
-@dataclass(frozen=True)
-class Prior:
-    """What other runs of such bearings showed.
-
-    Parameters
-    ----------
-    life : LogNormal
-        Revolutions from the first row to the end.
-    after_onset : LogNormal
-        Revolutions from the onset of the anomaly to the end.
-    end : EndLevel
-        Normalised amplitude at the end.
-    """
-
-    life: LogNormal
-    after_onset: LogNormal
-    end: EndLevel
 
 
 @dataclass(frozen=True)
@@ -119,8 +105,7 @@ class OnlineLife:
     ----------
     options : LifeOptions, optional
     prior : Prior, optional
-        From other runs. With it, there are estimates before the anomaly, and the end level is theirs unless
-        `options.limit` is given.
+        From other runs. With it, there are estimates before the anomaly.
 
     Attributes
     ----------
@@ -152,6 +137,8 @@ class OnlineLife:
         self._reference = (0.0, 0.1, 0.0)  # mean, standard deviation, memory of log amplitude
         self._run: list[int] = []
         self._together = 1
+        self._used_rule = self.options.rule
+        self._settled_at = 0
         # Judged rows: number of the row, revolutions, log normalised amplitude.
         self._log: list[tuple[int, float, float]] = []
         self._last: tuple[float, float, float, float] | None = None
@@ -210,6 +197,22 @@ class OnlineLife:
     def judged(self) -> bool:
         """Whether any row has been judged: the healthy rows are over."""
         return bool(self._log)
+
+    @property
+    def amplitudes(self) -> tuple[NDArray[np.int64], Array, Array]:
+        """Judged rows: number, revolutions since the first row, log normalised amplitude [rows each]."""
+        rows, turns, logs = zip(*self._log, strict=True) if self._log else ((), (), ())
+        return np.array(rows, np.int64), np.array(turns, float), np.array(logs, float)
+
+    @property
+    def end_level(self) -> float:
+        """Log normalised amplitude at which life ends, as far as it is known at this row."""
+        return self._end()
+
+    @property
+    def scatter(self) -> float:
+        """Standard deviation of healthy log amplitude."""
+        return self._reference[1]
 
     @property
     def level(self) -> float:
@@ -271,7 +274,7 @@ class OnlineLife:
                 f"{normalised.size} healthy rows keep the stated rate of false alarms with {used.consecutive} rows "
                 f"together instead of {rule.consecutive}"
             )
-        self._together = used.consecutive
+        self._together, self._used_rule = used.consecutive, used
         self._influence, self._same_speed, self._limit = influence, max(same_speed, SAME_SPEED), found.limit
         self._set_reference(normalised)
         self._check_limit()
@@ -293,7 +296,8 @@ class OnlineLife:
         # Their place in the run is not kept while they count as healthy: they are spread evenly.
         turns = np.linspace(0, self.revolutions, len(self._healthy))
         for place, (u, (s, a)) in enumerate(zip(turns, self._healthy, strict=True)):
-            self._log.append((place, float(u), float(np.log(a / self._influence.amplitude(s)))))
+            relative = float(np.log(a / self._influence.amplitude(s))) - self._reference[0]
+            self._log.append((place, float(u), relative))
             self._highest_gain = max(self._highest_gain, float(self._influence.amplitude(s)))
 
     def _set_reference(self, normalised: Array) -> None:
@@ -349,37 +353,77 @@ class OnlineLife:
         gain = float(self._influence.amplitude(speed_rpm))
         normalised = peak_to_peak / gain
         self._log.append((row, self.revolutions, float(np.log(normalised)) - self._reference[0]))
+        if self.alarm_row is None and self._settled():
+            return
         self._highest_gain = max(self._highest_gain, gain)
         if self.alarm_row is None:
             self._run = [*self._run, row] if normalised > self._limit else []
             if len(self._run) >= self._together:
                 self.onset_row, self.alarm_row = self._run[0], row
+        elif self.end_row is None and self._calm(row):
+            self.notes.append(
+                f"the anomaly of row {self.onset_row} has passed by row {row}: amplitude is healthy again"
+            )
+            self.onset_row = self.alarm_row = self._last = None
+            self._run = []
         if self.alarm_row is not None and self.end_row is None:
             ended = (
                 peak_to_peak >= self.options.limit
                 if self.options.limit is not None
-                else self._end().std == 0 and np.log(normalised) >= self._end().mean
+                else self._log[-1][2] >= self._end()
             )
             if ended:
                 self.end_row = row
 
-    def _end(self) -> EndLevel:
+    def _settled(self) -> bool:
+        """Learn the healthy amplitude again when it has fallen since: a bearing that runs in."""
+        assert self._influence is not None
+        count = self.options.healthy_rows
+        if len(self._log) - self._settled_at < count:
+            return False
+        self._settled_at = len(self._log)
+        last = np.array([x for _, _, x in self._log[-count:]])
+        fallen = float(np.median(last))
+        if fallen > -_RUN_IN:
+            return False
+        old = self._influence
+        normalised = np.exp(last - fallen)
+        try:
+            found = detect_anomaly(normalised, count, self._used_rule, speeds=int(old.speeds_rpm.size))
+        except TwingapError:
+            return False
+        self._influence = SpeedInfluence(old.speeds_rpm, old.c * np.exp(fallen + self._reference[0]), old.counts)
+        self._limit = found.limit
+        self._set_reference(normalised)
+        self._run, self._log, self._settled_at = [], [], 0
+        self._check_limit()
+        self.notes.append(
+            f"amplitude has fallen to {np.exp(fallen):.2f} of that of the first rows by row {self._rows - 1} (running "
+            f"in): the last {count} rows count as the healthy ones from there on"
+        )
+        return True
+
+    def _calm(self, row: int) -> bool:
+        """Whether amplitude has come back to within its healthy scatter."""
+        assert self.alarm_row is not None
+        last = [x for _, _, x in self._log[-_CALM:]]
+        if len(last) < _CALM or row - self.alarm_row < _CALM or not np.isfinite(self._limit):
+            return False
+        return float(np.mean(np.array(last) > np.log(self._limit) - self._reference[0])) <= 0.1
+
+    def _end(self) -> float:
         """Log normalised amplitude at the end of life."""
         if self.options.limit is not None:
             # It is reached first at the speed at which the structure answers most, of those that the run uses.
-            return EndLevel(float(np.log(self.options.limit / self._highest_gain)) - self._reference[0])
-        if self.prior is not None:
-            return self.prior.end
-        return EndLevel(float(np.log(self.options.limit_ratio)) - self._reference[0])
+            return float(np.log(self.options.limit / self._highest_gain)) - self._reference[0]
+        return float(np.log(self.options.limit_ratio)) - self._reference[0]
 
     def _before(self, speed: float) -> Estimate:
         """Before the anomaly: the lives of other runs, given that this one lives still."""
         if self.prior is None:
             return Estimate(False, speed_rpm=speed)
-        left = EndLevel(self.prior.life.mean, self.prior.life.std)
-        low, middle, high = _outlived(left, np.log(max(self.revolutions, 1e-9)))
-        u = self.revolutions
-        return Estimate(False, max(middle - u, 0.0), max(low - u, 0.0), max(high - u, 0.0), speed)
+        low, middle, high = self.prior.before(self.revolutions)
+        return Estimate(False, middle, low, high, speed)
 
     def posterior(self) -> Posterior | None:
         """What the growth laws say at the last judged row, before calibration; None before the anomaly."""
@@ -387,15 +431,18 @@ class OnlineLife:
             return None
         seen, rows = self._seen()
         end = self._end()
-        found = lives(seen, end, None if self.prior is None else self.prior.after_onset)
+        found = lives(seen, end)
         low, middle, high = (found.quantile(q) for q in (0.05, 0.5, 0.95))
-        return Posterior(low, middle, high, seen.per_row, rows, found.level / max(end.mean, 1e-9))
+        return Posterior(low, middle, high, seen.per_row, rows, found.level / max(end, 1e-9), seen.since_onset)
 
     def _after(self) -> tuple[float, float, float, float]:
         """Revolutions at the last judged row, and median and interval of what remained there."""
         found = self.posterior()
         assert found is not None
         low, middle, high = calibrated(found)
+        if self.prior is not None:
+            since = self.revolutions - self.revolutions_at_onset
+            low, middle, high = self.prior.joined((low, middle, high), self.revolutions, since, found.per_row)
         return self._log[-1][1], middle, low, high
 
     def _seen(self) -> tuple[Seen, int]:
@@ -437,15 +484,4 @@ def _rises(normalised: Array) -> int | None:
     if not (found.pvalue < 1e-4 and found.statistic > 0):
         return None
     rise = float(theilslopes(x).slope) * x.size
-    return max(x.size // 6, 4) if rise > 0.3 else None
-
-
-def _outlived(log_life: EndLevel, log_now: float) -> tuple[float, float, float]:
-    """5 %, 50 % and 95 % of a life of that log-normal law, given that it is longer than now."""
-    from scipy.special import ndtr, ndtri
-
-    below = min(float(ndtr((log_now - log_life.mean) / log_life.std)), 1 - 1e-9)
-    low, middle, high = (
-        float(np.exp(log_life.mean + log_life.std * ndtri(below + (1 - below) * q))) for q in (0.05, 0.5, 0.95)
-    )
-    return low, middle, high
+    return max(x.size // 6, 4) if rise > 0.2 else None

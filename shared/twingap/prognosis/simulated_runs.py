@@ -101,11 +101,18 @@ def _logistic(share: Array, rng: np.random.Generator) -> Array:
     return np.asarray(part * rise + (1 - part) * share ** rng.uniform(1.5, 4.0))
 
 
+def _plateau(share: Array, rng: np.random.Generator) -> Array:
+    """A rise, a long rest that may even sink, and an abrupt end: what most of the public FEMTO runs look like."""
+    height, rise, end = rng.uniform(0.15, 0.6), rng.uniform(0.02, 0.3), rng.uniform(0.02, 0.15)
+    rest = height * rng.uniform(0.6, 1.2)
+    return np.asarray(np.interp(share, [0, rise, 1 - end, 1], [0, height, rest, 1]))
+
+
 LAWS: Final[dict[str, Law]] = {
-    "exponential": _exponential, "bent": _bent, "power": _power, "two phases": _two_phases,
+    "exponential": _exponential, "bent": _bent, "power": _power, "two phases": _two_phases, "plateau": _plateau,
     "paris": _paris, "steps": _steps, "logistic": _logistic,
 }  # fmt: skip
-CALIBRATION_LAWS: Final = ("exponential", "bent", "power", "two phases")
+CALIBRATION_LAWS: Final = ("exponential", "bent", "power", "two phases", "plateau")
 """Those on which intervals are calibrated; the others are kept for checking."""
 
 
@@ -120,7 +127,7 @@ def simulate_run(
     law : str
         Key of `LAWS`.
     rows : int, optional
-        Rows from the onset to the end that the law foresees; 40 to 1500 when absent, log-uniform.
+        Rows from the onset to the end that the law foresees; 15 to 1500 when absent, log-uniform.
     varying : bool, optional
         Speed in steps of 100 rpm from 1000 to 2000 and back, at a resonance of its own, instead of constant. When
         absent, every third run.
@@ -129,7 +136,7 @@ def simulate_run(
     -------
     SimulatedRun
     """
-    after = int(np.exp(rng.uniform(np.log(40), np.log(1500)))) if rows is None else rows
+    after = int(np.exp(rng.uniform(np.log(15), np.log(1500)))) if rows is None else rows
     before = int(rng.integers(70, 300))
     varying = bool(rng.uniform() < 1 / 3) if varying is None else varying
     n = before + 3 * after
@@ -149,7 +156,7 @@ def simulate_run(
     worn /= after * float(np.mean(speed))
     ratio = float(np.exp(rng.uniform(np.log(4), np.log(30))))
     share = np.linspace(0, 1, 2001)
-    curve = np.maximum.accumulate(LAWS[law](share, rng))
+    curve = LAWS[law](share, rng)
     slope = max(float(curve[-1] - curve[-101]) / 0.05, 0.5)
     beyond = curve[-1] + slope * np.maximum(worn - 1, 0)
     jump = rng.choice([0.0, rng.uniform(0.0, 0.3)])

@@ -1,0 +1,71 @@
+"""Paper 1's comparison on FEMTO runs, on made ones in FEMTO's layout."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from papers.paper1_rul_varying_speed import femto
+from twingap.errors import TwingapError
+
+RUNS = {"Bearing1_1": 160, "Bearing1_2": 130, "Bearing2_1": 145}
+
+
+@pytest.fixture(scope="module")
+def root(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Three short runs whose amplitude grows exponentially from two thirds of life on."""
+    folder = tmp_path_factory.mktemp("data")
+    (folder / "femto").mkdir()
+    rng = np.random.default_rng(0)
+    for name, rows in RUNS.items():
+        level = np.exp(np.maximum(np.arange(rows) - 0.6 * rows, 0) * 2.5 / (0.4 * rows))
+        x = (level[:, None] * rng.normal(size=(rows, 2560))).astype(np.float32)
+        np.savez(folder / "femto" / f"{name}.npz", horizontal_g=x, start_time_of_day_s=10.0 * np.arange(rows))
+    return folder
+
+
+def test_tables_are_whole_and_a_second_run_takes_them_from_the_store(root: Path, tmp_path: Path) -> None:
+    every, won = femto.run(tmp_path, root=str(root), seeds=1)
+    assert len(every) == len(RUNS) * len(femto.METHODS)
+    assert list(every["method"][:5]) == list(femto.METHODS)
+    assert every["rmse_s"].notna().all() and (every["rows"] > 10).all()
+    ours = every[every["method"] == femto.ALONE].set_index("bearing")
+    for name, rows in RUNS.items():
+        assert 0.6 * rows <= ours.loc[name, "alarm_row"] <= 0.8 * rows
+        assert ours.loc[name, "rmse_s"] < 10 * rows / 4
+    assert set(won["against"]) == {"best of each bearing", *femto.RIVALS} and (won["of"] == 3).all()
+    before = {p.name: p.stat().st_mtime_ns for p in (tmp_path / "store").glob("*.json")}
+    again, _ = femto.run(tmp_path, root=str(root), seeds=1)
+    pd.testing.assert_frame_equal(every, again)
+    assert {p.name: p.stat().st_mtime_ns for p in (tmp_path / "store").glob("*.json")} == before
+    assert len(pd.read_csv(tmp_path / "femto.csv")) == len(every)
+
+
+def test_the_bearing_left_out_enters_nothing_that_is_tuned(root: Path) -> None:
+    """Its own later snapshots changed, predictions of its earlier ones, weight and priors stay to the last bit."""
+    runs = {
+        name: femto.Measured(*(np.asarray(found[k], float) for k in ("features", "time_s", "speed_rpm")))
+        for name in RUNS
+        for found in [femto.take_features(femto.Features(name), root=str(root))]
+    }
+    kept = 125
+    left = runs["Bearing1_1"]
+    cut = femto.Measured(left.features[:kept], left.time_s[:kept], left.speed_rpm[:kept])
+    other = runs | {"Bearing1_1": cut}
+    for method in (femto.ALONE, *femto.RIVALS):
+        job = femto.Prediction("Bearing1_1", method, 0)
+        whole, part = femto.predict(job, runs=runs), femto.predict(job, runs=other)
+        np.testing.assert_array_equal(np.asarray(whole["predicted"])[:kept], part["predicted"])
+    alone = {n: femto.predict(femto.Prediction(n, femto.ALONE, 0), runs=runs) for n in RUNS}
+    short = alone | {"Bearing1_1": femto.predict(femto.Prediction("Bearing1_1", femto.ALONE, 0), runs=other)}
+    whole, part = femto.pooled("Bearing1_1", runs, alone), femto.pooled("Bearing1_1", other, short)
+    assert whole["growth_weight"] == part["growth_weight"]
+    np.testing.assert_allclose(whole["predicted"][:kept], part["predicted"], rtol=1e-12)
+
+
+def test_too_few_runs_are_refused(root: Path, tmp_path: Path) -> None:
+    with pytest.raises(TwingapError, match="3 or more"):
+        femto.run(tmp_path, root=str(root), bearings=("Bearing1_1", "Bearing1_2"))
