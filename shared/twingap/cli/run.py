@@ -4,16 +4,14 @@ from __future__ import annotations
 
 import enum
 import sys
+from collections.abc import Callable, Mapping
+from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated, Any, Final
 
 import typer
 
 from twingap.cli.options import Json, Seed, TrackingUri, progress_console, say, say_json, show, wrote
-from twingap.errors import TwingapError
-
-if TYPE_CHECKING:
-    from papers.paper3_zoa_dann.results import Outcome
 
 
 class Paper(enum.StrEnum):
@@ -45,8 +43,6 @@ def run(
     json: Json = False,
 ) -> None:
     """A paper's tables and figures, tracked and resumable: what was finished before is taken up again."""
-    if paper is not Paper.paper3:
-        raise TwingapError(f"{paper.value} is not reproduced yet", mend="run paper3")
     from rich.progress import (
         BarColumn,
         MofNCompleteColumn,
@@ -56,9 +52,9 @@ def run(
         TimeRemainingColumn,
     )
 
-    from papers.paper3_zoa_dann import pipeline
     from twingap.track import MlflowTracker, state_folder
 
+    pipeline = import_module(f"papers.{_FOLDERS[paper]}.pipeline")
     tracker = MlflowTracker(tracking_uri)
     columns = (
         TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), TimeRemainingColumn(),
@@ -82,12 +78,25 @@ def run(
     if json:
         say_json(outcome.rows)
     else:
-        _print(outcome)
+        _PRINT[paper](outcome)
         say(f"MLflow run {outcome.run_id} in {tracker.uri}; to look at it: twingap ui")
     wrote(outcome.out / "tables", outcome.out / "figures", as_json=json)
 
 
-def _print(outcome: Outcome) -> None:
+def _print1(outcome: Any) -> None:
+    show(outcome.rows, False, f"remaining life by run and model: {outcome.title}")
+    count = sum(len(case.trainings) for case in outcome.cases)
+    say(f"{count} trainings: {outcome.computed} run now, {count - outcome.computed} taken up from earlier runs")
+
+
+def _print2(outcome: Any) -> None:
+    for title, rows in outcome.shown().items():
+        show(rows, False, title)
+    if outcome.missing:
+        say(f"left out: {', '.join(outcome.missing)}")
+
+
+def _print3(outcome: Any) -> None:
     from papers.paper3_zoa_dann import tables, tables_comparison
 
     for task, rows in tables.shown(outcome.rows).items():
@@ -111,3 +120,15 @@ def _print(outcome: Outcome) -> None:
             say(f"not at hand, so left out: {', '.join(outcome.comparison.missing)}")
     if not outcome.target.real:
         say("no CWRU records at hand: for real ones, `twingap data fetch cwru` and set TWINGAP_DATA")
+
+
+_FOLDERS: Final[Mapping[Paper, str]] = {
+    Paper.paper1: "paper1_rul_varying_speed",
+    Paper.paper2: "paper2_digital_twin",
+    Paper.paper3: "paper3_zoa_dann",
+}
+_PRINT: Final[Mapping[Paper, Callable[[Any], None]]] = {
+    Paper.paper1: _print1,
+    Paper.paper2: _print2,
+    Paper.paper3: _print3,
+}
