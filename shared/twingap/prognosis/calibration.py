@@ -51,7 +51,7 @@ class Posterior:
     since_onset: float
 
     def relative(self, revolutions: float) -> float:
-        """Natural logarithm of a life over that since the onset; half a row more, so that the end itself has a place."""
+        """Logarithm of a life over that since the onset; half a row more, so that the end itself has a place."""
         return float(np.log((revolutions + self.per_row / 2) / (self.since_onset + self.per_row / 2)))
 
     def absolute(self, relative: float) -> float:

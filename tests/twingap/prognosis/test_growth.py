@@ -14,11 +14,11 @@ def test_past_and_future_are_one_law(q: float) -> None:
     """d l/du = r exp(q (l - l_now)), integrated numerically, passes through both closed forms."""
     rate, far = 0.02, 1.2
     left = float(remaining(np.array(far), np.array(rate), np.array(q)))
-    solved = solve_ivp(lambda _, l: rate * np.exp(q * l), (0, left), [0.0], rtol=1e-9, atol=1e-12)
+    solved = solve_ivp(lambda _, x: rate * np.exp(q * x), (0, left), [0.0], rtol=1e-9, atol=1e-12)
     assert solved.y[0, -1] == pytest.approx(far, rel=1e-6)
     ago = 15.0
     before = float(shape(np.array([ago]), np.array(rate), np.array(q))[0])
-    back = solve_ivp(lambda _, l: rate * np.exp(q * (l - 0.0)), (0, ago), [before], rtol=1e-9, atol=1e-12)
+    back = solve_ivp(lambda _, x: rate * np.exp(q * x), (0, ago), [before], rtol=1e-9, atol=1e-12)
     assert back.y[0, -1] == pytest.approx(0.0, abs=1e-6)
 
 
