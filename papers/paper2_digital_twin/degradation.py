@@ -229,7 +229,7 @@ def run(
     ]
     checks = [
         Coverage(
-            truth, model, memory, share, sizes.coverage_runs, options.simulated_rows, 100,
+            truth, model, memory, share, sizes.coverage_runs, options.simulated_rows, min(sizes.curves, 100),
             options.simulated_noise, options.interval_level, seed,
         )
         for truth, model in [(name, name) for name in TRUTHS] + [tuple(options.primary), tuple(options.primary[::-1])]

@@ -58,7 +58,7 @@ def waveform(j: Judged) -> Figure:
     hours = j.run.whole.time_s / 3600
     figure = Figure(figsize=(10, 4.4), layout="constrained")
     panel = figure.subplots()
-    panel.fill_between(hours, *j.run.extremes.T, color=TREND, lw=0.3, step="mid")
+    panel.fill_between(hours, j.run.extremes[:, 0], j.run.extremes[:, 1], color=TREND, lw=0.3, step="mid")
     panel.set_xlabel("running time (h)")
     panel.set_ylabel("acceleration (g)")
     panel.set_xlim(hours[0], hours[-1])
@@ -78,7 +78,8 @@ def spectral_kurtosis_map(j: Judged) -> Figure:
         time_s / 3600, frequency_hz / 1e3, values.T, cmap="cividis", shading="nearest", rasterized=True,
         norm=SymLogNorm(1.0, vmin=-0.5, vmax=max(float(np.quantile(values, 0.999)), 1.0)),
     )  # fmt: skip
-    figure.colorbar(image, ax=panel, label="spectral kurtosis")
+    bar = figure.colorbar(image, ax=panel, label="spectral kurtosis", ticks=[-0.5, 0, 0.5, 1, 2, 5, 10, 20, 50])
+    bar.ax.set_yticklabels([f"{tick:g}" for tick in bar.get_ticks()])
     panel.set_xlabel("running time (h)")
     panel.set_ylabel("frequency (kHz)")
     panel.set_title(f"{j.run.name}: spectral kurtosis, Gaussian noise is 0")
@@ -98,11 +99,12 @@ def fusion_features(j: Judged) -> Figure:
     for panel, (name, x), part in zip(panels, fused.items(), share, strict=False):
         panel.plot(hours, x, ".", ms=2, color=RECORDS)
         panel.plot(hours, causal_trend(x, j.run.trend_rows), color=MARK if name == "fusion 9" else TREND, lw=1.5)
-        panel.set_title(f"{name}: {100 * part:.2g} % of variance")
+        panel.set_title(f"{name}: {100 * part:.1g} %")
+    for panel in panels[max(len(fused) - columns, 0) : len(fused)]:
         panel.set_xlabel("running time (h)")
     for panel in panels[len(fused) :]:
         panel.set_visible(False)
-    figure.suptitle(f"{j.run.name} ({j.run.source}): normalised by the whole run, ordered by variance")
+    figure.suptitle(f"{j.run.name} ({j.run.source}): normalised by the whole run; share of variance in percent")
     return figure
 
 
@@ -243,11 +245,11 @@ def coverage(study: Study) -> Figure:
     names = [t if t == m else f"made with {t},\nfitted {m}" for t, m in keys]
     panel.set_yticks(range(len(keys)), names[::-1])
     panel.set_xlim(0, 1)
-    panel.set_xlabel("share of simulated runs whose remaining life lies in the interval (three shares of life each)")
+    panel.set_xlabel("share of runs whose true remaining life lies in the interval")
     panel.grid(color="0.9")
     figure.legend(*panel.get_legend_handles_labels(), loc="outside lower center", ncols=3)
     runs = int(table["runs"].iloc[0])
-    figure.suptitle(f"Intervals of remaining life on simulated runs, {runs} each")
+    figure.suptitle(f"Intervals of remaining life on simulated runs: {runs} a point, half, 0.7 and 0.9 of life seen")
     return figure
 
 

@@ -193,7 +193,7 @@ def error_summary(errors: pd.DataFrame) -> pd.DataFrame:
     """Medians over tenths; the mean would be that of the one tenth whose extrapolation explodes."""
     keys = ["run", "indicator", "model", "fit"]
     grouped = errors.groupby(keys, sort=False)[["rest / range", "next / range"]]
-    return grouped.median().join(grouped.max(), lsuffix=", median", rsuffix=", worst").reset_index()
+    return grouped.median().add_suffix(", median").join(grouped.max().add_suffix(", worst")).reset_index()
 
 
 def pairs(errors: pd.DataFrame) -> pd.DataFrame:

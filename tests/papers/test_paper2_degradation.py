@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -22,7 +25,15 @@ from papers.paper2_digital_twin.degradation import (
     run,
 )
 from papers.paper2_digital_twin.degradation_jobs import TRUTHS, Coverage, cover
-from papers.paper2_digital_twin.degradation_runs import STAND_INS, StudyRun, running, running_time, table_features
+from papers.paper2_digital_twin.degradation_runs import (
+    STAND_INS,
+    Reading,
+    StudyRun,
+    running,
+    running_time,
+    study_runs,
+    table_features,
+)
 from twingap.errors import TwingapError
 from twingap.prognosis.degradation_models import MODELS, fit_curve
 from twingap.prognosis.health_indicator import Run, offline_indicators
@@ -62,7 +73,7 @@ def fake(name: str, seed: int, family: str = "made", rows: int = 80) -> StudyRun
     rng = np.random.default_rng(seed)
     x = rng.standard_normal((rows, 10)) + 5
     x[:, seed % 10] += np.linspace(0, 30, rows)
-    one = Run(name, 10.0 * np.arange(rows), ("rms", *"abcdefghi"), np.abs(x) + 1)
+    one = Run(name, 10.0 * np.arange(rows, dtype=np.float64), ("rms", *"abcdefghi"), np.abs(x) + 1)
     return StudyRun(one, one, "simulated", family, 30, 5)
 
 
@@ -156,8 +167,52 @@ def test_table_features_are_named_for_what_they_are() -> None:
     assert len(table_features(more)[0]) == 15 and table_features(more)[2] == STAND_INS
 
 
+def reading() -> Reading:
+    return Reading(3, 3, 2, 2, 0.2, 128)
+
+
+def no_result(result: object) -> None:
+    """Nothing is shown."""
+
+
+def test_ims_is_read_from_tables_or_from_raw_snapshots_when_they_are_there(tmp_path: Path) -> None:
+    """The same two records: six features of the tables, fifteen of the samples, and the RMS of both."""
+    folder = tmp_path / "ims" / "2nd_test"
+    folder.mkdir(parents=True)
+    names = [f"2004.02.12.10.{k}2.39" for k in range(6)]
+    rng = np.random.default_rng(0)
+    columns = [np.round((k + 1) * rng.standard_normal((20480, 4)), 3) for k in range(6)]
+    rows: list[dict[str, object]] = []
+    for name, x in zip(names, columns, strict=True):
+        one = x[:, 0]
+        rows.append({
+            "file_index": len(rows), "timestamp": "", "filename": name, "Bearing1_ch1_rms": np.sqrt(np.mean(one**2)),
+            "Bearing1_ch1_mean": one.mean(), "Bearing1_ch1_std": one.std(), "Bearing1_ch1_max": np.abs(one).max(),
+            "Bearing1_ch1_kurt": 0.0, "Bearing1_ch1_skew": 0.0,
+        })  # fmt: skip
+    pd.DataFrame(rows).to_csv(tmp_path / "ims" / "set2_time_features.csv", index=False)
+    read = partial(
+        study_runs, ["2 bearing 1"], [], reading(), tmp_path, store=tmp_path / "store", backend="sequential",
+        address=None, on_result=no_result,
+    )  # fmt: skip
+    data, (table,) = read()
+    assert data == "IMS" and table.source == "feature table" and len(table.run.names) == 8 and table.extremes is None
+    for name, x in zip(names, columns, strict=True):
+        pd.DataFrame(x).to_csv(folder / name, sep="\t", header=False, index=False)
+    data, (raw,) = read()
+    assert raw.source == "raw records" and len(raw.run.names) == 15 and raw.name == table.name == "IMS 2 bearing 1"
+    assert raw.run.time_s == pytest.approx(table.run.time_s) and raw.run.time_s.tolist() == [
+        600.0 * k for k in range(6)
+    ]
+    rms = [r.run.features[:, r.run.names.index("rms")] for r in (raw, table)]
+    assert rms[0] == pytest.approx(rms[1])
+    assert raw.extremes is not None and raw.extremes.shape == (6, 2)
+    assert raw.kurtosis_map is not None and [len(raw.kurtosis_map[k]) for k in range(2)] == [6, 65]
+
+
 def test_coverage_is_counted_on_curves_from_one_to_five() -> None:
-    for curve in TRUTHS.values():
+    for name in TRUTHS:
+        curve: Callable[[Any], Any] = TRUTHS[name]
         assert curve(np.array([0.0, 1.0])) == pytest.approx([1, 5])
     found = cover(Coverage("polynomial 2", "polynomial 2", 0.0, 0.7, 40, 120, 60, 0.1, 0.9, 0))
     assert 0.75 <= found["inside"] <= 1 and found["true"] == pytest.approx(0.3, abs=0.01)

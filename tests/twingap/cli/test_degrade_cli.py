@@ -89,12 +89,13 @@ def test_a_feature_table_becomes_indicator_models_and_figure(twingap: Run, table
     assert list(indicator[0]) == ["time_s", "indicator", "trend"] and len(indicator) == 80
     assert [r["candidate"] for r in rows_of(out / "candidates.csv") if r["chosen"] == "1"] == ["rms"]
     models = {r["model"]: r for r in rows_of(out / "models.csv")}
-    assert len(models) == 8 and next(iter(models)) in ("combined power 3", "exponential with offset")
-    # 1 + 4 u^6 = 8 at u = 1.0978: 4630 s after the last record.
+    # The indicator's zero is the healthy level, so that a power without offset says the same with a parameter less.
+    assert len(models) == 8 and next(iter(models)) in ("power", "combined power 3")
+    # 1 + 4 u^6 = 8 at u = (7 / 4)^(1 / 6) = 1.0978: 4637 s after the last record.
     life = models["combined power 3"]
     assert float(life["remaining_time_s"]) == pytest.approx(4637, rel=0.15)
     assert float(life["remaining_time_s_lo"]) < 4637 < float(life["remaining_time_s_hi"])
-    assert models["constant"]["remaining_time_s"] == "" and float(models["constant"]["never_reached"]) == 1
+    assert models["constant"]["remaining_time_s"] == "" and float(models["constant"]["never_reached"]) > 0.9
 
 
 def test_same_seed_same_bytes_and_json(twingap: Run, table: Table, tmp_path: Path) -> None:

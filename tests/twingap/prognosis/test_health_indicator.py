@@ -24,7 +24,7 @@ from twingap.records import Condition, Record, RecordSet
 from twingap.signal.features import PAPER2_FEATURES, paper2_features
 
 Array = NDArray[np.float64]
-T = 10.0 * np.arange(200)
+T: Array = 10.0 * np.arange(200, dtype=np.float64)
 
 
 def features(seed: int = 0) -> Run:
