@@ -214,14 +214,15 @@ def run(
         for fold in folds
         if wanted
     }
+    # Seed by seed, so that what an interrupted run has finished is whole for the seeds that it has.
     nets = [
         NetworkJob(
             name, kind, fold, options.folds, s, counts if kind == "grafted" else (), options.criterion, training,
             options.image,
         )
-        for name in data
         for kind, wanted in kinds.items()
         for s in seeds[:wanted]
+        for name in data
         for fold in folds
     ]  # fmt: skip
     shallows = [
@@ -247,6 +248,10 @@ def run(
     swept = functools.partial(
         sweep, store=out / "results", backend=backend, address=address, version=code, on_result=step
     )
+    swept_data = functools.partial(swept, data=digests)
+    few: list[Result[ShallowJob]] = swept_data(functools.partial(shallow, data=data), shallows)
+    rung: list[Result[AlarmJob]] = swept_data(functools.partial(alarm, data=data), alarms)
+    checked: list[Result[CheckJob]] = swept(check, checks)
     made: dict[str, Any] = {}
     for name in data:  # one data set's healthy recordings travel to a worker at a time
         here = [p for p in unique if p.data == name]
@@ -259,10 +264,6 @@ def run(
         functools.partial(network, data=data, source=made), nets,
         data={**digests, "source": digest_of_value({k: digest_of_value(p) for k, p in plants.items()})},
     )  # fmt: skip
-    swept_data = functools.partial(swept, data=digests)
-    few: list[Result[ShallowJob]] = swept_data(functools.partial(shallow, data=data), shallows)
-    rung: list[Result[AlarmJob]] = swept_data(functools.partial(alarm, data=data), alarms)
-    checked: list[Result[CheckJob]] = swept(check, checks)
     from papers.paper2_digital_twin import tables_availability as tables
 
     study = Study(options, data, networks, few, rung, checked, {})

@@ -127,14 +127,15 @@ def network(job: NetworkJob, data: Mapping[str, Measured], source: Mapping[str, 
     held = np.asarray(made["machine"]) % HELD_OUT == job.seed % HELD_OUT
     states = train_inception(x[~held], y[~held], n_classes, job.training, job.seed)
     out: dict[str, Any] = {}
+    # Healthy recordings are dealt alike in all splits, and with them the baseline.
+    baseline = baseline_of(own, judged(own, SPLITS[0], job.fold, job.folds, job.seed))
+    target = {r: strips(own, r, baseline, job.image, size) for r in own.recordings}
+    owner = np.concatenate([[r] * len(v) for r, v in target.items()])
+    shown = np.concatenate(list(target.values()))
+    seen = evidence(states, x[held], y[held], shown, n_classes, job.training)
     for split in SPLITS:
         judge = judged(own, split, job.fold, job.folds, job.seed)
         learn = [r for r in own.recordings if r not in judge]
-        baseline = baseline_of(own, judge)
-        target = {r: strips(own, r, baseline, job.image, size) for r in own.recordings}
-        owner = np.concatenate([[r] * len(v) for r, v in target.items()])
-        shown = np.concatenate(list(target.values()))
-        seen = evidence(states, x[held], y[held], shown, n_classes, job.training)
         known = np.isin(owner, learn)
         # The choice looks at the recordings that may be learnt from, without their labels, never at those judged.
         choosing = [Evidence(e.source, e.source_labels, _some(e.target, known)) for e in seen]

@@ -109,7 +109,7 @@ def measure(records: RecordSet, name: str, options: ImageOptions) -> Measured:
     length of a piece; each window's spectrum has less resolution, and their powers are averaged.
     """
     classes = CLASSES[name]
-    lines, power, features, recording, windows, window_recording = ([] for _ in range(6))  # type: ignore[var-annotated]
+    lines, power, features, recording, windows, window_recording = ([] for _ in range(6))
     labels: dict[str, int] = {}
     bearings: dict[str, str] = {}
     sizes: dict[str, float] = {}

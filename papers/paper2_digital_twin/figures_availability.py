@@ -117,7 +117,7 @@ def what_is_seen(study: Study, data: Measured) -> Figure:
     """The lines channel of one recording of each bearing: envelope order by carrier."""
     image = study.options.image
     baseline = baseline_of(data, ())
-    first = {}
+    first: dict[tuple[int, float], str] = {}
     for r in data.recordings:
         first.setdefault((data.labels[r], data.sizes[r]), r)
     chosen = [first[key] for key in sorted(first)]

@@ -87,7 +87,7 @@ def accuracy(called: pd.DataFrame) -> pd.DataFrame:
     ):
         low, high = t_interval(list(part["accuracy"]), LEVEL)
         rows.append({
-            "data": TITLES[data], "split by": split, "method": method,
+            "data": TITLES[str(data)], "split by": split, "method": method,
             "records a fault": "all" if records == ALL else str(records), "at hand": part["labels"].min(),
             "recordings": part["recordings"].max(), "seeds": len(part), "accuracy": part["accuracy"].mean(),
             "std": part["accuracy"].std(ddof=1) if len(part) > 1 else np.nan, "low": low, "high": high,
@@ -164,8 +164,8 @@ def recordings(study: Study, called: pd.DataFrame) -> pd.DataFrame:
         data = study.data[str(name)]
         names = [data.classes[c] for c in part["called"]]
         rows.append({
-            "data": TITLES[name], "recording": recording, "bearing": data.bearings[recording],
-            "speed, rpm": data.speeds_rpm[recording], "class": data.classes[data.labels[recording]],
+            "data": TITLES[data.name], "recording": recording, "bearing": data.bearings[str(recording)],
+            "speed, rpm": data.speeds_rpm[str(recording)], "class": data.classes[data.labels[str(recording)]],
             "seeds": len(part), "right": int((part["called"] == part["class"]).sum()),
             "called": max(set(names), key=names.count),
         })  # fmt: skip

@@ -86,7 +86,8 @@ class Modulation:
     Parameters
     ----------
     lines : Array [pieces, carriers, orders]
-        Power of the normalised squared envelope over what stationary Gaussian noise would show; 1 is noise.
+        Power of the normalised squared envelope over what stationary Gaussian noise would show; 1 is noise (up to 15 %
+        more on a carrier so high that its band reaches beyond half the sampling rate).
     power : Array [pieces, carriers]
         Mean power of each row, unit of the samples squared.
     """
