@@ -273,7 +273,7 @@ def run(
 
     Parameters
     ----------
-    profile : {"smoke", "core", "full"}
+    profile : {"smoke", "lean", "core", "full"}
         "core" is a part of "full".
     out : Path
         Folder for ``tables/``, ``figures/`` and ``results/``.
