@@ -111,7 +111,7 @@ def crossings(study: Study, called: pd.DataFrame) -> pd.DataFrame:
             for m in (first, second)
         }
         steps = [c for c in (*study.options.counts, ALL) if c in wide[first] and c in wide[second]]
-        gains = {c: (wide[first][c] - wide[second][c]).to_numpy(dtype=float) for c in steps}
+        gains = {c: (wide[first][c] - wide[second][c]).dropna().to_numpy(dtype=float) for c in steps}
         good = [c for i, c in enumerate(steps) if all(gains[later].mean() >= -1e-12 for later in steps[i:])]
         sure = [c for i, c in enumerate(steps) if all(_above(gains[later]) for later in steps[i:])]
         rows.append({
