@@ -139,6 +139,7 @@ class OnlineLife:
         self._together = 1
         self._used_rule = self.options.rule
         self._settled_at = 0
+        self._beyond = False
         # Judged rows: number of the row, revolutions, log normalised amplitude.
         self._log: list[tuple[int, float, float]] = []
         self._last: tuple[float, float, float, float] | None = None
@@ -366,6 +367,11 @@ class OnlineLife:
             )
             self.onset_row = self.alarm_row = self._last = None
             self._run = []
+        if self.alarm_row is not None and not self._beyond and not self._influence.covers(speed_rpm):
+            self._beyond = True
+            self.notes.append(
+                f"{speed_rpm:.0f} rpm lies beyond the speeds seen while healthy: its healthy amplitude is extrapolated"
+            )
         if self.alarm_row is not None and self.end_row is None:
             ended = (
                 peak_to_peak >= self.options.limit

@@ -104,6 +104,8 @@ def read_run(folder: str | os.PathLike[str], group: str | None = None) -> Run:
         what = "no such folder" if kind == "missing" else "is not a folder"
         raise TwingapError(what, where=folder, mend="name the folder that holds recordset.toml and records.csv")
     about = read_toml(folder / "recordset.toml").get("recordset", {})
+    if not isinstance(about, dict):
+        raise TwingapError("recordset is no table", where=folder / "recordset.toml", mend="begin it with [recordset]")
     table = folder / "records.csv"
     rows = read_table(table, ("record", "file", "speed_rpm", "time_s"))
     rows = _one_run(rows, table, group)

@@ -47,7 +47,7 @@ class SimulatedRun:
     @property
     def remaining_revolutions(self) -> Array:
         """At every row, 0 at the last."""
-        return self.revolutions[-1] - self.revolutions
+        return np.asarray(self.revolutions[-1] - self.revolutions)
 
 
 def _exponential(share: Array, rng: np.random.Generator) -> Array:
@@ -175,7 +175,13 @@ def simulate_run(
     turns = np.concatenate(([0.0], np.cumsum((speed[1:] + speed[:-1]) / 2 * dt_s / 60)))
     cut = slice(0, last + 1)
     return SimulatedRun(
-        law, time_s[cut], speed[cut], np.asarray(gain * normalised, float)[cut], before, ratio, turns[cut]
+        law,
+        time_s[cut],
+        np.asarray(speed, float)[cut],
+        np.asarray(gain * normalised, float)[cut],
+        before,
+        ratio,
+        turns[cut],
     )
 
 

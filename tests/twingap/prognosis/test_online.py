@@ -196,3 +196,25 @@ def test_rows_out_of_order_are_refused() -> None:
     life.take(5.0, 60.0, 1.0)
     with pytest.raises(TwingapError, match="sort rows by time"):
         life.take(4.0, 60.0, 1.0)
+
+
+def test_a_speed_never_seen_while_healthy_is_said_after_the_alarm() -> None:
+    rng = np.random.default_rng(11)
+    life = OnlineLife()
+    for row in range(120):
+        damage = 1.0 if row < 80 else 2.5
+        life.take(float(row), 1000.0, damage * float(np.exp(0.05 * rng.normal())))
+    assert life.alarm_row is not None and life.notes == []
+    life.take(120.0, 2000.0, 5.0)
+    assert len(life.notes) == 1 and "2000 rpm lies beyond" in life.notes[0]
+
+
+def test_a_new_speed_before_any_anomaly_is_learnt_from_its_own_rows() -> None:
+    """Sixfold amplitude at a speed that the healthy rows lack is no anomaly; 2.5 times that is one."""
+    rng = np.random.default_rng(12)
+    life = OnlineLife()
+    for row in range(220):
+        speed = 1000.0 if row < 100 else 1500.0
+        height = (1.0 if row < 100 else 6.0) * (2.5 if row >= 200 else 1.0)
+        life.take(float(row), speed, height * float(np.exp(0.05 * rng.normal())))
+    assert life.onset_row == 200 and any("1500 rpm was not among" in note for note in life.notes)
