@@ -46,6 +46,7 @@ KEPT: Final = "fusion 9, whole run, silent records kept"
 CHOSEN: Final = "chosen on other runs"
 HINDSIGHT: Final = "own end, known in hindsight"
 OTHERS: Final = "median end of other runs"
+INDICATORS: Final = ("rms", CHOSEN, NINE, OFFLINE, KEPT)
 END_ROWS: Final = 5
 """Records whose mean is the level at a run's end."""
 
@@ -84,6 +85,7 @@ class DegradationOptions:
     trend_rows_femto: int
     silent_share: float
     window_samples: int
+    indicators: tuple[str, ...]
     primary: tuple[str, ...]
     error: str
     interval_level: float
@@ -158,6 +160,11 @@ def read_study(path: Path = CONFIG) -> DegradationOptions:
     if len(options.primary) != 2 or not set(options.primary) <= set(degradation_models.MODELS):
         known = ", ".join(degradation_models.MODELS)
         raise TwingapError("two models expected", where=f"{path}: primary", mend=f"use two of {known}")
+    if "rms" not in options.indicators or not set(options.indicators) <= set(INDICATORS):
+        raise TwingapError(
+            f"{list(options.indicators)} found", where=f"{path}: indicators",
+            mend=f"use rms and any of {', '.join(INDICATORS[1:])}",
+        )  # fmt: skip
     if options.error not in ("rest", "next"):
         raise TwingapError(f"{options.error!r} found", where=f"{path}: error", mend="use rest or next")
     return options
@@ -219,7 +226,7 @@ def run(
         sorted(names), list(options.runs_femto[: sizes.femto]), reading, root, store=store, backend=backend,
         address=address, on_result=step,
     )  # fmt: skip
-    found = judge_all(runs)
+    found = judge_all(runs, options.indicators)
     analyses = [
         Analysis(
             j.run.name, name, _limits(j, name, found), _healthy(j, name), sizes.curves, options.interval_level, seed
@@ -262,25 +269,26 @@ def run(
     return study
 
 
-def judge_all(runs: Sequence[StudyRun]) -> list[Judged]:
-    """Candidates and criteria of every run, and the choice that the others of its family make for it."""
+def judge_all(runs: Sequence[StudyRun], indicators: Sequence[str] = INDICATORS) -> list[Judged]:
+    """Candidates and criteria of every run, the choice that the others of its family make for it, and those of the
+    indicators that it has."""
     online = [online_indicators(r.run, r.healthy_rows) for r in runs]
     criteria = [
         judged(i, r.run.time_s, healthy_rows=r.healthy_rows, window=r.trend_rows)
         for r, i in zip(runs, online, strict=True)
     ]
     found = []
-    for k, (r, indicators) in enumerate(zip(runs, online, strict=True)):
+    for k, (r, made) in enumerate(zip(runs, online, strict=True)):
         others = [c for n, c in enumerate(criteria) if n != k and runs[n].family == r.family]
         choice = chosen(others) if others else None
-        if choice is not None and choice not in indicators.values:  # test 3 of IMS has fewer features
-            shared = [{name: c[name] for name in c if name in indicators.values} for c in others]
+        if choice is not None and choice not in made.values:  # test 3 of IMS has fewer features
+            shared = [{name: c[name] for name in c if name in made.values} for c in others]
             choice = chosen(shared)
-        series, times = {"rms": indicators.values["rms"]}, {"rms": r.run.time_s}
+        series, times = {"rms": made.values["rms"]}, {"rms": r.run.time_s}
         if choice is not None:
-            series[CHOSEN] = indicators.values[choice]
-        if NINE in indicators.values:
-            series[NINE] = indicators.values[NINE]
+            series[CHOSEN] = made.values[choice]
+        if NINE in made.values:
+            series[NINE] = made.values[NINE]
         offline = offline_indicators(r.run).values
         if NINE in offline:
             series[OFFLINE] = offline[NINE]
@@ -289,7 +297,8 @@ def judge_all(runs: Sequence[StudyRun]) -> list[Judged]:
             kept = offline_indicators(r.whole).values
             if NINE in kept:
                 series[KEPT], times[KEPT] = kept[NINE], r.whole.time_s
-        found.append(Judged(r, indicators, criteria[k], choice, series, times))
+        series = {name: x for name, x in series.items() if name in indicators}
+        found.append(Judged(r, made, criteria[k], choice, series, times))
     return found
 
 

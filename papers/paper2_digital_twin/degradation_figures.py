@@ -60,7 +60,7 @@ def waveform(j: Judged) -> Figure:
     panel = figure.subplots()
     panel.fill_between(hours, j.run.extremes[:, 0], j.run.extremes[:, 1], color=TREND, lw=0.3, step="mid")
     panel.set_xlabel("running time (h)")
-    panel.set_ylabel("acceleration (g)")
+    panel.set_ylabel(f"acceleration ({'unit not stated' if j.run.family == 'IMS' else 'g'})")
     panel.set_xlim(hours[0], hours[-1])
     panel.set_title(f"{j.run.name}: least and greatest sample of each record")
     return figure

@@ -51,6 +51,7 @@ coverage_runs = 2
 def config(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("study") / "degradation.toml"
     text = re.sub(r"(?m)^simulated_rows = .*$", "simulated_rows = 60", CONFIG.read_text(encoding="utf-8"))
+    text = re.sub(r"(?s)indicators = \[.*?\]\n", 'indicators = ["rms", "fusion 9, whole run"]\n', text)
     path.write_text(text.replace("healthy_rows_femto = 60", "healthy_rows_femto = 30") + TINY, encoding="utf-8")
     return path
 
@@ -221,8 +222,8 @@ def test_coverage_is_counted_on_curves_from_one_to_five() -> None:
 
 
 def test_offline_reading_of_fusion_nine_is_what_the_study_fits(study: Study) -> None:
-    j = study.shown
-    if degradation.OFFLINE in j.series:
+    for j in study.runs:
+        assert list(j.series) == ["rms", degradation.OFFLINE]
         assert np.array_equal(j.series[degradation.OFFLINE], offline_indicators(j.run.run).values["fusion 9"])
 
 
@@ -238,4 +239,7 @@ def test_wrong_input_is_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[s
     bad = tmp_path / "bad.toml"
     bad.write_text(CONFIG.read_text(encoding="utf-8").replace('"combined power 3", ', ""), encoding="utf-8")
     with pytest.raises(TwingapError, match="two models expected"):
+        read_study(bad)
+    bad.write_text(CONFIG.read_text(encoding="utf-8").replace('    "rms", ', '    "rums", '), encoding="utf-8")
+    with pytest.raises(TwingapError, match="use rms and any of"):
         read_study(bad)
