@@ -64,6 +64,8 @@ class Known:
     unit : str
     dt_s : float
     twin : AdaptiveTwin
+    healthy : Snapshots
+        Records of the healthy beginning.
     real : Snapshots
         Records from K_anomaly to now, without labels.
     """
@@ -75,6 +77,7 @@ class Known:
     unit: str
     dt_s: float
     twin: AdaptiveTwin
+    healthy: Snapshots
     real: Snapshots
 
     def __post_init__(self) -> None:
@@ -233,8 +236,9 @@ def read_case(target: Target, name: str, options: TargetOptions, adaptation: Ada
     judged = measured_snapshots(records, onset, range(onset + 1, end + 1), n)
     left = remaining_revolutions(run.speed_rpm[onset : end + 1], run.dt_s)[1:]
     seen = judged.take(judged.position <= twin.now_row - onset)
+    healthy = measured_snapshots(records, onset, range(run.rows_in(adaptation.reference_min)), n)
     known = Known(
-        name, records.bearing, options.fault, records.conditions[0].fs_hz, records.unit, run.dt_s, twin, seen
+        name, records.bearing, options.fault, records.conditions[0].fs_hz, records.unit, run.dt_s, twin, healthy, seen
     )  # fmt: skip
     labelled = Snapshots(judged.samples, judged.speed_rpm, judged.position, judged.life, left)
     return Case(known, run.until(end), labelled, target.onsets_s.get(name), tuple(waited))

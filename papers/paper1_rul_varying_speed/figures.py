@@ -36,21 +36,25 @@ def all_figures(results: Sequence[CaseResult], options: Options, data: str) -> I
     import matplotlib as mpl
 
     def of(name: str) -> CaseResult:
-        return next((r for r in results if r.case.name == name), results[0])
+        return next((r for r in own if r.case.name == name), own[0])
 
     with mpl.rc_context(SIZES):
+        own = [r for r in results if r.variant == results[0].variant]
         yield "figure03_04-speed", speed(of("A148"), options, data)
         yield "figure05_10-anomaly", anomaly(of("A156"), options, data)
-        yield "figure06_12-trajectories", trajectories(of("A148"), options, data)
         yield "figure07-remaining", remaining(of("A148"), data)
         yield "figure08-network", network(of("A148"), data)
         yield "figure09-run", run(of("A148"), options, data)
-        yield "figure11-signals", signals(of("A148"), data)
-        if "embedding" in of("A156").trainings[0].value:
-            yield "figure13-tsne", embedding(of("A156"), data)
-        for result in results:
-            yield f"figure14-{result.case.name}", predicted(result, data)
-        yield "table5", table5(results, data)
+        for twin in dict.fromkeys(r.variant for r in results):
+            own = [r for r in results if r.variant == twin]
+            about = f"{data}; {twin} twin"
+            yield f"figure06_12-trajectories-{twin}", trajectories(of("A148"), options, about)
+            yield f"figure11-signals-{twin}", signals(of("A148"), data)
+            if "embedding" in of("A156").trainings[0].value:
+                yield f"figure13-tsne-{twin}", embedding(of("A156"), about)
+            for result in own:
+                yield f"figure14-{result.case.name}-{twin}", predicted(result, about)
+            yield f"table5-{twin}", table5(own, about)
 
 
 def speed(result: CaseResult, options: Options, data: str) -> Figure:
@@ -221,7 +225,7 @@ def signals(result: CaseResult, data: str) -> Figure:
     panels = figure.subplots(2, 2, sharex="col")
     for line, name, x, colour in (
         (0, f"measured ({data})", real, MEASURED),
-        (1, "simulated", made.samples[near].astype(float), SIMULATED),
+        (1, f"simulated, {result.variant} twin", made.samples[near].astype(float), SIMULATED),
     ):
         t = np.arange(x.size) / case.known.fs_hz
         show = t < 0.1

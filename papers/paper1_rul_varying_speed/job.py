@@ -34,6 +34,8 @@ class Job:
     Parameters
     ----------
     bearing : str
+    variant : str
+        Of the twin.
     model : str
     architecture : LifeArchitecture
         The model's.
@@ -52,6 +54,7 @@ class Job:
     """
 
     bearing: str
+    variant: str
     model: str
     architecture: LifeArchitecture
     seed: int
@@ -82,7 +85,8 @@ def simulate(job: Job, known: Known, digest: str = "") -> tuple[Snapshots, Snaps
         rng = np.random.default_rng([job.seed, 2])
         twin, n_samples = known.twin, known.real.samples.shape[1]
         make = LifeSimulator(
-            twin, known.bearing, known.fault, known.fs_hz, n_samples, rng, job.signal, known.unit
+            twin, known.bearing, known.fault, known.fs_hz, n_samples, rng, job.signal, known.unit,
+            healthy=known.healthy, struck=known.real,
         )  # fmt: skip
 
         def several(lives: tuple[Trajectory, ...], copies: int) -> Snapshots:

@@ -47,6 +47,22 @@ class TargetOptions:
 
 
 @dataclass(frozen=True)
+class Variant:
+    """A twin, and what training knows of it.
+
+    Parameters
+    ----------
+    signal : SignalModel
+        See `twingap.prognosis.simulated_lives`.
+    alike : bool
+        See `twingap.prognosis.training.LifeTraining`.
+    """
+
+    signal: SignalModel
+    alike: bool
+
+
+@dataclass(frozen=True)
 class JudgingOptions:
     """How models are chosen and judged.
 
@@ -76,6 +92,8 @@ class Profile:
     ----------
     bearings : tuple[str, ...]
         Runs to predict.
+    variants : tuple[str, ...]
+        Twins to train on, keys of `Options.variants`.
     models : tuple[str, ...]
         Columns of table 5.
     seeds : int
@@ -89,6 +107,7 @@ class Profile:
     """
 
     bearings: tuple[str, ...]
+    variants: tuple[str, ...]
     models: tuple[str, ...]
     seeds: int
     steps: int
@@ -105,10 +124,10 @@ class Options:
     target : TargetOptions
     adaptation : Adaptation
         See `twingap.prognosis.adaptive_twin`.
-    signal : SignalModel
-        See `twingap.prognosis.simulated_lives`.
+    variants : dict[str, Variant]
+        By name.
     training : LifeTraining
-        See `twingap.prognosis.training`; its `steps` are the profile's.
+        See `twingap.prognosis.training`; its `steps` are the profile's, its `alike` the variant's.
     judging : JudgingOptions
     profiles : dict[str, Profile]
         By name.
@@ -116,7 +135,7 @@ class Options:
 
     target: TargetOptions
     adaptation: Adaptation
-    signal: SignalModel
+    variants: dict[str, Variant]
     training: LifeTraining
     judging: JudgingOptions
     profiles: dict[str, Profile]
@@ -150,6 +169,8 @@ def read_options(path: Path = CONFIG) -> Options:
     for name, profile in options.profiles.items():
         for model in profile.models:
             _known(model, MODELS, f"{path}: profiles.{name}.models")
+        for variant in profile.variants:
+            _known(variant, options.variants, f"{path}: profiles.{name}.variants")
         for field in dataclasses.fields(Profile):
             value = getattr(profile, field.name)
             if (value < 1) if isinstance(value, int) else not value:

@@ -114,7 +114,7 @@ def run(
     with files.replacing(out / ".writable") as probe:  # a folder that cannot be written is told before the work
         probe.touch()
     (out / ".writable").unlink()
-    total = len(sizes.bearings) * len(sizes.models) * sizes.seeds
+    total = len(sizes.bearings) * len(sizes.variants) * len(sizes.models) * sizes.seeds
     done = 0
 
     def step(_: Result[Any]) -> None:
@@ -141,14 +141,17 @@ def run(
                 list(_jobs(case, options, sizes, seed)),
                 data={"run": case.digest, "adaptation": repr(options.adaptation)},
                 on_result=step,
-                describe=lambda j: f"{j.bearing}, {j.model}, seed {j.seed}",
+                describe=lambda j: f"{j.bearing}, {j.variant} twin, {j.model}, seed {j.seed}",
                 backend=backend,
                 address=address,
                 store=out / "results",
                 version=version,
             )
-            results.append(CaseResult(case, trainings))
-            _log_case(log, results[-1], target)
+            results += [
+                CaseResult(case, variant, [t for t in trainings if t.job.variant == variant])
+                for variant in sizes.variants
+            ]
+            _log_case(log, results[-len(sizes.variants) :], target)
         rows = tables.errors(results, options, target.title)
         progress("tables and figures", total, total)
         _publish(log, results, options, target, rows, out, draw)
@@ -169,15 +172,18 @@ def _version() -> str:
 
 
 def _jobs(case: Case, options: Options, sizes: Profile, seed: int) -> Iterator[Job]:
-    """Seeds outside, models inside: those of a seed share their simulated records."""
-    own = dataclasses.replace(options.training, steps=sizes.steps)
-    for i in range(sizes.seeds):
-        for model in sizes.models:
-            shape = architecture_of(model, printed=options.judging.printed)
-            yield Job(
-                case.name, model, dataclasses.replace(shape, length=options.target.window_samples), seed + i, own,
-                options.signal, sizes.copies, sizes.most_records, options.judging.criterion, embedded=i == 0,
-            )  # fmt: skip
+    """Models innermost: those of a twin and seed share their simulated records."""
+    for variant in sizes.variants:
+        chosen = options.variants[variant]
+        own = dataclasses.replace(options.training, steps=sizes.steps, alike=chosen.alike)
+        for i in range(sizes.seeds):
+            for model in sizes.models:
+                shape = architecture_of(model, printed=options.judging.printed)
+                yield Job(
+                    case.name, variant, model, dataclasses.replace(shape, length=options.target.window_samples),
+                    seed + i, own, chosen.signal, sizes.copies, sizes.most_records, options.judging.criterion,
+                    embedded=i == 0,
+                )  # fmt: skip
 
 
 def _log_inputs(log: Run, options: Options, sizes: Profile, profile: str, seed: int, config: Path) -> None:
@@ -186,23 +192,25 @@ def _log_inputs(log: Run, options: Options, sizes: Profile, profile: str, seed: 
     log.data("config.toml", digest_of_path(config), role="configuration")
 
 
-def _log_case(log: Run, result: CaseResult, target: Target) -> None:
-    """Nested runs: bearing, then model, then seed."""
-    case, twin = result.case, result.case.known.twin
+def _log_case(log: Run, results: list[CaseResult], target: Target) -> None:
+    """Nested runs: bearing, then twin and model, then seed."""
+    case, twin = results[0].case, results[0].case.known.twin
     with log.run(case.name, {"bearing": case.name, "data": target.title}) as of_case:
-        (read,) = tables.runs([result], target.title).to_dict("records")
+        (read,) = tables.runs(results[:1], target.title).to_dict("records")
         of_case.metrics({str(k): v for k, v in read.items() if isinstance(v, (int, float))})
         of_case.parameters(
             {"onset_row": twin.onset_row, "now_row": twin.now_row, "lives": [life.rate for life in twin.lives],
              "waited": list(case.waited)}
         )  # fmt: skip
-        for model in result.models:
-            with of_case.run(model, {"model": model}) as of_model:
-                errors = [t.value["rmse_min"][t.value["place"]] for t in result.of(model)]
-                of_model.metrics({"rmse min mean": float(np.mean(errors)), "rmse min std": tables.std(errors)})
-                for trained in result.of(model):
-                    with of_model.run(f"seed {trained.job.seed}", {"store key": trained.key}) as of_seed:
-                        _log_training(of_seed, trained)
+        for result in results:
+            for model in result.models:
+                words = {"model": model, "twin": result.variant}
+                with of_case.run(f"{model}, {result.variant} twin", words) as of_model:
+                    errors = [t.value["rmse_min"][t.value["place"]] for t in result.of(model)]
+                    of_model.metrics({"rmse min mean": float(np.mean(errors)), "rmse min std": tables.std(errors)})
+                    for trained in result.of(model):
+                        with of_model.run(f"seed {trained.job.seed}", {"store key": trained.key}) as of_seed:
+                            _log_training(of_seed, trained)
 
 
 def _log_training(log: Run, trained: Result[Job]) -> None:
@@ -242,7 +250,8 @@ def _publish(
         "errors": tables.frame(rows),
         "table5": tables.table5(rows, target.title),
         "comparison": tables.comparison(results, options, target.title),
-        "runs": tables.runs(results, target.title),
+        "gap": tables.gap(rows, target.title),
+        "runs": tables.runs([r for r in results if r.variant == results[0].variant], target.title),
         "network": tables.network(results, options, target.title),
         "selection": tables.selection(results, target.title),
         "predictions": tables.predictions(results, target.title),

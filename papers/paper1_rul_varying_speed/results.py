@@ -16,16 +16,19 @@ from twingap.sweep import Result
 
 @dataclass(frozen=True)
 class CaseResult:
-    """All that came out of one run.
+    """All that came out of one run with one twin.
 
     Parameters
     ----------
     case : Case
+    variant : str
+        Of the twin.
     trainings : list[Result[Job]]
         In the order seed, model.
     """
 
     case: Case
+    variant: str
     trainings: list[Result[Job]]
 
     def of(self, model: str) -> list[Result[Job]]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Final
@@ -63,7 +63,7 @@ def _row(
     errors = [rmse(true, p) for p in predictions]
     after = [rmse(true[later], p[later]) for p in predictions] if later.any() else [float("nan")]
     row: dict[str, Any] = {
-        "data": data, "bearing": case.name, "model": model, "seeds": len(errors),
+        "data": data, "twin": result.variant, "bearing": case.name, "model": model, "seeds": len(errors),
         "rmse_min": float(np.mean(errors)), "std": std(errors),
     }  # fmt: skip
     for level in options.judging.levels:
@@ -86,8 +86,9 @@ def errors(results: Sequence[CaseResult], options: Options, data: str) -> list[d
     """One row per run and model, and per run the yardstick.
 
     ``rmse_min``: of remaining time over all rows from K_anomaly to the end of life, as in the paper;
-    ``rmse_later_min``, ``within_..``, ``relative_accuracy``: over rows after now alone, which training never saw. ``oracle_min``: of the
-    checkpoint that true lives would have chosen, which no model may claim. ``published_min``: of the paper, on its set.
+    ``rmse_later_min``, ``within_..``, ``relative_accuracy``: over rows after now alone, which training never saw.
+    ``oracle_min``: of the checkpoint that true lives would have chosen, which no model may claim. ``published_min``: of
+    the paper, on its set.
     """
     rows = []
     for result in results:
@@ -115,52 +116,68 @@ def frame(rows: Sequence[dict[str, Any]]) -> pd.DataFrame:
 
 def table5(rows: Sequence[dict[str, Any]], data: str) -> pd.DataFrame:
     """RMSE in minutes, a line per run and a column per model, mean +- std over seeds; the paper's mean in brackets."""
-    table = frame(rows)
     made = []
-    for bearing in dict.fromkeys(table["bearing"]):
-        line: dict[str, Any] = {"data": data, "bearing": bearing}
-        for row in table[table["bearing"] == bearing].to_dict("records"):
-            spread = "" if pd.isna(row["std"]) else f" ± {row['std']:.1f}"
-            published = row.get("published_min")
-            paper = "" if published is None or pd.isna(published) else f" [{published:.1f}]"
-            line[str(row["model"])] = f"{row['rmse_min']:.1f}{spread}{paper}"
+    for twin, table in frame(rows).groupby("twin", sort=False):
+        for bearing, own in table.groupby("bearing", sort=False):
+            line: dict[str, Any] = {"data": data, "twin": twin, "bearing": bearing}
+            for row in own.to_dict("records"):
+                spread = "" if pd.isna(row["std"]) else f" ± {row['std']:.1f}"
+                published = row.get("published_min")
+                paper = "" if published is None or pd.isna(published) else f" [{published:.1f}]"
+                line[str(row["model"])] = f"{row['rmse_min']:.1f}{spread}{paper}"
+            made.append(line)
+        line = {"data": data, "twin": twin, "bearing": "mean"}
+        for model, mean in table.groupby("model", sort=False)["rmse_min"].mean().items():
+            published = [PUBLISHED[b][list(MODELS).index(str(model))] for b in table["bearing"].unique()
+                         if b in PUBLISHED and model in MODELS]  # fmt: skip
+            line[str(model)] = f"{mean:.1f}" + (f" [{np.mean(published):.1f}]" if published else "")
         made.append(line)
-    line = {"data": data, "bearing": "mean"}
-    for model, mean in table.groupby("model", sort=False)["rmse_min"].mean().items():
-        published = [PUBLISHED[b][list(MODELS).index(str(model))] for b in table["bearing"].unique()
-                     if b in PUBLISHED and model in MODELS]  # fmt: skip
-        line[str(model)] = f"{mean:.1f}" + (f" [{np.mean(published):.1f}]" if published else "")
-    return pd.DataFrame([*made, line])
+    return pd.DataFrame(made)
+
+
+def gap(rows: Sequence[dict[str, Any]], data: str) -> pd.DataFrame:
+    """Mean RMSE over runs by model, a column per twin: before and after the gap between twin and run was closed."""
+    table = frame([r for r in rows if r["model"] != LIVES])
+    wide = table.pivot_table("rmse_min", "model", "twin", aggfunc="mean", sort=False)
+    wide.columns = [f"rmse_min, {twin} twin" for twin in wide.columns]
+    if wide.shape[1] == 2:
+        wide["ratio"] = wide.iloc[:, 1] / wide.iloc[:, 0]
+    return pd.DataFrame({"data": data, "runs": table["bearing"].nunique()}, index=wide.index).join(wide).reset_index()
 
 
 def comparison(results: Sequence[CaseResult], options: Options, data: str) -> pd.DataFrame:
-    """What was to be shown: proposed model 3 over CNN, and that it beats CNN and DANN on every run.
+    """What was to be shown: proposed model 3 over CNN, and that it beats CNN and DANN on every run; the others' too.
 
     The ratio is that of mean RMSE over runs, by seed; its interval is over seeds. A run counts as won when the mean
     over seeds is lower.
     """
     rows: list[dict[str, Any]] = []
-    for model in (FULL, *[m for m in MODELS if m != FULL]):
-        for over in RIVALS:
-            if model == over or any(m not in r.models for r in results for m in (model, over)):
-                continue
-            of = {m: np.array([[rmse(r.case.true_min, r.predicted_min(t)) for t in r.of(m)] for r in results])
-                  for m in (model, over)}  # fmt: skip
-            ratios = of[model].mean(axis=0) / of[over].mean(axis=0)
-            won = int(np.sum(of[model].mean(axis=1) < of[over].mean(axis=1)))
-            row = {"data": data, "model": model, "over": over, "ratio": float(ratios.mean())}
-            for level in options.judging.levels:
-                row[f"low_{100 * level:.0f}"], row[f"high_{100 * level:.0f}"] = t_interval(list(ratios), level)
-            row |= {"runs_won": won, "runs": len(results), "seeds": ratios.size}
-            if model == FULL:
-                met = won == len(results) and (over != "CNN" or row["ratio"] <= TARGET_RATIO)
-                row["target"] = f"every run won{f', ratio at most {TARGET_RATIO}' if over == 'CNN' else ''}"
-                row["met"] = "yes" if met else "no"
-            published = [[PUBLISHED[r.case.name][list(MODELS).index(m)] for r in results if r.case.name in PUBLISHED]
-                         for m in (model, over)]  # fmt: skip
-            row["published_ratio"] = float(np.mean(published[0]) / np.mean(published[1])) if published[0] else np.nan
-            rows.append(row)
+    for twin in dict.fromkeys(r.variant for r in results):
+        own = [r for r in results if r.variant == twin]
+        for model in [FULL, *[m for m in MODELS if m not in (FULL, *RIVALS)]]:
+            rows += [_compared(own, twin, model, over, options, data) for over in RIVALS
+                     if all(m in r.models for r in own for m in (model, over))]  # fmt: skip
     return pd.DataFrame(rows)
+
+
+def _compared(
+    results: Sequence[CaseResult], twin: str, model: str, over: str, options: Options, data: str
+) -> dict[str, Any]:  # fmt: skip
+    of = {m: np.array([[rmse(r.case.true_min, r.predicted_min(t)) for t in r.of(m)] for r in results])
+          for m in (model, over)}  # fmt: skip
+    ratios = of[model].mean(axis=0) / of[over].mean(axis=0)
+    won = int(np.sum(of[model].mean(axis=1) < of[over].mean(axis=1)))
+    row: dict[str, Any] = {"data": data, "twin": twin, "model": model, "over": over, "ratio": float(ratios.mean())}
+    for level in options.judging.levels:
+        row[f"low_{100 * level:.0f}"], row[f"high_{100 * level:.0f}"] = t_interval(list(ratios), level)
+    row |= {"runs_won": won, "runs": len(results), "seeds": ratios.size}
+    if model == FULL:
+        row["target"] = f"every run won{f', ratio at most {TARGET_RATIO}' if over == 'CNN' else ''}"
+        row["met"] = "yes" if won == len(results) and (over != "CNN" or row["ratio"] <= TARGET_RATIO) else "no"
+    known = [r.case.name for r in results if r.case.name in PUBLISHED]
+    published = [[PUBLISHED[name][list(MODELS).index(m)] for name in known] for m in (model, over)]
+    row["published_ratio"] = float(np.mean(published[0]) / np.mean(published[1])) if known else float("nan")
+    return row
 
 
 def runs(results: Sequence[CaseResult], data: str) -> pd.DataFrame:
@@ -229,12 +246,13 @@ def selection(results: Sequence[CaseResult], data: str) -> pd.DataFrame:
     for result in results:
         for model in result.models:
             trainings = result.of(model)
-            row: dict[str, Any] = {"data": data, "bearing": result.case.name, "model": model}
-            mean: Callable[[list[float]], float] = lambda values: float(np.mean(values))  # noqa: E731
+            row: dict[str, Any] = {
+                "data": data, "twin": result.variant, "bearing": result.case.name, "model": model,
+            }  # fmt: skip
             for name in trainings[0].value["chosen"]:
-                row[name] = mean([t.value["rmse_min"][t.value["chosen"][name]] for t in trainings])
-            row["last checkpoint"] = mean([t.value["rmse_min"][-1] for t in trainings])
-            row["oracle (true lives)"] = mean([min(t.value["rmse_min"]) for t in trainings])
+                row[name] = float(np.mean([t.value["rmse_min"][t.value["chosen"][name]] for t in trainings]))
+            row["last checkpoint"] = float(np.mean([t.value["rmse_min"][-1] for t in trainings]))
+            row["oracle (true lives)"] = float(np.mean([min(t.value["rmse_min"]) for t in trainings]))
             rows.append(row)
     return pd.DataFrame(rows)
 
@@ -247,7 +265,7 @@ def predictions(results: Sequence[CaseResult], data: str) -> pd.DataFrame:
         first = min(t.job.seed for t in result.trainings)
         rows = case.known.twin.onset_row + case.judged.position.astype(int)
         table = pd.DataFrame({
-            "data": data, "bearing": case.name, "time_min": case.run.time_s[rows] / 60,
+            "data": data, "twin": result.variant, "bearing": case.name, "time_min": case.run.time_s[rows] / 60,
             "speed_rpm": case.judged.speed_rpm, "seen": np.where(case.later, "no", "yes, without label"),
             "true_min": case.true_min,
         })  # fmt: skip

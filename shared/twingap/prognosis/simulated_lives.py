@@ -4,9 +4,9 @@ lives: speed, S(k) D(k), revolutions --amplitude for that peak to peak--> phenom
 records of the run after K_anomaly, speed, place ------------------------------------------------> Snapshots, no labels
 
 Eq. 1 of paper 1: x_k = S(k) D(k) sum_i h(t - iT - tau_i) q(iT) A_i + n(t). S and D scale the impacts, and n(t) stays as
-it is: `effects.SpeedGain`, which drives all excitation, is not what eq. 1 says, so the two factors of each row are
-handed to the chain together. The end of life is defined on peak to peak, so amplitudes are such that the simulated
-record, its noise included, has S(k) D(k) peak to peak on average.
+it is: `effects.SpeedGain`, which drives all excitation, is not what eq. 1 says. The end of life is defined on peak to
+peak, so each record's impacts are given the strength with which it, noise included, has S(k) D(k) peak to peak, give or
+take what healthy records scatter about S.
 """
 
 from __future__ import annotations
@@ -19,21 +19,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twingap.bearing import Bearing
-from twingap.effects import Draft, Effect, ImpactScatter, LoadZone, SlipJitter, Stage
+from twingap.effects import Draft, Effect, ImpactScatter, LoadZone, Mode, SlipJitter, Stage
 from twingap.errors import TwingapError
 from twingap.prognosis.adaptive_twin import AdaptiveTwin
 from twingap.prognosis.degradation import Trajectory
 from twingap.prognosis.encoding import sequence_position
+from twingap.prognosis.struck_modes import struck_modes
 from twingap.records import Condition, RecordSet
 from twingap.twins.phenomenological import PhenomenologicalParameters, PhenomenologicalTwin
 
 Array = NDArray[np.float64]
 Samples = NDArray[np.float32]
 
-PILOTS = 6
-"""Records behind each point of the amplitude table."""
-_GAINS = np.concatenate(([0.0], np.geomspace(0.02, 3.0, 25)))
-"""Amplitudes tried, in multiples of that whose impacts alone have the wanted peak to peak."""
+CHUNK = 128
+"""Records made at once."""
 
 
 @dataclass(frozen=True)
@@ -86,30 +85,55 @@ class SignalModel:
         Depth of q.
     scatter : float
         Standard deviation of A_i.
-    noise : {"constant", "with_speed"}
+    strikes : {"given", "matched"}
+        Depth of q and scatter of A as given, or those of `STRIKES` with which simulated records are as impulsive as the
+        measured ones after the anomaly (peak to peak over RMS).
+    noise : {"constant", "with_speed", "measured"}
         n(t) of eq. 1 is the same at all speeds. "with_speed": what passes the structure follows S, as healthy vibration
-        of real machines does; the measuring chain's white noise does not.
+        of real machines does; the measuring chain's white noise does not. "measured": n(t) is a healthy record of the
+        run at the nearest speed, shifted in time.
     noise_share : float
-        Peak to peak of the noise over that of a healthy record, at the speed where that is least.
+        Peak to peak of simulated noise over that of a healthy record, at the speed where that is least.
+    path : {"healthy", "struck"}
+        h(t) of eq. 1 is the dominant mode of healthy records (eq. 8). "struck": the modes that stand out of records
+        after the anomaly, see `struck_modes`.
+    modes : int
+        Most modes of a struck path.
     """
 
     jitter: float = 0.02
     load_zone: float = 0.3
     scatter: float = 0.1
-    noise: Literal["constant", "with_speed"] = "constant"
+    strikes: Literal["given", "matched"] = "given"
+    noise: Literal["constant", "with_speed", "measured"] = "constant"
     noise_share: float = 0.8
+    path: Literal["healthy", "struck"] = "healthy"
+    modes: int = 4
+
+
+STRIKES = tuple((zone, scatter) for zone in (0.3, 1.0) for scatter in (0.1, 0.2, 0.3, 0.45, 0.6))
+"""Depths of q and scatters of A among which is matched."""
 
 
 @dataclass(frozen=True)
-class _RowGain(Effect):
-    """S(k) D(k) on the impacts of row k, and the row's level of structure noise; both in the record's columns."""
+class _NoiseGain(Effect):
+    """The record's level of structure noise, from its columns."""
 
     stage: ClassVar[Stage] = Stage.EXCITATION
 
     def apply(self, draft: Draft, rng: np.random.Generator) -> None:
-        if draft.impacts is not None:
-            draft.impacts.amplitudes = draft.impacts.amplitudes * float(draft.condition.extra["impact_gain"])
         draft.amplify_force(float(draft.condition.extra["noise_gain"]))
+
+
+@dataclass(frozen=True)
+class _MoreModes(Effect):
+    """Modes beside the first."""
+
+    stage: ClassVar[Stage] = Stage.PATH
+    modes: tuple[Mode, ...] = ()
+
+    def apply(self, draft: Draft, rng: np.random.Generator) -> None:
+        draft.modes.extend(self.modes)
 
 
 class LifeSimulator:
@@ -126,11 +150,14 @@ class LifeSimulator:
         For the pilots from which amplitudes are set.
     model : SignalModel
     unit : str
+    healthy, struck : Snapshots, optional
+        Of the run: its healthy beginning, and after K_anomaly up to now: what "measured", "struck" and
+        "struck" and "matched" read.
 
     Raises
     ------
     TwingapError
-        When the mode lies beyond half the sampling rate.
+        When the mode lies beyond half the sampling rate, or records are missing that the model needs.
     """
 
     def __init__(
@@ -143,56 +170,53 @@ class LifeSimulator:
         rng: np.random.Generator,
         model: SignalModel | None = None,
         unit: str = "g",
+        *,
+        healthy: Snapshots | None = None,
+        struck: Snapshots | None = None,
     ) -> None:
         self.twin, self.fault, self.fs_hz, self.n_samples = twin, fault, fs_hz, n_samples
         self.model = model or SignalModel()
+        self._healthy = healthy if self.model.noise == "measured" else None
+        if (self.model.noise == "measured" or self.model.path == "struck") and (healthy is None or struck is None):
+            raise TwingapError("needs healthy records and those after the anomaly", where="signal model")
         own, mode = self.model, twin.mode
         total = float(np.hypot(mode.structure_noise_rms, mode.white_noise_rms))
         structure = mode.structure_noise_rms / total if total > 0 else 0.0
         white = float(np.sqrt(max(1 - structure**2, 0.0)))
+        path: tuple[Mode, ...] = (Mode(mode.resonance_hz, mode.damping_ratio),)
+        if own.path == "struck" and healthy is not None and struck is not None:
+            path = struck_modes(
+                struck.samples, struck.speed_rpm, healthy.samples, healthy.speed_rpm, fs_hz, own.modes
+            )  # fmt: skip
+        self.path = path
         parameters = PhenomenologicalParameters(
-            mode.resonance_hz, mode.damping_ratio, {fault: 1.0}, structure, max(white, 1e-9), 1.0
+            path[0].frequency_hz, path[0].damping_ratio, {fault: 1.0}, structure, max(white, 1e-9), 1.0
         )
-        effects = (SlipJitter(sigma=own.jitter), LoadZone(depth=own.load_zone), ImpactScatter(sigma=own.scatter))
-        base = PhenomenologicalTwin(bearing, parameters, (*effects, _RowGain()), unit)
+        self._bearing, self._unit = bearing, unit
+        self._parameters = parameters
         # Noise of unit RMS has this peak to peak in a record of this length; then n(t) is known.
-        quiet = self._made(base, np.full(PILOTS, twin.influence.speeds_rpm[0]), 0.0, 1.0, rng, "healthy")
-        least = float(twin.influence.amplitude(twin.influence.speeds_rpm).min())
-        self.noise_rms = own.noise_share * least / float(np.mean(np.ptp(quiet, axis=1)))
-        self._chain = PhenomenologicalTwin(
-            bearing,
-            replace(
-                parameters,
-                structure_noise_rms=structure * self.noise_rms,
-                white_noise_rms=max(white * self.noise_rms, 1e-9),
-            ),
-            base.effects,
-            unit,
+        self._least = float(twin.influence.amplitude(twin.influence.speeds_rpm).min())
+        unit_noise = PhenomenologicalTwin(bearing, parameters, (_NoiseGain(), _MoreModes(path[1:])), unit)
+        pilots = np.full(8, twin.influence.speeds_rpm[0])
+        height = float(np.mean(np.ptp(self._made(unit_noise, pilots, 1.0, rng, "healthy"), axis=1)))
+        self.noise_rms = own.noise_share * self._least / height
+        scaled = replace(
+            parameters,
+            structure_noise_rms=structure * self.noise_rms,
+            white_noise_rms=max(white * self.noise_rms, 1e-9),
         )
-        self._least = least
-        self._tabulate(rng)
+        self._quiet = PhenomenologicalTwin(bearing, scaled, unit_noise.effects, unit)
+        self.strikes = (own.load_zone, own.scatter)
+        if own.strikes == "matched":
+            if struck is None:
+                raise TwingapError("needs records after the anomaly", where="signal model")
+            self.strikes = self._matched(struck, rng)
 
     def noise_gain(self, speed_rpm: Array) -> Array:
         """Factor on the structure noise at speeds [...]."""
         if self.model.noise == "constant":
             return np.ones_like(speed_rpm)
         return self.twin.influence.amplitude(speed_rpm) / self._least
-
-    def impact_gain(self, peak_to_peak: Array, speed_rpm: Array) -> Array:
-        """Amplitude of impacts [rows] for which records have that peak to peak on average; 0 where noise alone has it.
-
-        Parameters
-        ----------
-        peak_to_peak, speed_rpm : Array [rows]
-        """
-        out = np.empty(peak_to_peak.size)
-        near = np.abs(self._speeds[None] - speed_rpm[:, None]).argmin(axis=1)
-        for place in np.unique(near):
-            own = near == place
-            # Beyond the table noise no longer matters, and peak to peak is proportional to the amplitude.
-            wanted, heights, gains = peak_to_peak[own], self._heights[place], self._amplitudes[place]
-            out[own] = np.interp(wanted, heights, gains) * np.maximum(wanted / heights[-1], 1.0)
-        return out
 
     def snapshots(self, lives: Iterable[Trajectory], rng: np.random.Generator, most: int | None = None) -> Snapshots:
         """Labelled records of lives, every row after K_anomaly to the end.
@@ -218,43 +242,86 @@ class LifeSimulator:
         if most is not None and running.size > most:
             running = running[np.unique(np.linspace(0, running.size - 1, most).round().astype(int))]
         speed, height = speed[running], height[running]
-        samples = self._made(
-            self._chain, speed, self.impact_gain(height, speed), self.noise_gain(speed), rng, self.fault
-        )
+        spread = self.twin.anomaly.std
+        height = height * np.exp(spread * rng.standard_normal(height.size) - spread**2 / 2)
+        samples = self.records(speed, height, rng)
         return Snapshots(samples, speed, position[running], number[running].astype(np.int64), left[running])
 
-    def _tabulate(self, rng: np.random.Generator) -> None:
-        """Mean peak to peak over amplitude, at each operating speed."""
-        self._speeds = self.twin.influence.speeds_rpm
-        all_speeds = np.repeat(self._speeds, PILOTS)
-        silent = replace(self._chain.parameters, structure_noise_rms=0.0, white_noise_rms=1e-12)
-        struck = PhenomenologicalTwin(self._chain.bearing, silent, self._chain.effects, self._chain.unit)
-        impacts = self._made(struck, all_speeds, 1.0, 1.0, rng, self.fault)
-        noise = self._made(self._chain, all_speeds, 0.0, self.noise_gain(all_speeds), rng, "healthy")
-        unit = np.ptp(impacts, axis=1).reshape(-1, PILOTS).mean(axis=1)
-        self._amplitudes, self._heights = [], []
-        for place in range(self._speeds.size):
-            own = slice(place * PILOTS, (place + 1) * PILOTS)
-            # Up to twenty times the healthy level: any end of life lies below or is proportional by then.
-            amplitudes = _GAINS * 20 * self._least / 3 / unit[place]
-            heights = [float(np.ptp(noise[own] + np.float32(a) * impacts[own], axis=1).mean()) for a in amplitudes]
-            self._amplitudes.append(amplitudes)
-            self._heights.append(np.maximum.accumulate(heights))
+    def records(
+        self,
+        speed_rpm: Array,
+        peak_to_peak: Array,
+        rng: np.random.Generator,
+        strikes: tuple[float, float] | None = None,
+    ) -> Samples:
+        """Records of a struck bearing with just these peaks to peak; of noise alone where that has more.
+
+        Parameters
+        ----------
+        speed_rpm, peak_to_peak : Array [records]
+        rng : numpy.random.Generator
+        strikes : (float, float), optional
+            Depth of q and scatter of A; the simulator's own when absent.
+        """
+        zone, scatter = strikes or self.strikes
+        silent = replace(self._parameters, structure_noise_rms=0.0, white_noise_rms=1e-12)
+        effects = (
+            SlipJitter(sigma=self.model.jitter), LoadZone(depth=zone), ImpactScatter(sigma=scatter),
+            _MoreModes(self.path[1:]),
+        )  # fmt: skip
+        struck = PhenomenologicalTwin(self._bearing, silent, effects, self._unit)
+        out = np.empty((speed_rpm.size, self.n_samples), np.float32)
+        for start in range(0, speed_rpm.size, CHUNK):
+            own = slice(start, start + CHUNK)
+            impacts = self._made(struck, speed_rpm[own], 1.0, rng, self.fault)
+            noise = self._noise(speed_rpm[own], rng)
+            out[own] = noise + strengths(noise, impacts, peak_to_peak[own])[:, None] * impacts
+        return out
+
+    def _matched(self, struck: Snapshots, rng: np.random.Generator) -> tuple[float, float]:
+        """Of `STRIKES`, those whose records have the crest of the measured ones, at their speeds and peaks to peak."""
+        height = np.ptp(struck.samples, axis=1).astype(float)
+        wanted = float(np.mean(np.log(height / struck.samples.std(axis=1))))
+        # A third of the records is enough, and the same for all candidates.
+        few = np.arange(0, len(struck), max(1, len(struck) // 12))
+        seeds = rng.integers(0, 2**32, len(STRIKES))
+
+        def miss(place: int) -> float:
+            made = self.records(struck.speed_rpm[few], height[few], np.random.default_rng(seeds[place]), STRIKES[place])
+            return abs(float(np.mean(np.log(height[few] / made.std(axis=1)))) - wanted)
+
+        return STRIKES[min(range(len(STRIKES)), key=miss)]
+
+    def _noise(self, speed_rpm: Array, rng: np.random.Generator) -> Samples:
+        """n(t) of each record."""
+        if self._healthy is not None:
+            return self._background(speed_rpm, rng)
+        return self._made(self._quiet, speed_rpm, self.noise_gain(speed_rpm), rng, "healthy")
+
+    def _background(self, speed_rpm: Array, rng: np.random.Generator) -> Samples:
+        """Healthy records of the nearest speeds, each shifted (cyclically) and turned over at random."""
+        assert self._healthy is not None
+        own = self._healthy.speed_rpm
+        out = np.empty((speed_rpm.size, self.n_samples), np.float32)
+        for i, speed in enumerate(speed_rpm):
+            far = np.abs(own - speed)
+            chosen = int(rng.choice(np.flatnonzero(far <= far.min() * 1.001)))
+            out[i] = np.roll(self._healthy.samples[chosen], int(rng.integers(self.n_samples)))
+            out[i] *= rng.choice((-1.0, 1.0))
+        return out
 
     def _made(
         self,
         chain: PhenomenologicalTwin,
         speed_rpm: Array,
-        impact_gain: Array | float,
         noise_gain: Array | float,
         rng: np.random.Generator,
         fault: str,
     ) -> Samples:
-        gains = np.broadcast_to(impact_gain, speed_rpm.shape), np.broadcast_to(noise_gain, speed_rpm.shape)
+        gains = np.broadcast_to(noise_gain, speed_rpm.shape)
         conditions = (
             Condition(
-                str(i), float(speed), self.fs_hz, self.n_samples, fault,
-                extra={"impact_gain": float(gains[0][i]), "noise_gain": float(gains[1][i])},
+                str(i), float(speed), self.fs_hz, self.n_samples, fault, extra={"noise_gain": float(gains[i])}
             )
             for i, speed in enumerate(speed_rpm)
         )  # fmt: skip
@@ -262,6 +329,43 @@ class LifeSimulator:
         for i, record in enumerate(chain.stream(conditions, rng, threads=1)):
             out[i] = record.samples
         return out
+
+
+def strengths(noise: Samples, impacts: Samples, peak_to_peak: Array) -> Array:
+    """Factors [records] on impacts with which records have the wanted peak to peak; 0 where noise alone has more.
+
+    Parameters
+    ----------
+    noise, impacts : Samples [records, samples]
+    peak_to_peak : Array [records]
+
+    Returns
+    -------
+    Array [records]
+        To a thousandth of the peak to peak.
+    """
+    out = np.zeros(len(noise))
+    for i, wanted in enumerate(peak_to_peak):
+        own, struck = noise[i], impacts[i]
+        floor, unit = float(np.ptp(own)), float(np.ptp(struck))
+        if floor >= wanted or unit == 0:
+            continue
+        # Peak to peak is a convex function of the factor: the secant from beyond it comes down to it.
+        low, at_low, high = 0.0, floor, (wanted + floor) / unit
+        at_high = float(np.ptp(own + np.float32(high) * struck))
+        for _ in range(40):
+            factor = low + (wanted - at_low) * (high - low) / (at_high - at_low)
+            if not 0.02 < (factor - low) / (high - low) < 0.98:  # a secant that barely moves
+                factor = (low + high) / 2
+            height = float(np.ptp(own + np.float32(factor) * struck))
+            if abs(height - wanted) <= 1e-3 * wanted:
+                break
+            if height < wanted:
+                low, at_low = factor, height
+            else:
+                high, at_high = factor, height
+        out[i] = factor
+    return out
 
 
 def measured_snapshots(records: RecordSet, onset_row: int, rows: Iterable[int], n_samples: int) -> Snapshots:

@@ -8,6 +8,7 @@ import pytest
 from numpy.typing import NDArray
 
 from twingap.bearing import BEARINGS
+from twingap.effects import Mode
 from twingap.errors import TwingapError
 from twingap.prognosis import end_row
 from twingap.prognosis.adaptive_twin import (
@@ -21,7 +22,8 @@ from twingap.prognosis.adaptive_twin import (
 from twingap.prognosis.anomaly import AnomalyRule
 from twingap.prognosis.remaining_life import remaining_time_s
 from twingap.prognosis.run import Run, period_rows, planned_speed, read_run
-from twingap.prognosis.simulated_lives import LifeSimulator, SignalModel, measured_snapshots
+from twingap.prognosis.simulated_lives import LifeSimulator, SignalModel, Snapshots, measured_snapshots, strengths
+from twingap.prognosis.struck_modes import struck_modes
 from twingap.records import Condition, Record, RecordSet
 from twingap.signal.envelope import squared_envelope_spectrum
 
@@ -138,7 +140,7 @@ def test_nothing_after_now_is_looked_at(twin: AdaptiveTwin) -> None:
 
 def test_it_waits_until_growth_is_seen_and_says_when_there_is_nothing(twin: AdaptiveTwin) -> None:
     run = known_run()
-    rule = dataclasses.replace(OPTIONS, after_alarm_min=0.0)
+    rule = dataclasses.replace(OPTIONS, after_alarm_min=0.0, level="free")
     _, _, anomaly = find_anomaly(run, rule)
     assert anomaly.alarm_row is not None
     told: list[str] = []
@@ -173,12 +175,78 @@ def test_impacts_follow_speed_and_the_noise_of_equation_1_does_not(twin: Adaptiv
     np.testing.assert_array_equal(constant.noise_gain(slow_and_fast), 1.0)
     shape = twin.influence.amplitude(slow_and_fast)
     np.testing.assert_allclose(moving.noise_gain(slow_and_fast), shape / shape[0])
-    # The structure resonates at 1400 rpm: impacts are strongest there, not at the highest speed.
-    wanted = 6 * shape
-    gains = constant.impact_gain(wanted, slow_and_fast)
-    assert gains[1] > gains[0] and gains[1] > 0.9 * gains[2] * shape[1] / shape[2]
-    np.testing.assert_allclose(gains / gains[0], shape / shape[0], rtol=0.25)
-    assert (constant.impact_gain(np.array([0.05]), np.array([1400.0])) == 0).all(), "noise alone is more"
+    # With impacts that are too weak to be heard, what is left is n(t): as strong at any speed, or following S.
+    speeds, nothing = np.repeat(slow_and_fast, 6), np.zeros(18)
+    for made, wanted in ((constant, np.ones(3)), (moving, shape / shape[0])):
+        rms = made.records(speeds, nothing, np.random.default_rng(0)).std(axis=1).reshape(3, 6).mean(axis=1)
+        np.testing.assert_allclose(rms / rms[0], wanted, rtol=0.1)
+
+
+def test_records_have_the_peak_to_peak_asked_for(twin: AdaptiveTwin) -> None:
+    made = simulator(twin)
+    speeds, wanted = np.repeat([1000.0, 1400.0, 2000.0], 4), np.resize([3.0, 5.0, 9.0, 14.0], 12)
+    records = made.records(speeds, wanted, np.random.default_rng(0))
+    np.testing.assert_allclose(np.ptp(records, axis=1), wanted, rtol=2e-3)
+
+
+def test_strengths_are_found_whatever_noise_and_impacts_are() -> None:
+    rng = np.random.default_rng(0)
+    noise = rng.standard_normal((30, 500)).astype(np.float32)
+    impacts = (rng.standard_normal((30, 500)) * (rng.random((30, 500)) < 0.02)).astype(np.float32)
+    wanted = np.linspace(3.0, 60.0, 30)
+    found = strengths(noise, impacts, wanted)
+    made = np.ptp(noise + found[:, None].astype(np.float32) * impacts, axis=1)
+    alone = np.ptp(noise, axis=1)
+    np.testing.assert_allclose(made, np.maximum(wanted, alone), rtol=2e-3)
+    assert ((found == 0) == (alone >= wanted)).all() and (found == 0).any()
+
+
+# -- what unlabelled records say of the signal ------------------------------------------------------------------------
+
+
+def struck_records(twin: AdaptiveTwin, zone: float, scatter: float) -> tuple[Snapshots, Snapshots]:
+    """Healthy and struck records of a machine with modes at 2600 and 900 Hz."""
+    other = dataclasses.replace(twin.mode, resonance_hz=2600.0, damping_ratio=0.03)
+    maker = LifeSimulator(
+        dataclasses.replace(twin, mode=other), BEARINGS["6205"], "inner", FS_HZ, LENGTH, np.random.default_rng(4),
+        SignalModel(load_zone=zone, scatter=scatter, noise_share=0.5),
+    )  # fmt: skip
+    maker.path = (Mode(2600.0, 0.03), Mode(900.0, 0.05, 0.4))
+    speed = np.resize(np.unique(STEPS), 30)
+    healthy, struck = (
+        maker.records(speed, height * twin.influence.amplitude(speed), np.random.default_rng(seed))
+        for height, seed in ((0.0, 5), (2.5, 6))
+    )
+    nothing = np.zeros(30, np.int64)
+    return tuple(Snapshots(x, speed, np.arange(1.0, 31), nothing) for x in (healthy, struck))  # type: ignore[return-value]
+
+
+def test_struck_modes_are_those_that_impacts_ring(twin: AdaptiveTwin) -> None:
+    healthy, struck = struck_records(twin, 0.3, 0.1)
+    first, second = struck_modes(struck.samples, struck.speed_rpm, healthy.samples, healthy.speed_rpm, FS_HZ, 2)
+    assert (first.frequency_hz, first.gain) == (pytest.approx(2600, rel=0.02), 1.0)
+    assert second.frequency_hz == pytest.approx(900, rel=0.03)
+    assert first.damping_ratio == pytest.approx(0.03, rel=0.5) and second.gain == pytest.approx(0.4, rel=0.5)
+    with pytest.raises(TwingapError, match="nothing stands out"):
+        struck_modes(healthy.samples, healthy.speed_rpm, struck.samples, struck.speed_rpm, FS_HZ)
+
+
+def test_matched_strikes_are_as_impulsive_as_measured_ones(twin: AdaptiveTwin) -> None:
+    rng = np.random.default_rng(1)
+    found = []
+    for zone, scatter in ((0.3, 0.1), (1.0, 0.6)):
+        healthy, struck = struck_records(twin, zone, scatter)
+        made = LifeSimulator(
+            twin, BEARINGS["6205"], "inner", FS_HZ, LENGTH, rng,
+            SignalModel(noise="measured", path="struck", strikes="matched", modes=2), healthy=healthy, struck=struck,
+        )  # fmt: skip
+        again = made.records(struck.speed_rpm, np.ptp(struck.samples, axis=1).astype(float), rng)
+        crest, wanted = (np.mean(np.ptp(x, axis=1) / x.std(axis=1)) for x in (again, struck.samples))
+        assert crest == pytest.approx(wanted, rel=0.12)
+        found.append(made.strikes)
+    assert found[1][1] > found[0][1], "more scatter is found where there is more"
+    with pytest.raises(TwingapError, match="needs healthy records"):
+        simulator(twin, noise="measured")
 
 
 def test_simulated_records_show_the_fault(twin: AdaptiveTwin) -> None:

@@ -90,6 +90,18 @@ def test_a_model_without_adversary_does_not_look_at_real_records(simulated: Snap
     )
 
 
+def test_the_discriminator_sees_records_alike_in_age(simulated: Snapshots, scales: LifeScales) -> None:
+    """With real records of the first rows alone, later simulated rows are no business of the discriminator's."""
+    young = lives(1, 9).unlabelled().take(np.arange(6))
+    settings = dataclasses.replace(SETTINGS, steps=30, checkpoints=1)
+    told = [
+        train_life(simulated, young, BOTH, scales, dataclasses.replace(settings, alike=alike)).checkpoints[0]
+        for alike in (True, False)
+    ]
+    assert not all(torch.equal(told[0].state[k], told[1].state[k]) for k in told[0].state)
+    assert told[0].domain_accuracy < told[1].domain_accuracy, "age gives the domain away otherwise"
+
+
 def test_training_learns_and_the_error_on_new_lives_falls(trained: TrainedLife) -> None:
     new = lives(3, 5)
     assert new.revolutions is not None
