@@ -171,7 +171,7 @@ def simulate_run(
     if beyond_limit.size == 0:  # the wear wandered too slowly for the rows drawn
         return simulate_run(rng, law, rows=rows, varying=varying)
     last = int(beyond_limit[0])
-    time_s = np.arange(n) * dt_s
+    time_s = np.asarray(np.arange(n) * dt_s, float)
     turns = np.concatenate(([0.0], np.cumsum((speed[1:] + speed[:-1]) / 2 * dt_s / 60)))
     cut = slice(0, last + 1)
     return SimulatedRun(
