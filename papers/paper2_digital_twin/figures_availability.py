@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from papers.paper2_digital_twin.availability_jobs import baseline_of, strips
 from papers.paper2_digital_twin.availability_records import TITLES, Measured
 from papers.paper2_digital_twin.availability_split import ALL, SPLITS
-from papers.paper2_digital_twin.tables_availability import METHODS, by_seed, calls
+from papers.paper2_digital_twin.tables_availability import METHODS, by_seed, calls, judging
 from papers.paper3_zoa_dann.figures_identification import SIZES, write
 from twingap.adapt.evaluate import t_interval
 
@@ -86,7 +86,6 @@ def severity(study: Study) -> Figure:
     figure = Figure(figsize=(12, 4.2 * len(study.data) + 0.5), layout="constrained")
     panels = figure.subplots(len(study.data), 1, squeeze=False)[:, 0]
     for panel, (name, data) in zip(panels, study.data.items(), strict=True):
-        here = [a.value for a in study.alarms if a.job.data == name and not a.job.without]
         groups = sorted({(data.labels[r], data.sizes[r]) for r in data.recordings})
         for place, (label, size) in enumerate(groups):
             own = sorted(
@@ -94,6 +93,7 @@ def severity(study: Study) -> Figure:
                 key=lambda r: data.speeds_rpm[r],
             )
             for offset, r in zip(np.linspace(-0.25, 0.25, len(own)) if len(own) > 1 else [0.0], own, strict=True):
+                here = judging(study, data, r)
                 values = [
                     float(np.mean([v["recordings"][r][k] / v["threshold"] for v in here]))
                     for k in ("mqe low", "mqe", "mqe high")
@@ -108,7 +108,9 @@ def severity(study: Study) -> Figure:
         panel.set_xticks(range(len(groups)), names)
         panel.set_yscale("log")
         panel.set_ylabel("MQE over threshold")
-        panel.set_title(f"{TITLES[name]}: median and middle 80 % of windows; from left to right by rising speed")
+        panel.set_title(
+            f"{TITLES[name]}: median and middle 80 % of windows unseen by the map; speed rises to the right"
+        )
         panel.grid(alpha=0.3, axis="y")
     return figure
 
@@ -140,8 +142,10 @@ def what_is_seen(study: Study, data: Measured) -> Figure:
         panel.set_yscale("log")
         panel.set_yticks([1, 2, 4], ["1", "2", "4"])
         panel.minorticks_off()
-    for panel in panels[-1]:
-        panel.set_xlabel("envelope order")
+    for column in range(columns):
+        lowest = panels[(len(chosen) - 1 - column) // columns, column]
+        lowest.set_xlabel("envelope order")
+        lowest.tick_params(labelbottom=True)
     for panel in panels[:, 0]:
         panel.set_ylabel("carrier, kHz")
     if drawn is not None:

@@ -201,19 +201,31 @@ def alarms(study: Study) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
+def judging(study: Study, data: Measured, recording: str) -> list[dict[str, Any]]:
+    """Alarms, by seed, of a map that has not seen a recording."""
+    without = recording if recording in data.healthy() else ""
+    return [a.value for a in study.alarms if a.job.data == data.name and a.job.without == without]
+
+
 def severity(study: Study) -> pd.DataFrame:
-    """MQE of every recording against the map of all healthy ones, median of its windows, mean over seeds."""
+    """MQE of every recording, median of its windows, mean over seeds.
+
+    Of a fault, against the map of all healthy recordings; of a healthy one, against the map of the others, whose
+    threshold is another: `over threshold` is what compares.
+    """
     rows = []
     for name, data in study.data.items():
-        here = [a.value for a in study.alarms if a.job.data == name and not a.job.without]
         for r in data.recordings:
+            here = judging(study, data, r)
             values = {
                 k: np.mean([v["recordings"][r][k] for v in here]) for k in ("mqe", "mqe low", "mqe high", "share")
             }
+            over = np.mean([v["recordings"][r]["mqe"] / v["threshold"] for v in here])
             rows.append({
                 "data": TITLES[name], "class": data.classes[data.labels[r]], "bearing": data.bearings[r],
                 "size": data.sizes[r], "speed, rpm": data.speeds_rpm[r], "recording": r, "MQE": values["mqe"],
-                "MQE, 10 %": values["mqe low"], "MQE, 90 %": values["mqe high"], "windows in alarm": values["share"],
+                "MQE, 10 %": values["mqe low"], "MQE, 90 %": values["mqe high"], "over threshold": over,
+                "windows in alarm": values["share"],
             })  # fmt: skip
     return pd.DataFrame(rows).sort_values(["data", "class", "size", "recording"], ignore_index=True)
 
