@@ -306,4 +306,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
 
 if __name__ == "__main__":
-    main()
+    # Under its own name, so that results are the same jobs as those of the pipeline.
+    from papers.paper2_digital_twin.dynamics import main as run_main
+
+    run_main()
