@@ -98,7 +98,9 @@ class ClassifyOptions:
     @property
     def inputs(self) -> ModeInputs:
         """Envelope spectra of modes for a network; the modes themselves for the machine, whose numbers are theirs."""
-        quantity = "modes" if self.method == ORDERS or METHODS[self.method].architecture is None else "envelope_spectrum"
+        quantity = (
+            "modes" if self.method == ORDERS or METHODS[self.method].architecture is None else "envelope_spectrum"
+        )
         return ModeInputs(quantity=quantity, max_iterations=self.max_iterations)
 
     @property

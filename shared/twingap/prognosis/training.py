@@ -226,7 +226,7 @@ def train_life(
                 told_apart = domain_loss(away, SIMULATED) if len(away) else loss.new_zeros(())
                 loss = descended(loss, told_apart, domain_loss(here, REAL))
             optimiser.zero_grad(set_to_none=True)
-            loss.backward()
+            loss.backward()  # type: ignore[no-untyped-call]
             optimiser.step()
             falling.step()
             if step + 1 in marks:
