@@ -341,8 +341,8 @@ def command(monkeypatch: pytest.MonkeyPatch, *words: str) -> int:
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        (["paper1"], "paper1 is not reproduced yet"),
-        (["paper2", "--profile", "full"], "paper2 is not reproduced yet"),
+        (["paper1", "--backend", "abacus"], "unknown backend 'abacus'"),
+        (["paper2", "--backend", "abacus"], "unknown backend 'abacus'"),
         (["paper3", "--root", "nowhere"], "nowhere"),
         (["paper3", "--backend", "abacus"], "unknown backend 'abacus'"),
     ],
