@@ -97,7 +97,9 @@ def test_labels_are_counted_and_spread_over_recordings(data: Measured, count: in
         assert len(set(own)) == min(count, there)
     assert (truth == 0).sum() == len(data.pieces([r for r in learn if r in data.healthy()]))
     few = labelled(data, learn, count, np.random.default_rng(0), all_healthy=False)
-    assert (data.piece_labels()[few] == 0).sum() == count
+    # The rig's healthy recordings are short: no more pieces can be labelled than there are.
+    there = len(data.pieces([r for r in learn if r in data.healthy()]))
+    assert (data.piece_labels()[few] == 0).sum() == min(count, there)
     every = labelled(data, learn, ALL, np.random.default_rng(0), all_healthy=False)
     assert sorted(every) == sorted(data.pieces(learn))
 
