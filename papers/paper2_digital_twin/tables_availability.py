@@ -90,7 +90,8 @@ def accuracy(called: pd.DataFrame) -> pd.DataFrame:
             "data": TITLES[str(data)], "split by": split, "method": method,
             "records a fault": "all" if records == ALL else str(records), "at hand": part["labels"].min(),
             "recordings": part["recordings"].max(), "seeds": len(part), "accuracy": part["accuracy"].mean(),
-            "std": part["accuracy"].std(ddof=1) if len(part) > 1 else np.nan, "low": low, "high": high,
+            "std": part["accuracy"].std(ddof=1) if len(part) > 1 else np.nan,
+            "low": max(low, 0.0), "high": min(high, 1.0),
             "balanced accuracy": part["balanced"].mean(),
         })  # fmt: skip
     return pd.DataFrame(rows)
