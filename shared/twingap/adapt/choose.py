@@ -12,10 +12,10 @@ network from the twin   74 %   78 %   81 %   84 %   85 %   88 %
 SVM                             68 %   81 %   95 %   97 %   99 %
 SOM-MQE, map a class            73 %   79 %   98 %  100 %  100 %
 
-So the twin is worth about two records of each fault, and from five on SVM and maps are better than the network, tuned or
-not. On HIT-SM the network is right in 97 to 98 % without a label, and the SVM passes it where all are labelled, whence the
-late threshold of maps, which do not. Where the labels are of other bearings, neither learns CWRU from any number of them
-(62 to 70 %, the network 72 to 79 %): then more labels are no reason to leave the twin.
+So the twin is worth about two records of each fault, and from five on SVM and maps are better than the network, tuned
+or not. On HIT-SM the network is right in 97 to 98 % without a label, and the SVM passes it where all are labelled,
+whence the late threshold of maps, which do not. Where the labels are of other bearings, neither learns CWRU from any
+number of them (62 to 70 %, the network 72 to 79 %): then more labels are no reason to leave the twin.
 """
 
 from __future__ import annotations
