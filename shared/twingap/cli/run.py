@@ -84,7 +84,9 @@ def run(
 
 
 def _print1(outcome: Any) -> None:
-    show(outcome.rows, False, f"remaining life by run and model: {outcome.title}")
+    columns = ("twin", "bearing", "model", "seeds", "rmse_min", "std")
+    rows = [{name: row[name] for name in columns} for row in outcome.rows]
+    show(rows, False, f"RMSE of remaining time, minutes: {outcome.title}")
     count = sum(len(case.trainings) for case in outcome.cases)
     say(f"{count} trainings: {outcome.computed} run now, {count - outcome.computed} taken up from earlier runs")
 
