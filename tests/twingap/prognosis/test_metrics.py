@@ -19,6 +19,20 @@ def test_phm2012_halves_every_5_percent_late_and_every_20_percent_early(predicte
     assert metrics.phm2012_accuracy([100.0], [predicted])[0] == pytest.approx(accuracy)
 
 
+def test_phm2012_punishes_late_more_than_early_and_takes_the_plain_mean() -> None:
+    """Worked by hand. 50 min remain, 5 min missed: Er = 100 (50 - 55) / 50 = -10 late, Er = +10 early.
+
+    Late: exp(-ln(0.5) (-10) / 5) = 0.5^2 = 0.25. Early: exp(ln(0.5) 10 / 20) = 0.5^0.5 = 0.70711.
+    """
+    late, early, right = metrics.phm2012_accuracy([50.0, 50.0, 50.0], [55.0, 45.0, 50.0])
+    assert [late, early, right] == pytest.approx([0.25, 0.70711, 1.0], rel=1e-5)
+    assert metrics.phm2012_score([50.0, 50.0, 50.0], [55.0, 45.0, 50.0]) == pytest.approx(0.65237, rel=1e-5)
+    missed = np.arange(1.0, 100.0)
+    of_late = metrics.phm2012_accuracy(np.full(99, 100.0), 100 + missed)
+    of_early = metrics.phm2012_accuracy(np.full(99, 100.0), 100 - missed)
+    assert (of_late < of_early).all() and (np.diff(of_late) < 0).all() and (np.diff(of_early) < 0).all()
+
+
 def test_phm2012_is_the_formula_as_printed() -> None:
     rng = np.random.default_rng(0)
     true, predicted = rng.uniform(1, 100, 50), rng.uniform(0, 150, 50)
