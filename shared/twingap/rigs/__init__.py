@@ -9,6 +9,7 @@ from typing import Any, Final, Protocol
 
 from twingap.errors import TwingapError
 from twingap.records import RecordSet
+from twingap.rigs.drifting import Drifting, arrivals
 from twingap.rigs.machine import Machine, digest
 from twingap.rigs.smart_maintenance import RunTruth, SmartMaintenanceRig, truth
 from twingap.rigs.stored import stored_folder, stored_records
@@ -35,6 +36,7 @@ class Rig(Protocol):
 
 
 RIGS: Final[dict[str, Callable[..., Rig]]] = {
+    "drifting": Drifting,
     "virtual_cwru": VirtualCwru,
     "virtual_smart_maintenance": SmartMaintenanceRig,
 }
@@ -65,6 +67,6 @@ def make_rig(name: str, **options: Any) -> Rig:
 
 
 __all__ = [
-    "RIGS", "Machine", "Rig", "RunTruth", "SmartMaintenanceRig", "Structure", "VirtualCwru", "digest", "make_rig",
-    "stored_folder", "stored_records", "truth",
+    "RIGS", "Drifting", "Machine", "Rig", "RunTruth", "SmartMaintenanceRig", "Structure", "VirtualCwru", "arrivals",
+    "digest", "make_rig", "stored_folder", "stored_records", "truth",
 ]  # fmt: skip

@@ -7,6 +7,7 @@ import pytest
 from scipy.signal import welch
 
 from twingap.errors import TwingapError
+from twingap.rigs import make_rig
 from twingap.rigs.drifting import STIFFNESS, WEAR, Course, Drifting, arrivals
 
 
@@ -65,6 +66,19 @@ def test_a_poor_line_loses_repeats_and_reorders_as_asked() -> None:
     still, order = arrivals(sent, np.random.default_rng(0), lost=0.0, repeated=0.0, late=0.0, delay_s=1e-9)
     np.testing.assert_allclose(still, sent, atol=1e-6)
     np.testing.assert_array_equal(order, np.arange(sent.size))
+
+
+def test_it_is_made_by_name_and_records_what_its_instruments_read() -> None:
+    rig = make_rig("drifting", duration_h=1.0, snapshot_s=0.2, state_period_s=60.0, snapshot_period_s=600.0)
+    assert rig == Drifting(duration_h=1.0, snapshot_s=0.2)
+    records, course = rig.records(3), Drifting(duration_h=1.0, snapshot_s=0.2).course(3)
+    assert records.unit == "m/s^2" and len(records) == 5 and records.groups == ("machine",)
+    for number, condition in enumerate(records.conditions):
+        at = 10 * (number + 1)  # a snapshot every ten state messages
+        assert condition.time_s == course.time_s[at] and condition.speed_rpm == course.speed_rpm[at]
+        assert condition.load_n == course.load_n[at] and condition.extra["temperature_c"] == course.temperature_c[at]
+        assert condition.fault == "healthy" and condition.n_samples == 2400
+    assert records[2].samples.shape == (2400,) and records[2].samples.std() > 0
 
 
 def test_impossible_options_are_one_line() -> None:

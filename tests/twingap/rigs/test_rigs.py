@@ -9,7 +9,7 @@ from scipy import signal
 from twingap.bearing import BEARINGS
 from twingap.errors import TwingapError
 from twingap.records import RecordSet
-from twingap.rigs import digest, make_rig
+from twingap.rigs import RIGS, digest, make_rig
 from twingap.rigs.rolling import Strikes, force, move, strikes
 from twingap.rigs.structure import Structure
 from twingap.rigs.virtual_cwru import DIGESTS
@@ -121,8 +121,15 @@ def test_structure_rings_at_its_mode() -> None:
     assert late / early == pytest.approx(np.exp(-0.02 * 2 * np.pi * 1000 * 0.01), rel=0.05)
 
 
+@pytest.mark.parametrize("name", RIGS)
+def test_a_rig_goes_by_its_name(name: str) -> None:
+    rig = make_rig(name)
+    assert rig.name == name
+    assert rig.records(0).name == name
+
+
 def test_mistakes_are_explained() -> None:
-    with pytest.raises(TwingapError, match=r"unknown rig 'nope'; known rigs: virtual_cwru"):
+    with pytest.raises(TwingapError, match=r"unknown rig 'nope'; known rigs: .*virtual_cwru"):
         make_rig("nope")
     with pytest.raises(TwingapError, match="takes no such option"):
         make_rig("virtual_cwru", colour=1)
