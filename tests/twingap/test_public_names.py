@@ -1,4 +1,4 @@
-"""What packages give by name: all that they promise, functions before modules of the same name, nothing heavy unasked."""
+"""What packages give by name: all that they promise, functions before modules of that name, nothing heavy unasked."""
 
 from __future__ import annotations
 
