@@ -13,8 +13,7 @@ from __future__ import annotations
 
 import dataclasses
 import functools
-import sys
-from collections.abc import Callable
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
@@ -39,6 +38,7 @@ from papers.paper2_digital_twin.availability_jobs import (
 from papers.paper2_digital_twin.availability_records import TITLES, Measured, load, measure
 from papers.paper2_digital_twin.availability_source import Background, Kind, Plant, SourceOptions, simulate
 from papers.paper2_digital_twin.availability_split import ALL, SPLITS, judged
+from papers.studies import Count, Progress, command, keep_figures, keep_tables, profile_of
 from twingap.adapt.class_maps import fit_class_maps
 from twingap.adapt.condition_features import window_features
 from twingap.adapt.few_labels import fit_few_labels
@@ -163,7 +163,7 @@ def run(
     backend: str = "loky",
     address: str | None = None,
     log: Run | None = None,
-    progress: Callable[[str, int, int], None] = lambda what, done, total: None,
+    progress: Progress = lambda what, done, total: None,
     config: Path = CONFIG,
     draw: bool = True,
 ) -> Study:
@@ -188,11 +188,7 @@ def run(
         Make the figures.
     """
     options = read_study(config)
-    if profile not in options.profiles:
-        raise TwingapError(
-            f"unknown profile {profile!r}", where=config, mend=f"use one of {', '.join(options.profiles)}"
-        )
-    sizes = options.profiles[profile]
+    sizes = profile_of(options.profiles, profile, config)
     training = dataclasses.replace(options.training, steps=sizes.steps)
     records = _record_sets(options, root, sizes)
     data = {name: measure(found, name, options.image) for name, found in records.items()}
@@ -238,13 +234,8 @@ def run(
     checking = _plant(options, data[first], "effects", 0, 1, (), seed)
     checks = [CheckJob(checking, 15, 4.0, s, options.false_alarm, options.map) for s in range(sizes.check_machines)]
     unique = list(dict.fromkeys(plants.values()))
-    total, done = len(unique) + len(nets) + len(shallows) + len(alarms) + len(checks), 0
-
-    def step(_: Result[Any]) -> None:
-        nonlocal done
-        done += 1
-        progress("availability", done, total)
-
+    total = len(unique) + len(nets) + len(shallows) + len(alarms) + len(checks)
+    step = Count("availability", total, progress)
     swept = functools.partial(
         sweep, store=out / "results", backend=backend, address=address, version=code, on_result=step
     )
@@ -268,17 +259,11 @@ def run(
 
     study = Study(options, data, networks, few, rung, checked, {})
     study.tables.update(tables.all_tables(study))
-    for name, frame in study.tables.items():
-        tables.write(frame, out / "tables" / name, study.title)
-        if log is not None:
-            log.table(name, frame)
+    keep_tables(study.tables, out, log, study.title, tables.write)
     if draw:
         from papers.paper2_digital_twin import figures_availability as figures
 
-        for name, figure in figures.all_figures(study):
-            figures.write(figure, out / "figures" / f"{name}.png")
-            if log is not None:
-                log.figure(name, figure)
+        keep_figures(figures.all_figures(study), out, log, figures.SIZES)
     return study
 
 
@@ -322,27 +307,18 @@ def _plant(
     )  # fmt: skip
 
 
-def main(arguments: list[str] | None = None) -> int:
-    """Run the study by itself."""
-    import argparse
-
-    parser = argparse.ArgumentParser(description="Diagnosis by how much fault data there is.")
-    parser.add_argument("--profile", default="smoke")
-    parser.add_argument("--out", type=Path, required=True)
-    parser.add_argument("--root", type=Path)
-    parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--backend", default="loky")
-    own = parser.parse_args(arguments)
-    try:
-        run(
-            own.profile, out=own.out, root=own.root, seed=own.seed, backend=own.backend,
-            progress=lambda what, done, total: print(f"\r{what} {done}/{total}", end="", file=sys.stderr, flush=True),
-        )  # fmt: skip
-    except TwingapError as error:
-        print(error, file=sys.stderr)
-        return 2
-    return 0
+def main(arguments: Sequence[str] | None = None) -> None:
+    """The study from the command line."""
+    names = ("availability-accuracy", "availability-crossings")
+    command(
+        run, "Diagnosis by how much fault data there is.",
+        lambda study: {f"{name} ({study.title})": study.tables[name] for name in names},
+        arguments, takes=("root", "seed"),
+    )  # fmt: skip
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    # Under its own name, so that results are the same jobs as those of the pipeline.
+    from papers.paper2_digital_twin.availability import main as run_main
+
+    run_main()

@@ -12,11 +12,10 @@ from __future__ import annotations
 
 import functools
 import hashlib
-import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +23,7 @@ from numpy.typing import NDArray
 from papers.paper2_digital_twin import degradation_jobs as jobs_module
 from papers.paper2_digital_twin.degradation_jobs import TRUTHS, Analysis, Coverage, analyse, cover
 from papers.paper2_digital_twin.degradation_runs import Reading, StudyRun, study_runs
+from papers.studies import Count, Progress, command, keep_figures, keep_tables, profile_of
 from twingap.config import build, read_toml
 from twingap.errors import TwingapError
 from twingap.prognosis import degradation_forecast, degradation_models, information
@@ -179,7 +179,7 @@ def run(
     backend: str = "loky",
     address: str | None = None,
     log: Log | None = None,
-    progress: Callable[[str, int, int], None] = lambda what, done, total: None,
+    progress: Progress = lambda what, done, total: None,
     config: Path = CONFIG,
     draw: bool = True,
 ) -> Study:
@@ -204,19 +204,9 @@ def run(
         Make the figures.
     """
     options = read_study(config)
-    if profile not in options.profiles:
-        known = ", ".join(options.profiles)
-        raise TwingapError(f"unknown profile {profile!r}", where=config, mend=f"use one of {known}")
-    sizes = options.profiles[profile]
+    sizes = profile_of(options.profiles, profile, config)
     names = sorted(options.runs_ims, key=lambda n: f"IMS {n}" != options.paper_run)[: sizes.ims]
-    done = 0
-
-    def step(_: Result[Any]) -> None:
-        nonlocal done
-        done += 1
-        progress("degradation", done, max(total, done))
-
-    total = sizes.ims + sizes.femto
+    step = Count("degradation", sizes.ims + sizes.femto, progress)
     reading = Reading(
         options.healthy_rows_ims, options.healthy_rows_femto, options.trend_rows_ims, options.trend_rows_femto,
         options.silent_share, options.window_samples,
@@ -243,7 +233,7 @@ def run(
         for memory in (0.0, 0.7)
         for share in (0.5, 0.7, 0.9)
     ]  # fmt: skip
-    total = done + len(analyses) + len(checks)
+    step.total = step.done + len(analyses) + len(checks)
     series = {f"{j.run.name}/{name}": (j.times[name], x) for j in found for name, x in j.series.items()}
     code = digest_of_code(jobs_module, degradation_models, degradation_forecast, information)
     swept = functools.partial(sweep, store=store, backend=backend, address=address, version=code, on_result=step)
@@ -255,17 +245,11 @@ def run(
 
     study = Study(data, options, found, analysed, covered, {})
     study.tables.update(tables.all_tables(study))
-    for name, frame in study.tables.items():
-        tables.write(frame, out / "tables" / name, data)
-        if log is not None:
-            log.table(name, frame)
+    keep_tables(study.tables, out, log, data)
     if draw:
         from papers.paper2_digital_twin import degradation_figures as figures
 
-        for name, figure in figures.all_figures(study):
-            figures.write(figure, out / "figures" / f"{name}.png")
-            if log is not None:
-                log.figure(name, figure)
+        keep_figures(figures.all_figures(study), out, log)
     return study
 
 
@@ -336,25 +320,12 @@ def _digest(series: dict[str, tuple[Array, Array]]) -> str:
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """The study from the command line."""
-    import argparse
-
-    parser = argparse.ArgumentParser(description="Degradation curves of paper 2: tables and figures.")
-    parser.add_argument("--profile", default="smoke")
-    parser.add_argument("--out", type=Path, required=True)
-    parser.add_argument("--root", type=Path, help="data root; TWINGAP_DATA when absent")
-    parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--backend", default="loky")
-    asked = parser.parse_args(arguments)
-    try:
-        study = run(asked.profile, out=asked.out, root=asked.root, seed=asked.seed, backend=asked.backend)
-    except TwingapError as error:
-        print(f"twingap: {error}", file=sys.stderr)
-        raise SystemExit(2) from None
-    for name in ("degradation-claims", "degradation-pairs", "degradation-lives-summary", "degradation-coverage"):
-        print(
-            f"\n{name} ({study.data})\n{study.tables[name].to_string(index=False, float_format=lambda v: f'{v:.4g}')}"
-        )
-    print(asked.out / "tables", asked.out / "figures", sep="\n")
+    names = ("degradation-claims", "degradation-pairs", "degradation-lives-summary", "degradation-coverage")
+    command(
+        run, "Degradation curves of paper 2: tables and figures.",
+        lambda study: {f"{name} ({study.data})": study.tables[name] for name in names},
+        arguments, takes=("root", "seed"),
+    )  # fmt: skip
 
 
 if __name__ == "__main__":

@@ -9,7 +9,6 @@ Colours that colour-blind readers tell apart (Okabe and Ito 2008).
 from __future__ import annotations
 
 from collections.abc import Iterator
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
@@ -17,7 +16,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from papers.paper2_digital_twin.degradation_tables import COMBINED, EXPONENTIALS
-from twingap import files
+from papers.studies import SIZES
 from twingap.prognosis.degradation_figure import LINES
 from twingap.prognosis.degradation_models import MODELS
 from twingap.prognosis.health_indicator import offline_indicators
@@ -27,7 +26,6 @@ if TYPE_CHECKING:
     from papers.paper2_digital_twin.degradation import Judged, Study
 
 Array = NDArray[np.float64]
-SIZES: Final[Any] = {"font.size": 13, "axes.titlesize": 13, "axes.labelsize": 13, "legend.fontsize": 12}
 RECORDS, TREND, MARK = "#AAAAAA", "#0072B2", "#D55E00"
 SHOWN_MODELS: Final = ("exponential with offset", "combined power 3", "combined power 5", "polynomial 3", "constant")
 LEAST, MOST = 1e-3, 1e3
@@ -251,14 +249,6 @@ def coverage(study: Study) -> Figure:
     runs = int(table["runs"].iloc[0])
     figure.suptitle(f"Intervals of remaining life on simulated runs: {runs} a point, half, 0.7 and 0.9 of life seen")
     return figure
-
-
-def write(figure: Figure, path: Path) -> None:
-    """Write a PNG, whole or not at all."""
-    import matplotlib as mpl
-
-    with mpl.rc_context(SIZES), files.replacing(path) as temporary:
-        figure.savefig(temporary, dpi=100, metadata={"Software": "twingap"})
 
 
 def _per_run(study: Study) -> tuple[Figure, list[Any]]:

@@ -6,7 +6,6 @@ runs --> runs, features, fusion9, choice;  analyses --> fits, errors, pairs, liv
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -14,7 +13,6 @@ import pandas as pd
 from numpy.typing import NDArray
 from scipy.stats import spearmanr
 
-from twingap import files
 from twingap.prognosis.degradation_models import MODELS
 from twingap.prognosis.health_indicator import judged, offline_indicators, online_indicators
 from twingap.sweep import Result
@@ -384,17 +382,6 @@ def claims(study: Study, tables: dict[str, pd.DataFrame]) -> pd.DataFrame:
 
 def _claim(statement: str, where: str, found: str, holds: bool) -> dict[str, Any]:
     return {"claim": statement, "where": where, "found": found, "verdict": "confirmed" if holds else "not confirmed"}
-
-
-def write(table: pd.DataFrame, base: Path, data: str) -> None:
-    """Write ``base.csv`` and ``base.md``."""
-    with files.replacing(base.with_name(base.name + ".csv")) as path:
-        table.to_csv(path, index=False, float_format="%.6g", lineterminator="\n")
-    shown = table.map(lambda v: "" if v is None or v != v else f"{v:.4g}" if isinstance(v, float) else str(v))
-    lines = ["| " + " | ".join(map(str, shown.columns)) + " |", "|" + "---|" * len(shown.columns)]
-    lines += ["| " + " | ".join(row) + " |" for row in shown.itertuples(index=False)]
-    with files.replacing(base.with_name(base.name + ".md")) as path:
-        path.write_text(f"{base.name} ({data})\n\n" + "\n".join(lines) + "\n", encoding="utf-8")
 
 
 def _analyses(study: Study) -> Iterator[tuple[Any, dict[str, Any]]]:

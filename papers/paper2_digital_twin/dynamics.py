@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import itertools
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, Literal
@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 
 import twingap.twins
 from papers.paper2_digital_twin import reference
+from papers.studies import Count, Progress, command, keep_figures, keep_tables, profile_of
 from twingap.bearing import BEARINGS, Bearing
 from twingap.config import build, read_toml
 from twingap.errors import TwingapError
@@ -211,7 +212,7 @@ def run(
     backend: str = "loky",
     address: str | None = None,
     log: Run | None = None,
-    progress: Callable[[str, int, int], None] = lambda what, done, total: None,
+    progress: Progress = lambda what, done, total: None,
     config: Path = CONFIG,
     draw: bool = True,
 ) -> Dynamics:
@@ -234,38 +235,24 @@ def run(
         Make the figures.
     """
     options = read_dynamics(config)
-    if profile not in options.profiles:
-        known = ", ".join(options.profiles)
-        raise TwingapError(f"unknown profile {profile!r}", where=config, mend=f"use one of {known}")
-    healthy = list(_cases(options, options.profiles[profile], "healthy", options.settle_s))
-    faulty = [c for f in options.faults for c in _cases(options, options.profiles[profile], f, options.fault_s)]
-    done, total = 0, len(healthy) + len(faulty)
-
-    def step(_: Result[Any]) -> None:
-        nonlocal done
-        done += 1
-        progress("dynamics", done, total)
-
+    sizes = profile_of(options.profiles, profile, config)
+    healthy = list(_cases(options, sizes, "healthy", options.settle_s))
+    faulty = [c for f in options.faults for c in _cases(options, sizes, f, options.fault_s)]
     code = digest_of_code(sys.modules[__name__], reference, twingap.twins)
     given: dict[str, Any] = {
-        "store": out / "results", "backend": backend, "address": address, "version": code, "on_result": step
+        "store": out / "results", "backend": backend, "address": address, "version": code,
+        "on_result": Count("dynamics", len(healthy) + len(faulty), progress),
     }  # fmt: skip
     settled: list[Result[Case]] = sweep(settle, healthy, **given)
     struck: list[Result[Case]] = sweep(strike, faulty, **given)
     from papers.paper2_digital_twin import tables_dynamics as tables
 
     study = Dynamics(options, settled, struck, tables.all_tables(settled, struck), BEARINGS[options.bearing])
-    for name, frame in study.tables.items():
-        tables.write(frame, out / "tables" / name)
-        if log is not None:
-            log.table(name, frame)
+    keep_tables(study.tables, out, log)
     if draw:
         from papers.paper2_digital_twin import figures_dynamics as figures
 
-        for name, figure in figures.all_figures(study):
-            figures.write(figure, out / "figures" / f"{name}.png")
-            if log is not None:
-                log.figure(name, figure)
+        keep_figures(figures.all_figures(study), out, log)
     return study
 
 
@@ -288,21 +275,7 @@ def _cases(options: DynamicsOptions, profile: DynamicsProfile, fault: str, durat
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """The study from the command line."""
-    import argparse
-
-    parser = argparse.ArgumentParser(description="Dynamics of paper 2's twin: tables and figures.")
-    parser.add_argument("--profile", default="smoke")
-    parser.add_argument("--out", type=Path, required=True)
-    parser.add_argument("--backend", default="loky")
-    asked = parser.parse_args(arguments)
-    try:
-        study = run(asked.profile, out=asked.out, backend=asked.backend)
-    except TwingapError as error:
-        print(f"twingap: {error}", file=sys.stderr)
-        raise SystemExit(2) from None
-    for name, frame in study.tables.items():
-        print(f"\n{name}\n{frame.to_string(index=False, float_format=lambda v: f'{v:.4g}')}")
-    print(asked.out / "tables", asked.out / "figures", sep="\n")
+    command(run, "Dynamics of paper 2's twin: tables and figures.", lambda study: study.tables, arguments)
 
 
 if __name__ == "__main__":

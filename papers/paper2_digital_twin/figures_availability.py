@@ -15,7 +15,7 @@ from papers.paper2_digital_twin.availability_jobs import baseline_of, strips
 from papers.paper2_digital_twin.availability_records import TITLES, Measured
 from papers.paper2_digital_twin.availability_split import ALL, SPLITS
 from papers.paper2_digital_twin.tables_availability import METHODS, by_seed, calls, judging
-from papers.paper3_zoa_dann.figures_identification import SIZES, write
+from papers.paper3_zoa_dann.figures_identification import SIZES as SIZES
 from twingap.adapt.evaluate import t_interval
 
 if TYPE_CHECKING:
@@ -25,8 +25,6 @@ LOOKS: Final = {
     "twin network": ("#0072B2", "o", "-"), "SVM": ("#D55E00", "s", "--"), "SOM-MQE": ("#009E73", "^", ":"),
 }  # fmt: skip
 FAULTS: Final = {"healthy": "#666666", "inner": "#D55E00", "outer": "#0072B2", "ball": "#009E73"}
-
-__all__ = ["all_figures", "write"]
 
 
 def all_figures(study: Study) -> Iterator[tuple[str, Figure]]:

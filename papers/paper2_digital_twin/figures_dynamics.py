@@ -6,19 +6,17 @@ healthy --> displacement, velocity in x and y; the same against SciPy;  faulty -
 from __future__ import annotations
 
 from collections.abc import Iterator
-from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 from matplotlib.figure import Figure
 
-from twingap import files
+from papers.studies import SIZES
 
 if TYPE_CHECKING:
     from papers.paper2_digital_twin.dynamics import Dynamics
 
 ALONG, ACROSS, STATIC, MARK = "#0072B2", "#E69F00", "#444444", "#D55E00"
-SIZES: Final[Any] = {"font.size": 13, "axes.titlesize": 13, "axes.labelsize": 13, "legend.fontsize": 12}
 NAMES: Final = {"outer": "BPFO", "inner": "BPFI", "ball": "2 BSF"}
 SHOWN_S: Final = 0.1
 
@@ -106,11 +104,3 @@ def faults(study: Dynamics, setting: str) -> Figure:
     panels[-1, 1].set_xlabel("order (multiples of shaft speed)")
     figure.suptitle(f"Faults injected into the contact twin, {setting} preset, no noise; dashed: theoretical order")
     return figure
-
-
-def write(figure: Figure, path: Path) -> None:
-    """Write a PNG, whole or not at all."""
-    import matplotlib as mpl
-
-    with mpl.rc_context(SIZES), files.replacing(path) as temporary:
-        figure.savefig(temporary, dpi=100, metadata={"Software": "twingap"})

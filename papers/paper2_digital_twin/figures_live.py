@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 from matplotlib.figure import Figure
 
-from papers.paper2_digital_twin.figures_dynamics import SIZES
+from papers.studies import SIZES
 from twingap.rigs.drifting import REFILLED, WEARS
 
 if TYPE_CHECKING:

@@ -13,7 +13,7 @@ Run as part of the paper, or alone: python -m papers.paper2_digital_twin.live --
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, Literal
@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 
 import twingap.rigs.drifting
 import twingap.twins
+from papers.studies import Count, Progress, command, keep_figures, keep_tables, profile_of
 from twingap.bearing import BEARINGS
 from twingap.config import build, read_toml
 from twingap.errors import TwingapError
@@ -228,7 +229,7 @@ def run(
     backend: str = "loky",
     address: str | None = None,
     log: Run | None = None,
-    progress: Callable[[str, int, int], None] = lambda what, done, total: None,
+    progress: Progress = lambda what, done, total: None,
     config: Path = CONFIG,
     draw: bool = True,
 ) -> LiveStudy:
@@ -253,44 +254,27 @@ def run(
         Make the figures.
     """
     options = read_live(config)
-    if profile not in options.profiles:
-        known = ", ".join(options.profiles)
-        raise TwingapError(f"unknown profile {profile!r}", where=config, mend=f"use one of {known}")
-    sizes = options.profiles[profile]
+    sizes = profile_of(options.profiles, profile, config)
     jobs = [_scenario(options, seed + i, 1.0, options.hours, tuple(ARMS)) for i in range(sizes.seeds)]
     still = [_scenario(options, seed + i, 0.0, sizes.steady_hours, ("live",)) for i in range(sizes.steady)]
-    done, total = 0, len(jobs) + len(still)
-
-    def step(_: Result[Any]) -> None:
-        nonlocal done
-        done += 1
-        progress("live updating", done, total)
-
     code = digest_of_code(sys.modules[__name__], twingap.rigs.drifting, twingap.twins)
     given: dict[str, Any] = {
-        "store": out / "results", "backend": backend, "address": address, "version": code, "on_result": step
+        "store": out / "results", "backend": backend, "address": address, "version": code,
+        "on_result": Count("live updating", len(jobs) + len(still), progress),
     }  # fmt: skip
     drifting: list[Result[Scenario]] = sweep(live_through, jobs, **given)
     steady: list[Result[Scenario]] = sweep(live_through, still, **given)
     from papers.paper2_digital_twin import tables_live as tables
-    from papers.paper2_digital_twin.tables_dynamics import write
 
     study = LiveStudy(options, drifting, steady, tables.all_tables(options, drifting, steady))
-    for name, frame in study.tables.items():
-        write(frame, out / "tables" / name)
-        if log is not None:
-            log.table(name, frame)
+    keep_tables(study.tables, out, log)
     if log is not None:
         log.metrics({f"error, {r['arm']}": r["error mean"] for r in study.tables["live-errors"].to_dict("records")
                      if r["phase"] == "after commissioning"})  # fmt: skip
     if draw:
         from papers.paper2_digital_twin import figures_live as figures
-        from papers.paper2_digital_twin.figures_dynamics import write as write_figure
 
-        for name, figure in figures.all_figures(study):
-            write_figure(figure, out / "figures" / f"{name}.png")
-            if log is not None:
-                log.figure(name, figure)
+        keep_figures(figures.all_figures(study), out, log)
     return study
 
 
@@ -303,23 +287,11 @@ def _scenario(options: LiveStudyOptions, seed: int, drift: float, hours: float, 
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """The study from the command line."""
-    import argparse
-
-    parser = argparse.ArgumentParser(description="Live updating of paper 2's twin: tables and figures.")
-    parser.add_argument("--profile", default="smoke")
-    parser.add_argument("--out", type=Path, required=True)
-    parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--backend", default="loky")
-    asked = parser.parse_args(arguments)
-    try:
-        study = run(asked.profile, out=asked.out, seed=asked.seed, backend=asked.backend)
-    except TwingapError as error:
-        print(f"twingap: {error}", file=sys.stderr)
-        raise SystemExit(2) from None
-    for name, frame in study.tables.items():
-        shown = frame.head(30).to_string(index=False, float_format=lambda v: f"{v:.4g}")
-        print(f"\n{name} ({DATA})\n{shown}")
-    print(asked.out / "tables", asked.out / "figures", sep="\n")
+    command(
+        run, "Live updating of paper 2's twin: tables and figures.",
+        lambda study: {f"{name} ({DATA})": frame.head(30) for name, frame in study.tables.items()},
+        arguments, takes=("seed",),
+    )  # fmt: skip
 
 
 if __name__ == "__main__":

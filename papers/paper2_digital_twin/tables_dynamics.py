@@ -6,12 +6,10 @@ healthy bearings --> balance (settled where the static solution is? energy? SciP
 from __future__ import annotations
 
 from collections.abc import Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import pandas as pd
 
-from twingap import files
 from twingap.sweep import Result
 
 if TYPE_CHECKING:
@@ -61,14 +59,3 @@ def faults(faulty: Sequence[Result[Case]]) -> pd.DataFrame:
             "data": DATA,
         })  # fmt: skip
     return pd.DataFrame(rows)
-
-
-def write(table: pd.DataFrame, base: Path) -> None:
-    """Write ``base.csv`` and ``base.md``."""
-    with files.replacing(base.with_name(base.name + ".csv")) as path:
-        table.to_csv(path, index=False, float_format="%.6g", lineterminator="\n")
-    shown = table.map(lambda v: "" if v is None or v != v else f"{v:.4g}" if isinstance(v, float) else str(v))
-    lines = ["| " + " | ".join(map(str, shown.columns)) + " |", "|" + "---|" * len(shown.columns)]
-    lines += ["| " + " | ".join(row) + " |" for row in shown.itertuples(index=False)]
-    with files.replacing(base.with_name(base.name + ".md")) as path:
-        path.write_text(f"{base.name}\n\n" + "\n".join(lines) + "\n", encoding="utf-8")
