@@ -371,7 +371,10 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
 
 if __name__ == "__main__":
+    # Under its own name, so that results are the same jobs as those of whoever imports the study.
+    from papers.paper1_rul_varying_speed.femto import main as run_main
+
     try:
-        main()
+        run_main()
     except TwingapError as error:
         sys.exit(f"femto: {error}")
