@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twingap.gap import signatures
-from twingap.gap.signatures import answer, background, path, pooled
+from twingap.gap.signatures import answer, background, change, path, pooled
 from twingap.gap.signatures.answer import Struck
 from twingap.gap.signatures.path import Outline
 from twingap.gap.speed import Speeds
@@ -38,7 +38,7 @@ GROUPS = {
 """Kinds of records that means are taken over, for signatures of strikes (True) and for all others."""
 CONTEXT = (
     "records", "healthy_share", "log_samples", "log_turns", "speeds", "span_s",
-    "slip", "slip_z", "slip_decidable", "speed_z", "speed_scatter",
+    "own_simulator", "slip", "slip_z", "slip_decidable", "speed_z", "speed_scatter",
     "extent_1", "extent_4", "extent_13", "extent_41", "extent_121", "extent_mean",
 )  # fmt: skip
 _FEWEST_FOR_TREND = 4
@@ -112,15 +112,22 @@ def feature_names() -> tuple[str, ...]:
     names += [f"{name}|{kind}" for kind in trends for name in signatures.NAMES]
     names += [f"shape|{name}" for name in background.COMPARED]
     names += [f"answer|{name}" for name in answer.COMPARED]
+    names += [f"change|{name}" for name in change.NAMES]
     for of, whole in (("path", path.NAMES), ("pooled", pooled.NAMES)):
         names += [f"{of}|{name}" for name in whole] + [f"{of}|{name}.diff" for name in whole]
     return (*names, *(f"context|{name}" for name in CONTEXT))
 
 
-def compare(real: Measured, simulated: Measured, speeds: Speeds | None = None) -> Array:
+def compare(real: Measured, simulated: Measured, speeds: Speeds | None = None, *, own: bool = False) -> Array:
     """[features] What tells the measured set from the simulated one; see `feature_names`.
 
-    `speeds` are those of calibration, which tell of the cage's slip.
+    Parameters
+    ----------
+    real, simulated : Measured
+    speeds : Speeds, optional
+        Of calibration, which tell of the cage's slip.
+    own : bool
+        Whether the simulator is the machine's own: then nothing had to be matched, and small differences mean more.
     """
     with warnings.catch_warnings(), np.errstate(all="ignore"):
         warnings.simplefilter("ignore", RuntimeWarning)  # means of nothing are NaN, and meant so
@@ -134,7 +141,10 @@ def compare(real: Measured, simulated: Measured, speeds: Speeds | None = None) -
             _struck(real), _struck(simulated), _noise(real, simulated), real.outlines[0].frame.bearing
         )
         told = np.array([answers[name] for name in answer.COMPARED], float)
-        out = np.concatenate((per_signature, shape, told, *paths, _context(real, speeds), _extent(per_signature)))
+        changes = change.compare(real.outlines, simulated.outlines)
+        changed = np.array([changes[name] for name in change.NAMES], float)
+        context = _context(real, speeds, own)
+        out = np.concatenate((per_signature, shape, told, changed, *paths, context, _extent(per_signature)))
     return np.where(np.isfinite(out), out, np.nan)
 
 
@@ -290,7 +300,7 @@ def _z_places() -> NDArray[np.int64]:
     return np.array([i for i, name in enumerate(feature_names()) if name.endswith(".z") and "|on_" not in name])
 
 
-def _context(real: Measured, of: Speeds | None) -> Array:
+def _context(real: Measured, of: Speeds | None, own: bool) -> Array:
     """What every feature's scatter depends on, and what calibration found of the speeds."""
     conditions = real.conditions
     times = [c.time_s for c in conditions if c.time_s is not None]
@@ -303,6 +313,7 @@ def _context(real: Measured, of: Speeds | None) -> Array:
             np.log(np.mean([c.duration_s * c.speed_rpm / 60 for c in conditions])),
             np.log(speeds.max() / speeds.min()),
             np.log1p(max(times) - min(times)) if times else np.nan,
+            float(own),
             *(_speeds(of) if of is not None else [np.nan] * 5),
         ]
     )

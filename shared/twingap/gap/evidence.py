@@ -56,7 +56,8 @@ class Compared:
     def _features(self, real: Measured, replicate: int) -> Array:
         of = self._evidence
         made = of.simulated(self.simulator, self.effects, real.conditions, replicate)
-        return comparison.compare(real, comparison.measure(made, of.frame), of.calibrated.speeds)
+        own = isinstance(self.simulator, OwnSimulator)
+        return comparison.compare(real, comparison.measure(made, of.frame), of.calibrated.speeds, own=own)
 
 
 def simulator_of(calibrated: Calibrated, sim: RecordSet | None = None) -> Simulator:

@@ -152,7 +152,7 @@ class _Curves:
     def loss(self, base: _Fit) -> _Fit:
         """A Butterworth loss after the mode, before the white noise."""
         f1, damping, corner, order = np.meshgrid(
-            base.at[0] * np.array([0.97, 1.0, 1.06, 1.15, 1.3]), base.at[1] * np.array([0.5, 0.75, 1.0]),
+            base.at[0] * np.array([1.0, 1.07, 1.25]), base.at[1] * np.array([0.6, 1.0]),
             np.geomspace(0.015, 0.6, 22), (1.0, 2.0, 4.0, 6.0), indexing="ij",
         )  # fmt: skip
         rows = np.stack([a.ravel() for a in (np.minimum(f1, 0.49), damping, corner, order)], axis=1)

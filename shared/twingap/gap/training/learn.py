@@ -327,6 +327,7 @@ def general_columns(names: tuple[str, ...]) -> NDArray[np.int64]:
         "background.*skewness|*", "background.level_coupling|*", "background.echo_*", "background.modulation_*",
         "background.rest_rms|*", "background.kurtosis_log|*", "lines.free_count_log|*", "lines.tonal_share|*",
         "background.white_kurtosis_log|*", "shape|*_rms", "shape|*_rest_share", "path|*_cost*", "path|*_gain*",
+        "change|still", "change|*_gain", "change|left", "context|own_simulator",
         "pooled|modulation_fixed*", "pooled|turning*", "pooled|fixed*",
         "events.strike_snr|*",
     )  # fmt: skip
@@ -335,7 +336,7 @@ def general_columns(names: tuple[str, ...]) -> NDArray[np.int64]:
         [
             i for i, name in enumerate(names)
             if any(fnmatchcase(name, p) for p in patterns)
-            and (name.endswith(wanted) or name.startswith(("context|", "shape|", "path|", "pooled|")))
+            and (name.endswith(wanted) or name.startswith(("context|", "shape|", "path|", "change|", "pooled|")))
         ],
         dtype=np.int64,
     )  # fmt: skip
