@@ -181,7 +181,7 @@ class _Pairs:
 
     def band(self) -> _Best:
         """Flat noise between two frequencies, the same power on both."""
-        lows = np.arange(0, 64, 2) / 128
+        lows = np.arange(0, STRUCK_BANDS, 2) / (2 * STRUCK_BANDS)
         grid = [(low, low + width / 128) for low in lows for width in (2, 4, 7, 12, 20) if low + width / 128 <= 0.51]
         low, high = np.array(grid).T[:, :, None]
         half = np.where(np.arange(BANDS) < QUIET_BANDS, 0.25 / QUIET_BANDS, 0.25 / STRUCK_BANDS)
@@ -257,7 +257,7 @@ def _mean(pairs: Sequence[tuple[Array, Array]], bands: int) -> tuple[Array, Arra
     else:
         variance = np.full(bands, _ALONE**2)
     error = np.sqrt(variance / len(pairs) + _LEAST_ERROR**2)
-    return mean, error, np.exp(np.log(np.mean(np.exp(theirs), axis=0)))
+    return mean, error, np.mean(np.exp(theirs), axis=0)
 
 
 @njit(cache=True, nogil=True)
@@ -276,8 +276,8 @@ def _size(own, about, weight):  # type: ignore[no-untyped-def]  # pragma: no cov
                 off = about[i] - math.log1p(x)
                 w = weight[i] * weight[i]
                 size = abs(off) * weight[i]
-                if size > 4.0:
-                    w *= 4.0 / size
+                if size > _ROBUST:
+                    w *= _ROBUST / size
                 a += w * slope * slope
                 b += w * slope * off
             s *= math.exp(min(max(b / a, -1.5), 1.5))
@@ -297,7 +297,7 @@ def _costs(curves, target, weight, basis, settled):  # type: ignore[no-untyped-d
         for i in range(bands):
             robust[i] = 1.0
         w = np.zeros(k)
-        for turn in range(4):
+        for _ in range(4):
             gram, right = np.zeros((k, k)), np.zeros(k)
             for i in range(bands):
                 own = target[i] - curves[c, i] * weight[i]
@@ -314,13 +314,13 @@ def _costs(curves, target, weight, basis, settled):  # type: ignore[no-untyped-d
                     own -= w[p] * basis[p, i]
                 rest[i] = own
                 size = abs(own)
-                robust[i] = 1.0 if size <= 4.0 else 4.0 / size
+                robust[i] = 1.0 if size <= _ROBUST else _ROBUST / size
         cost = 0.0
         for p in range(k):
             cost += settled[p] * w[p] * w[p]
         for i in range(bands):
             size = abs(rest[i])
-            cost += size * size if size <= 4.0 else 8.0 * size - 16.0
+            cost += size * size if size <= _ROBUST else _ROBUST * (2 * size - _ROBUST)
         costs[c] = cost
         for p in range(k):
             found[c, p] = w[p]

@@ -23,11 +23,11 @@ _STRENGTH = (
     "background.quantile_*", "background.knock_count_log",
 )  # fmt: skip
 _SHAPE = (
-    "shape|*", "path|*", "change|*", "answer|*", "answer.*", "background.band_*", "background.mode_*", "background.white_level",
-    "background.rest_*", "background.edge_*", "background.rms_log", "background.time_asymmetry",
-    "background.kurtosis_log", "background.rough_*", "background.envelope_1x", "events.strike_level",
-    "events.strike_snr", "background.knock_*", "background.foreign_score", "background.quantile_*",
-    "pooled|envelope_*",
+    "shape|*", "path|*", "change|*", "answer|*", "answer.*", "background.band_*", "background.mode_*",
+    "background.white_level", "background.rest_*", "background.edge_*", "background.rms_log",
+    "background.time_asymmetry", "background.kurtosis_log", "background.rough_*", "background.envelope_1x",
+    "events.strike_level", "events.strike_snr", "background.knock_*", "background.foreign_score",
+    "background.quantile_*", "pooled|envelope_*",
 )  # fmt: skip
 _TONES = (
     "lines.*",
