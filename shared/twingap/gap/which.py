@@ -11,7 +11,6 @@ held-out part.
 
 from __future__ import annotations
 
-import itertools
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -23,6 +22,7 @@ from numpy.typing import NDArray
 from twingap.effects import Effect, catalogue, make_effect
 from twingap.errors import TwingapError
 from twingap.gap.evidence import Compared, Evidence, values_of
+from twingap.gap.training.judgement import Outcome
 from twingap.gap.training.learn import Learnt
 from twingap.gap.training.parameters import coordinates, to_effect, to_number, to_value
 
@@ -35,8 +35,13 @@ ALPHA: Final = 0.03
 ALPHA_REST: Final = 0.1
 """Level at which something is called left over."""
 MOST_EFFECTS: Final = 7
-_UNCERTAIN: Final = 0.01
+LEVEL: Final = 0.9
+"""Joint probability that the sets of a confidence set have together."""
+LIKELIER: Final = 0.5
+"""Probability from which an effect stays named."""
+_UNCERTAIN: Final = 0.003
 """Probability from which (and up to whose complement) an effect is held open in confidence sets."""
+_MOST_OPEN: Final = 13
 THRESHOLD: Final = 0.3
 """Log odds from which an effect is named, unless learning found a better limit for it."""
 KEEPS: Final = 0.5
@@ -112,8 +117,29 @@ class Explanation:
         return tuple(found.effect.name for found in self.effects)
 
 
-def explain(evidence: Evidence, learnt: Learnt, report: Report) -> Explanation:
-    """Search for the effects that the twin lacks.
+@dataclass(frozen=True)
+class Searched:
+    """A search that has come to its end.
+
+    Parameters
+    ----------
+    search : _Search
+    p_value : float
+        Of no gap at all.
+    rest_p : float
+        Of nothing left over.
+    outcomes : Mapping[str, Outcome]
+        Of every effect that the twin has not got already.
+    """
+
+    search: _Search
+    p_value: float
+    rest_p: float
+    outcomes: Mapping[str, Outcome]
+
+
+def search(evidence: Evidence, learnt: Learnt, report: Report = lambda what, part: None) -> Searched:
+    """Add what seems missing, and leave out what is not missed, until nothing changes.
 
     Parameters
     ----------
@@ -122,28 +148,51 @@ def explain(evidence: Evidence, learnt: Learnt, report: Report) -> Explanation:
     report : callable
         Told of progress.
     """
-    search = _Search(evidence, learnt)
+    found = _Search(evidence, learnt)
     report("the twin as given", 0.0)
-    before = evidence.against()
-    p_value = learnt.p_value(before.held_out)
+    p_value = learnt.p_value(evidence.against().held_out)
     gap = p_value <= ALPHA
     for turn in range(ROUNDS):
         report("effects added", 0.2 + 0.2 * turn)
         # What was thrown out once stays out, or the search would go in circles.
-        more = search.seem_missing() or (search.that_help() if gap and turn else [])
+        more = found.seem_missing() or (found.that_help() if gap and turn else [])
         if not more and turn:
             break
-        search.add(more)
-        search.drop_idle()
+        found.add(more)
+        found.drop_idle()
+    rest_p = found.rest_p(p_value)
+    outcomes = {
+        name: Outcome(odds, found.first[name], name in found.values, len(found.values), p_value, rest_p)
+        for name, odds in found.certainty().items()
+    }
+    return Searched(found, p_value, rest_p, outcomes)
+
+
+def explain(evidence: Evidence, learnt: Learnt, report: Report) -> Explanation:
+    """Search for the effects that the twin lacks, and judge what was found.
+
+    Parameters
+    ----------
+    evidence : Evidence
+    learnt : Learnt
+    report : callable
+        Told of progress.
+    """
+    ended = search(evidence, learnt, report)
+    found, p_value, gap = ended.search, ended.p_value, ended.p_value <= ALPHA
     report("confidence", 0.9)
-    probability = {name: _probability(value) for name, value in search.certainty().items()}
-    rest_p = learnt.rest_p(search.now.held_out) if search.values else p_value
-    sets = confidence_set(probability, learnt.set_level)
-    named = search.strongest_first() if gap else []
+    judge = learnt.judgement
+    probability = {
+        name: _probability(outcome.certainty) if judge is None else judge.probability(outcome)
+        for name, outcome in ended.outcomes.items()
+    }
+    found.keep([name for name in found.values if probability[name] >= LIKELIER])
+    sets = confidence_set(probability, learnt.set_level if judge is None else LEVEL)
+    named = found.strongest_first() if gap else []
     return Explanation(
-        p_value, gap, tuple(search.values[name] for name in named),
-        probability | dict.fromkeys(search.already, 0.0), sets if gap else _with(sets, ()), rest_p,
-        before, search.now, search.cannot,
+        p_value, gap, tuple(found.values[name] for name in named),
+        probability | dict.fromkeys(found.already, 0.0), sets if gap else _with(sets, ()), found.rest_p(p_value),
+        evidence.against(), found.now, found.cannot,
     )  # fmt: skip
 
 
@@ -268,6 +317,16 @@ class _Search:
         now = self.odds(self.now)
         return {name: self.missed.get(name, now[name]) if name in self.values else now[name] for name in now}
 
+    def rest_p(self, whole: float) -> float:
+        """P-value of nothing left over; `whole`, that of no gap at all, where nothing was added."""
+        return self.learnt.rest_p(self.now.held_out) if self.values else whole
+
+    def keep(self, names: Sequence[str]) -> None:
+        """Forget the effects that are not among these."""
+        if set(names) != set(self.values):
+            self.values = {name: value for name, value in self.values.items() if name in names}
+            self.now = self.evidence.against(self._added())
+
     def strongest_first(self) -> list[str]:
         """The named effects."""
         return sorted(self.values, key=lambda name: -(self.missed.get(name, 0.0) + self.first[name]))
@@ -321,26 +380,18 @@ def confidence_set(probability: Mapping[str, float], level: float) -> tuple[tupl
     probability : Mapping[str, float]
         That each effect is missing.
     level : float
-        Raised above 90 % by as much as machines not learnt from asked for.
+        What the sets are to hold together.
     """
-    sure = [name for name, p in probability.items() if p >= 1 - _UNCERTAIN]
-    open_ = sorted(
-        (name for name, p in probability.items() if _UNCERTAIN < p < 1 - _UNCERTAIN),
-        key=lambda name: abs(probability[name] - 0.5),
-    )[:9]
-    sure += [name for name, p in probability.items() if 0.5 <= p < 1 - _UNCERTAIN and name not in open_]
-    weighed = []
-    for picks in itertools.product((False, True), repeat=len(open_)):
-        weight = math.prod(probability[n] if pick else 1 - probability[n] for n, pick in zip(open_, picks, strict=True))
-        weighed.append((weight, [n for n, pick in zip(open_, picks, strict=True) if pick]))
-    weighed.sort(key=lambda item: -item[0])
-    out, reached = [], 0.0
-    for weight, names in weighed:
-        out.append(tuple(sorted((*sure, *names), key=lambda n: -probability[n])))
-        reached += weight
-        if reached >= level:
-            break
-    return tuple(out)
+    names = list(probability)
+    p = np.array([probability[name] for name in names])
+    by_doubt = np.argsort(-np.minimum(p, 1 - p))[:_MOST_OPEN]
+    open_ = by_doubt[np.minimum(p, 1 - p)[by_doubt] > _UNCERTAIN]
+    sure = [i for i in np.flatnonzero(p >= 0.5) if i not in open_]
+    picks = (np.arange(2**open_.size)[:, None] >> np.arange(open_.size)) & 1
+    weight = np.where(picks, p[open_], 1 - p[open_]).prod(axis=1)
+    order = np.argsort(-weight, kind="stable")
+    kept = order[: 1 + int(np.searchsorted(np.cumsum(weight[order]), level * weight.sum()))]
+    return tuple(tuple(names[i] for i in sorted((*sure, *open_[picks[row] == 1]), key=lambda i: -p[i])) for row in kept)
 
 
 def _strongest(odds: Mapping[str, float]) -> list[str]:

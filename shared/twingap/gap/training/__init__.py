@@ -1,6 +1,7 @@
 """What a diagnosis brings along, learnt beforehand from simulated gaps: `twingap gap train`.
 
-draw_gap --calibrate, compare--> examples (in chunks, resumable) --learn--> detectors, estimators, null --> cache
+draw_gap --calibrate, compare--> examples (in chunks, resumable) --learn--> detectors, estimators, null --+
+draw_gap --search with these--> ends of searches (in chunks, resumable) --learn--> judgement --------------+--> cache
 """
 
 from __future__ import annotations
@@ -18,12 +19,18 @@ from twingap.files import replacing, sha256
 from twingap.provenance import digest_of_value
 
 if TYPE_CHECKING:
+    from twingap.gap.training.judgement import Judgement
     from twingap.gap.training.learn import Learnt
     from twingap.records import RecordSet
 
-MACHINES: Final = 2250
+MACHINES: Final = 2100
 """Machines of a full training: twenty minutes on two cores."""
 CHUNK: Final = 30
+PER_SEARCH: Final = 14
+"""Machines learnt from for each one that is searched: so many of these are enough to judge ends of searches by."""
+SEARCHED_FROM: Final = 1_000_000
+"""Number of the first machine that is searched: none of them is learnt from."""
+SEARCH_CHUNK: Final = 10
 MOST_RECORDS: Final = 24
 SEED: Final = 20
 
@@ -99,10 +106,12 @@ def examples_key(seed: int = SEED, among: Sequence[str] = ()) -> str:
 
 def key(machines: int, seed: int = SEED, among: Sequence[str] = ()) -> str:
     """Digest of all that what is learnt depends on: the examples, their number, and how is learnt from them."""
-    from twingap.gap.training import learn
+    from twingap.gap import distance, views, which
+    from twingap.gap.training import judgement, learn, searches
     from twingap.provenance import digest_of_code
 
-    about = {"examples": examples_key(seed, among), "learn": digest_of_code(learn), "machines": machines}
+    code = digest_of_code(learn, judgement, searches, which, distance, views)
+    about = {"examples": examples_key(seed, among), "learn": code, "machines": machines}
     return digest_of_value(about)[:16]
 
 
@@ -159,12 +168,22 @@ def train(
     tasks = (joblib.delayed(_chunk)(seed, chunk, path, tuple(among)) for chunk, path in waiting)
     parallel = joblib.Parallel(n_jobs=jobs or os.cpu_count(), return_as="generator_unordered")
     for done, _ in enumerate(parallel(tasks), start=len(paths) - len(waiting) + 1):
-        report("simulated gaps", 0.8 * done / len(paths))
+        report("simulated gaps", 0.7 * done / len(paths))
     examples = stacked([_read(path) for path in paths])
     learnt = learn(
         examples, tuple(catalogue()), coordinates(), feature_names(),
-        lambda what, part: report(what, 0.8 + 0.2 * part),
+        lambda what, part: report(what, 0.7 + 0.15 * part),
     )  # fmt: skip
+    count = machines // PER_SEARCH
+    learnt.judgement = _judged(
+        learnt,
+        folder / f"searches-{own}",
+        seed,
+        count,
+        among,
+        jobs,
+        lambda part: report("searches", 0.85 + 0.15 * part),
+    )
     learnt.about.update(machines=machines, seed=seed, key=own, examples=len(examples))
     with replacing(target) as temporary:
         joblib.dump(learnt, temporary, compress=3)
@@ -172,6 +191,51 @@ def train(
         temporary.write_text(f"{sha256(target)}  {target.name}\n", encoding="utf-8")
     load.cache_clear()
     return target
+
+
+def _judged(
+    learnt: Learnt,
+    folder: Path,
+    seed: int,
+    count: int,
+    among: tuple[str, ...],
+    jobs: int,
+    report: Callable[[float], None],
+) -> Judgement | None:
+    """What ends of searches are worth, from so many of them."""
+    import joblib
+
+    from twingap.gap.training.judgement import Outcome, learn_judgement
+
+    starts = range(0, count, SEARCH_CHUNK)
+    chunks = [range(SEARCHED_FROM + s, SEARCHED_FROM + min(s + SEARCH_CHUNK, count)) for s in starts]
+    paths = [folder / f"{chunk.start:07d}-{len(chunk)}.npz" for chunk in chunks]
+    waiting = [(chunk, path) for chunk, path in zip(chunks, paths, strict=True) if not path.exists()]
+    tasks = (joblib.delayed(_search_chunk)(learnt, seed, chunk, path, among) for chunk, path in waiting)
+    parallel = joblib.Parallel(n_jobs=jobs or os.cpu_count(), return_as="generator_unordered")
+    for done, _ in enumerate(parallel(tasks), start=len(paths) - len(waiting) + 1):
+        report(done / len(paths))
+    outcomes: list[Outcome] = []
+    missing: list[bool] = []
+    for path in paths:
+        with np.load(path) as stored:
+            outcomes += [Outcome(*row) for row in stored["outcomes"].tolist()]
+            missing += stored["missing"].tolist()
+    return learn_judgement(outcomes, missing)
+
+
+def _search_chunk(learnt: Learnt, seed: int, machines: range, path: Path, among: tuple[str, ...]) -> None:
+    from threadpoolctl import threadpool_limits
+
+    from twingap.gap.training.judgement import Outcome
+    from twingap.gap.training.searches import searches
+
+    with threadpool_limits(1):
+        made = searches(learnt, seed, machines, MOST_RECORDS, among)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with replacing(path) as temporary, temporary.open("wb") as file:
+        outcomes = np.array([outcome for outcome, _ in made], float).reshape(-1, len(Outcome._fields))
+        np.savez(file, outcomes=outcomes, missing=np.array([missing for _, missing in made], bool))
 
 
 @lru_cache(maxsize=2)

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twingap.gap.signatures.telling import columns
+from twingap.gap.training.judgement import Judgement
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -409,6 +410,8 @@ class Learnt:
         Names, to be sure that they are still the same.
     about : Mapping
         How it was made, and how well it did on machines it had not seen.
+    judgement : Judgement or None
+        What ends of searches are worth; None where too few were made to say.
     """
 
     effects: tuple[str, ...]
@@ -422,6 +425,7 @@ class Learnt:
     set_level: float = 0.9
     null_rest: Null = field(default_factory=lambda: Null(np.empty(0), np.empty(0)))
     general: NDArray[np.int64] = field(default_factory=lambda: np.empty(0, np.int64))
+    judgement: Judgement | None = None
 
     def log_odds(self, features: NDArray[Any], *, later: bool = False) -> Array:
         """[examples, effects] Log odds that each effect is missing; what was not learnt is taken as unlikely.

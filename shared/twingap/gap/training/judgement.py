@@ -1,0 +1,97 @@
+"""What the end of a search is worth: its log odds turned into probabilities that hold.
+
+searches on machines not learnt from --outcome of every effect--> logistic regression --> Judgement
+outcome of every effect of a new search --Judgement--> probability that it is missing
+
+Detectors are calibrated on first looks. A search asks them again and again, names the strongest, and stops: what it
+has named is likelier than its last log odds say, and beside a rest that nothing explains, or among many effects, what
+it has not named is not as unlikely. Both are learnt from whole searches, on machines that no detector has learnt from
+(stacking: Wolpert 1992, doi:10.1016/S0893-6080(05)80023-1).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+_FEWEST: Final = 25
+"""Effects of either kind, missing or not, below which nothing is learnt."""
+_FIRM: Final = 1.0
+"""Inverse strength of the ridge on weights."""
+_LEAST_P: Final = 0.005
+"""P-values below are all the same: no smaller ones can come of the machines that they are ranked among."""
+_MOST_ODDS: Final = 9.0
+
+
+class Outcome(NamedTuple):
+    """What a search ended with for one effect.
+
+    Parameters
+    ----------
+    certainty : float
+        Log odds: of a named one when it alone is left out, of another against the twin with all that is named.
+    first : float
+        Log odds against the twin as given.
+    named : bool
+    others : int
+        Number of effects named.
+    p_value : float
+        Of no gap.
+    rest_p : float
+        Of nothing left over.
+    """
+
+    certainty: float
+    first: float
+    named: bool
+    others: int
+    p_value: float
+    rest_p: float
+
+    def features(self) -> Array:
+        """[8] What its probability is worked out from."""
+        certainty, first = np.clip((self.certainty, self.first), -_MOST_ODDS, _MOST_ODDS)
+        rest, whole = (np.log(max(p, _LEAST_P)) for p in (self.rest_p, self.p_value))
+        own, other = float(self.named), float(not self.named)
+        return np.array([
+            own, own * certainty, own * first, own * rest,
+            other * certainty, other * first, other * rest, other * whole, other * self.others,
+        ])  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Judgement:
+    """Log odds that an effect is missing, linear in its outcome's features.
+
+    Parameters
+    ----------
+    weights : Array [features]
+    offset : float
+    """
+
+    weights: Array
+    offset: float
+
+    def probability(self, outcome: Outcome) -> float:
+        """That this effect is missing."""
+        return float(1 / (1 + np.exp(-(self.weights @ outcome.features() + self.offset))))
+
+
+def learn_judgement(outcomes: Sequence[Outcome], missing: Sequence[bool]) -> Judgement | None:
+    """From outcomes of searches whose truth is known; None where they are too few."""
+    from sklearn.linear_model import LogisticRegression
+
+    label = np.asarray(missing, bool)
+    if min(label.sum(), (~label).sum()) < _FEWEST:
+        return None
+    table = np.array([outcome.features() for outcome in outcomes])
+    scale = np.maximum(table.std(axis=0), 1e-9)
+    fit = LogisticRegression(C=_FIRM, max_iter=2000).fit(table / scale, label)
+    return Judgement(fit.coef_[0] / scale, float(fit.intercept_[0]))

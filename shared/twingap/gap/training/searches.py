@@ -1,0 +1,51 @@
+"""Whole searches on machines that no detector has learnt from, to learn what their ends are worth.
+
+SimulatedGap --calibrate, search--> Outcome of every effect, and whether it was missing
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from twingap.errors import TwingapError
+from twingap.gap.calibrate import calibrate
+from twingap.gap.evidence import Evidence, simulator_of
+from twingap.gap.training.gaps import draw_gap
+from twingap.gap.training.judgement import Outcome
+from twingap.gap.which import search
+
+if TYPE_CHECKING:
+    from twingap.gap.training.learn import Learnt
+
+
+def searches(
+    learnt: Learnt, seed: int, machines: Sequence[int], most_records: int, among: Sequence[str] = ()
+) -> list[tuple[Outcome, bool]]:
+    """Outcomes of searches on these machines, effect by effect, and whether each effect was missing.
+
+    Parameters
+    ----------
+    learnt : Learnt
+    seed : int
+    machines : sequence of int
+        Their numbers, see `examples.examples`.
+    most_records : int
+    among : sequence of str
+        Effects to draw from; empty is the whole catalogue.
+    """
+    found: list[tuple[Outcome, bool]] = []
+    for machine in machines:
+        rng = np.random.default_rng([seed, machine])
+        try:
+            gap = draw_gap(rng, most_records=most_records, among=among)
+            calibrated = calibrate(gap.records, gap.spec, rng, sim=gap.sim)
+            evidence = Evidence(calibrated, simulator_of(calibrated, gap.sim), gap.spec, int(rng.integers(2**62)))
+            outcomes = search(evidence, learnt).outcomes
+        except TwingapError:  # a drawn machine that nobody could calibrate teaches nothing
+            continue
+        missing = {effect.name for effect in gap.missing}
+        found += [(outcome, name in missing) for name, outcome in outcomes.items()]
+    return found
