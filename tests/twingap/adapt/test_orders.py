@@ -93,6 +93,21 @@ def test_names_and_places_are_those_of_the_bearing() -> None:
     assert len(names(BEARING)) == order_features(windows_of("ball"), BEARING).shape[1] == len(set(names(BEARING)))
 
 
+def test_lines_are_where_published_fault_orders_put_them() -> None:
+    """Orders of the 6205 as the owner of the CWRU records states them: 5.4152, 3.5848, 4.7135, 0.39828."""
+    outer, inner, ball, cage = 3.5848, 5.4152, 4.7135, 0.39828
+    wanted = {
+        "shaft 1": 1, "shaft 2": 2, "shaft 3": 3, "cage 1": cage, "cage 2": 2 * cage,
+        "outer 1": outer, "outer 2": 2 * outer, "outer 3": 3 * outer,
+        "inner 1": inner, "inner 2": 2 * inner, "inner 3": 3 * inner,
+        "ball 1": ball, "ball 2": 2 * ball, "ball 3": 3 * ball,
+        "inner - shaft": 4.4152, "inner + shaft": 6.4152, "twice inner - shaft": 9.8304, "twice inner + shaft": 11.8304,
+        "outer - shaft": 2.5848, "outer + shaft": 4.5848, "ball - cage": 4.3152, "ball + cage": 5.1118,
+        "outer - cage": 3.1865, "outer + cage": 3.9831, "inner - cage": 5.0169, "inner + cage": 5.8135,
+    }  # fmt: skip
+    assert places(BEARING) == pytest.approx(wanted, rel=2e-4)
+
+
 def test_flattening_takes_a_resonance_and_leaves_a_line() -> None:
     rng, line, n = np.random.default_rng(0), 683, np.arange(8192)
     coloured = np.convolve(rng.standard_normal(8192), np.exp(-np.arange(200) / 40) * np.cos(np.arange(200)), "same")
@@ -121,6 +136,12 @@ def test_machines_at_another_speed_are_not_compared() -> None:
     mean = levels_above_the_quietest(made)[:, NAMES.index("mean")]
     np.testing.assert_allclose(mean, 0, atol=0.3)
     assert list(operating_points(np.array([1510.0, 1000.0, 1500.0]))) == [1, 0, 1]
+
+
+def test_speeds_that_jump_by_three_per_cent_are_two_operating_points() -> None:
+    assert list(operating_points(np.array([1500.0, 1544.0]))) == [0, 0]  # 2.9 %
+    assert list(operating_points(np.array([1500.0, 1546.0]))) == [0, 1]  # 3.1 %
+    assert list(operating_points(np.array([1580.0, 1500.0, 1540.0]))) == [0, 0, 0], "no jump between neighbours"
 
 
 def test_a_recording_alone_is_its_own_quietest_and_a_tone_is_no_noise() -> None:

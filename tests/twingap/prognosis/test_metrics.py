@@ -71,6 +71,15 @@ def test_horizon_lasts_unless_one_hit_is_asked_for() -> None:
     assert metrics.prognostic_horizon(TRUE, [90.0] * 5, 40.0) == 0.0
 
 
+def test_bounds_are_those_of_the_source_unless_others_are_asked_for() -> None:
+    """20 % of what remains for the cone, 10 % of the whole life for the horizon; each just met and just missed."""
+    assert metrics.within_alpha([10.0, 10.0, 10.0], [12.0, 12.01, 7.99]).tolist() == [True, False, False]
+    for at_half, hit in ((24.0, True), (24.1, False), (16.0, True), (15.9, False)):
+        assert metrics.alpha_lambda(TRUE, [40.0, 30.0, at_half, 99.0, 0.0]) is hit
+    assert metrics.prognostic_horizon(TRUE, [99.0, 34.0, 20.0, 10.0, 0.0], 40.0) == 30.0
+    assert metrics.prognostic_horizon(TRUE, [99.0, 34.1, 20.0, 10.0, 0.0], 40.0) == 20.0
+
+
 def test_coverage_counts_rows_that_have_an_interval() -> None:
     found = metrics.coverage(TRUE, [35, np.nan, 21, 0, 0], [45, np.nan, 30, 20, np.inf])
     assert found.share == pytest.approx(0.75) and found.rows == 4 and found.mean_width == np.inf
