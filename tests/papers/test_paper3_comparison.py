@@ -23,7 +23,7 @@ from papers.paper3_zoa_dann.significance import holm, sign_flip
 from papers.paper3_zoa_dann.source import Recipe, drawn_effect, simulate
 from papers.paper3_zoa_dann.task_files import FOLDER, Material, TaskFile, load_recordings, material, read_task, split
 from papers.paper3_zoa_dann.trial import ALL, ANALYST, CLOSED, OWN, Trial, noisy, run_trial
-from twingap.adapt import CRITERIA, METHODS
+from twingap.adapt import CRITERIA, METHODS, Windows
 from twingap.bearing import BEARINGS
 from twingap.errors import TwingapError
 from twingap.records import Condition, RecordSet
@@ -202,8 +202,17 @@ def test_effects_of_a_closed_gap_are_plausible_and_some_bearings_have_them() -> 
     assert carriers.min() >= 500 and 4500 < carriers.max() <= 5400, "no more than 0.45 of the sampling rate"
     closed = dataclasses.replace(RECIPE, closed=("shaft_harmonics",), bearings_per_class=6)
     made, plain = simulate(closed), simulate(dataclasses.replace(closed, closed=()))
-    changed = {str(g) for g, a, b in zip(made.group, made.samples, plain.samples, strict=True) if not np.allclose(a, b)}
+    changed = changed_by(made, plain)
     assert 0 < len(changed) < len(set(made.group)), "by lot, and all else is as it was"
+    numbers = {fault: {g.split("-")[1] for g in changed if g.startswith(fault)} for fault in RECIPE.classes}
+    assert numbers["healthy"] != numbers["inner"], "each class has lots of its own"
+    other = dataclasses.replace(closed, seed=1)
+    assert changed_by(simulate(other), simulate(dataclasses.replace(other, closed=()))) != changed, "as has each seed"
+
+
+def changed_by(made: Windows, plain: Windows) -> set[str]:
+    """Virtual bearings whose windows differ."""
+    return {str(g) for g, a, b in zip(made.group, made.samples, plain.samples, strict=True) if not np.allclose(a, b)}
 
 
 def test_the_own_method_sees_one_judged_recording_at_a_time() -> None:
@@ -216,6 +225,16 @@ def test_the_own_method_sees_one_judged_recording_at_a_time() -> None:
     first = own.evaluate.group == own.evaluate.group[0]
     alone = dataclasses.replace(own, evaluate=own.evaluate.take(first), bearing=own.bearing[first])
     np.testing.assert_allclose(run_trial(trial, alone)["probabilities"], whole[first], atol=1e-6)
+    # What is told of a window is told of that window, wherever it stands,
+    turned = np.arange(len(own.evaluate))[::-1]
+    backwards = dataclasses.replace(own, evaluate=own.evaluate.take(turned), bearing=own.bearing[turned])
+    np.testing.assert_allclose(run_trial(trial, backwards)["probabilities"], whole[turned], atol=1e-6)
+    assert np.unique(whole, axis=0).shape[0] > 1
+    # and beside the recordings that were adapted to: the louder it is than those, the likelier it has a fault.
+    quiet = dataclasses.replace(own.adapt, samples=0.1 * own.adapt.samples)
+    louder = run_trial(trial, dataclasses.replace(own, adapt=quiet))["probabilities"]
+    healthy = task.classes.index("healthy")
+    assert louder[:, healthy].mean() < whole[:, healthy].mean()
 
 
 def test_noise_is_the_same_for_all_methods_and_at_the_stated_ratio() -> None:

@@ -1,0 +1,146 @@
+"""Whether the closure's 90 % interval holds what many more records of the same machine say.
+
+world --diagnose blind--> verdict's effects, closure, interval
+the same machine run again, many times --the same two twins, the same measure--> closure of all of them: the reference
+
+Run as ``python -m twingap.study.closure_coverage`` it prints one line per world and the coverage. The reference keeps
+what the verdict added; whether that was right is the blind study's question. It has an error of its own, of about the
+interval's half width over the root of the number of runs, so that the coverage is, if anything, understated.
+"""
+
+from __future__ import annotations
+
+import argparse
+import zlib
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from twingap.errors import TwingapError
+from twingap.gap.calibrate import calibrate
+from twingap.gap.distance import Paired
+from twingap.gap.evidence import Evidence, simulator_of
+from twingap.gap.shrink import closure, closure_interval, paired
+from twingap.gap.view import RecordView
+from twingap.gap.views import Grid, Views
+from twingap.gap.views import measure as measure_views
+from twingap.gap.which import explain
+from twingap.study.blind import anonymous, blinded
+
+if TYPE_CHECKING:
+    from twingap.gap.training.learn import Learnt
+    from twingap.rigs.worlds import Case
+
+RUNS = 8
+REPLICATES = 4
+
+
+@dataclass(frozen=True)
+class Checked:
+    """One world's interval and reference.
+
+    Parameters
+    ----------
+    case : str
+    effects : tuple of str
+        Named, and added.
+    closure, reference : float
+    ci : (float, float)
+    """
+
+    case: str
+    effects: tuple[str, ...]
+    closure: float
+    ci: tuple[float, float]
+    reference: float
+
+    @property
+    def covered(self) -> bool:
+        """Whether the interval holds the reference."""
+        return self.ci[0] <= self.reference <= self.ci[1]
+
+
+def check(case: Case, seed: int, learnt: Learnt) -> Checked | None:
+    """A world's interval against what more runs of its machine say; None where the verdict adds nothing.
+
+    Parameters
+    ----------
+    case : Case
+    seed : int
+    learnt : Learnt
+    """
+    from twingap.rigs.worlds import make_world, replay
+
+    world = make_world(case, seed)
+    blind = blinded(world)
+    rng = np.random.default_rng([seed, zlib.crc32(case.name.encode())])
+    calibrated = calibrate(blind.records, None if blind.sim is not None else blind.twin, rng, sim=blind.sim)
+    evidence = Evidence(calibrated, simulator_of(calibrated, blind.sim), blind.twin, int(rng.integers(2**62)))
+    found = explain(evidence, learnt, lambda what, part: None)
+    if not found.gap or not found.after.effects:
+        return None
+    part = calibrated.held_out
+    grid = Grid.of(part.conditions, evidence.frame.bearing)
+    places = {c.name: place for place, c in enumerate(blind.records.conditions)}
+
+    def twins(first: int) -> tuple[list[Views], list[Views]]:
+        """Replicates before and after, from replicate number `first` on."""
+        before, after = (
+            [
+                evidence.views(evidence.simulated(c.simulator, c.effects, part.conditions, first + k), grid)
+                for k in range(REPLICATES)
+            ]
+            for c in (found.before, found.after)
+        )
+        return before, after
+
+    real = evidence.views(part, grid)
+    pairs = paired(real, *twins(2))
+    floor, _ = pairs[1].floor(rng)
+    own = closure_interval(*pairs, floor, rng)
+    sums = np.zeros(3)
+    for run in range(RUNS):
+        again = list(anonymous(replay(world, effects=case.effect_names, seed=run), "again"))
+        views = measure_views(
+            (RecordView(again[places[c.name]].samples, c, evidence.frame) for c in part.conditions), grid
+        )
+        before, after = (Paired(views, sims, None, pairs[0].scale) for sims in twins(20 + REPLICATES * run))
+        (b,), (a,) = (p.over_views(p.squares())[0] for p in (before, after))
+        sums += np.array([b, a, after.floor(rng)[0]]) / RUNS
+    return Checked(case.name, found.names, own.closure, own.ci, closure(*(float(v) for v in sums)))
+
+
+def main() -> None:
+    """Worlds with one to five effects of a seed that no study used."""
+    from twingap.gap.training import load, train
+    from twingap.rigs.worlds.plan import cases
+
+    asked = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else "")
+    asked.add_argument("--worlds", type=int, default=40)
+    asked.add_argument("--seed", type=int, default=77)
+    options = asked.parse_args()
+    learnt = load(train())
+    done: list[Checked] = []
+    for case in cases(4 * options.worlds, options.seed):
+        if len(done) == options.worlds:
+            break
+        if case.kind not in ("single", "pair", "crowd"):
+            continue
+        try:
+            one = check(case, options.seed, learnt)
+        except TwingapError as error:
+            print(f"{case.name}: {error}")
+            continue
+        if one is not None:
+            done.append(one)
+            print(
+                f"{one.case} {', '.join(one.effects)}: closure {one.closure:.2f} ({one.ci[0]:.2f} to {one.ci[1]:.2f}), "
+                f"more runs {one.reference:.2f}{'' if one.covered else '  outside'}",
+                flush=True,
+            )
+    print(f"covered: {sum(one.covered for one in done)} of {len(done)}")
+
+
+if __name__ == "__main__":
+    main()
