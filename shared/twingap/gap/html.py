@@ -37,6 +37,8 @@ _DOMAINS: Final[Mapping[str, str]] = {
     "time": "time within the record",
     "condition": "operating condition",
 }
+_MOST_EXPLANATIONS: Final = 8
+"""Explanations that are listed at once; others unfold."""
 _CONFIG: Final = {
     "displaylogo": False,
     "responsive": True,
@@ -187,14 +189,19 @@ def _confidence(report: GapReport) -> str:
         text = f"One explanation is left: {html.escape(words[0])}. Every other one is ruled out at 90 %."
         return _section("What the data cannot tell apart", text)
     sure = [name for name in sets[0] if all(name in s for s in sets)]
-    text = f"{count_words(len(sets)).capitalize()} explanations fit the records about equally well; "
+    text = f"{count_words(len(sets)).capitalize()} explanations cannot be ruled out, most probable first; "
     text += "the true one is among them nine times of ten. "
     if sure:
         text += f"All of them hold {listed(sure)}. "
     if open_ones := undecided(report):
         text += f"Left open: {listed(open_ones, 'or')}."
-    items = "".join(f"<li>{html.escape(w)}</li>" for w in words)
-    return _section("What the data cannot tell apart", html.escape(text), f"<ol>{items}</ol>")
+    items = [f"<li>{html.escape(w)}</li>" for w in words]
+    shown, more = items[:_MOST_EXPLANATIONS], items[_MOST_EXPLANATIONS:]
+    listing = f"<ol>{''.join(shown)}</ol>"
+    if more:
+        rest = f"<ol start='{len(shown) + 1}'>{''.join(more)}</ol>"
+        listing += f"<details><summary>{len(more)} less probable ones</summary>{rest}</details>"
+    return _section("What the data cannot tell apart", html.escape(text), listing)
 
 
 def _shrink(report: GapReport, figures: Mapping[str, str]) -> str:
