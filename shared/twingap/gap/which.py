@@ -30,7 +30,7 @@ Array = NDArray[np.float64]
 Report = Callable[[str, float], None]
 
 ROUNDS: Final = 4
-ALPHA: Final = 0.03
+ALPHA: Final = 0.045
 """Level at which a gap is called one, a little below the 5 % that it promises on machines nobody has seen."""
 ALPHA_REST: Final = 0.1
 """Level at which something is called left over."""

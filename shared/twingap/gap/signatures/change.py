@@ -181,13 +181,23 @@ class _Pairs:
 
     def band(self) -> _Best:
         """Flat noise between two frequencies, the same power on both."""
-        lows = np.arange(0, STRUCK_BANDS, 2) / (2 * STRUCK_BANDS)
-        grid = [(low, low + width / 128) for low in lows for width in (2, 4, 7, 12, 20) if low + width / 128 <= 0.51]
+        unit = 1 / (2 * STRUCK_BANDS)
+        lows = np.arange(0, STRUCK_BANDS, 2) * unit
+        best = self._band_at(
+            [(low, low + w * unit) for low in lows for w in (2, 4, 7, 12, 20) if low + w * unit < 0.51]
+        )
+        for step in (unit, 0.5 * unit, 0.25 * unit):
+            low, high = best.at[:2]
+            moves = [(low + i * step, high + j * step) for i in (-1, 0, 1) for j in (-1, 0, 1)]
+            better = self._band_at([(a, b) for a, b in moves if a >= 0 and b - a >= unit])
+            best = min(best, better, key=lambda found: found.cost)
+        return best
+
+    def _band_at(self, grid: Sequence[tuple[float, float]]) -> _Best:
         low, high = np.array(grid).T[:, :, None]
         half = np.where(np.arange(BANDS) < QUIET_BANDS, 0.25 / QUIET_BANDS, 0.25 / STRUCK_BANDS)
         inside = np.minimum(self.f + half, high) - np.maximum(self.f - half, low)
-        shape = np.clip(inside / (2 * half), 1e-9, 1.0)
-        return self._added(shape, grid)
+        return self._added(np.clip(inside / (2 * half), 1e-9, 1.0), grid)
 
     def law(self) -> _Best:
         """Noise of a power law, the same power on both."""

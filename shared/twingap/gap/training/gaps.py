@@ -24,7 +24,7 @@ from twingap.twins.twin_file import TwinSpec
 Array = NDArray[np.float64]
 Drawer = Callable[[np.random.Generator, Machine], Mapping[str, float] | None]
 
-HOW_MANY = (0.16, 0.27, 0.22, 0.14, 0.12, 0.09)
+HOW_MANY = (0.19, 0.26, 0.22, 0.13, 0.12, 0.08)
 """Chances of 0, 1, ... effects missing."""
 HOW_MANY_OF_FEW = (0.48, 0.34, 0.18)
 """The same when only some effects are learnt, from few machines: a p-value needs its share without a gap."""

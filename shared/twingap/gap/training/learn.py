@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from fnmatch import fnmatchcase
+from functools import cached_property
 from typing import Any, Final
 
 import numpy as np
@@ -353,6 +354,13 @@ def _alone(function: Callable[..., Any], *arguments: Any) -> Any:
 
 RECORDS: Final = "context|records"
 """Feature that says how many records were compared (its logarithm)."""
+
+
+def _any_of(log_odds: Array) -> Array:
+    """[examples] How surely at least one effect is missing, were each [examples, effects] by itself."""
+    return np.asarray(np.log1p(np.exp(np.clip(log_odds, -30, 30))).sum(axis=1))
+
+
 _NEAR_RECORDS: Final = 0.35
 _FEWEST_NEAR: Final = 60.0
 
@@ -368,28 +376,47 @@ class Null:
 
     Few records look like a gap more often, so a score is ranked among machines with about as many: a machine counts
     the less the further its number lies off (a localised conformal p-value; Guan 2023, doi:10.1093/biomet/asac040).
+    Of several scores the one that is rarest among these machines counts, and how rare it is, is ranked among how rare
+    theirs are (minimum p: Westfall and Young, Resampling-based multiple testing, 1993).
 
     Parameters
     ----------
-    scores, records : Array [machines]
+    scores : Array [machines, scores]
+    records : Array [machines]
     """
 
     scores: Array
     records: Array
 
-    def p_value(self, score: float, records: float) -> float:
+    def p_value(self, scores: Array, records: float) -> float:
         """Part of these machines, near ones above all, that look at least as much like a gap."""
         if not len(self.scores):
             return 1.0
+        weight = self._weight(records)
+        return self._part(weight, self._rarest <= self._rarity(scores, weight))
+
+    @cached_property
+    def _rarest(self) -> Array:
+        """[machines] How rare the rarest score of each of these machines is."""
+        return np.array(
+            [self._rarity(own, self._weight(at)) for own, at in zip(self.scores, self.records, strict=True)]
+        )
+
+    def _rarity(self, scores: Array, weight: Array) -> float:
+        return min(self._part(weight, self.scores[:, k] >= score) for k, score in enumerate(scores))
+
+    @staticmethod
+    def _part(weight: Array, extreme: Mask) -> float:
+        return float((1 + weight[extreme].sum()) / (1 + weight.sum()))
+
+    def _weight(self, records: float) -> Array:
         at = float(np.clip(records, self.records.min(), self.records.max()))
-        weight = np.ones(len(self.scores))
         for near in (_NEAR_RECORDS, 2 * _NEAR_RECORDS):
             own = np.exp(-0.5 * ((self.records - at) / near) ** 2)
             # Of a handful of machines no small p-value could come: then those further off count too.
             if own.sum() >= _FEWEST_NEAR:
-                weight = own
-                break
-        return float((1 + weight[self.scores >= score].sum()) / (1 + weight.sum()))
+                return np.asarray(own)
+        return np.ones(len(self.records))
 
 
 @dataclass
@@ -405,7 +432,8 @@ class Learnt:
     anything : Ensemble
         Whether the twin lacks anything at all, named or not.
     null : Null
-        Scores of `anything` for machines whose twin lacks nothing, each by models that had not seen it.
+        Scores of `anything`, and of all detectors together, for machines whose twin lacks nothing, each by models that
+        had not seen it.
     features : tuple of str
         Names, to be sure that they are still the same.
     about : Mapping
@@ -423,7 +451,7 @@ class Learnt:
     about: dict[str, Any]
     thresholds: dict[str, float] = field(default_factory=dict)
     set_level: float = 0.9
-    null_rest: Null = field(default_factory=lambda: Null(np.empty(0), np.empty(0)))
+    null_rest: Null = field(default_factory=lambda: Null(np.empty((0, 2)), np.empty(0)))
     general: NDArray[np.int64] = field(default_factory=lambda: np.empty(0, np.int64))
     judgement: Judgement | None = None
 
@@ -448,8 +476,9 @@ class Learnt:
         return self._rank(features, self.null_rest, later=True)
 
     def _rank(self, features: NDArray[Any], null: Null, *, later: bool) -> float:
-        score = float(self.anything_score(features, later=later)[0])
-        return null.p_value(score, float(_records(np.atleast_2d(features), self.features)[0]))
+        named = self.log_odds(features, later=later)
+        scores = np.array([self.anything_score(features, later=later)[0], _any_of(named)[0]])
+        return null.p_value(scores, float(_records(np.atleast_2d(features), self.features)[0]))
 
     def anything_score(self, features: NDArray[Any], *, later: bool = False) -> Array:
         """[examples] Log odds that the twin lacks anything, named or not."""
@@ -508,10 +537,9 @@ def learn(examples: Examples, effects: tuple[str, ...], parameters: tuple[tuple[
         raise ValueError("too few examples with and without a gap to learn from")
     anything.unseen = anything.unseen[here]
     records = _records(examples.features, names)
-    null, rest = (
-        Null(anything.unseen[rows], records[rows]) for rows in (~any_gap & examples.first, ~any_gap & ~examples.first)
-    )
     scores = scores[here]
+    both = np.stack([anything.unseen, _any_of(scores)], axis=1)
+    null, rest = (Null(both[rows], records[rows]) for rows in (~any_gap & examples.first, ~any_gap & ~examples.first))
     limits = {name: _limit(scores[:, j], examples.missing[:, j]) for j, name in enumerate(effects)}
     known = examples.first & ~examples.strange
     level = _level(scores[known], examples.missing[known])

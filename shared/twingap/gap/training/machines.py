@@ -139,7 +139,7 @@ def draw_machine(rng: np.random.Generator, own_simulator: bool, most_records: in
             for g in np.exp(rng.uniform(np.log(0.15), np.log(1.5), rng.integers(0, 4)))
         )
         contact_s = rng.uniform(0, 0.45) / first_hz if rng.random() < 0.5 else 0.0
-    tilt = rng.uniform(-0.25, 0.35) if rng.random() < 0.4 else 0.0
+    tilt = rng.uniform(-0.35, 0.45) if rng.random() < 0.6 else 0.0
     return Machine(bearing, parameters, true, nominal, modes, contact_s, tilt, _imperfections(rng, fs_hz))
 
 
