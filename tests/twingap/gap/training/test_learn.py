@@ -54,20 +54,32 @@ def test_the_null_is_of_machines_without_a_gap_and_p_values_are_even(examples):
     )
     nothing = ~examples.missing.any(axis=1) & examples.first
     assert len(learnt.null.scores) == nothing.sum()
-    ranks = np.array([np.mean(learnt.null.scores >= s) for s in learnt.anything.unseen[nothing]])
-    assert np.mean(ranks <= 0.1) == pytest.approx(0.1, abs=0.02)
+    own = np.array([learnt.null.p_value(s, r) for s, r in zip(learnt.null.scores, learnt.null.records, strict=True)])
+    assert np.mean(own <= 0.1) == pytest.approx(0.1, abs=0.02)
     assert learnt.p_value(examples.features[np.flatnonzero(examples.missing.all(axis=1))[0]]) < 0.1
 
 
 def test_a_score_is_ranked_among_machines_judged_by_as_many_records():
     rng = np.random.default_rng(3)
-    records = np.log(rng.integers(2, 25, 4000))
-    null = Null(rng.standard_normal(4000) * np.exp(1.5 - 0.5 * records), records)
+    records = np.log(rng.integers(2, 25, 1000))
+    null = Null((rng.standard_normal(1000) * np.exp(1.5 - 0.5 * records))[:, None], records)
     for count in (3, 8, 20):
-        fresh = rng.standard_normal(2000) * np.exp(1.5 - 0.5 * np.log(count))
-        p = np.array([null.p_value(score, float(np.log(count))) for score in fresh])
+        fresh = rng.standard_normal(1000) * np.exp(1.5 - 0.5 * np.log(count))
+        p = np.array([null.p_value(np.array([score]), float(np.log(count))) for score in fresh])
         assert np.mean(p <= 0.05) == pytest.approx(0.05, abs=0.03)
-    assert null.p_value(10.0, 50.0) == null.p_value(10.0, float(records.max()))  # beyond what was seen: the nearest
+    far = np.array([10.0])
+    assert null.p_value(far, 50.0) == null.p_value(far, float(records.max()))  # beyond what was seen: the nearest
+
+
+def test_of_several_scores_the_rarest_counts_and_the_level_holds():
+    rng = np.random.default_rng(4)
+    drawn = rng.multivariate_normal([0, 0], [[1, 0.6], [0.6, 1]], 1600)
+    scales = np.array([1.0, 30.0])  # ranks do not mind the unit
+    null = Null(drawn[:600] * scales, np.zeros(600))
+    p = np.array([null.p_value(scores, 0.0) for scores in drawn[600:] * scales])
+    assert np.mean(p <= 0.05) == pytest.approx(0.05, abs=0.025)
+    assert null.p_value(np.array([6.0, 0.0]), 0.0) < 0.01
+    assert null.p_value(np.array([0.0, 180.0]), 0.0) < 0.01
 
 
 def test_the_twin_as_given_and_one_with_effects_added_are_calibrated_apart():
