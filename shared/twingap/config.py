@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 import json
 import math
 import os
@@ -59,7 +60,7 @@ def build(kind: type[T], table: Mapping[str, Any], where: object) -> T:
         Naming file, key, value and what was expected.
     """
     fields = {field.name: field for field in dataclasses.fields(kind) if field.init}  # type: ignore[arg-type]
-    hints = typing.get_type_hints(kind)
+    hints = _hints(kind)
     for key in table:
         if key not in fields:
             raise TwingapError(f"unknown key {key!r}", where=where, mend=f"known keys: {', '.join(fields)}")
@@ -74,6 +75,12 @@ def build(kind: type[T], table: Mapping[str, Any], where: object) -> T:
     except TwingapError as error:  # the object's own checks do not know the file
         what = error.what if error.where is None else f"{error.where}: {error.what}"
         raise TwingapError(what, where=where, mend=error.mend) from error
+
+
+@functools.cache
+def _hints(kind: type) -> dict[str, Any]:
+    """Types of a dataclass's fields; evaluated once, as twins are made by the thousand."""
+    return typing.get_type_hints(kind)
 
 
 def to_toml(table: Mapping[str, Any]) -> str:

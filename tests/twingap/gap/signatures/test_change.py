@@ -28,9 +28,7 @@ def outlines(effects=(), seed=0, *, scale=1.0, tilt=0.0, modes=OWN_MODES, resona
     twin = StructuredTwin(bearing, parameters, effects, modes, 0.0, tilt)
     conditions = [Condition(f"r{i}", 1500.0 + 20 * i, FS_HZ, 12000, fault) for i, fault in enumerate(faults)]
     frame = Frame(bearing, (0.15 * FS_HZ, 0.25 * FS_HZ), 1.0)
-    views = [
-        RecordView(r.samples, r.condition, frame) for r in twin.simulate(conditions, np.random.default_rng(seed))
-    ]
+    views = [RecordView(r.samples, r.condition, frame) for r in twin.simulate(conditions, np.random.default_rng(seed))]
     return [Outline(v.condition, frame, FS_HZ, v.smooth, pooled.whitened(v), struck_of(v)) for v in views]
 
 
