@@ -60,7 +60,7 @@ def build(kind: type[T], table: Mapping[str, Any], where: object) -> T:
         Naming file, key, value and what was expected.
     """
     fields = {field.name: field for field in dataclasses.fields(kind) if field.init}  # type: ignore[arg-type]
-    hints = _hints(kind)
+    hints = _hints(kind)  # type: ignore[arg-type]  # mypy: a type is hashable
     for key in table:
         if key not in fields:
             raise TwingapError(f"unknown key {key!r}", where=where, mend=f"known keys: {', '.join(fields)}")
