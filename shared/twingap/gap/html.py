@@ -194,8 +194,8 @@ def _confidence(report: GapReport) -> str:
     if sure:
         text += f"All of them hold {listed(sure)}. "
     if open_ones := undecided(report):
-        few, more = open_ones[:_MOST_EXPLANATIONS], len(open_ones) - _MOST_EXPLANATIONS
-        text += f"Left open: {listed([*few, f'{more} others'] if more > 0 else few, 'or')}."
+        few, others = open_ones[:_MOST_EXPLANATIONS], len(open_ones) - _MOST_EXPLANATIONS
+        text += f"Left open: {listed([*few, f'{others} others'] if others > 0 else few, 'or')}."
     items = [f"<li>{html.escape(w)}</li>" for w in words]
     shown, more = items[:_MOST_EXPLANATIONS], items[_MOST_EXPLANATIONS:]
     listing = f"<ol>{''.join(shown)}</ol>"
