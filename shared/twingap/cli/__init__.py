@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import signal
 import sys
+import warnings
 from typing import Any, NoReturn
 
 import typer
@@ -57,6 +58,8 @@ app.command("ui")(ui.ui)
 def main() -> None:
     """Entry point of the `twingap` command."""
     signal.signal(signal.SIGTERM, _end)
+    # A worker that has grown is replaced, and its jobs go to the next: nothing that a user could do anything about.
+    warnings.filterwarnings("ignore", "A worker stopped while some jobs", UserWarning)
     try:
         status = app(prog_name="twingap", standalone_mode=False)
     except TwingapError as error:
