@@ -155,7 +155,7 @@ def _dask(address: str | None, n_jobs: int | None) -> Iterator[int]:
     with contextlib.ExitStack() as stack:
         if address is None:
             count = n_jobs or joblib.cpu_count()
-            with _deaf_to_interrupts():
+            with deaf_to_interrupts():
                 local = distributed.LocalCluster(n_workers=count, threads_per_worker=1, dashboard_address=None)
             address = stack.enter_context(local).scheduler_address
         try:
@@ -171,7 +171,7 @@ def _dask(address: str | None, n_jobs: int | None) -> Iterator[int]:
 
 
 @contextmanager
-def _deaf_to_interrupts() -> Iterator[None]:
+def deaf_to_interrupts() -> Iterator[None]:
     """Processes started within the block ignore Ctrl-C: this process hears it and ends them in good order."""
     if threading.current_thread() is not threading.main_thread():
         yield

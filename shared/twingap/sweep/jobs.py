@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 
 from twingap.errors import TwingapError
 from twingap.provenance import canonical, digest_of_code, plain
-from twingap.sweep.backends import WORKER_DIED, Pool, end_with, limited_threads, open_pool
+from twingap.sweep.backends import WORKER_DIED, Pool, deaf_to_interrupts, end_with, limited_threads, open_pool
 from twingap.sweep.store import Identity, ResultStore, decode, encode
 
 J = TypeVar("J")
@@ -273,7 +273,9 @@ def _parallel(
             yield joblib.delayed(_attempt)(key, function, jobs[key], pool)
 
     # One job at a time to a worker, and few in line, so that little is lost when a worker dies.
-    outcomes = joblib.Parallel(return_as="generator_unordered", batch_size=1, pre_dispatch="2*n_jobs")(tasks())
+    # An interruption meets this process alone: workers that are still starting would each say where they were.
+    with deaf_to_interrupts() if pool.backend == "loky" else contextlib.nullcontext():
+        outcomes = joblib.Parallel(return_as="generator_unordered", batch_size=1, pre_dispatch="2*n_jobs")(tasks())
     try:
         while True:
             try:
