@@ -85,10 +85,16 @@ class Looseness(Effect):
         10, unit="", plausible=(5, 20), allowed=(1, 200), fitted=False, doc="highest order"
     )  # fmt: skip
 
-    def apply(self, draft: Draft, rng: np.random.Generator) -> None:
+    @property
+    def levels(self) -> Array:
+        """[2 n_orders] Amplitude of each half order, healthy rms."""
         half = np.arange(1, 2 * self.n_orders + 1)
-        levels = self.level * self.decay ** (half / 2 - 1) * np.where(half % 2, self.half_ratio, 1.0)
-        _add_harmonics(draft, draft.turns / 2, draft.shaft_hz / 2, levels, half * rng.random())
+        return self.level * self.decay ** (half / 2 - 1) * np.where(half % 2, self.half_ratio, 1.0)
+
+    def apply(self, draft: Draft, rng: np.random.Generator) -> None:
+        levels = self.levels
+        phases = np.arange(1, levels.size + 1) * rng.random()
+        _add_harmonics(draft, draft.turns / 2, draft.shaft_hz / 2, levels, phases)
 
 
 @register
@@ -116,8 +122,13 @@ class MainsInterference(Effect):
         if self.mains_hz not in (50, 60):
             raise TwingapError(f"{self.mains_hz!r} found, 50 or 60 Hz expected", where=f"effect {self.name}: mains_hz")
 
+    @property
+    def levels(self) -> Array:
+        """[n_harmonics] Amplitude of each, healthy rms."""
+        return np.asarray(self.level * self.decay ** np.arange(self.n_harmonics))
+
     def apply(self, draft: Draft, rng: np.random.Generator) -> None:
-        levels = self.level * self.decay ** np.arange(self.n_harmonics)
+        levels = self.levels
         _add_harmonics(draft, self.mains_hz * draft.t, self.mains_hz, levels, rng.random(levels.size))
 
 
@@ -180,9 +191,14 @@ class GearMesh(Effect):
         3, unit="", plausible=(1, 6), allowed=(1, 100), fitted=False, doc="number of mesh harmonics"
     )
 
+    @property
+    def levels(self) -> Array:
+        """[n_harmonics] Amplitude of each mesh tone, healthy rms."""
+        return np.asarray(self.level * self.decay ** np.arange(self.n_harmonics))
+
     def apply(self, draft: Draft, rng: np.random.Generator) -> None:
         phases = rng.random(self.n_harmonics)
-        levels = draft.reference_rms * self.level * self.decay ** np.arange(self.n_harmonics)
+        levels = draft.reference_rms * self.levels
         # The highest side line lies one order above its mesh harmonic.
         count = math.ceil((draft.condition.fs_hz / 2 / draft.shaft_hz - 1) / self.teeth) - 1
         amplitudes = (levels * np.exp(2j * np.pi * phases))[: max(count, 0)]
@@ -346,7 +362,12 @@ class Waviness(Effect):
         False, unit="", plausible=(0, 1), allowed=(0, 1), fitted=False, doc="wavy inner race (BPFI), not outer (BPFO)"
     )
 
+    @property
+    def levels(self) -> Array:
+        """[n_harmonics] Amplitude at each multiple, healthy rms."""
+        return np.asarray(self.level * self.decay ** np.arange(self.n_harmonics))
+
     def apply(self, draft: Draft, rng: np.random.Generator) -> None:
         order = draft.bearing.slipped(draft.cage_speed_ratio)["inner" if self.inner else "outer"]
-        levels = self.level * self.decay ** np.arange(self.n_harmonics)
+        levels = self.levels
         _add_harmonics(draft, order * draft.turns, order * draft.shaft_hz, levels, rng.random(levels.size))

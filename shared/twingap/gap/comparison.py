@@ -5,14 +5,14 @@ measured records  --signatures--> Measured --+
 simulated records --signatures--> Measured --+
 
 A feature is a difference of means between measured and simulated records (in the signature's own unit, and in standard
-errors, as a normal deviate), of their spread, or of their trend over speed and time. Where a set has no record of a
-kind, the feature is NaN: nobody knows.
+errors, as a normal deviate), of their spread, or of their trend over speed and time; or how far the sets lie apart in
+the views that a report shows. Where a set has no record of a kind, the feature is NaN: nobody knows.
 """
 
 from __future__ import annotations
 
 import warnings
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cache, cached_property
 from typing import Any, cast
@@ -21,11 +21,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twingap.gap import signatures
+from twingap.gap.distance import Paired
 from twingap.gap.signatures import answer, background, change, path, pooled
 from twingap.gap.signatures.answer import Struck
 from twingap.gap.signatures.path import Outline
 from twingap.gap.speed import Speeds
 from twingap.gap.view import Frame, RecordView
+from twingap.gap.views import DOMAINS, Grid, Views
+from twingap.gap.views import measure as measure_views
 from twingap.records import Condition, Record
 
 Array = NDArray[np.float64]
@@ -56,10 +59,13 @@ class Measured:
         In the order of `signatures.NAMES`; NaN where one does not apply.
     outlines : tuple of Outline
         Smooth spectra.
+    views : Views
+        What distances are measured in.
     """
 
     values: Array
     outlines: tuple[Outline, ...]
+    views: Views
 
     @property
     def conditions(self) -> tuple[Condition, ...]:
@@ -69,7 +75,7 @@ class Measured:
     def take(self, places: Sequence[int] | NDArray[np.int64]) -> Measured:
         """The records at these places."""
         kept = np.asarray(places, dtype=int)
-        return Measured(self.values[kept], tuple(self.outlines[i] for i in kept))
+        return Measured(self.values[kept], tuple(self.outlines[i] for i in kept), self.views.take(kept))
 
     @cached_property
     def path(self) -> Array:
@@ -89,16 +95,29 @@ class Measured:
         return np.array([c.fault or "" for c in self.conditions])
 
 
-def measure(records: Iterable[Record], frame: Frame) -> Measured:
-    """Measure every signature of every record, one record at a time."""
-    values, outlines = [], []
-    for record in records:
-        view = RecordView(record.samples, record.condition, frame)
-        values.append(signatures.measure(view))
-        outlines.append(
-            Outline(record.condition, frame, view.fs_hz, view.smooth, pooled.whitened(view), answer.struck_of(view))
-        )
-    return Measured(np.array(values), tuple(outlines))
+def measure(records: Iterable[Record], frame: Frame, grid: Grid) -> Measured:
+    """Measure every signature and every view of every record, one record at a time.
+
+    Parameters
+    ----------
+    records : iterable of Record
+    frame : Frame
+    grid : Grid
+        One and the same for sets that are to be compared.
+    """
+    values: list[Array] = []
+    outlines: list[Outline] = []
+
+    def seen() -> Iterator[RecordView]:
+        for record in records:
+            view = RecordView(record.samples, record.condition, frame)
+            values.append(signatures.measure(view))
+            struck = answer.struck_of(view)
+            outlines.append(Outline(record.condition, frame, view.fs_hz, view.smooth, pooled.whitened(view), struck))
+            yield view
+
+    views = measure_views(seen(), grid)
+    return Measured(np.array(values), tuple(outlines), views)
 
 
 @cache
@@ -113,6 +132,7 @@ def feature_names() -> tuple[str, ...]:
     names += [f"shape|{name}" for name in background.COMPARED]
     names += [f"answer|{name}" for name in answer.COMPARED]
     names += [f"change|{name}" for name in change.NAMES]
+    names += [f"view|{name}" for name in _viewed()]
     for of, whole in (("path", path.NAMES), ("pooled", pooled.NAMES)):
         names += [f"{of}|{name}" for name in whole] + [f"{of}|{name}.diff" for name in whole]
     return (*names, *(f"context|{name}" for name in CONTEXT))
@@ -143,9 +163,34 @@ def compare(real: Measured, simulated: Measured, speeds: Speeds | None = None, *
         told = np.array([answers[name] for name in answer.COMPARED], float)
         changes = change.compare(real.outlines, simulated.outlines)
         changed = np.array([changes[name] for name in change.NAMES], float)
-        context = _context(real, speeds, own)
-        out = np.concatenate((per_signature, shape, told, changed, *paths, context, _extent(per_signature)))
+        context, apart = _context(real, speeds, own), _apart(real.views, simulated.views)
+        out = np.concatenate((per_signature, shape, told, changed, apart, *paths, context, _extent(per_signature)))
     return np.where(np.isfinite(out), out, np.nan)
+
+
+@cache
+def _viewed() -> tuple[str, ...]:
+    """Names of the distances: over all views, of each view, and of each kind of bins in a view that has several."""
+    names = ["overall", *DOMAINS]
+    for domain, axis in Grid(1e4, 40.0, 20.0, 1.0).axes.items():
+        kinds = tuple(dict.fromkeys(axis.kind))
+        names += [f"{domain}_{kind}" for kind in kinds if len(kinds) > 1]
+    return tuple(names)
+
+
+def _apart(real: Views, simulated: Views) -> Array:
+    """[_viewed] Distances in standard deviations between records, as reports have them, but negative where the square
+    is: the least of what chance makes of no distance at all."""
+    pair = Paired(real, [simulated])
+    square = pair.over_strata(pair.squares())[0]
+    found: dict[str, float] = {}
+    for domain, axis in real.axes.items():
+        own, kinds = square[real.columns(domain)], np.array(axis.kind)
+        found[domain] = float(own @ axis.weight)
+        found |= {f"{domain}_{kind}": float(own[kinds == kind].mean()) for kind in dict.fromkeys(axis.kind)}
+    found["overall"] = float(np.mean([found[domain] for domain in real.domains]))
+    values = np.array([found[name] for name in _viewed()])
+    return np.asarray(np.sign(values) * np.sqrt(np.abs(values)))
 
 
 def _struck(measured: Measured) -> list[Struck]:

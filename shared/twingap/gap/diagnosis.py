@@ -21,7 +21,7 @@ from twingap.gap.evidence import Compared, Evidence, simulator_of
 from twingap.gap.overall import overall_tests
 from twingap.gap.report import Candidate, GapReport, ParameterValue, Status, Verdict
 from twingap.gap.shrink import closure_interval, curves, paired, shrink_metrics
-from twingap.gap.simulator import Simulator
+from twingap.gap.simulator import Simulator, TwinSimulator
 from twingap.gap.training import load, quiet, train
 from twingap.gap.training.learn import Learnt
 from twingap.gap.views import Grid, Views
@@ -199,7 +199,9 @@ class _Trial:
         """Every catalogued effect, judged among the named ones: the gap without it and with it."""
         found = self.found
         named = {one.effect.name: one for one in found.effects}
-        base = self._of(found.after) if found.gap else self._of(found.before)
+        # All baselines are matched alike here: only effects are to differ.
+        after = self.evidence.against(found.after.effects)
+        base = self._of(after)
         names = [name for name in catalogue() if name not in self.evidence.modelled]
         for done, name in enumerate(names):
             report(done / len(names))
@@ -225,7 +227,7 @@ class _Trial:
                 pair = paired(self.real, self._of(without)[0], base[0])
                 value = named[name]
             else:
-                value = estimate(name, (found.after if found.gap else found.before).fit, self.evidence, learnt)
+                value = estimate(name, after.fit, self.evidence, learnt)
                 few = base[0][: 1 + (probability > _LIKELY)]
                 pair = paired(self.real, few, self._with(value.effect, probability, len(few)))
             closed = closure_interval(*pair, floor, rng, draws=200)
@@ -247,7 +249,7 @@ class _Trial:
 
     def _with(self, effect: Effect, probability: float, count: int) -> list[Views]:
         """The twin with the named effects and one more."""
-        after = self.found.after if self.found.gap else self.found.before
+        after = self.evidence.against(self.found.after.effects)
         effects = (*after.effects, effect)
         simulator = self.evidence.against(effects).simulator if probability > _LIKELY else after.simulator
         try:
@@ -298,11 +300,12 @@ def _values(found: Estimated) -> Mapping[str, ParameterValue]:
 def _calibration(calibrated: Calibrated, found: Explanation) -> dict[str, ParameterValue]:
     """What calibration found: the twin's parameters as given, the speeds, the gain."""
     out: dict[str, ParameterValue] = {}
-    if calibrated.spec is not None:
-        baseline = {k: v for k, v in flat(calibrated.spec.parameters).items() if k.split(".")[0] not in catalogue()}
+    before = found.before.simulator
+    if isinstance(before, TwinSimulator):
+        baseline = {k: v for k, v in flat(before.spec.parameters).items() if k.split(".")[0] not in catalogue()}
         out |= {name: ParameterValue(float(value), _UNITS.get(name, "")) for name, value in baseline.items()}
     out["speed_correction"] = ParameterValue(float(calibrated.speeds.common_ratio), "true over nominal")
-    gain = getattr(found.before.simulator, "gain", None)
+    gain = getattr(before, "gain", None)
     if gain is not None:
         out["unit_gain"] = ParameterValue(float(gain), "records over simulation")
     return out

@@ -178,6 +178,14 @@ class Paired:
             return mean**2 - self.noise / self.scale**2, mean
         return (k * mean**2 - (units**2).mean(axis=0, keepdims=True)) / (k - 1), mean
 
+    def misfit(self) -> float:
+        """Distance with the noise of the means left in: never negative, and smooth in whatever makes the replicates.
+
+        For fitting values: what is taken out of `squares` may leave nothing, or nothing to go by.
+        """
+        means = [u.mean(axis=0, keepdims=True) / self.scale for u in self.units]
+        return float(self.over_views(self._contrasted([(mean**2, mean) for mean in means]))[0][0])
+
     def resampled(self, drawn: Sequence[tuple[Array, Array]]) -> Array:
         """Squares as they might have come out with other records of the same machine.
 

@@ -6,16 +6,17 @@ twin + effects --recalibrate on the fit part, simulate both parts--> Compared: f
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import fields, replace
 from functools import cached_property
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from twingap.effects import Draft, Effect
 from twingap.gap import comparison
-from twingap.gap.calibrate import Calibrated, recalibrate
+from twingap.gap.calibrate import Calibrated, recalibrate, thinned
 from twingap.gap.comparison import Measured
 from twingap.gap.distance import Paired
 from twingap.gap.simulator import OwnSimulator, Simulator, TwinSimulator
@@ -24,9 +25,20 @@ from twingap.gap.view import RecordView
 from twingap.gap.views import Grid, Views
 from twingap.gap.views import measure as measure_views
 from twingap.records import Condition, Record, RecordSet
-from twingap.twins.twin_file import TwinSpec
+from twingap.twins.twin_file import TwinSpec, flat, nested
 
 Array = NDArray[np.float64]
+
+MOST_TRIED: Final = 6
+"""Records of each state that trials of values are made on."""
+LONGEST_TRIED: Final = 1 << 15
+"""Samples of each."""
+SAMPLES_TRIED: Final = 5e7
+"""Samples that one search for values may simulate, about ten seconds' work."""
+TRIALS: Final = (24, 320)
+"""Fewest and most trials of one search for values."""
+CONTACT_COSTS: Final = 12
+"""A sample of the contact twin takes about so many times as long as one of the phenomenological twin."""
 
 
 class Compared:
@@ -57,7 +69,8 @@ class Compared:
         of = self._evidence
         made = of.simulated(self.simulator, self.effects, real.conditions, replicate)
         own = isinstance(self.simulator, OwnSimulator)
-        return comparison.compare(real, comparison.measure(made, of.frame), of.calibrated.speeds, own=own)
+        grid = Grid.of(real.conditions, of.frame.bearing)
+        return comparison.compare(real, comparison.measure(made, of.frame, grid), of.calibrated.speeds, own=own)
 
 
 def simulator_of(calibrated: Calibrated, sim: RecordSet | None = None) -> Simulator:
@@ -88,8 +101,10 @@ class Evidence:
     def __init__(self, calibrated: Calibrated, simulator: Simulator, spec: TwinSpec, root: int) -> None:
         self.spec = spec
         self.calibrated, self.root, self.frame = calibrated, root, calibrated.frame
-        self.fit = comparison.measure(calibrated.fit, self.frame)
-        self.held_out = comparison.measure(calibrated.held_out, self.frame)
+        self.fit, self.held_out = (
+            comparison.measure(part, self.frame, Grid.of(part.conditions, self.frame.bearing))
+            for part in (calibrated.fit, calibrated.held_out)
+        )
         conditions = (*calibrated.fit.conditions, *calibrated.held_out.conditions)
         self.setting = Setting.of(conditions)
         self._simulator = simulator
@@ -118,34 +133,63 @@ class Evidence:
         return all(effect.cannot_act_on(Draft(c, self.frame.bearing, 1.0, t, t)) is None for c in conditions)
 
     @cached_property
-    def _fit_grid(self) -> Grid:
-        return Grid.of(self.fit.conditions, self.frame.bearing)
+    def _tried(self) -> RecordSet:
+        """A few records of each state of the fit part, no longer than values need, for trials by the hundred."""
+        few = thinned(self.calibrated.fit, MOST_TRIED)
+        conditions = [replace(c, n_samples=min(c.n_samples, LONGEST_TRIED)) for c in few.conditions]
+        return RecordSet(few.name, few.unit, few.bearing, conditions, lambda i: few[i].samples[:LONGEST_TRIED])
+
+    @property
+    def trials(self) -> int:
+        """Simulations of `misfit` that one search for values may ask for: fewer where each takes longer."""
+        samples = sum(c.n_samples for c in self._tried.conditions)
+        dear = CONTACT_COSTS if self.spec.model == "contact" else 1
+        return int(np.clip(SAMPLES_TRIED / (samples * dear), *TRIALS))
 
     @cached_property
-    def _fit_views(self) -> Views:
-        return self.views(self.calibrated.fit, self._fit_grid)
+    def _tried_grid(self) -> Grid:
+        return Grid.of(self._tried.conditions, self.frame.bearing)
+
+    @cached_property
+    def _tried_views(self) -> Views:
+        return self.views(self._tried, self._tried_grid)
 
     @cached_property
     def _yardstick(self) -> Array:
         """Spread that distances on the fit part are measured with, one for all twins."""
-        views = [self._fit_simulated(self._simulator, (), k) for k in (3, 4)]
-        return Paired(self._fit_views, views).scale
+        made = [self.simulated(self._simulator, (), self.fit.conditions, k) for k in (3, 4)]
+        grid = Grid.of(self.fit.conditions, self.frame.bearing)
+        return Paired(self.fit.views, [self.views(records, grid) for records in made]).scale
+
+    @cached_property
+    def _trial_yardstick(self) -> Array:
+        views = [self._trial(self._simulator, (), k) for k in (3, 4)]
+        return Paired(self._tried_views, views).scale
 
     def gap(self, simulator: Simulator, effects: Sequence[Effect]) -> float:
         """Overall distance of the fit part from one simulation of it: for choosing, never for reporting."""
-        pair = Paired(self._fit_views, [self._fit_simulated(simulator, effects, 3)], None, self._yardstick)
+        grid = Grid.of(self.fit.conditions, self.frame.bearing)
+        made = self.views(self.simulated(simulator, effects, self.fit.conditions, 3), grid)
+        pair = Paired(self.fit.views, [made], None, self._yardstick)
         return float(pair.over_views(pair.squares())[0][0])
 
-    def _fit_simulated(self, simulator: Simulator, effects: Sequence[Effect], replicate: int) -> Views:
-        return self.views(self.simulated(simulator, effects, self.fit.conditions, replicate), self._fit_grid)
+    def misfit(self, simulator: Simulator, effects: Sequence[Effect]) -> float:
+        """The same of a few records, with the noise of their means in it: what fitted values are to make small."""
+        return Paired(self._tried_views, [self._trial(simulator, effects, 3)], None, self._trial_yardstick).misfit()
 
-    def with_values(self, compared: Compared, effects: Sequence[Effect]) -> Simulator:
-        """The simulator of a comparison, its baseline as it is, with other values of its effects."""
-        own = compared.simulator
-        if not isinstance(own, TwinSimulator):
-            return own
-        values = {**own.spec.parameters, **{e.name: values_of(e) for e in effects if e.name in own.spec.effects}}
-        return TwinSimulator(replace(own.spec, parameters=values), self.frame.bearing, own.unit, own.conditions)
+    def _trial(self, simulator: Simulator, effects: Sequence[Effect], replicate: int) -> Views:
+        return self.views(self.simulated(simulator, effects, self._tried.conditions, replicate), self._tried_grid)
+
+    def with_values(
+        self, simulator: Simulator, effects: Sequence[Effect], baseline: Mapping[str, float] | None = None
+    ) -> Simulator:
+        """A simulator with other values of the effects that it has, and of its baseline where they are given."""
+        if not isinstance(simulator, TwinSimulator):
+            return simulator
+        values = flat(simulator.spec.parameters) | dict(baseline or {})
+        own = {e.name: values_of(e) for e in effects if e.name in simulator.spec.effects}
+        spec = replace(simulator.spec, parameters={**nested(values), **own})
+        return TwinSimulator(spec, self.frame.bearing, simulator.unit, simulator.conditions)
 
     def _recalibrated(self, effects: tuple[Effect, ...]) -> Simulator:
         """What simulates these effects, its baseline matched anew: what the effects explain is no noise of the twin."""

@@ -13,15 +13,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from twingap.effects import Effect, catalogue, make_effect
-from twingap.errors import TwingapError
+from twingap.effects import Effect, catalogue
 from twingap.gap.evidence import Compared, Evidence, values_of
+from twingap.gap.nearest import bring_nearest
 from twingap.gap.training.judgement import Outcome
 from twingap.gap.training.learn import Learnt
 from twingap.gap.training.parameters import coordinates, to_effect, to_number, to_value
@@ -52,10 +52,6 @@ WORSE: Final = 1.03
 """Factor on the distance on the fit part from which an added effect has made it worse."""
 DOUBT: Final = 2.0
 """By how many log odds such an effect has to be plainer."""
-REFINES: Final = 0.96
-"""Factor by which a moved value has to bring the fit part nearer: less is the chance of one simulation."""
-MOST_REFINED: Final = 3
-"""Parameters of an effect that are refined: those that its estimate leaves open most."""
 _LEAST_SPREAD: Final = {("mains_interference", "mains_hz"): 0.002}
 """Part of a value that no interval is narrower than: a grid's frequency wanders, and is learnt as 50 or 60 Hz."""
 UNLIKELY: Final = -2.5
@@ -187,12 +183,15 @@ def explain(evidence: Evidence, learnt: Learnt, report: Report) -> Explanation:
         for name, outcome in ended.outcomes.items()
     }
     found.keep([name for name in found.values if probability[name] >= LIKELIER])
+    rest_p = found.rest_p(p_value)
+    report("values", 0.92)
+    before, after = found.nearest(gap)
     sets = confidence_set(probability, learnt.set_level if judge is None else LEVEL)
     named = found.strongest_first() if gap else []
     return Explanation(
         p_value, gap, tuple(found.values[name] for name in named),
-        probability | dict.fromkeys(found.already, 0.0), sets if gap else _with(sets, ()), found.rest_p(p_value),
-        evidence.against(), found.now, found.cannot,
+        probability | dict.fromkeys(found.already, 0.0), sets if gap else _with(sets, ()), rest_p,
+        before, after, found.cannot,
     )  # fmt: skip
 
 
@@ -208,6 +207,7 @@ class _Search:
         self.first = self.odds(self.now)
         self.values: dict[str, Estimated] = {}
         self.missed: dict[str, float] = {}
+        self.errors = {key: estimator.error for key, estimator in learnt.estimators.items()}
         self.tried: set[str] = set()
         self.helped: set[str] = set()
 
@@ -254,33 +254,35 @@ class _Search:
     def _gap(self) -> float:
         """Distance of the fit part from the twin as it is now."""
         added = self._added()
-        return self.evidence.gap(self.evidence.with_values(self.now, added), added)
+        return self.evidence.gap(self.evidence.with_values(self.now.simulator, added), added)
 
     def refine(self, names: Sequence[str]) -> None:
-        """Move the values of effects to where the fit part comes nearest, within what their estimates leave open."""
-        least = self._gap()
-        setting = self.evidence.setting
-        for name in names:
-            if name in self.cannot:
-                continue
-            for parameter, step in self._open(name)[:MOST_REFINED]:
-                for size in (0.5 * step, 0.25 * step):
-                    for sign in (1.0, -1.0):
-                        number = to_number(self.values[name].effect, parameter, setting) + sign * size
-                        moved = _moved(self.values[name], parameter, to_value(name, parameter, number, setting))
-                        if moved is None or not self.evidence.fits(moved.effect):
-                            continue
-                        added = tuple(moved.effect if e.name == name else e for e in self._added())
-                        gap = self.evidence.gap(self.evidence.with_values(self.now, added), added)
-                        if gap < REFINES * least:
-                            least, self.values[name] = gap, moved
-                            break
+        """Move the values of these effects to where the fit part comes nearest."""
+        found = bring_nearest(
+            self.evidence, self.now.simulator, self._added(), self.errors, moved=names, baseline=False, passes=1
+        )
+        self._take_over(found.effects)
         self.now = self.evidence.against(self._added())
 
-    def _open(self, name: str) -> list[tuple[str, float]]:
-        """Parameters of an effect that its estimate leaves open most, and how far."""
-        errors = {p: e.error for (n, p), e in self.learnt.estimators.items() if n == name}
-        return sorted(((p, e) for p, e in errors.items() if e > 0.02), key=lambda item: -item[1])
+    def nearest(self, gap: bool) -> tuple[Compared, Compared]:
+        """The twin as given, and with the effects found where there is a gap, each brought as near as its values can.
+
+        The baseline moves in both: what could be had without any effect is not counted as closed by effects.
+        """
+        bare = bring_nearest(self.evidence, self.evidence.against().simulator, (), {})
+        before = Compared(self.evidence, (), bare.simulator)
+        if not gap or not self._added():
+            return before, before
+        found = bring_nearest(self.evidence, self.now.simulator, self._added(), self.errors)
+        self._take_over(found.effects)
+        return before, Compared(self.evidence, found.effects, found.simulator)
+
+    def _take_over(self, effects: Sequence[Effect]) -> None:
+        """Values that were moved; their intervals reach to them."""
+        for effect in effects:
+            known, values = self.values[effect.name], values_of(effect)
+            reaching = {p: (min(low, values[p]), max(high, values[p])) for p, (low, high) in known.intervals.items()}
+            self.values[effect.name] = Estimated(effect, reaching)
 
     def add(self, names: Sequence[str]) -> None:
         """Add effects at the values that the fit part suggests against the twin as it is now."""
@@ -290,7 +292,9 @@ class _Search:
             if name in self.cannot or self.evidence.fits(value.effect):
                 self.values[name] = value
         self.now = self.evidence.against(self._added())
-        self.refine([name for name in names if name in self.values])
+        here = [name for name in names if name in self.values and name not in self.cannot]
+        if here:
+            self.refine(here)
 
     def drop_idle(self) -> None:
         """Leave one effect out after the other: what is not missed then goes."""
@@ -360,16 +364,6 @@ def estimate(name: str, features: Array, evidence: Evidence, learnt: Learnt) -> 
         numbers = {p: 0.5 * (n + to_number(default, p, setting)) for p, n in numbers.items()}
         made = to_effect(name, numbers, setting)
     return Estimated(made, intervals)
-
-
-def _moved(found: Estimated, parameter: str, value: float) -> Estimated | None:
-    """The same estimate with one value changed; None when that changes nothing or has no meaning."""
-    if value == getattr(found.effect, parameter):
-        return None
-    try:
-        return replace(found, effect=make_effect(found.effect.name, values_of(found.effect) | {parameter: value}))
-    except TwingapError:
-        return None
 
 
 def confidence_set(probability: Mapping[str, float], level: float) -> tuple[tuple[str, ...], ...]:

@@ -32,12 +32,20 @@ Array = NDArray[np.float64]
 
 TOLERANCE = 0.04
 """How far real speeds may lie from nominal, as a fraction."""
+REACH = 1.5
+"""Impact rates on either side of a resonance that its band holds at least: three lines or four."""
 
 
-def band(spectra: Spectra, fit: HealthyFit) -> NDArray[np.bool_]:
-    """Bins where the mode's own spectrum is above a tenth of its peak."""
+def band(spectra: Spectra, fit: HealthyFit, impact_hz: float = 0.0) -> NDArray[np.bool_]:
+    """Bins where the mode's own spectrum is above a tenth of its peak, and whatever lies near it.
+
+    Impacts come as lines `impact_hz` apart: a sharp mode may stand between two of them, and nearly nothing of their
+    energy is in its own band then. So bins within `REACH` such distances of the resonance belong to it.
+    """
     mode = spectra.expected(autocorrelation(fit.resonance_hz, fit.damping_ratio, spectra.fs_hz, spectra.segment))
-    return np.asarray(spectra.usable & (mode > 0.1 * mode[spectra.usable].max()))
+    f = np.arange(mode.size) * spectra.fs_hz / spectra.segment
+    near = np.abs(f - fit.resonance_hz) <= REACH * impact_hz
+    return np.asarray(spectra.usable & (near | (mode > 0.1 * mode[spectra.usable].max())))
 
 
 def band_energy(spectra: Spectra, psd: Array, inside: NDArray[np.bool_]) -> Array:

@@ -365,7 +365,8 @@ class _Amplitude:
         """Gather them."""
         sides = []
         for s in problem.of(_is(problem.records, fault)):
-            inside = band(s, fit)
+            speeds = [problem.records.conditions[int(place)].speed_rpm for place in s.places]
+            inside = band(s, fit, problem.twin.bearing.fault_order(fault) * max(speeds) / 60)
             unit = unit_spectra(problem.twin, fit, s, problem.records, root)
             sides.append((s, inside, unit, impact_gain(s, fit)))
         return cls(problem, fault, tuple(sides))

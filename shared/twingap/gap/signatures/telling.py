@@ -102,6 +102,8 @@ def columns(effect: str, features: tuple[str, ...]) -> tuple[int, ...]:
         of, _, kind = feature.partition("|")
         if of == "context":
             fits = kind in _ALWAYS or any(fnmatchcase(feature, p) for p in patterns)
+        elif of == "view":
+            fits = True  # how far records and twin lie apart where is asked of every effect
         elif of in ("shape", "path", "change", "pooled", "answer"):
             fits = any(fnmatchcase(feature, p) for p in patterns)
         else:

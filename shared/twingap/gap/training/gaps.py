@@ -13,9 +13,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from twingap.effects import Draft, Effect, Impacts, catalogue, make_effect
-from twingap.effects.excitation import EntryExit as CataloguedEntryExit
+from twingap.effects import Effect, catalogue, make_effect
 from twingap.gap.evidence import values_of
+from twingap.gap.training.as_built import as_built
 from twingap.gap.training.machines import Machine, draw_machine
 from twingap.gap.training.strangers import estrange
 from twingap.records import Record, RecordSet
@@ -85,7 +85,7 @@ def draw_gap(
     if len(effects) > count:
         kept = rng.permutation(len(effects))
         modelled, effects = tuple(effects[i] for i in kept[count:]), tuple(effects[i] for i in kept[:count])
-    records = simulated(machine, tuple(_as_built(effect, rng) for effect in (*modelled, *effects)), rng)
+    records = simulated(machine, tuple(as_built(effect, rng) for effect in (*modelled, *effects)), rng)
     strange = bool(rng.random() < STRANGE)
     if strange:
         records = estrange(records, rng)
@@ -100,24 +100,6 @@ def draw_gap(
     values = {effect.name: values_of(effect) for effect in modelled}
     spec = TwinSpec("phenomenological", tuple(values), None, values)
     return SimulatedGap(nominal, spec, sim, effects, modelled, strange, machine)
-
-
-@dataclass(frozen=True)
-class EntryExit(CataloguedEntryExit):
-    """A roller that leaves strikes the other way than one that enters: the step back up after the step down."""
-
-    def on_impacts(self, draft: Draft, impacts: Impacts, rng: np.random.Generator) -> None:
-        """As catalogued, the second strikes turned round."""
-        first = impacts.amplitudes.size
-        super().on_impacts(draft, impacts, rng)
-        impacts.amplitudes[first:] *= -1
-
-
-def _as_built(effect: Effect, rng: np.random.Generator) -> Effect:
-    """The effect as this machine has it: nature is not bound to how the catalogue makes one."""
-    if isinstance(effect, CataloguedEntryExit) and rng.random() < 0.4:
-        return EntryExit(**values_of(effect))
-    return effect
 
 
 def simulated(machine: Machine, effects: Sequence[Effect], rng: np.random.Generator, gain: float = 1.0) -> RecordSet:

@@ -329,16 +329,16 @@ def general_columns(names: tuple[str, ...]) -> NDArray[np.int64]:
         "background.*skewness|*", "background.level_coupling|*", "background.echo_*", "background.modulation_*",
         "background.rest_rms|*", "background.kurtosis_log|*", "lines.free_count_log|*", "lines.tonal_share|*",
         "background.white_kurtosis_log|*", "shape|*_rms", "shape|*_rest_share", "path|*_cost*", "path|*_gain*",
-        "change|still", "change|*_gain", "change|left", "context|own_simulator",
+        "change|still", "change|*_gain", "change|left", "view|*", "context|own_simulator",
         "pooled|modulation_fixed*", "pooled|turning*", "pooled|fixed*",
         "events.strike_snr|*",
     )  # fmt: skip
-    wanted = (".diff", ".z", "|spread")
+    wanted, whole = (".diff", ".z", "|spread"), ("context|", "shape|", "path|", "change|", "view|", "pooled|")
     return np.array(
         [
             i for i, name in enumerate(names)
             if any(fnmatchcase(name, p) for p in patterns)
-            and (name.endswith(wanted) or name.startswith(("context|", "shape|", "path|", "change|", "pooled|")))
+            and (name.endswith(wanted) or name.startswith(whole))
         ],
         dtype=np.int64,
     )  # fmt: skip

@@ -1,0 +1,218 @@
+"""Values that bring a twin nearest to the fit part: of its effects, and of its baseline.
+
+twin, effects at estimated values --each value in turn: far places first, then steps--> least `Evidence.misfit`
+
+Estimates are read off features, which are the same for all machines; here the twin itself is asked. Random streams are
+the same throughout, so that what differs between two trials is their values.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+
+from twingap.effects import Effect, make_effect
+from twingap.errors import TwingapError
+from twingap.gap.baseline import all_parameters
+from twingap.gap.simulator import Simulator, TwinSimulator
+from twingap.gap.training.parameters import Setting, coordinates, to_effect, to_number
+from twingap.twins.twin_file import flat
+
+if TYPE_CHECKING:
+    from twingap.gap.evidence import Evidence
+
+PASSES: Final = 3
+"""Times that every value is moved in turn."""
+_PLACES: Final = 7
+"""Places over a value's plausible range that are tried first."""
+_FARTHEST: Final = 8.0
+"""First steps beyond which a value is not followed in one go."""
+_CLEARLY: Final = 0.98
+"""Factor on the misfit from which a far place is better than the estimate."""
+_STAY: Final = {("gear_mesh", "teeth"), ("mains_interference", "mains_hz")}
+"""Read exactly or not at all: a neighbouring value is as wrong as any other."""
+_BASELINE_STEPS: Final = {"resonance_hz": 0.02, "damping_ratio": 0.2, "impact_amplitude": 0.1}
+_LEVELS: Final = ("scale", "structure_noise_rms", "white_noise_rms")
+_LEVEL_STEP: Final = 0.1
+
+Key = tuple[str, str]
+"""Effect ("" for the baseline) and parameter."""
+
+
+@dataclass(frozen=True)
+class Nearest:
+    """Where a search for values ended.
+
+    Parameters
+    ----------
+    simulator : Simulator
+        With these values of its effects and its baseline.
+    effects : tuple of Effect
+    before, misfit : float
+        Of the fit part, at the start and at the end.
+    """
+
+    simulator: Simulator
+    effects: tuple[Effect, ...]
+    before: float
+    misfit: float
+
+
+def bring_nearest(
+    evidence: Evidence,
+    simulator: Simulator,
+    effects: Sequence[Effect],
+    errors: Mapping[Key, float],
+    *,
+    moved: Sequence[str] | None = None,
+    baseline: bool = True,
+    passes: int = PASSES,
+) -> Nearest:
+    """Move values to where the twin comes nearest to the fit part, one after the other.
+
+    Parameters
+    ----------
+    evidence : Evidence
+    simulator : Simulator
+        That has these effects, or can add them.
+    effects : sequence of Effect
+    errors : Mapping[(effect, parameter), float]
+        How far estimates are off, in comparable numbers (see `parameters`).
+    moved : sequence of str, optional
+        Effects whose values may move; None is all.
+    baseline : bool
+        Whether the twin's own levels, mode and impacts may move too, but for what the user's twin file fixes.
+    passes : int
+
+    Returns
+    -------
+    Nearest
+    """
+    search = _Search(evidence, simulator, tuple(effects), evidence.trials)
+    if moved is None or moved:
+        search.gather_effects([e for e in effects if moved is None or e.name in moved], errors)
+    if baseline and isinstance(simulator, TwinSimulator) and simulator.spec.model == "phenomenological":
+        search.gather_baseline(simulator)
+    begin = search.least
+    if search.at:
+        search.far_places()
+        for _ in range(passes):
+            for key in list(search.at):
+                search.follow(key)
+    built = search.built(search.at)
+    return Nearest(built[0] if built else simulator, built[1] if built else tuple(effects), begin, search.least)
+
+
+@dataclass
+class _Search:
+    evidence: Evidence
+    simulator: Simulator
+    effects: tuple[Effect, ...]
+    left: int
+    at: dict[Key, float] = field(default_factory=dict)
+    step: dict[Key, float] = field(default_factory=dict)
+    ends: dict[Key, tuple[float, float]] = field(default_factory=dict)
+    least: float = 0.0
+
+    def __post_init__(self) -> None:
+        self.least = self.evidence.misfit(self.simulator, self.effects)
+
+    @property
+    def setting(self) -> Setting:
+        return self.evidence.setting
+
+    def gather_effects(self, effects: Sequence[Effect], errors: Mapping[Key, float]) -> None:
+        """Their parameters as numbers, with first steps and the ends of plausible ranges."""
+        for effect in effects:
+            for key in coordinates():
+                if key[0] != effect.name or key in _STAY:
+                    continue
+                self.at[key] = to_number(effect, key[1], self.setting)
+                kind = next(f for f in dataclasses.fields(effect) if f.name == key[1])  # type: ignore[arg-type]
+                whole = kind.type in ("int", int, "bool", bool)
+                self.step[key] = 1.0 if whole else max(0.5 * errors.get(key, 0.6), 0.02)
+                ends = [_end(effect, key[1], value, self.setting) for value in kind.metadata["plausible"]]
+                if None not in ends and not whole:
+                    self.ends[key] = (float(ends[0] or 0.0), float(ends[1] or 0.0))
+
+    def gather_baseline(self, simulator: TwinSimulator) -> None:
+        """What the twin file leaves free, as logarithms."""
+        fixed = set(flat(self.evidence.spec.parameters))
+        for name, value in flat(all_parameters(simulator.spec)).items():
+            family = name.split(".")[0]
+            known = family in _BASELINE_STEPS or name in _LEVELS
+            if not known or name in fixed or not float(value) > 0:
+                continue
+            self.at["", name] = math.log(float(value))
+            self.step["", name] = _BASELINE_STEPS.get(family, _LEVEL_STEP)
+
+    def built(self, at: Mapping[Key, float]) -> tuple[Simulator, tuple[Effect, ...]] | None:
+        """The twin and its effects at these values; None where some record could not be simulated with them."""
+        effects = []
+        for effect in self.effects:
+            numbers = {p: at[n, p] for n, p in at if n == effect.name}
+            kept = {p: to_number(effect, p, self.setting) for n, p in coordinates() if n == effect.name}
+            effects.append(to_effect(effect.name, kept | numbers, self.setting) if numbers else effect)
+        if not all(self.evidence.fits(effect) for effect in effects):
+            return None
+        levels = {name: math.exp(value) for (of, name), value in at.items() if not of}
+        try:
+            return self.evidence.with_values(self.simulator, effects, levels), tuple(effects)
+        except TwingapError:
+            return None
+
+    def misfit(self, key: Key, value: float) -> float:
+        """Of the fit part, with one value changed; infinite where it has no meaning, or no trial is left."""
+        if self.left <= 0:
+            return math.inf
+        self.left -= 1
+        built = self.built({**self.at, key: value})
+        try:
+            return self.evidence.misfit(*built) if built else math.inf
+        except TwingapError:
+            return math.inf
+
+    def far_places(self) -> None:
+        """Try each value over its plausible range: an estimate may be far off, and steps would not get there."""
+        for key, (low, high) in self.ends.items():
+            for value in np.linspace(low, high, _PLACES):
+                found = self.misfit(key, float(value))
+                if found < _CLEARLY * self.least:
+                    self.least, self.at[key] = found, float(value)
+
+    def follow(self, key: Key) -> None:
+        """Step both ways; go on in doubled steps while it leads on, else to the vertex of a parabola, and step less."""
+        begin, step = self.at[key], self.step[key]
+        found = {0.0: self.least, 1.0: self.misfit(key, begin + step), -1.0: self.misfit(key, begin - step)}
+        best = min(found, key=lambda turn: found[turn])
+        if best:
+            turn = 2 * best
+            while abs(turn) <= _FARTHEST:
+                found[turn] = self.misfit(key, begin + turn * step)
+                if found[turn] >= found[best]:
+                    break
+                best, turn = turn, 2 * turn
+            self.step[key] = step * abs(best)
+        else:
+            bend = found[1.0] - 2 * found[0.0] + found[-1.0]
+            vertex = 0.5 * (found[-1.0] - found[1.0]) / bend if 0 < bend < math.inf else 0.0
+            if abs(vertex) > 0.08:
+                found[vertex] = self.misfit(key, begin + vertex * step)
+                best = min(found, key=lambda turn: found[turn])
+            self.step[key] = 0.4 * step
+        if found[best] < self.least:
+            self.least, self.at[key] = found[best], begin + best * step
+
+
+def _end(effect: Effect, parameter: str, value: float, setting: Setting) -> float | None:
+    """An end of a plausible range as a number; None where it has no meaning beside the other parameters."""
+    values = {f.name: getattr(effect, f.name) for f in dataclasses.fields(effect)}  # type: ignore[arg-type]
+    try:
+        return to_number(make_effect(effect.name, values | {parameter: value}), parameter, setting)
+    except TwingapError:
+        return None

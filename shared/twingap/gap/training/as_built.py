@@ -1,0 +1,120 @@
+"""Effects as a machine has them: nature is not bound to how the catalogue makes one.
+
+effect of the catalogue --at random--> the same effect, made otherwise, at the same values
+
+What is learnt from machines that have effects exactly as the twin would add them fails on machines that do not. Every
+class here bears the name of what it stands for, since effects are known by the names of their classes.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twingap.effects import Draft, Effect, Impacts, disturbance, excitation
+
+Array = NDArray[np.float64]
+
+CHANCE: Final = 0.4
+"""Part of the machines that have an effect otherwise than the catalogue makes it."""
+_UNEVEN: Final = 0.7
+"""Standard deviation of the logarithm of what harmonics are off a geometric row by."""
+_HUM: Final = 0.5
+"""Part of the uneven hums that are of rectifiers and transformers: twice the mains frequency and its multiples."""
+_FACTORS: Final = 64
+
+
+@dataclass(frozen=True)
+class EntryExit(excitation.EntryExit):
+    """A roller that leaves strikes the other way than one that enters: the step back up after the step down."""
+
+    def on_impacts(self, draft: Draft, impacts: Impacts, rng: np.random.Generator) -> None:
+        """As catalogued, the second strikes turned round."""
+        first = impacts.amplitudes.size
+        super().on_impacts(draft, impacts, rng)
+        impacts.amplitudes[first:] *= -1
+
+
+def _scaled(levels: Array, factors: tuple[float, ...]) -> Array:
+    """Levels of harmonics, each with its own factor."""
+    return np.asarray(levels * np.resize(np.array(factors), levels.size))
+
+
+@dataclass(frozen=True)
+class MainsInterference(disturbance.MainsInterference):
+    """Harmonics in no geometric row."""
+
+    factors: tuple[float, ...] = (1.0,)
+
+    @property
+    def levels(self) -> Array:
+        """[n_harmonics] Amplitude of each, healthy rms."""
+        return _scaled(super().levels, self.factors)
+
+
+@dataclass(frozen=True)
+class GearMesh(disturbance.GearMesh):
+    """Mesh tones in no geometric row."""
+
+    factors: tuple[float, ...] = (1.0,)
+
+    @property
+    def levels(self) -> Array:
+        """[n_harmonics] Amplitude of each, healthy rms."""
+        return _scaled(super().levels, self.factors)
+
+
+@dataclass(frozen=True)
+class Waviness(disturbance.Waviness):
+    """Multiples of the ball-pass order in no geometric row."""
+
+    factors: tuple[float, ...] = (1.0,)
+
+    @property
+    def levels(self) -> Array:
+        """[n_harmonics] Amplitude of each, healthy rms."""
+        return _scaled(super().levels, self.factors)
+
+
+@dataclass(frozen=True)
+class Looseness(disturbance.Looseness):
+    """Half orders in no geometric row."""
+
+    factors: tuple[float, ...] = (1.0,)
+
+    @property
+    def levels(self) -> Array:
+        """[2 n_orders] Amplitude of each, healthy rms."""
+        return _scaled(super().levels, self.factors)
+
+
+_TONES: Final[Mapping[str, type[Any]]] = {
+    "mains_interference": MainsInterference, "gear_mesh": GearMesh, "waviness": Waviness, "looseness": Looseness,
+}  # fmt: skip
+
+
+def as_built(effect: Effect, rng: np.random.Generator) -> Effect:
+    """The effect as one machine has it.
+
+    Parameters
+    ----------
+    effect : Effect
+        Of the catalogue.
+    rng : numpy.random.Generator
+    """
+    if effect.name not in (*_TONES, "entry_exit") or rng.random() >= CHANCE:
+        return effect
+    values: dict[str, Any] = {f.name: getattr(effect, f.name) for f in dataclasses.fields(effect)}  # type: ignore[arg-type]
+    if effect.name == "entry_exit":
+        return EntryExit(**values)
+    factors = np.exp(_UNEVEN * rng.standard_normal(_FACTORS))
+    if effect.name == "mains_interference" and rng.random() < _HUM:
+        factors[0::2] *= 0.03
+        factors[1] = max(factors[1], 1.0)
+        values["n_harmonics"] = max(int(values["n_harmonics"]), 2)
+    return _TONES[effect.name](**values, factors=tuple(factors.tolist()))  # type: ignore[no-any-return]
