@@ -47,6 +47,15 @@ def identified(of: RecordSet, spec: TwinSpec = FREE, **options: object):  # type
     return identify(spec, of, np.random.default_rng(1), **options)  # type: ignore[arg-type]
 
 
+@pytest.mark.parametrize("harmonic", [2.5, 4.5, 7.5])
+def test_a_sharp_mode_between_two_lines_of_the_impacts(harmonic: float) -> None:
+    """Hardly any of their energy is in the mode's own band then, and what is there is chance."""
+    impact_hz = BEARINGS["6205"].bpfi * 1797.0 / 60
+    own = PhenomenologicalParameters(harmonic * impact_hz, 0.012, {"inner": 2.0, "outer": 2.0}, 0.6, 0.8, 1.0)
+    found = flat(identified(records(own, 5)).spec.parameters)
+    assert found["impact_amplitude.inner"] == pytest.approx(2.0, rel=0.15)
+
+
 @pytest.mark.parametrize(
     ("own", "fs_hz", "samples"),
     [

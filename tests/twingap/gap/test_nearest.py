@@ -1,0 +1,116 @@
+"""Fitted values: those of the machine, within what the twin file fixes and a bounded number of trials."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from twingap.bearing import BEARINGS
+from twingap.effects import Effect, make_effect
+from twingap.gap import evidence
+from twingap.gap.calibrate import calibrate
+from twingap.gap.evidence import Evidence, simulator_of
+from twingap.gap.nearest import bring_nearest
+from twingap.records import Condition, RecordSet
+from twingap.twins.phenomenological import PhenomenologicalParameters, PhenomenologicalTwin
+from twingap.twins.twin_file import TwinSpec, flat
+
+OWN = PhenomenologicalParameters(2400.0, 0.05, {"inner": 5.0, "outer": 6.0}, 0.7, 0.6, 1.5)
+
+
+def machine(*effects: Effect, n_samples: int = 10000) -> RecordSet:
+    """Twelve records of two states at two speeds."""
+    conditions = [
+        Condition(f"{fault}{i}", 1500.0 + 300.0 * (i % 2), 10000.0, n_samples, fault, group=f"{fault}{i}")
+        for fault in ("healthy", "inner")
+        for i in range(6)
+    ]
+    made = PhenomenologicalTwin(BEARINGS["6205"], OWN, effects).simulate(conditions, np.random.default_rng(4))
+    return RecordSet.from_records("machine", "m/s^2", BEARINGS["6205"], made)
+
+
+def evidence_of(records: RecordSet, spec: TwinSpec | None = None) -> Evidence:
+    spec = spec or TwinSpec("phenomenological")
+    calibrated = calibrate(records, spec, np.random.default_rng(1))
+    return Evidence(calibrated, simulator_of(calibrated), spec, 7)
+
+
+@pytest.mark.parametrize(
+    ("truth", "guess", "parameter"),
+    [
+        (make_effect("mains_interference", {"level": 0.9}), {"level": 0.1}, "level"),
+        (make_effect("clipping", {"rail": 3.0}), {"rail": 4.2}, "rail"),
+        (make_effect("quantisation", {"step": 0.8}), {"step": 0.3}, "step"),
+        (make_effect("cage_modulation", {"depth": 0.7}), {"depth": 0.2}, "depth"),
+        (
+            make_effect("second_resonance", {"frequency_hz": 4200.0, "gain": 1.0}),
+            {"frequency_hz": 900.0},
+            "frequency_hz",
+        ),
+    ],
+)
+def test_the_value_of_the_machine_is_found_from_afar(truth: Effect, guess: dict[str, float], parameter: str) -> None:
+    own = evidence_of(machine(truth))
+    start = make_effect(truth.name, {**{k: v for k, v in vars(truth).items() if k != parameter}, **guess})
+    compared = own.against([start])
+    found = bring_nearest(own, compared.simulator, [start], {(truth.name, parameter): 0.1})
+    assert getattr(found.effects[0], parameter) == pytest.approx(getattr(truth, parameter), rel=0.2)
+    assert found.misfit < 0.8 * found.before
+
+
+def test_a_baseline_that_is_off_is_brought_back() -> None:
+    own = evidence_of(machine())
+    twin = own.against().simulator
+    wrong = flat(twin.spec.parameters) | {"scale": 2 * OWN.scale, "resonance_hz": 2600.0}  # type: ignore[attr-defined]
+    started = own.with_values(twin, (), wrong)
+    found = bring_nearest(own, started, (), {})
+    values = flat(found.simulator.spec.parameters)  # type: ignore[attr-defined]
+    levels = np.hypot(values["structure_noise_rms"], values["white_noise_rms"]) * values["scale"]
+    assert levels == pytest.approx(np.hypot(0.7, 0.6) * 1.5, rel=0.1)
+    assert values["resonance_hz"] == pytest.approx(2400.0, rel=0.03)
+
+
+def test_what_the_twin_file_fixes_stays() -> None:
+    spec = TwinSpec("phenomenological", (), None, {"resonance_hz": 2700.0})
+    own = evidence_of(machine(), spec)
+    found = bring_nearest(own, own.against().simulator, (), {})
+    assert flat(found.simulator.spec.parameters)["resonance_hz"] == 2700.0  # type: ignore[attr-defined]
+
+
+def test_effects_that_are_not_to_move_stay_and_the_misfit_never_grows() -> None:
+    hum, zone = make_effect("mains_interference", {"level": 0.9}), make_effect("cage_modulation", {"depth": 0.3})
+    own = evidence_of(machine(hum))
+    simulator = own.against([hum, zone]).simulator
+    found = bring_nearest(own, simulator, [hum, zone], {}, moved=["cage_modulation"], baseline=False)
+    assert found.effects[0] == hum
+    assert found.misfit <= found.before
+    assert found.misfit == own.misfit(found.simulator, found.effects)
+
+
+def test_trials_are_bounded_whatever_the_records(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Long records are cut for trials, and many long ones are tried less often."""
+    monkeypatch.setattr(evidence, "SAMPLES_TRIED", 4e6)
+    short, long, longer = (evidence_of(machine(n_samples=n)) for n in (10000, 40000, 90000))
+    assert short.trials > long.trials == longer.trials
+    asked = 0
+    misfit = Evidence.misfit
+
+    def counted(self: Evidence, *arguments: object) -> float:
+        nonlocal asked
+        asked += 1
+        return misfit(self, *arguments)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(Evidence, "misfit", counted)
+    bring_nearest(short, short.against().simulator, (), {}, passes=1000)
+    assert asked <= short.trials + 1
+
+
+def test_an_effect_that_records_cannot_have_is_no_place_to_go() -> None:
+    """Its carrier may not leave the spectrum, however much nearer that would bring the twin."""
+    drive = make_effect("drive_interference", {"level": 0.05, "carrier_hz": 4000.0})
+    own = evidence_of(machine())
+    found = bring_nearest(own, own.against([drive]).simulator, [drive], {}, baseline=False)
+    assert own.fits(found.effects[0])
+    assert replace(drive, level=0.05).name == found.effects[0].name
