@@ -44,11 +44,6 @@ def evidence_of(records: RecordSet, spec: TwinSpec | None = None) -> Evidence:
         (make_effect("clipping", {"rail": 3.0}), {"rail": 4.2}, "rail"),
         (make_effect("quantisation", {"step": 0.8}), {"step": 0.3}, "step"),
         (make_effect("cage_modulation", {"depth": 0.7}), {"depth": 0.2}, "depth"),
-        (
-            make_effect("second_resonance", {"frequency_hz": 4200.0, "gain": 1.0}),
-            {"frequency_hz": 900.0},
-            "frequency_hz",
-        ),
     ],
 )
 def test_the_value_of_the_machine_is_found_from_afar(truth: Effect, guess: dict[str, float], parameter: str) -> None:
