@@ -210,15 +210,14 @@ _PLAIN, _TWO, _ROLLED, _SLOPED, _BANDED = range(5)
 
 
 @njit(cache=True, nogil=True)
-def _add_mode(real, imag, place, damping, gain):  # type: ignore[no-untyped-def]  # pragma: no cover
+def _add_mode(real, imag, turns, place, damping, gain):  # type: ignore[no-untyped-def]  # pragma: no cover
     # A sampled mode exp(-zeta w t) sin(w_d t), at parts of the sampling rate.
     w = 2 * np.pi * place
     damping = min(damping, 0.95)
     decay, turn = np.exp(-damping * w), w * np.sqrt(1 - damping**2)
     a, b, top = -2 * decay * np.cos(turn), decay * decay, gain * decay * np.sin(turn)
     for i in range(real.size):
-        angle = np.pi * (i + 0.5) / real.size
-        c, s = np.cos(angle), -np.sin(angle)
+        c, s = turns[0, i], turns[1, i]
         c2, s2 = 2 * c * c - 1, 2 * s * c
         below_re, below_im = 1 + a * c + b * c2, a * s + b * s2
         size = below_re * below_re + below_im * below_im
@@ -234,12 +233,15 @@ def _costs(model, at, curves, sigma, struck):  # type: ignore[no-untyped-def]  #
     costs, weights = np.empty(count), np.zeros((count, 4))
     real, imag = np.empty(fine), np.empty(fine)
     through, added = np.empty(bands), np.zeros(bands)
-    basis = np.empty((4, curves.size))
+    basis, turns = np.empty((4, curves.size)), np.empty((2, fine))
+    for i in range(fine):
+        angle = np.pi * (i + 0.5) / fine
+        turns[0, i], turns[1, i] = np.cos(angle), -np.sin(angle)
     for c in range(count):
         real[:], imag[:] = 0.0, 0.0
-        _add_mode(real, imag, at[c, 0], at[c, 1], 1.0)
+        _add_mode(real, imag, turns, at[c, 0], at[c, 1], 1.0)
         if model == _TWO:
-            _add_mode(real, imag, at[c, 2], at[c, 3], at[c, 4])
+            _add_mode(real, imag, turns, at[c, 2], at[c, 3], at[c, 4])
         mean = 0.0
         for b in range(bands):
             product = 1.0
