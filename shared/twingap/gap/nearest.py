@@ -138,7 +138,7 @@ class _Search:
                 self.step[key] = 1.0 if whole else max(0.5 * errors.get(key, 0.6), 0.02)
                 ends = [_end(effect, key[1], value, self.setting) for value in kind.metadata["plausible"]]
                 if None not in ends and not whole:
-                    self.ends[key] = (float(ends[0] or 0.0), float(ends[1] or 0.0))
+                    self.ends[key] = (min(ends), max(ends))  # type: ignore[type-var, assignment]
 
     def gather_baseline(self, simulator: TwinSimulator) -> None:
         """What the twin file leaves free, as logarithms."""
@@ -168,7 +168,9 @@ class _Search:
 
     def misfit(self, key: Key, value: float) -> float:
         """Of the fit part, with one value changed; infinite where it has no meaning, or no trial is left."""
-        if self.left <= 0:
+        low, high = self.ends.get(key, (-math.inf, math.inf))
+        # An estimate beyond what is plausible may come back, not go on: a knock that rings for hours is no trial.
+        if self.left <= 0 or not min(low, self.at[key]) <= value <= max(high, self.at[key]):
             return math.inf
         self.left -= 1
         built = self.built({**self.at, key: value})

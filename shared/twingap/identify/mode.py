@@ -39,7 +39,7 @@ def autocorrelation(frequency_hz: Array | float, damping_ratio: Array | float, f
 
 @njit(cache=True, nogil=True)
 def _turned(r, theta, skew, out):  # type: ignore[no-untyped-def]  # pragma: no cover
-    """r^m (cos(m theta) + skew sin(m theta)) by turning on from lag to lag: a sine and a cosine in all, not two each."""
+    """r^m (cos(m theta) + skew sin(m theta)), turned on from lag to lag: a sine and a cosine in all, not two each."""
     for k in range(out.shape[0]):
         c, s = r[k] * np.cos(theta[k]), r[k] * np.sin(theta[k])
         real, imag = 1.0, 0.0

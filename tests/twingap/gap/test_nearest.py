@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import fields, replace
 
 import numpy as np
 import pytest
@@ -109,3 +109,24 @@ def test_an_effect_that_records_cannot_have_is_no_place_to_go() -> None:
     found = bring_nearest(own, own.against([drive]).simulator, [drive], {}, baseline=False)
     assert own.fits(found.effects[0])
     assert replace(drive, level=0.05).name == found.effects[0].name
+
+
+def test_values_stay_where_they_are_plausible(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Knocks by the thousand that ring for hours would be simulated otherwise, whatever they took."""
+    knocks = make_effect("impulsive_noise", {"level": 8.0, "rate_hz": 45.0, "damping_ratio": 0.012})
+    own = evidence_of(machine(make_effect("impulsive_noise", {"level": 20.0, "rate_hz": 49.0})))
+    tried: list[Effect] = []
+    misfit = Evidence.misfit
+
+    def seen(self: Evidence, simulator: object, effects: tuple[Effect, ...]) -> float:
+        tried.extend(effects)
+        return misfit(self, simulator, effects)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(Evidence, "misfit", seen)
+    bring_nearest(own, own.against([knocks]).simulator, [knocks], {("impulsive_noise", "rate_hz"): 1.0})
+    assert len(tried) > 50
+    for field in fields(knocks):  # type: ignore[arg-type]
+        low, high = field.metadata["plausible"]
+        values = [getattr(effect, field.name) for effect in tried]
+        assert 0.999 * low <= min(values)
+        assert max(values) <= 1.001 * high
