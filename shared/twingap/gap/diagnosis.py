@@ -108,8 +108,8 @@ def diagnose(
     report : callable
         Told of progress: what is done, and which part of the whole, 0 to 1.
     learnt : Learnt, optional
-        What was learnt beforehand; None looks in the cache, and trains (about twenty-five minutes on two cores) when
-        it is not there.
+        What was learnt beforehand; None looks in the cache, and trains (under half an hour on two threads) when it is
+        not there.
 
     Returns
     -------
