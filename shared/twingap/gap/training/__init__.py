@@ -10,6 +10,7 @@ import os
 from collections.abc import Callable, Iterator, Sequence
 from functools import lru_cache
 from pathlib import Path
+from types import ModuleType
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
@@ -24,7 +25,7 @@ if TYPE_CHECKING:
     from twingap.records import RecordSet
 
 MACHINES: Final = 2100
-"""Machines of a full training, which takes 44 minutes of core time with the searches."""
+"""Machines of a full training, which takes about 50 minutes of core time with the searches."""
 CHUNK: Final = 30
 PER_SEARCH: Final = 14
 """Machines learnt from for each one that is searched: so many of these are enough to judge ends of searches by."""
@@ -82,35 +83,46 @@ def default_among() -> tuple[str, ...]:
     return names
 
 
-def examples_key(seed: int = SEED, among: Sequence[str] = ()) -> str:
-    """Digest of all that examples depend on: the catalogue, and the code that simulates, calibrates and compares."""
+def behind_examples() -> tuple[ModuleType, ...]:
+    """Code that examples depend on: what draws, simulates, calibrates and compares."""
     import twingap.effects
     import twingap.gap.signatures
     import twingap.identify
     import twingap.twins
+    from twingap.gap import baseline, calibrate, comparison, distance, evidence, simulator, speed, view, views
+    from twingap.gap.training import as_built, examples, gaps, machines, parameters, strangers
+
+    return (
+        twingap.effects, twingap.twins, twingap.identify, twingap.gap.signatures, baseline, calibrate, comparison,
+        distance, evidence, simulator, speed, view, views, as_built, examples, gaps, machines, parameters, strangers,
+    )  # fmt: skip
+
+
+def behind_learning() -> tuple[ModuleType, ...]:
+    """Code that what is learnt depends on besides: what learns, and what searches."""
+    from twingap.gap import nearest, which
+    from twingap.gap.training import judgement, learn, searches
+
+    return learn, judgement, searches, which, nearest
+
+
+def examples_key(seed: int = SEED, among: Sequence[str] = ()) -> str:
+    """Digest of all that examples depend on: the catalogue, and the code behind them."""
     from twingap.effects import catalogue
-    from twingap.gap import baseline, calibrate, comparison, evidence, simulator, speed, view
-    from twingap.gap.training import examples, gaps, machines, parameters, strangers
     from twingap.provenance import digest_of_code
 
-    code = digest_of_code(
-        twingap.effects, twingap.twins, twingap.identify, twingap.gap.signatures, baseline, calibrate, comparison,
-        evidence, simulator, speed, view, examples, gaps, machines, parameters, strangers,
-    )  # fmt: skip
     about = {
-        "code": code, "effects": list(catalogue()), "seed": seed, "most_records": MOST_RECORDS, "chunk": CHUNK,
-        "among": list(among),
+        "code": digest_of_code(*behind_examples()), "effects": list(catalogue()), "seed": seed,
+        "most_records": MOST_RECORDS, "chunk": CHUNK, "among": list(among),
     }  # fmt: skip
     return digest_of_value(about)[:16]
 
 
 def key(machines: int, seed: int = SEED, among: Sequence[str] = ()) -> str:
     """Digest of all that what is learnt depends on: the examples, their number, and how is learnt from them."""
-    from twingap.gap import distance, views, which
-    from twingap.gap.training import judgement, learn, searches
     from twingap.provenance import digest_of_code
 
-    code = digest_of_code(learn, judgement, searches, which, distance, views)
+    code = digest_of_code(*behind_learning())
     about = {"examples": examples_key(seed, among), "learn": code, "machines": machines}
     return digest_of_value(about)[:16]
 
