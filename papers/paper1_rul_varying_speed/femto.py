@@ -360,12 +360,16 @@ def run(
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Command line."""
+    from papers.paper1_rul_varying_speed.femto_figures import errors
+    from papers.paper1_rul_varying_speed.figures import write
+
     parser = argparse.ArgumentParser(prog="femto", description="Remaining life of the FEMTO learning bearings.")
-    parser.add_argument("--out", type=Path, required=True, help="folder of the tables")
+    parser.add_argument("--out", type=Path, required=True, help="folder of tables and figure")
     parser.add_argument("--root", help="data root; default: TWINGAP_DATA")
     parser.add_argument("--seeds", type=int, default=3, help="seeds of particle filter and forest")
     options = parser.parse_args(arguments)
     every, won = run(options.out, root=options.root, seeds=options.seeds)
+    write(errors(every), options.out / "femto.png")
     print(every.to_string(index=False, float_format="%.3g"))
     print(won.to_string(index=False))
 

@@ -9,6 +9,7 @@ import pandas as pd
 import pytest
 
 from papers.paper1_rul_varying_speed import femto
+from papers.paper1_rul_varying_speed.femto_figures import errors
 from twingap.errors import TwingapError
 
 RUNS = {"Bearing1_1": 160, "Bearing1_2": 130, "Bearing2_1": 145}
@@ -69,3 +70,14 @@ def test_the_bearing_left_out_enters_nothing_that_is_tuned(root: Path) -> None:
 def test_too_few_runs_are_refused(root: Path, tmp_path: Path) -> None:
     with pytest.raises(TwingapError, match="3 or more"):
         femto.run(tmp_path, root=str(root), bearings=("Bearing1_1", "Bearing1_2"))
+
+
+def test_the_figure_shows_every_method_on_every_bearing() -> None:
+    rows = [
+        {"bearing": bearing, "method": method, "rmse_s": 60.0 * (place + 1)}
+        for bearing in ("Bearing1_1", "Bearing2_1")
+        for place, method in enumerate(femto.METHODS)
+    ]
+    (axes,) = errors(pd.DataFrame(rows)).axes
+    drawn = {line.get_label(): np.asarray(line.get_ydata(), float).tolist() for line in axes.get_lines()}
+    assert drawn == {method: [place + 1.0] * 2 for place, method in enumerate(femto.METHODS)}
