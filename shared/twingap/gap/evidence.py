@@ -37,7 +37,7 @@ SAMPLES_TRIED: Final = 5e7
 """Samples that one search for values may simulate, about ten seconds' work."""
 TRIALS: Final = (24, 320)
 """Fewest and most trials of one search for values."""
-CONTACT_COSTS: Final = 12
+CONTACT_COSTS: Final = 13
 """A sample of the contact twin takes about so many times as long as one of the phenomenological twin."""
 
 

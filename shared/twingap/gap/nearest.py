@@ -94,8 +94,7 @@ def bring_nearest(
     Nearest
     """
     search = _Search(evidence, simulator, tuple(effects), evidence.trials)
-    if moved is None or moved:
-        search.gather_effects([e for e in effects if moved is None or e.name in moved], errors)
+    search.gather_effects([e for e in effects if moved is None or e.name in moved], errors)
     if baseline and isinstance(simulator, TwinSimulator) and simulator.spec.model == "phenomenological":
         search.gather_baseline(simulator)
     begin = search.least

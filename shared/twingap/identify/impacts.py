@@ -36,7 +36,7 @@ REACH = 1.5
 """Impact rates on either side of a resonance that its band holds at least: three lines or four."""
 
 
-def band(spectra: Spectra, fit: HealthyFit, impact_hz: float = 0.0) -> NDArray[np.bool_]:
+def band(spectra: Spectra, fit: HealthyFit, impact_hz: float) -> NDArray[np.bool_]:
     """Bins where the mode's own spectrum is above a tenth of its peak, and whatever lies near it.
 
     Impacts come as lines `impact_hz` apart: a sharp mode may stand between two of them, and nearly nothing of their

@@ -4,7 +4,13 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from twingap.gap.comparison import _normal, _paired, _slope
+from twingap.bearing import BEARINGS
+from twingap.effects import make_effect
+from twingap.gap.comparison import _normal, _paired, _slope, compare, feature_names, measure
+from twingap.gap.view import Frame
+from twingap.gap.views import Grid
+from twingap.records import Condition
+from twingap.twins.phenomenological import PhenomenologicalParameters, PhenomenologicalTwin
 
 
 @pytest.mark.parametrize("free", [3, 5, 12, 40])
@@ -45,3 +51,20 @@ def test_a_handful_of_records_has_no_trend_by_chance(per_kind):
     slope, z = _slope(speed, y + 8.0 * speed[:, None], kinds)
     assert np.median(slope) == pytest.approx(8.0, abs=0.5)
     assert np.median(z) > 2
+
+
+def test_distances_are_features_of_the_view_in_which_sets_lie_apart():
+    bearing = BEARINGS["6205"]
+    conditions = [Condition(f"r{i}", 1750.0 + 20 * i, 10000.0, 10000, "healthy") for i in range(6)]
+    frame, grid = Frame(bearing, (1500.0, 3500.0), 1.0), Grid.of(conditions, bearing)
+
+    def measured(seed, *effects):
+        twin = PhenomenologicalTwin(bearing, PhenomenologicalParameters(2500.0, 0.05), effects)
+        return measure(twin.simulate(conditions, np.random.default_rng(seed)), frame, grid)
+
+    plain, names = measured(1), feature_names()
+    tones = measured(2, make_effect("shaft_harmonics", {"level_1x": 0.2, "level_2x": 0.2, "level_3x": 0.2}))
+    same, apart = (dict(zip(names, compare(plain, other), strict=True)) for other in (measured(3), tones))
+    assert abs(same["view|overall"]) < 0.6
+    assert apart["view|order"] > 1.0 > abs(same["view|order"])
+    assert apart["view|frequency_lines"] > abs(apart["view|frequency_level"])

@@ -115,3 +115,16 @@ def test_what_is_plain_counts_by_its_logarithm_and_what_is_small_as_it_is() -> N
     assert np.all(np.diff(found) > 0)
     assert found[0] == pytest.approx(-_tempered(np.array([100.0]))[0])
     assert found[7] - found[6] == pytest.approx(16 * np.log(100))
+
+
+def test_the_misfit_keeps_the_noise_of_means_and_is_never_less_than_what_lies_apart() -> None:
+    rng = np.random.default_rng(8)
+    for shift in (0.0, 2.0):
+        pair = pair_of(6, 1, rng, shift)
+        distance = float(pair.over_views(pair.squares())[0][0])
+        assert pair.misfit() > distance
+    # Of one record a stratum the mean is the record.
+    few = pair_of(1, 1, rng)
+    assert few.misfit() == pytest.approx(
+        float(np.sqrt(np.mean(_tempered((few.difference[0] / few.scale) ** 2)))), rel=1e-9
+    )

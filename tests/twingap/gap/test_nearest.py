@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import fields, replace
+from dataclasses import fields
 
 import numpy as np
 import pytest
@@ -100,15 +100,6 @@ def test_trials_are_bounded_whatever_the_records(monkeypatch: pytest.MonkeyPatch
     monkeypatch.setattr(Evidence, "misfit", counted)
     bring_nearest(short, short.against().simulator, (), {}, passes=1000)
     assert asked <= short.trials + 1
-
-
-def test_an_effect_that_records_cannot_have_is_no_place_to_go() -> None:
-    """Its carrier may not leave the spectrum, however much nearer that would bring the twin."""
-    drive = make_effect("drive_interference", {"level": 0.05, "carrier_hz": 4000.0})
-    own = evidence_of(machine())
-    found = bring_nearest(own, own.against([drive]).simulator, [drive], {}, baseline=False)
-    assert own.fits(found.effects[0])
-    assert replace(drive, level=0.05).name == found.effects[0].name
 
 
 def test_values_stay_where_they_are_plausible(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -40,57 +40,37 @@ class EntryExit(excitation.EntryExit):
         impacts.amplitudes[first:] *= -1
 
 
-def _scaled(levels: Array, factors: tuple[float, ...]) -> Array:
-    """Levels of harmonics, each with its own factor."""
-    return np.asarray(levels * np.resize(np.array(factors), levels.size))
-
-
 @dataclass(frozen=True)
-class MainsInterference(disturbance.MainsInterference):
-    """Harmonics in no geometric row."""
+class _Uneven(Effect):
+    """Harmonics in no geometric row: each has its own factor."""
 
     factors: tuple[float, ...] = (1.0,)
 
     @property
     def levels(self) -> Array:
-        """[n_harmonics] Amplitude of each, healthy rms."""
-        return _scaled(super().levels, self.factors)
+        """[harmonics] Amplitude of each, healthy rms."""
+        own: Array = super().levels  # type: ignore[misc]  # of the effect that stands behind this class
+        return np.asarray(own * np.resize(np.array(self.factors), own.size))
 
 
 @dataclass(frozen=True)
-class GearMesh(disturbance.GearMesh):
-    """Mesh tones in no geometric row."""
-
-    factors: tuple[float, ...] = (1.0,)
-
-    @property
-    def levels(self) -> Array:
-        """[n_harmonics] Amplitude of each, healthy rms."""
-        return _scaled(super().levels, self.factors)
+class MainsInterference(_Uneven, disturbance.MainsInterference):
+    """Hum whose harmonics are what the supply makes them."""
 
 
 @dataclass(frozen=True)
-class Waviness(disturbance.Waviness):
-    """Multiples of the ball-pass order in no geometric row."""
-
-    factors: tuple[float, ...] = (1.0,)
-
-    @property
-    def levels(self) -> Array:
-        """[n_harmonics] Amplitude of each, healthy rms."""
-        return _scaled(super().levels, self.factors)
+class GearMesh(_Uneven, disturbance.GearMesh):
+    """A mesh whose harmonics are what its teeth make them."""
 
 
 @dataclass(frozen=True)
-class Looseness(disturbance.Looseness):
-    """Half orders in no geometric row."""
+class Waviness(_Uneven, disturbance.Waviness):
+    """Races whose waves are what grinding made them."""
 
-    factors: tuple[float, ...] = (1.0,)
 
-    @property
-    def levels(self) -> Array:
-        """[2 n_orders] Amplitude of each, healthy rms."""
-        return _scaled(super().levels, self.factors)
+@dataclass(frozen=True)
+class Looseness(_Uneven, disturbance.Looseness):
+    """Half orders that resonances on their way raise and lower."""
 
 
 _TONES: Final[Mapping[str, type[Any]]] = {
