@@ -104,19 +104,8 @@ def _race(
             calls[name] = make(job, starts, first, DT, steps)
             work[name] = float(lanes * steps)
 
-    begin = np.array([0.0, 0.24])
-    span = 60 / FS_HZ
-    truth = rivals.with_scipy(job, begin, first[0], span, "DOP853", 1e-12, 2e-6)
-    error = float(np.abs(_last(own, begin, 60) - truth)[2:].max())
-    for method in ("RK45", "LSODA"):
-        # The loosest tolerance that is as accurate as we are; none of them gets a step limit, so as to be fast.
-        for rtol in (1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9):
-            theirs = float(np.abs(rivals.with_scipy(job, begin, first[0], span, method, rtol) - truth)[2:].max())
-            if theirs <= 2 * error:
-                break
-        name = f"SciPy: solve_ivp {method}, rtol {rtol:g}"
-        calls[name] = partial(rivals.with_scipy, job, begin, first[0], span, method, rtol)
-        work[name] = span / DT
+    for name, (call, steps_taken) in scipy_calls(own).items():
+        calls[name], work[name] = call, steps_taken
 
     calls["peak"], work["peak"] = _multiply_and_add()
     calls["roots"], work["roots"] = _roots()
@@ -134,6 +123,28 @@ def _race(
         if name not in ("peak", "roots")
     ]
     return rows, seconds, busy, work
+
+
+def scipy_calls(own: ContactParameters) -> dict[str, tuple[Callable[[], object], float]]:
+    """SciPy's methods at the loosest tolerance at which they are as accurate as we are, and our steps in their span.
+
+    None of them gets a step limit, so as to be fast.
+    """
+    job = Job(BEARING, own, Condition("bench", SPEED_RPM, FS_HZ, 1, "outer"), np.zeros(1))
+    first = np.array([job.equilibrium.x, job.equilibrium.y, 0.0, 0.0])
+    begin = np.array([0.0, 0.24])
+    span = 60 / FS_HZ
+    truth = rivals.with_scipy(job, begin, first, span, "DOP853", 1e-12, 2e-6)
+    error = float(np.abs(_last(own, begin, 60) - truth)[2:].max())
+    calls: dict[str, tuple[Callable[[], object], float]] = {}
+    for method in ("RK45", "LSODA"):
+        for rtol in (1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9):
+            theirs = float(np.abs(rivals.with_scipy(job, begin, first, span, method, rtol) - truth)[2:].max())
+            if theirs <= 2 * error:
+                break
+        call = partial(rivals.with_scipy, job, begin, first, span, method, rtol)
+        calls[f"SciPy: solve_ivp {method}, rtol {rtol:g}"] = call, span / DT
+    return calls
 
 
 def _timed(call: Callable[[], object], busy: list[float]) -> None:

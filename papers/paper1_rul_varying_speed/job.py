@@ -6,12 +6,13 @@ records up to now, no labels --------+
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from papers.paper1_rul_varying_speed.cases import Array, Case, Known
+from twingap.effects import apply_to_waveform, make_effect
 from twingap.prognosis.architecture import LifeArchitecture
 from twingap.prognosis.degradation import Trajectory
 from twingap.prognosis.metrics import rmse
@@ -25,6 +26,23 @@ from twingap.prognosis.training import (
     scales_of,
     train_life,
 )
+from twingap.records import Condition, Record
+from twingap.streams import Streams
+
+
+@dataclass(frozen=True)
+class Added:
+    """Effects that the simulated records get besides, as a gap diagnosis named them.
+
+    Parameters
+    ----------
+    effects : tuple of (name, ((parameter, value), ...))
+    reference_rms : float
+        Their yardstick: RMS of the run's healthy vibration, as the diagnosis took it.
+    """
+
+    effects: tuple[tuple[str, tuple[tuple[str, float], ...]], ...]
+    reference_rms: float
 
 
 @dataclass(frozen=True)
@@ -51,6 +69,7 @@ class Job:
         By which a checkpoint is chosen.
     embedded : bool
         Whether to embed the judged records by t-SNE.
+    added : Added or None
     """
 
     bearing: str
@@ -64,6 +83,7 @@ class Job:
     most_records: int
     criterion: str
     embedded: bool = False
+    added: Added | None = None
 
 
 _held: dict[str, tuple[Snapshots, Snapshots]] = {}
@@ -80,7 +100,7 @@ def simulate(job: Job, known: Known, digest: str = "") -> tuple[Snapshots, Snaps
     digest : str
         Of the run; with it the records may be taken from those made last.
     """
-    key = repr((digest, known.name, job.seed, job.signal, job.copies, job.most_records))
+    key = repr((digest, known.name, job.seed, job.signal, job.copies, job.most_records, job.added))
     if not digest or key not in _held:
         rng = np.random.default_rng([job.seed, 2])
         twin, n_samples = known.twin, known.real.samples.shape[1]
@@ -93,9 +113,23 @@ def simulate(job: Job, known: Known, digest: str = "") -> tuple[Snapshots, Snaps
             return joined([make.snapshots(lives, rng, job.most_records // copies) for _ in range(copies)])
 
         made = several(twin.lives, job.copies), several(twin.held_out, 1)
+        if job.added is not None:
+            made = altered(made[0], job.added, known, job.seed), altered(made[1], job.added, known, job.seed + 1)
         _held.clear()
         _held[key] = made
     return _held[key]
+
+
+def altered(made: Snapshots, added: Added, known: Known, seed: int) -> Snapshots:
+    """Simulated records with effects on the finished waveform, each brought back to its peak to peak, S(k) D(k)."""
+    effects = tuple(make_effect(name, dict(values)) for name, values in added.effects)
+    samples = np.empty_like(made.samples)
+    for i, (row, speed) in enumerate(zip(made.samples, made.speed_rpm, strict=True)):
+        condition = Condition(str(i), float(speed), known.fs_hz, row.size, known.fault)
+        record = Record(condition, row.astype(float))
+        changed = apply_to_waveform(effects, record, known.bearing, added.reference_rms, Streams(seed, i)).samples
+        samples[i] = changed * (np.ptp(row) / max(float(np.ptp(changed)), 1e-12))
+    return replace(made, samples=samples)
 
 
 def fit(job: Job, known: Known, digest: str = "") -> tuple[TrainedLife, Snapshots]:

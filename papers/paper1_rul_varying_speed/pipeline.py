@@ -127,7 +127,7 @@ def run(
 
     progress("reading the runs", done, total)
     target = load_target(options.target, root, sizes.bearings, making)
-    version = _version()
+    version = code_of_training()
     results: list[CaseResult] = []
     with (tracker or NullTracker()).run("paper1", {"paper": "paper1", "profile": profile, "data": target.title}) as log:
         _log_inputs(log, options, sizes, profile, seed, config)
@@ -161,7 +161,7 @@ def run(
         )
 
 
-def _version() -> str:
+def code_of_training() -> str:
     """Digest of all code that a training depends on."""
     return digest_of_code(
         cases_module, job_module, models_module, twingap.adapt.dann, twingap.adapt.nets, twingap.adapt.training,

@@ -274,7 +274,7 @@ class LifeSimulator:
         for start in range(0, speed_rpm.size, CHUNK):
             own = slice(start, start + CHUNK)
             impacts = self._made(struck, speed_rpm[own], 1.0, rng, self.fault)
-            noise = self._noise(speed_rpm[own], rng)
+            noise = self.noise(speed_rpm[own], rng)
             out[own] = noise + strengths(noise, impacts, peak_to_peak[own])[:, None] * impacts
         return out
 
@@ -292,8 +292,8 @@ class LifeSimulator:
 
         return STRIKES[min(range(len(STRIKES)), key=miss)]
 
-    def _noise(self, speed_rpm: Array, rng: np.random.Generator) -> Samples:
-        """n(t) of each record."""
+    def noise(self, speed_rpm: Array, rng: np.random.Generator) -> Samples:
+        """n(t) of each record [records, length]: what the twin says of a healthy bearing at these speeds."""
         if self._healthy is not None:
             return self._background(speed_rpm, rng)
         return self._made(self._quiet, speed_rpm, self.noise_gain(speed_rpm), rng, "healthy")

@@ -1,0 +1,95 @@
+"""Paper 1's gap by stage and speed: records and the twin's beside them, what is added to lives, tables."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from papers.paper1_rul_varying_speed import life_gap
+from papers.paper1_rul_varying_speed.cases import Case
+from papers.paper1_rul_varying_speed.job import Added, simulate, train_and_judge
+from papers.paper1_rul_varying_speed.life_gap import LATER, SEEN, SPEEDS, Asked
+from papers.paper1_rul_varying_speed.options import read_options
+from tests.papers import test_paper1
+from twingap.errors import TwingapError
+
+records, root, config, case = test_paper1.records, test_paper1.root, test_paper1.config, test_paper1.case
+
+HUM = Added((("mains_interference", (("level", 1.0),)),), 0.3)
+
+
+def test_each_simulated_record_has_speed_and_height_of_a_measured_one(case: Case, config: Path) -> None:
+    signal = read_options(config).variants["printed"].signal
+    for stage in life_gap.STAGES:
+        real, made = life_gap.pair_of(Asked("rig", stage, "slow", ("A148",), 0), [case], signal)
+        assert len(made) == life_gap.COPIES * len(real) and len(real) <= life_gap.RECORDS
+        low, high = SPEEDS["slow"]
+        assert all(low <= c.speed_rpm < high for c in real.conditions)
+        assert {c.fault for c in real.conditions} == {c.fault for c in made.conditions}
+        if stage == "healthy":
+            continue
+        heights = {c.name: float(np.ptp(r.samples)) for c, r in zip(real.conditions, real, strict=True)}
+        for record in made:
+            wanted = heights[record.condition.name.rsplit("-", 1)[0]]
+            # Noise alone may be higher than a quiet record; a louder one is met.
+            assert np.ptp(record.samples) >= 0.998 * wanted
+            if stage == LATER:
+                assert np.ptp(record.samples) == pytest.approx(wanted, rel=2e-3)
+
+
+def test_stages_part_at_now_and_a_speed_without_records_is_refused(case: Case, config: Path) -> None:
+    signal = read_options(config).variants["printed"].signal
+    now = case.known.twin.now_row - case.known.twin.onset_row
+    assert life_gap.stage_of(case, SEEN).position.max() <= now < life_gap.stage_of(case, LATER).position.min()
+    assert life_gap.stage_of(case, LATER).revolutions is None
+    few = dataclasses.replace(case.known, healthy=case.known.healthy.take(np.arange(1)))
+    with pytest.raises(TwingapError, match="2 or more"):
+        life_gap.pair_of(
+            Asked("rig", "healthy", "fast", ("A148",), 0), [dataclasses.replace(case, known=few)], signal
+        )  # fmt: skip
+
+
+def test_effects_are_added_to_lives_and_leave_peak_to_peak_and_labels(case: Case, config: Path) -> None:
+    options = read_options(config)
+    plain, more = list(life_gap.trainings_of(case, options, HUM, 1, 4, 40))[::2]
+    assert plain.added is None and more.added == HUM and plain.model == more.model == "CNN"
+    (before, _), (after, held) = simulate(plain, case.known), simulate(more, case.known)
+    np.testing.assert_array_equal(before.revolutions, after.revolutions)
+    np.testing.assert_allclose(np.ptp(before.samples, axis=1), np.ptp(after.samples, axis=1), rtol=1e-5)
+    at = np.abs(np.fft.rfftfreq(before.samples.shape[1], 1 / case.known.fs_hz) - 50).argmin()
+    hum = [np.abs(np.fft.rfft(part.samples, axis=1))[:, at].mean() for part in (before, after)]
+    assert hum[1] > 3 * hum[0] and len(held)
+    assert "rmse_min" in train_and_judge(more, case)
+
+
+@pytest.mark.usefixtures("small_training")
+def test_a_diagnosis_becomes_a_row_and_its_effects_a_training(root: Path, config: Path) -> None:
+    asked = Asked("rig", SEEN, "all", ("A148",), 0)
+    row = life_gap.diagnosed(asked, root=str(root), config=str(config))
+    assert not row["refused"] and row["before"] > 0 and 0 <= row["p_value"] <= 1
+    assert set(row["added"]) <= set(row["effects"])
+    more = life_gap.added(row)
+    assert (more is None) == (not row["added"])
+    table = life_gap.verdicts("stand-in", [(asked, row), (asked, {"refused": "too few", "records": 1})])
+    assert list(table["verdict"]) == [row["status"], "too few"] and (table["data"] == "stand-in").all()
+
+
+def test_runs_without_a_named_effect_count_as_unchanged() -> None:
+    rows = [
+        {"data": "d", "bearing": b, "model": "CNN", "seed": s, "added": a, "rmse_min": v, "oracle_min": v}
+        for b, a, v in (("A", "", 4.0), ("B", "", 8.0), ("B", "hum", 2.0))
+        for s in (0, 1)
+    ]
+    short = life_gap.summary(pd.DataFrame(rows)).iloc[0]
+    assert short["before_min"] == 6 and short["after_min"] == 3 and short["ratio"] == 0.5
+    assert short["runs_better"] == 1 and short["runs"] == 2
+
+
+def test_every_stage_speed_run_and_condition_is_asked_once() -> None:
+    asked = list(life_gap.questions(("A148", "A150"), ("Bearing1_1", "Bearing1_2", "Bearing3_1"), 0))
+    assert len(asked) == len(set(asked)) == 9 + 2 + 4
+    assert {q.bearings for q in asked if q.data == "femto" and q.speed == "1"} == {("Bearing1_1", "Bearing1_2")}
