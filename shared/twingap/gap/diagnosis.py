@@ -120,9 +120,25 @@ def diagnose(
     TwingapError
         When the records cannot be diagnosed.
     """
-    begin = time.monotonic()
+    from threadpoolctl import threadpool_limits
+
     if learnt is None:
         learnt = load(train(report=lambda what, part: report(f"training, once: {what}", part)))
+    # Trees are asked about one row thousands of times: threads would wait for each other longer than they work, on a
+    # machine that has other work for minutes.
+    with threadpool_limits(1, user_api="openmp"):
+        return _diagnosed(records, spec, rng, sim, report, learnt)
+
+
+def _diagnosed(
+    records: RecordSet,
+    spec: TwinSpec,
+    rng: np.random.Generator,
+    sim: RecordSet | None,
+    report: Report,
+    learnt: Learnt,
+) -> Diagnosis:
+    begin = time.monotonic()
     if len(records) < 2:
         raise TwingapError(
             "holds one record, at least 2 expected: one to calibrate with, one to measure on",

@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import threadpoolctl
 
 from twingap.bearing import BEARINGS
 from twingap.effects import make_effect
@@ -27,6 +28,10 @@ def machine(effects=(), count=16, seed=1, fs_hz=12000.0, n=6000, faults=FAULTS):
         Condition(f"r{i}", speeds[(i // len(faults)) % 2], fs_hz, n, faults[i % len(faults)]) for i in range(count)
     ]
     return twin.simulate(conditions, np.random.default_rng(seed))
+
+
+def openmp_threads():
+    return max(pool["num_threads"] for pool in threadpoolctl.threadpool_info() if pool["user_api"] == "openmp")
 
 
 def run(records, learnt, **options):
@@ -66,10 +71,13 @@ def test_the_report_keeps_the_contract(clipped):
 
 def test_the_same_seed_gives_the_same_diagnosis(learnt):
     records = machine([make_effect("mains_interference", {"level": 0.6})], count=8)
-    one, other = (run(records, learnt).report.to_json() for _ in range(2))
+    threads = []
+    told = {"report": lambda what, part: threads.append(openmp_threads())}
+    one, other = (run(records, learnt, **more).report.to_json() for more in ({}, told))
     for table in (one, other):
         table["provenance"].pop("runtime_s")
     assert one == other
+    assert set(threads) == {1}, "trees asked by many threads take minutes on a busy machine"
 
 
 def test_machine_and_twin_alike_leave_nothing_to_name(learnt):
