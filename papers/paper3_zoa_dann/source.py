@@ -13,9 +13,10 @@ twin to records whose states are known, which these are not.)
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,9 +28,10 @@ from twingap.bearing import Bearing
 from twingap.effects import Effect, catalogue, make_effect
 from twingap.effects.path import SecondResonance
 from twingap.errors import TwingapError
-from twingap.records import Condition
+from twingap.records import Condition, RecordSet
 from twingap.signal.spectrum import averaged_spectrum
-from twingap.twins.contact import ContactTwin
+from twingap.streams import Streams, root_entropy
+from twingap.twins.contact import ContactTwin, make_each
 from twingap.twins.contact_parameters import DEFECTS, PRESETS, ContactParameters, sink_depth_um
 
 Array = NDArray[np.float64]
@@ -86,17 +88,17 @@ def identify(
 
     def distance(values: Mapping[str, float]) -> float:
         own = dataclasses.replace(preset, stiffness=values["stiffness"], damping=values["damping"])
-        try:
-            made = [
-                _with_noise(own, bearing, source, (), fault, middle_snr_db, values["white_share"], fs_hz).simulate(
-                    [
-                        Condition(f"{fault}-{i}", speed_rpm, fs_hz, length, fault, preset.load_n)
-                        for i in range(options.records_per_class)
-                    ],
-                    np.random.default_rng(0),
-                )
-                for fault in classes
+        virtual = [VirtualBearing(own, (), fault, middle_snr_db, preset.load_n) for fault in classes]
+        conditions = [
+            [
+                Condition(f"{fault}-{i}", speed_rpm, fs_hz, length, fault, preset.load_n)
+                for i in range(options.records_per_class)
             ]
+            for fault in classes
+        ]
+        roots = [root_entropy(np.random.default_rng(0))] * len(classes)
+        try:
+            made = list(_records(virtual, conditions, roots, bearing, source, values["white_share"]))
         except TwingapError:  # a contact mode above half the sampling rate, for one
             return np.inf
         windows = joined(cut(m, measured.samples.shape[1], source.windows_per_record) for m in made)
@@ -175,33 +177,63 @@ class Recipe:
         return "\n".join(lines) + "\n"
 
 
+@dataclass(frozen=True)
+class VirtualBearing:
+    """One of a population.
+
+    Parameters
+    ----------
+    parameters : ContactParameters
+        Without noise.
+    path : tuple of Effect
+        Of its structure.
+    fault : str
+    snr_db : float
+        Of its fault's vibration over its noise (of an inner-race fault's, when healthy).
+    load_n : float
+    drawn : tuple of Effect
+        By lot, on top of fault and noise: no part of what they are measured by.
+    """
+
+    parameters: ContactParameters
+    path: tuple[Effect, ...]
+    fault: str
+    snr_db: float
+    load_n: float
+    drawn: tuple[Effect, ...] = ()
+
+
 @lru_cache(maxsize=2)
 def simulate(recipe: Recipe) -> Windows:
     """Labelled windows of a population of virtual bearings; group = virtual bearing."""
-    parts = []
     rng, source = np.random.default_rng(recipe.seed), recipe.options
     length = source.windows_per_record * recipe.window_samples
+    virtual: list[VirtualBearing] = []
+    conditions: list[list[Condition]] = []
+    roots: list[int] = []
     for fault in recipe.classes:
         for number in range(recipe.bearings_per_class):
-            twin, load_n = _virtual_bearing(recipe, fault, rng)
+            one = _virtual_bearing(recipe, fault, rng)
             # Draws of their own: all else is as without them.
             own = np.random.default_rng([recipe.seed, 61, recipe.classes.index(fault), number])
-            drawn = [drawn_effect(name, recipe.fs_hz, own) for name in recipe.closed if own.random() < 0.5]
-            twin = ContactTwin(recipe.bearing, twin.parameters, (*twin.effects, *drawn))
-            conditions = []
+            drawn = tuple(drawn_effect(name, recipe.fs_hz, own) for name in recipe.closed if own.random() < 0.5)
+            virtual.append(dataclasses.replace(one, drawn=drawn))
+            conditions.append([])
             for i in range(recipe.records_per_bearing):
                 speed = rng.choice(recipe.speeds_rpm) * (1 + source.speed_spread * rng.uniform(-1, 1))
                 group = f"{fault}-{number}"
-                conditions.append(
-                    Condition(f"{group}-{i}", float(speed), recipe.fs_hz, length, fault, load_n, group=group)
+                conditions[-1].append(
+                    Condition(f"{group}-{i}", float(speed), recipe.fs_hz, length, fault, one.load_n, group=group)
                 )
-            made = twin.simulate(conditions, rng)
-            parts.append(cut(made, recipe.window_samples, source.windows_per_record, recipe.classes))
-    return joined(parts)
+            roots.append(root_entropy(rng))
+    return joined(
+        cut(made, recipe.window_samples, source.windows_per_record, recipe.classes)
+        for made in _records(virtual, conditions, roots, recipe.bearing, source, recipe.white_share)
+    )
 
 
-def _virtual_bearing(recipe: Recipe, fault: str, rng: np.random.Generator) -> tuple[ContactTwin, float]:
-    """One twin of the population and its load. The draws are the same whatever the fault."""
+def _virtual_bearing(recipe: Recipe, fault: str, rng: np.random.Generator) -> VirtualBearing:
+    """One bearing of the population. The draws are the same whatever the fault."""
     source, preset = recipe.options, PRESETS[recipe.options.preset]
     width_mm = _log_uniform(source.width_mm, rng)
     sink_um = sink_depth_um(width_mm, recipe.bearing.roller_diameter_mm)
@@ -223,8 +255,7 @@ def _virtual_bearing(recipe: Recipe, fault: str, rng: np.random.Generator) -> tu
         defect_width_mm=width_mm,
         defect_depth_um=dict.fromkeys(DEFECTS, depth_um),
     )
-    twin = _with_noise(own, recipe.bearing, source, (resonance,), fault, snr_db, recipe.white_share, recipe.fs_hz)
-    return twin, load_n
+    return VirtualBearing(own, (resonance,), fault, snr_db, load_n)
 
 
 def drawn_effect(name: str, fs_hz: float, rng: np.random.Generator) -> Effect:
@@ -242,28 +273,56 @@ def drawn_effect(name: str, fs_hz: float, rng: np.random.Generator) -> Effect:
     return make_effect(name, values, "closed")
 
 
-def _with_noise(
-    own: ContactParameters,
+AT_ONCE: Final = 64
+"""Bearings integrated together: lanes of the integrator are full, and memory stays bounded."""
+
+
+def _records(
+    virtual: Sequence[VirtualBearing],
+    conditions: Sequence[Sequence[Condition]],
+    roots: Sequence[int],
     bearing: Bearing,
     source: SourceOptions,
-    more: tuple[Effect, ...],
-    fault: str,
-    snr_db: float,
     white_share: float,
-    fs_hz: float,
-) -> ContactTwin:
-    """The twin whose noise lies `snr_db` below the vibration of its fault (of an inner-race fault, when healthy)."""
-    effects = (*(make_effect(name) for name in source.effects), *more)
-    silent = dataclasses.replace(own, structure_noise_rms=0.0, white_noise_rms=0.0)
-    pilot = Condition("pilot", 1780.0, fs_hz, 4096, "inner" if fault == "healthy" else fault, own.load_n)
-    quiet = ContactTwin(bearing, silent, effects).simulate([pilot], np.random.default_rng(0))[0].samples
-    noise = float(np.std(quiet)) * 10 ** (-snr_db / 20)
-    noisy = dataclasses.replace(
-        own,
-        structure_noise_rms=noise * float(np.sqrt(1 - white_share)),
-        white_noise_rms=noise * float(np.sqrt(white_share)),
-    )
-    return ContactTwin(bearing, noisy, effects)
+) -> Iterator[RecordSet]:
+    """Records of each bearing under its conditions, with its noise; roots are those of its random streams."""
+    for begin in range(0, len(virtual), AT_ONCE):
+        some = slice(begin, begin + AT_ONCE)
+        twins = _with_noise(virtual[some], bearing, source, white_share, conditions[some])
+        streams = [
+            [Streams(root, i) for i in range(len(own))] for root, own in zip(roots[some], conditions[some], strict=True)
+        ]
+        for twin, made in zip(twins, make_each(twins, conditions[some], streams), strict=True):
+            yield RecordSet.from_records("contact twin", twin.unit, bearing, made)
+
+
+def _with_noise(
+    virtual: Sequence[VirtualBearing],
+    bearing: Bearing,
+    source: SourceOptions,
+    white_share: float,
+    conditions: Sequence[Sequence[Condition]],
+) -> list[ContactTwin]:
+    """Twins whose noise lies as far below the vibration of their faults as was drawn for each."""
+    chain = tuple(make_effect(name) for name in source.effects)
+    quiet = []
+    pilots = []
+    for one, own in zip(virtual, conditions, strict=True):
+        silent = dataclasses.replace(one.parameters, structure_noise_rms=0.0, white_noise_rms=0.0)
+        quiet.append(ContactTwin(bearing, silent, (*chain, *one.path)))
+        struck = "inner" if one.fault == "healthy" else one.fault
+        pilots.append([Condition("pilot", 1780.0, own[0].fs_hz, 4096, struck, one.parameters.load_n)])
+    streams = [[Streams(root_entropy(np.random.default_rng(0)), 0)]] * len(quiet)
+    twins = []
+    for one, (record,) in zip(virtual, make_each(quiet, pilots, streams), strict=True):
+        noise = float(np.std(record.samples)) * 10 ** (-one.snr_db / 20)
+        noisy = dataclasses.replace(
+            one.parameters,
+            structure_noise_rms=noise * float(np.sqrt(1 - white_share)),
+            white_noise_rms=noise * float(np.sqrt(white_share)),
+        )
+        twins.append(ContactTwin(bearing, noisy, (*chain, *one.path, *one.drawn)))
+    return twins
 
 
 def _log_uniform(bounds: Sequence[float], rng: np.random.Generator) -> float:

@@ -48,6 +48,7 @@ __all__ = [
     "ContactParameters",
     "ContactTwin",
     "hertz_stiffness",
+    "make_each",
     "make_together",
     "respond_together",
     "sink_depth_um",
@@ -117,11 +118,7 @@ class ContactTwin(Twin):
     @cached_property
     def reference_rms(self) -> float:
         """RMS of healthy vibration at 1800 rpm and the parameters' load, in `unit`: rollers passing, both noises."""
-        own, condition = self.parameters, Condition("reference", 1800.0, 25600.0, 6400, "healthy")
-        turns = np.linspace(0.0, 30 * condition.duration_s, condition.n_samples, endpoint=False, dtype=np.float64)
-        ((rolling, _),) = accelerations([Job(self.bearing, own, condition, turns)])
-        rms = math.hypot(float(np.std(rolling)), own.structure_noise_rms, own.white_noise_rms)
-        return own.scale * rms if rms > 0 else own.scale
+        return _references([self])[0]
 
     def contact_mode(self, load_n: float | None = None) -> Mode:
         """The contact in the load's direction, linearised about its static equilibrium."""
@@ -209,10 +206,44 @@ def make_together(
     list of list of Record
         For each twin what its `make(conditions, streams)` gives, to the bit.
     """
-    prepared = [twin.prepare(conditions, streams) for twin in twins]
-    owners = [twin for twin in twins for _ in conditions]
+    return make_each(twins, [conditions] * len(twins), [streams] * len(twins))
+
+
+def make_each(
+    twins: Sequence[ContactTwin], conditions: Sequence[Sequence[Condition]], streams: Sequence[Sequence[Streams]]
+) -> list[list[Record]]:
+    """Records of several twins, each under conditions of its own: a population of machines, all integrated at once.
+
+    Parameters
+    ----------
+    twins : sequence of ContactTwin
+    conditions, streams : sequences, one a twin
+
+    Returns
+    -------
+    list of list of Record
+        For each twin what its `make` gives, to the bit.
+    """
+    waiting = [twin for twin in twins if "reference_rms" not in vars(twin)]
+    for twin, rms in zip(waiting, _references(waiting), strict=True):
+        vars(twin)["reference_rms"] = rms  # where the cached property keeps it
+    prepared = [twin.prepare(*own) for twin, *own in zip(twins, conditions, streams, strict=True)]
+    owners = [twin for twin, own in zip(twins, conditions, strict=True) for _ in own]
     respond_together(owners, [draft for drafts in prepared for draft in drafts])
-    return [twin.finish(drafts, streams) for twin, drafts in zip(twins, prepared, strict=True)]
+    return [twin.finish(*own) for twin, *own in zip(twins, prepared, streams, strict=True)]
+
+
+def _references(twins: Sequence[ContactTwin]) -> list[float]:
+    """`ContactTwin.reference_rms` of several, integrated at once."""
+    condition = Condition("reference", 1800.0, 25600.0, 6400, "healthy")
+    turns = np.linspace(0.0, 30 * condition.duration_s, condition.n_samples, endpoint=False, dtype=np.float64)
+    found = []
+    jobs = [Job(twin.bearing, twin.parameters, condition, turns) for twin in twins]
+    for twin, (rolling, _) in zip(twins, accelerations(jobs), strict=True):
+        own = twin.parameters
+        rms = math.hypot(float(np.std(rolling)), own.structure_noise_rms, own.white_noise_rms)
+        found.append(own.scale * rms if rms > 0 else own.scale)
+    return found
 
 
 def through(new: Mode, old: Mode, x: Array, fs_hz: float) -> Array:

@@ -27,6 +27,7 @@ from twingap.twins.contact import (
     ContactParameters,
     ContactTwin,
     hertz_stiffness,
+    make_each,
     make_together,
     sink_depth_um,
     through,
@@ -417,6 +418,30 @@ def test_candidates_share_an_integration_to_the_bit() -> None:
     for twin, records in zip(twins, make_together(twins, conditions, streams), strict=True):
         for ours, own in zip(records, twin.make(conditions, streams), strict=True):
             assert ours.samples.tobytes() == own.samples.tobytes()
+
+
+def test_a_population_shares_an_integration_to_the_bit() -> None:
+    """Other parameters, effects, lengths and numbers of records: each machine's are what it makes by itself."""
+
+    def machines() -> list[ContactTwin]:
+        return [
+            ContactTwin(B6205, replace(PRESETS["physical"], stiffness=5e9, load_n=300.0, white_noise_rms=0.2)),
+            ContactTwin(B6205, replace(PRESETS["physical"], damping=900.0), (make_effect("shaft_harmonics"),)),
+            ContactTwin(B6205, replace(PRESETS["physical"], mass_kg=0.9), (make_effect("second_resonance"),)),
+        ]
+
+    conditions = [
+        [condition("inner", n=500), condition("healthy", n=300, name="h")],
+        [condition("ball", name="b")],
+        [condition("outer", 700, 1500.0, name=str(i)) for i in range(3)],
+    ]
+    streams = [[Streams(7 + k, i) for i in range(len(own))] for k, own in enumerate(conditions)]
+    together = machines()
+    made = make_each(together, conditions, streams)
+    for twin, alone, records, *own in zip(together, machines(), made, conditions, streams, strict=True):
+        assert twin.reference_rms == alone.reference_rms
+        for ours, theirs in zip(records, alone.make(*own), strict=True):
+            assert ours.samples.tobytes() == theirs.samples.tobytes()
 
 
 def test_records_stream_in_bounded_memory() -> None:
