@@ -430,13 +430,17 @@ def _femto(root: str | None) -> tuple[tuple[str, ...], dict[str, str]]:
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Command line."""
+    from papers.paper1_rul_varying_speed.figures import write
+    from papers.paper1_rul_varying_speed.life_gap_figures import gaps
+
     parser = argparse.ArgumentParser(prog="life_gap", description="The gap by stage of life and speed.")
-    parser.add_argument("--out", type=Path, required=True, help="folder of tables")
+    parser.add_argument("--out", type=Path, required=True, help="folder of tables and figure")
     parser.add_argument("--root", help="data root; default: TWINGAP_DATA")
     parser.add_argument("--seeds", type=int, default=2, help="trainings per run and model")
     parser.add_argument("--backend", default="sequential", help="where diagnoses and trainings run")
     options = parser.parse_args(arguments)
     told, _, short = run(options.out, root=options.root, seeds=options.seeds, backend=options.backend)
+    write(gaps(told), options.out / "life_gap.png")
     print(told.to_string(index=False, float_format="%.3g"))
     print(short.to_string(index=False, float_format="%.3g"))
 

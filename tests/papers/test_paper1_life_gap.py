@@ -13,6 +13,7 @@ from papers.paper1_rul_varying_speed import life_gap
 from papers.paper1_rul_varying_speed.cases import Case
 from papers.paper1_rul_varying_speed.job import Added, simulate, train_and_judge
 from papers.paper1_rul_varying_speed.life_gap import LATER, SEEN, SPEEDS, Asked
+from papers.paper1_rul_varying_speed.life_gap_figures import gaps
 from papers.paper1_rul_varying_speed.options import read_options
 from tests.papers import test_paper1
 from twingap.errors import TwingapError
@@ -93,3 +94,17 @@ def test_every_stage_speed_run_and_condition_is_asked_once() -> None:
     asked = list(life_gap.questions(("A148", "A150"), ("Bearing1_1", "Bearing1_2", "Bearing3_1"), 0))
     assert len(asked) == len(set(asked)) == 9 + 2 + 4
     assert {q.bearings for q in asked if q.data == "femto" and q.speed == "1"} == {("Bearing1_1", "Bearing1_2")}
+
+
+def test_the_figure_has_a_panel_per_set_and_a_mark_per_diagnosis_of_all_bearings() -> None:
+    rows = [
+        {"data": data, "bearings": "6 bearings", "stage": stage, "speed": speed, "gap_before": 2.0, "gap_after": 1.0,
+         "floor": 0.1}
+        for data, speeds in (("rig", ("slow", "fast")), ("FEMTO", ("1",)))
+        for stage in ("early", "late")
+        for speed in speeds
+    ]  # fmt: skip
+    alone = [{**rows[0], "bearings": "A148"}, {**rows[0], "gap_before": np.nan}]
+    rig, other = gaps(pd.DataFrame(rows + alone)).axes
+    assert len(rig.lines[0].get_xdata()) == 4 and len(other.lines[0].get_xdata()) == 2
+    assert [t.get_text() for t in rig.get_xticklabels()] == ["slow", "fast"] * 2

@@ -1,0 +1,49 @@
+"""The gap by stage of life and speed, before and after what the diagnosis names is added."""
+
+from __future__ import annotations
+
+import matplotlib as mpl
+import numpy as np
+import pandas as pd
+from matplotlib.figure import Figure
+
+from papers.paper1_rul_varying_speed.figures import SIZES
+
+BEFORE, AFTER = "#D55E00", "#0072B2"
+
+
+def gaps(told: pd.DataFrame) -> Figure:
+    """A panel per data set, a group per stage: the gap as it is, with the named effects, and its floor.
+
+    Parameters
+    ----------
+    told : DataFrame
+        As `life_gap.verdicts` makes it.
+    """
+    sets = [own for _, own in told[told["gap_before"].notna()].groupby("data", sort=False)]
+    with mpl.rc_context(SIZES):
+        figure = Figure(figsize=(5.2 * max(len(sets), 1), 4.6), layout="constrained")
+        for axes, own in zip(figure.subplots(1, max(len(sets), 1), squeeze=False)[0], sets, strict=False):
+            grouped = own[own["bearings"].str.endswith("bearings")]
+            x: list[float] = []
+            for _, stage in grouped.groupby("stage", sort=False):
+                begin = x[-1] + 2 if x else 0
+                x += [begin + k for k in range(len(stage))]
+                axes.text(
+                    begin + (len(stage) - 1) / 2, 1.01, stage["stage"].iloc[0], transform=axes.get_xaxis_transform(),
+                    ha="center", va="bottom",
+                )  # fmt: skip
+            at = np.array(x)
+            axes.vlines(at, grouped["gap_after"], grouped["gap_before"], color="0.75", lw=2)
+            axes.plot(at, grouped["gap_before"], "o", color=BEFORE, ms=9, label="as it is")
+            axes.plot(at, grouped["gap_after"], "s", color=AFTER, ms=8, mfc="none", mew=2, label="effects added")
+            axes.plot(at, grouped["floor"], "_", color="0.2", ms=16, mew=2, label="floor: records against records")
+            axes.set_xticks(at, grouped["speed"])
+            axes.set_ylim(bottom=0)
+            axes.set_ylabel("overall gap")
+            axes.set_xlabel(grouped["data"].iloc[0], labelpad=8)
+            axes.grid(axis="y", color="0.9")
+            axes.set_axisbelow(True)
+        handles, labels = figure.axes[0].get_legend_handles_labels()
+        figure.legend(handles, labels, loc="outside lower center", ncols=3)
+    return figure
