@@ -227,10 +227,10 @@ def make_each(
     waiting = [twin for twin in twins if "reference_rms" not in vars(twin)]
     for twin, rms in zip(waiting, _references(waiting), strict=True):
         vars(twin)["reference_rms"] = rms  # where the cached property keeps it
-    prepared = [twin.prepare(*own) for twin, *own in zip(twins, conditions, streams, strict=True)]
+    prepared = [twin.prepare(own, chances) for twin, own, chances in zip(twins, conditions, streams, strict=True)]
     owners = [twin for twin, own in zip(twins, conditions, strict=True) for _ in own]
     respond_together(owners, [draft for drafts in prepared for draft in drafts])
-    return [twin.finish(*own) for twin, *own in zip(twins, prepared, streams, strict=True)]
+    return [twin.finish(drafts, chances) for twin, drafts, chances in zip(twins, prepared, streams, strict=True)]
 
 
 def _references(twins: Sequence[ContactTwin]) -> list[float]:
