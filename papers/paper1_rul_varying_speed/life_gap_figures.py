@@ -22,11 +22,13 @@ def gaps(told: pd.DataFrame) -> Figure:
     """
     sets = [own for _, own in told[told["gap_before"].notna()].groupby("data", sort=False)]
     with mpl.rc_context(SIZES):
-        figure = Figure(figsize=(5.2 * max(len(sets), 1), 4.6), layout="constrained")
+        figure = Figure(figsize=(6.4 * max(len(sets), 1), 4.8), layout="constrained")
         for axes, own in zip(figure.subplots(1, max(len(sets), 1), squeeze=False)[0], sets, strict=False):
-            grouped = own[own["bearings"].str.endswith("bearings")]
+            several = own[own["bearings"].str.endswith("bearings")]
+            stages = [stage for _, stage in several.groupby("stage", sort=False)]
+            grouped = pd.concat(stages)
             x: list[float] = []
-            for _, stage in grouped.groupby("stage", sort=False):
+            for stage in stages:
                 begin = x[-1] + 2 if x else 0
                 x += [begin + k for k in range(len(stage))]
                 axes.text(
@@ -38,7 +40,7 @@ def gaps(told: pd.DataFrame) -> Figure:
             axes.plot(at, grouped["gap_before"], "o", color=BEFORE, ms=9, label="as it is")
             axes.plot(at, grouped["gap_after"], "s", color=AFTER, ms=8, mfc="none", mew=2, label="effects added")
             axes.plot(at, grouped["floor"], "_", color="0.2", ms=16, mew=2, label="floor: records against records")
-            axes.set_xticks(at, grouped["speed"])
+            axes.set_xticks(at, [f"cond. {w}" if w.isdigit() else w.replace("middle", "mid") for w in grouped["speed"]])
             axes.set_ylim(bottom=0)
             axes.set_ylabel("overall gap")
             axes.set_xlabel(grouped["data"].iloc[0], labelpad=8)

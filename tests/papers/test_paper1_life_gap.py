@@ -97,14 +97,16 @@ def test_every_stage_speed_run_and_condition_is_asked_once() -> None:
 
 
 def test_the_figure_has_a_panel_per_set_and_a_mark_per_diagnosis_of_all_bearings() -> None:
+    # As the study asks: FEMTO condition by condition, so that stages alternate.
+    asked = [("rig", stage, speed) for stage in ("early", "late") for speed in ("slow", "fast")]
+    asked += [("FEMTO", stage, condition) for condition in "12" for stage in ("early", "late")]
     rows = [
-        {"data": data, "bearings": "6 bearings", "stage": stage, "speed": speed, "gap_before": 2.0, "gap_after": 1.0,
-         "floor": 0.1}
-        for data, speeds in (("rig", ("slow", "fast")), ("FEMTO", ("1",)))
-        for stage in ("early", "late")
-        for speed in speeds
+        {"data": data, "bearings": "6 bearings", "stage": stage, "speed": speed, "gap_before": k + 2.0,
+         "gap_after": 1.0, "floor": 0.1}
+        for k, (data, stage, speed) in enumerate(asked)
     ]  # fmt: skip
     alone = [{**rows[0], "bearings": "A148"}, {**rows[0], "gap_before": np.nan}]
     rig, other = gaps(pd.DataFrame(rows + alone)).axes
-    assert len(rig.lines[0].get_xdata()) == 4 and len(other.lines[0].get_xdata()) == 2
     assert [t.get_text() for t in rig.get_xticklabels()] == ["slow", "fast"] * 2
+    assert [t.get_text() for t in other.get_xticklabels()] == ["cond. 1", "cond. 2"] * 2
+    assert list(other.lines[0].get_xdata()) == [0, 1, 3, 4] and list(other.lines[0].get_ydata()) == [6, 8, 7, 9]
