@@ -91,7 +91,7 @@ def faults(study: Dynamics, setting: str) -> Figure:
         count = round(SHOWN_S * fs_hz)
         panels[row, 0].plot(1e3 * np.arange(count) / fs_hz, samples[:count], color=ALONG, lw=0.9)
         panels[row, 0].set_ylabel("acceleration (m/s²)")
-        panels[row, 0].set_title(f"{r.job.fault}: RMS {r.value['rms'] / r.value['healthy_rms']:.1f} times healthy")
+        panels[row, 0].set_title(f"{r.job.fault}: RMS {r.value['rms'] / r.value['healthy_rms']:.3g} times healthy")
         lines = np.asarray(r.value["lines"])
         panels[row, 1].plot(np.asarray(r.value["order"]), lines / lines.max(), color=ALONG, lw=1.1, zorder=3)
         panels[row, 1].axvline(r.value["expected"], color=MARK, ls="--", lw=1.6, zorder=1)
