@@ -3,7 +3,7 @@
 stage         owns
 SHAFT         turns, cage_speed_ratio
 EXCITATION    impacts, cage_lag, gain, force
-PATH          modes, filters
+PATH          modes, filters, heard
 DISTURBANCE   x (adds to it)
 ACQUISITION   x (replaces it)
 
@@ -17,6 +17,7 @@ cage_lag           none (impacts move)         cage angle = ftf ratio           
 gain               none (amplitudes change)    respond(): x = gain x + ...        x = gain x
 force              respond(): through modes    respond(): ... + through modes     none: what needs it refuses
 filters            respond(): x                respond(): x                       x
+heard              white noise                 white noise                        none: x holds its noise already
 """
 
 from __future__ import annotations
@@ -102,6 +103,9 @@ class Draft:
         The path: structural modes in parallel. Empty for a finished waveform; "rollers" hold their linearised contact.
     filters : list of callables, Array -> Array
         The path after the modes (mounting, sensor), applied in turn to x and up to LEAD samples before it.
+    heard : list of (float, callable Array -> Array)
+        Part of the white noise's power that is vibration before a sensor, not noise of the chain behind it, and what
+        that sensor makes of it.
     x : Array [samples]
         The waveform. Before the path has acted it is empty, except for simulators that make it whole.
     """
@@ -120,6 +124,7 @@ class Draft:
     gain: Array | None = None
     modes: list[Mode] = field(default_factory=list)
     filters: list[Callable[[Array], Array]] = field(default_factory=list)
+    heard: list[tuple[float, Callable[[Array], Array]]] = field(default_factory=list)
     x: Array = field(default_factory=lambda: np.empty(0))
 
     @property

@@ -204,7 +204,7 @@ class EntryExit(_FaultEffect):
         "signal processing techniques to track the spall size",
     )
     arc_deg: float = parameter(
-        2.0, unit="deg", plausible=(0.5, 10.0), allowed=(0, 90.0), log=True, doc="length of the defect as an arc"
+        2.0, unit="deg", plausible=(0.5, 60.0), allowed=(0, 90.0), log=True, doc="length of the defect as an arc"
     )
     exit_ratio: float = parameter(
         1.0, unit="", plausible=(0.3, 3.0), allowed=(0, 100.0), log=True, doc="strength of leaving over entering"
@@ -274,13 +274,16 @@ class SpeedGain(Effect):
     """All excitation is stronger or weaker with speed, S = (speed / reference)^exponent, at the record's mean speed.
 
     Eq. 10 of paper 1 with c constant is exponent 1. The shape of a record stays. White noise of the measuring chain and
-    disturbances do not change.
+    disturbances do not change. What a bearing without a defect does may depend on speed less than strikes do.
     """
 
     stage: ClassVar[Stage] = Stage.EXCITATION
     references: ClassVar[tuple[str, ...]] = (f"{_PAPER1}, eqs. 1 and 10",)
     exponent: float = parameter(
         1.0, unit="", plausible=(-1.0, 3.0), allowed=(-10, 10), doc="power of the speed; 0 is no influence"
+    )
+    on_noise: float = parameter(
+        1.0, unit="", plausible=(0.0, 1.0), allowed=(0, 1), doc="structure noise follows by this part of the exponent"
     )
     reference_speed_rpm: float = parameter(
         1800.0, unit="rpm", plausible=(100.0, 10000.0), allowed=(1e-3, 1e7), log=True, fitted=False,
@@ -293,11 +296,12 @@ class SpeedGain(Effect):
 
     def apply(self, draft: Draft, rng: np.random.Generator) -> None:
         gain = self.gain(draft.condition.speed_rpm)
+        on_noise = gain**self.on_noise
         if draft.impacts is not None:
             draft.impacts.amplitudes = draft.impacts.amplitudes * gain
-        draft.amplify_force(gain)
+        draft.amplify_force(on_noise)
         if draft.excitation != "impacts":
-            draft.modulate(gain)
+            draft.modulate(gain if draft.faulty else on_noise)
 
 
 @register

@@ -22,8 +22,9 @@ Array = NDArray[np.float64]
 class SecondResonance(Effect):
     """One more structural mode, beside the first: a peak that stays at its frequency whatever the speed.
 
-    Impacts, rollers' contacts and broadband forces pass through both modes in parallel. A finished waveform has passed
-    a path already: what it holds around the frequency is raised by up to 1 + gain.
+    Impacts, rollers' contacts and broadband forces pass through both modes in parallel. Where a sensor sits elsewhere
+    than the force acts, a mode may move it the other way: then the two cancel on other sides of their peaks. A finished
+    waveform has passed a path already: what it holds around the frequency is raised by up to 1 + gain.
     """
 
     stage: ClassVar[Stage] = Stage.PATH
@@ -39,10 +40,14 @@ class SecondResonance(Effect):
     gain: float = parameter(
         0.6, unit="", plausible=(0.1, 5.0), log=True, doc="its response to an impact over that of the first mode"
     )
+    opposed: bool = parameter(
+        False, unit="", plausible=(0, 1), allowed=(0, 1), doc="the sensor's place moves against the first mode's motion"
+    )
 
     def apply(self, draft: Draft, rng: np.random.Generator) -> None:
         if draft.excitation != "waveform":
-            draft.modes.append(Mode(self.frequency_hz, self.damping_ratio, self.gain))
+            gain = -self.gain if self.opposed else self.gain
+            draft.modes.append(Mode(self.frequency_hz, self.damping_ratio, gain))
             return
         fs_hz, band = draft.condition.fs_hz, (self.frequency_hz, self.damping_ratio, self.gain)
         draft.filters.append(lambda x: _filtered(x, _raised(_length(x.size), fs_hz, *band)))
@@ -57,7 +62,8 @@ class SensorRolloff(Effect):
     """A low-pass of the sensor or its mounting: smooth loss above a corner, the same in all records.
 
     The analogue Butterworth response, so that the loss is right up to half the sampling rate and for corners above it.
-    The measuring chain's white noise and disturbances come after the sensor and keep their level.
+    Disturbances come after the sensor and keep their level. So does the twin's white noise, but for the part of it that
+    is a machine's broadband background: flow, seals and other bearings are heard by the sensor, too.
     """
 
     stage: ClassVar[Stage] = Stage.PATH
@@ -69,10 +75,19 @@ class SensorRolloff(Effect):
         3000.0, unit="Hz", plausible=(500.0, 15000.0), allowed=(1.0, 1e7), log=True, doc="frequency of 3 dB loss"
     )
     order: int = parameter(2, unit="", plausible=(1, 6), allowed=(1, 12), doc="order: 6 dB per octave each")
+    background: float = parameter(
+        0.0, unit="", plausible=(0.0, 1.0), allowed=(0, 1), doc="part of the white noise's power that it passes on"
+    )
 
     def apply(self, draft: Draft, rng: np.random.Generator) -> None:
         fs_hz = draft.condition.fs_hz
-        draft.filters.append(lambda x: _filtered(x, _low_pass(_length(x.size), fs_hz, self.corner_hz, self.order)))
+
+        def heard(x: Array) -> Array:
+            return _filtered(x, _low_pass(_length(x.size), fs_hz, self.corner_hz, self.order))
+
+        draft.filters.append(heard)
+        if self.background > 0:
+            draft.heard.append((self.background, heard))
 
 
 def beyond_nyquist(draft: Draft, frequency_hz: float) -> str | None:

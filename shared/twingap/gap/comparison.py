@@ -20,12 +20,13 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from twingap.gap import signatures
+from twingap.gap import signatures, trends
 from twingap.gap.distance import Paired
 from twingap.gap.signatures import answer, background, change, path, pooled
 from twingap.gap.signatures.answer import Struck
 from twingap.gap.signatures.path import Outline
 from twingap.gap.speed import Speeds
+from twingap.gap.trends import Levels, courses, normal, slope
 from twingap.gap.view import Frame, RecordView
 from twingap.gap.views import DOMAINS, Grid, Views
 from twingap.gap.views import measure as measure_views
@@ -42,9 +43,10 @@ GROUPS = {
 CONTEXT = (
     "records", "healthy_share", "log_samples", "log_turns", "speeds", "span_s",
     "own_simulator", "slip", "slip_z", "slip_decidable", "speed_z", "speed_scatter",
+    "slip_seen", "slip_seen_size", "slip_seen_rest",
     "extent_1", "extent_4", "extent_13", "extent_41", "extent_121", "extent_mean",
 )  # fmt: skip
-_FEWEST_FOR_TREND = 4
+_SMALL_SLIP = 1e-3
 _FEWEST_FREE = 2
 """Degrees of freedom from which pairs say more than the records of each side by themselves."""
 
@@ -127,18 +129,26 @@ def feature_names() -> tuple[str, ...]:
     for strikes in GROUPS:
         own = [name for name, of in zip(signatures.NAMES, _of_strikes(), strict=True) if of == strikes]
         names += [f"{n}|{group}.{kind}" for group in GROUPS[strikes] for kind in ("diff", "z", "level") for n in own]
-    trends = ("spread", "on_speed", "on_speed.z", "on_time", "on_time.z")
-    names += [f"{name}|{kind}" for kind in trends for name in signatures.NAMES]
+    courses_of = ("spread", "on_speed", "on_speed.z", "on_time", "on_time.z")
+    names += [f"{name}|{kind}" for kind in courses_of for name in signatures.NAMES]
     names += [f"shape|{name}" for name in background.COMPARED]
     names += [f"answer|{name}" for name in answer.COMPARED]
     names += [f"change|{name}" for name in change.NAMES]
     names += [f"view|{name}" for name in _viewed()]
+    names += [f"trend|{name}" for name in trends.NAMES]
     for of, whole in (("path", path.NAMES), ("pooled", pooled.NAMES)):
         names += [f"{of}|{name}" for name in whole] + [f"{of}|{name}.diff" for name in whole]
     return (*names, *(f"context|{name}" for name in CONTEXT))
 
 
-def compare(real: Measured, simulated: Measured, speeds: Speeds | None = None, *, own: bool = False) -> Array:
+def compare(
+    real: Measured,
+    simulated: Measured,
+    speeds: Speeds | None = None,
+    *,
+    own: bool = False,
+    levels: Levels | None = None,
+) -> Array:
     """[features] What tells the measured set from the simulated one; see `feature_names`.
 
     Parameters
@@ -148,6 +158,8 @@ def compare(real: Measured, simulated: Measured, speeds: Speeds | None = None, *
         Of calibration, which tell of the cage's slip.
     own : bool
         Whether the simulator is the machine's own: then nothing had to be matched, and small differences mean more.
+    levels : Levels, optional
+        Of all records that there are, these among them.
     """
     with warnings.catch_warnings(), np.errstate(all="ignore"):
         warnings.simplefilter("ignore", RuntimeWarning)  # means of nothing are NaN, and meant so
@@ -164,7 +176,12 @@ def compare(real: Measured, simulated: Measured, speeds: Speeds | None = None, *
         changes = change.compare(real.outlines, simulated.outlines)
         changed = np.array([changes[name] for name in change.NAMES], float)
         context, apart = _context(real, speeds, own), _apart(real.views, simulated.views)
-        out = np.concatenate((per_signature, shape, told, changed, apart, *paths, context, _extent(per_signature)))
+        context = np.concatenate((context, _slip(real, simulated)))
+        found = {} if levels is None else levels.trends()
+        course = np.array([found.get(name, np.nan) for name in trends.NAMES])
+        out = np.concatenate(
+            (per_signature, shape, told, changed, apart, course, *paths, context, _extent(per_signature))
+        )
     return np.where(np.isfinite(out), out, np.nan)
 
 
@@ -235,7 +252,7 @@ def _by_group(real: Measured, simulated: Measured) -> list[Array]:
             variance = within / np.maximum(n_r + n_b - 2, 1) + small**2
             diff = mean_r - mean_b
             t = diff / np.sqrt(variance * (1 / np.maximum(n_r, 1) + 1 / np.maximum(n_b, 1)))
-            z = _normal(t, n_r + n_b - 2)
+            z = normal(t, n_r + n_b - 2)
             if paired:
                 z = _paired(r - b, ours[_belongs(ours, group)], small, z)
             columns += [diff, z, np.nanmedian(r, axis=0)]  # a median: one wrong line is no level
@@ -255,19 +272,8 @@ def _paired(differences: Array, kinds: NDArray[np.str_], small: Array, otherwise
         squares += np.nansum((own - np.nanmean(own, axis=0)) ** 2, axis=0)
         free = free - seen[kinds == kind].any(axis=0)
     error = np.sqrt((squares / np.maximum(free, 1) + small**2) / np.maximum(count, 1))
-    found = _normal(np.nanmean(differences, axis=0) / error, free)
+    found = normal(np.nanmean(differences, axis=0) / error, free)
     return np.where(free >= _FEWEST_FREE, found, otherwise)
-
-
-def _normal(t: Array, free: NDArray[np.int64]) -> Array:
-    """What a normal deviate would have to be to be as unlikely as Student's t with so many degrees of freedom.
-
-    A handful of records shows large t by chance; as normal deviates they mean the same whatever their number. Wallace
-    1959, doi:10.1214/aoms/1177706089, within 0.2 from three degrees of freedom on.
-    """
-    free = np.maximum(free, 1)
-    size = (8 * free + 1) / (8 * free + 3) * np.sqrt(free * np.log1p(t * t / free))
-    return np.asarray(np.sign(t) * size)
 
 
 def _belongs(faults: NDArray[np.str_], group: str) -> Mask:
@@ -289,9 +295,6 @@ def _spread(real: Measured, simulated: Measured) -> Array:
 
 def _trends(real: Measured, simulated: Measured) -> list[Array]:
     """Slope of measured less simulated over log speed and over time (run = 1), and its t value: [signatures] each."""
-    speed = np.array([np.log(c.speed_rpm) for c in real.conditions])
-    time = np.array([np.nan if c.time_s is None else c.time_s for c in real.conditions])
-    span = np.nanmax(time) - np.nanmin(time) if np.isfinite(time).any() else 0.0
     residual = real.values.copy()
     ours, theirs = real.faults(), simulated.faults()
     paired = len(theirs) == len(ours) and bool((ours == theirs).all())
@@ -299,36 +302,7 @@ def _trends(real: Measured, simulated: Measured) -> list[Array]:
         mask = ours == kind
         if paired:
             residual[mask] -= simulated.values[mask]
-        residual[mask] -= np.nanmean(residual[mask], axis=0)
-    columns: list[Array] = []
-    for x in (speed, (time / span) if span > 0 else np.full(len(speed), np.nan)):
-        columns += _slope(x, residual, ours)
-    return columns
-
-
-def _slope(x: Array, y: Array, kinds: NDArray[np.str_]) -> list[Array]:
-    """[signatures] Least-squares slope of y [records, signatures] over x within kinds of records, and its t value."""
-    nothing = np.full(y.shape[1], np.nan)
-    known = np.isfinite(x)
-    if known.sum() < _FEWEST_FOR_TREND:
-        return [nothing, nothing]
-    x, y, kinds = x[known].copy(), y[known], kinds[known]
-    for kind in np.unique(kinds):
-        x[kinds == kind] -= x[kinds == kind].mean()
-    if x.std() < 0.02:
-        return [nothing, nothing]
-    seen = np.isfinite(y)
-    y = np.where(seen, y, 0.0)
-    weight = seen * (x**2)[:, None]
-    denominator = np.maximum(weight.sum(axis=0), 1e-12)
-    slope = (x[:, None] * y).sum(axis=0) / denominator
-    rest = ((y - slope * x[:, None]) * seen) ** 2
-    count = seen.sum(axis=0)
-    # A mean for each kind of record has been taken out, and the slope.
-    free = count - sum(seen[kinds == kind].any(axis=0).astype(int) for kind in np.unique(kinds)) - 1
-    error = np.sqrt((rest.sum(axis=0) / np.maximum(free, 1) + 1e-6) / denominator)
-    few = (count < _FEWEST_FOR_TREND) | (free < 1)
-    return [np.where(few, np.nan, slope), np.where(few, np.nan, _normal(slope / error, free))]
+    return [column for x in courses(real.conditions) for column in slope(x, residual, ours)]
 
 
 def _extent(per_signature: Array) -> Array:
@@ -362,6 +336,28 @@ def _context(real: Measured, of: Speeds | None, own: bool) -> Array:
             *(_speeds(of) if of is not None else [np.nan] * 5),
         ]
     )
+
+
+def _slip(real: Measured, simulated: Measured) -> Array:
+    """Slip of the cage that all faults' rates together show beyond the simulator's, its size, what it leaves of them.
+
+    Each fault's rate has its own share in a slip (BPFO moves one way, BPFI the other), so one number has to explain
+    them all. The size is logarithmic; with one fault nothing is known.
+    """
+    bearing, rate = real.outlines[0].frame.bearing, signatures.NAMES.index("events.rate_log_ratio")
+    slipped = bearing.slipped(1 - _SMALL_SLIP)
+    shares, shown = [], []
+    for fault in ("outer", "inner", "ball"):
+        ours, theirs = (np.nanmedian(of.values[of.faults() == fault, rate]) for of in (real, simulated))
+        if np.isfinite(ours - theirs):
+            shares.append(np.log(slipped[fault] / bearing.fault_order(fault)) / _SMALL_SLIP)
+            shown.append(ours - theirs)
+    if len(shown) < 2:
+        return np.full(3, np.nan)
+    share, of_all = np.array(shares), np.array(shown)
+    slip = float(share @ of_all) / float(share @ share)
+    rest = float(np.sqrt(np.mean((of_all - slip * share) ** 2)))
+    return np.array([slip, np.log(abs(slip) + 1e-4), np.log(rest + 1e-4)])
 
 
 def _speeds(of: Speeds) -> list[float]:

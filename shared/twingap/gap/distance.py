@@ -148,7 +148,9 @@ class Paired:
         for domain in self.real.domains:
             columns = self.real.columns(domain)
             part, kinds = own[columns], np.array(self.real.axes[domain].kind)
-            usual = np.array([np.median(part[kinds == kind]) for kind in kinds])
+            usual = np.empty_like(part)
+            for kind in np.unique(kinds):
+                usual[kinds == kind] = np.median(part[kinds == kind])
             own[columns] = part + 0.04 * usual
         return np.sqrt(np.maximum(own, _LEAST_SPREAD**2))
 

@@ -21,6 +21,7 @@ from twingap.gap.comparison import Measured
 from twingap.gap.distance import Paired
 from twingap.gap.simulator import OwnSimulator, Simulator, TwinSimulator
 from twingap.gap.training.parameters import Setting
+from twingap.gap.trends import Levels
 from twingap.gap.view import RecordView
 from twingap.gap.views import Grid, Views
 from twingap.gap.views import measure as measure_views
@@ -70,7 +71,21 @@ class Compared:
         made = of.simulated(self.simulator, self.effects, real.conditions, replicate)
         own = isinstance(self.simulator, OwnSimulator)
         grid = Grid.of(real.conditions, of.frame.bearing)
-        return comparison.compare(real, comparison.measure(made, of.frame, grid), of.calibrated.speeds, own=own)
+        simulated = comparison.measure(made, of.frame, grid)
+        return comparison.compare(real, simulated, of.calibrated.speeds, own=own, levels=self._levels)
+
+    @cached_property
+    def _levels(self) -> Levels:
+        """Of both parts, each record once, against the very simulations that features are of."""
+        of = self._evidence
+        conditions: list[Condition] = []
+        rms: list[float] = []
+        for replicate, part in enumerate((of.fit, of.held_out)):
+            kept = [c for c in part.conditions if not (replicate and c.name in of.calibrated.shared)]
+            made = of.simulated(self.simulator, self.effects, kept, replicate)
+            conditions += kept
+            rms += [float(record.samples.std()) for record in made]
+        return Levels(tuple(conditions), np.array([of.rms[c.name] for c in conditions]), np.array(rms))
 
 
 def simulator_of(calibrated: Calibrated, sim: RecordSet | None = None) -> Simulator:
@@ -105,6 +120,10 @@ class Evidence:
             comparison.measure(part, self.frame, Grid.of(part.conditions, self.frame.bearing))
             for part in (calibrated.fit, calibrated.held_out)
         )
+        self.rms = {
+            record.condition.name: float(record.samples.std())
+            for part in (calibrated.fit, calibrated.held_out) for record in part
+        }  # fmt: skip
         conditions = (*calibrated.fit.conditions, *calibrated.held_out.conditions)
         self.setting = Setting.of(conditions)
         self._simulator = simulator

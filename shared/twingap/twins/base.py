@@ -6,6 +6,7 @@ Condition -> Draft -> SHAFT effects -> excite -> EXCITATION effects -> PATH effe
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
 from collections import deque
 from collections.abc import Iterable, Iterator, Sequence
@@ -17,6 +18,7 @@ import numpy as np
 
 from twingap.bearing import Bearing
 from twingap.effects import Draft, Effect, Stage, in_order
+from twingap.effects.ringing import LEAD
 from twingap.errors import TwingapError
 from twingap.records import Condition, Record, RecordSet
 from twingap.streams import Streams, root_entropy
@@ -99,7 +101,7 @@ class Twin(ABC):
         """The second half of `make`: all that is added to the structure's response."""
         for draft, own in zip(drafts, streams, strict=True):
             if self.white_noise_rms > 0:
-                draft.x += self.white_noise_rms * own("white_noise").standard_normal(draft.x.size)
+                draft.x += self.white_noise_rms * _white(draft, own)
             self._act(Stage.DISTURBANCE, draft, own)
             self._act(Stage.ACQUISITION, draft, own)
         return [Record(draft.condition, draft.x) for draft in drafts]
@@ -172,6 +174,19 @@ class Twin(ABC):
                 if reason := effect.cannot_act_on(draft):
                     raise TwingapError(reason, where=f"twin {self.model}, effect {effect.name}")
                 effect.apply(draft, streams(effect.name))
+
+
+def _white(draft: Draft, streams: Streams) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
+    """[samples] White noise of unit power: the chain's own, and what of it a sensor has heard."""
+    n = draft.x.size
+    white = streams("white_noise").standard_normal(n)
+    if not draft.heard:
+        return white
+    part = max(part for part, _ in draft.heard)
+    before = streams("background").standard_normal(LEAD + n)
+    for _, act in draft.heard:
+        before = act(before)
+    return np.asarray(math.sqrt(1 - part) * white + math.sqrt(part) * before[LEAD:])
 
 
 def _batches(conditions: Iterable[Condition], size: int) -> Iterator[tuple[int, list[Condition]]]:

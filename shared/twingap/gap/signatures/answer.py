@@ -33,8 +33,9 @@ BANDS: Final = 16
 MOST_HARMONICS: Final = 400
 _CLEAR: Final = 6.0
 """Standard deviations of the noise by which a harmonic has to stand out to count in full."""
-_ARCS_DEG: Final = np.geomspace(0.5, 14.0, 140)
-_RATIOS: Final = (0.35, 0.6, 0.9)
+_PARTS: Final = np.geomspace(0.01, 0.5, 140)
+"""Of a pass, from one strike to the next: at more than half of one, the comb is that of what is left of it."""
+_RATIOS: Final = (0.2, 0.35, 0.6, 0.9)
 _NOISE: Final = 0.01
 """Variance of a log ratio that no fit goes below: what jitter leaves."""
 
@@ -259,40 +260,48 @@ def _over_frequency(ratio: Array, weight: Array, noise: Array | None, out: dict[
 def _comb(
     real: Sequence[Struck], simulated: Sequence[Struck], faults: Iterable[str], bearing: Bearing, out: dict[str, float]
 ) -> None:
-    """The comb |1 + r exp(i k a)|^2 over harmonics k that a second strike, r times the first, would make."""
-    before = 0.0
-    after = np.zeros((2, len(_RATIOS), _ARCS_DEG.size))
-    known = 0.0
+    """The comb |1 + r exp(i k a)|^2 over harmonics k that a second strike, r times the first, would make.
+
+    Faults share r, but each is a defect of its own, as long as it is.
+    """
+    before = known = 0.0
+    after = np.zeros((2, len(_RATIOS)))
+    best: list[tuple[float, str, Array]] = []
+    phase = np.exp(2j * np.pi * np.outer(_PARTS, np.arange(1, MOST_HARMONICS + 1)))
     for fault in faults:
         ratio, weight = _over_harmonics(real, simulated, fault)
         k = np.arange(1, ratio.size + 1)
         if weight.sum() < 6:
             continue
         known += float(weight.sum())
-        # Angle of the second strike as a part of the passing of one roller; a ball turns twice.
-        turn = _ARCS_DEG / 360 * (2.0 if fault == "ball" else bearing.n_rollers)
-        phase = np.exp(2j * np.pi * np.outer(np.minimum(turn, 0.5), k))
         slow = np.stack([np.ones(k.size), k / k.size, (k / k.size) ** 2])
         root = np.sqrt(weight)
         basis, _ = np.linalg.qr((slow * root).T)
         target = root * ratio
         target = target - basis @ (basis.T @ target)
-        before += float(target @ target)
+        energy = float(target @ target)
+        before += energy
+        left = np.zeros((2, len(_RATIOS), _PARTS.size))
         for row, sign in enumerate((1.0, -1.0)):
             for column, r in enumerate(_RATIOS):
-                comb = root * np.log(np.abs(1 + sign * r * phase) ** 2 + 0.02)
+                comb = root * np.log(np.abs(1 + sign * r * phase[:, : k.size]) ** 2 + 0.02)
                 comb = comb - (comb @ basis) @ basis.T
-                after[row, column] += ((target - comb) ** 2).sum(axis=1)
+                left[row, column] = ((target - comb) ** 2).sum(axis=1)
+        after += left.min(axis=2)
+        best.append((energy, fault, left))
     if known < 6:
         return
     rest = _NOISE * known
     gain = np.log((before + rest) / (after + rest))
-    i, j, place = (int(v) for v in np.unravel_index(int(np.argmax(gain)), gain.shape))
+    i, j = (int(v) for v in np.unravel_index(int(np.argmax(gain)), gain.shape))
     out["comb_known"] = math.log(known)
-    out["comb_gain"] = float(gain[i, j, place])
+    out["comb_gain"] = float(gain[i, j])
     out["comb_same"], out["comb_opposed"] = float(gain[0].max()), float(gain[1].max())
     if out["comb_gain"] > 0.1:
-        out["comb_arc_log"] = float(np.log(_ARCS_DEG[place]))
+        # Of the fault whose comb is plainest. A ball is struck twice a turn.
+        _, fault, left = max(best, key=lambda found: found[0] - float(found[2][i, j].min()))
+        per_pass = 180.0 if fault == "ball" else 360 / bearing.n_rollers
+        out["comb_arc_log"] = float(np.log(_PARTS[int(left[i, j].argmin())] * per_pass))
         out["comb_ratio"] = float((1.0 if i == 0 else -1.0) * _RATIOS[j])
 
 

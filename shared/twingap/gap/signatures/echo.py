@@ -38,12 +38,12 @@ EDGE: Final = 8
 LEAD: Final = 0.34
 """Part of the mean waveform before the strike, which may have been followed by its second half."""
 
-FINEST_DEG, WIDEST_DEG = 0.4, 14.0
-"""Arcs that are searched."""
+FINEST_DEG: Final = 0.4
+"""Shortest arc that is searched; the longest takes nearly half a pass."""
 
 
 def measure_echo(view: RecordView, seen: Strikes, rate_hz: float, out: dict[str, float]) -> None:
-    """Fill `echo_gain`, `arc_deg`, `arc_log`, `exit_ratio`, `cycle_width_deg`.
+    """Fill `echo_gain`, `arc_deg`, `arc_log`, `exit_ratio`, `cycle_width_deg`, `cycle_rise`, `cycle_rise_part`.
 
     Parameters
     ----------
@@ -57,16 +57,19 @@ def measure_echo(view: RecordView, seen: Strikes, rate_hz: float, out: dict[str,
     shaft_hz = rate_hz / float(view.fault_order or np.nan)
     deg_per_s = 360 * shaft_hz * _body_rate(view)
     out["cycle_width_deg"] = float(np.log(max(_width(seen.cycle), 0.2 / PHASES) / rate_hz * deg_per_s))
+    out["cycle_rise"], part = _rise(seen.cycle)
+    if out["cycle_rise"] > 0.03:
+        out["cycle_rise_part"] = part
     spacing = view.fs_hz / rate_hz
     waveform, noise, blur = mean_waveform(view.x, seen, view.fs_hz, spacing)
     if waveform is None:
         return
     shortest = max(FINEST_DEG / deg_per_s * view.fs_hz, FINEST_SAMPLES)
-    longest = min(WIDEST_DEG / deg_per_s * view.fs_hz, 0.47 * spacing)
+    longest = 0.47 * spacing
     if longest < shortest + 1:
         return
     # A pass may be seen from its second strike on: then the first of the next pass follows, at the rest of the spacing.
-    fit = two_pulses(waveform, noise, blur, shortest, longest if longest < 0.3 * spacing else 0.7 * spacing)
+    fit = two_pulses(waveform, noise, blur, shortest, 0.7 * spacing)
     if fit is None:
         return
     gain, delay, ratio = fit
@@ -251,3 +254,15 @@ def _width(cycle: Array) -> float:
     place = np.arange(PHASES)
     centre = float((above * place).sum() / total)
     return float(np.sqrt((above * (place - centre) ** 2).sum() / total)) / PHASES
+
+
+def _rise(cycle: Array) -> tuple[float, float]:
+    """How far the mean cycle's autocorrelation rises again, and at which part of a pass: one strike's only falls."""
+    above = np.maximum(cycle - float(np.sort(cycle)[: PHASES // 4].mean()), 0.0)
+    power = np.abs(np.fft.rfft(above)) ** 2
+    likeness = np.fft.irfft(power, PHASES)[: PHASES // 2 + 1]
+    if not likeness[0] > 0:
+        return 0.0, 0.5
+    rise = (likeness - np.minimum.accumulate(likeness)) / likeness[0]
+    place = int(np.argmax(rise))
+    return float(rise[place]), place / PHASES

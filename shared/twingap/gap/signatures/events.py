@@ -62,6 +62,8 @@ NAMES: Final[tuple[str, ...]] = (
     "arc_log",
     "exit_ratio",
     "cycle_width_deg",
+    "cycle_rise",
+    "cycle_rise_part",
     "phase_lock",
     "strike_level",
     "strike_snr",

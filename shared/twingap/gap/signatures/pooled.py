@@ -126,19 +126,23 @@ class _Pool:
         self.rows = [(r.envelope, r.envelope_df_hz) if envelope else (r.power, r.df_hz) for r in records]
         self.unit = [r.shaft_hz if orders else 1.0 for r in records]
 
-    def at(self, places: Array, offset: int = 0) -> Array:
+    def at(self, places: Array) -> Array:
         """[places] Mean over the records that reach them."""
-        total, count = np.zeros(places.size), np.zeros(places.size)
+        return self.beside(places, np.zeros(1, int))[0]
+
+    def beside(self, places: Array, offsets: NDArray[np.int64]) -> Array:
+        """[offsets, places] The same so many bins away."""
+        total, count = np.zeros((2, offsets.size, places.size))
         for (power, df), unit in zip(self.rows, self.unit, strict=True):
-            index = np.rint(places * (unit / df)).astype(int) + offset
+            index = np.rint(places * (unit / df)).astype(int) + offsets[:, None]
             inside = (index >= 2) & (index < power.size - 2)
-            total[inside] += power[index[inside]]
+            total += np.where(inside, power[np.clip(index, 0, power.size - 1)], 0.0)
             count += inside
         return np.where(count > 0.6 * len(self.rows), total / np.maximum(count, 1), np.nan)
 
     def z(self, places: Array) -> Array:
         """[places] How far the mean stands out of itself a few bins away, log-compressed, signed."""
-        around = np.stack([self.at(places, int(offset)) for offset in _CONTROLS])
+        around = self.beside(places, _CONTROLS)
         # Below a low line there is no room: then its upper neighbours stand for all.
         known = np.isfinite(around).sum(axis=0) >= _CONTROLS.size // 2
         usual, spread = np.ones(places.size), np.ones(places.size)

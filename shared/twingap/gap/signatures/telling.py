@@ -47,7 +47,7 @@ _LEVEL = (
     "background.rms_log", "background.white_level", "background.mode_over_white_log", "background.kurtosis_log",
     "background.crest_log", "background.quantile_*", "events.strike_*", "background.band_*", "background.rest_rms",
     "background.knock_peak_log", "lines.fault_low_excess", "events.harmonic_1", "background.rest_low", "answer.*",
-    "answer|level",
+    "answer|level", "trend|*",
 )  # fmt: skip
 
 TELLING: Final[dict[str, tuple[str, ...]]] = {
@@ -61,7 +61,7 @@ TELLING: Final[dict[str, tuple[str, ...]]] = {
     "load_zone": _STRENGTH,
     "cage_modulation": _STRENGTH,
     "entry_exit": (
-        *_FOLLOWED, "events.echo_gain", "events.arc_*", "events.exit_ratio", "events.cycle_width_deg",
+        *_FOLLOWED, "events.echo_gain", "events.arc_*", "events.exit_ratio", "events.cycle_*",
         "events.timing_*", "events.jitter_sigma", "background.echo_*", "shape|faulty_*", "answer|*", "answer.*",
         "background.time_asymmetry", "background.band_*", "lines.fault_*", "change|*",
     ),
@@ -104,7 +104,7 @@ def columns(effect: str, features: tuple[str, ...]) -> tuple[int, ...]:
             fits = kind in _ALWAYS or any(fnmatchcase(feature, p) for p in patterns)
         elif of == "view":
             fits = True  # how far records and twin lie apart where is asked of every effect
-        elif of in ("shape", "path", "change", "pooled", "answer"):
+        elif of in ("shape", "path", "change", "pooled", "answer", "trend"):
             fits = any(fnmatchcase(feature, p) for p in patterns)
         else:
             trend = kind.startswith("on_")

@@ -9,14 +9,17 @@ class here bears the name of what it stands for, since effects are known by the 
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import signal
 
 from twingap.effects import Draft, Effect, Impacts, disturbance, excitation
+from twingap.gap.training.machines import Machine
 
 Array = NDArray[np.float64]
 
@@ -31,13 +34,42 @@ _FACTORS: Final = 64
 
 @dataclass(frozen=True)
 class EntryExit(excitation.EntryExit):
-    """A roller that leaves strikes the other way than one that enters: the step back up after the step down."""
+    """Defects of their own lengths, one for each fault, and rollers that may leave the other way than they enter.
+
+    Parameters
+    ----------
+    turned : bool
+        Leaving strikes the other way than entering: the step back up after the step down.
+    pass_part : float
+        Length of every defect as a part of one roller's pass; 0 is `arc_deg` for all.
+    """
+
+    turned: bool = True
+    pass_part: float = 0.0
+
+    def delay_turns(self, draft: Draft) -> float:
+        """Shaft turns between entering and leaving."""
+        return self.pass_part / draft.fault_order if self.pass_part else super().delay_turns(draft)
 
     def on_impacts(self, draft: Draft, impacts: Impacts, rng: np.random.Generator) -> None:
         """As catalogued, the second strikes turned round."""
         first = impacts.amplitudes.size
         super().on_impacts(draft, impacts, rng)
-        impacts.amplitudes[first:] *= -1
+        if self.turned:
+            impacts.amplitudes[first:] *= -1
+
+
+@dataclass(frozen=True)
+class ColouredNoise(disturbance.ColouredNoise):
+    """Noise that has passed a low-pass of one or two poles: flat, then falling, in no power law."""
+
+    def apply(self, draft: Draft, rng: np.random.Generator) -> None:
+        """White noise through as many poles as the slope is nearest to, its corner where the catalogue's band begins."""
+        poles = 1 if self.slope < 1.5 else 2
+        b, a = signal.butter(poles, min(4 * self.low_hz, 0.4 * draft.condition.fs_hz), fs=draft.condition.fs_hz)
+        begin = math.ceil(draft.condition.fs_hz / self.low_hz)
+        noise = signal.lfilter(b, a, rng.standard_normal(begin + draft.x.size))[begin:]
+        draft.x += self.level * draft.reference_rms * noise / max(float(noise.std()), 1e-300)
 
 
 @dataclass(frozen=True)
@@ -78,20 +110,28 @@ _TONES: Final[Mapping[str, type[Any]]] = {
 }  # fmt: skip
 
 
-def as_built(effect: Effect, rng: np.random.Generator) -> Effect:
+_OTHERWISE: Final = (*_TONES, "coloured_noise", "entry_exit")
+
+
+def as_built(effect: Effect, machine: Machine, rng: np.random.Generator) -> Effect:
     """The effect as one machine has it.
 
     Parameters
     ----------
     effect : Effect
         Of the catalogue.
+    machine : Machine
     rng : numpy.random.Generator
     """
-    if effect.name not in (*_TONES, "entry_exit") or rng.random() >= CHANCE:
+    if effect.name not in _OTHERWISE or rng.random() >= CHANCE:
         return effect
     values: dict[str, Any] = {f.name: getattr(effect, f.name) for f in dataclasses.fields(effect)}  # type: ignore[arg-type]
-    if effect.name == "entry_exit":
-        return EntryExit(**values)
+    if isinstance(effect, excitation.EntryExit):
+        # Of one length in degrees a ball's is short beside a race's: what is alike is rather how long passes take.
+        part = 0.0 if rng.random() < 0.3 else effect.arc_deg * machine.bearing.n_rollers / 360
+        return EntryExit(**values, turned=bool(rng.random() < 0.6), pass_part=part if part < 0.5 else 0.0)
+    if isinstance(effect, disturbance.ColouredNoise):
+        return ColouredNoise(**values) if effect.slope >= 0.6 else effect
     factors = np.exp(_UNEVEN * rng.standard_normal(_FACTORS))
     if effect.name == "mains_interference" and rng.random() < _HUM:
         factors[0::2] *= 0.03

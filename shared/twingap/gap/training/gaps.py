@@ -85,7 +85,7 @@ def draw_gap(
     if len(effects) > count:
         kept = rng.permutation(len(effects))
         modelled, effects = tuple(effects[i] for i in kept[count:]), tuple(effects[i] for i in kept[:count])
-    records = simulated(machine, tuple(as_built(effect, rng) for effect in (*modelled, *effects)), rng)
+    records = simulated(machine, tuple(as_built(effect, machine, rng) for effect in (*modelled, *effects)), rng)
     strange = bool(rng.random() < STRANGE)
     if strange:
         records = estrange(records, rng)
@@ -138,7 +138,7 @@ def _fits(effect: Effect, machine: Machine) -> bool:
 
 
 _SHYNESS = {
-    "entry_exit": 1.8, "mean_slip": 1.6, "slip_jitter": 1.6, "speed_fluctuation": 1.6, "impact_scatter": 1.6,
+    "entry_exit": 1.8, "mean_slip": 2.0, "slip_jitter": 1.6, "speed_fluctuation": 1.6, "impact_scatter": 1.6,
     "second_resonance": 1.8, "load_zone": 1.6, "cage_modulation": 1.4, "damage_growth": 2.0, "speed_gain": 2.0,
     "sensor_rolloff": 1.7, "coloured_noise": 1.7, "distributed_roughness": 1.3, "foreign_bearing": 1.2,
 }  # fmt: skip
@@ -176,7 +176,9 @@ def _gain(rng: np.random.Generator, machine: Machine) -> Mapping[str, float] | N
         return None
     sign = 1 if rng.random() < 0.6 else -1  # faster strikes harder, and may leave a resonance behind
     reference = 1800.0 if rng.random() < 0.3 else float(np.median(speeds))
-    return {"exponent": sign * _log(rng, 0.4, 3.0), "reference_speed_rpm": reference}
+    # A speed that strikes feel, the noise of the structure may feel as much, less or not at all.
+    on_noise = float(rng.choice([0.0, rng.random(), 1.0], p=[0.4, 0.3, 0.3]))
+    return {"exponent": sign * _log(rng, 0.4, 4.5), "reference_speed_rpm": reference, "on_noise": on_noise}
 
 
 def _density(machine: Machine, f_hz: float, more: tuple[float, float, float] | None = None) -> float:
@@ -202,16 +204,24 @@ def _resonance(rng: np.random.Generator, machine: Machine) -> Mapping[str, float
     second, damping = _log(rng, 0.02, 0.46) * fs_hz, _log(rng, 0.01, 0.15)
     if abs(np.log(second / first)) < 0.2:
         return None
-    wanted = 10 ** (rng.uniform(1.0, 14.0) / 10)
-    for gain in np.geomspace(0.05, 8.0, 60):  # the least that raises the healthy spectrum there by as much
-        if _density(machine, second, (second, damping, float(gain))) > wanted * _density(machine, second):
-            return {"frequency_hz": second, "damping_ratio": damping, "gain": float(gain)}
+    wanted, opposed = 10 ** (rng.uniform(1.0, 14.0) / 10), bool(rng.random() < 0.5)
+    for gain in np.geomspace(0.02, 8.0, 72):  # the least that raises the healthy spectrum there by as much
+        more = (second, damping, -float(gain) if opposed else float(gain))
+        if _density(machine, second, more) > wanted * _density(machine, second):
+            return {"frequency_hz": second, "damping_ratio": damping, "gain": float(gain), "opposed": opposed}
     return None
 
 
 def _rolloff(rng: np.random.Generator, machine: Machine) -> Mapping[str, float]:
-    order, loss_db = int(rng.integers(1, 7)), _log(rng, 1.0, 14.0)  # at the resonance
-    return {"corner_hz": machine.parameters.resonance_hz / (10 ** (loss_db / 10) - 1) ** (0.5 / order), "order": order}
+    order, loss_db = int(rng.integers(1, 7)), _log(rng, 1.0, 18.0)
+    # Lost at the resonance, or high up: there only background is left to lose.
+    at_hz = machine.parameters.resonance_hz
+    if rng.random() < 0.5:
+        at_hz = max(at_hz, rng.uniform(0.2, 0.45) * machine.conditions[0].fs_hz)
+    # Most of what a sensor shows between modes is the machine's, or most is its own.
+    background = 0.0 if rng.random() < 0.3 else 1 - 10 ** rng.uniform(-2.5, -0.1)
+    corner_hz = at_hz / (10 ** (loss_db / 10) - 1) ** (0.5 / order)
+    return {"corner_hz": corner_hz, "order": order, "background": background}
 
 
 def _mains(rng: np.random.Generator, machine: Machine) -> Mapping[str, float]:
@@ -242,11 +252,24 @@ def _gear(rng: np.random.Generator, machine: Machine) -> Mapping[str, float] | N
 
 
 def _foreign(rng: np.random.Generator, machine: Machine) -> Mapping[str, float]:
-    fs_hz = machine.conditions[0].fs_hz
-    return {
-        "level": _log(rng, 1.0, 20.0), "order": rng.uniform(1.3, 13.0), "resonance_hz": fs_hz * _log(rng, 0.04, 0.44),
-        "damping_ratio": _log(rng, 0.01, 0.15),
-    }  # fmt: skip
+    ring = _ring(rng, machine, (0.04, 0.44), (0.01, 0.15))
+    return {"level": _log(rng, 1.0, 20.0), "order": rng.uniform(1.3, 13.0), **ring}
+
+
+def _ring(
+    rng: np.random.Generator, machine: Machine, place: tuple[float, float], damping: tuple[float, float]
+) -> Mapping[str, float]:
+    """What strikes from elsewhere ring in: a mode on their own way, or the machine's own."""
+    own = machine.parameters
+    if rng.random() < 0.4:
+        return {"resonance_hz": own.resonance_hz, "damping_ratio": own.damping_ratio}
+    return {"resonance_hz": machine.conditions[0].fs_hz * _log(rng, *place), "damping_ratio": _log(rng, *damping)}
+
+
+def _two_strikes(rng: np.random.Generator, machine: Machine) -> Mapping[str, float]:
+    # From what is one strike of another shape to nearly half a pass, on the race where there is one.
+    per_pass = 360 / machine.bearing.n_rollers if _faults(machine) - {"ball"} else 180.0
+    return {"arc_deg": min(_log(rng, 0.015, 0.42) * per_pass, 80.0), "exit_ratio": _log(rng, 0.35, 2.5)}
 
 
 def _coloured(rng: np.random.Generator, machine: Machine) -> Mapping[str, float]:
@@ -262,11 +285,8 @@ def _coloured(rng: np.random.Generator, machine: Machine) -> Mapping[str, float]
 
 
 def _knocks(rng: np.random.Generator, machine: Machine) -> Mapping[str, float]:
-    fs_hz = machine.conditions[0].fs_hz
-    return {
-        "level": _log(rng, 4.0, 60.0), "rate_hz": _log(rng, 0.7, 40.0), "resonance_hz": fs_hz * _log(rng, 0.03, 0.44),
-        "damping_ratio": _log(rng, 0.01, 0.25),
-    }  # fmt: skip
+    ring = _ring(rng, machine, (0.03, 0.44), (0.01, 0.25))
+    return {"level": _log(rng, 4.0, 60.0), "rate_hz": _log(rng, 0.7, 40.0), **ring}
 
 
 def _waviness(rng: np.random.Generator, machine: Machine) -> Mapping[str, float]:
@@ -285,13 +305,13 @@ def _clipping(rng: np.random.Generator, machine: Machine) -> Mapping[str, float]
 DRAWERS: dict[str, Drawer] = {
     "speed_fluctuation": _any_fault(lambda r, m: {"level": _log(r, 0.0015, 0.05), "bandwidth_hz": _log(r, 0.5, 10.0)}),
     "mean_slip": lambda r, m: (
-        {"slip": float(r.choice([-1, 1])) * _log(r, 0.004, 0.04)} if len(_faults(m)) > 1 else None
+        {"slip": float(r.choice([-1, 1])) * _log(r, 0.004, 0.05)} if len(_faults(m)) > 1 else None
     ),
     "slip_jitter": _any_fault(lambda r, m: {"sigma": _log(r, 0.005, 0.1), "accumulating": bool(r.random() < 0.3)}),
     "impact_scatter": _any_fault(lambda r, m: {"sigma": _log(r, 0.1, 1.0)}),
     "load_zone": _zone,
     "cage_modulation": _any_fault(lambda r, m: {"depth": r.uniform(0.12, 1.0)}),
-    "entry_exit": _any_fault(lambda r, m: {"arc_deg": _log(r, 0.6, 10.0), "exit_ratio": _log(r, 0.35, 2.5)}),
+    "entry_exit": _any_fault(_two_strikes),
     "distributed_roughness": lambda r, m: {"level": _log(r, 0.3, 4.0), "depth": r.uniform(0.25, 1.0)},
     "speed_gain": _gain,
     "damage_growth": _growth,
