@@ -57,8 +57,8 @@ class Levels:
         both = np.isfinite(strikes + time)
         asked = [(x, level, kinds) for x in (speed, time) for level in (strikes, noise)]
         for x, other in ((speed, time), (time, speed)):
-            taken = [_without(values[both], other[both], kinds[both]) for values in (x, strikes)]
-            asked.append((*taken, kinds[both]))
+            rest_x, rest = (_without(values[both], other[both], kinds[both]) for values in (x, strikes))
+            asked.append((rest_x, rest, kinds[both]))
         for x, level, own in asked:
             seen = np.isfinite(level)
             (value,), (z,) = slope(x[seen], level[seen, None], own[seen])

@@ -128,7 +128,7 @@ class _Pool:
 
     def at(self, places: Array) -> Array:
         """[places] Mean over the records that reach them."""
-        return self.beside(places, np.zeros(1, int))[0]
+        return np.asarray(self.beside(places, np.zeros(1, int))[0])
 
     def beside(self, places: Array, offsets: NDArray[np.int64]) -> Array:
         """[offsets, places] The same so many bins away."""

@@ -34,7 +34,7 @@ _FACTORS: Final = 64
 
 @dataclass(frozen=True)
 class EntryExit(excitation.EntryExit):
-    """Defects of their own lengths, one for each fault, and rollers that may leave the other way than they enter.
+    """Defects that take as much of a pass on a roller as on a race, which may be left the other way than entered.
 
     Parameters
     ----------
@@ -64,7 +64,7 @@ class ColouredNoise(disturbance.ColouredNoise):
     """Noise that has passed a low-pass of one or two poles: flat, then falling, in no power law."""
 
     def apply(self, draft: Draft, rng: np.random.Generator) -> None:
-        """White noise through as many poles as the slope is nearest to, its corner where the catalogue's band begins."""
+        """White noise through as many poles as the slope is nearest to, its corner near where the band begins."""
         poles = 1 if self.slope < 1.5 else 2
         b, a = signal.butter(poles, min(4 * self.low_hz, 0.4 * draft.condition.fs_hz), fs=draft.condition.fs_hz)
         begin = math.ceil(draft.condition.fs_hz / self.low_hz)
