@@ -1,0 +1,87 @@
+"""Trends over speed and over the run: nothing by chance, and what a machine does that its twin does not."""
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from twingap.bearing import BEARINGS
+from twingap.effects import make_effect
+from twingap.gap.trends import Levels, courses, normal, slope
+from twingap.records import Condition
+from twingap.twins.phenomenological import PhenomenologicalParameters, PhenomenologicalTwin
+
+AMPLITUDES = {"inner": 6.0, "outer": 4.0}
+
+
+@pytest.mark.parametrize("free", [3, 5, 12, 40])
+def test_a_deviate_is_as_unlikely_as_its_t(free):
+    t = np.array([-20.0, -4.0, -1.0, 0.0, 0.5, 2.0, 8.0])
+    exact = np.sign(t) * stats.norm.isf(stats.t.sf(np.abs(t), free))
+    np.testing.assert_allclose(normal(t, np.full(t.size, free)), exact, atol=0.2)
+
+
+@pytest.mark.parametrize("per_kind", [2, 3, 8])
+def test_a_handful_of_records_has_no_trend_by_chance(per_kind):
+    rng, width = np.random.default_rng(1), 4000
+    kinds = np.repeat(["healthy", "outer", "inner"], per_kind)
+    speed = np.tile(np.linspace(-0.4, 0.4, per_kind), 3)
+    y = rng.standard_normal((kinds.size, width)) + 5.0 * (kinds == "outer")[:, None]
+    _, z = slope(speed, y, kinds)
+    assert np.mean(np.abs(z[np.isfinite(z)]) > 2.0) == pytest.approx(0.045, abs=0.02)
+    found, z = slope(speed, y + 8.0 * speed[:, None], kinds)
+    assert np.median(found) == pytest.approx(8.0, abs=0.5)
+    assert np.median(z) > 2
+
+
+def levels(*effects, seed=0, along=False):
+    """RMS of a machine with these effects, and of its twin with amplitudes as calibration leaves them: off by fault."""
+    speeds = (1000.0, 1300.0, 1700.0, 2200.0)
+    conditions = tuple(
+        Condition(
+            f"{fault}{speed:.0f}-{k}", speed, 12000.0, 6000, fault,
+            time_s=3600.0 * (i + 4 * k) if along else None,
+        )
+        for fault in ("healthy", "inner", "outer") for k in range(2) for i, speed in enumerate(speeds)
+    )  # fmt: skip
+    wrong = {"inner": 4.5, "outer": 5.0}
+    machine, twin = (
+        PhenomenologicalTwin(BEARINGS["6205"], PhenomenologicalParameters(2500.0, 0.05, impact_amplitude=a), own)
+        for a, own in ((AMPLITUDES, effects), (wrong, ()))
+    )
+    measured, simulated = (
+        np.array([r.samples.std() for r in of.simulate(conditions, np.random.default_rng(seed + i))])
+        for i, of in enumerate((machine, twin))
+    )
+    return Levels(conditions, measured, simulated)
+
+
+def test_an_amplitude_that_calibration_missed_is_no_trend():
+    found = [levels(seed=10 * k).trends() for k in range(6)]
+    assert np.mean([t["speed_strikes_size"] > 2.5 for t in found]) < 0.35
+    assert np.abs([t["speed_strikes"] for t in found]).max() < 0.15
+    assert all(np.isnan(t["time_strikes"]) for t in found)
+
+
+def test_a_gain_that_strikes_alone_have_is_read_off_them():
+    gain = {"exponent": 1.4, "reference_speed_rpm": 1500.0}
+    found = levels(make_effect("speed_gain", {**gain, "on_noise": 0.0})).trends()
+    assert found["speed_strikes"] == pytest.approx(1.4, abs=0.2)
+    assert found["speed_strikes_z"] == found["speed_strikes_size"] > 4
+    assert abs(found["speed_noise"]) < 0.05
+    both = levels(make_effect("speed_gain", gain)).trends()
+    assert both["speed_noise"] > 0.4
+
+
+def test_growth_along_a_run_is_told_from_the_speeds_of_the_run():
+    growth = make_effect("damage_growth", {"rate_per_s": 1.0 / 25000, "onset_s": 0.0})
+    found = levels(growth, along=True).trends()
+    assert found["time_alone_z"] > 4
+    assert found["time_alone"] == pytest.approx(1.0, abs=0.15)
+    assert abs(found["speed_alone"]) < 0.1
+
+
+def test_a_run_is_counted_in_parts_of_itself():
+    conditions = tuple(Condition(f"r{k}", 1000.0, 1e4, 100, time_s=50.0 + 10 * k) for k in range(3))
+    _, time = courses(conditions)
+    assert np.ptp(time) == pytest.approx(1.0)
+    assert np.isnan(courses(tuple(Condition(f"r{k}", 1e3, 1e4, 100) for k in range(3)))[1]).all()
