@@ -174,6 +174,16 @@ def test_speed_gain_leaves_the_measuring_chain_alone(lab: Any) -> None:
     )
 
 
+@pytest.mark.parametrize("on_noise", [0.0, 0.5])
+def test_speed_may_be_felt_by_strikes_and_less_by_the_noise(quiet: Any, on_noise: float) -> None:
+    effect = SpeedGain(exponent=2.0, reference_speed_rpm=1200.0, on_noise=on_noise)
+    lab = quiet.where(speed_rpm=2400.0, n_samples=6000)
+    without, with_it = lab.pair(effect, "healthy")
+    np.testing.assert_allclose(with_it, 4.0**on_noise * without, rtol=1e-9, atol=1e-9)
+    struck = lab.pair(effect, "outer")
+    assert struck[1].std() > 3.5 * struck[0].std()
+
+
 def test_damage_grows_along_the_run_from_its_onset(quiet: Any) -> None:
     lab = quiet.where(n_samples=6000)
     effect = DamageGrowth(rate_per_s=1e-3, onset_s=500.0)

@@ -65,6 +65,43 @@ def test_rolloff_beyond_half_the_rate_costs_little_and_leaves_white_noise(lab: A
     assert power[f > 1500].mean() == pytest.approx(white, rel=0.1)
 
 
+@pytest.mark.parametrize("part", [0.25, 0.9, 1.0])
+def test_a_sensor_loses_the_background_that_it_hears_and_none_of_the_chain_behind_it(lab: Any, part: float) -> None:
+    corner_hz, order = 900.0, 3
+    x = lab.make([SensorRolloff(corner_hz=corner_hz, order=order, background=part)], "healthy", count=8)
+    f, power = welch(x, lab.fs_hz, nperseg=1024)
+    white = 2 * (lab.parameters.white_noise_rms**2) / lab.fs_hz
+    loss = 1 / (1 + (f / corner_hz) ** (2 * order))
+    quiet_band = (f > 4800) & (f < 5900)  # far above the mode, whose own noise the low-pass has taken
+    expected = white * (part * loss + 1 - part)[quiet_band].mean()
+    assert power.mean(axis=0)[quiet_band].mean() == pytest.approx(expected, rel=0.12, abs=2e-3 * white)
+
+
+def test_background_has_settled_when_the_record_begins(lab: Any) -> None:
+    x = lab.where(n_samples=600).make([SensorRolloff(corner_hz=400.0, order=2, background=1.0)], "healthy", count=400)
+    level = x.std(axis=0)
+    assert level[:3].mean() == pytest.approx(level[100:].mean(), rel=0.2)
+
+
+def test_without_a_heard_background_the_white_noise_is_the_same_sample_by_sample(lab: Any) -> None:
+    corner = {"corner_hz": 2500.0, "order": 2}
+    one, other = (lab.make([SensorRolloff(**corner, **more)], "healthy") for more in ({}, {"background": 0.0}))
+    np.testing.assert_array_equal(one, other)
+
+
+def test_an_opposed_mode_cancels_where_one_in_phase_adds(quiet: Any) -> None:
+    """Below the lower of two modes both move with the force: in phase their motion adds up, opposed it cancels."""
+    made = [
+        quiet.pair(SecondResonance(frequency_hz=5000.0, damping_ratio=0.03, gain=1.0, opposed=opposed), "outer")[1]
+        for opposed in (False, True)
+    ]
+    f, power = welch(np.array(made)[:, 0], quiet.fs_hz, nperseg=1024)
+    below = (f > 300) & (f < 1500)
+    assert power[0][below].mean() > 4 * power[1][below].mean()
+    peak = (f > 4900) & (f < 5100)
+    assert power[0][peak].mean() == pytest.approx(power[1][peak].mean(), rel=0.3)
+
+
 def test_resonance_beyond_half_the_rate_is_refused(lab: Any) -> None:
     with pytest.raises(
         TwingapError, match="second_resonance: 7000 Hz lies above half the sampling rate of record 'r0'"

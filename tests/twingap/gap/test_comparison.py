@@ -45,3 +45,22 @@ def test_distances_are_features_of_the_view_in_which_sets_lie_apart():
     assert abs(same["view|overall"]) < 0.6
     assert apart["view|order"] > 1.0 > abs(same["view|order"])
     assert apart["view|frequency_lines"] > abs(apart["view|frequency_level"])
+
+
+@pytest.mark.parametrize("slip", [0.0, 0.012, -0.03])
+def test_rates_of_several_faults_give_one_slip(slip):
+    bearing, names = BEARINGS["6205"], feature_names()
+    conditions = [
+        Condition(f"{fault}{i}", 1500.0 + 100 * i, 12000.0, 12000, fault)
+        for fault in ("healthy", "inner", "outer") for i in range(3)
+    ]  # fmt: skip
+    frame, grid = Frame(bearing, (1800.0, 3200.0), 1.0), Grid.of(conditions, bearing)
+
+    def measured(seed, *effects):
+        parameters = PhenomenologicalParameters(2500.0, 0.05, impact_amplitude={"inner": 8.0, "outer": 8.0})
+        twin = PhenomenologicalTwin(bearing, parameters, effects)
+        return measure(twin.simulate(conditions, np.random.default_rng(seed)), frame, grid)
+
+    found = dict(zip(names, compare(measured(1, make_effect("mean_slip", {"slip": slip})), measured(2)), strict=True))
+    assert found["context|slip_seen"] == pytest.approx(slip, abs=8e-4)
+    assert found["context|slip_seen_rest"] < np.log(1e-3)

@@ -74,6 +74,21 @@ def test_a_second_strike_is_a_comb_of_its_arc_at_any_speed(name, arc_deg):
     assert found["comb_same"] > found["comb_opposed"]
 
 
+@pytest.mark.parametrize("part", [0.12, 0.27, 0.4])
+def test_long_defects_and_those_of_rollers_are_combs_too(part):
+    """On a ball one pass is half a turn of it: nearly half a pass is an arc of seventy degrees."""
+    found = compared("6205", [make_effect("entry_exit", {"arc_deg": 180 * part, "exit_ratio": 0.8})], faults=("ball",))
+    assert found["comb_gain"] > 0.5
+    assert np.exp(found["comb_arc_log"]) == pytest.approx(180 * part, rel=0.06)
+
+
+def test_each_fault_is_a_defect_of_its_own_length():
+    """As much of a pass on a ball as on a race is another arc: one arc for both would be no comb."""
+    own = EntryExit(arc_deg=10.0, exit_ratio=0.8, turned=False, pass_part=0.25)
+    found = compared("6205", [own], faults=("outer", "ball"))
+    assert found["comb_gain"] > 0.5
+
+
 def test_a_strike_back_is_a_comb_turned_round():
     found = compared("6205", [EntryExit(arc_deg=3.0, exit_ratio=0.8)])
     assert found["comb_ratio"] < 0

@@ -152,6 +152,20 @@ def test_arc_of_the_defect(world: World, arc_deg: float) -> None:
         assert np.nanmedian([m["exit_ratio"] for m in measured]) == pytest.approx(1.0, rel=0.2)
 
 
+@pytest.mark.parametrize("part", [0.2, 0.4])
+def test_the_mean_cycle_rises_again_where_a_second_strike_comes(part: float) -> None:
+    world = WORLDS[5]
+    bearing, fault = BEARINGS[world[0]], world[1]
+    body = {"outer": bearing.ftf, "inner": 1 - bearing.ftf, "ball": bearing.bsf}[fault]
+    arc_deg = part / bearing.fault_order(fault) * 360 * body
+    one, two = (
+        {name: np.nanmedian(values(name, world, *effects)) for name in ("cycle_rise", "cycle_rise_part")}
+        for effects in ((), (EntryExit(arc_deg, 0.9),))
+    )
+    assert two["cycle_rise"] > 4 * max(one["cycle_rise"], 0.01)
+    assert two["cycle_rise_part"] == pytest.approx(part, abs=0.03)
+
+
 def test_a_weak_second_strike_is_known_to_be_weak() -> None:
     found = values("exit_ratio", WORLDS[5], EntryExit(3.0, 0.5))
     assert np.median(found) == pytest.approx(0.5, rel=0.2)
