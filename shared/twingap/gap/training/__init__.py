@@ -94,7 +94,8 @@ def behind_examples() -> tuple[ModuleType, ...]:
 
     return (
         twingap.effects, twingap.twins, twingap.identify, twingap.gap.signatures, baseline, calibrate, comparison,
-        distance, evidence, simulator, speed, trends, view, views, as_built, examples, gaps, machines, parameters, strangers,
+        distance, evidence, simulator, speed, trends, view, views, as_built, examples, gaps, machines, parameters,
+        strangers,
     )  # fmt: skip
 
 
