@@ -12,26 +12,26 @@ while a bearing runs in is learnt again, an anomaly may pass, and runs with a pl
 calibrated on. Leaving a bearing out keeps its own end from its prediction, and does not undo that choice; on runs that
 nobody has looked at, expect less.
 
-Run as ``python -m papers.paper1_rul_varying_speed.femto --out DIR``; interrupted, it goes on where it was.
+Run as a part of the paper (``twingap run paper1 --profile full``), or alone:
+``python -m papers.paper1_rul_varying_speed.femto --profile full --out DIR``; interrupted, it goes on where it was.
 """
 
 from __future__ import annotations
 
-import argparse
 import dataclasses
 import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
 import twingap.prognosis
-from twingap import files
+from papers.studies import Count, Progress, command, keep_figures, keep_tables, profile_of
 from twingap.data import load
 from twingap.data.root import data_root
 from twingap.errors import TwingapError
@@ -45,8 +45,13 @@ from twingap.signal import features as feature_module
 from twingap.signal.features import time_features
 from twingap.sweep import sweep
 
+if TYPE_CHECKING:
+    from twingap.track import Run
+
 Array = NDArray[np.float64]
 
+SEEDS: Final = {"smoke": 1, "full": 3}
+"""Of particle filter and forest, by profile: full takes a minute or two."""
 POOLED, ALONE = "twingap rul --prior", "twingap rul"
 RIVALS: Final = ("exponential", "particle filter", "random forest")
 METHODS: Final = (POOLED, ALONE, *RIVALS)
@@ -93,7 +98,7 @@ class Measured:
         return np.asarray(self.time_s[-1] - self.time_s)
 
 
-def take_features(job: Features, *, root: str | None) -> dict[str, Any]:
+def take_features(job: Features, *, root: str | Path | None) -> dict[str, Any]:
     """Features of every snapshot of a run, one snapshot in memory at a time."""
     records = load("femto", root).select(lambda c: c.group == job.bearing)
     rows = [time_features(record.samples).select(FEATURES).values for record in records]
@@ -298,87 +303,116 @@ def wins(every: pd.DataFrame) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
-def run(
-    out: Path, *, root: str | None = None, seeds: int = 3, backend: str = "sequential", bearings: Sequence[str] = ()
-) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """Compute what is missing and write the tables.
+@dataclass(frozen=True)
+class Femto:
+    """What came out.
 
     Parameters
     ----------
+    tables : dict of str to DataFrame
+        femto (by bearing and method), femto_wins (who wins where).
+    computed : int
+        Predictions that ran now; the others came from the store.
+    """
+
+    tables: dict[str, pd.DataFrame]
+    computed: int
+
+
+def at_hand(root: Path | None = None) -> bool:
+    """Whether the data root holds FEMTO's runs."""
+    try:
+        return len(load("femto", root).groups) > 0
+    except TwingapError:
+        return False
+
+
+def run(
+    profile: str = "smoke",
+    *,
+    out: Path,
+    root: Path | None = None,
+    seed: int = 0,
+    backend: str = "loky",
+    address: str | None = None,
+    log: Run | None = None,
+    progress: Progress = lambda what, done, total: None,
+    draw: bool = True,
+    bearings: Sequence[str] = (),
+) -> Femto:
+    """Predict what is missing; tables, figure.
+
+    Parameters
+    ----------
+    profile : {"smoke", "full"}
     out : Path
-        Tables; results are kept in its folder store.
-    root : str, optional
+        Folder for ``tables/``, ``figures/`` and ``results/``.
+    root : Path, optional
         Data root.
-    seeds : int
-        Of the particle filter and the forest.
-    backend : str
+    seed : int
+        First of the seeds of the particle filter and the forest.
+    backend, address
+        See `twingap.sweep`.
+    log : Run or None
+        Of a tracker: tables and figures go there as well.
+    progress : callable
+    draw : bool
+        Make the figure.
     bearings : sequence of str
         Which runs; all at hand when empty.
-
-    Returns
-    -------
-    DataFrame, DataFrame
-        `table` and `wins`.
 
     Raises
     ------
     TwingapError
         When fewer than three runs are at hand.
     """
+    seeds = profile_of(SEEDS, profile, Path(__file__))
     names = tuple(bearings) or load("femto", root).groups
     if len(names) < 3:
         raise TwingapError(f"{len(names)} FEMTO runs at hand, 3 or more needed", mend="see `twingap data list`")
     digest = digest_of_path(data_root(root) / "femto")
+    given: dict[str, Any] = {"store": out / "results", "backend": backend, "address": address}
     taken = sweep(
-        partial(take_features, root=root), [Features(name) for name in names], store=out / "store", backend=backend,
-        version=digest_of_code(feature_module), data={"femto": digest},
+        partial(take_features, root=root), [Features(name) for name in names], data={"femto": digest},
+        version=digest_of_code(feature_module), on_result=Count("features", len(names), progress), **given,
     )  # fmt: skip
     runs = {
         r.job.bearing: Measured(*(np.asarray(r.value[k], float) for k in ("features", "time_s", "speed_rpm")))
         for r in taken
     }
     jobs = [
-        Prediction(name, method, seed)
+        Prediction(name, method, one)
         for name in names
         for method in (ALONE, *RIVALS)
-        for seed in range(seeds if method in ("particle filter", "random forest") else 1)
+        for one in range(seed, seed + (seeds if method in ("particle filter", "random forest") else 1))
     ]
     results = sweep(
-        partial(predict, runs=runs), jobs, store=out / "store", backend=backend,
+        partial(predict, runs=runs), jobs, data={"features": digest_of_value([r.key for r in taken])},
         version=digest_of_code(twingap.prognosis, sys.modules[__name__]),
-        data={"features": digest_of_value([r.key for r in taken])},
+        on_result=Count("predictions", len(jobs), progress), **given,
     )  # fmt: skip
     alone = {r.job.bearing: r.value for r in results if r.job.method == ALONE}
     found = [(Prediction(name, POOLED, 0), pooled(name, runs, alone)) for name in names]
     every = table(runs, found + [(r.job, r.value) for r in results])
-    won = wins(every)
-    for name, frame in (("femto", every), ("femto_wins", won)):
-        with files.replacing(out / f"{name}.csv") as path:
-            frame.to_csv(path, index=False, float_format="%.6g", lineterminator="\n")
-    return every, won
+    made = {"femto": every, "femto_wins": wins(every)}
+    keep_tables(made, out, log, "FEMTO")
+    if draw:
+        from papers.paper1_rul_varying_speed.femto_figures import errors
+
+        keep_figures([("femto", errors(every))], out, log)
+    return Femto(made, sum(bool(r.why) for r in taken) + sum(bool(r.why) for r in results))
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Command line."""
-    from papers.paper1_rul_varying_speed.femto_figures import errors
-    from papers.paper1_rul_varying_speed.figures import write
-
-    parser = argparse.ArgumentParser(prog="femto", description="Remaining life of the FEMTO learning bearings.")
-    parser.add_argument("--out", type=Path, required=True, help="folder of tables and figure")
-    parser.add_argument("--root", help="data root; default: TWINGAP_DATA")
-    parser.add_argument("--seeds", type=int, default=3, help="seeds of particle filter and forest")
-    options = parser.parse_args(arguments)
-    every, won = run(options.out, root=options.root, seeds=options.seeds)
-    write(errors(every), options.out / "femto.png")
-    print(every.to_string(index=False, float_format="%.3g"))
-    print(won.to_string(index=False))
+    """The study from the command line."""
+    command(
+        run, "Remaining life of the FEMTO learning bearings: tables and a figure.", lambda study: study.tables,
+        arguments, takes=("root", "seed"),
+    )  # fmt: skip
 
 
 if __name__ == "__main__":
-    # Under its own name, so that results are the same jobs as those of whoever imports the study.
+    # Under its own name, so that results are the same jobs as those of the pipeline.
     from papers.paper1_rul_varying_speed.femto import main as run_main
 
-    try:
-        run_main()
-    except TwingapError as error:
-        sys.exit(f"femto: {error}")
+    run_main()

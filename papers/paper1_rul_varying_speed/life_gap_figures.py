@@ -18,13 +18,13 @@ def gaps(told: pd.DataFrame) -> Figure:
     Parameters
     ----------
     told : DataFrame
-        As `life_gap.verdicts` makes it.
+        As `life_gap_tables.verdicts` makes it.
     """
     sets = [own for _, own in told[told["gap_before"].notna()].groupby("data", sort=False)]
     with mpl.rc_context(SIZES):
         figure = Figure(figsize=(6.4 * max(len(sets), 1), 4.8), layout="constrained")
         for axes, own in zip(figure.subplots(1, max(len(sets), 1), squeeze=False)[0], sets, strict=False):
-            several = own[own["bearings"].str.endswith("bearings")]
+            several = own[own["speed"] != "all"]  # those of single runs have no place on the axis
             stages = [stage for _, stage in several.groupby("stage", sort=False)]
             grouped = pd.concat(stages)
             x: list[float] = []

@@ -1,8 +1,9 @@
-"""Paper 1: five models on every run, five seeds each; tables 3 and 5 and figures 3 to 14.
+"""Paper 1: five models on every run, five seeds each; tables 3 and 5 and figures 3 to 14; two studies beside it.
 
 Smart Maintenance set, or virtual rig --> cases --> twin, up to now --> simulated lives --> five models x seeds
                                                                                                     |
                      tables, figures, MLflow runs <-- judged on the run to its end <-- chosen without labels
+                                    ^---------------- femto, life_gap: studies of the full profile
 
 Used in: Simulation-based remaining useful life prediction of rolling element bearings under varying operating
 conditions. The method is in `twingap.prognosis`; here is the study.
@@ -12,55 +13,30 @@ from __future__ import annotations
 
 import dataclasses
 import functools
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 
-import twingap.adapt.dann
-import twingap.adapt.nets
-import twingap.adapt.training
-import twingap.bearing
-import twingap.effects
-import twingap.identify
-import twingap.records
-import twingap.streams
-import twingap.twins
-from papers.paper1_rul_varying_speed import cases as cases_module
-from papers.paper1_rul_varying_speed import job as job_module
-from papers.paper1_rul_varying_speed import models as models_module
-from papers.paper1_rul_varying_speed import tables
+from papers.paper1_rul_varying_speed import femto, life_gap, tables
 from papers.paper1_rul_varying_speed.cases import Case, Target, load_target, read_case
 from papers.paper1_rul_varying_speed.job import Job, train_and_judge
 from papers.paper1_rul_varying_speed.models import architecture_of
 from papers.paper1_rul_varying_speed.options import CONFIG, Options, Profile, read_options
 from papers.paper1_rul_varying_speed.results import CaseResult, Outcome
+from papers.paper1_rul_varying_speed.training_code import code_of_training
 from twingap import files
 from twingap.errors import TwingapError
-from twingap.prognosis import (
-    adaptive_twin,
-    anomaly,
-    architecture,
-    degradation,
-    encoding,
-    healthy,
-    losses,
-    metrics,
-    network,
-    remaining_life,
-    simulated_lives,
-    speed_influence,
-    training,
-)
-from twingap.prognosis import run as run_module
-from twingap.provenance import digest_of_code, digest_of_path
+from twingap.provenance import digest_of_path
 from twingap.sweep import Result, sweep
 from twingap.sweep.backends import BACKENDS
 from twingap.track import NullTracker, Run, Tracker
 
 Progress = Callable[[str, int, int], None]
 """Called with what is going on, how much of it is done, and how much there is."""
+STUDIES: Final[dict[str, Callable[..., Any]]] = {"femto": femto.run, "life_gap": life_gap.run}
+"""Beside the trainings, on real runs and on the gap: parts of the full profile, commands of their own."""
 
 
 def run(
@@ -155,20 +131,27 @@ def run(
         rows = tables.errors(results, options, target.title)
         progress("tables and figures", total, total)
         _publish(log, results, options, target, rows, out, draw)
+        missing = _beside(log, profile, {"out": out, "root": root, "seed": seed, "backend": backend,
+                                         "address": address, "progress": progress, "draw": draw})  # fmt: skip
         computed = sum(bool(t.why) for r in results for t in r.trainings)
         return Outcome(
-            profile, target.title, target.real, options, results, rows, out, getattr(log, "id", None), computed
-        )
+            profile, target.title, target.real, options, results, rows, out, getattr(log, "id", None), computed,
+            missing,
+        )  # fmt: skip
 
 
-def code_of_training() -> str:
-    """Digest of all code that a training depends on."""
-    return digest_of_code(
-        cases_module, job_module, models_module, twingap.adapt.dann, twingap.adapt.nets, twingap.adapt.training,
-        adaptive_twin, anomaly, architecture, degradation, encoding, healthy, losses, metrics, network, remaining_life,
-        run_module, simulated_lives, speed_influence, training, twingap.bearing, twingap.effects, twingap.identify,
-        twingap.records, twingap.streams, twingap.twins,
-    )  # fmt: skip
+def _beside(log: Run, profile: str, given: Mapping[str, Any]) -> tuple[str, ...]:
+    """Run the studies beside the trainings, each in a run of its own; names of those whose data are not at hand."""
+    if profile != "full":
+        return ()
+    missing = []
+    for name, study in STUDIES.items():
+        if name == "femto" and not femto.at_hand(given["root"]):
+            missing.append(name)
+            continue
+        with log.run(name, {"paper": "paper1", "study": name, "profile": profile}) as of_study:
+            study(profile, log=of_study, **given)
+    return tuple(missing)
 
 
 def _jobs(case: Case, options: Options, sizes: Profile, seed: int) -> Iterator[Job]:

@@ -66,6 +66,8 @@ class Outcome:
         Of the MLflow run.
     computed : int
         Trainings that ran now; the others came from the store.
+    missing : tuple of str
+        Studies beside the trainings whose data are not at hand.
     """
 
     profile: str
@@ -77,3 +79,4 @@ class Outcome:
     out: Path
     run_id: str | None
     computed: int
+    missing: tuple[str, ...] = ()

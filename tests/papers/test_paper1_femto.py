@@ -29,7 +29,8 @@ def root(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_tables_are_whole_and_a_second_run_takes_them_from_the_store(root: Path, tmp_path: Path) -> None:
-    every, won = femto.run(tmp_path, root=str(root), seeds=1)
+    first = femto.run("smoke", out=tmp_path, root=root, backend="sequential")
+    every, won = first.tables["femto"], first.tables["femto_wins"]
     assert len(every) == len(RUNS) * len(femto.METHODS)
     assert list(every["method"][:5]) == list(femto.METHODS)
     assert every["rmse_s"].notna().all() and (every["rows"] > 10).all()
@@ -38,11 +39,11 @@ def test_tables_are_whole_and_a_second_run_takes_them_from_the_store(root: Path,
         found = ours.loc[name].to_dict()
         assert 0.6 * rows <= found["alarm_row"] <= 0.8 * rows and found["rmse_s"] < 10 * rows / 4
     assert set(won["against"]) == {"best of each bearing", *femto.RIVALS} and (won["of"] == 3).all()
-    before = {p.name: p.stat().st_mtime_ns for p in (tmp_path / "store").glob("*.json")}
-    again, _ = femto.run(tmp_path, root=str(root), seeds=1)
-    pd.testing.assert_frame_equal(every, again)
-    assert {p.name: p.stat().st_mtime_ns for p in (tmp_path / "store").glob("*.json")} == before
-    assert len(pd.read_csv(tmp_path / "femto.csv")) == len(every)
+    again = femto.run("smoke", out=tmp_path, root=root, backend="sequential", draw=False)
+    pd.testing.assert_frame_equal(every, again.tables["femto"])
+    assert first.computed and not again.computed
+    assert len(pd.read_csv(tmp_path / "tables" / "femto.csv")) == len(every)
+    assert (tmp_path / "figures" / "femto.png").stat().st_size > 10_000
 
 
 def test_the_bearing_left_out_enters_nothing_that_is_tuned(root: Path) -> None:
@@ -69,7 +70,13 @@ def test_the_bearing_left_out_enters_nothing_that_is_tuned(root: Path) -> None:
 
 def test_too_few_runs_are_refused(root: Path, tmp_path: Path) -> None:
     with pytest.raises(TwingapError, match="3 or more"):
-        femto.run(tmp_path, root=str(root), bearings=("Bearing1_1", "Bearing1_2"))
+        femto.run(out=tmp_path, root=root, backend="sequential", bearings=("Bearing1_1", "Bearing1_2"))
+    with pytest.raises(TwingapError, match="unknown profile"):
+        femto.run("fuller", out=tmp_path, root=root)
+
+
+def test_data_at_hand_or_not(root: Path, tmp_path: Path) -> None:
+    assert femto.at_hand(root) and not femto.at_hand(tmp_path)
 
 
 def test_the_figure_shows_every_method_on_every_bearing() -> None:

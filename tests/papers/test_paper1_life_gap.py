@@ -10,10 +10,12 @@ import pandas as pd
 import pytest
 
 from papers.paper1_rul_varying_speed import life_gap
+from papers.paper1_rul_varying_speed import life_gap_diagnoses as diagnoses
 from papers.paper1_rul_varying_speed.cases import Case
 from papers.paper1_rul_varying_speed.job import Added, simulate, train_and_judge
-from papers.paper1_rul_varying_speed.life_gap import LATER, SEEN, SPEEDS, Asked
+from papers.paper1_rul_varying_speed.life_gap_diagnoses import LATER, SEEN, SPEEDS, Asked
 from papers.paper1_rul_varying_speed.life_gap_figures import gaps
+from papers.paper1_rul_varying_speed.life_gap_tables import summary, verdicts
 from papers.paper1_rul_varying_speed.options import read_options
 from tests.papers import test_paper1
 from twingap.errors import TwingapError
@@ -25,9 +27,9 @@ HUM = Added((("mains_interference", (("level", 1.0),)),), 0.3)
 
 def test_each_simulated_record_has_speed_and_height_of_a_measured_one(case: Case, config: Path) -> None:
     signal = read_options(config).variants["printed"].signal
-    for stage in life_gap.STAGES:
-        real, made = life_gap.pair_of(Asked("rig", stage, "slow", ("A148",), 0), [case], signal)
-        assert len(made) == life_gap.COPIES * len(real) and len(real) <= life_gap.RECORDS
+    for stage in diagnoses.STAGES:
+        real, made = diagnoses.pair_of(Asked("rig", stage, "slow", ("A148",), 0), [case], signal)
+        assert len(made) == diagnoses.COPIES * len(real) and len(real) <= diagnoses.RECORDS
         low, high = SPEEDS["slow"]
         assert all(low <= c.speed_rpm < high for c in real.conditions)
         assert {c.fault for c in real.conditions} == {c.fault for c in made.conditions}
@@ -45,18 +47,18 @@ def test_each_simulated_record_has_speed_and_height_of_a_measured_one(case: Case
 def test_stages_part_at_now_and_a_speed_without_records_is_refused(case: Case, config: Path) -> None:
     signal = read_options(config).variants["printed"].signal
     now = case.known.twin.now_row - case.known.twin.onset_row
-    assert life_gap.stage_of(case, SEEN).position.max() <= now < life_gap.stage_of(case, LATER).position.min()
-    assert life_gap.stage_of(case, LATER).revolutions is None
+    assert diagnoses.stage_of(case, SEEN).position.max() <= now < diagnoses.stage_of(case, LATER).position.min()
+    assert diagnoses.stage_of(case, LATER).revolutions is None
     few = dataclasses.replace(case.known, healthy=case.known.healthy.take(np.arange(1)))
     with pytest.raises(TwingapError, match="2 or more"):
-        life_gap.pair_of(
+        diagnoses.pair_of(
             Asked("rig", "healthy", "fast", ("A148",), 0), [dataclasses.replace(case, known=few)], signal
         )  # fmt: skip
 
 
 def test_effects_are_added_to_lives_and_leave_peak_to_peak_and_labels(case: Case, config: Path) -> None:
     options = read_options(config)
-    plain, more = list(life_gap.trainings_of(case, options, HUM, 1, 4, 40))[::2]
+    plain, more = list(life_gap.trainings_of(case, options, HUM, life_gap.Size(("A148",), 1, 4, 40)))[::2]
     assert plain.added is None and more.added == HUM and plain.model == more.model == "CNN"
     (before, _), (after, held) = simulate(plain, case.known), simulate(more, case.known)
     np.testing.assert_array_equal(before.revolutions, after.revolutions)
@@ -70,12 +72,12 @@ def test_effects_are_added_to_lives_and_leave_peak_to_peak_and_labels(case: Case
 @pytest.mark.usefixtures("small_training")
 def test_a_diagnosis_becomes_a_row_and_its_effects_a_training(root: Path, config: Path) -> None:
     asked = Asked("rig", SEEN, "all", ("A148",), 0)
-    row = life_gap.diagnosed(asked, root=str(root), config=str(config))
+    row = diagnoses.diagnosed(asked, root=str(root), config=str(config))
     assert not row["refused"] and row["before"] > 0 and 0 <= row["p_value"] <= 1
     assert set(row["added"]) <= set(row["effects"])
     more = life_gap.added(row)
     assert (more is None) == (not row["added"])
-    table = life_gap.verdicts("stand-in", [(asked, row), (asked, {"refused": "too few", "records": 1})])
+    table = verdicts("stand-in", [(asked, row), (asked, {"refused": "too few", "records": 1})])
     assert list(table["verdict"]) == [row["status"], "too few"] and (table["data"] == "stand-in").all()
 
 
@@ -85,7 +87,7 @@ def test_runs_without_a_named_effect_count_as_unchanged() -> None:
         for b, a, v in (("A", "", 4.0), ("B", "", 8.0), ("B", "hum", 2.0))
         for s in (0, 1)
     ]
-    short = life_gap.summary(pd.DataFrame(rows)).iloc[0]
+    short = summary(pd.DataFrame(rows)).iloc[0]
     assert short["before_min"] == 6 and short["after_min"] == 3 and short["ratio"] == 0.5
     assert short["runs_better"] == 1 and short["runs"] == 2
 
@@ -105,8 +107,29 @@ def test_the_figure_has_a_panel_per_set_and_a_mark_per_diagnosis_of_all_bearings
          "gap_after": 1.0, "floor": 0.1}
         for k, (data, stage, speed) in enumerate(asked)
     ]  # fmt: skip
-    alone = [{**rows[0], "bearings": "A148"}, {**rows[0], "gap_before": np.nan}]
+    alone = [{**rows[0], "bearings": "A148", "speed": "all"}, {**rows[0], "gap_before": np.nan}]
     rig, other = gaps(pd.DataFrame(rows + alone)).axes
     assert [t.get_text() for t in rig.get_xticklabels()] == ["slow", "fast"] * 2
     assert [t.get_text() for t in other.get_xticklabels()] == ["cond. 1", "cond. 2"] * 2
     assert list(other.lines[0].get_xdata()) == [0, 1, 3, 4] and list(other.lines[0].get_ydata()) == [6, 8, 7, 9]
+
+
+@pytest.mark.usefixtures("small_training")
+def test_the_study_writes_its_tables_and_goes_on_from_its_store(
+    root: Path, config: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(life_gap.PROFILES, "smoke", life_gap.Size(("A148",), 1, 4, 40))
+    monkeypatch.setattr(life_gap, "STAGES", (SEEN,))
+    monkeypatch.setattr(life_gap, "SPEEDS", {"slow": SPEEDS["slow"]})
+    given = {"out": tmp_path, "root": root, "backend": "sequential", "config": config}
+    said: list[str] = []
+    first = life_gap.run("smoke", **given, progress=lambda what, done, total: said.append(what))
+    assert {"diagnoses", "trainings"} <= set(said)
+    assert len(first.tables["life_gap"]) == 2 and set(first.tables["life_gap_rmse"]["model"]) == set(life_gap.MODELS)
+    for name in first.tables:
+        assert len(pd.read_csv(tmp_path / "tables" / f"{name}.csv")) == len(first.tables[name])
+    assert (tmp_path / "figures" / "life_gap.png").exists()
+    again = life_gap.run("smoke", **given, draw=False)
+    assert first.computed and not again.computed
+    for name, table in first.tables.items():
+        pd.testing.assert_frame_equal(table, again.tables[name])

@@ -87,6 +87,8 @@ def _print1(outcome: Any) -> None:
     columns = ("twin", "bearing", "model", "seeds", "rmse_min", "std")
     rows = [{name: row[name] for name in columns} for row in outcome.rows]
     show(rows, False, f"RMSE of remaining time, minutes: {outcome.title}")
+    if outcome.missing:
+        say(f"left out, since its data are not at hand: {', '.join(outcome.missing)}")
     count = sum(len(case.trainings) for case in outcome.cases)
     say(f"{count} trainings: {outcome.computed} run now, {count - outcome.computed} taken up from earlier runs")
 
