@@ -273,8 +273,8 @@ def run(
 
     Parameters
     ----------
-    profile : {"smoke", "lean", "core", "full"}
-        "core" is a part of "full".
+    profile : {"smoke", "noise", "lean", "broad", "core", "full"}
+        "noise" is a part of "broad", and "core" of "full".
     out : Path
         Folder for ``tables/``, ``figures/`` and ``results/``.
     root : Path or None
