@@ -50,6 +50,7 @@ def match_baseline(
     steps: int = 4,
     *,
     free: TwinSpec | None = None,
+    dampings: Sequence[float] = (0.04,),
 ) -> TwinSpec:
     """Bring the baseline of a twin with effects to records, through the twin itself.
 
@@ -70,6 +71,9 @@ def match_baseline(
         Rounds; 0 leaves the mode alone and matches levels once.
     free : TwinSpec, optional
         What it fixes stays as it is.
+    dampings : sequence of float
+        At which modes are tried first, at the present place and at the highest peak: a search from one alone may end
+        in a broad mode that stands for a sharp one and for what an effect has done to it.
 
     Returns
     -------
@@ -78,13 +82,13 @@ def match_baseline(
     root = root_entropy(rng)
     fixed = set(flat(free.parameters)) if free is not None else set()
     values = {k: float(v) for k, v in flat(all_parameters(spec)).items()}
-    sides = _sides(list(fit_records), frame)
+    sides = sides_of(list(fit_records), frame)
     quiet = [s for s in sides if s.fault == "healthy"]
     loud = [s for s in sides if s.fault != "healthy"]
     noise_free = not {"structure_noise_rms", "white_noise_rms", "scale"} & fixed
     matcher = _Matcher(spec, frame, fit_records.unit, root)
     if quiet:
-        at, best_powers = _mode_search(matcher, quiet, values, fixed, steps)
+        at, best_powers = _mode_search(matcher, quiet, values, fixed, steps, dampings)
         values["resonance_hz"], values["damping_ratio"] = at
         if noise_free:
             before = values["scale"]
@@ -106,7 +110,12 @@ def match_baseline(
 
 
 def _mode_search(
-    matcher: _Matcher, quiet: Sequence[_Side], values: dict[str, float], fixed: set[str], steps: int
+    matcher: _Matcher,
+    quiet: Sequence[_Side],
+    values: dict[str, float],
+    fixed: set[str],
+    steps: int,
+    dampings: Sequence[float],
 ) -> tuple[tuple[float, float], Array]:
     """Resonance and damping that fit best, and the powers of structure and white noise that go with them.
 
@@ -127,7 +136,7 @@ def _mode_search(
         loudest = max(quiet, key=lambda s: len(s.conditions))
         smooth = np.convolve(loudest.psd[2:], np.ones(3) / 3, mode="same")
         peak = (int(np.argmax(smooth[: int(0.9 * smooth.size)])) + 2.5) / BANDS * loudest.fs_hz / 2
-        best = min([best, *(tried((f, 0.04)) for f in (start[0], peak))], key=lambda t: t[0])
+        best = min([best, *(tried((f, d)) for d in dampings for f in (start[0], peak))], key=lambda t: t[0])
     step = [0.03, 0.25]
     for _ in range(steps):
         for axis in free:
@@ -149,7 +158,7 @@ def _moved(point: tuple[float, float], axis: int, by: float) -> tuple[float, flo
     return (point[0] * factor, point[1]) if axis == 0 else (point[0], point[1] * factor)
 
 
-def _sides(records: Sequence[Record], frame: Frame) -> list[_Side]:
+def sides_of(records: Sequence[Record], frame: Frame) -> list[_Side]:
     """Records gathered by state and rate."""
     by: dict[tuple[str, float], list[Record]] = {}
     for record in records:

@@ -368,7 +368,13 @@ def _scaled(spec: TwinSpec, fit: RecordSet, rng: np.random.Generator, notes: lis
 
 
 def recalibrate(
-    calibrated: Calibrated, spec: TwinSpec, rng: np.random.Generator, *, free: TwinSpec | None = None, steps: int = 4
+    calibrated: Calibrated,
+    spec: TwinSpec,
+    rng: np.random.Generator,
+    *,
+    free: TwinSpec | None = None,
+    steps: int = 4,
+    dampings: Sequence[float] = (0.04,),
 ) -> Calibrated:
     """The same parts with a twin that has further effects: its baseline is matched to the fit part anew.
 
@@ -379,10 +385,12 @@ def recalibrate(
         The calibrated twin with further effects and their parameters.
     free : TwinSpec, optional
         The user's twin: what it fixes stays. None leaves all baseline parameters free.
-    steps : int
+    steps, dampings
         As `match_baseline`.
     """
     if spec.model != "phenomenological":
         return replace(calibrated, spec=spec)
     fit = thinned(calibrated.fit, 6)
-    return replace(calibrated, spec=match_baseline(spec, fit, calibrated.frame, rng, steps, free=free))
+    return replace(
+        calibrated, spec=match_baseline(spec, fit, calibrated.frame, rng, steps, free=free, dampings=dampings)
+    )

@@ -17,7 +17,7 @@ from twingap.effects import Effect, catalogue
 from twingap.errors import TwingapError
 from twingap.gap.calibrate import Calibrated, calibrate
 from twingap.gap.distance import Paired
-from twingap.gap.evidence import Compared, Evidence, simulator_of
+from twingap.gap.evidence import THOROUGH, Compared, Evidence, simulator_of
 from twingap.gap.overall import overall_tests
 from twingap.gap.report import Candidate, GapReport, ParameterValue, Status, Verdict
 from twingap.gap.shrink import closure_interval, curves, paired, shrink_metrics
@@ -149,7 +149,7 @@ def _diagnosed(
     report("calibration", 0.02)
     calibrated = calibrate(used, None if sim is not None else spec, rng, sim=sim)
     root = root_entropy(rng) >> 66
-    evidence = Evidence(calibrated, simulator_of(calibrated, sim), spec, root)
+    evidence = Evidence(calibrated, simulator_of(calibrated, sim), spec, root, THOROUGH)
     found = explain(evidence, learnt, lambda what, part: report(what, 0.1 + 0.5 * part))
     report("places and tests", 0.65)
     trial = _Trial(evidence, found)

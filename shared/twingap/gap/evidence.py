@@ -38,6 +38,8 @@ SAMPLES_TRIED: Final = 5e7
 """Samples that one search for values may simulate, about ten seconds' work."""
 TRIALS: Final = (24, 320)
 """Fewest and most trials of one search for values."""
+THOROUGH: Final = (0.012, 0.04, 0.12)
+"""Dampings at which a mode is tried first in diagnoses; machines to learn from are given the middle one alone."""
 CONTACT_COSTS: Final = 13
 """A sample of the contact twin takes about so many times as long as one of the phenomenological twin."""
 
@@ -111,10 +113,19 @@ class Evidence:
     root : int
         Entropy of all simulations: a chain of effects meets the same strikes and the same noise as the next chain, so
         that differences between chains are not chance.
+    dampings : sequence of float
+        At which a twin with effects is given its mode first, see `baseline.match_baseline`.
     """
 
-    def __init__(self, calibrated: Calibrated, simulator: Simulator, spec: TwinSpec, root: int) -> None:
-        self.spec = spec
+    def __init__(
+        self,
+        calibrated: Calibrated,
+        simulator: Simulator,
+        spec: TwinSpec,
+        root: int,
+        dampings: Sequence[float] = (0.04,),
+    ) -> None:
+        self.spec, self.dampings = spec, tuple(dampings)
         self.calibrated, self.root, self.frame = calibrated, root, calibrated.frame
         self.fit, self.held_out = (
             comparison.measure(part, self.frame, Grid.of(part.conditions, self.frame.bearing))
@@ -210,14 +221,20 @@ class Evidence:
         spec = replace(simulator.spec, parameters={**nested(values), **own})
         return TwinSimulator(spec, self.frame.bearing, simulator.unit, simulator.conditions)
 
-    def _recalibrated(self, effects: tuple[Effect, ...]) -> Simulator:
+    def matched(self, effects: tuple[Effect, ...]) -> Simulator:
+        """What simulates these effects, its mode as calibrated and its levels matched anew: for trials by the dozen."""
+        return self._recalibrated(effects, steps=0)
+
+    def _recalibrated(self, effects: tuple[Effect, ...], steps: int = 4) -> Simulator:
         """What simulates these effects, its baseline matched anew: what the effects explain is no noise of the twin."""
         spec = self.calibrated.spec
         if not effects or spec is None or spec.model != "phenomenological":
             return self._simulator
         values = {**spec.parameters, **{effect.name: values_of(effect) for effect in effects}}
         more = replace(spec, effects=(*spec.effects, *(effect.name for effect in effects)), parameters=values)
-        return simulator_of(recalibrate(self.calibrated, more, np.random.default_rng(self.root), free=self.spec))
+        rng = np.random.default_rng(self.root)
+        own = recalibrate(self.calibrated, more, rng, free=self.spec, steps=steps, dampings=self.dampings)
+        return simulator_of(own)
 
     def simulated(
         self, simulator: Simulator, effects: Sequence[Effect], conditions: Sequence[Condition], replicate: int

@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 from twingap.effects import Effect, catalogue
 from twingap.gap.evidence import Compared, Evidence, values_of
 from twingap.gap.nearest import bring_nearest
+from twingap.gap.starts import better_start
 from twingap.gap.training.judgement import Outcome
 from twingap.gap.training.learn import Learnt
 from twingap.gap.training.parameters import coordinates, to_effect, to_number, to_value
@@ -286,15 +287,26 @@ class _Search:
 
     def add(self, names: Sequence[str]) -> None:
         """Add effects at the values that the fit part suggests against the twin as it is now."""
+        features = self.now.fit
         for name in names:
             self.tried.add(name)
-            value = estimate(name, self.now.fit, self.evidence, self.learnt)
+            value = estimate(name, features, self.evidence, self.learnt)
             if name in self.cannot or self.evidence.fits(value.effect):
                 self.values[name] = value
         self.now = self.evidence.against(self._added())
         here = [name for name in names if name in self.values and name not in self.cannot]
+        for name in here:
+            self.begin_better(name, features)
         if here:
             self.refine(here)
+
+    def begin_better(self, name: str, features: Array) -> None:
+        """Go to other values of an effect where those come nearer to the fit part."""
+        added = self._added()
+        found = better_start(self.evidence, added, name, features, self.evidence.misfit(self.now.simulator, added))
+        if found is not None:
+            self._take_over([found])
+            self.now = self.evidence.against(self._added())
 
     def drop_idle(self) -> None:
         """Leave one effect out after the other: what is not missed then goes."""

@@ -20,7 +20,7 @@ import numpy as np
 from twingap.errors import TwingapError
 from twingap.gap.calibrate import calibrate
 from twingap.gap.distance import Paired
-from twingap.gap.evidence import Evidence, simulator_of
+from twingap.gap.evidence import THOROUGH, Evidence, simulator_of
 from twingap.gap.shrink import closure, closure_interval, paired
 from twingap.gap.view import RecordView
 from twingap.gap.views import Grid, Views
@@ -76,7 +76,8 @@ def check(case: Case, seed: int, learnt: Learnt) -> Checked | None:
     blind = blinded(world)
     rng = np.random.default_rng([seed, zlib.crc32(case.name.encode())])
     calibrated = calibrate(blind.records, None if blind.sim is not None else blind.twin, rng, sim=blind.sim)
-    evidence = Evidence(calibrated, simulator_of(calibrated, blind.sim), blind.twin, int(rng.integers(2**62)))
+    root = int(rng.integers(2**62))
+    evidence = Evidence(calibrated, simulator_of(calibrated, blind.sim), blind.twin, root, THOROUGH)
     found = explain(evidence, learnt, lambda what, part: None)
     if not found.gap or not found.after.effects:
         return None

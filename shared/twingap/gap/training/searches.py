@@ -12,7 +12,7 @@ import numpy as np
 
 from twingap.errors import TwingapError
 from twingap.gap.calibrate import calibrate
-from twingap.gap.evidence import Evidence, simulator_of
+from twingap.gap.evidence import THOROUGH, Evidence, simulator_of
 from twingap.gap.training.gaps import draw_gap
 from twingap.gap.training.judgement import Outcome
 from twingap.gap.which import search
@@ -42,7 +42,8 @@ def searches(
         try:
             gap = draw_gap(rng, most_records=most_records, among=among)
             calibrated = calibrate(gap.records, gap.spec, rng, sim=gap.sim)
-            evidence = Evidence(calibrated, simulator_of(calibrated, gap.sim), gap.spec, int(rng.integers(2**62)))
+            root = int(rng.integers(2**62))
+            evidence = Evidence(calibrated, simulator_of(calibrated, gap.sim), gap.spec, root, THOROUGH)
             outcomes = search(evidence, learnt).outcomes
         except TwingapError:  # a drawn machine that nobody could calibrate teaches nothing
             continue
