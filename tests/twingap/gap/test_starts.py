@@ -1,0 +1,96 @@
+"""Where a search for values begins: what signatures name by themselves, and low-passes with the mode that suits them."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.optimize import nnls
+
+from tests.twingap.gap.test_nearest import machine
+from twingap.effects import Effect, make_effect
+from twingap.gap.calibrate import calibrate
+from twingap.gap.comparison import feature_names
+from twingap.gap.evidence import THOROUGH, Evidence, simulator_of
+from twingap.gap.starts import _misfit, better_start, likeliest_losses, places
+from twingap.records import RecordSet
+from twingap.twins.twin_file import TwinSpec
+
+
+def evidence_of(records: RecordSet) -> Evidence:
+    spec = TwinSpec("phenomenological")
+    calibrated = calibrate(records, spec, np.random.default_rng(1))
+    return Evidence(calibrated, simulator_of(calibrated), spec, 7, THOROUGH)
+
+
+def begun(own: Evidence, given: Effect) -> Effect:
+    """The given values, or better ones."""
+    now = own.misfit(own.against([given]).simulator, [given])
+    return better_start(own, (given,), given.name, own.against().fit, now) or given
+
+
+def test_two_powers_are_those_of_non_negative_least_squares() -> None:
+    rng = np.random.default_rng(0)
+    white = np.exp(rng.normal(0, 0.2, 60))
+    for _ in range(20):
+        modes, wanted = np.exp(rng.normal(0, 1.5, (1, 60))), np.exp(rng.normal(0, 1.0, 60))
+        powers, _ = nnls(np.stack((modes[0], white), axis=1) / wanted[:, None], np.ones(60))
+        model = (powers @ np.stack((modes[0], white))) / wanted
+        expected = np.minimum(np.log(np.maximum(model, 1e-6)) ** 2, 1.0).mean()
+        assert _misfit(modes, white, wanted) == pytest.approx(expected, rel=1e-6)
+
+
+@pytest.mark.parametrize(("order", "corner_hz"), [(1, 700.0), (2, 1900.0)])
+def test_a_low_pass_is_found_with_the_mode_that_goes_with_it(order: int, corner_hz: float) -> None:
+    truth = make_effect("sensor_rolloff", {"order": order, "corner_hz": corner_hz, "background": 0.97})
+    own = evidence_of(machine(truth))
+    guess = make_effect("sensor_rolloff", {"order": 5, "corner_hz": 2400.0, "background": 0.4})
+    first = likeliest_losses(own, guess)  # type: ignore[arg-type]
+    assert min(abs(np.log(one.corner_hz / corner_hz)) for one in first if one.order == order) < 0.35
+    found = begun(own, guess)
+    misfits = [own.misfit(own.against([e]).simulator, [e]) for e in (truth, found, guess)]
+    assert misfits[1] < 1.25 * misfits[0] < misfits[2]
+
+
+def test_a_good_guess_stays() -> None:
+    truth = make_effect("sensor_rolloff", {"order": 2, "corner_hz": 1900.0, "background": 0.97})
+    own = evidence_of(machine(truth))
+    found = begun(own, truth)
+    assert own.misfit(own.against([found]).simulator, [found]) <= own.misfit(own.against([truth]).simulator, [truth])
+
+
+def test_a_slope_over_speed_is_an_exponent() -> None:
+    truth = make_effect("speed_gain", {"exponent": 2.0, "reference_speed_rpm": 1650.0, "on_noise": 0.0})
+    own = evidence_of(machine(truth))
+    found = begun(own, make_effect("speed_gain", {"exponent": 0.4, "reference_speed_rpm": 1650.0, "on_noise": 0.5}))
+    assert vars(found)["exponent"] == pytest.approx(2.0, abs=0.35)
+    assert vars(found)["on_noise"] == 0.0
+
+
+@pytest.mark.parametrize(
+    ("effect", "feature", "value", "parameter", "expected"),
+    [
+        ("entry_exit", "answer|comb_arc_log", np.log(5.0), "arc_deg", 5.0),
+        ("entry_exit", "events.cycle_rise_part|all.level", 0.3, "arc_deg", 0.3 * 360 / 9),
+        ("speed_gain", "trend|speed_alone", -1.3, "exponent", -1.3),
+        ("mean_slip", "context|slip_seen", 0.02, "slip", 0.02),
+    ],
+)
+def test_a_signature_names_a_place(effect: str, feature: str, value: float, parameter: str, expected: float) -> None:
+    own = evidence_of(machine())
+    features = np.full(len(feature_names()), np.nan)
+    assert not list(places(make_effect(effect), features, own))
+    features[feature_names().index(feature)] = value
+    found = [vars(place)[parameter] for place in places(make_effect(effect), features, own)]
+    assert min(abs(one - expected) for one in found) < 1e-6 * abs(expected)
+
+
+def test_growth_is_read_as_a_rate_over_the_run() -> None:
+    own = evidence_of(machine())
+    features = np.full(len(feature_names()), np.nan)
+    features[feature_names().index("trend|time_strikes")] = 1.5
+    (found,) = places(make_effect("damage_growth"), features, own)
+    assert vars(found)["rate_per_s"] * own.setting.span_s == pytest.approx(
+        1.0
+    )  # the most that is allowed in one second
+    features[feature_names().index("trend|time_strikes")] = -1.5
+    assert not list(places(make_effect("damage_growth"), features, own))
