@@ -1,4 +1,4 @@
-"""Where a search for values begins: what signatures name by themselves, and low-passes with the mode that suits them."""
+"""Where a search for values begins: what signatures name by themselves, low-passes with the mode that suits them."""
 
 from __future__ import annotations
 
@@ -31,12 +31,16 @@ def begun(own: Evidence, given: Effect) -> Effect:
 def test_two_powers_are_those_of_non_negative_least_squares() -> None:
     rng = np.random.default_rng(0)
     white = np.exp(rng.normal(0, 0.2, 60))
-    for _ in range(20):
-        modes, wanted = np.exp(rng.normal(0, 1.5, (1, 60))), np.exp(rng.normal(0, 1.0, 60))
+    alone = set()
+    for power in np.linspace(-0.5, 2.0, 40):  # of no mode, of both, of less than no white noise
+        modes = np.exp(rng.normal(0, 0.6, (1, 60)))
+        wanted = modes[0] ** power * np.exp(rng.normal(0, 0.2, 60))
         powers, _ = nnls(np.stack((modes[0], white), axis=1) / wanted[:, None], np.ones(60))
+        alone |= {tuple(powers > 0)}
         model = (powers @ np.stack((modes[0], white))) / wanted
         expected = np.minimum(np.log(np.maximum(model, 1e-6)) ** 2, 1.0).mean()
         assert _misfit(modes, white, wanted) == pytest.approx(expected, rel=1e-6)
+    assert alone == {(True, True), (True, False), (False, True)}
 
 
 @pytest.mark.parametrize(("order", "corner_hz"), [(1, 700.0), (2, 1900.0)])
