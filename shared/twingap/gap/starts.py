@@ -109,6 +109,9 @@ def likeliest_losses(evidence: Evidence, given: SensorRolloff) -> list[Effect]:
     inside = slice(2, int(0.92 * BANDS))
     f = (np.arange(BANDS) + 0.5) / (2 * BANDS)
     wanted = side.psd[inside] * side.fs_hz
+    if not wanted.max() > 0:
+        return []
+    wanted = np.maximum(wanted, 1e-9 * wanted.max())  # a band in which a coarse converter shows nothing
     smooth = np.convolve(side.psd[2:], np.ones(3) / 3, mode="same")
     peak_hz = (int(np.argmax(smooth[: int(0.9 * smooth.size)])) + 2.5) / BANDS * side.fs_hz / 2
     centres = [float(flat(spec.parameters)["resonance_hz"]), peak_hz]

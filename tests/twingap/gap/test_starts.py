@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 import pytest
 from scipy.optimize import nnls
@@ -53,6 +55,15 @@ def test_a_low_pass_is_found_with_the_mode_that_goes_with_it(order: int, corner_
     found = begun(own, guess)
     misfits = [own.misfit(own.against([e]).simulator, [e]) for e in (truth, found, guess)]
     assert misfits[1] < 1.25 * misfits[0] < misfits[2]
+
+
+def test_silence_and_bands_without_any_power_are_no_trouble() -> None:
+    own = evidence_of(machine(make_effect("quantisation", {"step": 4.0})))
+    assert likeliest_losses(own, make_effect("sensor_rolloff"))  # type: ignore[arg-type]
+    fit = own.calibrated.fit
+    silent = RecordSet(fit.name, fit.unit, fit.bearing, list(fit.conditions), lambda i: np.zeros(fit[i].samples.size))
+    own.calibrated = dataclasses.replace(own.calibrated, fit=silent)
+    assert likeliest_losses(own, make_effect("sensor_rolloff")) == []  # type: ignore[arg-type]
 
 
 def test_a_good_guess_stays() -> None:
