@@ -6,7 +6,9 @@ draw_gap --search with these--> ends of searches (in chunks, resumable) --learn-
 
 from __future__ import annotations
 
+import gzip
 import os
+import pickle
 from collections.abc import Callable, Iterator, Sequence
 from functools import lru_cache
 from pathlib import Path
@@ -169,7 +171,7 @@ def train(
     folder = cache_folder() if cache is None else Path(cache)
     machines, among = machines or default_machines(), tuple(among) or default_among()
     own = key(machines, seed, among)
-    target = folder / f"learnt-{own}.joblib"
+    target = folder / f"learnt-{own}.gz"
     if _whole(target):
         return target
     chunks = [range(start, min(start + CHUNK, machines)) for start in range(0, machines, CHUNK)]
@@ -198,8 +200,9 @@ def train(
         lambda part: report("searches", 0.85 + 0.15 * part),
     )
     learnt.about.update(machines=machines, seed=seed, key=own, examples=len(examples))
-    with replacing(target) as temporary:
-        joblib.dump(learnt, temporary, compress=3)
+    # Trees are thousands of small arrays, over which joblib takes four times as long to read as pickle does.
+    with replacing(target) as temporary, gzip.open(temporary, "wb", compresslevel=3) as file:
+        pickle.dump(learnt, file, protocol=5)
     with replacing(target.with_suffix(".sha256")) as temporary:
         temporary.write_text(f"{sha256(target)}  {target.name}\n", encoding="utf-8")
     load.cache_clear()
@@ -260,11 +263,10 @@ def load(path: Path) -> Learnt:
     TwingapError
         When the file is not what training wrote.
     """
-    import joblib
-
     if not _whole(path):
         raise TwingapError("is missing or altered", where=path, mend="run `twingap gap train`")
-    found: Learnt = joblib.load(path)
+    with gzip.open(path, "rb") as file:
+        found: Learnt = pickle.load(file)
     return found
 
 
