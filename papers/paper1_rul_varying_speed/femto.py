@@ -52,6 +52,8 @@ Array = NDArray[np.float64]
 
 SEEDS: Final = {"smoke": 1, "full": 3}
 """Of particle filter and forest, by profile: full takes a minute or two."""
+FEWEST: Final = 3
+"""Runs: what one is predicted with comes from two others at least."""
 POOLED, ALONE = "twingap rul --prior", "twingap rul"
 RIVALS: Final = ("exponential", "particle filter", "random forest")
 METHODS: Final = (POOLED, ALONE, *RIVALS)
@@ -320,9 +322,9 @@ class Femto:
 
 
 def at_hand(root: Path | None = None) -> bool:
-    """Whether the data root holds FEMTO's runs."""
+    """Whether the data root holds FEMTO's runs, as many as it takes to leave one out."""
     try:
-        return len(load("femto", root).groups) > 0
+        return len(load("femto", root).groups) >= FEWEST
     except TwingapError:
         return False
 
@@ -368,8 +370,8 @@ def run(
     """
     seeds = profile_of(SEEDS, profile, Path(__file__))
     names = tuple(bearings) or load("femto", root).groups
-    if len(names) < 3:
-        raise TwingapError(f"{len(names)} FEMTO runs at hand, 3 or more needed", mend="see `twingap data list`")
+    if len(names) < FEWEST:
+        raise TwingapError(f"{len(names)} FEMTO runs at hand, {FEWEST} or more needed", mend="see `twingap data list`")
     digest = digest_of_path(data_root(root) / "femto")
     given: dict[str, Any] = {"store": out / "results", "backend": backend, "address": address}
     taken = sweep(

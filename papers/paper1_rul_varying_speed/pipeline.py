@@ -15,7 +15,7 @@ import dataclasses
 import functools
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
-from typing import Any, Final
+from typing import Any
 
 import numpy as np
 
@@ -35,8 +35,6 @@ from twingap.track import NullTracker, Run, Tracker
 
 Progress = Callable[[str, int, int], None]
 """Called with what is going on, how much of it is done, and how much there is."""
-STUDIES: Final[dict[str, Callable[..., Any]]] = {"femto": femto.run, "life_gap": life_gap.run}
-"""Beside the trainings, on real runs and on the gap: parts of the full profile, commands of their own."""
 
 
 def run(
@@ -131,8 +129,8 @@ def run(
         rows = tables.errors(results, options, target.title)
         progress("tables and figures", total, total)
         _publish(log, results, options, target, rows, out, draw)
-        missing = _beside(log, profile, {"out": out, "root": root, "seed": seed, "backend": backend,
-                                         "address": address, "progress": progress, "draw": draw})  # fmt: skip
+        given = {"root": root, "seed": seed, "backend": backend, "address": address, "progress": progress}
+        missing = beside(log, profile, config, {**given, "out": out, "draw": draw})
         computed = sum(bool(t.why) for r in results for t in r.trainings)
         return Outcome(
             profile, target.title, target.real, options, results, rows, out, getattr(log, "id", None), computed,
@@ -140,18 +138,34 @@ def run(
         )  # fmt: skip
 
 
-def _beside(log: Run, profile: str, given: Mapping[str, Any]) -> tuple[str, ...]:
-    """Run the studies beside the trainings, each in a run of its own; names of those whose data are not at hand."""
+def beside(log: Run, profile: str, config: Path, given: Mapping[str, Any]) -> tuple[str, ...]:
+    """Run the studies beside the trainings, on real runs and on the gap, each in a run of its own.
+
+    Parameters
+    ----------
+    log : Run
+    profile : str
+        They are parts of the full one, and commands of their own for any other.
+    config : Path
+    given : Mapping
+        What every study takes.
+
+    Returns
+    -------
+    tuple of str
+        Those whose data are not at hand.
+    """
     if profile != "full":
         return ()
-    missing = []
-    for name, study in STUDIES.items():
-        if name == "femto" and not femto.at_hand(given["root"]):
-            missing.append(name)
-            continue
+    studies: dict[str, Callable[..., Any]] = {"life_gap": functools.partial(life_gap.run, config=config)}
+    missing: tuple[str, ...] = ("femto",)
+    if femto.at_hand(given["root"]):
+        studies, missing = {"femto": femto.run, **studies}, ()
+    for name, study in studies.items():
         with log.run(name, {"paper": "paper1", "study": name, "profile": profile}) as of_study:
+            of_study.parameters({"profile": profile, "seed": given["seed"]})
             study(profile, log=of_study, **given)
-    return tuple(missing)
+    return missing
 
 
 def _jobs(case: Case, options: Options, sizes: Profile, seed: int) -> Iterator[Job]:

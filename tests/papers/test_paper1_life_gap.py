@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from papers.paper1_rul_varying_speed import life_gap
+from papers.paper1_rul_varying_speed import life_gap, pipeline
 from papers.paper1_rul_varying_speed import life_gap_diagnoses as diagnoses
 from papers.paper1_rul_varying_speed.cases import Case
 from papers.paper1_rul_varying_speed.job import Added, simulate, train_and_judge
@@ -19,6 +19,7 @@ from papers.paper1_rul_varying_speed.life_gap_tables import summary, verdicts
 from papers.paper1_rul_varying_speed.options import read_options
 from tests.papers import test_paper1
 from twingap.errors import TwingapError
+from twingap.track.folder import FolderTracker
 
 records, root, config, case = test_paper1.records, test_paper1.root, test_paper1.config, test_paper1.case
 
@@ -114,13 +115,19 @@ def test_the_figure_has_a_panel_per_set_and_a_mark_per_diagnosis_of_all_bearings
     assert list(other.lines[0].get_xdata()) == [0, 1, 3, 4] and list(other.lines[0].get_ydata()) == [6, 8, 7, 9]
 
 
+def smaller(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Every profile of the study with one run, stage and speed."""
+    for profile in life_gap.PROFILES:
+        monkeypatch.setitem(life_gap.PROFILES, profile, life_gap.Size(("A148",), 1, 4, 40))
+    monkeypatch.setattr(life_gap, "STAGES", (SEEN,))
+    monkeypatch.setattr(life_gap, "SPEEDS", {"slow": SPEEDS["slow"]})
+
+
 @pytest.mark.usefixtures("small_training")
 def test_the_study_writes_its_tables_and_goes_on_from_its_store(
     root: Path, config: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setitem(life_gap.PROFILES, "smoke", life_gap.Size(("A148",), 1, 4, 40))
-    monkeypatch.setattr(life_gap, "STAGES", (SEEN,))
-    monkeypatch.setattr(life_gap, "SPEEDS", {"slow": SPEEDS["slow"]})
+    smaller(monkeypatch)
     given = {"out": tmp_path, "root": root, "backend": "sequential", "config": config}
     said: list[str] = []
     first = life_gap.run("smoke", **given, progress=lambda what, done, total: said.append(what))
@@ -133,3 +140,17 @@ def test_the_study_writes_its_tables_and_goes_on_from_its_store(
     assert first.computed and not again.computed
     for name, table in first.tables.items():
         pd.testing.assert_frame_equal(table, again.tables[name])
+
+
+@pytest.mark.usefixtures("small_training")
+def test_the_full_profile_of_the_paper_logs_the_study_in_a_run_of_its_own(
+    root: Path, config: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    smaller(monkeypatch)
+    given = {"out": tmp_path / "out", "root": root, "seed": 0, "backend": "sequential", "draw": False}
+    with FolderTracker(tmp_path / "runs").run("paper1") as log:
+        assert pipeline.beside(log, "smoke", config, given) == ()
+        assert not (tmp_path / "out").exists()
+        assert pipeline.beside(log, "full", config, given) == ("femto",), "its data are not under this root"
+    assert [path.name for path in (tmp_path / "runs").rglob("life_gap_rmse*")]
+    assert len(pd.read_csv(tmp_path / "out" / "tables" / "life_gap.csv")) == 2

@@ -32,7 +32,7 @@ BANDS: Final = 128
 
 
 @dataclass(frozen=True)
-class _Side:
+class Side:
     """Records of one state at one rate: mean power density in bands, tones left out."""
 
     fault: str
@@ -40,6 +40,12 @@ class _Side:
     conditions: tuple[Condition, ...]
     psd: Array
     energy: float  # mean square in the frame's band
+
+    @property
+    def peak_hz(self) -> float:
+        """Where the spectrum is highest, the ends left out."""
+        smooth = np.convolve(self.psd[2:], np.ones(3) / 3, mode="same")
+        return (int(np.argmax(smooth[: int(0.9 * smooth.size)])) + 2.5) / BANDS * self.fs_hz / 2
 
 
 def match_baseline(
@@ -111,7 +117,7 @@ def match_baseline(
 
 def _mode_search(
     matcher: _Matcher,
-    quiet: Sequence[_Side],
+    quiet: Sequence[Side],
     values: dict[str, float],
     fixed: set[str],
     steps: int,
@@ -134,9 +140,8 @@ def _mode_search(
     best = tried(start)
     if steps and len(free) == 2:
         loudest = max(quiet, key=lambda s: len(s.conditions))
-        smooth = np.convolve(loudest.psd[2:], np.ones(3) / 3, mode="same")
-        peak = (int(np.argmax(smooth[: int(0.9 * smooth.size)])) + 2.5) / BANDS * loudest.fs_hz / 2
-        best = min([best, *(tried((f, d)) for d in dampings for f in (start[0], peak))], key=lambda t: t[0])
+        centres = (start[0], loudest.peak_hz)
+        best = min([best, *(tried((f, d)) for d in dampings for f in centres)], key=lambda t: t[0])
     step = [0.03, 0.25]
     for _ in range(steps):
         for axis in free:
@@ -158,7 +163,7 @@ def _moved(point: tuple[float, float], axis: int, by: float) -> tuple[float, flo
     return (point[0] * factor, point[1]) if axis == 0 else (point[0], point[1] * factor)
 
 
-def sides_of(records: Sequence[Record], frame: Frame) -> list[_Side]:
+def sides_of(records: Sequence[Record], frame: Frame) -> list[Side]:
     """Records gathered by state and rate."""
     by: dict[tuple[str, float], list[Record]] = {}
     for record in records:
@@ -167,7 +172,7 @@ def sides_of(records: Sequence[Record], frame: Frame) -> list[_Side]:
     for (fault, fs_hz), own in by.items():
         measured = [_bands(r, frame) for r in own]
         out.append(
-            _Side(
+            Side(
                 fault, fs_hz, tuple(r.condition for r in own), np.mean([m[0] for m in measured], axis=0),
                 float(np.mean([m[1] for m in measured])),
             )
@@ -223,7 +228,7 @@ class _Matcher:
         own = TwinSimulator(self.spec_with(values), self.frame.bearing, self.unit)
         return own.simulate((), conditions, self.root, 0)
 
-    def noise(self, quiet: Sequence[_Side], f: float, zeta: float, values: dict[str, float]) -> tuple[float, Array]:
+    def noise(self, quiet: Sequence[Side], f: float, zeta: float, values: dict[str, float]) -> tuple[float, Array]:
         """Misfit of the healthy spectra and the powers of structure and white noise that give it."""
         loss, powers, weights = 0.0, np.zeros(2), 0.0
         for side in quiet:
@@ -273,7 +278,7 @@ class _Matcher:
         made = replace(self, spec=spec).simulated(conditions, values)
         return np.asarray(np.mean([_bands(r, self.frame)[0] for r in made], axis=0))
 
-    def amplitude(self, fault: str, sides: Sequence[_Side], values: dict[str, float]) -> float:
+    def amplitude(self, fault: str, sides: Sequence[Side], values: dict[str, float]) -> float:
         """Impact amplitude that brings the energy in the band to what it is in the records."""
         name = f"impact_amplitude.{fault}"
         now = max(values[name], 1e-3)

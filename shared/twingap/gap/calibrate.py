@@ -6,7 +6,8 @@ fit     --spectra---------> the twin's free parameters         (`identify`, with
 fit     --mode, level-----> Frame: bearing, band, yardstick    (`gap.view`)
 twin with more effects --spectra of its own records against the fit part's--> baseline anew (`match_baseline`)
 
-Everything that a diagnosis reports is measured on the held-out part.
+Everything that a diagnosis reports is measured on the held-out part; trends of levels within a fault, which no
+calibrated level moves, on both.
 """
 
 from __future__ import annotations

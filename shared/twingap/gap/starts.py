@@ -112,9 +112,7 @@ def likeliest_losses(evidence: Evidence, given: SensorRolloff) -> list[Effect]:
     if not wanted.max() > 0:
         return []
     wanted = np.maximum(wanted, 1e-9 * wanted.max())  # a band in which a coarse converter shows nothing
-    smooth = np.convolve(side.psd[2:], np.ones(3) / 3, mode="same")
-    peak_hz = (int(np.argmax(smooth[: int(0.9 * smooth.size)])) + 2.5) / BANDS * side.fs_hz / 2
-    centres = [float(flat(spec.parameters)["resonance_hz"]), peak_hz]
+    centres = (float(flat(spec.parameters)["resonance_hz"]), side.peak_hz)
     modes = np.array([
         mode_density(centre * math.exp(shift), width, side.fs_hz)[inside] * side.fs_hz
         for centre in centres for shift in _PLACES for width in _WIDTHS

@@ -377,4 +377,5 @@ def command_line() -> str:
     """As this process was called."""
     import shlex
 
-    return shlex.join([Path(sys.argv[0]).name, *sys.argv[1:]])
+    name = Path(sys.argv[0]).name
+    return shlex.join([*(["python", "-m", "twingap.cli"] if name == "__main__.py" else [name]), *sys.argv[1:]])

@@ -6,9 +6,12 @@ from scipy import stats
 
 from twingap.bearing import BEARINGS
 from twingap.effects import make_effect
+from twingap.gap.calibrate import calibrate
+from twingap.gap.evidence import Evidence, simulator_of
 from twingap.gap.trends import Levels, courses, normal, slope
-from twingap.records import Condition
+from twingap.records import Condition, RecordSet
 from twingap.twins.phenomenological import PhenomenologicalParameters, PhenomenologicalTwin
+from twingap.twins.twin_file import TwinSpec
 
 AMPLITUDES = {"inner": 6.0, "outer": 4.0}
 
@@ -85,3 +88,20 @@ def test_a_run_is_counted_in_parts_of_itself():
     _, time = courses(conditions)
     assert np.ptp(time) == pytest.approx(1.0)
     assert np.isnan(courses(tuple(Condition(f"r{k}", 1e3, 1e4, 100) for k in range(3)))[1]).all()
+
+
+def test_a_record_that_stands_in_both_parts_counts_once():
+    conditions = [
+        Condition(f"{fault}{i}", 1500.0 + 300.0 * i, 10000.0, 5000, fault, group=fault)
+        for fault in ("healthy", "inner") for i in range(4)
+    ]  # fmt: skip
+    parameters = PhenomenologicalParameters(2500.0, 0.05, impact_amplitude=AMPLITUDES)
+    made = PhenomenologicalTwin(BEARINGS["6205"], parameters).simulate(conditions, np.random.default_rng(0))
+    records = RecordSet.from_records("machine", "g", BEARINGS["6205"], made)
+    spec = TwinSpec("phenomenological")
+    calibrated = calibrate(records, spec, np.random.default_rng(1))
+    assert calibrated.shared  # a group of its own each fault: nothing is left to hold out
+    of_all = Evidence(calibrated, simulator_of(calibrated), spec, 3).against()._levels
+    assert sorted(c.name for c in of_all.conditions) == sorted(c.name for c in conditions)
+    by_name = {r.condition.name: float(r.samples.std()) for r in records}
+    assert of_all.measured.tolist() == [by_name[c.name] for c in of_all.conditions]
