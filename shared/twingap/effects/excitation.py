@@ -207,8 +207,16 @@ class EntryExit(_FaultEffect):
         2.0, unit="deg", plausible=(0.5, 60.0), allowed=(0, 90.0), log=True, doc="length of the defect as an arc"
     )
     exit_ratio: float = parameter(
-        1.0, unit="", plausible=(0.3, 3.0), allowed=(0, 100.0), log=True, doc="strength of leaving over entering"
+        1.0, unit="", plausible=(0.3, 5.0), allowed=(0, 100.0), log=True, doc="strength of leaving over entering"
     )
+    turned: bool = parameter(
+        False, unit="", plausible=(0, 1), allowed=(0, 1), doc="leaving strikes the other way than entering"
+    )
+
+    @property
+    def _second(self) -> float:
+        """The second strike over the first."""
+        return -self.exit_ratio if self.turned else self.exit_ratio
 
     def delay_turns(self, draft: Draft) -> float:
         """Shaft turns between entering and leaving."""
@@ -219,14 +227,14 @@ class EntryExit(_FaultEffect):
 
     def on_impacts(self, draft: Draft, impacts: Impacts, rng: np.random.Generator) -> None:
         impacts.turns = np.concatenate((impacts.turns, impacts.turns + self.delay_turns(draft)))
-        impacts.amplitudes = np.concatenate((impacts.amplitudes, self.exit_ratio * impacts.amplitudes))
+        impacts.amplitudes = np.concatenate((impacts.amplitudes, self._second * impacts.amplitudes))
         impacts.passes = np.tile(impacts.passes, 2)
         if impacts.delays is not None:
             impacts.delays = np.tile(impacts.delays, 2)
 
     def on_waveform(self, draft: Draft, rng: np.random.Generator) -> None:
         later = at_angles(draft.x, draft.turns, draft.turns - self.delay_turns(draft))
-        draft.x = draft.x + self.exit_ratio * later
+        draft.x = draft.x + self._second * later
 
     def cannot_act_on(self, draft: Draft) -> str | None:
         if draft.excitation == "rollers":

@@ -45,11 +45,11 @@ class SecondResonance(Effect):
     )
 
     def apply(self, draft: Draft, rng: np.random.Generator) -> None:
+        gain = -self.gain if self.opposed else self.gain
         if draft.excitation != "waveform":
-            gain = -self.gain if self.opposed else self.gain
             draft.modes.append(Mode(self.frequency_hz, self.damping_ratio, gain))
             return
-        fs_hz, band = draft.condition.fs_hz, (self.frequency_hz, self.damping_ratio, self.gain)
+        fs_hz, band = draft.condition.fs_hz, (self.frequency_hz, self.damping_ratio, gain)
         draft.filters.append(lambda x: _filtered(x, _raised(_length(x.size), fs_hz, *band)))
 
     def cannot_act_on(self, draft: Draft) -> str | None:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, Final, Literal
@@ -113,6 +113,47 @@ def match_baseline(
                 continue
             values[name] = matcher.amplitude(fault, [s for s in loud if s.fault == fault], values)
     return matcher.spec_with(values)
+
+
+def match_level(
+    made: Callable[[float, Sequence[Condition]], Sequence[Record]], sides: Sequence[Side], frame: Frame, now: float
+) -> float:
+    """The factor on a simulator's waveforms that brings its spectra nearest to records', effects and all.
+
+    A simulator of the user's own has no baseline but its level; with effects added, another level may be right: what a
+    sensor loses had been taken for a weak machine.
+
+    Parameters
+    ----------
+    made : callable
+        Level, conditions -> simulated records; the same chances at all levels.
+    sides : sequence of Side
+        Of the records.
+    frame : Frame
+    now : float
+        Level to begin at.
+
+    Returns
+    -------
+    float
+        With the least mean square log ratio over bands, which count as at most one each: strong tones and strong
+        disturbances in some of them do not decide.
+    """
+    inside = slice(2, int(0.92 * BANDS))
+
+    def tried(level: float) -> tuple[float, float, Array]:
+        rest = []
+        for side in sides:
+            records = made(level, side.conditions[:MOST_SIMULATED])
+            psd = np.mean([_bands(r, frame)[0] for r in records], axis=0)
+            rest.append(np.log(np.maximum(psd, 1e-300) / np.maximum(side.psd, 1e-300))[inside])
+        return float(np.mean(np.minimum(np.square(rest), 1.0))), level, np.concatenate(rest)
+
+    best = tried(now)
+    best = min(best, tried(now * math.exp(-0.5 * float(np.median(best[2])))), key=lambda t: t[0])
+    for step in (0.15, 0.05, 0.02):
+        best = min([best, *(tried(best[1] * math.exp(sign * step)) for sign in (-1, 1))], key=lambda t: t[0])
+    return best[1]
 
 
 def _mode_search(

@@ -6,6 +6,7 @@ held-out part against replicates of the twin, before and after --> places, tests
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -43,6 +44,8 @@ _UNITS: Final = {
     "scale": "unit of the records",
     **{f"impact_amplitude.{fault}": "of scale" for fault in ("inner", "outer", "ball", "cage")},
 }  # fmt: skip
+_OTHER_LEVEL: Final = 0.02
+"""Log ratio of levels from which it is told that effects changed them."""
 AT_FLOOR: Final = 0.9
 """Closure that the interval has to reach for a gap to be called explained."""
 _LIKELY: Final = 0.02
@@ -332,6 +335,12 @@ def _told(found: Explanation) -> Iterator[str]:
         if name in found.cannot:
             yield f"{name} is named from the records alone: {found.cannot[name]}, so it could not be added and checked"
     yield from getattr(found.before.simulator, "notes", ())
+    before, after = (getattr(one.simulator, "gain", 1.0) for one in (found.before, found.after))
+    if abs(math.log(after / before)) > _OTHER_LEVEL:
+        yield (
+            f"simulated samples were multiplied by {before:.4g} as they are and by {after:.4g} with the named effects, "
+            "each the level that comes nearest to the records"
+        )
 
 
 def _provenance(

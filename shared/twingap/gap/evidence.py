@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from twingap.effects import Draft, Effect
 from twingap.gap import comparison
+from twingap.gap.baseline import MOST_SIMULATED, Side, all_parameters, match_level, sides_of
 from twingap.gap.calibrate import Calibrated, recalibrate, thinned
 from twingap.gap.comparison import Measured
 from twingap.gap.distance import Paired
@@ -214,6 +215,8 @@ class Evidence:
         self, simulator: Simulator, effects: Sequence[Effect], baseline: Mapping[str, float] | None = None
     ) -> Simulator:
         """A simulator with other values of the effects that it has, and of its baseline where they are given."""
+        if isinstance(simulator, OwnSimulator):
+            return simulator.with_gain(baseline["gain"]) if baseline else simulator
         if not isinstance(simulator, TwinSimulator):
             return simulator
         values = flat(simulator.spec.parameters) | dict(baseline or {})
@@ -228,13 +231,43 @@ class Evidence:
     def _recalibrated(self, effects: tuple[Effect, ...], steps: int = 4) -> Simulator:
         """What simulates these effects, its baseline matched anew: what the effects explain is no noise of the twin."""
         spec = self.calibrated.spec
-        if not effects or spec is None or spec.model != "phenomenological":
+        if not effects:
             return self._simulator
+        if spec is None or spec.model != "phenomenological":
+            return self._levelled(effects)
         values = {**spec.parameters, **{effect.name: values_of(effect) for effect in effects}}
         more = replace(spec, effects=(*spec.effects, *(effect.name for effect in effects)), parameters=values)
         rng = np.random.default_rng(self.root)
         own = recalibrate(self.calibrated, more, rng, free=self.spec, steps=steps, dampings=self.dampings)
         return simulator_of(own)
+
+    def _levelled(self, effects: tuple[Effect, ...]) -> Simulator:
+        """What simulates these effects and has one level for a baseline, which is matched anew where it is free."""
+        level = level_of(self._simulator, self.spec)
+        if level is None:
+            return self._simulator
+        name, now = level
+
+        def at(value: float) -> Simulator:
+            return self.with_values(self._simulator, (), {name: value})
+
+        found = match_level(
+            lambda value, conditions: list(self.simulated(at(value), effects, conditions, 0)),
+            self._levels_of, self.frame, now,
+        )  # fmt: skip
+        return at(found)
+
+    def bare_psd(self, side: Side) -> Array:
+        """[baseline.BANDS] Power density, 1/Hz, of the simulator as given under some conditions of a side."""
+        made = self.simulated(self._simulator, (), side.conditions[:MOST_SIMULATED], 0)
+        (simulated,) = sides_of(list(made), self.frame)
+        return simulated.psd
+
+    @cached_property
+    def _levels_of(self) -> list[Side]:
+        """Spectra that levels are matched to: of healthy records of the fit part, of all where there are none."""
+        sides = sides_of(list(thinned(self.calibrated.fit, 6)), self.frame)
+        return [side for side in sides if side.fault == "healthy"] or sides
 
     def simulated(
         self, simulator: Simulator, effects: Sequence[Effect], conditions: Sequence[Condition], replicate: int
@@ -247,9 +280,19 @@ class Evidence:
         return measure_views((RecordView(r.samples, r.condition, self.frame) for r in records), grid)
 
 
+def level_of(simulator: Simulator, given: TwinSpec) -> tuple[str, float] | None:
+    """Name and value of the one factor on all that a simulator makes; None where it has none, or where it is fixed."""
+    if isinstance(simulator, OwnSimulator):
+        return ("gain", simulator.gain) if simulator.level_free else None
+    if isinstance(simulator, TwinSimulator) and not given.given("scale"):
+        scale = flat(all_parameters(simulator.spec)).get("scale")
+        return None if scale is None else ("scale", float(scale))
+    return None
+
+
 def values_of(effect: Effect) -> dict[str, float]:
     """Its parameters by name."""
     return {field.name: getattr(effect, field.name) for field in fields(effect)}  # type: ignore[arg-type]
 
 
-__all__ = ["Compared", "Evidence", "Measured", "simulator_of", "values_of"]
+__all__ = ["Compared", "Evidence", "Measured", "level_of", "simulator_of", "values_of"]

@@ -19,6 +19,7 @@ import numpy as np
 from twingap.effects import Effect, make_effect
 from twingap.errors import TwingapError
 from twingap.gap.baseline import all_parameters
+from twingap.gap.evidence import level_of
 from twingap.gap.simulator import Simulator, TwinSimulator
 from twingap.gap.training.parameters import Setting, coordinates, to_effect, to_number
 from twingap.twins.twin_file import flat
@@ -97,6 +98,8 @@ def bring_nearest(
     search.gather_effects([e for e in effects if moved is None or e.name in moved], errors)
     if baseline and isinstance(simulator, TwinSimulator) and simulator.spec.model == "phenomenological":
         search.gather_baseline(simulator)
+    elif baseline:
+        search.gather_level()
     begin = search.least
     if search.at:
         search.far_places()
@@ -149,6 +152,13 @@ class _Search:
                 continue
             self.at["", name] = math.log(float(value))
             self.step["", name] = _BASELINE_STEPS.get(family, _LEVEL_STEP)
+
+    def gather_level(self) -> None:
+        """The level of a simulator that has nothing else to calibrate, where it is free, as a logarithm."""
+        level = level_of(self.simulator, self.evidence.spec)
+        if level is not None:
+            self.at["", level[0]] = math.log(level[1])
+            self.step["", level[0]] = _LEVEL_STEP
 
     def built(self, at: Mapping[Key, float]) -> tuple[Simulator, tuple[Effect, ...]] | None:
         """The twin and its effects at these values; None where some record could not be simulated with them."""

@@ -11,6 +11,7 @@ with and without an effect differ by that effect and by nothing else.
 
 from __future__ import annotations
 
+import copy
 import math
 import zlib
 from collections.abc import Callable, Mapping, Sequence
@@ -18,7 +19,6 @@ from dataclasses import dataclass, replace
 from typing import Any, ClassVar, Final, Literal, Protocol
 
 import numpy as np
-import scipy.signal
 from numpy.typing import NDArray
 
 from twingap.bearing import Bearing
@@ -206,6 +206,8 @@ class OwnSimulator:
     ----------
     gain : float
         Factor on all simulated samples: 1 where units are the same and levels within a tenth.
+    level_free : bool
+        Whether that factor had to be found: then it is found anew once effects are added.
     notes : tuple[str, ...]
         What was matched, and how, for people.
 
@@ -230,13 +232,13 @@ class OwnSimulator:
                 where=f"simulated record set {sim.name!r}",
                 mend="simulate the faults that the real records have, and name them in column fault",
             )
-        self._cache: dict[int, Array] = {}
         self._turn = _turns(real.conditions)
         notes = []
         if missing := sorted(wanted - faults):
             notes.append(f"no simulated record of {', '.join(missing)}: real records of it are left aside")
         self.missing = frozenset(wanted - faults)
         self.gain = self._calibrated(real, notes)
+        self.level_free = self.gain != 1.0
         slow = [c for c in real.conditions if c.fault not in self.missing and c.fault is not None]
         off = [abs(math.log(self.sim.conditions[self._ranked(c)[0]].speed_rpm / c.speed_rpm)) for c in slow]
         if off and max(off) > NEAR_SPEED:
@@ -259,6 +261,12 @@ class OwnSimulator:
                 record = apply_to_waveform(effects, record, self.bearing, self.reference_rms, streams)
             out.append(record)
         return out
+
+    def with_gain(self, gain: float) -> OwnSimulator:
+        """The same records, times another factor."""
+        own = copy.copy(self)
+        own.gain = gain
+        return own
 
     def can_add(self, name: str) -> str | None:
         """See `Simulator.can_add`."""
@@ -305,10 +313,8 @@ class OwnSimulator:
         x = self._at_rate(place, condition.fs_hz)
         speed_rpm, stretch = made.speed_rpm, condition.speed_rpm / made.speed_rpm
         if abs(math.log(stretch)) > NEAR_SPEED:
-            # Twice as many samples first: splines lose what lies near half the sampling rate.
-            x = scipy.signal.resample(x, 2 * x.size)
             angle = np.arange(x.size, dtype=float)
-            x = at_angles(x, angle, np.arange(0.0, x.size - 2, 2 * stretch))
+            x = at_angles(x, angle, np.arange(0.0, x.size - 1, stretch))
             speed_rpm = condition.speed_rpm
         begin = 0
         if again or x.size > condition.n_samples:

@@ -99,11 +99,12 @@ def likeliest_losses(evidence: Evidence, given: SensorRolloff) -> list[Effect]:
     """The low-passes that explain the healthy spectra best, each with the mode and the levels that suit it.
 
     The spectrum of a twin with a low-pass is known in closed form: loss times (structure noise through its mode, and
-    the part of the white noise that the sensor hears), plus white noise behind it. What other effects add is not in it.
+    the part of the white noise that the sensor hears), plus white noise behind it; that of a simulator of the user's
+    own, loss times what it has. What other effects add is not in it.
     """
     spec = evidence.calibrated.spec
     sides = [s for s in sides_of(list(thinned(evidence.calibrated.fit, 6)), evidence.frame) if s.fault == "healthy"]
-    if spec is None or spec.model != "phenomenological" or not sides:
+    if not sides:
         return []
     side = max(sides, key=lambda s: len(s.conditions))
     inside = slice(2, int(0.92 * BANDS))
@@ -112,15 +113,22 @@ def likeliest_losses(evidence: Evidence, given: SensorRolloff) -> list[Effect]:
     if not wanted.max() > 0:
         return []
     wanted = np.maximum(wanted, 1e-9 * wanted.max())  # a band in which a coarse converter shows nothing
-    centres = (float(flat(spec.parameters)["resonance_hz"]), side.peak_hz)
-    modes = np.array([
-        mode_density(centre * math.exp(shift), width, side.fs_hz)[inside] * side.fs_hz
-        for centre in centres for shift in _PLACES for width in _WIDTHS
-    ])  # fmt: skip
+    if spec is not None and spec.model == "phenomenological":
+        centres = (float(flat(spec.parameters)["resonance_hz"]), side.peak_hz)
+        modes = np.array([
+            mode_density(centre * math.exp(shift), width, side.fs_hz)[inside] * side.fs_hz
+            for centre in centres for shift in _PLACES for width in _WIDTHS
+        ])  # fmt: skip
+    else:  # waveforms that are finished, or another model's: whatever is in them passes the sensor
+        modes = None
+        bare = np.maximum(evidence.bare_psd(side)[inside] * side.fs_hz, 1e-300)
     scored: list[tuple[float, int, float, float]] = []
     for order in _ORDERS:
         for corner in _CORNERS:
             loss = 1 / (1 + (f[inside] / corner) ** (2 * order))
+            if modes is None:
+                scored.append((_misfit_at_any_level(bare * loss, wanted), order, float(corner), given.background))
+                continue
             for background in _BACKGROUNDS:
                 white = 2 * (background * loss + 1 - background)
                 scored.append((_misfit(modes * loss, white, wanted), order, float(corner), background))
@@ -147,6 +155,12 @@ def _misfit(modes: Array, white: Array, wanted: Array) -> float:
     return float(np.minimum(np.log(np.maximum(model, 1e-6)) ** 2, 1.0).mean(axis=1).min())
 
 
+def _misfit_at_any_level(model: Array, wanted: Array) -> float:
+    """Mean square log ratio [bands] of `wanted` to the multiple of `model` that most bands suit."""
+    rest = np.log(wanted / model)
+    return float(np.minimum((rest - np.median(rest)) ** 2, 1.0).mean())
+
+
 def _read(name: str, found: Mapping[str, float], bearing: Bearing) -> Iterator[dict[str, float]]:
     """Comparable numbers that single signatures give, see `training.parameters`."""
     if name == "entry_exit":
@@ -154,7 +168,8 @@ def _read(name: str, found: Mapping[str, float], bearing: Bearing) -> Iterator[d
         part = found["events.cycle_rise_part|all.level"]
         if part > 0:
             arcs += [math.log(part * 360 / bearing.n_rollers), math.log(part * 180)]
-        yield from ({"arc_deg": arc, "exit_ratio": 0.0} for arc in arcs if math.isfinite(arc))
+        for arc in (arc for arc in arcs if math.isfinite(arc)):
+            yield from ({"arc_deg": arc, "exit_ratio": 0.0, "turned": turned} for turned in (0.0, 1.0))
     if name == "speed_gain":
         for trend in ("trend|speed_strikes", "trend|speed_alone"):
             if math.isfinite(found[trend]):

@@ -3,11 +3,11 @@
 noise of healthy records, all power of struck ones --fit each model--> how much better than the baseline, which values
 
 The baseline of the phenomenological twin has structure noise and impacts through one mode, and white noise. One more
-mode, a roll-off of the sensor before the white noise, noise of a power law, or noise in a band each change the healthy
-and the faulty spectrum in a way of their own: path effects act on impacts as on structure noise, disturbances add the
-same to both. Strengths enter linearly and are solved for (non-negative least squares); places are searched on grids,
-coarse to fine. Fitted alike to measured and to simulated records, so that what a simulator has besides one mode is no
-difference.
+mode, a roll-off of the sensor before all of the white noise or part of it, noise of a power law, or noise in a band
+each change the healthy and the faulty spectrum in a way of their own: path effects act on impacts as on structure
+noise, disturbances add the same to both. Strengths enter linearly and are solved for (non-negative least squares);
+places are searched on grids, coarse to fine. Fitted alike to measured and to simulated records, so that what a
+simulator has besides one mode is no difference.
 """
 
 from __future__ import annotations
@@ -38,8 +38,8 @@ _LEAST_SIGMA_STRUCK: Final = 0.05
 MODELS: Final = ("mode", "loss", "slope", "band")
 NAMES: Final = (
     "base_cost", *(f"{m}_gain" for m in MODELS), *(f"{m}_lead" for m in MODELS), "best_cost",
-    "base_fs", "base_damping", "mode_fs", "mode_damping", "mode_strength", "loss_corner", "loss_order", "loss_at_mode",
-    "slope_level", "slope_power", "band_level", "band_low", "band_high",
+    "base_fs", "base_damping", "mode_fs", "mode_damping", "mode_strength", "mode_opposed", "loss_corner", "loss_order",
+    "loss_at_mode", "loss_noise", "slope_level", "slope_power", "band_level", "band_low", "band_high",
 )  # fmt: skip
 
 
@@ -67,8 +67,9 @@ def measure(spectra: Sequence[Outline]) -> dict[str, float]:
     if curves is None:
         return out
     base = curves.base()
+    along, against = curves.one_more_mode(base, 1.0), curves.one_more_mode(base, -1.0)
     fits = {
-        "mode": curves.one_more_mode(base), "loss": curves.loss(base), "slope": curves.slope(base),
+        "mode": min(along, against, key=lambda fit: fit.cost), "loss": curves.loss(base), "slope": curves.slope(base),
         "band": curves.band(base),
     }  # fmt: skip
     gains = {name: math.log1p(max(base.cost - fit.cost, 0.0)) for name, fit in fits.items()}
@@ -79,10 +80,13 @@ def measure(spectra: Sequence[Outline]) -> dict[str, float]:
         out[f"{name}_lead"] = gain - max(g for n, g in gains.items() if n != name)
     out["base_fs"], out["base_damping"] = (math.log(v) for v in base.at)
     second, own, gain = fits["mode"].at[2:]
-    out["mode_fs"], out["mode_damping"], out["mode_strength"] = math.log(second), math.log(own), math.log(gain)
+    out["mode_fs"], out["mode_damping"], out["mode_strength"] = math.log(second), math.log(own), math.log(abs(gain))
+    out["mode_opposed"] = math.log((along.cost + curves.count) / (against.cost + curves.count))
     first, _, corner, order = fits["loss"].at
     out["loss_corner"], out["loss_order"] = math.log(corner), order
     out["loss_at_mode"] = math.log1p((first / corner) ** (2 * order))
+    _, _, behind, before = fits["loss"].weights
+    out["loss_noise"] = float(before / max(behind + before, 1e-300))
     power = fits["slope"].at[2]
     out["slope_power"] = power
     out["slope_level"] = curves.level(fits["slope"].weights[3], _power_law(curves.f, power))
@@ -139,18 +143,17 @@ class _Curves:
         fit = self._best(np.stack([f1.ravel(), damping.ravel()], axis=1), _PLAIN)
         return self._finer(fit, (0.03, 0.25), _PLAIN)
 
-    def one_more_mode(self, base: _Fit) -> _Fit:
-        """Another mode in parallel; either may be the one that the baseline took."""
-        f2, own, gain = np.meshgrid(
-            np.geomspace(0.012, 0.485, 44), (0.012, 0.03, 0.08), (0.15, 0.5, 1.5, 5.0), indexing="ij"
-        )  # fmt: skip
+    def one_more_mode(self, base: _Fit, sign: float) -> _Fit:
+        """Another mode in parallel, with the first or against it; either may be the one that the baseline took."""
+        gains = sign * np.array([0.15, 0.5, 1.5, 5.0])
+        f2, own, gain = np.meshgrid(np.geomspace(0.012, 0.485, 44), (0.012, 0.03, 0.08), gains, indexing="ij")
         rows = np.stack([np.full(f2.size, base.at[0]), np.full(f2.size, base.at[1])], axis=1)
         more = np.stack([f2.ravel(), own.ravel(), gain.ravel()], axis=1)
         fit = self._best(np.concatenate((rows, more), axis=1), _TWO)
         return self._finer(fit, (0.02, 0.25, 0.04, 0.4, 0.5), _TWO)
 
     def loss(self, base: _Fit) -> _Fit:
-        """A Butterworth loss after the mode, before the white noise."""
+        """A Butterworth loss after the mode: before the white noise, or before a part of it."""
         f1, damping, corner, order = np.meshgrid(
             base.at[0] * np.array([1.0, 1.07, 1.25]), base.at[1] * np.array([0.6, 1.0]),
             np.geomspace(0.015, 0.6, 22), (1.0, 2.0, 4.0, 6.0), indexing="ij",
@@ -227,7 +230,10 @@ def _add_mode(real, imag, turns, place, damping, gain):  # type: ignore[no-untyp
 
 @njit(cache=True, nogil=True)
 def _costs(model, at, curves, sigma, struck):  # type: ignore[no-untyped-def]  # pragma: no cover
-    """[candidates] Misfit and [candidates, 4] weights of structure noise, impacts, white noise and what is added."""
+    """[candidates] Misfit and [candidates, 4] weights of structure noise, impacts, white noise and what is added.
+
+    What is added to a mode with a loss is white noise that has passed it.
+    """
     count, bands = len(at), curves.shape[1]
     fine = FINE * bands
     costs, weights = np.empty(count), np.zeros((count, 4))
@@ -244,7 +250,7 @@ def _costs(model, at, curves, sigma, struck):  # type: ignore[no-untyped-def]  #
             _add_mode(real, imag, turns, at[c, 2], at[c, 3], at[c, 4])
         mean = 0.0
         for b in range(bands):
-            product = 1.0
+            product, passed = 1.0, 0.0
             for i in range(FINE * b, FINE * (b + 1)):
                 power = real[i] * real[i] + imag[i] * imag[i]
                 if model == _ROLLED:
@@ -253,10 +259,12 @@ def _costs(model, at, curves, sigma, struck):  # type: ignore[no-untyped-def]  #
                     for _ in range(int(at[c, 3]) - 1):
                         loss *= ratio * ratio
                     power /= 1 + loss
+                    passed += 1 / (1 + loss)
                 mean += power
                 product *= power + 1e-30
             # Geometric means within bands, as those of the records are.
             through[b] = np.sqrt(np.sqrt(product))
+            added[b] = passed / FINE
         mean /= fine
         if model == _SLOPED:
             total = 0.0

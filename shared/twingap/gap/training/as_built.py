@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import signal
 
-from twingap.effects import Draft, Effect, Impacts, disturbance, excitation
+from twingap.effects import Draft, Effect, disturbance, excitation
 from twingap.gap.training.machines import Machine
 
 Array = NDArray[np.float64]
@@ -34,29 +34,19 @@ _FACTORS: Final = 64
 
 @dataclass(frozen=True)
 class EntryExit(excitation.EntryExit):
-    """Defects that take as much of a pass on a roller as on a race, which may be left the other way than entered.
+    """Defects that take as much of a pass on a roller as on a race.
 
     Parameters
     ----------
-    turned : bool
-        Leaving strikes the other way than entering: the step back up after the step down.
     pass_part : float
         Length of every defect as a part of one roller's pass; 0 is `arc_deg` for all.
     """
 
-    turned: bool = True
     pass_part: float = 0.0
 
     def delay_turns(self, draft: Draft) -> float:
         """Shaft turns between entering and leaving."""
         return self.pass_part / draft.fault_order if self.pass_part else super().delay_turns(draft)
-
-    def on_impacts(self, draft: Draft, impacts: Impacts, rng: np.random.Generator) -> None:
-        """As catalogued, the second strikes turned round."""
-        first = impacts.amplitudes.size
-        super().on_impacts(draft, impacts, rng)
-        if self.turned:
-            impacts.amplitudes[first:] *= -1
 
 
 @dataclass(frozen=True)
@@ -128,8 +118,8 @@ def as_built(effect: Effect, machine: Machine, rng: np.random.Generator) -> Effe
     values: dict[str, Any] = {f.name: getattr(effect, f.name) for f in dataclasses.fields(effect)}  # type: ignore[arg-type]
     if isinstance(effect, excitation.EntryExit):
         # Of one length in degrees a ball's is short beside a race's: what is alike is rather how long passes take.
-        part = 0.0 if rng.random() < 0.3 else effect.arc_deg * machine.bearing.n_rollers / 360
-        return EntryExit(**values, turned=bool(rng.random() < 0.6), pass_part=part if part < 0.5 else 0.0)
+        part = effect.arc_deg * machine.bearing.n_rollers / 360
+        return EntryExit(**values, pass_part=part if part < 0.5 else 0.0)
     if isinstance(effect, disturbance.ColouredNoise):
         return ColouredNoise(**values) if effect.slope >= 0.6 else effect
     factors = np.exp(_UNEVEN * rng.standard_normal(_FACTORS))

@@ -269,7 +269,8 @@ def _ring(
 def _two_strikes(rng: np.random.Generator, machine: Machine) -> Mapping[str, float]:
     # From what is one strike of another shape to nearly half a pass, on the race where there is one.
     per_pass = 360 / machine.bearing.n_rollers if _faults(machine) - {"ball"} else 180.0
-    return {"arc_deg": min(_log(rng, 0.015, 0.42) * per_pass, 80.0), "exit_ratio": _log(rng, 0.35, 2.5)}
+    arc_deg, turned = min(_log(rng, 0.015, 0.42) * per_pass, 80.0), bool(rng.random() < 0.4)
+    return {"arc_deg": arc_deg, "exit_ratio": _log(rng, 0.35, 4.0), "turned": turned}
 
 
 def _coloured(rng: np.random.Generator, machine: Machine) -> Mapping[str, float]:

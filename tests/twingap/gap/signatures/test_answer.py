@@ -84,13 +84,13 @@ def test_long_defects_and_those_of_rollers_are_combs_too(part):
 
 def test_each_fault_is_a_defect_of_its_own_length():
     """As much of a pass on a ball as on a race is another arc: one arc for both would be no comb."""
-    own = EntryExit(arc_deg=10.0, exit_ratio=0.8, turned=False, pass_part=0.25)
+    own = EntryExit(arc_deg=10.0, exit_ratio=0.8, pass_part=0.25)
     found = compared("6205", [own], faults=("outer", "ball"))
     assert found["comb_gain"] > 0.5
 
 
 def test_a_strike_back_is_a_comb_turned_round():
-    found = compared("6205", [EntryExit(arc_deg=3.0, exit_ratio=0.8)])
+    found = compared("6205", [EntryExit(arc_deg=3.0, exit_ratio=0.8, turned=True)])
     assert found["comb_ratio"] < 0
     assert np.exp(found["comb_arc_log"]) == pytest.approx(3.0, rel=0.05)
 
