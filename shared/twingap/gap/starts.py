@@ -2,6 +2,7 @@
 
 features --read off--> places that a signature names by itself -----------------------+
 healthy spectrum --low-pass x mode, in closed form, all over a grid--> the likeliest --+--each simulated--> least misfit
+spectra --two modes, with or against each other--> the likeliest ----------------------+
 
 A low-pass of the wrong order is made up for by a mode of the wrong damping, and no single step leads out of that: so
 its order, corner and background are sought together with the mode that goes with them.
@@ -21,6 +22,7 @@ from twingap.effects import Effect, SecondResonance, SensorRolloff
 from twingap.gap.baseline import BANDS, mode_density, sides_of
 from twingap.gap.calibrate import thinned
 from twingap.gap.comparison import feature_names
+from twingap.gap.signatures.path import two_modes
 from twingap.gap.training.parameters import Setting, coordinates, to_effect, to_number
 from twingap.twins.twin_file import flat
 
@@ -73,6 +75,8 @@ def better_start(
     finalists = [place for _, _, place in sorted(found)[:_FINALISTS]]
     if isinstance(given, SensorRolloff):
         finalists += likeliest_losses(evidence, given)
+    if isinstance(given, SecondResonance):
+        finalists += likeliest_modes(evidence, given)
     # Levels alone were matched so far; the few that came nearest are given a mode of their own, as the given one was.
     least, best = _BETTER * now, None
     for place in finalists:
@@ -136,6 +140,22 @@ def likeliest_losses(evidence: Evidence, given: SensorRolloff) -> list[Effect]:
         dataclasses.replace(given, order=order, corner_hz=corner * side.fs_hz, background=background)
         for _, order, corner, background in sorted(scored)[:_LIKELIEST]
     ]
+
+
+def likeliest_modes(evidence: Evidence, given: SecondResonance) -> list[SecondResonance]:
+    """The second modes that explain the spectra best, in step with the first and opposed; either may be the twin's."""
+    spec = evidence.calibrated.spec
+    if spec is None or spec.model != "phenomenological":
+        return []
+    fs_hz = min(c.fs_hz for c in evidence.fit.conditions)
+    out = []
+    for pair in two_modes(evidence.fit.outlines):
+        for place, damping, gain in zip(pair.places, pair.dampings, (1 / pair.gain, pair.gain), strict=True):
+            one = dataclasses.replace(
+                given, frequency_hz=place * fs_hz, damping_ratio=damping, gain=abs(gain), opposed=gain < 0
+            )
+            out += [one] if evidence.fits(one) else []
+    return out
 
 
 def _misfit(modes: Array, white: Array, wanted: Array) -> float:

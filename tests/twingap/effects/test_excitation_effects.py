@@ -136,6 +136,17 @@ def test_entry_and_exit_make_a_comb_at_one_over_the_delay(quiet: Any, speed_rpm:
     assert rise.max() > 4 * np.abs(rise[np.abs(first + np.arange(rise.size) - at) > 2]).mean()
 
 
+@pytest.mark.parametrize("turned", [False, True])
+def test_a_second_strike_may_go_the_other_way(quiet: Any, turned: bool) -> None:
+    lab = quiet.where()
+    without, with_it = lab.pair(EntryExit(arc_deg=4.0, exit_ratio=0.7, turned=turned))
+    delay = 4.0 / 360 / lab.bearing.ftf / lab.fr
+    f = np.arange(1, 40) * lab.bearing.bpfo * lab.fr
+    gain = np.array([lab.line(with_it, fi) / lab.line(without, fi) for fi in f])
+    second = -0.7 if turned else 0.7
+    np.testing.assert_allclose(gain, abs(1 + second * np.exp(-2j * np.pi * f * delay)), rtol=0.02)
+
+
 def test_entry_and_exit_strike_no_new_order(lab: Any) -> None:
     with_it = lab.envelope(lab.make([EntryExit()], count=4))
     line = lab.bearing.bpfo * lab.fr

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.signal import butter, freqs, welch
 
-from twingap.effects import SecondResonance, SensorRolloff
+from twingap.effects import Draft, SecondResonance, SensorRolloff
 from twingap.errors import TwingapError
 
 
@@ -100,6 +100,20 @@ def test_an_opposed_mode_cancels_where_one_in_phase_adds(quiet: Any) -> None:
     assert power[0][below].mean() > 4 * power[1][below].mean()
     peak = (f > 4900) & (f < 5100)
     assert power[0][peak].mean() == pytest.approx(power[1][peak].mean(), rel=0.3)
+
+
+def test_a_finished_waveform_rings_with_the_first_mode_or_against_it(lab: Any) -> None:
+    condition = lab.where(n_samples=1 << 15).conditions("healthy", 1)[0]
+    t = np.arange(condition.n_samples) / lab.fs_hz
+    x = np.random.default_rng(0).standard_normal(t.size)
+    heights = []
+    for opposed in (False, True):
+        draft = Draft(condition, lab.bearing, 1.0, t, t * lab.fr, excitation="waveform", x=x)
+        effect = SecondResonance(frequency_hz=2000.0, damping_ratio=0.05, gain=0.6, opposed=opposed)
+        effect.apply(draft, np.random.default_rng(0))
+        power = np.abs(np.fft.rfft(draft.filters[0](x)) / np.fft.rfft(x))
+        heights.append(float(power[round(2000.0 * t.size / lab.fs_hz)]))
+    assert heights == pytest.approx([1.6, 0.4], abs=0.02)
 
 
 def test_resonance_beyond_half_the_rate_is_refused(lab: Any) -> None:

@@ -66,6 +66,20 @@ def test_silence_and_bands_without_any_power_are_no_trouble() -> None:
     assert likeliest_losses(own, make_effect("sensor_rolloff")) == []  # type: ignore[arg-type]
 
 
+@pytest.mark.parametrize("opposed", [False, True])
+def test_a_second_mode_is_found_where_it_is_and_the_way_it_moves(opposed: bool) -> None:
+    values = {"frequency_hz": 3600.0, "damping_ratio": 0.04, "gain": 0.9, "opposed": opposed}
+    truth = make_effect("second_resonance", values)
+    own = evidence_of(machine(truth))
+    guess = make_effect("second_resonance", {"frequency_hz": 900.0, "damping_ratio": 0.1, "gain": 0.3})
+    found = begun(own, guess)
+    assert vars(found)["opposed"] == opposed
+    # Either mode may be the twin's own, which is calibrated anew.
+    assert min(abs(vars(found)["frequency_hz"] / place - 1) for place in (2400.0, 3600.0)) < 0.05
+    misfits = [own.misfit(own.against([e]).simulator, [e]) for e in (truth, found, guess)]
+    assert misfits[1] < 1.25 * misfits[0] < misfits[2]
+
+
 def test_a_good_guess_stays() -> None:
     truth = make_effect("sensor_rolloff", {"order": 2, "corner_hz": 1900.0, "background": 0.97})
     own = evidence_of(machine(truth))

@@ -14,15 +14,17 @@ RATES = {"6205": 12000.0, "UER204": 25600.0, "ZA-2115": 20000.0}
 
 
 def measured(name, effects=(), faults=("healthy",) * 6, seed=0):
+    return path.measure(outlines(name, effects, faults, seed))
+
+
+def outlines(name, effects=(), faults=("healthy",) * 6, seed=0):
     fs_hz, bearing = RATES[name], BEARINGS[name]
     parameters = PhenomenologicalParameters(resonance_hz=0.2 * fs_hz, damping_ratio=0.05)
     twin = PhenomenologicalTwin(bearing, parameters, effects)
     conditions = [Condition(f"r{i}", 1500.0, fs_hz, 12000, fault) for i, fault in enumerate(faults)]
     frame = Frame(bearing, (0.15 * fs_hz, 0.25 * fs_hz), 1.0)
     records = twin.simulate(conditions, np.random.default_rng(seed))
-    return path.measure(
-        [path.Outline(r.condition, frame, fs_hz, RecordView(r.samples, r.condition, frame).smooth) for r in records]
-    )
+    return [path.Outline(r.condition, frame, fs_hz, RecordView(r.samples, r.condition, frame).smooth) for r in records]
 
 
 @pytest.mark.parametrize("name", RATES)
@@ -47,6 +49,39 @@ def test_another_mode_is_found_where_it_is(name, ratio):
 
 
 @pytest.mark.parametrize("name", RATES)
+@pytest.mark.parametrize("opposed", [False, True])
+def test_whether_a_mode_moves_against_the_first_is_seen(name, opposed):
+    values = {"frequency_hz": 0.3 * RATES[name], "damping_ratio": 0.05, "gain": 0.4, "opposed": opposed}
+    found = measured(name, [make_effect("second_resonance", values)])
+    assert found["mode_lead"] > 0
+    assert np.exp(found["mode_fs"]) == pytest.approx(0.3, rel=0.05)
+    assert (found["mode_opposed"] > 0) == opposed
+
+
+@pytest.mark.parametrize("gain", [0.4, 1.5])
+@pytest.mark.parametrize("opposed", [False, True])
+def test_two_modes_are_found_where_one_fitted_to_both_lies_between(opposed, gain):
+    values = {"frequency_hz": 0.3 * RATES["6205"], "damping_ratio": 0.05, "gain": gain, "opposed": opposed}
+    best, other = path.two_modes(outlines("6205", [make_effect("second_resonance", values)]))
+    (first, second), strength = best.places, abs(best.gain)
+    if first > second:
+        first, second, strength = second, first, 1 / strength
+    assert (first, second) == pytest.approx((0.2, 0.3), rel=0.02)
+    assert best.dampings == pytest.approx((0.05, 0.05), rel=0.2)
+    assert strength == pytest.approx(gain, rel=0.15)
+    assert (best.gain < 0) == opposed == (other.gain > 0)
+
+
+@pytest.mark.parametrize("name", RATES)
+def test_a_loss_that_most_noise_passes_is_told_from_one_before_it(name):
+    shares = []
+    for background in (0.0, 0.95):
+        values = {"corner_hz": 0.12 * RATES[name], "order": 2, "background": background}
+        shares.append(measured(name, [make_effect("sensor_rolloff", values)])["loss_noise"])
+    assert shares[0] < 0.3 < 0.6 < shares[1]
+
+
+@pytest.mark.parametrize("name", RATES)
 def test_a_sensor_that_rolls_off_is_no_noise(name):
     fs_hz = RATES[name]
     found = measured(name, [make_effect("sensor_rolloff", {"corner_hz": 0.16 * fs_hz, "order": 4})])
@@ -65,3 +100,4 @@ def test_coloured_noise_is_no_path(name):
 
 def test_no_record_says_nothing():
     assert all(np.isnan(value) for value in path.measure([]).values())
+    assert path.two_modes([]) == []
