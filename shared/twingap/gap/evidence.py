@@ -242,9 +242,12 @@ class Evidence:
         return simulator_of(own)
 
     def _levelled(self, effects: tuple[Effect, ...]) -> Simulator:
-        """What simulates these effects and has one level for a baseline, which is matched anew where it is free."""
+        """What simulates these effects and has one level for a baseline, which is matched anew where it is free.
+
+        Not so that of the contact twin, which takes too long for every chain: it moves with the values in the end.
+        """
         level = level_of(self._simulator, self.spec)
-        if level is None:
+        if level is None or (self._simulator.name == "contact" and isinstance(self._simulator, TwinSimulator)):
             return self._simulator
         name, now = level
 
