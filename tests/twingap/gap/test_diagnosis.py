@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,7 +13,7 @@ from twingap.effects import make_effect
 from twingap.errors import TwingapError
 from twingap.gap import diagnose
 from twingap.gap.contract import problems
-from twingap.gap.diagnosis import _status
+from twingap.gap.diagnosis import _status, _told
 from twingap.records import Condition, RecordSet
 from twingap.twins.phenomenological import PhenomenologicalParameters, PhenomenologicalTwin
 from twingap.twins.twin_file import TwinSpec
@@ -106,6 +107,16 @@ def test_own_simulated_records_of_the_same_machine_show_no_gap_worth_a_name(lear
     report = run(machine(seed=8), learnt, sim=machine(seed=9)).report
     assert problems(report.to_json()) == []
     assert len(report.verdict.effects) <= 1
+
+
+def test_another_level_with_the_named_effects_is_told():
+    def found(before, after):
+        pair = [SimpleNamespace(simulator=SimpleNamespace(gain=gain, notes=())) for gain in (before, after)]
+        return SimpleNamespace(names=(), cannot={}, before=pair[0], after=pair[1])
+
+    assert list(_told(found(3.0, 3.02))) == []
+    (told,) = _told(found(3.0, 4.5))
+    assert "by 3 as they are and by 4.5 with the named effects" in told
 
 
 def test_one_record_is_refused(learnt):
