@@ -53,7 +53,7 @@ def summary(every: pd.DataFrame) -> pd.DataFrame:
     for model, own in every.groupby("model", sort=False):
         before = own[own["added"] == ""].pivot(index="bearing", columns="seed", values="rmse_min")
         after = own[own["added"] != ""].pivot(index="bearing", columns="seed", values="rmse_min")
-        after = after.reindex(before.index).fillna(before)
+        after = after.reindex(index=before.index, columns=before.columns).fillna(before)
         ratios = (after.mean() / before.mean()).to_numpy()
         low, high = t_interval(list(ratios), 0.9)
         out.append({

@@ -91,6 +91,8 @@ def test_runs_without_a_named_effect_count_as_unchanged() -> None:
     short = summary(pd.DataFrame(rows)).iloc[0]
     assert short["before_min"] == 6 and short["after_min"] == 3 and short["ratio"] == 0.5
     assert short["runs_better"] == 1 and short["runs"] == 2
+    none = summary(pd.DataFrame([row for row in rows if not row["added"]])).iloc[0]
+    assert none["ratio"] == none["low_90"] == none["high_90"] == 1 and none["runs_better"] == 0
 
 
 def test_every_stage_speed_run_and_condition_is_asked_once() -> None:
