@@ -27,7 +27,7 @@ def at_angles(x: Array, turns: Array, wanted: Array) -> Array:
     turns : Array [samples]
         Shaft angle at each sample, increasing.
     wanted : Array [any]
-        Angles to read at, turns. The waveform is mirrored beyond its ends.
+        Angles to read at, turns. Beyond its ends the waveform keeps the value that it has there.
 
     Returns
     -------

@@ -338,8 +338,8 @@ def _told(found: Explanation) -> Iterator[str]:
     before, after = (getattr(one.simulator, "gain", 1.0) for one in (found.before, found.after))
     if abs(math.log(after / before)) > _OTHER_LEVEL:
         yield (
-            f"simulated samples were multiplied by {before:.4g} as they are and by {after:.4g} with the named effects, "
-            "each the level that comes nearest to the records"
+            f"brought nearest to the records, simulated samples are multiplied by {before:.4g} as they are and by "
+            f"{after:.4g} with the named effects"
         )
 
 

@@ -10,7 +10,7 @@ import pytest
 from tests.twingap.gap.test_nearest import OWN, machine
 from twingap.bearing import BEARINGS
 from twingap.effects import make_effect
-from twingap.gap.baseline import Side, match_level, sides_of
+from twingap.gap.baseline import match_level, sides_of
 from twingap.gap.calibrate import calibrate
 from twingap.gap.evidence import THOROUGH, Evidence, level_of, simulator_of
 from twingap.gap.nearest import bring_nearest
@@ -104,4 +104,3 @@ def test_strong_tones_and_bands_that_an_effect_fills_do_not_decide() -> None:
 
     assert match_level(made, [side], frame, 20.0) == pytest.approx(3.0, rel=0.03)
     assert match_level(made, [replace(side, psd=0 * side.psd)], frame, 1.0) > 0  # silence: any level is as wrong
-    assert isinstance(side, Side)

@@ -120,7 +120,7 @@ class TwoModes(NamedTuple):
 def two_modes(spectra: Sequence[Outline]) -> list[TwoModes]:
     """The best pair that moves with each other and the best that moves against, the better one first; [] without any.
 
-    More thorough than what `measure` does, and three times as slow.
+    More thorough than what `measure` does, and slower.
     """
     curves = _Curves.of(spectra)
     if curves is None:
