@@ -2,9 +2,9 @@
 
 snapshots --features (kept)--> amplitude [rows] --leave one bearing out--> predictions of five methods --> tables
 
-What other runs say of life comes from the five other bearings, as does the weight that this is given; the forest is
-trained on them. Life ends at ten times the healthy amplitude for all, the default: the owner ends a run when vibration
-passes 20 g, but these ended at 5 to 49 g.
+What other runs say of life comes from the five other bearings, as do the weight that this is given and how wide
+intervals have to be; the forest is trained on them. Life ends at ten times the healthy amplitude for all, the default:
+the owner ends a run when vibration passes 20 g, but these ended at 5 to 49 g.
 
 **These are development numbers, not blind ones.** About seven variants of the method were scored on these six runs
 while it was made, and three things were written after a look at them, which hold for all users: an amplitude that falls
@@ -35,7 +35,7 @@ from papers.studies import Count, Progress, command, keep_figures, keep_tables, 
 from twingap.data import load
 from twingap.data.root import data_root
 from twingap.errors import TwingapError
-from twingap.prognosis import metrics, rivals
+from twingap.prognosis import metrics, past_errors, rivals
 from twingap.prognosis.follow import Outcome, prior_from
 from twingap.prognosis.online import OnlineLife
 from twingap.prognosis.prior import Prior
@@ -117,11 +117,16 @@ def followed(run: Measured, life: OnlineLife) -> OnlineLife:
     return life
 
 
-def outcome(name: str, run: Measured) -> Outcome:
-    """What a run that ended says of others."""
+def outcome(name: str, run: Measured, alone: dict[str, Any] | None = None) -> Outcome:
+    """What a run that ended says of others; of intervals, where its own predictions by growth alone are given."""
     life = followed(run, OnlineLife())
     after = None if life.onset_row is None else life.revolutions - life.revolutions_at_onset
-    return Outcome(name, life.revolutions, after, float(np.exp(life.level)))
+    told: tuple[float, ...] = ()
+    if alone is not None and alone["alarm"] is not None:
+        rows, unit = slice(alone["alarm"], run.time_s.size - 1), float(np.median(np.diff(run.time_s))) / 2
+        predicted, low, high = (np.asarray(alone[k], float)[rows] for k in ("predicted", "low", "high"))
+        told = tuple(past_errors.errors(predicted, low, high, run.remaining_s[rows], unit).tolist())
+    return Outcome(name, life.revolutions, after, float(np.exp(life.level)), told)
 
 
 def predict(job: Prediction, *, runs: dict[str, Measured]) -> dict[str, Any]:
@@ -193,28 +198,29 @@ def _inputs(run: Measured) -> Array:
 
 
 def pooled(bearing: str, runs: dict[str, Measured], alone: dict[str, dict[str, Any]]) -> dict[str, Any]:
-    """Growth alone pooled with what other runs say, at the weight that the other bearings choose among themselves.
+    """Growth alone pooled with what other runs say: at the weight that the other bearings choose among themselves, with
+    intervals as wide as those of the others should have been.
 
     Parameters
     ----------
     bearing : str
-        Left out: neither its life nor its predictions enter the weight.
+        Left out: neither its life nor its predictions enter weight or width.
     runs : dict
     alone : dict
         `predict` of each bearing by growth alone.
     """
-    ended = {name: outcome(name, run) for name, run in runs.items() if name != bearing}
+    ended = {name: outcome(name, run, alone[name]) for name, run in runs.items() if name != bearing}
 
     def at(name: str, weight: float) -> dict[str, Any]:
         """A run's pooled prediction, from lives of neither it nor the bearing left out."""
         prior = prior_from([o for other, o in ended.items() if other != name])
-        return _pool(runs[name], alone[name], dataclasses.replace(prior, growth_weight=weight))
+        found = _pool(runs[name], alone[name], dataclasses.replace(prior, growth_weight=weight))
+        return found | {"growth_weight": weight, "widening": prior.widening}
 
     def error(weight: float) -> float:
         return float(np.mean([_log_error(runs[name], at(name, weight)) for name in ended]))
 
-    best = min(WEIGHTS, key=error)
-    return at(bearing, best) | {"growth_weight": best}
+    return at(bearing, min(WEIGHTS, key=error))
 
 
 def _pool(run: Measured, found: dict[str, Any], prior: Prior) -> dict[str, Any]:
@@ -267,6 +273,7 @@ def table(runs: dict[str, Measured], results: Sequence[tuple[Prediction, dict[st
     rows = [
         {"bearing": job.bearing, "method": job.method, "seed": job.seed, "alarm_row": value["alarm"],
          "passed": value["passed"], "growth_weight": value.get("growth_weight", np.nan),
+         "widening": value.get("widening", np.nan),
          **judge(runs[job.bearing], value)}
         for job, value in results
     ]  # fmt: skip

@@ -65,7 +65,9 @@ def test_the_bearing_left_out_enters_nothing_that_is_tuned(root: Path) -> None:
     short = alone | {"Bearing1_1": femto.predict(femto.Prediction("Bearing1_1", femto.ALONE, 0), runs=other)}
     whole, part = femto.pooled("Bearing1_1", runs, alone), femto.pooled("Bearing1_1", other, short)
     assert whole["growth_weight"] == part["growth_weight"]
-    np.testing.assert_allclose(whole["predicted"][:kept], part["predicted"], rtol=1e-12)
+    assert whole["widening"] == part["widening"] != 1.0
+    for what in ("predicted", "low", "high"):
+        np.testing.assert_allclose(whole[what][:kept], part[what], rtol=1e-12)
 
 
 def test_too_few_runs_are_refused(root: Path, tmp_path: Path) -> None:

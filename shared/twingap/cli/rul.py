@@ -53,7 +53,7 @@ def rul(
             metavar="RUN",
             help="A run of such a bearing to its end (a record set), or a table of runs with the columns record, "
             "life_revolutions, after_anomaly_revolutions, end_ratio. May be given several times. With it there are "
-            "estimates before the anomaly.",
+            "estimates before the anomaly, and intervals are as wide as runs given as record sets would have needed.",
         ),
     ] = None,
     group: Annotated[
@@ -100,6 +100,8 @@ def rul(
     notes = [*found.notes, _meaning(options, run.unit)]
     if (usual := usual_end(before)) is not None:
         notes.append(f"the runs given by --prior ended at {usual:.3g} times their healthy peak to peak (median)")
+    if learnt is not None and learnt.widening != 1:
+        notes.append(f"intervals are {learnt.widening:.2g} times as wide, in logarithms, as they are without --prior")
     if len({row.speed_rpm for row in run.rows if row.speed_rpm > 0}) > 1:
         notes.append("speed varies: remaining time is at each row's own speed, so it moves with it; revolutions do not")
     if as_json:

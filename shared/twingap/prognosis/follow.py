@@ -15,6 +15,7 @@ import numpy as np
 
 from twingap.errors import TwingapError
 from twingap.prognosis.online import Estimate, LifeOptions, OnlineLife
+from twingap.prognosis.past_errors import errors, widening
 from twingap.prognosis.prior import LogNormal, Prior
 from twingap.prognosis.run_records import Run, RunRow
 from twingap.records.table import read_table
@@ -41,12 +42,15 @@ class Outcome:
         From the onset of the anomaly; None when none was found.
     end_ratio : float or None
         Amplitude at the end over the healthy one.
+    errors : tuple of float
+        Of its own estimates after the alarm, over the half width of their intervals; see `past_errors`.
     """
 
     name: str
     life: float
     after_onset: float | None
     end_ratio: float | None
+    errors: tuple[float, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -96,6 +100,7 @@ def follow(
     """
     life = OnlineLife(options, prior)
     estimates: list[Estimate] = []
+    lived: list[float] = []
     skipped: list[str] = []
     kurtosis: list[float] = []
     for row in report(run.rows):
@@ -110,6 +115,7 @@ def follow(
         if len(kurtosis) < life.options.healthy_rows and np.isfinite(shape):
             kurtosis.append(shape)
         estimates.append(life.update(row.time_s, row.speed_rpm, height))
+        lived.append(life.revolutions)
     notes = [*run.notes, *_shortened(life.notes)]
     if skipped:
         more = f", and {len(skipped) - 1} more" if len(skipped) > 1 else ""
@@ -127,6 +133,7 @@ def follow(
         run.name, life.revolutions,
         None if life.onset_row is None else max(life.revolutions - life.revolutions_at_onset, 0.0),
         None if not np.isfinite(life.level) else float(np.exp(life.level)),
+        errors_of(estimates, lived),
     )  # fmt: skip
     names = [None if place is None else run.rows[place].name for place in (life.alarm_row, life.onset_row)]
     return Followed(run, tuple(estimates), tuple(notes), outcome, names[0], names[1])
@@ -143,7 +150,8 @@ def prior_from(outcomes: Sequence[Outcome]) -> Prior:
     Returns
     -------
     Prior
-        Log-normal laws, with the spread of one more draw: sqrt(1 + 1/n) of their standard deviation.
+        Log-normal laws, with the spread of one more draw: sqrt(1 + 1/n) of their standard deviation; and how much
+        wider intervals should have been.
     """
     if not outcomes:
         raise TwingapError("no run has ended", where="prior", mend="give at least one run to failure")
@@ -155,7 +163,25 @@ def prior_from(outcomes: Sequence[Outcome]) -> Prior:
     return Prior(
         life,
         _log_normal(after) if after else None,
+        widening=widening([o.errors for o in outcomes]),
     )
+
+
+def errors_of(estimates: Sequence[Estimate], lived: Sequence[float]) -> tuple[float, ...]:
+    """`past_errors.errors` of a run that has ended, from the rows of its anomaly, but for the last one.
+
+    Parameters
+    ----------
+    estimates : sequence of Estimate [rows]
+    lived : sequence of float [rows]
+        Revolutions since the first row.
+    """
+    told = [(e, at) for e, at in zip(estimates[:-1], lived[:-1], strict=True) if e.anomaly]
+    if not told:
+        return ()
+    low, middle, high = np.array([(e.revolutions_lo, e.revolutions, e.revolutions_hi) for e, _ in told]).T
+    left = lived[-1] - np.array([at for _, at in told])
+    return tuple(errors(middle, low, high, left, lived[-1] / (len(lived) - 1) / 2).tolist())
 
 
 def usual_end(outcomes: Sequence[Outcome]) -> float | None:

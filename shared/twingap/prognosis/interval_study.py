@@ -1,9 +1,11 @@
 """Makes the table of `calibration` from simulated runs, and checks coverage on others.
 
 law, seed --> simulated run --OnlineLife--> Checked, ... --learn--> table;  Checked, table --> coverage
+                                                             --errors of other runs of the law--> wider --> coverage
 
 Run as ``python -m twingap.prognosis.interval_study`` it prints the module `calibration_table`; with ``--check``, the
-coverage on runs of other seeds, law by law, among them laws that the table was not made from.
+coverage on runs of other seeds, law by law, among them laws that the table was not made from, without other runs and
+with five of the same law whose end is known.
 """
 
 from __future__ import annotations
@@ -18,6 +20,7 @@ from numpy.typing import NDArray
 
 from twingap.prognosis.calibration import TERMS, Posterior, calibrated
 from twingap.prognosis.online import LifeOptions, OnlineLife
+from twingap.prognosis.past_errors import errors, widened, widening
 from twingap.prognosis.simulated_runs import CALIBRATION_LAWS, LAWS, SimulatedRun, simulate_run
 
 Array = NDArray[np.float64]
@@ -96,6 +99,33 @@ def covered(checked: Sequence[Checked], table: Array | None = None) -> tuple[flo
     return float(weight @ ~(below | above)), float(weight @ below), float(weight @ above), runs
 
 
+def informed(checked: Sequence[Checked], past: int = 5) -> tuple[float, float]:
+    """Coverage with so many other runs whose end is known, and the median factor that they ask for.
+
+    Parameters
+    ----------
+    checked : sequence of Checked
+        Of one law; each run is judged with the `past` runs after it, in a circle.
+    past : int
+    """
+    runs: dict[str, list[Checked]] = {}
+    for c in checked:
+        runs.setdefault(c.run, []).append(c)
+    told = [_errors(own) for own in runs.values()]
+    shares, factors = [], []
+    for place, own in enumerate(runs.values()):
+        factor = widening([told[(place + k) % len(told)] for k in range(1, past + 1)])
+        ends = [widened(calibrated(c.posterior), factor, c.posterior.per_row / 2) for c in own]
+        shares.append(np.mean([low <= c.true <= high for c, (low, _, high) in zip(own, ends, strict=True)]))
+        factors.append(factor)
+    return float(np.mean(shares)), float(np.median(factors))
+
+
+def _errors(run: Sequence[Checked]) -> Array:
+    low, middle, high = np.array([calibrated(c.posterior) for c in run]).T
+    return errors(middle, low, high, np.array([c.true for c in run]), run[0].posterior.per_row / 2)
+
+
 def _weights(checked: Sequence[Checked]) -> Array:
     _, inverse, counts = np.unique([c.run for c in checked], return_inverse=True, return_counts=True)
     return np.asarray(1 / counts[inverse])
@@ -105,9 +135,14 @@ def main() -> None:
     """Print the module of the table, or with --check the coverage of the one in force."""
     if "--check" in sys.argv:
         for law in LAWS:
-            share, below, above, runs = covered(study((law,), range(30_000, 30_060)))
+            checked = study((law,), range(30_000, 30_060))
+            share, below, above, runs = covered(checked)
+            with_past, factor = informed(checked)
             kind = "calibrated on" if law in CALIBRATION_LAWS else "not used"
-            print(f"{law:12s} {kind:13s} {runs} runs: covered {share:.3f}, below {below:.3f}, above {above:.3f}")
+            print(
+                f"{law:12s} {kind:13s} {runs} runs: covered {share:.3f}, below {below:.3f}, above {above:.3f}; "
+                f"with five of its kind {with_past:.3f}, intervals {factor:.2f} times as wide"
+            )
         return
     print('"""Coefficients of `calibration`, made by `interval_study`: 5 %, 50 % and 95 % of log life."""\n')
     print("from typing import Final\n\n# fmt: off\nTABLE: Final = (")

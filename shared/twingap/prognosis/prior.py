@@ -1,7 +1,7 @@
 """What other runs of such bearings say, pooled with what growth says of this one.
 
 lives of runs that ended --> log-normal laws --outlived so far--> median, interval --+
-growth of this run, calibrated -------------------------------> median, interval ----+--> weighted in logarithms
+growth of this run, calibrated --widened as past runs needed--> median, interval ----+--> weighted in logarithms
 
 Growth alone has no scale: an amplitude that stands still may do so for ever, and does in half of the public runs, until
 the bearing fails within minutes. A logarithmic opinion pool (Genest and Zidek 1986, DOI 10.1214/ss/1177013825) keeps
@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import ndtr, ndtri
 
-Interval = tuple[float, float, float]
+from twingap.prognosis.past_errors import Interval, widened
 
 
 @dataclass(frozen=True)
@@ -47,11 +47,14 @@ class Prior:
     growth_weight : float
         Weight of growth in the pool, 0 to 1. Leaving out each FEMTO bearing in turn, the others choose 0.75
         or 1.
+    widening : float
+        Of growth's intervals, in logarithms; see `past_errors`.
     """
 
     life: LogNormal
     after_onset: LogNormal | None = None
     growth_weight: float = 0.75
+    widening: float = 1.0
 
     def before(self, lived: float) -> Interval:
         """5 %, 50 % and 95 % of remaining revolutions before any anomaly."""
@@ -73,6 +76,7 @@ class Prior:
         if self.after_onset is not None and self.after_onset.std < self.life.std:
             law, since = self.after_onset, since_onset
         usual, unit, w = law.outlived(since), per_row / 2, self.growth_weight
-        pooled = [np.exp(w * np.log(a + unit) + (1 - w) * np.log(b + unit)) for a, b in zip(growth, usual, strict=True)]
+        own = widened(growth, self.widening, unit)
+        pooled = [np.exp(w * np.log(a + unit) + (1 - w) * np.log(b + unit)) for a, b in zip(own, usual, strict=True)]
         low, middle, high = (max(float(v) - unit, 0.0) for v in pooled)
         return low, middle, high

@@ -1,0 +1,95 @@
+"""How far intervals were off on runs that have ended, and what that says of the next run's.
+
+a run's estimates, its end --errors--> error over half width [rows];  those of several runs --widening--> a factor
+a factor --widened--> the next run's intervals
+
+Intervals are calibrated on simulated runs; real ones may grow by other laws. Runs that have ended show by how much, as
+in conformal prediction (Lei et al. 2018, DOI 10.1080/01621459.2017.1307116), but with whole runs for exchangeable
+units: rows of one run err together. With few runs this promises less than that method does for many, so simulated
+runs keep the weight of one run among them.
+
+Leaving out each FEMTO bearing in turn, the others' factors, 1.4 to 2.1, raise what 90 % intervals hold after the alarm
+from 0.77 to 0.88 of rows, mean of six bearings. On simulated runs five others of the same law bring coverage from 0.81
+to 0.96, by law, to 0.86 to 0.90 (`interval_study --check`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import ndtri
+
+Array = NDArray[np.float64]
+Interval = tuple[float, float, float]
+
+ROWS: Final = 64
+"""Of a run that speak for it."""
+_LEVEL: Final = 0.9
+_BOUNDS: Final = (0.5, 5.0)
+"""Of factors: no few runs say more."""
+_CALIBRATED: Final = np.asarray(ndtri(0.5 + 0.5 * (np.arange(ROWS) + 0.5) / ROWS) / ndtri(0.5 + _LEVEL / 2))
+"""What errors are like where intervals hold what they say: half-normal in logarithms."""
+
+
+def errors(predicted: Array, low: Array, high: Array, true: Array, unit: float) -> Array:
+    """Errors in logarithms over the half width of the interval on their side; at most 1 inside it.
+
+    Parameters
+    ----------
+    predicted, low, high : Array [rows]
+        Median and interval of what remains.
+    true : Array [rows]
+        What remained.
+    unit : float
+        Added to all of them before their logarithm: half of what passes from row to row.
+
+    Returns
+    -------
+    Array [at most `ROWS`]
+        Of evenly spaced rows, infinite where an interval without width misses.
+    """
+    rows = np.flatnonzero(np.isfinite(predicted) & np.isfinite(true))
+    if not rows.size:
+        return np.empty(0)
+    chosen = rows[np.unique(np.linspace(0, rows.size - 1, ROWS).round().astype(int))]
+    below, middle, above, end = (np.log(np.maximum(v[chosen], 0.0) + unit) for v in (low, predicted, high, true))
+    error = end - middle
+    width = np.where(error > 0, above - middle, middle - below)
+    return np.asarray(np.where(error == 0, 0.0, np.abs(error) / np.maximum(width, 1e-300)))
+
+
+def widening(runs: Sequence[Sequence[float] | Array]) -> float:
+    """The factor by which intervals of runs that ended should have been wider in logarithms.
+
+    Parameters
+    ----------
+    runs : sequence of sequence of float
+        Each run's `errors`; each weighs the same, and as much as all simulated runs do. Empty ones say nothing.
+
+    Returns
+    -------
+    float
+        0.5 to 5; 1 without any run.
+    """
+    told = [np.asarray(own, float) for own in runs if len(own)]
+    if not told:
+        return 1.0
+    told.append(_CALIBRATED)
+    size = np.concatenate(told)
+    weight = np.concatenate([np.full(own.size, 1 / own.size / len(told)) for own in told])
+    order = np.argsort(size, kind="stable")
+    place = int(np.searchsorted(np.cumsum(weight[order]), _LEVEL))
+    return float(np.clip(size[order][min(place, size.size - 1)], *_BOUNDS))
+
+
+def widened(interval: Interval, factor: float, unit: float) -> Interval:
+    """An interval (low, median, high) whose ends lie `factor` times as far from its median in logarithms."""
+    low, middle, high = (np.log(v + unit) for v in interval)
+    return (
+        max(float(np.exp(middle - factor * (middle - low))) - unit, 0.0),
+        interval[1],
+        max(float(np.exp(middle + factor * (high - middle))) - unit, interval[1]),
+    )
