@@ -23,7 +23,8 @@ from numpy.typing import NDArray
 from twingap.bearing import FAULTS, Bearing
 from twingap.errors import TwingapError
 from twingap.gap.baseline import all_parameters, match_baseline
-from twingap.gap.speed import Speeds, comb_heights, estimate_speeds
+from twingap.gap.speed import Speeds, estimate_speeds
+from twingap.gap.speed_reading import comb_heights
 from twingap.gap.view import Frame
 from twingap.identify.phenomenological import quick_identify
 from twingap.records import Condition, RecordSet

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from twingap.gap.calibrate import CLEAR_COMB, calibrate
 from twingap.gap.signatures import NAMES, measure
-from twingap.gap.speed import comb_heights
+from twingap.gap.speed_reading import comb_heights
 from twingap.gap.view import RecordView
 from twingap.records import RecordSet
 from twingap.twins.twin_file import TwinSpec

@@ -11,7 +11,8 @@ import pytest
 
 from twingap.bearing import BEARINGS
 from twingap.errors import TwingapError
-from twingap.gap.speed import NOT_VISIBLE, SHAFT_LINES, SIDEBANDS, estimate_speeds, read_speed
+from twingap.gap.speed import estimate_speeds
+from twingap.gap.speed_reading import NOT_VISIBLE, SHAFT_LINES, SIDEBANDS, read_speed
 from twingap.records import Condition, RecordSet
 from twingap.twins.twin_file import TwinSpec, build_twin
 

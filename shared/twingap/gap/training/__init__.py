@@ -91,13 +91,25 @@ def behind_examples() -> tuple[ModuleType, ...]:
     import twingap.gap.signatures
     import twingap.identify
     import twingap.twins
-    from twingap.gap import baseline, calibrate, comparison, distance, evidence, simulator, speed, trends, view, views
+    from twingap.gap import (
+        baseline,
+        calibrate,
+        comparison,
+        distance,
+        evidence,
+        simulator,
+        speed,
+        speed_reading,
+        trends,
+        view,
+        views,
+    )  # fmt: skip
     from twingap.gap.training import as_built, examples, gaps, machines, parameters, strangers
 
     return (
         twingap.effects, twingap.twins, twingap.identify, twingap.gap.signatures, baseline, calibrate, comparison,
-        distance, evidence, simulator, speed, trends, view, views, as_built, examples, gaps, machines, parameters,
-        strangers,
+        distance, evidence, simulator, speed, speed_reading, trends, view, views, as_built, examples, gaps, machines,
+        parameters, strangers,
     )  # fmt: skip
 
 
