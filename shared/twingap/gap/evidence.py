@@ -20,7 +20,8 @@ from twingap.gap.baseline import MOST_SIMULATED, Side, all_parameters, match_lev
 from twingap.gap.calibrate import Calibrated, recalibrate, thinned
 from twingap.gap.comparison import Measured
 from twingap.gap.distance import Paired
-from twingap.gap.simulator import OwnSimulator, Simulator, TwinSimulator
+from twingap.gap.own_simulator import OwnSimulator
+from twingap.gap.simulator import Simulator, TwinSimulator
 from twingap.gap.training.parameters import Setting
 from twingap.gap.trends import Levels
 from twingap.gap.view import RecordView

@@ -1,6 +1,7 @@
 """Twins: simulators of a machine, each a chain of effects around a model of excitation and path."""
 
 from twingap.twins.base import Twin
+from twingap.twins.callable_twin import register_callable
 from twingap.twins.contact import ContactTwin
 from twingap.twins.contact_parameters import ContactParameters
 from twingap.twins.phenomenological import PhenomenologicalParameters, PhenomenologicalTwin
@@ -27,6 +28,7 @@ __all__ = [
     "TwinSpec",
     "build_twin",
     "read_twin",
+    "register_callable",
     "register_model",
     "write_twin",
 ]

@@ -14,10 +14,11 @@ from twingap.gap.baseline import match_level, sides_of
 from twingap.gap.calibrate import calibrate
 from twingap.gap.evidence import THOROUGH, Evidence, level_of, simulator_of
 from twingap.gap.nearest import bring_nearest
-from twingap.gap.simulator import OwnSimulator, register_callable
+from twingap.gap.own_simulator import OwnSimulator
 from twingap.gap.starts import likeliest_losses
 from twingap.gap.view import Frame
 from twingap.records import Condition, Record, RecordSet
+from twingap.twins.callable_twin import register_callable
 from twingap.twins.phenomenological import PhenomenologicalTwin
 from twingap.twins.twin_file import TwinSpec
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 from dataclasses import replace
 from pathlib import Path
@@ -14,8 +15,10 @@ from twingap.data import cut, load, where
 from twingap.effects import catalogue, make_effect
 from twingap.errors import TwingapError
 from twingap.gap.calibrate import calibrate
-from twingap.gap.simulator import OwnSimulator, TwinSimulator, register_callable
+from twingap.gap.own_simulator import OwnSimulator
+from twingap.gap.simulator import TwinSimulator
 from twingap.records import Condition, Record, RecordSet
+from twingap.twins.callable_twin import register_callable
 from twingap.twins.twin_file import TwinSpec, build_twin, read_twin
 
 BEARING = BEARINGS["6205"]
@@ -173,6 +176,38 @@ def test_faults_that_nobody_simulated() -> None:
         OwnSimulator(healthy, sim([CONDITIONS[1]], 1), BEARING, 1.0)
     with pytest.raises(TwingapError, match="fault is unknown"):
         own.simulate((), [replace(CONDITIONS[0], fault=None)], 0, 0)
+
+
+def test_simulated_records_are_ranked_by_fault_speed_load_and_time() -> None:
+    """Against the distance written out, pair by pair; unknown loads and times count for nothing."""
+    rng = np.random.default_rng(9)
+
+    def some(n: int, prefix: str) -> list[Record]:
+        out = []
+        for i in range(n):
+            load, time_s = float(rng.choice([100, 250])), float(rng.integers(0, 40))
+            condition = Condition(
+                f"{prefix}{i}", float(rng.choice([1000, 1500, 1504, 2000])), 12000, 64, str(rng.choice(["outer", "inner"])),
+                load_n=load if rng.random() < 0.7 else None, time_s=time_s if rng.random() < 0.7 else None,
+            )  # fmt: skip
+            out.append(Record(condition, rng.standard_normal(64)))
+        return out
+
+    made, real = (RecordSet.from_records(name, "g", BEARING, some(30, name)) for name in ("made", "real"))
+    own = OwnSimulator(made, real, BEARING, 1.0)
+    times = [c.time_s for c in made.conditions if c.time_s is not None]
+
+    def apart(a: Condition, b: Condition) -> float:
+        distance = (a.fault != b.fault) * 1e6 + abs(math.log2(a.speed_rpm / b.speed_rpm))
+        if a.load_n and b.load_n:
+            distance += 0.3 * abs(math.log2(a.load_n / b.load_n))
+        if a.time_s is not None and b.time_s is not None:
+            distance += abs(a.time_s - b.time_s) / (max(times) - min(times))
+        return distance
+
+    for condition in real.conditions:
+        order = sorted((apart(c, condition), i) for i, c in enumerate(made.conditions))
+        assert own._ranked(condition) == [i for d, i in order if d <= order[0][0] + 0.01]
 
 
 # ------------------------------------------------------------------------------------------------------------ functions

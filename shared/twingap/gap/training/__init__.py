@@ -97,6 +97,7 @@ def behind_examples() -> tuple[ModuleType, ...]:
         comparison,
         distance,
         evidence,
+        own_simulator,
         simulator,
         speed,
         speed_reading,
@@ -108,8 +109,8 @@ def behind_examples() -> tuple[ModuleType, ...]:
 
     return (
         twingap.effects, twingap.twins, twingap.identify, twingap.gap.signatures, baseline, calibrate, comparison,
-        distance, evidence, simulator, speed, speed_reading, trends, view, views, as_built, examples, gaps, machines,
-        parameters, strangers,
+        distance, evidence, own_simulator, simulator, speed, speed_reading, trends, view, views, as_built, examples,
+        gaps, machines, parameters, strangers,
     )  # fmt: skip
 
 

@@ -1,0 +1,247 @@
+"""The user's own simulated records in place of a twin.
+
+conditions --nearest in fault, speed, load, time--> simulated record --rate, length, level--> record
+           --its speed where theirs is not near, effects on the finished waveform-----------> record
+
+Effects act where they can on a finished waveform (path, disturbance, acquisition, and by resampling over the shaft
+angle), and say where they cannot.
+"""
+
+from __future__ import annotations
+
+import copy
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twingap.bearing import Bearing
+from twingap.effects import Effect, apply_to_waveform
+from twingap.effects.angle import at_angles
+from twingap.errors import TwingapError
+from twingap.gap.simulator import streams_of, why_not
+from twingap.records import Condition, Record, RecordSet
+from twingap.streams import Streams
+
+Array = NDArray[np.float64]
+
+NEAR_SPEED: Final = 0.06
+"""Log ratio of speeds up to which a simulated record keeps its own: what is compared goes by each record's orders, and
+resampling would move its resonances."""
+SAME_GAIN: Final = math.log(1.1)
+"""Log ratio of levels below which records in one unit are taken to be of one gain."""
+_OTHER_FAULT = 1e6
+_AS_NEAR = 0.01
+"""Distance within which simulated records are of one condition."""
+
+
+class OwnSimulator:
+    """Records of a simulator of the user's own, as far as they can be brought to the real conditions.
+
+    Parameters
+    ----------
+    sim : RecordSet
+        Simulated by whatever.
+    real : RecordSet
+        The real records that calibrate: their conditions are what is asked for, their level sets the gain.
+    bearing : Bearing
+    reference_rms : float
+        RMS of the real machine's healthy vibration (`Frame.scale`): the yardstick of effects.
+
+    Attributes
+    ----------
+    gain : float
+        Factor on all simulated samples: 1 where units are the same and levels within a tenth.
+    level_free : bool
+        Whether that factor had to be found: then it is found anew once effects are added.
+    notes : tuple[str, ...]
+        What was matched, and how, for people.
+
+    Raises
+    ------
+    TwingapError
+        When no simulated record is of a fault that the real ones have, or nothing of a known fault is there.
+    """
+
+    def __init__(
+        self, sim: RecordSet, real: RecordSet, bearing: Bearing, reference_rms: float, *, name: str | None = None
+    ) -> None:
+        self.sim, self.bearing, self.reference_rms = sim, bearing, reference_rms
+        self.name = name or sim.name
+        self.has: tuple[str, ...] = ()
+        self.conditions = real.conditions
+        faults = {c.fault for c in sim.conditions if c.fault is not None}
+        wanted = {c.fault for c in real.conditions if c.fault is not None}
+        if not faults & wanted:
+            raise TwingapError(
+                f"no record of {', '.join(sorted(wanted)) or 'a known fault'}",
+                where=f"simulated record set {sim.name!r}",
+                mend="simulate the faults that the real records have, and name them in column fault",
+            )
+        self._made, self._turn = _Made(sim.conditions), _turns(real.conditions)
+        notes = []
+        if missing := sorted(wanted - faults):
+            notes.append(f"no simulated record of {', '.join(missing)}: real records of it are left aside")
+        self.missing = frozenset(wanted - faults)
+        self.gain = self._calibrated(real, notes)
+        self.level_free = self.gain != 1.0
+        slow = [c for c in real.conditions if c.fault not in self.missing and c.fault is not None]
+        off = [abs(math.log(self.sim.conditions[self._ranked(c)[0]].speed_rpm / c.speed_rpm)) for c in slow]
+        if off and max(off) > NEAR_SPEED:
+            notes.append(
+                f"simulated records were resampled over the shaft angle to the real speeds (by up to "
+                f"{100 * max(off):.1f} %), by which their resonances move too"
+            )
+        self.notes = tuple(notes)
+
+    def simulate(
+        self, effects: tuple[Effect, ...], conditions: Sequence[Condition], streams_root: int, replicate: int
+    ) -> list[Record]:
+        """See `Simulator.simulate`. Replicates are other simulated records of the condition, then shifted ones."""
+        out = []
+        for condition in conditions:
+            streams = streams_of(condition, streams_root, replicate)
+            samples, speed_rpm = self._waveform(condition, streams, replicate)
+            record = Record(replace(condition, speed_rpm=speed_rpm), samples)
+            if effects:
+                record = apply_to_waveform(effects, record, self.bearing, self.reference_rms, streams)
+            out.append(record)
+        return out
+
+    def with_gain(self, gain: float) -> OwnSimulator:
+        """The same records, times another factor."""
+        own = copy.copy(self)
+        own.gain = gain
+        return own
+
+    def can_add(self, name: str) -> str | None:
+        """See `Simulator.can_add`."""
+        return why_not(name, self.conditions, self.bearing, self.reference_rms, "waveform")
+
+    def _ranked(self, condition: Condition) -> list[int]:
+        """Simulated records of this fault that are as near to the condition as any, nearest first."""
+        if condition.fault is None:
+            raise TwingapError(
+                "the fault is unknown, so no simulated record matches it",
+                where=f"record {condition.name!r}", mend="give its fault",
+            )  # fmt: skip
+        distances = self._made.distances(condition)
+        nearest = float(distances.min())
+        if nearest >= _OTHER_FAULT:
+            raise TwingapError(
+                f"no simulated record of fault {condition.fault!r}",
+                where=f"record {condition.name!r}", mend="simulate it, or leave the real records of it out",
+            )  # fmt: skip
+        near = np.flatnonzero(distances <= nearest + _AS_NEAR)
+        return [int(i) for i in near[np.argsort(distances[near], kind="stable")]]
+
+    def _waveform(self, condition: Condition, streams: Streams, replicate: int) -> tuple[Array, float]:
+        """One simulated record under this condition, and its speed: its own where that is near."""
+        ranked = self._ranked(condition)
+        exact = [i for i in ranked if self.sim.conditions[i].name == condition.name]
+        # Real records of one condition get different simulated ones, as far as there are any.
+        turn = ranked.index(exact[0]) if exact else self._turn.get(condition.name, 0)
+        turn += replicate
+        place = ranked[turn % len(ranked)]
+        again = turn >= len(ranked) or (not exact and self._turn.get(condition.name, 0) >= len(ranked))
+        made = self.sim.conditions[place]
+        x = self._at_rate(place, condition.fs_hz)
+        speed_rpm, stretch = made.speed_rpm, condition.speed_rpm / made.speed_rpm
+        if abs(math.log(stretch)) > NEAR_SPEED:
+            angle = np.arange(x.size, dtype=float)
+            x = at_angles(x, angle, np.arange(0.0, x.size - 1, stretch))
+            speed_rpm = condition.speed_rpm
+        begin = 0
+        if again or x.size > condition.n_samples:
+            spare = x.size - condition.n_samples
+            rng = streams("segment")
+            if spare > 0 and (again or turn > 0):
+                begin = int(rng.integers(spare + 1))
+            elif again:
+                begin = int(rng.integers(x.size))
+        if begin + condition.n_samples <= x.size:
+            x = x[begin : begin + condition.n_samples]
+        else:  # round the record: a seam is the lesser evil beside a gap
+            x = np.take(x, np.arange(begin, begin + condition.n_samples), mode="wrap")
+        return (np.asarray(x * self.gain) if self.gain != 1 else np.array(x, dtype=float)), speed_rpm
+
+    def _at_rate(self, place: int, fs_hz: float) -> Array:
+        """A simulated record at the wanted sampling rate."""
+        made = self.sim.conditions[place]
+        x = np.asarray(self.sim[place].samples, float)
+        if math.isclose(made.fs_hz, fs_hz, rel_tol=1e-9):
+            return x
+        if made.fs_hz < 0.999 * fs_hz:
+            raise TwingapError(
+                f"is sampled at {made.fs_hz:g} Hz, real records at {fs_hz:g} Hz: what lies between half of the two "
+                "rates cannot be compared",
+                where=f"simulated record {made.name!r}",
+                mend=f"simulate at {fs_hz:g} Hz or above, or bring the real records to {made.fs_hz:g} Hz",
+            )
+        from fractions import Fraction
+
+        from scipy.signal import resample_poly
+
+        ratio = Fraction(fs_hz / made.fs_hz).limit_denominator(1000)
+        if abs(ratio * made.fs_hz / fs_hz - 1) > 1e-6:
+            raise TwingapError(
+                f"is sampled at {made.fs_hz:g} Hz, which no simple ratio brings to {fs_hz:g} Hz",
+                where=f"simulated record {made.name!r}", mend=f"simulate at {fs_hz:g} Hz",
+            )  # fmt: skip
+        return np.asarray(resample_poly(x, ratio.numerator, ratio.denominator))
+
+    def _calibrated(self, real: RecordSet, notes: list[str]) -> float:
+        """One factor that brings simulated levels to real ones, from healthy records where both have them."""
+        shared = [i for i, c in enumerate(real.conditions) if c.fault is not None and c.fault not in self.missing]
+        healthy = [i for i in shared if real.conditions[i].fault == "healthy"]
+        self.gain = 1.0
+        ratios = []
+        for i in (healthy or shared)[:40]:
+            condition = real.conditions[i]
+            made, _ = self._waveform(condition, streams_of(condition, 0, 0), 0)
+            ratios.append(0.5 * math.log(max(float(real[i].samples.var()), 1e-300) / max(float(made.var()), 1e-300)))
+        log_gain = float(np.median(ratios)) if ratios else 0.0
+        same = real.unit == self.sim.unit and real.unit != ""
+        if same and abs(log_gain) < SAME_GAIN:
+            return 1.0
+        gain = math.exp(log_gain)
+        of = "healthy records" if healthy else "all records, none of which is healthy"
+        why = "" if same else f" (units: simulated {self.sim.unit!r}, real {real.unit!r})"
+        notes.append(f"simulated samples were multiplied by {gain:.4g}, from the levels of {of}{why}")
+        return gain
+
+
+class _Made:
+    """Conditions of the simulated records, side by side; NaN where load or time is unknown."""
+
+    def __init__(self, conditions: Sequence[Condition]) -> None:
+        self.fault = np.array([c.fault or "" for c in conditions])
+        self.speed_rpm = np.array([c.speed_rpm for c in conditions], float)
+        self.load_n = np.array([c.load_n or math.nan for c in conditions], float)
+        self.time_s = np.array([math.nan if c.time_s is None else c.time_s for c in conditions], float)
+        known = self.time_s[np.isfinite(self.time_s)]
+        self.span_s = float(np.ptp(known)) if known.size else 0.0
+
+    def distances(self, real: Condition) -> Array:
+        """[simulated records] 1 for a doubling of the speed or for the whole run, 0.3 for a doubling of the load."""
+        out = np.where(self.fault == (real.fault or ""), 0.0, _OTHER_FAULT)
+        out += np.abs(np.log2(self.speed_rpm / real.speed_rpm))
+        if real.load_n:
+            out += np.nan_to_num(0.3 * np.abs(np.log2(self.load_n / real.load_n)))
+        if real.time_s is not None and self.span_s > 0:
+            out += np.nan_to_num(np.abs(self.time_s - real.time_s) / self.span_s)
+        return np.asarray(out)
+
+
+def _turns(conditions: Sequence[Condition]) -> dict[str, int]:
+    """Place of each record among those of like condition."""
+    seen: dict[tuple[str | None, int], int] = {}
+    out = {}
+    for c in conditions:
+        key = c.fault, round(math.log2(c.speed_rpm) / 0.01)
+        out[c.name] = seen.get(key, 0)
+        seen[key] = out[c.name] + 1
+    return out

@@ -1,0 +1,157 @@
+"""A function as a twin: whatever simulates, diagnosed and closed as twingap's own twins are.
+
+function(conditions, rng) --scale--> waveforms --effects that can act on finished waveforms--> records
+"""
+
+from __future__ import annotations
+
+import math
+import zlib
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, ClassVar, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twingap.bearing import Bearing
+from twingap.effects import Draft, Effect, Stage, catalogue
+from twingap.effects.angle import at_angles
+from twingap.effects.ringing import LEAD
+from twingap.errors import TwingapError
+from twingap.records import Condition
+from twingap.streams import Streams
+from twingap.twins.base import Twin
+from twingap.twins.twin_file import Model, register_model
+
+Array = NDArray[np.float64]
+
+Function = Callable[[list[Condition], np.random.Generator], Sequence[Array]]
+"""Conditions and chances -> one array of samples per condition."""
+
+
+@dataclass(frozen=True)
+class CallableParameters:
+    """What a twin file can say about a function registered as a twin.
+
+    Parameters
+    ----------
+    scale : float
+        Factor on all that it makes, positive; calibration brings it to the records.
+    healthy_rms : float
+        RMS of its healthy vibration before that factor, positive: the yardstick of effects.
+    """
+
+    scale: float = 1.0
+    healthy_rms: float = 1.0
+
+    def __post_init__(self) -> None:
+        for name, value in (("scale", self.scale), ("healthy_rms", self.healthy_rms)):
+            if not (math.isfinite(value) and value > 0):
+                raise TwingapError(f"{name} = {value!r}, a positive number expected", where="parameters")
+
+
+class CallableTwin(Twin):
+    """A function as a twin: effects act on the waveforms that it makes, as on any finished waveform."""
+
+    model: ClassVar[str] = "callable"
+    excitation: ClassVar[Literal["impacts", "rollers", "waveform"]] = "waveform"
+
+    def __init__(
+        self,
+        function: Function,
+        bearing: Bearing,
+        parameters: CallableParameters,
+        effects: Sequence[Effect],
+        unit: str,
+        inherent: frozenset[str] = frozenset(),
+    ) -> None:
+        super().__init__(bearing, effects, unit)
+        self.function, self.parameters = function, parameters
+        self.inherent_effects = inherent  # type: ignore[misc]  # what this function models is its own
+
+    @property
+    def reference_rms(self) -> float:
+        """RMS of the healthy vibration, in `unit`."""
+        return self.parameters.scale * self.parameters.healthy_rms
+
+    @property
+    def white_noise_rms(self) -> float:
+        """None is added to what the function makes."""
+        return 0.0
+
+    def excite(self, draft: Draft, streams: Streams) -> None:
+        """Ask the function for the waveform."""
+        condition = draft.condition
+        made = self.function([condition], streams("simulator"))
+        where = f"model {self.model!r}, record {condition.name!r}"
+        try:
+            x = np.array(made[0], dtype=float)
+        except (TypeError, ValueError, IndexError, KeyError) as error:
+            raise TwingapError(
+                "the function gave no array of numbers per condition", where=where, mend="return a list of arrays"
+            ) from error
+        if x.shape != (condition.n_samples,) or not np.isfinite(x).all():
+            raise TwingapError(
+                f"the function gave samples of shape {x.shape}, ({condition.n_samples},) finite ones expected",
+                where=where, mend="make condition.n_samples samples at condition.fs_hz",
+            )  # fmt: skip
+        draft.x = self.parameters.scale * x
+
+    def respond(self, drafts: Sequence[Draft]) -> None:
+        """Delay, gain and filters on the waveform, as `effects.apply_to_waveform` has them."""
+        for draft in drafts:
+            evenly = draft.t * draft.shaft_hz
+            if any(e.stage == Stage.SHAFT for e in self.effects) and not np.array_equal(draft.turns, evenly):
+                draft.x = at_angles(draft.x, evenly, draft.turns)
+            if draft.cage_lag is not None:
+                draft.x = at_angles(draft.x, draft.turns, draft.turns - draft.cage_lag)
+            if draft.gain is not None:
+                draft.x = draft.x * draft.gain
+            if draft.filters:
+                x = np.pad(draft.x, (LEAD, 0), mode="reflect")
+                for act in draft.filters:
+                    x = act(x)
+                draft.x = x[LEAD:].copy()
+
+
+def register_callable(name: str, function: Function, *, has: Sequence[str] = ()) -> Model:
+    """Make a function a twin that twin files can name: ``[twin] model = "name"``.
+
+    Parameters
+    ----------
+    name : str
+    function : callable
+        ``function(conditions, rng) -> arrays``: the samples of each condition, drawn from `rng` alone. It is asked for
+        one record at a time, each with a generator of its own.
+    has : sequence of str
+        Effects that it models already.
+
+    Returns
+    -------
+    Model
+
+    Raises
+    ------
+    TwingapError
+        For a name that twingap's own models have, or no function.
+    """
+    if name in ("phenomenological", "contact"):
+        raise TwingapError(
+            f"{name!r} is a model of twingap's own", where="register_callable", mend="choose another name"
+        )
+    if not callable(function):
+        raise TwingapError(f"{function!r} found, a function expected", where="register_callable")
+    inherent = frozenset(has)
+    if unknown := sorted(inherent - catalogue().keys()):
+        raise TwingapError(f"unknown effect {unknown[0]!r}", where="register_callable: has")
+    kind = type(f"Callable_{zlib.crc32(name.encode()):08x}", (CallableTwin,), {"model": name})
+
+    def build(parameters: Any, bearing: Bearing, effects: tuple[Effect, ...], unit: str) -> Twin:
+        twin: Twin = kind(function, bearing, parameters, effects, unit, inherent)
+        return twin
+
+    return register_model(Model(name, CallableParameters, build, _NO_PRESETS))
+
+
+_NO_PRESETS: Mapping[str, Any] = {}
