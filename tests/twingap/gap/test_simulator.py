@@ -206,7 +206,9 @@ def test_simulated_records_are_ranked_by_fault_speed_load_and_time() -> None:
         return distance
 
     for condition in real.conditions:
-        order = sorted((apart(c, condition), i) for i, c in enumerate(made.conditions))
+        wanted = [apart(c, condition) for c in made.conditions]
+        np.testing.assert_allclose(own._made.distances(condition), wanted, rtol=1e-12)
+        order = sorted((d, i) for i, d in enumerate(wanted))
         assert own._ranked(condition) == [i for d, i in order if d <= order[0][0] + 0.01]
 
 
