@@ -186,8 +186,9 @@ def test_simulated_records_are_ranked_by_fault_speed_load_and_time() -> None:
         out = []
         for i in range(n):
             load, time_s = float(rng.choice([100, 250])), float(rng.integers(0, 40))
+            speed_rpm, fault = float(rng.choice([1000, 1500, 1504, 2000])), str(rng.choice(["outer", "inner"]))
             condition = Condition(
-                f"{prefix}{i}", float(rng.choice([1000, 1500, 1504, 2000])), 12000, 64, str(rng.choice(["outer", "inner"])),
+                f"{prefix}{i}", speed_rpm, 12000, 64, fault,
                 load_n=load if rng.random() < 0.7 else None, time_s=time_s if rng.random() < 0.7 else None,
             )  # fmt: skip
             out.append(Record(condition, rng.standard_normal(64)))

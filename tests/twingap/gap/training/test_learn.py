@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from twingap.gap.training.learn import Examples, Null, Table, learn, learn_classifier, learn_estimator
+from twingap.gap.training.detectors import Table, learn_classifier, learn_estimator
+from twingap.gap.training.learn import Examples, Null, learn
 
 
 @pytest.fixture(scope="module")
