@@ -1,0 +1,237 @@
+"""`twingap rul` on the virtual rig's runs (surrogate): error and intervals, without and with the bench's other runs.
+
+bench, bearing --rig--> peak to peak, speed [rows] --OnlineLife--> estimates --errors, lives of the others--> again
+                                                                       |                                        |
+                                                                       +---------- table: RMSE, coverage -------+
+
+The rig is another simulator than any that intervals are calibrated on; the limit of 15 g is given, as in the paper.
+What the other runs say is what they showed by their own ends; the run judged has no part in it.
+
+Run as a part of the paper (``twingap run paper1 --profile full``), or alone:
+``python -m papers.paper1_rul_varying_speed.rig_lives --profile full --out DIR``; interrupted, it goes on where it was.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+import twingap.rigs
+from papers.studies import Count, Progress, command, keep_tables, profile_of
+from twingap.prognosis import metrics
+from twingap.prognosis.follow import Outcome, errors_of, prior_from
+from twingap.prognosis.online import Estimate, LifeOptions, OnlineLife
+from twingap.prognosis.prior import Prior
+from twingap.provenance import digest_of_code
+from twingap.rigs import SmartMaintenanceRig
+from twingap.rigs.smart_maintenance import END_OF_LIFE_G, RUNS, TITLE
+from twingap.sweep import sweep
+
+if TYPE_CHECKING:
+    from twingap.track import Run
+
+Array = NDArray[np.float64]
+
+ALONE, TOGETHER = "twingap rul", "twingap rul --prior"
+
+
+@dataclass(frozen=True)
+class Size:
+    """How much is run.
+
+    Parameters
+    ----------
+    benches : tuple of int
+        Seeds of the rig.
+    bearings : tuple of str
+    interval_s, duration_s : float
+        Of its snapshots.
+    """
+
+    benches: tuple[int, ...]
+    bearings: tuple[str, ...]
+    interval_s: float
+    duration_s: float
+
+
+SIZES: Final = {
+    "smoke": Size((7,), ("A148", "A150", "A154"), 60.0, 0.05),
+    "full": Size((7, 41), tuple(RUNS), 20.0, 0.5),
+}
+
+
+@dataclass(frozen=True)
+class Bench:
+    """A run of the rig."""
+
+    seed: int
+    bearing: str
+    interval_s: float
+    duration_s: float
+
+
+@dataclass(frozen=True)
+class Taken:
+    """A run with its estimates.
+
+    Parameters
+    ----------
+    estimates : tuple of Estimate [rows]
+    lived : Array [rows]
+        Revolutions since the first row.
+    life : OnlineLife
+        As it was after the last row.
+    """
+
+    estimates: tuple[Estimate, ...]
+    lived: Array
+    life: OnlineLife
+
+    def outcome(self, name: str) -> Outcome:
+        """What it says of others, now that it has ended."""
+        begun = None if self.life.onset_row is None else self.life.revolutions_at_onset
+        after = None if begun is None else float(self.lived[-1]) - begun
+        told = errors_of(self.estimates, self.lived.tolist())
+        end = float(np.exp(self.life.level)) if np.isfinite(self.life.level) else None
+        return Outcome(name, float(self.lived[-1]), after, end, told)
+
+
+def amplitudes(job: Bench) -> dict[str, Any]:
+    """Time, speed and peak to peak of every snapshot [rows], one of them in memory at a time."""
+    rig = SmartMaintenanceRig(job.interval_s, job.duration_s, bearings=(job.bearing,))
+    records = rig.records(job.seed)
+    return {
+        "time_s": np.array([c.time_s for c in records.conditions], float),
+        "speed_rpm": np.array([c.speed_rpm for c in records.conditions]),
+        "peak_to_peak_g": np.array([float(np.ptp(record.samples)) for record in records]),
+    }
+
+
+def take(run: dict[str, Any], prior: Prior | None = None) -> Taken:
+    """A run row by row, each estimate from the rows up to it."""
+    life, estimates, lived = OnlineLife(LifeOptions(limit=END_OF_LIFE_G), prior), [], []
+    for row in zip(run["time_s"], run["speed_rpm"], run["peak_to_peak_g"], strict=True):
+        estimates.append(life.update(*(float(v) for v in row)))
+        lived.append(life.revolutions)
+    return Taken(tuple(estimates), np.array(lived), life)
+
+
+def judge(taken: Taken) -> dict[str, float]:
+    """Error in minutes at each row's speed, and coverage, after the alarm."""
+    told = [(e, taken.lived[-1] - at) for e, at in zip(taken.estimates[:-1], taken.lived[:-1], strict=True)]
+    told = [(e, left) for e, left in told if e.anomaly and np.isfinite(e.revolutions)]
+    if not told:
+        return {"rows": 0, "rmse_min": np.nan, "coverage": np.nan, "width": np.nan}
+    true = np.array([left / e.speed_rpm for e, left in told])
+    middle, low, high = (np.array([e.time_s()[k] / 60 for e, _ in told]) for k in range(3))
+    inside = metrics.coverage(true, low, high)
+    return {
+        "rows": len(told), "rmse_min": metrics.rmse(true, middle), "coverage": inside.share,
+        "width": inside.mean_width / float(np.mean(true)),
+    }  # fmt: skip
+
+
+def table(runs: dict[tuple[int, str], dict[str, Any]]) -> pd.DataFrame:
+    """A row per bench, bearing and method; width over the mean of what remained."""
+    alone = {key: take(run) for key, run in runs.items()}
+    rows = []
+    for (seed, bearing), run in runs.items():
+        others = [
+            own.outcome(name) for (bench, name), own in alone.items() if bench == seed and name != bearing
+        ]  # of the same bench: another is another machine
+        prior = prior_from(others)
+        about = {"bench": seed, "bearing": bearing}
+        rows.append({**about, "method": ALONE, **judge(alone[seed, bearing]), "widening": 1.0})
+        rows.append({**about, "method": TOGETHER, **judge(take(run, prior)), "widening": prior.widening})
+    return pd.DataFrame(rows)
+
+
+def means(every: pd.DataFrame) -> pd.DataFrame:
+    """Mean over bearings, by bench and method, and the least coverage."""
+    by = every.groupby(["bench", "method"], sort=False)
+    columns = by[["rmse_min", "coverage", "width", "widening"]].mean()
+    return columns.assign(least_coverage=by["coverage"].min(), bearings=by.size()).reset_index()
+
+
+@dataclass(frozen=True)
+class RigLives:
+    """What came out.
+
+    Parameters
+    ----------
+    tables : dict of str to DataFrame
+        rig_lives (by bench, bearing and method), rig_lives_means.
+    computed : int
+        Runs that were simulated now; the others came from the store.
+    """
+
+    tables: dict[str, pd.DataFrame]
+    computed: int
+
+
+def run(
+    profile: str = "smoke",
+    *,
+    out: Path,
+    root: Path | None = None,
+    seed: int = 0,
+    backend: str = "loky",
+    address: str | None = None,
+    log: Run | None = None,
+    progress: Progress = lambda what, done, total: None,
+    draw: bool = True,
+) -> RigLives:
+    """Simulate the runs that are missing, and follow all of them.
+
+    Parameters
+    ----------
+    profile : {"smoke", "full"}
+    out : Path
+        Folder for ``tables/`` and ``results/``.
+    root, draw
+        Taken as by every study of the paper; the rig needs no data, and there is no figure.
+    seed : int
+        Added to those of the benches.
+    backend, address
+        See `twingap.sweep`.
+    log : Run or None
+        Of a tracker: tables go there as well.
+    progress : callable
+    """
+    size = profile_of(SIZES, profile, Path(__file__))
+    jobs = [
+        Bench(seed + bench, bearing, size.interval_s, size.duration_s)
+        for bench in size.benches
+        for bearing in size.bearings
+    ]
+    found = sweep(
+        amplitudes, jobs, version=digest_of_code(twingap.rigs, sys.modules[__name__]), store=out / "results",
+        on_result=Count("runs of the virtual rig", len(jobs), progress), backend=backend, address=address,
+        describe=lambda job: f"bench {job.seed}, {job.bearing}",
+    )  # fmt: skip
+    every = table({(r.job.seed, r.job.bearing): r.value for r in found})
+    made = {"rig_lives": every, "rig_lives_means": means(every)}
+    keep_tables(made, out, log, TITLE)
+    return RigLives(made, sum(bool(r.why) for r in found))
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """The study from the command line."""
+    command(
+        run, "Remaining life of the virtual rig's runs: error and intervals.", lambda study: study.tables, arguments,
+        takes=("seed",),
+    )  # fmt: skip
+
+
+if __name__ == "__main__":
+    # Under its own name, so that results are the same jobs as those of the pipeline.
+    from papers.paper1_rul_varying_speed.rig_lives import main as run_main
+
+    run_main()

@@ -1,0 +1,65 @@
+"""`twingap rul` on the virtual rig's runs: tables, the store, and that a run judged has no part in what is learnt."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from papers.paper1_rul_varying_speed import rig_lives
+from papers.paper1_rul_varying_speed.rig_lives import ALONE, TOGETHER, Bench, Size
+from twingap.errors import TwingapError
+from twingap.rigs.smart_maintenance import END_OF_LIFE_G
+
+Runs = dict[tuple[int, str], dict[str, np.ndarray]]
+SMALL = Size((3,), ("A148", "A154", "A150"), 60.0, 0.05)
+
+
+@pytest.fixture(scope="module")
+def runs() -> Runs:
+    jobs = [Bench(3, bearing, SMALL.interval_s, SMALL.duration_s) for bearing in SMALL.bearings]
+    return {(job.seed, job.bearing): rig_lives.amplitudes(job) for job in jobs}
+
+
+def test_tables_are_whole_and_a_second_run_takes_them_from_the_store(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(rig_lives.SIZES, "smoke", SMALL)
+    first = rig_lives.run("smoke", out=tmp_path, backend="sequential")
+    every, mean = first.tables["rig_lives"], first.tables["rig_lives_means"]
+    assert list(every["method"]) == [ALONE, TOGETHER] * 3 and (every["rows"] > 10).all()
+    assert every["coverage"].between(0, 1).all() and (every["width"] > 0).all() and every["rmse_min"].notna().all()
+    assert (mean["bearings"] == 3).all() and len(mean) == 2
+    alone = every[every["method"] == ALONE]
+    assert mean.loc[0, "coverage"] == pytest.approx(alone["coverage"].mean())
+    assert mean.loc[0, "least_coverage"] == alone["coverage"].min()
+    again = rig_lives.run("smoke", out=tmp_path, backend="sequential")
+    pd.testing.assert_frame_equal(every, again.tables["rig_lives"])
+    assert first.computed == 3 and not again.computed
+    assert "virtual Smart Maintenance rig (surrogate)" in (tmp_path / "tables" / "rig_lives.md").read_text()
+    with pytest.raises(TwingapError, match="unknown profile"):
+        rig_lives.run("fuller", out=tmp_path)
+
+
+def test_runs_end_at_the_limit_and_estimates_need_no_later_rows(runs: Runs) -> None:
+    run = runs[3, "A148"]
+    assert run["peak_to_peak_g"][-1] > END_OF_LIFE_G > np.median(run["peak_to_peak_g"])
+    kept = run["time_s"].size - 15
+    whole = rig_lives.take(run)
+    part = rig_lives.take({name: values[:kept] for name, values in run.items()})
+    np.testing.assert_array_equal(
+        [e.revolutions for e in whole.estimates[:kept]], [e.revolutions for e in part.estimates]
+    )
+
+
+def test_the_run_judged_has_no_part_in_its_own_width(runs: Runs) -> None:
+    found = rig_lives.table(runs).set_index(["bearing", "method"])["widening"]
+    changed = dict(runs)
+    own = dict(runs[3, "A148"])
+    own["peak_to_peak_g"] = own["peak_to_peak_g"] ** 1.5
+    changed[3, "A148"] = own
+    other = rig_lives.table(changed).set_index(["bearing", "method"])["widening"]
+    assert other["A148", TOGETHER] == found["A148", TOGETHER] != 1.0
+    assert other["A154", TOGETHER] != found["A154", TOGETHER]
