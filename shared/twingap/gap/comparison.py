@@ -27,7 +27,7 @@ from twingap.gap.signatures.answer import Struck
 from twingap.gap.signatures.path import Outline
 from twingap.gap.speed import Speeds
 from twingap.gap.trends import Levels, courses, normal, slope
-from twingap.gap.view import Frame, RecordView
+from twingap.gap.view import Frame, RecordView, known_medians
 from twingap.gap.views import DOMAINS, Grid, Views
 from twingap.gap.views import measure as measure_views
 from twingap.records import Condition, Record
@@ -255,7 +255,7 @@ def _by_group(real: Measured, simulated: Measured) -> list[Array]:
             z = normal(t, n_r + n_b - 2)
             if paired:
                 z = _paired(r - b, ours[_belongs(ours, group)], small, z)
-            columns += [diff, z, np.nanmedian(r, axis=0)]  # a median: one wrong line is no level
+            columns += [diff, z, known_medians(r)]  # a median: one wrong line is no level
     return columns
 
 

@@ -296,42 +296,82 @@ def _size(own, about, weight):  # type: ignore[no-untyped-def]  # pragma: no cov
     return out
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, fastmath={"reassoc", "contract", "nsz"})
 def _costs(curves, target, weight, basis, settled):  # type: ignore[no-untyped-def]  # pragma: no cover
     """[candidates] Robust misfit once what is left open is settled, and [candidates, basis] how it was."""
     count, bands = curves.shape
     k = basis.shape[0]
     costs, found = np.zeros(count), np.zeros((count, k))
-    rest, robust = np.empty(bands), np.empty(bands)
+    off, rest, robust = np.empty(bands), np.empty(bands), np.empty(bands)
+    products, plain = np.empty((k * (k + 1) // 2, bands)), np.zeros(k * (k + 1) // 2)
+    row = 0
+    for p in range(k):
+        for q in range(p + 1):
+            for i in range(bands):
+                products[row, i] = basis[p, i] * basis[q, i]
+                plain[row] += products[row, i]
+            row += 1
+    gram, w = np.empty((k, k)), np.empty(k)
     for c in range(count):
         for i in range(bands):
+            off[i] = target[i] - curves[c, i] * weight[i]
             robust[i] = 1.0
-        w = np.zeros(k)
-        for _ in range(4):
-            gram, right = np.zeros((k, k)), np.zeros(k)
-            for i in range(bands):
-                own = target[i] - curves[c, i] * weight[i]
-                for p in range(k):
-                    right[p] += robust[i] * basis[p, i] * own
-                    for q in range(k):
-                        gram[p, q] += robust[i] * basis[p, i] * basis[q, i]
+        for turn in range(4):
+            row = 0
             for p in range(k):
+                total = 0.0
+                for i in range(bands):
+                    total += robust[i] * basis[p, i] * off[i]
+                w[p] = total
+                for q in range(p + 1):
+                    total = plain[row]
+                    if turn:
+                        total = 0.0
+                        for i in range(bands):
+                            total += robust[i] * products[row, i]
+                    gram[p, q] = total
+                    row += 1
                 gram[p, p] += settled[p]
-            w = np.linalg.solve(gram, right)
+            _solve(gram, w)
             for i in range(bands):
-                own = target[i] - curves[c, i] * weight[i]
-                for p in range(k):
-                    own -= w[p] * basis[p, i]
-                rest[i] = own
-                size = abs(own)
-                robust[i] = 1.0 if size <= _ROBUST else _ROBUST / size
+                rest[i] = off[i]
+            for p in range(k):
+                for i in range(bands):
+                    rest[i] -= w[p] * basis[p, i]
+            same = True
+            for i in range(bands):
+                size = abs(rest[i])
+                own = 1.0 if size <= _ROBUST else _ROBUST / size
+                same = same and own == robust[i]
+                robust[i] = own
+            if same:
+                break
         cost = 0.0
         for p in range(k):
             cost += settled[p] * w[p] * w[p]
+            found[c, p] = w[p]
         for i in range(bands):
             size = abs(rest[i])
             cost += size * size if size <= _ROBUST else _ROBUST * (2 * size - _ROBUST)
         costs[c] = cost
-        for p in range(k):
-            found[c, p] = w[p]
     return costs, found
+
+
+@njit(cache=True, nogil=True)
+def _solve(gram, w):  # type: ignore[no-untyped-def]  # pragma: no cover
+    """Make w the solution of gram x = w, by Cholesky, in place; of `gram` the lower half is read."""
+    k = len(w)
+    for p in range(k):
+        for q in range(p + 1):
+            total = gram[p, q]
+            for r in range(q):
+                total -= gram[p, r] * gram[q, r]
+            gram[p, q] = total / gram[q, q] if q < p else math.sqrt(total)
+    for p in range(k):
+        for r in range(p):
+            w[p] -= gram[p, r] * w[r]
+        w[p] /= gram[p, p]
+    for p in range(k - 1, -1, -1):
+        for r in range(p + 1, k):
+            w[p] -= gram[r, p] * w[r]
+        w[p] /= gram[p, p]

@@ -275,24 +275,31 @@ def _add_mode(real, imag, turns, place, damping, gain):  # type: ignore[no-untyp
         imag[i] += top * (s * below_re - c * below_im) / size
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, fastmath={"reassoc", "contract", "nsz"})
 def _costs(model, at, curves, sigma, struck):  # type: ignore[no-untyped-def]  # pragma: no cover
     """[candidates] Misfit and [candidates, 4] weights of structure noise, impacts, white noise and what is added.
 
-    What is added to a mode with a loss is white noise that has passed it.
+    What is added to a mode with a loss is white noise that has passed it. Misfits beyond the least of the candidates
+    before are not summed to their end.
     """
     count, bands = len(at), curves.shape[1]
     fine = FINE * bands
     costs, weights = np.empty(count), np.zeros((count, 4))
-    real, imag = np.empty(fine), np.empty(fine)
+    real, imag, first = np.empty(fine), np.empty(fine), np.empty((2, fine))
+    least = np.inf
     through, added = np.empty(bands), np.zeros(bands)
-    basis, turns = np.empty((4, curves.size)), np.empty((2, fine))
+    basis, turns, one = np.empty((4, curves.size)), np.empty((2, fine)), np.empty(curves.size)
+    gram, right, w = np.zeros((4, 4)), np.zeros(4), np.zeros(4)
+    for k in range(len(curves)):
+        one[k * bands : (k + 1) * bands] = 1 / sigma[k]
     for i in range(fine):
         angle = np.pi * (i + 0.5) / fine
         turns[0, i], turns[1, i] = np.cos(angle), -np.sin(angle)
     for c in range(count):
-        real[:], imag[:] = 0.0, 0.0
-        _add_mode(real, imag, turns, at[c, 0], at[c, 1], 1.0)
+        if c == 0 or at[c, 0] != at[c - 1, 0] or at[c, 1] != at[c - 1, 1]:
+            first[:] = 0.0
+            _add_mode(first[0], first[1], turns, at[c, 0], at[c, 1], 1.0)
+        real[:], imag[:] = first[0], first[1]
         if model == _TWO:
             _add_mode(real, imag, turns, at[c, 2], at[c, 3], at[c, 4])
         mean = 0.0
@@ -332,25 +339,29 @@ def _costs(model, at, curves, sigma, struck):  # type: ignore[no-untyped-def]  #
                 basis[2, row] = scale
                 basis[3, row] = added[b] * scale
                 row += 1
-        gram, right, w = np.zeros((4, 4)), np.zeros(4), np.zeros(4)
-        row = 0
-        for k in range(len(curves)):
-            for _ in range(bands):
-                for i in range(4):
-                    right[i] += basis[i, row] / sigma[k]
-                    for j in range(i + 1):
-                        gram[i, j] += basis[i, row] * basis[j, row]
-                row += 1
+        w[:] = 0.0
         for i in range(4):
-            for j in range(i):
-                gram[j, i] = gram[i, j]
+            total = 0.0
+            for row in range(curves.size):
+                total += basis[i, row] * one[row]
+            right[i] = total
+            for j in range(i + 1):
+                total = 0.0
+                for row in range(curves.size):
+                    total += basis[i, row] * basis[j, row]
+                gram[i, j] = gram[j, i] = total
         for _ in range(60):  # non-negative least squares, by coordinate descent
+            moved = False
             for i in range(4):
                 if gram[i, i] > 0:
                     rest = right[i] + gram[i, i] * w[i]
                     for j in range(4):
                         rest -= gram[i, j] * w[j]
-                    w[i] = max(rest / gram[i, i], 0.0)
+                    own = max(rest / gram[i, i], 0.0)
+                    moved = moved or abs(own - w[i]) > 1e-14 * own
+                    w[i] = own
+            if not moved:
+                break
         cost, row = 0.0, 0
         for k in range(len(curves)):
             for _ in range(bands):
@@ -361,6 +372,9 @@ def _costs(model, at, curves, sigma, struck):  # type: ignore[no-untyped-def]  #
                 off = abs(np.log(min(max(made * sigma[k], 0.05), 20.0))) / sigma[k]
                 cost += off * off if off < _ROBUST else 2 * _ROBUST * off - _ROBUST * _ROBUST
                 row += 1
+            if cost > least:
+                break
+        least = min(least, cost)
         costs[c] = cost
         weights[c] = w
     return costs, weights

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twingap.bearing import Bearing
-from twingap.gap.view import RecordView, local_floor
+from twingap.gap.view import RecordView, known_medians, local_floor
 
 Array = NDArray[np.float64]
 Single = NDArray[np.float32]
@@ -146,8 +146,8 @@ class _Pool:
         # Below a low line there is no room: then its upper neighbours stand for all.
         known = np.isfinite(around).sum(axis=0) >= _CONTROLS.size // 2
         usual, spread = np.ones(places.size), np.ones(places.size)
-        usual[known] = np.nanmedian(around[:, known], axis=0)
-        spread[known] = np.maximum(1.4826 * np.nanmedian(np.abs(around[:, known] - usual[known]), axis=0), 0.02)
+        usual[known] = known_medians(around[:, known])
+        spread[known] = np.maximum(1.4826 * known_medians(np.abs(around[:, known] - usual[known])), 0.02)
         z = (self.at(places) - usual) / spread
         return np.where(known, np.sign(z) * np.log1p(np.abs(z)), np.nan)
 
