@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from twingap.bearing import FAULTS
 from twingap.effects import Stage, catalogue
-from twingap.gap.view import Frame
+from twingap.gap.view import Frame, medians
 from twingap.records import Condition, Record, RecordSet
 from twingap.streams import root_entropy
 from twingap.twins.twin_file import TwinSpec, flat, model_parameters, nested
@@ -238,7 +238,7 @@ def _bands(record: Record, frame: Frame) -> tuple[Array, float]:
     if per < 8:
         return np.asarray(blocks.mean(axis=1)), energy
     # Tones lie above what chance does to the largest of so many bins: each bin counts as at most that.
-    level = np.median(blocks, axis=1, keepdims=True) / math.log(2)
+    level = medians(blocks)[:, None] / math.log(2)
     return np.asarray(np.minimum(blocks, level * (math.log(per) + 3)).mean(axis=1)), energy
 
 

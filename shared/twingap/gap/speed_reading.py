@@ -20,7 +20,7 @@ import scipy.fft
 from numpy.typing import NDArray
 
 from twingap.bearing import Bearing
-from twingap.gap.view import tone_power
+from twingap.gap.view import medians, tone_power
 from twingap.records import Condition
 
 Array = NDArray[np.float64]
@@ -163,11 +163,11 @@ def _envelopes(x: Array, fs_hz: float, rate_hz: float, shaft_hz: float) -> list[
 def _floor(power: Array, width: int = 49) -> Array:
     """Mean of a periodogram's noise [bins] from medians of half-overlapping stretches, lines left out."""
     if power.size < 2 * width:
-        return np.full(power.size, max(float(np.median(power)) / math.log(2), 1e-300))
+        return np.full(power.size, max(float(medians(power)) / math.log(2), 1e-300))
     step = width // 2
     windows = np.lib.stride_tricks.sliding_window_view(power, width)[::step]
     places = np.arange(len(windows)) * step + width // 2
-    levels = np.maximum(np.median(windows, axis=1), 1e-300)
+    levels = np.maximum(medians(windows), 1e-300)
     return np.asarray(np.exp(np.interp(np.arange(power.size), places, np.log(levels))) / math.log(2))
 
 

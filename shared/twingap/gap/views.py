@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from twingap.bearing import Bearing
 from twingap.errors import TwingapError
 from twingap.gap.report import Domain
-from twingap.gap.view import RecordView
+from twingap.gap.view import RecordView, medians
 from twingap.records import Condition
 
 Array = NDArray[np.float64]
@@ -345,9 +345,9 @@ def _floor(power: Array, width: int = 40) -> Array:
     """[bins] Level between the lines: medians of blocks, joined in the logarithm: cheaper than a running one."""
     width = max(min(width, power.size // 4), 1)
     count = power.size // width
-    medians = np.median(power[: count * width].reshape(count, width), axis=1)
+    levels = medians(power[: count * width].reshape(count, width))
     at = (np.arange(count) + 0.5) * width
-    return np.asarray(np.exp(np.interp(np.arange(power.size) + 0.5, at, np.log(medians + _TINY))))
+    return np.asarray(np.exp(np.interp(np.arange(power.size) + 0.5, at, np.log(levels + _TINY))))
 
 
 def _largest(values: Array, step: float, edges: Array) -> Array:

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -123,12 +124,20 @@ def whittle(
         acf = autocorrelation(frequency, damping, spectra.fs_hz, spectra.segment)
         return spectra.expected(acf) * spectra.fs_hz / 2
 
+    @lru_cache(maxsize=4)
+    def shapes(log_frequency: float, log_damping: float) -> list[Array]:
+        """Of the kept bins; differences over the amplitudes ask for one mode again and again."""
+        mode = float(np.exp(log_frequency)), float(np.exp(log_damping))
+        return [shape(s, *mode)[k] for s, k in zip(measured, kept, strict=True)]
+
+    seen = [p[k] for p, k in zip(scaled, kept, strict=True)]
+
     def loss(at: Array) -> float:
-        frequency, damping = float(np.exp(at[0])), float(np.exp(at[1]))
+        structure, floor = np.exp(at[2]), np.exp(at[3])
         out = 0.0
-        for s, p, k, n in zip(measured, scaled, kept, totals, strict=True):
-            model = (np.exp(at[2]) * shape(s, frequency, damping)[k] + np.exp(at[3])) * 2 / s.fs_hz
-            out += float(np.sum(n * (np.log(model) + p[k] / model)))
+        for s, p, n, mode in zip(measured, seen, totals, shapes(float(at[0]), float(at[1])), strict=True):
+            model = (structure * mode + floor) * 2 / s.fs_hz
+            out += float(np.sum(n * (np.log(model) + p / model)))
         return out
 
     lowest = min(float(s.f_hz[k][0]) for s, k in zip(measured, kept, strict=True) if k.any())

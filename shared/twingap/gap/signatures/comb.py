@@ -20,7 +20,7 @@ import scipy.fft
 from numba import njit
 from numpy.typing import NDArray
 
-from twingap.gap.view import RecordView, band_medians
+from twingap.gap.view import RecordView, band_medians, medians
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -188,7 +188,7 @@ def track(comb: Comb, duration_s: float) -> Track | None:
         padded[:count] = own[:count] * taper * np.exp(1j * np.pi * np.arange(count) / size)
         low = np.asarray(scipy.fft.ifft(padded)) * size
         demodulated.append(low * np.exp(-2j * np.pi * (centre_hz - first * comb.df_hz) * grid))
-        floors.append(float(np.median(comb.floor[first:last])))
+        floors.append(float(medians(comb.floor[first:last])))
     if not demodulated:
         return None
     lines: Complex = np.array(demodulated)

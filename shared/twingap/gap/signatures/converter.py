@@ -15,7 +15,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from twingap.gap.view import RecordView
+from twingap.gap.view import RecordView, medians
 
 Array = NDArray[np.float64]
 
@@ -112,7 +112,7 @@ def grid(values: Array, span: float, same: float) -> tuple[float, float, int]:
     # Between the values of a grid lie few different distances, the smallest of which is the step: the smaller ones
     # tell it finely, before multiples add up rounding.
     small = np.partition(differences, differences.size // 20)[: max(differences.size // 20, 2)]
-    step = float(np.median(small[small < 1.5 * small.min()]))
+    step = float(medians(small[small < 1.5 * small.min()]))
     near = differences[differences < 20.5 * step]
     if near.size > 1:
         k = np.rint(near / step)

@@ -18,7 +18,7 @@ import scipy.fft
 from numpy.typing import NDArray
 
 from twingap.gap.signatures.strikes import PHASES, Strikes
-from twingap.gap.view import RecordView
+from twingap.gap.view import RecordView, medians
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -232,7 +232,7 @@ def _predictor(waveform: Array, start: int, order: int = 2) -> Array | None:
             return None
         solution = np.asarray(np.linalg.lstsq(design[keep], target[keep], rcond=None)[0], float)
         miss = np.abs(target - design @ solution)
-        keep = miss < max(4 * float(np.median(miss[keep])), 1e-300)
+        keep = miss < max(4 * float(medians(miss[keep])), 1e-300)
     out = np.concatenate(([1.0], -solution))
     return out if np.isfinite(out).all() else None
 

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from scipy.optimize import nnls
 
 from twingap.gap.signatures import comb, echo, strikes
-from twingap.gap.view import RecordView
+from twingap.gap.view import RecordView, medians
 
 Array = NDArray[np.float64]
 
@@ -144,7 +144,7 @@ def _lines(course: comb.Track, out: dict[str, float]) -> None:
 def _timing(seen: strikes.Strikes, course: comb.Track, out: dict[str, float]) -> float:
     """Scalars of the strikes' times; returns the mean strike rate, Hz."""
     number, weight = seen.number, seen.strength**2
-    weight = np.minimum(weight, 4 * np.median(weight))
+    weight = np.minimum(weight, 4 * medians(weight))
     # Strikes that drown in noise have no time.
     sure = seen.strength**2 > max(4 * seen.noise, 0.3 * float(np.mean(seen.strength**2)))
     if sure.sum() < 8:

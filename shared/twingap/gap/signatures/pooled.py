@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twingap.bearing import Bearing
-from twingap.gap.view import RecordView, known_medians, local_floor
+from twingap.gap.view import RecordView, known_medians, local_floor, medians
 
 Array = NDArray[np.float64]
 Single = NDArray[np.float32]
@@ -157,8 +157,8 @@ class _Pool:
         known = np.isfinite(mean)
         if known.sum() < 200:
             return np.full(places.size, np.nan)
-        floor = local_floor(np.where(known, mean, np.median(mean[known])), 201)
-        spread = max(1.4826 * float(np.median(np.abs(mean[known] - floor[known]))), 0.02)
+        floor = local_floor(np.where(known, mean, medians(mean[known])), 201)
+        spread = max(1.4826 * float(medians(np.abs(mean[known] - floor[known]))), 0.02)
         return np.where(known, np.log1p(np.maximum((mean - floor) / spread, 0.0)), np.nan)
 
 
@@ -196,7 +196,7 @@ def _fixed(hz: _Pool, records: Sequence[Whitened], out: dict[str, float]) -> Non
                 index = round((carrier + sign * order * record.shaft_hz) / own_df)
                 if 30 < index < power.size - 30:
                     near = power[index - 22 : index + 23]
-                    values.append(float(power[index]) - float(np.median(near)))
+                    values.append(float(power[index]) - float(medians(near)))
         if values:
             total[order - 1] = np.mean(values) * math.sqrt(len(values))
     if np.isfinite(total).any():
@@ -229,8 +229,8 @@ def _foreign(envelope: _Pool, bearing: Bearing, out: dict[str, float]) -> None:
     known = np.isfinite(score)
     if known.sum() < 200:
         return
-    middle = float(np.median(score[known]))
-    spread = max(1.4826 * float(np.median(np.abs(score[known] - middle))), 0.02)
+    middle = float(medians(score[known]))
+    spread = max(1.4826 * float(medians(np.abs(score[known] - middle))), 0.02)
     place = int(np.nanargmax(score))
     out["foreign"] = math.log1p(max((float(score[place]) - middle) / spread, 0.0))
     out["foreign_order"] = math.log(places[place])
@@ -249,8 +249,8 @@ def _short(mean: Array) -> Array:
     known = np.isfinite(mean)
     if known.sum() < 8:
         return np.full(mean.size, np.nan)
-    middle = float(np.median(mean[known]))
-    spread = max(1.4826 * float(np.median(np.abs(mean[known] - middle))), 0.02)
+    middle = float(medians(mean[known]))
+    spread = max(1.4826 * float(medians(np.abs(mean[known] - middle))), 0.02)
     return np.where(known, np.log1p(np.maximum((mean - middle) / spread, 0.0)), np.nan)
 
 

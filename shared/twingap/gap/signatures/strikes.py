@@ -18,6 +18,7 @@ import scipy.fft
 from numpy.typing import NDArray
 
 from twingap.gap.signatures.comb import BandSignal, Track
+from twingap.gap.view import medians
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -112,8 +113,8 @@ def measure_strikes(band: BandSignal, course: Track) -> Strikes | None:
         # Strikes scatter about their place as far as they do, no farther: noise is kept out.
         offset = lags[seen.argmax(axis=1)]
         at = centre + offset
-        usual = np.median(offset)
-        spread = 1.4826 * float(np.median(np.abs(offset - usual)))
+        usual = medians(offset)
+        spread = 1.4826 * float(medians(np.abs(offset - usual)))
         limit = int(np.clip(4 * spread + 0.02 * spacing + 2 + abs(usual), 2, reach))
     assert waveform is not None
     used = lags[np.abs(lags) <= limit]

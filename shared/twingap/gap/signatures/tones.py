@@ -178,7 +178,7 @@ class Lines:
             k = np.rint(self.peaks.hz[direct] / (best * self.stated_fault_hz))
             best = float((k @ self.peaks.hz[direct]) / (k @ k)) / self.stated_fault_hz
             own = self.on_comb(best * self.stated_fault_hz, widths)
-        chance = float(np.median(score)) / max(float(self.weights.sum()), 1e-9) * len(self.peaks)
+        chance = float(medians(score)) / max(float(self.weights.sum()), 1e-9) * len(self.peaks)
         beyond = float(np.count_nonzero(own)) - chance - 2.0
         if beyond < 2:
             return math.nan, max(beyond, 0.0), none
@@ -326,7 +326,7 @@ def block_floor(power: Array, block: int = 32) -> Array:
     """[bins] The level between lines: medians of blocks, the middle of each three, interpolated in the logarithm."""
     n = power.size
     if n < 4 * block:
-        return np.full(n, max(float(np.median(power)), 1e-300))
+        return np.full(n, max(float(medians(power)), 1e-300))
     count = n // block
     middles = medians(power[: count * block].reshape(count, block))
     floor = _between(middles, n, block)

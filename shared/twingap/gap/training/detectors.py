@@ -13,6 +13,8 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from twingap.gap.training.trees import Boosted
+
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
@@ -29,7 +31,7 @@ class Ensemble:
     """One model per fold over the features that matter, and what it said of examples it had not seen."""
 
     columns: NDArray[np.int64]
-    models: list[Any]
+    models: list[Boosted]
     line: tuple[float, float] = (1.0, 0.0)
     line_later: tuple[float, float] = (1.0, 0.0)
     unseen: Array = field(default_factory=lambda: np.empty(0))
@@ -40,11 +42,8 @@ class Ensemble:
         `later`: effects have been added to the twin. What looks like one more is then more often what they left over.
         """
         own = np.asarray(np.asarray(features)[:, self.columns], np.float32)
-        if hasattr(self.models[0], "decision_function"):
-            raw = np.mean([m.decision_function(own) for m in self.models], axis=0)
-            slope, offset = self.line_later if later else self.line
-            return np.asarray(slope * raw + offset)
-        return np.asarray(np.mean([m.predict(own) for m in self.models], axis=0))
+        slope, offset = self.line_later if later else self.line
+        return np.asarray(slope * np.mean([model.raw(own) for model in self.models], axis=0) + offset)
 
 
 @dataclass
@@ -161,7 +160,7 @@ def learn_classifier(
         )  # fmt: skip
         model.fit(own[inside], label[inside])
         unseen[~inside] = model.decision_function(own[~inside])
-        models.append(model)
+        models.append(Boosted.of(model))
     first = np.ones(len(label), bool) if first is None else first
     line = _platt(unseen[first], label[first])
     line_later = line if label[~first].sum() < _FEWEST else _platt(unseen[~first], label[~first])
@@ -193,7 +192,7 @@ def learn_estimator(table: Table, value: Array, machine: NDArray[np.int64], allo
         )  # fmt: skip
         model.fit(own[inside], residual[inside])
         unseen[~inside] = model.predict(own[~inside])
-        models.append(model)
+        models.append(Boosted.of(model))
     # A line that is exact for most machines is not improved by trees that make all of them a little wrong.
     with_trees, alone = np.abs(residual - unseen), np.abs(residual)
     better = np.median(with_trees) + 0.2 * with_trees.mean() < np.median(alone) + 0.2 * alone.mean()
