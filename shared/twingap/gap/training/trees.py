@@ -3,8 +3,8 @@
 scikit-learn's boosting --nodes of all trees, end to end--> Boosted --row by row--> raw prediction
 
 A search asks hundreds of models about one row, again and again. scikit-learn checks its input and starts threads for
-every tree, which takes milliseconds where the comparisons take microseconds. Nodes are read off an attribute that it does
-not document; a test holds the outcome against its own predictions, to the bit.
+every tree, which takes milliseconds where the comparisons take microseconds. Nodes are read off an attribute that it
+does not document; a test holds the outcome against its own predictions, to the bit.
 """
 
 from __future__ import annotations
