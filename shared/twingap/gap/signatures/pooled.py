@@ -196,7 +196,7 @@ def _fixed(hz: _Pool, records: Sequence[Whitened], out: dict[str, float]) -> Non
                 index = round((carrier + sign * order * record.shaft_hz) / own_df)
                 if 30 < index < power.size - 30:
                     near = power[index - 22 : index + 23]
-                    values.append(float(power[index]) - float(medians(near)))
+                    values.append(float(power[index]) - float(medians(np.asarray(near, float))))
         if values:
             total[order - 1] = np.mean(values) * math.sqrt(len(values))
     if np.isfinite(total).any():
