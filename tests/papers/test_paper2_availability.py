@@ -36,7 +36,7 @@ def config(tmp_path_factory: pytest.TempPathFactory) -> Path:
     text = CONFIG.read_text(encoding="utf-8")
     for name, value in {
         "counts": "[1, 2]", "turns": "4", "carriers": "8", "pooled": "[1, 2]", "epochs": "2", "checkpoints": "2",
-        "false_alarm": "0.1", "fine_steps": "2", "ablation": '["bare"]',
+        "false_alarm": "0.1", "ablation": '["bare"]',
     }.items():  # fmt: skip
         text = re.sub(rf"(?m)^{name} = .*$", f"{name} = {value}", text)
     path.write_text(text + TINY, encoding="utf-8")
