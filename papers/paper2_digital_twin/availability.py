@@ -1,8 +1,8 @@
 """Diagnosis by how much fault data there is: SOM-MQE, SVM and a network from the twin, on real recordings.
 
 CWRU, HIT-SM --> pieces --+--> healthy map: alarm, severity
-                          +--> n labelled records of each fault --> SVM | maps by class | network, fine-tuned
-   twin on healthy records --> images --> network, no label -----------------------------------^
+                          +--> n labelled records of each fault --> SVM | maps by class | network, corrected by a head
+   twin on healthy records --> images --> network, no label -------------------------------------------^
                                                    accuracy by recording and by bearing --> crossing points
 
 Used in: Paper 2, section 3, which names the three regimes and prints no number. Run as part of the
@@ -43,6 +43,7 @@ from twingap.adapt.class_maps import fit_class_maps
 from twingap.adapt.condition_features import window_features
 from twingap.adapt.few_labels import fit_few_labels
 from twingap.adapt.inception import InceptionTraining
+from twingap.adapt.residual_head import HeadOptions
 from twingap.adapt.scalograms import ImageOptions
 from twingap.adapt.selection import CRITERIA, select
 from twingap.adapt.severity import MapOptions
@@ -108,6 +109,7 @@ class StudyOptions:
     map: MapOptions
     source: SourceOptions
     training: InceptionTraining
+    head: HeadOptions
     profiles: dict[str, StudyProfile]
 
 
@@ -197,7 +199,8 @@ def run(
     # A class or function stands for its module: the rest of `twingap.adapt` may change without a new run.
     code = digest_of_code(
         records_module, source_module, split_module, jobs_module, twingap.effects, twingap.signal, twingap.twins,
-        ImageOptions, MapOptions, InceptionTraining, fit_class_maps, fit_few_labels, window_features, select,
+        ImageOptions, MapOptions, InceptionTraining, HeadOptions, fit_class_maps, fit_few_labels, window_features,
+        select,
     )  # fmt: skip
     folds = range(1 if sizes.smoke else options.folds)
     seeds = range(seed, seed + sizes.seeds)
@@ -214,7 +217,7 @@ def run(
     nets = [
         NetworkJob(
             name, kind, fold, options.folds, s, counts if kind == "grafted" else (), options.criterion, training,
-            options.image,
+            options.head, options.image,
         )
         for kind, wanted in kinds.items()
         for s in seeds[:wanted]

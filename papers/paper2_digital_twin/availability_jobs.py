@@ -1,6 +1,6 @@
 """Jobs of the availability study, each run anywhere and kept: network, shallow methods, alarm, false-alarm check.
 
-Network: twin images -> train -> choose without labels -> judge with no label -> fine-tune with n -> judge
+Network: twin images -> train -> choose without labels -> judge with no label -> correct with n, by a head -> judge
 Shallow: n labelled records -> SVM, maps by class -> judge
 Alarm:   healthy windows -> map, threshold -> MQE and alarm of every recording
 Check:   simulated healthy machines -> map, threshold -> share of false alarms in recordings never seen
@@ -10,6 +10,7 @@ Used in: Paper 2, diagnosis by how much fault data there is.
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
@@ -23,7 +24,8 @@ from papers.paper2_digital_twin.availability_split import ALL, SPLITS, counts_of
 from twingap.adapt.class_maps import fit_class_maps
 from twingap.adapt.condition_features import window_features
 from twingap.adapt.few_labels import fit_few_labels
-from twingap.adapt.inception import InceptionTraining, evidence, fine_tune, predict, train_inception
+from twingap.adapt.inception import InceptionTraining, evidence, outputs, train_inception
+from twingap.adapt.residual_head import HeadOptions, fit_residual_head
 from twingap.adapt.scalograms import ImageOptions, Images, Modulation, images, pieces_of
 from twingap.adapt.selection import CRITERIA, Evidence, select
 from twingap.adapt.severity import MapOptions, healthy_map
@@ -33,14 +35,14 @@ Array = NDArray[np.float64]
 Places = NDArray[np.int64]
 HELD_OUT: Final = 5
 """Every fifth virtual machine is kept from training."""
-MOST_IMAGES: Final = 96
-"""Measured, and simulated, images that fine-tuning sees."""
+STRIP: Final = 6
+"""Pieces that are judged together by the network."""
 TINY: Final = 1e-6
 
 
 @dataclass(frozen=True)
 class NetworkJob:
-    """One training, and all that is fine-tuned from it."""
+    """One training, and all heads on it."""
 
     data: str
     kind: Kind
@@ -50,6 +52,7 @@ class NetworkJob:
     counts: tuple[int, ...]
     criterion: str
     training: InceptionTraining
+    head: HeadOptions
     image: ImageOptions
 
 
@@ -99,14 +102,20 @@ def strips(data: Measured, recording: str, baseline: Array, image: ImageOptions,
 
 
 def _pooled(data: Measured, places: Places, baseline: Array, image: ImageOptions, size: int) -> Images:
-    parts = np.array_split(places, max(1, round(len(places) / size)))
-    found = [Modulation(data.found.lines[p], data.found.power[p]).pooled() for p in parts]
+    found = [Modulation(data.found.lines[p], data.found.power[p]).pooled() for p in _parts(places, size)]
     whole = Modulation(np.concatenate([f.lines for f in found]), np.concatenate([f.power for f in found]))
     return images(whole, baseline, image)
 
 
+def _parts(places: Places, size: int) -> list[Places]:
+    """Consecutive pieces in strips of up to about `size`."""
+    return np.array_split(places, max(1, round(len(places) / size)))
+
+
 def network(job: NetworkJob, data: Mapping[str, Measured], source: Mapping[str, Any]) -> dict[str, Any]:
-    """Train on the twin's images, choose without labels, judge; then fine-tune on few labels, and judge.
+    """Train on the twin's images, choose without labels, judge; then correct it by few labels, and judge.
+
+    The network itself learns from no label: the head's mean must not have seen the records that it is corrected by.
 
     Parameters
     ----------
@@ -119,19 +128,22 @@ def network(job: NetworkJob, data: Mapping[str, Measured], source: Mapping[str, 
     Returns
     -------
     dict
-        ``split`` -> ``count`` -> recording -> called class; with no label also what each checkpoint says and scores.
+        ``split`` -> ``count`` -> recording -> called class; with no label also what each checkpoint says and scores,
+        with some also what the same head calls it without the network.
     """
     own, made = data[job.data], source[f"{job.data} {job.kind} {job.fold}"]
-    n_classes, size = len(own.classes), 6
+    n_classes, truth = len(own.classes), own.piece_labels()
     x, y = np.asarray(made["images"], dtype=np.float32), np.asarray(made["labels"], dtype=np.int64)
     held = np.asarray(made["machine"]) % HELD_OUT == job.seed % HELD_OUT
     states = train_inception(x[~held], y[~held], n_classes, job.training, job.seed)
     out: dict[str, Any] = {}
     # Healthy recordings are dealt alike in all splits, and with them the baseline.
     baseline = baseline_of(own, judged(own, SPLITS[0], job.fold, job.folds, job.seed))
-    target = {r: strips(own, r, baseline, job.image, size) for r in own.recordings}
+    target = {r: strips(own, r, baseline, job.image, STRIP) for r in own.recordings}
+    each = {r: np.stack([own.features[p].mean(axis=0) for p in _parts(own.pieces([r]), STRIP)]) for r in own.recordings}
     owner = np.concatenate([[r] * len(v) for r, v in target.items()])
-    shown = np.concatenate(list(target.values()))
+    shown, features = np.concatenate(list(target.values())), np.concatenate(list(each.values()))
+    alone = images(own.found, baseline, job.image)
     seen = evidence(states, x[held], y[held], shown, n_classes, job.training)
     for split in SPLITS:
         judge = judged(own, split, job.fold, job.folds, job.seed)
@@ -149,18 +161,21 @@ def network(job: NetworkJob, data: Mapping[str, Measured], source: Mapping[str, 
             "checkpoints": calls,
             "scores": {name: [float(score(e)) for e in choosing] for name, score in CRITERIA.items()},
         }
+        asked, unlabelled = np.isin(owner, judge), own.features[own.pieces(learn)]
+        pieces = outputs(states[place], alone, n_classes, job.training).logits.astype(np.float64)
+        logits = seen[place].target.logits.astype(np.float64)
         for count in job.counts:
             rng = np.random.default_rng([job.seed, 31, job.fold, SPLITS.index(split)])
-            places = labelled(own, learn, count, rng, all_healthy=True)
-            few, truth = _labelled_images(own, places, baseline, job.image, size)
-            some = rng.permutation(len(few)) if len(few) <= MOST_IMAGES else _balanced(truth, MOST_IMAGES, rng)
-            again = rng.choice(np.flatnonzero(~held), min(MOST_IMAGES, int((~held).sum())), replace=False)
-            state = fine_tune(
-                states[place], few[some], truth[some], n_classes, job.training, job.seed, x[again], y[again]
-            )
-            told = predict(state, np.concatenate([target[r] for r in judge]), n_classes, job.training)
-            who = np.concatenate([[r] * len(target[r]) for r in judge])
-            rows[str(count)] = {"calls": _calls(told, who, judge), "labels": counts_of(own, places)}
+            few = labelled(own, learn, count, rng, all_healthy=True)
+            row: dict[str, Any] = {"labels": counts_of(own, few)}
+            for name, options in (
+                ("calls", job.head),
+                ("without network", dataclasses.replace(job.head, trust=0.0)),
+            ):
+                head = fit_residual_head(pieces[few], own.features[few], truth[few], unlabelled, options)
+                told = head.probabilities(logits[asked], features[asked])
+                row[name] = _calls(told, owner[asked], judge)
+            rows[str(count)] = row
     return out
 
 
@@ -234,27 +249,6 @@ def _calls(probabilities: Array, owner: NDArray[np.str_], judge: Sequence[str]) 
     """What each recording is called: largest mean log probability over its pieces or strips."""
     sure = np.log(np.maximum(probabilities, TINY))
     return {r: int(sure[owner == r].mean(axis=0).argmax()) for r in judge}
-
-
-def _labelled_images(
-    data: Measured, places: Places, baseline: Array, image: ImageOptions, size: int
-) -> tuple[Images, Places]:
-    """Images of labelled pieces, each by itself, and of those of one recording together as recordings are judged."""
-    alone = images(Modulation(data.found.lines[places], data.found.power[places]), baseline, image)
-    made, labels = [alone], [data.piece_labels()[places]]
-    for r in np.unique(data.recording[places]):
-        mine = places[data.recording[places] == r]
-        if len(mine) > 1:
-            made.append(_pooled(data, mine, baseline, image, size))
-            labels.append(np.full(len(made[-1]), data.labels[str(r)], dtype=np.int64))
-    return np.concatenate(made), np.concatenate(labels)
-
-
-def _balanced(labels: Places, most: int, rng: np.random.Generator) -> Places:
-    """Places of at most `most` images, as many of each class as there are."""
-    classes = np.unique(labels)
-    share = [rng.permutation(np.flatnonzero(labels == c))[: most // len(classes)] for c in classes]
-    return np.concatenate(share)
 
 
 __all__ = [

@@ -32,6 +32,7 @@ def all_tables(study: Study) -> dict[str, pd.DataFrame]:
         "availability-accuracy": found,
         "availability-crossings": crossings(study, called),
         "availability-selection": selection(study),
+        "availability-head": head(study),
         "availability-sources": sources(study),
         "availability-recordings": recordings(study, called),
         "availability-alarms": alarms(study),
@@ -120,6 +121,23 @@ def crossings(study: Study, called: pd.DataFrame) -> pd.DataFrame:
             "at least as good from": _named(good), "better from": _named(sure),
             **{f"gain at {_named([c])}, points": 100 * gains[c].mean() for c in steps},
         })  # fmt: skip
+    return pd.DataFrame(rows)
+
+
+def head(study: Study) -> pd.DataFrame:
+    """What labelled records change and what the network is still good for: the head with it and without."""
+    rows = []
+    for name, data in study.data.items():
+        for split in SPLITS:
+            nets = [n.value[split]["rows"] for n in study.networks if n.job.data == name and n.job.kind == "grafted"]
+            for count in (*study.options.counts, ALL):
+                own = [rows_of[str(count)] for rows_of in nets]
+                rows.append({
+                    "data": TITLES[name], "split by": split, "records a fault": "all" if count == ALL else str(count),
+                    "network and head": _mean_right(data, [r["calls"] for r in own]),
+                    "head alone": _mean_right(data, [r["without network"] for r in own]),
+                    "network alone": _mean_right(data, [rows_of["0"]["calls"] for rows_of in nets]),
+                })  # fmt: skip
     return pd.DataFrame(rows)
 
 

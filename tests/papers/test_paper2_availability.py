@@ -8,11 +8,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from papers.paper2_digital_twin import availability_jobs
 from papers.paper2_digital_twin.availability import CONFIG, Study, read_study, run
-from papers.paper2_digital_twin.availability_jobs import baseline_of
+from papers.paper2_digital_twin.availability_jobs import NetworkJob, baseline_of, network
 from papers.paper2_digital_twin.availability_records import Measured, load, measure
 from papers.paper2_digital_twin.availability_source import Background, Plant, SourceOptions, simulate
 from papers.paper2_digital_twin.availability_split import ALL, SPLITS, counts_of, judged, labelled
+from twingap.adapt.inception import InceptionTraining
+from twingap.adapt.residual_head import HeadOptions, ResidualHead, fit_residual_head
 from twingap.adapt.scalograms import ImageOptions
 from twingap.bearing import BEARINGS
 from twingap.errors import TwingapError
@@ -36,7 +39,7 @@ def config(tmp_path_factory: pytest.TempPathFactory) -> Path:
     text = CONFIG.read_text(encoding="utf-8")
     for name, value in {
         "counts": "[1, 2]", "turns": "4", "carriers": "8", "pooled": "[1, 2]", "epochs": "2", "checkpoints": "2",
-        "false_alarm": "0.1", "fine_steps": "2", "ablation": '["bare"]',
+        "false_alarm": "0.1", "ablation": '["bare"]',
     }.items():  # fmt: skip
         text = re.sub(rf"(?m)^{name} = .*$", f"{name} = {value}", text)
     path.write_text(text + TINY, encoding="utf-8")
@@ -158,6 +161,48 @@ def test_the_study_says_what_it_stands_on_and_judges_every_method(study: Study, 
     assert pictures == {
         "availability-crossings.png", "availability-severity.png", "availability-images-virtual_cwru.png",
     }  # fmt: skip
+
+
+def test_the_head_learns_from_labelled_records_alone_and_the_network_from_none(
+    data: Measured, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    seen: list[tuple[np.ndarray, np.ndarray, float]] = []
+    told: list[np.ndarray] = []
+
+    def watched(
+        logits: np.ndarray, features: np.ndarray, labels: np.ndarray, reference: np.ndarray, options: HeadOptions
+    ) -> ResidualHead:
+        seen.append((features, reference, options.trust))
+        told.append(logits)
+        return fit_residual_head(logits, features, labels, reference, options)
+
+    monkeypatch.setattr(availability_jobs, "fit_residual_head", watched)
+    rng = np.random.default_rng(0)
+    made = simulate(plant("grafted", ("a",)), {"a": Background(0.1 * rng.standard_normal(12_000), 1750.0)})
+    training = InceptionTraining(steps=4, batch=8, checkpoints=2, width=4)
+    job = NetworkJob("virtual_cwru", "grafted", 0, 3, 0, (1, 2, ALL), "infomax", training, HeadOptions(), IMAGE)
+    found = network(job, {"virtual_cwru": data}, {"virtual_cwru grafted 0": made})
+    rows = {row.tobytes(): place for place, row in enumerate(data.features)}
+    assert len(rows) == len(data.features)
+    calls = iter(seen)
+    for split in SPLITS:
+        judge = judged(data, split, 0, 3, 0)
+        assert set(found[split]["rows"]) == {"0", "1", "2", str(ALL)}
+        for count in (1, 2, ALL):
+            assert set(found[split]["rows"][str(count)]["calls"]) == set(judge)
+            for trust in (HeadOptions().trust, 0.0):  # with the network, and without
+                features, reference, own = next(calls)
+                assert own == trust
+                for given in (features, reference):
+                    used = {str(data.recording[rows[row.tobytes()]]) for row in given}
+                    assert not used & set(judge)
+                if count != ALL:
+                    assert len(features) < len(reference)
+    # The same network, whatever is labelled: its word on a piece is the same in every head of a split.
+    for split in range(len(SPLITS)):
+        each = told[split * 6 : (split + 1) * 6]
+        known = {row.tobytes() for row in each[-1]}
+        assert all(row.tobytes() in known for logits in each for row in logits)
 
 
 def test_a_second_run_takes_all_from_the_store(study: Study, folder: Path, config: Path) -> None:

@@ -4,6 +4,7 @@ Windows --inputs--> train(source, labels, target without labels) -> checkpoints 
 Windows --------------------- fit("Proposed", ...) -> Fitted ------------------------------> judge
 records without labels, TwinSpec --Population, Fleets--> classify -> Classified
 labelled records of each fault --choose--> twin's network | fit_few_labels | fit_class_maps;  healthy_map -> alarm
+labelled records, the network's logits of them --fit_residual_head--> network, corrected
 
 `classify` and `choose` here are the functions; from the modules of those names import by ``from ... import``.
 """
@@ -24,6 +25,7 @@ from twingap.adapt.nets import FEATURES, PlainCNN, best_device
 from twingap.adapt.noise import with_noise
 from twingap.adapt.order_forest import OrderForest, train_forest
 from twingap.adapt.population import Population
+from twingap.adapt.residual_head import HeadOptions, ResidualHead, fit_residual_head
 from twingap.adapt.selection import CRITERIA, DEFAULT, Evidence, select
 from twingap.adapt.severity import FeatureMap, HealthyMap, MapOptions, fit_map, healthy_map
 from twingap.adapt.training import Checkpoint, Method, Outputs, Trained, Training, outputs, reproducible, train
@@ -50,6 +52,7 @@ __all__ = [
     "FewLabels",
     "Fitted",
     "Fleets",
+    "HeadOptions",
     "HealthyMap",
     "Judged",
     "MapOptions",
@@ -62,6 +65,7 @@ __all__ = [
     "PlainCNN",
     "Population",
     "Reliability",
+    "ResidualHead",
     "Scores",
     "Thresholds",
     "Trained",
@@ -79,6 +83,7 @@ __all__ = [
     "fit_class_maps",
     "fit_few_labels",
     "fit_map",
+    "fit_residual_head",
     "healthy_map",
     "inputs",
     "joined",

@@ -1,4 +1,4 @@
-"""An Inception-style network for small images, trained on simulated ones and carried over to measured ones.
+"""An Inception-style network for small images, trained on simulated ones.
 
 image [channels, carriers, orders] --stem, inception x 3--> maps --mean and max over carriers, orders kept--> logits
 
@@ -86,21 +86,12 @@ class InceptionNet(nn.Module):
         left = ((columns + 1) // 2) // 4
         self.classifier = nn.Sequential(nn.Dropout(0.3), nn.Linear(2 * 8 * width * left, n_classes))
 
-    def lower(self, x: Tensor) -> Tensor:
-        """What fine-tuning leaves alone: stem and the first two blocks."""
-        lowered: Tensor = self.shrink(self.second(self.shrink(self.first(self.stem(x)))))
-        return lowered
-
-    def upper(self, x: Tensor) -> Tensor:
-        """The last block and the classifier, on what `lower` gives."""
-        x = self.third(x)
+    def forward(self, x: Tensor) -> Tensor:
+        """Logits [batch, classes]."""
+        x = self.third(self.shrink(self.second(self.shrink(self.first(self.stem(x))))))
         x = torch.cat((x.mean(dim=2), x.amax(dim=2)), dim=1).flatten(1)
         logits: Tensor = self.classifier(x)
         return logits
-
-    def forward(self, x: Tensor) -> Tensor:
-        """Logits [batch, classes]."""
-        return self.upper(self.lower(x))
 
 
 @dataclass(frozen=True)
@@ -114,10 +105,6 @@ class InceptionTraining:
         Of AdamW.
     checkpoints : int
         States kept for selection, evenly spaced over the second half of training and its end.
-    fine_steps : int
-        Of fine-tuning.
-    fine_rate : float
-        Its learning rate.
     width : int
         Of the network.
     """
@@ -127,8 +114,6 @@ class InceptionTraining:
     learning_rate: float = 2e-3
     weight_decay: float = 1e-3
     checkpoints: int = 5
-    fine_steps: int = 40
-    fine_rate: float = 1e-3
     width: int = 6
 
 
@@ -175,58 +160,7 @@ def _varied(x: Tensor, rng: np.random.Generator) -> Tensor:
 
 def predict(state: State, x: Images, n_classes: int, settings: InceptionTraining) -> Array:
     """Probabilities [images, classes]."""
-    return _seen(state, x, n_classes, settings).probabilities
-
-
-def fine_tune(
-    state: State, x: Images, labels: Labels, n_classes: int, settings: InceptionTraining, seed: int,
-    source: Images | None = None, source_labels: Labels | None = None,
-) -> State:  # fmt: skip
-    """Go on training the last block and the classifier on few measured images.
-
-    Parameters
-    ----------
-    state : State
-    x, labels : Images [images, ...], Labels
-        Measured and labelled; classes weigh alike however many images they have.
-    n_classes : int
-    settings : InceptionTraining
-    seed : int
-    source, source_labels : Images, Labels, optional
-        Simulated images that are rehearsed in every batch, half of it, so that what measured images do not show is not
-        forgotten.
-
-    Returns
-    -------
-    State
-        Of the whole network.
-    """
-    with reproducible(seed):
-        net = _net(state, x, n_classes, settings)
-        with torch.no_grad():
-            low = net.lower(torch.from_numpy(x))
-            old = None if source is None else net.lower(torch.from_numpy(source))
-        net.train()
-        parameters = [*net.third.parameters(), *net.classifier.parameters()]
-        optimiser = torch.optim.AdamW(parameters, lr=settings.fine_rate, weight_decay=settings.weight_decay)
-        rng, loss = np.random.default_rng([seed, 8]), nn.CrossEntropyLoss(label_smoothing=0.05)
-        y = torch.from_numpy(labels)
-        share = 1.0 / np.bincount(labels, minlength=n_classes)[labels]
-        share /= share.sum()
-        size = settings.batch // 2
-        for _ in range(settings.fine_steps):
-            chosen = torch.from_numpy(rng.choice(len(low), size, p=share))
-            batch, truth = low[chosen], y[chosen]
-            if old is not None and source_labels is not None:
-                again = torch.from_numpy(rng.integers(len(old), size=size // 2))
-                batch, truth = (
-                    torch.cat((batch, old[again])),
-                    torch.cat((truth, torch.from_numpy(source_labels)[again])),
-                )
-            optimiser.zero_grad()
-            loss(net.upper(batch), truth).backward()
-            optimiser.step()
-        return {name: value.clone() for name, value in net.state_dict().items()}
+    return outputs(state, x, n_classes, settings).probabilities
 
 
 def evidence(
@@ -234,10 +168,11 @@ def evidence(
 ) -> list[Evidence]:
     """What label-free criteria look at, per checkpoint: held-out simulated images and unlabelled measured ones."""
     own = n_classes, settings
-    return [Evidence(_seen(s, source, *own), labels, _seen(s, target, *own)) for s in states]
+    return [Evidence(outputs(s, source, *own), labels, outputs(s, target, *own)) for s in states]
 
 
-def _seen(state: State, x: Images, n_classes: int, settings: InceptionTraining) -> Outputs:
+def outputs(state: State, x: Images, n_classes: int, settings: InceptionTraining) -> Outputs:
+    """Logits [images, classes]; no features."""
     net = _net(state, x, n_classes, settings)
     with reproducible(0), torch.no_grad():
         logits = torch.cat([net(torch.from_numpy(x[i : i + 256])) for i in range(0, len(x), 256)])

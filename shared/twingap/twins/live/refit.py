@@ -85,6 +85,7 @@ def refit(
     gain: float = 1e-3,
     bounds: tuple[Array, Array] | None = None,
     rolling: Sequence[Array] | None = None,
+    known: Sequence[Prediction | None] | None = None,
 ) -> Fit:
     """Fit the twin to snapshots.
 
@@ -106,10 +107,12 @@ def refit(
         Of theta.
     rolling : sequence of Array [bins], optional
         PSDs of the rollers for each snapshot, to be held; see `SpectrumModel.predict`.
+    known : sequence of Prediction or None, optional
+        For each snapshot what has been predicted of it before, here or elsewhere. Ignored where `rolling` is given.
     """
     low, high = bounds if bounds is not None else (np.full(4, -np.inf), np.full(4, np.inf))
     here = np.clip(theta, low, high)
-    predicted = model.predict(here, states, band, rolling=rolling)
+    predicted = _first(model, here, states, band, rolling, known)
     before = error = relative_error(measured, predicted)
     spent, caution = 1, 1e-3
     while spent < evaluations:
@@ -118,7 +121,7 @@ def refit(
         step = _step(slopes, apart, caution, here, low, high)
         trial = np.clip(here + step, low, high)
         try:
-            made = model.predict(trial, states, band, rolling=rolling)
+            made = model.predict(trial, states, band, rolling=rolling, near=predicted)
         except TwingapError:  # parameters that no twin can have: nearer, then
             made = None
         spent += 1
@@ -131,6 +134,21 @@ def refit(
         if small:
             break
     return Fit(here, before, error, spent, predicted)
+
+
+def _first(
+    model: SpectrumModel, here: Array, states: Sequence[MachineState], band: Band, rolling: Sequence[Array] | None,
+    known: Sequence[Prediction | None] | None,
+) -> list[Prediction]:  # fmt: skip
+    """Predictions where a fit begins; those known for this very point are taken as they are."""
+    if rolling is not None or known is None:
+        return model.predict(here, states, band, rolling=rolling)
+    done = {i: p for i, p in enumerate(known) if p is not None and np.array_equal(p.theta, here)}
+    left = [i for i in range(len(states)) if i not in done]
+    if left:
+        made = model.predict(here, [states[i] for i in left], band, near=[known[i] for i in left])
+        done |= dict(zip(left, made, strict=True))
+    return [done[i] for i in range(len(states))]
 
 
 def _step(slopes: Array, apart: Array, caution: float, here: Array, low: Array, high: Array) -> Array:

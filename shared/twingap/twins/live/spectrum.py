@@ -5,7 +5,8 @@ force level, speed ----------------------> white force --> linearised contact mo
 white noise --------------------------------------------------------------------------------> flat --+
 
 One group of the kernel is sixteen trajectories for the price of one: three snapshots, each with the four shifted
-parameter points that derivatives need. The parts with noise are closed forms.
+parameter points that derivatives need. Close to a point where these have been integrated they are carried over, and a
+group holds sixteen snapshots. The parts with noise are closed forms.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Final
 
 import numpy as np
@@ -35,6 +37,9 @@ FREE: Final = ("stiffness", "damping", "force_level", "white_noise")
 """What is identified anew; the model works with their logarithms. The first three are watched for drift."""
 STEP: Final = 0.02
 """Of the central differences, in the logarithms of stiffness and damping."""
+NEAR: Final = np.array([0.01, 0.05])
+"""How far stiffness and damping (logarithms) may move before the rollers' part is differentiated anew. Slopes carried
+so far differ from fresh ones by up to a sixth (defective 6205 at 1800 rpm): a step of a fit hardly turns."""
 RESOLUTION_HZ: Final = 12.0
 """Aimed distance of two bins: a third of the half width of a mode of 2 % damping at 2 kHz."""
 SEGMENTS: Final = 1.5
@@ -83,15 +88,20 @@ class Band:
         """The band at this sampling rate: up to 0.42 fs, where filters begin to roll off."""
         return cls(fs_hz, 2 ** max(6, round(math.log2(fs_hz / RESOLUTION_HZ))), lowest_hz)
 
-    @property
+    @cached_property
     def f_hz(self) -> Array:
         """Frequencies of all bins, Hz."""
         return np.asarray(np.fft.rfftfreq(self.segment, 1 / self.fs_hz))
 
-    @property
+    @cached_property
     def inside(self) -> NDArray[np.bool_]:
         """Which of them are compared."""
         return (self.f_hz >= self.lowest_hz) & (self.f_hz <= 0.42 * self.fs_hz)
+
+    @cached_property
+    def delay(self) -> NDArray[np.complex128]:
+        """1 / z of the bins that are compared [bins]."""
+        return np.asarray(np.exp(-2j * np.pi * self.f_hz[self.inside] / self.fs_hz))
 
     def averages(self, samples: int) -> float:
         """Independent averages behind a spectrum of so many samples, half overlapping Hann segments (Welch 1967)."""
@@ -116,16 +126,29 @@ class Prediction:
         By the logarithms of `FREE`.
     rolling : Array [bins]
         PSD of rollers passing and striking, which is in `amplitude` too.
+    theta : Array [4]
+        Logarithms of `FREE` for which it holds.
+    shifted : Array [4, bins] or None
+        What is added to `rolling` when stiffness rises or falls by `STEP`, then damping; None where it was held.
+    shifted_at : Array [2]
+        Logarithms of stiffness and damping where `shifted` was integrated.
     """
 
     amplitude: Array
     slopes: Array
     rolling: Array
+    theta: Array
+    shifted: Array | None
+    shifted_at: Array
 
     @property
     def quiet(self) -> bool:
         """Whether the rollers make too little of the power to matter."""
         return float(self.rolling.sum()) < QUIET * float((self.amplitude**2).sum())
+
+    def serves(self, theta: Array) -> bool:
+        """Whether `shifted` is good enough at this point."""
+        return self.shifted is not None and bool((np.abs(theta[:2] - self.shifted_at) <= NEAR).all())
 
 
 class SpectrumModel:
@@ -165,16 +188,21 @@ class SpectrumModel:
 
     def at(self, theta: Array, state: MachineState, fs_hz: float) -> ContactParameters:
         """The twin's parameters in this state, by the laws."""
-        stiffness, damping, level, white = (float(v) for v in np.exp(theta))
+        made = self._contact(theta, state)
+        mode = ContactTwin(self.bearing, made).contact_mode(state.load_n)
+        level, white = (float(v) for v in np.exp(theta[2:]))
+        structure = level * self._push(mode, state, fs_hz) * response_rms([mode], fs_hz) / made.scale
+        return replace(made, structure_noise_rms=structure, white_noise_rms=white / made.scale)
+
+    def _contact(self, theta: Array, state: MachineState) -> ContactParameters:
+        """The same without the levels of noise, which the contact's motion does not depend on."""
+        stiffness, damping = (float(v) for v in np.exp(theta[:2]))
         own, laws = self.parameters, self.laws
         clearance = own.clearance_um
         if self.follow:
             damping *= laws.damping.factor(state.temperature_c, laws.reference_c)
             clearance += laws.clearance.change_um(self.bearing, state.temperature_c - laws.reference_c)
-        made = replace(own, stiffness=stiffness, damping=damping, clearance_um=clearance, load_n=state.load_n)
-        mode = ContactTwin(self.bearing, made).contact_mode(state.load_n)
-        structure = level * self._push(mode, state, fs_hz) * response_rms([mode], fs_hz) / own.scale
-        return replace(made, structure_noise_rms=structure, white_noise_rms=white / own.scale)
+        return replace(own, stiffness=stiffness, damping=damping, clearance_um=clearance, load_n=state.load_n)
 
     def predict(
         self,
@@ -184,6 +212,7 @@ class SpectrumModel:
         *,
         slopes: bool = True,
         rolling: Sequence[Array] | None = None,
+        near: Sequence[Prediction | None] | None = None,
     ) -> list[Prediction]:
         """Amplitude spectra in these states, all integrated at once.
 
@@ -196,6 +225,9 @@ class SpectrumModel:
             Whether derivatives are wanted; they are 0 otherwise.
         rolling : sequence of Array [bins], optional
             PSDs of the rollers, known from a point nearby; they are then held and not integrated.
+        near : sequence of Prediction or None, optional
+            For the same states at another point: where that is `NEAR`, the rollers' part is integrated at `theta`
+            alone, and how it turns with stiffness and damping carried over.
 
         Raises
         ------
@@ -206,21 +238,30 @@ class SpectrumModel:
         shifts = np.zeros((5 if slopes else 1, 4))
         if slopes:
             shifts[1, 0], shifts[2, 0], shifts[3, 1], shifts[4, 1] = STEP, -STEP, STEP, -STEP
-        made = [[self.at(theta + shift, state, band.fs_hz) for shift in shifts] for state in states]
-        held = None if rolling is None else [[known] * len(shifts) for known in rolling]
-        passing = self._rolling(made, states, band) if held is None else held
+        made = [[self._contact(theta + shift, state) for shift in shifts] for state in states]
+        kept = [None if p is None or not p.serves(theta) else p for p in near or [None] * len(states)]
+        if rolling is None:
+            # What another point lends is not integrated: the middle alone.
+            wanted = [own[:1] if p is not None else own for own, p in zip(made, kept, strict=True)]
+            passing = self._rolling(wanted, states, band)
+        else:
+            passing = [[known] for known in rolling]
         out = []
-        for own, parts, state in zip(made, passing, states, strict=True):
-            noise = [self._noise(p, theta, state, band) for p in own]
-            white = np.full(noise[0].size, 2 * float(np.exp(2 * theta[3])) / band.fs_hz)
-            total = [r + n + white for r, n in zip(parts, noise, strict=True)]
-            amplitude = np.sqrt(total[0])
-            turn = np.zeros((4, amplitude.size))
+        for own, parts, state, lent in zip(made, passing, states, kept, strict=True):
+            noise = self._noise(own, theta, state, band)
+            white = 2 * float(np.exp(2 * theta[3])) / band.fs_hz
+            amplitude = np.sqrt(parts[0] + noise[0] + white)
+            turn, shifted, at = np.zeros((4, amplitude.size)), None, theta[:2]
             if slopes:
-                turn[0] = (np.sqrt(total[1]) - np.sqrt(total[2])) / (2 * STEP)
-                turn[1] = (np.sqrt(total[3]) - np.sqrt(total[4])) / (2 * STEP)
+                if rolling is None and lent is not None:
+                    shifted, at = lent.shifted, lent.shifted_at
+                elif rolling is None:
+                    shifted = np.array(parts[1:]) - parts[0]
+                around = parts[0] if shifted is None else np.maximum(parts[0] + shifted, 0.0)
+                root = np.sqrt(around + noise[1:] + white)
+                turn[:2] = (root[::2] - root[1::2]) / (2 * STEP)
                 turn[2], turn[3] = noise[0] / amplitude, white / amplitude  # d sqrt(P) / d ln a = a^2 part / sqrt(P)
-            out.append(Prediction(amplitude, turn, parts[0]))
+            out.append(Prediction(amplitude, turn, parts[0], theta, shifted, at))
         return out
 
     def _push(self, mode: Mode, state: MachineState, fs_hz: float) -> float:
@@ -232,13 +273,13 @@ class SpectrumModel:
         speed = (state.speed_rpm / self.reference_rpm) ** self.laws.speed_power
         return float(2 * math.pi * mode.frequency_hz * speed / math.sqrt(2 * fs_hz))
 
-    def _noise(self, own: ContactParameters, theta: Array, state: MachineState, band: Band) -> Array:
-        """PSD of the structure noise in the band [bins]: |H|^2 of the sampled mode."""
-        mode = ContactTwin(self.bearing, own).contact_mode(state.load_n)
-        pole = np.exp(mode.pole / band.fs_hz)
-        z = np.exp(-2j * np.pi * band.f_hz[band.inside] / band.fs_hz)
-        h = mode.gain * pole.imag * z / (1 - 2 * pole.real * z + abs(pole) ** 2 * z**2)
-        push = float(np.exp(theta[2])) * self._push(mode, state, band.fs_hz)
+    def _noise(self, made: Sequence[ContactParameters], theta: Array, state: MachineState, band: Band) -> Array:
+        """PSD of the structure noise in the band [points, bins]: |H|^2 of the sampled mode at each point."""
+        modes = [ContactTwin(self.bearing, own).contact_mode(state.load_n) for own in made]
+        pole = np.exp(np.array([mode.pole for mode in modes])[:, None] / band.fs_hz)
+        gain = np.array([mode.gain for mode in modes])[:, None]
+        h = gain * pole.imag * band.delay / (1 - 2 * pole.real * band.delay + np.abs(pole) ** 2 * band.delay**2)
+        push = float(np.exp(theta[2])) * np.array([self._push(mode, state, band.fs_hz) for mode in modes])[:, None]
         return np.asarray(2 / band.fs_hz * push**2 * np.abs(h) ** 2)
 
     def _rolling(
@@ -255,6 +296,11 @@ class SpectrumModel:
             # The golden ratio spreads the starting angles of snapshots without any randomness.
             start = (0.618034 * round(state.time_s)) % 1.0
             jobs += [Job(self.bearing, each, condition, turns, starts=(start, start, start)) for each in own]
+        steps = [job.oversampling() for job in jobs]
+        if min(steps) < max(steps):
+            # Points on both sides of a rung of the ladder would share no group, and differences between them would hold
+            # the integrator's error: the finest step serves all.
+            jobs = [replace(job, parameters=replace(job.parameters, oversampling=max(steps))) for job in jobs]
         scales = [each.scale for own in made for each in own]
         x = np.array([scale * path[lead:] for scale, (path, lead) in zip(scales, accelerations(jobs), strict=True)])
         psd = welch(x - x.mean(axis=1, keepdims=True), band.fs_hz, nperseg=band.segment, detrend=False)[1]

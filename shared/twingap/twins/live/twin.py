@@ -108,12 +108,13 @@ class LiveOptions:
 
 @dataclass(frozen=True)
 class _Seen:
-    """A snapshot as it is remembered: spectrum, state, and what the rollers add unless they matter."""
+    """A snapshot as it is remembered: spectrum, state, what the rollers add unless they matter, what was predicted."""
 
     amplitude: Array
     state: MachineState
     averages: float
     rolling: Array | None = None
+    predicted: Prediction | None = None
 
 
 class LiveTwin:
@@ -259,7 +260,8 @@ class LiveTwin:
         (predicted,) = self.model.predict(self._theta, [state], self.band)
         off, chance = deviation(seen.amplitude, predicted, seen.averages)
         error, shape = relative_error([seen.amplitude], [predicted]), _shape_error(seen.amplitude, predicted.amplitude)
-        self._recent.append(replace(seen, rolling=predicted.rolling) if predicted.quiet else seen)
+        held = predicted.rolling if predicted.quiet else None
+        self._recent.append(replace(seen, rolling=held, predicted=predicted))
         if self._detector is None:
             self.journal.judgements.append(Judgement(snapshot.time_s, error, shape, tuple(off)))
             if len(self._recent) < self.options.commissioning:
@@ -289,6 +291,8 @@ class LiveTwin:
         warmed = [s.state.temperature_c for s in seen]
         if self.options.follow_temperature and max(warmed) - min(warmed) >= self.options.warm_up_k:
             update = self._learn_film(update, seen, began)
+        for place, one in enumerate(self._recent):  # what was predicted under other laws of damping
+            self._recent[place] = replace(one, predicted=None)
         offs = self._deviations(seen)
         # The fitted mean has taken one degree of freedom; chance alone sets a floor that few snapshots may fall below.
         self._mean, self._scatter = offs.mean(axis=0), np.maximum(offs.std(axis=0, ddof=1), chance)
@@ -296,6 +300,7 @@ class LiveTwin:
         room = np.log([self.options.spread] * len(WATCHED) + [1e4])
         self._bounds = (self._theta - room, self._theta + room)
         self._detector = self._new_detector(len(seen))
+        self._new_detector(self.options.window)  # finds the threshold of every later one now, outside its update
         return update
 
     def _best_start(self, seen: list[_Seen]) -> Array:
@@ -356,7 +361,7 @@ class LiveTwin:
         try:
             fit = refit(
                 self.model, self._theta, [s.amplitude for s in seen], [s.state for s in seen], self.band,
-                evaluations=evaluations, bounds=self._bounds, rolling=_held(seen),
+                evaluations=evaluations, bounds=self._bounds, rolling=_held(seen), known=[s.predicted for s in seen],
             )  # fmt: skip
         except TwingapError as error:
             fit, kind, why = None, "kept", f"{why}; could not be simulated: {error}"
@@ -364,6 +369,7 @@ class LiveTwin:
             kind, why = "kept", f"{why}; no better values found nearby"
         elif fit is not None:
             moved, self._theta = fit.theta - self._theta, fit.theta
+            self._remember(fit.predicted)
             if kind in ("drift", "following"):
                 # The alarm's linear view names the wrong chart when a resonance jumps far; the fit knows better.
                 most = int(np.abs(moved / self._scatter)[: len(WATCHED)].argmax())
@@ -377,6 +383,11 @@ class LiveTwin:
             None if fit is None else fit.after, len(seen), time.process_time() - began,
         )  # fmt: skip
         return update, None if fit is None else fit.predicted
+
+    def _remember(self, predicted: list[Prediction]) -> None:
+        """Keep with the newest snapshots what is predicted of them now: the next fit begins there."""
+        for place, made in enumerate(predicted, start=len(self._recent) - len(predicted)):
+            self._recent[place] = replace(self._recent[place], predicted=made)
 
     def _deviations(self, seen: list[_Seen], predicted: list[Prediction] | None = None) -> Array:
         """What each snapshot says is off [snapshots, 4], from predictions at the twin's values where they are known."""

@@ -15,6 +15,7 @@ from twingap.errors import TwingapError
 from twingap.records import Condition
 from twingap.track import FolderTracker
 from twingap.twins.contact import ContactTwin
+from twingap.twins.contact_dynamics import Job, accelerations
 from twingap.twins.contact_parameters import ContactParameters
 from twingap.twins.live import (
     Band,
@@ -28,6 +29,7 @@ from twingap.twins.live import (
     StateMessage,
     refit,
     relative_error,
+    spectrum,
 )
 from twingap.twins.live.refit import deviation
 
@@ -200,3 +202,86 @@ def test_wrong_use_is_one_line() -> None:
         LiveTwin(BEARING, OWN, FS_HZ, options=LiveOptions(lowest_hz=4900.0))
     with pytest.raises(TwingapError, match="window = 1, between 4 and 1000 expected"):
         LiveOptions(window=1)
+
+
+@pytest.fixture
+def integrated(monkeypatch: pytest.MonkeyPatch) -> list[list[Job]]:
+    """Jobs of each call of the integrator."""
+    calls: list[list[Job]] = []
+
+    def counted(jobs: Sequence[Job]) -> list[tuple[Array, int]]:
+        calls.append(list(jobs))
+        return accelerations(jobs)
+
+    monkeypatch.setattr(spectrum, "accelerations", counted)
+    return calls
+
+
+DEFECTIVE = [replace(COLD, fault="outer", time_s=600.0 * i) for i in range(3)]
+
+
+def test_a_fit_begins_with_what_is_known_and_integrates_no_more_than_it_must(integrated: list[list[Job]]) -> None:
+    theta = model().start(COLD, FS_HZ)
+    known = model().predict(theta, DEFECTIVE, BAND)
+    worn = replace(OWN, stiffness=7.95e9, damping=460.0)
+    spectra = [BAND.amplitude(records(worn, state, 1, seed=3)[0]) for state in DEFECTIVE]
+    integrated.clear()
+    plain = refit(model(), theta, spectra, DEFECTIVE, BAND)
+    full = [len(jobs) for jobs in integrated]
+    assert full[0] == 15  # five points of each snapshot
+    integrated.clear()
+    fit = refit(model(), theta, spectra, DEFECTIVE, BAND, known=known)
+    assert [len(jobs) for jobs in integrated] == full[1:]
+    assert (fit.theta == plain.theta).all() and fit.after == plain.after
+    assert full[1] == 3  # a step of less than a percent: the middle of each alone
+    assert fit.after < 0.5 * fit.before
+    integrated.clear()
+    elsewhere = refit(model(), theta + 0.3, spectra, DEFECTIVE, BAND, known=known, evaluations=1)
+    assert [len(jobs) for jobs in integrated] == [15]  # predictions for another point are no start
+    assert elsewhere.before != fit.before
+
+
+def test_slopes_carried_over_are_close_to_fresh_ones_and_never_carried_far() -> None:
+    theta = model().start(COLD, FS_HZ)
+    known = model().predict(theta, DEFECTIVE, BAND)
+    near = theta + np.array([0.008, 0.03, 0.1, 0.1])
+    fresh, lent = (model().predict(near, DEFECTIVE, BAND, near=k) for k in (None, known))
+    for one, other in zip(fresh, lent, strict=True):
+        assert (one.amplitude == other.amplitude).all()
+        size = np.linalg.norm(one.slopes, axis=1)
+        assert (np.linalg.norm(one.slopes - other.slopes, axis=1) < 0.25 * size).all()
+        assert not (one.slopes[0] == other.slopes[0]).all()
+    far = theta + np.array([0.05, 0.0, 0.0, 0.0])
+    fresh, lent = (model().predict(far, DEFECTIVE, BAND, near=k) for k in (None, known))
+    assert all((one.slopes == other.slopes).all() for one, other in zip(fresh, lent, strict=True))
+
+
+def test_points_on_both_sides_of_a_rung_share_one_internal_step(integrated: list[list[Job]]) -> None:
+    """Else a snapshot's points fall into several groups, and their differences hold the integrator's error."""
+    steps = []
+    for stiffness in np.geomspace(2e9, 3e10, 40):
+        theta = model().start(COLD, FS_HZ)
+        theta[0] = np.log(stiffness)
+        model().predict(theta, [COLD], BAND)  # healthy: no edge asks for finer steps than the contact does
+        steps.append({job.oversampling() for job in integrated[-1]})
+    assert all(len(found) == 1 for found in steps)
+    assert len(set.union(*steps)) > 1
+
+
+def test_a_defective_bearing_is_followed_as_well_as_with_all_integrated_anew(monkeypatch: pytest.MonkeyPatch) -> None:
+    options = replace(OPTIONS, commissioning=6)
+    state = replace(COLD, fault="outer")
+    spectra = [*records(OWN, state, 6, seed=1), *records(replace(OWN, stiffness=7e9), state, 7, seed=2)]
+    found = []
+    for reach in (spectrum.NEAR, np.array([-1.0, -1.0])):
+        monkeypatch.setattr(spectrum, "NEAR", reach)
+        twin = LiveTwin(BEARING, OWN, FS_HZ, options=options)
+        for i, samples in enumerate(spectra):
+            twin.receive(StateMessage(600.0 * i, 40.0, 1800.0, 500.0, i))
+            twin.receive(Snapshot(600.0 * i, samples, FS_HZ, "outer", number=i))
+        twin.flush()
+        found.append(twin.parameters)
+    carried, anew = found
+    assert carried.stiffness == pytest.approx(7e9, rel=0.01)
+    assert carried.stiffness == pytest.approx(anew.stiffness, rel=2e-3)
+    assert carried.damping == pytest.approx(anew.damping, rel=0.02)

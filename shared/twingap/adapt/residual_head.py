@@ -1,0 +1,141 @@
+"""A head that corrects a trained network where labelled records say otherwise, and leaves it alone elsewhere.
+
+network --log probabilities x trust--> mean ---+
+features of records --squared exponential--> Gaussian process about it --labelled records--> logits --> probabilities
+
+A network from a twin is wrong about one machine in ways that its own weights cannot unlearn: a ball that shows the
+inner race's line is, as an image, an inner race. The process works on features that the network does not see. Near
+labelled records it follows them; far from all of them its mean, the network, is what is left. Rasmussen and Williams,
+Gaussian Processes for Machine Learning (MIT Press 2006), sections 2.7 (mean functions) and 3.5 (softmax, maximum of the
+posterior).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import cholesky, solve_triangular
+from scipy.optimize import minimize
+from scipy.special import log_softmax, softmax
+
+Array = NDArray[np.float64]
+JITTER: Final = 1e-6
+"""Of the variance, added to the covariance's diagonal."""
+STEPS: Final = 500
+"""Of the search for the maximum, at most; the problem is convex."""
+
+
+@dataclass(frozen=True)
+class HeadOptions:
+    """The process.
+
+    Parameters
+    ----------
+    length : float
+        Distance at which two records no longer tell about each other, in standard deviations of a feature, root mean
+        square over features.
+    variance : float
+        Of the corrections, logits squared.
+    trust : float
+        By what the network's log probabilities are multiplied: one trained on simulations alone is too sure of itself.
+        0: the head without the network.
+    """
+
+    length: float = 0.5
+    variance: float = 10.0
+    trust: float = 0.5
+
+    def __post_init__(self) -> None:
+        if not (self.length > 0 and self.variance > 0 and self.trust >= 0):
+            raise ValueError(f"{self}: length and variance above 0, trust of 0 or more expected")
+
+
+@dataclass(frozen=True)
+class ResidualHead:
+    """A fitted head.
+
+    Parameters
+    ----------
+    options : HeadOptions
+    mean, scale : Array [features]
+        Taken from the features and divided by.
+    at : Array [labelled, features]
+        Scaled features of the labelled records.
+    weights : Array [labelled, classes]
+        Of their kernels.
+    """
+
+    options: HeadOptions
+    mean: Array
+    scale: Array
+    at: Array
+    weights: Array
+
+    def probabilities(self, logits: Array, features: Array) -> Array:
+        """Of each class [records, classes], from the network's logits [records, classes] and features."""
+        here = (features - self.mean) / self.scale
+        correction = self.options.variance * _kernel(here, self.at, self.options.length) @ self.weights
+        return np.asarray(softmax(self.options.trust * log_softmax(logits, axis=1) + correction, axis=1))
+
+
+def fit_residual_head(
+    logits: Array, features: Array, labels: NDArray[np.int64], reference: Array, options: HeadOptions | None = None
+) -> ResidualHead:
+    """Fit to labelled records.
+
+    Parameters
+    ----------
+    logits : Array [labelled, classes]
+        Of the network, which must not have learnt from these records: where it has, it looks right and is left alone.
+    features : Array [labelled, features]
+    labels : NDArray[int64] [labelled]
+        Each class weighs alike, as much as the median class has records: those at hand are not how often faults are.
+    reference : Array [records, features]
+        Records of the machine that set the features' scale, labelled or not.
+    options : HeadOptions, optional
+
+    Returns
+    -------
+    ResidualHead
+        The same for the same records.
+
+    Raises
+    ------
+    ValueError
+        Without labelled records, or when arrays do not match.
+    """
+    own = options or HeadOptions()
+    if len(labels) == 0 or not len(logits) == len(features) == len(labels):
+        raise ValueError(
+            f"{len(logits)} logits, {len(features)} features, {len(labels)} labels: as many of each expected"
+        )
+    mean, scale = reference.mean(axis=0), reference.std(axis=0)
+    scale = np.where(scale > 0, scale, 1.0)
+    at = (features - mean) / scale
+    offset = own.trust * log_softmax(logits, axis=1)
+    number = np.bincount(labels)
+    weight = (np.median(number[number > 0]) / np.maximum(number, 1))[labels]
+    wanted = np.eye(logits.shape[1])[labels]
+    covariance = own.variance * (_kernel(at, at, own.length) + JITTER * np.eye(len(at)))
+    root = cholesky(covariance, lower=True)
+
+    def lost(v: Array) -> tuple[float, Array]:
+        """Negative log posterior and its gradient by the whitened process: corrections are root @ v."""
+        white = v.reshape(wanted.shape)
+        told = log_softmax(offset + root @ white, axis=1)
+        value = -float(weight @ told[np.arange(len(labels)), labels]) + 0.5 * float(v @ v)
+        slope = root.T @ (weight[:, None] * (np.exp(told) - wanted)) + white
+        return value, slope.ravel()
+
+    found = minimize(lost, np.zeros(wanted.size), jac=True, method="L-BFGS-B", options={"maxiter": STEPS})
+    weights = solve_triangular(root, found.x.reshape(wanted.shape), lower=True, trans="T")
+    return ResidualHead(own, mean, scale, at, np.asarray(weights))
+
+
+def _kernel(a: Array, b: Array, length: float) -> Array:
+    """Squared exponential of the root-mean-square distance [a, b]."""
+    apart = (a**2).sum(axis=1)[:, None] + (b**2).sum(axis=1) - 2 * a @ b.T
+    return np.asarray(np.exp(-np.maximum(apart, 0.0) / (2 * length**2 * a.shape[1])))
