@@ -1,13 +1,16 @@
 """How far records and twin lie apart, in each view and overall, with the floor beside it.
 
 Views of records --+
-                   +--Paired--> differences [records, bins] --strata, units--> mean squares per bin, unbiased
+                   +--Paired--> differences [records, bins] --strata, slopes--> squares per bin, unbiased
 Views of replicates+                                                             |
                                           standardised by the records' spread <--+--> per view --> overall, floor
 
-The difference of a record is its view less the mean of its simulated replicates of the same condition. Its square
-is estimated by products of *different* units of the same stratum (a U-statistic), so noise between records adds nothing
-on average: two sets of one machine are at distance 0 but for chance. The floor says how large chance is.
+The difference of a record is its view less the mean of its simulated replicates of the same condition. What of it is
+the same in a stratum of conditions, and what goes straight with speed, load or time within all strata, is the gap: a
+twin whose level is right in the middle and wrong at both ends of the speeds, or of the run, is not right. Its square is
+that of estimated means and slopes less the variance that scatter about them leaves (one-way U-statistic; analysis of
+covariance, Scheffe 1959, ch. 6), so noise between records adds nothing on average: two sets of one machine are at
+distance 0 but for chance. The floor says how large chance is.
 """
 
 from __future__ import annotations
@@ -15,7 +18,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,8 +30,15 @@ from twingap.records import Condition
 
 Array = NDArray[np.float64]
 Places = NDArray[np.int64]
+Unit = Condition | Sequence[Condition]
+"""A record's condition, or those of a group of records."""
 
 _LARGEST_POOL = 512
+_VARIES: Final = 0.05
+"""Part of its mean size by which speed, load or time vary where they are worth a slope."""
+_FREE: Final = 6
+"""Degrees of freedom within strata for each slope: with fewer, scatter would be taken for a trend."""
+_LEAST_LEFT: Final = 0.1
 _LEAST_SPREAD = 0.05
 """No bin's spread counts as less (log units): a bin that never varies would drown all others."""
 _PLAIN: Final = 16.0
@@ -57,6 +67,24 @@ class Distance:
     views: Mapping[Domain, float]
     floor: float
     view_floors: Mapping[Domain, float]
+
+
+class Drawn(NamedTuple):
+    """How often residuals of a pool stand for the units of a stratum.
+
+    Parameters
+    ----------
+    signed : Array [draws, pool]
+        Plus less minus.
+    plain : Array [draws, pool]
+        In all.
+    tilted : Array [slopes, draws, pool]
+        Plus less minus, each times its unit's place on a slope.
+    """
+
+    signed: Array
+    plain: Array
+    tilted: Array
 
 
 class Paired:
@@ -134,10 +162,12 @@ class Paired:
         """
         if self._scale is not None:
             return self._scale
-        inner = [self.difference[p] - self.difference[p].mean(axis=0) for p in self.strata]
-        df = sum(len(d) - 1 for d in inner)
-        square = sum((np.sum(d * d, axis=0) for d in inner), np.zeros(self.difference.shape[1]))
-        own = square / max(df, 1) / (1 + 1 / self.m)
+        rows: list[Array] = [self.difference[p] for p in self.strata]
+        tilts = slopes([[self.conditions[i] for i in p] for p in self.strata])
+        rests, _ = _about_trend(rows, tilts)
+        df = sum(len(d) - 1 for d in rows) - tilts[0].shape[1]
+        square = np.sum([np.sum(d * d, axis=0) for d in rests], axis=0)
+        own: Array = square / max(df, 1) / (1 + 1 / self.m)
         weight = 0.5 * df / (df + 4) if self.m > 1 else float(df > 0)
         if self.m > 1:
             replicates = self.stacked[:, 1:]
@@ -152,7 +182,7 @@ class Paired:
             for kind in np.unique(kinds):
                 usual[kinds == kind] = np.median(part[kinds == kind])
             own[columns] = part + 0.04 * usual
-        return np.sqrt(np.maximum(own, _LEAST_SPREAD**2))
+        return np.asarray(np.sqrt(np.maximum(own, _LEAST_SPREAD**2)))
 
     @cached_property
     def noise(self) -> Array:
@@ -172,31 +202,71 @@ class Paired:
         Array [1, strata, bins]
             May be negative; zero on average where nothing differs.
         """
-        return self._contrasted([self._square(u / self.scale) for u in self.units])
+        return self._contrasted(self._squares, self._trend[1])
 
-    def _square(self, units: Array) -> tuple[Array, Array]:
-        k, mean = len(units), units.mean(axis=0, keepdims=True)
-        if k == 1:
-            return mean**2 - self.noise / self.scale**2, mean
-        return (k * mean**2 - (units**2).mean(axis=0, keepdims=True)) / (k - 1), mean
+    @cached_property
+    def tilts(self) -> tuple[Array, ...]:
+        """Per stratum [units, slopes]: see `slopes`."""
+        return slopes([_units_of([self.conditions[i] for i in places]) for places in self.strata])
+
+    @cached_property
+    def _fitted(self) -> tuple[list[Array], list[Array], Array]:
+        """Units, standardised; what is left of them beside their stratum's mean and slopes; slopes [slopes, bins]."""
+        units = [u / self.scale for u in self.units]
+        return units, *_about_trend(units, self.tilts)
+
+    @cached_property
+    def _variances(self) -> list[Array]:
+        """[bins] of one unit, per stratum: what its own scatter does not know for the slopes, all strata's says."""
+        _, rests, steepness = self._fitted
+        squares = [np.sum(rest**2, axis=0) for rest in rests]
+        free = sum(len(rest) - 1 for rest in rests) - len(steepness)
+        pooled = np.sum(squares, axis=0) / max(free, 1)
+        lost = [float(np.sum(tilt**2)) for tilt in self.tilts]
+        return [
+            (square + loss * pooled) / (len(rest) - 1) if len(rest) > 1 else self.noise / self.scale**2
+            for square, loss, rest in zip(squares, lost, rests, strict=True)
+        ]
+
+    @cached_property
+    def _squares(self) -> tuple[tuple[Array, Array], ...]:
+        """Per stratum, unbiased square of the mean difference, and that mean; both [1, bins]."""
+        means = [u.mean(axis=0, keepdims=True) for u in self._fitted[0]]
+        return tuple(
+            (mean**2 - variance / len(units), mean)
+            for mean, variance, units in zip(means, self._variances, self._fitted[0], strict=True)
+        )
+
+    @cached_property
+    def _trend(self) -> tuple[Array, Array]:
+        """Slopes [slopes, bins], and their mean square over units, unbiased [1, bins]."""
+        steepness, count = self._fitted[2], sum(len(u) for u in self.units)
+        noise = sum(
+            (tilt.T**2).sum(axis=1)[:, None] * variance
+            for tilt, variance in zip(self.tilts, self._variances, strict=True)
+        )
+        return steepness, np.asarray((steepness**2 - noise).sum(axis=0, keepdims=True) / count)
 
     def misfit(self) -> float:
         """Distance with the noise of the means left in: never negative, and smooth in whatever makes the replicates.
 
         For fitting values: what is taken out of `squares` may leave nothing, or nothing to go by.
         """
-        means = [u.mean(axis=0, keepdims=True) / self.scale for u in self.units]
-        return float(self.over_views(self._contrasted([(mean**2, mean) for mean in means]))[0][0])
+        steepness, count = self._fitted[2], sum(len(u) for u in self.units)
+        trend = (steepness**2).sum(axis=0, keepdims=True) / count
+        means = [mean for _, mean in self._squares]
+        return float(self.over_views(self._contrasted([(mean**2, mean) for mean in means], trend))[0][0])
 
-    def resampled(self, drawn: Sequence[tuple[Array, Array]]) -> Array:
+    def resampled(self, drawn: Sequence[Drawn]) -> Array:
         """Squares as they might have come out with other records of the same machine.
 
-        Each unit becomes its stratum's mean plus a random residual of random sign, drawn from the residuals of all
-        strata: few units in a stratum would not do to draw from. The bias that the mean's own noise adds is taken out.
+        Each unit becomes its stratum's mean and trend plus a random residual of random sign, drawn from the residuals
+        of all strata: few units in a stratum would not do to draw from. The bias that the noise of means and slopes
+        adds is taken out.
 
         Parameters
         ----------
-        drawn : sequence of (Array, Array) [draws, pool]
+        drawn : sequence of Drawn
             From `draw_residuals`; one and the same for two comparisons of the same records, so that intervals of what
             changed between them do not count the records' noise twice.
 
@@ -205,53 +275,73 @@ class Paired:
         Array [draws, strata, bins]
         """
         pool, parts = self._residuals, []
-        for units, (signed, plain) in zip(self.units, drawn, strict=True):
+        steepness, trend = self._trend
+        for (square, mean), units, lots in zip(self._squares, self.units, drawn, strict=True):
             k = len(units)
-            square, mean = self._square(units / self.scale)
             if not len(pool):
-                parts.append((np.repeat(square, len(signed), axis=0), np.repeat(mean, len(signed), axis=0)))
+                parts.append((np.repeat(square, len(lots.signed), axis=0), np.repeat(mean, len(lots.signed), axis=0)))
                 continue
-            moved = signed @ pool / k
+            moved = lots.signed @ pool / k
             means = mean + moved
             if k == 1:
                 spread = (pool**2).mean(axis=0)
                 parts.append((means**2 - spread - mean**2 + square, means))
                 continue
-            own = plain @ pool**2 / k + mean**2 + 2 * mean * moved
+            own = lots.plain @ pool**2 / k + mean**2 + 2 * mean * moved
             parts.append(((k * means**2 - own) / (k - 1) - mean**2 + square, means))
-        return self._contrasted(parts)
+        return self._contrasted(parts, trend + self._trend_moved(drawn, steepness))
 
-    def draw_residuals(self, rng: np.random.Generator, draws: int) -> list[tuple[Array, Array]]:
-        """Per stratum, how often each residual of the pool is drawn [draws, pool]: plus less minus, and in all."""
+    def _trend_moved(self, drawn: Sequence[Drawn], steepness: Array) -> Array:
+        """[draws, bins] By how much residuals drawn anew move the mean square of these slopes; 0 on average."""
+        pool, count = self._residuals, sum(len(u) for u in self.units)
+        out = np.zeros((len(drawn[0].signed), self.scale.size))
+        if not len(pool):
+            return out
+        noise = (pool**2).mean(axis=0)
+        for slope, steep in enumerate(steepness):
+            moved = np.sum([lots.tilted[slope] for lots in drawn], axis=0) @ pool
+            out += (moved * (moved + 2 * steep) - noise) / count
+        return out
+
+    def draw_residuals(self, rng: np.random.Generator, draws: int) -> list[Drawn]:
+        """How often each residual of the pool is drawn, per stratum."""
         size, out = max(len(self._residuals), 1), []
-        for units in self.units:
+        for units, tilt in zip(self.units, self.tilts, strict=True):
             at = rng.integers(0, size, (draws, len(units))) + size * np.arange(draws)[:, None]
             signs = rng.choice([-1.0, 1.0], at.shape)
-            signed = np.bincount(at.ravel(), signs.ravel(), draws * size).astype(float)
-            plain = np.bincount(at.ravel(), None, draws * size).astype(float)
-            out.append((signed.reshape(draws, size), plain.reshape(draws, size)))
+
+            def counted(weights: Array, at: Places = at) -> Array:
+                return np.asarray(np.bincount(at.ravel(), weights.ravel(), draws * size).reshape(draws, size))
+
+            out.append(
+                Drawn(counted(signs), counted(np.ones(at.shape)), np.array([counted(signs * t) for t in tilt.T]))
+            )
         return out
 
     @cached_property
     def _residuals(self) -> Array:
-        """[pool, bins] Units about their stratum's mean, standardised, at full variance; or replicates."""
-        kept = [(u - u.mean(axis=0)) * np.sqrt(len(u) / (len(u) - 1)) for u in self.units if len(u) > 1]
-        if not kept and self.m > 1:
+        """[pool, bins] Units about their stratum's mean and trend, standardised, at full variance; or replicates."""
+        kept = []
+        for rest, tilt in zip(self._fitted[1], self.tilts, strict=True):
+            left = 1 - 1 / len(rest) - (tilt**2).sum(axis=1)
+            known = left > _LEAST_LEFT  # a unit that a slope passes through says nothing of scatter
+            kept.append(rest[known] / np.sqrt(left[known])[:, None])
+        pool = np.concatenate(kept)
+        if not len(pool) and self.m > 1:
             replicates = self.stacked[:, 1:]
             inner = (replicates - replicates.mean(axis=1, keepdims=True)) * np.sqrt((self.m + 1) / (self.m - 1))
-            kept = [inner.reshape(-1, inner.shape[2])]
-        pool = np.concatenate(kept) / self.scale if kept else np.empty((0, self.scale.size))
+            pool = inner.reshape(-1, inner.shape[2]) / self.scale
         return pool[:: max(len(pool) // _LARGEST_POOL, 1)]
 
-    def _contrasted(self, parts: Sequence[tuple[Array, Array]]) -> Array:
-        """[draws, strata, bins] From squares and means of each stratum, both [draws, bins]."""
+    def _contrasted(self, parts: Sequence[tuple[Array, Array]], trend: Array) -> Array:
+        """[draws, strata, bins] From squares and means of each stratum, and the squared slopes, all [draws, bins]."""
         squares, means = (np.stack(side, axis=1) for side in zip(*parts, strict=True))
         if "condition" in self.real.domains:
             own, w = self.real.columns("condition"), self.stratum_weight[:, None]
             s, m = squares[..., own], means[..., own]
             common = (w * m).sum(axis=1) ** 2 - (w**2 * (m**2 - s)).sum(axis=1)
             squares[..., own] = s - common[:, None] if len(parts) > 1 else 0.0
-        return np.asarray(squares)
+        return np.asarray(squares + trend[:, None])
 
     @cached_property
     def stratum_weight(self) -> Array:
@@ -291,12 +381,14 @@ class Paired:
         pool, kept = self._residuals, []
         if not len(pool):
             return 0.0, dict.fromkeys(self.real.domains, 0.0)
-        for units, (signed, plain) in zip(self.units, self.draw_residuals(rng, splits), strict=True):
+        drawn = self.draw_residuals(rng, splits)
+        for units, lots in zip(self.units, drawn, strict=True):
             k = len(units)
-            means = signed @ pool / k
-            noise = plain @ pool**2 / k if k > 1 else np.mean(pool**2, axis=0)
+            means = lots.signed @ pool / k
+            noise = lots.plain @ pool**2 / k if k > 1 else np.mean(pool**2, axis=0)
             kept.append(((k * means**2 - noise) / (k - 1) if k > 1 else means**2 - noise, means))
-        overall, views = self.over_views(self._contrasted(kept))
+        level = np.zeros_like(self._trend[0])
+        overall, views = self.over_views(self._contrasted(kept, self._trend_moved(drawn, level)))
         return float(overall.mean()), {d: float(v.mean()) for d, v in views.items()}
 
 
@@ -326,7 +418,7 @@ def strata(conditions: Sequence[Condition], fewest: int = 3, most: int = 3) -> t
     tuple of int arrays
         Every place 0..n-1 once.
     """
-    faults = [c.fault or "" for c in conditions]
+    faults, groups = [c.fault or "" for c in conditions], [c.group for c in conditions]
     parts: list[Places] = []
     for fault in dict.fromkeys(faults):
         own = np.array([i for i, f in enumerate(faults) if f == fault])
@@ -339,8 +431,10 @@ def strata(conditions: Sequence[Condition], fewest: int = 3, most: int = 3) -> t
         cut: list[int] = []
         at = np.sort(values)
         for part in np.array_split(np.arange(len(own)), count)[1:]:
-            # Records of one and the same speed stay together.
+            # Records of one and the same speed stay together, and those of one recording.
             first = int(np.searchsorted(at, at[part[0]]))
+            while first > 0 and groups[order[first]] is not None and groups[order[first]] == groups[order[first - 1]]:
+                first -= 1
             if first >= fewest and len(own) - first >= fewest and (not cut or first - cut[-1] >= fewest):
                 cut.append(first)
         parts.extend(np.split(order, cut))
@@ -362,9 +456,66 @@ def _varying(conditions: Sequence[Condition]) -> Array | None:
         if any(v is None for v in values):
             continue
         v = np.array(values, float)
-        if np.ptp(v) > 0.05 * max(float(np.abs(v).mean()), 1e-12):
+        if np.ptp(v) > _VARIES * max(float(np.abs(v).mean()), 1e-12):
             return v
     return None
+
+
+def slopes(strata: Sequence[Sequence[Unit]]) -> tuple[Array, ...]:
+    """Places of units on slopes over log speed, load and time that all strata have in common.
+
+    Parameters
+    ----------
+    strata : sequence of sequence of Unit
+        Conditions of each unit: one, or those of its records.
+
+    Returns
+    -------
+    tuple of Array [units, slopes]
+        Centred in each stratum, orthonormal over all; as many slopes as vary within strata and as there are units to
+        tell from chance, in the order of speed, load and time.
+    """
+    counts = [len(units) for units in strata]
+    most = (sum(counts) - len(counts)) // _FREE
+    found: list[Array] = []
+    for name in ("speed_rpm", "load_n", "time_s"):
+        values = [_mean_of(unit, name) for units in strata for unit in units]
+        if len(found) == most or any(v is None for v in values):
+            continue
+        v = np.array(values, float)
+        if np.ptp(v) <= _VARIES * max(float(np.abs(v).mean()), 1e-12):
+            continue
+        v = np.log(v) if name == "speed_rpm" else v / np.abs(v).max()
+        own = np.concatenate([part - part.mean() for part in np.split(v, np.cumsum(counts)[:-1])])
+        size = float(np.linalg.norm(own))
+        for other in found:
+            own = own - (own @ other) * other
+        left = float(np.linalg.norm(own))
+        # What varies between strata alone, or as another does, has no slope of its own.
+        if size > _VARIES * max(float(np.linalg.norm(v - v.mean())), 1e-12) and left > 0.1 * size:
+            found.append(own / left)
+    table = np.array(found).reshape(len(found), sum(counts)).T
+    return tuple(np.split(table, np.cumsum(counts)[:-1]))
+
+
+def _mean_of(unit: Unit, name: str) -> float | None:
+    values = [getattr(c, name) for c in ([unit] if isinstance(unit, Condition) else unit)]
+    return None if any(v is None for v in values) else float(np.mean(values))
+
+
+def _about_trend(rows: Sequence[Array], tilts: Sequence[Array]) -> tuple[list[Array], Array]:
+    """What is left of rows beside their strata's means and common slopes, and the slopes [slopes, bins]."""
+    inner = [own - own.mean(axis=0) for own in rows]
+    steepness = np.sum([tilt.T @ own for tilt, own in zip(tilts, inner, strict=True)], axis=0)
+    return [own - tilt @ steepness for tilt, own in zip(tilts, inner, strict=True)], np.asarray(steepness)
+
+
+def _units_of(conditions: Sequence[Condition]) -> list[Sequence[Condition]]:
+    """Conditions of each unit of `_units`."""
+    names = list(dict.fromkeys(c.group for c in conditions))
+    if not 1 < len(names) < len(conditions):
+        return [[c] for c in conditions]
+    return [[c for c in conditions if c.group == name] for name in names]
 
 
 def _units(rows: Array, groups: Sequence[str | None]) -> Array:

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
 from twingap.errors import TwingapError
-from twingap.gap.distance import Paired, _tempered, gap_distance, strata
+from twingap.gap.distance import Paired, _tempered, gap_distance, slopes, strata
 from twingap.gap.report import Domain
 from twingap.gap.views import Axis, Views
 from twingap.records import Condition
@@ -85,6 +86,43 @@ def test_windows_of_one_recording_are_one_witness() -> None:
         pair = Paired(views_of(conditions, rng, own), [views_of(conditions, rng) for _ in range(5)])
         squares.append(pair.squares().mean())
     assert abs(np.mean(squares)) < 4 * np.std(squares) / 10
+
+
+def run_of(n: int) -> tuple[Condition, ...]:
+    """Two faults at two speeds, one record after the other."""
+    return tuple(
+        replace(c, time_s=60.0 * i, speed_rpm=(1500, 1800)[i // 2 % 2]) for i, c in enumerate(conditions_of(n))
+    )
+
+
+@pytest.mark.parametrize("m", [1, 5])
+def test_what_goes_with_speed_or_with_the_run_is_a_gap_though_the_mean_is_none(m: int) -> None:
+    rng, conditions = np.random.default_rng(9), run_of(24)
+    of_run = np.linspace(-1, 1, 24)[:, None] * np.where(np.arange(BINS) < 10, 3.0, 0.0)
+    found = []
+    for _ in range(100):
+        pair = Paired(views_of(conditions, rng, of_run), [views_of(conditions, rng) for _ in range(m)])
+        mean = (pair.squares()[0] * pair.scale**2).T @ pair.stratum_weight
+        found.append((mean[:10].mean(), mean[10:].mean()))
+    error = np.std(found, axis=0) / 10
+    expected = 9 * np.mean(np.linspace(-1, 1, 24) ** 2)
+    assert abs(np.mean(found, axis=0)[1]) < 4 * error[1]  # nothing, where nothing goes with the run
+    assert np.mean(found, axis=0)[0] == pytest.approx(expected, rel=0.05)
+
+
+def test_slopes_are_centred_in_strata_and_orthonormal_over_all() -> None:
+    conditions = run_of(24)
+    parts = [[conditions[i] for i in part] for part in strata(conditions)]
+    table = slopes(parts)
+    assert [t.shape for t in table] == [(len(part), table[0].shape[1]) for part in parts]
+    for tilt in table:
+        np.testing.assert_allclose(tilt.mean(axis=0), 0, atol=1e-12)
+    whole = np.concatenate(table)
+    np.testing.assert_allclose(whole.T @ whole, np.eye(whole.shape[1]), atol=1e-12)
+    # Speeds that differ between strata alone have no slope within them; two records a stratum tell none from chance.
+    apart = [[replace(c, speed_rpm=1000.0 * (k + 1), time_s=None) for c in part] for k, part in enumerate(parts)]
+    assert all(t.shape[1] == 0 for t in slopes(apart))
+    assert all(t.shape[1] == 0 for t in slopes([part[:2] for part in parts]))
 
 
 def test_strata_hold_every_record_once_and_like_with_like() -> None:
