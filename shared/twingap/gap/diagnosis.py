@@ -6,6 +6,7 @@ held-out part against replicates of the twin, before and after --> places, tests
 
 from __future__ import annotations
 
+import copy
 import math
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -19,6 +20,7 @@ from twingap.errors import TwingapError
 from twingap.gap.calibrate import Calibrated, calibrate
 from twingap.gap.distance import Paired
 from twingap.gap.evidence import THOROUGH, Compared, Evidence, simulator_of
+from twingap.gap.modelled import completed
 from twingap.gap.overall import overall_tests
 from twingap.gap.report import Candidate, GapReport, ParameterValue, Status, Verdict
 from twingap.gap.shrink import closure_interval, curves, paired, shrink_metrics
@@ -150,6 +152,9 @@ def _diagnosed(
     notes: list[str] = []
     used = _thinned(records, notes)
     report("calibration", 0.02)
+    if sim is None:
+        spec, told = completed(used, spec, copy.deepcopy(rng), learnt)
+        notes += told
     calibrated = calibrate(used, None if sim is not None else spec, rng, sim=sim)
     root = root_entropy(rng) >> 66
     evidence = Evidence(calibrated, simulator_of(calibrated, sim), spec, root, THOROUGH)

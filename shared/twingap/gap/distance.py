@@ -36,7 +36,7 @@ Unit = Condition | Sequence[Condition]
 _LARGEST_POOL = 512
 _VARIES: Final = 0.05
 """Part of its mean size by which speed, load or time vary where they are worth a slope."""
-_FREE: Final = 6
+_FREE: Final = 5
 """Degrees of freedom within strata for each slope: with fewer, scatter would be taken for a trend."""
 _LEAST_LEFT: Final = 0.1
 _LEAST_SPREAD = 0.05

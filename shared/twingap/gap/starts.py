@@ -3,6 +3,7 @@
 features --read off--> places that a signature names by itself -----------------------+
 healthy spectrum --low-pass x mode, in closed form, all over a grid--> the likeliest --+--each simulated--> least misfit
 spectra --two modes, with or against each other--> the likeliest ----------------------+
+the estimate, where it drives records and twin apart --weaker and weaker--> places -------+
 
 A low-pass of the wrong order is made up for by a mode of the wrong damping, and no single step leads out of that: so
 its order, corner and background are sought together with the mode that goes with them.
@@ -18,10 +19,11 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from twingap.effects import Effect, SecondResonance, SensorRolloff
+from twingap.effects import Effect, SecondResonance, SensorRolloff, SlipJitter, make_effect
 from twingap.gap.baseline import BANDS, mode_density, sides_of
 from twingap.gap.calibrate import thinned
 from twingap.gap.comparison import feature_names
+from twingap.gap.evidence import values_of
 from twingap.gap.signatures.path import two_modes
 from twingap.gap.training.parameters import Setting, coordinates, to_effect, to_number
 from twingap.twins.twin_file import flat
@@ -44,6 +46,12 @@ _LIKELIEST: Final = 5
 _DAMPINGS: Final = (0.02, 0.06)
 _GAINS: Final = (0.1, 0.4, 1.6)
 _FINALISTS: Final = 4
+_WEAKER: Final = (0.5, 0.25, 0.12, 0.06)
+"""Factors on an effect's strength where the estimate is too much: with a baseline that makes room for it, no single
+step leads back."""
+_STRENGTHS: Final = frozenset(
+    ("level", "level_1x", "level_2x", "level_3x", "gain", "sigma", "depth", "exponent", "slip", "rate_per_s", "step")
+)
 _BETTER: Final = 0.99
 """Factor on the misfit from which another place is a better one to begin at."""
 
@@ -77,6 +85,8 @@ def better_start(
         finalists += likeliest_losses(evidence, given)
     if isinstance(given, SecondResonance):
         finalists += likeliest_modes(evidence, given)
+    if now > evidence.misfit(evidence.against(others).simulator, others):
+        finalists += [place for place in weaker(given) if evidence.fits(place)]
     # Levels alone were matched so far; the few that came nearest are given a mode of their own, as the given one was.
     least, best = _BETTER * now, None
     for place in finalists:
@@ -92,11 +102,23 @@ def places(given: Effect, features: Array, evidence: Evidence) -> Iterator[Effec
     found = dict(zip(feature_names(), features, strict=True))
     for numbers in _read(given.name, found, evidence.frame.bearing):
         yield _moved(given, numbers, evidence.setting)
+    if isinstance(given, SlipJitter):  # of a random walk, strikes a little apart differ less, and those far apart more
+        for factor in (1.0, 0.5, 0.25):
+            yield dataclasses.replace(given, sigma=factor * given.sigma, accumulating=not given.accumulating)
     if isinstance(given, SecondResonance):
         for opposed in (False, True):
             for damping in _DAMPINGS:
                 for gain in _GAINS:
                     yield dataclasses.replace(given, opposed=opposed, damping_ratio=damping, gain=gain)
+
+
+def weaker(given: Effect) -> list[Effect]:
+    """The effect at parts of its strength; none where its strength is not one factor."""
+    strengths = {f.name: getattr(given, f.name) for f in dataclasses.fields(given) if f.name in _STRENGTHS}  # type: ignore[arg-type]
+    return [
+        make_effect(given.name, values_of(given) | {name: factor * value for name, value in strengths.items()})
+        for factor in (_WEAKER if strengths else ())
+    ]
 
 
 def likeliest_losses(evidence: Evidence, given: SensorRolloff) -> list[Effect]:

@@ -197,6 +197,21 @@ def explain(evidence: Evidence, learnt: Learnt, report: Report) -> Explanation:
     )  # fmt: skip
 
 
+def valued(evidence: Evidence, learnt: Learnt, names: Sequence[str]) -> tuple[Effect, ...]:
+    """These effects at the values that bring the twin nearest to the fit part; none that no record could have.
+
+    Parameters
+    ----------
+    evidence : Evidence
+        Of a twin without them.
+    learnt : Learnt
+    names : sequence of str
+    """
+    found = _Search(evidence, learnt)
+    found.add(names)
+    return found.nearest(gap=True)[1].effects
+
+
 class _Search:
     """Effects found so far, and the twin that has them."""
 

@@ -68,6 +68,11 @@ def identify_phenomenological(
     for name in COLOURING:
         if name in spec.effects:
             notes.append(f"the twin's {name} was not undone: resonance, damping and noise levels describe the records")
+    if silent := [name for name in spec.effects if not spec.parameters.get(name)]:
+        notes.append(
+            f"{', '.join(silent)}: the twin file gives no value, and spectra alone do not tell it: defaults were kept "
+            "(`twingap gap` finds such values itself)"
+        )
     report("spectra", 0.0)
     problem = _Problem(spec, records, spectra(records), method, ~everything)
     report("resonance and noise", 0.0)

@@ -13,7 +13,7 @@ from twingap.effects import Effect, make_effect
 from twingap.gap.calibrate import calibrate
 from twingap.gap.comparison import feature_names
 from twingap.gap.evidence import THOROUGH, Evidence, simulator_of
-from twingap.gap.starts import _misfit, better_start, likeliest_losses, places
+from twingap.gap.starts import _misfit, better_start, likeliest_losses, places, weaker
 from twingap.records import RecordSet
 from twingap.twins.twin_file import TwinSpec
 
@@ -85,6 +85,19 @@ def test_a_good_guess_stays() -> None:
     own = evidence_of(machine(truth))
     found = begun(own, truth)
     assert own.misfit(own.against([found]).simulator, [found]) <= own.misfit(own.against([truth]).simulator, [truth])
+
+
+def test_an_estimate_that_is_far_too_strong_is_weakened() -> None:
+    """A baseline that makes room for too much is a valley of its own, out of which no single step leads."""
+    truth = make_effect("waviness", {"level": 0.5, "decay": 0.5, "n_harmonics": 3})
+    own = evidence_of(machine(truth))
+    guess = make_effect("waviness", {"level": 6.0, "decay": 0.95, "n_harmonics": 8})
+    found = begun(own, guess)
+    assert vars(found)["level"] <= 1.5
+    misfits = [own.misfit(own.against(e).simulator, e) for e in ([found], [], [guess])]
+    assert misfits[0] < min(0.7 * misfits[2], 1.2 * misfits[1])
+    assert [vars(e)["level"] for e in weaker(guess)] == pytest.approx([3.0, 1.5, 0.72, 0.36])
+    assert weaker(make_effect("dropout")) == []
 
 
 def test_a_slope_over_speed_is_an_exponent() -> None:

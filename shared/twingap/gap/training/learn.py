@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from fnmatch import fnmatchcase
-from functools import cached_property
 from typing import Any, Final
 
 import numpy as np
@@ -18,6 +17,7 @@ from numpy.typing import NDArray
 from twingap.gap.signatures.telling import columns
 from twingap.gap.training.detectors import Ensemble, Estimator, Table, learn_classifier, learn_estimator
 from twingap.gap.training.judgement import Judgement
+from twingap.gap.training.null import NOBODY, Judged, Null
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -121,71 +121,9 @@ def _alone(function: Callable[..., Any], *arguments: Any) -> Any:
         return function(*arguments)
 
 
-RECORDS: Final = "context|records"
-"""Feature that says how many records were compared (its logarithm)."""
-
-
 def _any_of(log_odds: Array) -> Array:
     """[examples] How surely at least one effect is missing, were each [examples, effects] by itself."""
     return np.asarray(np.log1p(np.exp(np.clip(log_odds, -30, 30))).sum(axis=1))
-
-
-_NEAR_RECORDS: Final = 0.35
-_FEWEST_NEAR: Final = 60.0
-
-
-def _records(features: NDArray[Any], names: tuple[str, ...]) -> Array:
-    """[examples] Log number of records; 0 where no feature says it."""
-    return np.asarray(features[:, names.index(RECORDS)] if RECORDS in names else np.zeros(len(features)), float)
-
-
-@dataclass(frozen=True)
-class Null:
-    """Scores of machines without a gap, and the log number of records that each was judged by.
-
-    Few records look like a gap more often, so a score is ranked among machines with about as many: a machine counts
-    the less the further its number lies off (a localised conformal p-value; Guan 2023, doi:10.1093/biomet/asac040).
-    Of several scores the one that is rarest among these machines counts, and how rare it is, is ranked among how rare
-    theirs are (minimum p: Westfall and Young, Resampling-based multiple testing, 1993).
-
-    Parameters
-    ----------
-    scores : Array [machines, scores]
-    records : Array [machines]
-    """
-
-    scores: Array
-    records: Array
-
-    def p_value(self, scores: Array, records: float) -> float:
-        """Part of these machines, near ones above all, that look at least as much like a gap."""
-        if not len(self.scores):
-            return 1.0
-        weight = self._weight(records)
-        return self._part(weight, self._rarest <= self._rarity(scores, weight))
-
-    @cached_property
-    def _rarest(self) -> Array:
-        """[machines] How rare the rarest score of each of these machines is."""
-        return np.array(
-            [self._rarity(own, self._weight(at)) for own, at in zip(self.scores, self.records, strict=True)]
-        )
-
-    def _rarity(self, scores: Array, weight: Array) -> float:
-        return min(self._part(weight, self.scores[:, k] >= score) for k, score in enumerate(scores))
-
-    @staticmethod
-    def _part(weight: Array, extreme: Mask) -> float:
-        return float((1 + weight[extreme].sum()) / (1 + weight.sum()))
-
-    def _weight(self, records: float) -> Array:
-        at = float(np.clip(records, self.records.min(), self.records.max()))
-        for near in (_NEAR_RECORDS, 2 * _NEAR_RECORDS):
-            own = np.exp(-0.5 * ((self.records - at) / near) ** 2)
-            # Of a handful of machines no small p-value could come: then those further off count too.
-            if own.sum() >= _FEWEST_NEAR:
-                return np.asarray(own)
-        return np.ones(len(self.records))
 
 
 @dataclass
@@ -220,7 +158,7 @@ class Learnt:
     about: dict[str, Any]
     thresholds: dict[str, float] = field(default_factory=dict)
     set_level: float = 0.9
-    null_rest: Null = field(default_factory=lambda: Null(np.empty((0, 2)), np.empty(0)))
+    null_rest: Null = field(default_factory=lambda: Null(NOBODY))
     general: NDArray[np.int64] = field(default_factory=lambda: np.empty(0, np.int64))
     judgement: Judgement | None = None
 
@@ -245,9 +183,9 @@ class Learnt:
         return self._rank(features, self.null_rest, later=True)
 
     def _rank(self, features: NDArray[Any], null: Null, *, later: bool) -> float:
-        named = self.log_odds(features, later=later)
-        scores = np.array([self.anything_score(features, later=later)[0], _any_of(named)[0]])
-        return null.p_value(scores, float(_records(np.atleast_2d(features), self.features)[0]))
+        any_of = _any_of(self.log_odds(features, later=later))
+        scores = np.stack([self.anything_score(features, later=later), any_of], axis=1)
+        return null.p_value(Judged.of(scores, features, self.features))
 
     def anything_score(self, features: NDArray[Any], *, later: bool = False) -> Array:
         """[examples] Log odds that the twin lacks anything, named or not."""
@@ -305,10 +243,9 @@ def learn(examples: Examples, effects: tuple[str, ...], parameters: tuple[tuple[
     if anything is None:
         raise ValueError("too few examples with and without a gap to learn from")
     anything.unseen = anything.unseen[here]
-    records = _records(examples.features, names)
     scores = scores[here]
-    both = np.stack([anything.unseen, _any_of(scores)], axis=1)
-    null, rest = (Null(both[rows], records[rows]) for rows in (~any_gap & examples.first, ~any_gap & ~examples.first))
+    judged = Judged.of(np.stack([anything.unseen, _any_of(scores)], axis=1), examples.features, names)
+    null, rest = (Null(judged.take(rows)) for rows in (~any_gap & examples.first, ~any_gap & ~examples.first))
     limits = {name: _limit(scores[:, j], examples.missing[:, j]) for j, name in enumerate(effects)}
     known = examples.first & ~examples.strange
     level = _level(scores[known], examples.missing[known])

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from twingap.gap.training.detectors import Table, learn_classifier, learn_estimator
-from twingap.gap.training.learn import Examples, Null, learn
+from twingap.gap.training.learn import Examples, learn
+from twingap.gap.training.null import Judged, Null
 
 
 @pytest.fixture(scope="module")
@@ -54,33 +55,58 @@ def test_the_null_is_of_machines_without_a_gap_and_p_values_are_even(examples):
         examples, ("a", "b"), (("a", "size"),), tuple(f"context|records{k}" for k in range(60)), lambda what, part: None
     )
     nothing = ~examples.missing.any(axis=1) & examples.first
-    assert len(learnt.null.scores) == nothing.sum()
-    own = np.array([learnt.null.p_value(s, r) for s, r in zip(learnt.null.scores, learnt.null.records, strict=True)])
+    of = learnt.null.machines
+    assert len(of) == nothing.sum()
+    own = np.array([learnt.null.p_value(of.take(np.arange(len(of)) == k)) for k in range(len(of))])
     assert np.mean(own <= 0.1) == pytest.approx(0.1, abs=0.02)
     assert learnt.p_value(examples.features[np.flatnonzero(examples.missing.all(axis=1))[0]]) < 0.1
+
+
+def judged(scores, records=0.0):
+    """Machines of these scores whose distance is not known."""
+    scores = np.asarray(scores, float)
+    n = len(scores)
+    return Judged(scores, np.broadcast_to(np.asarray(records, float), n).copy(), np.full(n, np.nan), np.zeros(n))
 
 
 def test_a_score_is_ranked_among_machines_judged_by_as_many_records():
     rng = np.random.default_rng(3)
     records = np.log(rng.integers(2, 25, 1000))
-    null = Null((rng.standard_normal(1000) * np.exp(1.5 - 0.5 * records))[:, None], records)
+    null = Null(judged((rng.standard_normal(1000) * np.exp(1.5 - 0.5 * records))[:, None], records))
     for count in (3, 8, 20):
         fresh = rng.standard_normal(1000) * np.exp(1.5 - 0.5 * np.log(count))
-        p = np.array([null.p_value(np.array([score]), float(np.log(count))) for score in fresh])
+        p = np.array([null.p_value(judged([[score]], np.log(count))) for score in fresh])
         assert np.mean(p <= 0.05) == pytest.approx(0.05, abs=0.03)
-    far = np.array([10.0])
-    assert null.p_value(far, 50.0) == null.p_value(far, float(records.max()))  # beyond what was seen: the nearest
+    assert null.p_value(judged([[10.0]], 50.0)) == null.p_value(
+        judged([[10.0]], records.max())
+    )  # beyond what was seen: the nearest
 
 
 def test_of_several_scores_the_rarest_counts_and_the_level_holds():
     rng = np.random.default_rng(4)
     drawn = rng.multivariate_normal([0, 0], [[1, 0.6], [0.6, 1]], 1600)
     scales = np.array([1.0, 30.0])  # ranks do not mind the unit
-    null = Null(drawn[:600] * scales, np.zeros(600))
-    p = np.array([null.p_value(scores, 0.0) for scores in drawn[600:] * scales])
+    null = Null(judged(drawn[:600] * scales))
+    p = np.array([null.p_value(judged(scores[None])) for scores in drawn[600:] * scales])
     assert np.mean(p <= 0.05) == pytest.approx(0.05, abs=0.025)
-    assert null.p_value(np.array([6.0, 0.0]), 0.0) < 0.01
-    assert null.p_value(np.array([0.0, 180.0]), 0.0) < 0.01
+    assert null.p_value(judged([[6.0, 0.0]])) < 0.01
+    assert null.p_value(judged([[0.0, 180.0]])) < 0.01
+
+
+def test_what_no_detector_hears_is_a_gap_where_it_is_far_off_for_a_simulator_of_its_kind():
+    rng = np.random.default_rng(6)
+    own = (np.arange(1600) % 3 == 0).astype(float)
+    distance = rng.gamma(4.0, 0.25, 1600) * np.where(own, 0.5, 1.0)  # nothing had to be matched there
+    scores = rng.standard_normal((1600, 2))
+    every = Judged(scores, np.zeros(1600), distance, own)
+    null, fresh = Null(every.take(np.arange(1600) < 800)), range(800, 1600)
+    p = np.array([null.p_value(every.take(np.arange(1600) == k)) for k in fresh])
+    assert np.mean(p <= 0.05) == pytest.approx(0.05, abs=0.025)
+    far = {
+        kind: null.p_value(Judged(np.zeros((1, 2)), np.zeros(1), np.array([1.9]), np.array([kind]))) for kind in (0, 1)
+    }
+    assert far[1] < 0.02 < 0.1 < far[0]
+    assert null.p_value(Judged(np.zeros((1, 2)), np.zeros(1), np.array([np.nan]), np.ones(1))) > 0.3
 
 
 def test_the_twin_as_given_and_one_with_effects_added_are_calibrated_apart():

@@ -1,0 +1,128 @@
+"""What machines without a gap look like, to rank others among: p-values of no gap at all.
+
+scores of detectors, distance --of machines without a gap--> Null --rank of a new machine's rarest--> p-value
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+RECORDS: Final = "context|records"
+"""Feature that says how many records were compared (its logarithm)."""
+OWN: Final = "context|own_simulator"
+"""Feature that says whether the simulator is the machine's own."""
+DISTANCE: Final = "view|overall"
+"""Feature that says how far records and twin lie apart, whatever the cause."""
+
+_NEAR_RECORDS: Final = 0.35
+_FEWEST_NEAR: Final = 60.0
+_FEWEST_ALIKE: Final = 25.0
+
+
+def _told(features: NDArray[Any], names: tuple[str, ...], name: str, otherwise: float = 0.0) -> Array:
+    """[examples] A feature of this name; `otherwise` where there is none."""
+    rows = np.atleast_2d(features)
+    return np.asarray(rows[:, names.index(name)] if name in names else np.full(len(rows), otherwise), float)
+
+
+@dataclass(frozen=True)
+class Judged:
+    """What is known of machines that are to be told from those without a gap.
+
+    Parameters
+    ----------
+    scores : Array [machines, scores]
+        How surely detectors hear something.
+    records : Array [machines]
+        Log number of records that each is judged by.
+    distance : Array [machines]
+        Between records and twin, whatever detectors make of it; NaN where it is not known.
+    own : Array [machines]
+        1 where the simulator is the machine's own: then nothing had to be matched, and small distances mean more.
+    """
+
+    scores: Array
+    records: Array
+    distance: Array
+    own: Array
+
+    @classmethod
+    def of(cls, scores: Array, features: NDArray[Any], names: tuple[str, ...]) -> Judged:
+        """Machines of these scores and features."""
+        return cls(
+            scores, _told(features, names, RECORDS), _told(features, names, DISTANCE, np.nan),
+            _told(features, names, OWN),
+        )  # fmt: skip
+
+    def take(self, rows: Mask) -> Judged:
+        """Some of the machines."""
+        return Judged(self.scores[rows], self.records[rows], self.distance[rows], self.own[rows])
+
+    def __len__(self) -> int:
+        return len(self.scores)
+
+
+NOBODY: Final = Judged(np.empty((0, 2)), np.empty(0), np.empty(0), np.empty(0))
+
+
+@dataclass(frozen=True)
+class Null:
+    """Machines without a gap.
+
+    Few records look like a gap more often, so a score is ranked among machines with about as many: a machine counts
+    the less the further its number lies off (a localised conformal p-value; Guan 2023, doi:10.1093/biomet/asac040).
+    Of several scores the one that is rarest among these machines counts, and how rare it is, is ranked among how rare
+    theirs are (minimum p: Westfall and Young, Resampling-based multiple testing, 1993). The distance is one of the
+    scores, ranked among machines met through a simulator of the same kind: what no detector knows may still be far off.
+
+    Parameters
+    ----------
+    machines : Judged
+    """
+
+    machines: Judged
+
+    def p_value(self, judged: Judged) -> float:
+        """Part of these machines, near ones above all, that look at least as much like a gap as this one does."""
+        if not len(self.machines):
+            return 1.0
+        weight = self._weight(judged.records[0])
+        return _part(weight, self._rarest <= self._rarity(judged, 0))
+
+    @cached_property
+    def _rarest(self) -> Array:
+        """[machines] How rare the rarest score of each of these machines is."""
+        return np.array([self._rarity(self.machines, place) for place in range(len(self.machines))])
+
+    def _rarity(self, of: Judged, place: int) -> float:
+        weight = self._weight(of.records[place])
+        rare = [_part(weight, self.machines.scores[:, k] >= score) for k, score in enumerate(of.scores[place])]
+        alike = self.machines.own == of.own[place]
+        if np.isfinite(of.distance[place]) and alike.any():
+            near = self._weight(of.records[place], alike)
+            rare.append(_part(near, self.machines.distance >= of.distance[place]))
+        return min(rare)
+
+    def _weight(self, records: float, alike: Mask | None = None) -> Array:
+        """[machines] The less, the further their number of records lies off; 0 of those that are not alike."""
+        known = self.machines.records
+        counts = np.ones(len(known)) if alike is None else alike.astype(float)
+        at = float(np.clip(records, known.min(), known.max()))
+        for near in (_NEAR_RECORDS, 2 * _NEAR_RECORDS):
+            own = counts * np.exp(-0.5 * ((known - at) / near) ** 2)
+            # Of a handful of machines no small p-value could come: then those further off count too.
+            if own.sum() >= (_FEWEST_NEAR if alike is None else _FEWEST_ALIKE):
+                return np.asarray(own)
+        return counts
+
+
+def _part(weight: Array, extreme: Mask) -> float:
+    return float((1 + weight[extreme].sum()) / (1 + weight.sum()))
