@@ -164,7 +164,10 @@ def _diagnosed(
     before = trial.replicates(found.before.simulator, found.before.effects, trial.most)
     first = Paired(trial.real, before)
     located = locate(first, rng)
-    tests = tuple(test.test for test in overall_tests(first, rng))
+    # Replicates of finished records are cut from the same few again and again, and resemble each other more than any
+    # other record does: one each is exchangeable with its record.
+    exchangeable = first if sim is None else Paired(trial.real, before[:1])
+    tests = tuple(test.test for test in overall_tests(exchangeable, rng))
     after = before
     if found.gap and found.after.effects:
         after = trial.replicates(found.after.simulator, found.after.effects, trial.fewer)

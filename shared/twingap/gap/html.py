@@ -15,7 +15,7 @@ from typing import Any, Final
 from twingap.effects import catalogue
 from twingap.gap.advice import condition_words, contradictions, next_steps, place_words, snippet, undecided
 from twingap.gap.figures import all_figures
-from twingap.gap.report import GapReport, ParameterValue, Place, count_words, listed
+from twingap.gap.report import GapReport, ParameterValue, Place, Verdict, count_words, listed
 
 _TITLES: Final[Mapping[str, tuple[str, str]]] = {
     "no_gap": ("No gap", "#009E73"),
@@ -25,8 +25,8 @@ _TITLES: Final[Mapping[str, tuple[str, str]]] = {
 }
 _MEANING: Final[Mapping[str, str]] = {
     "no_gap": "No gap beyond chance was found.",
-    "explained": "Adding the named effects brings the gap down to its floor.",
-    "partly_explained": "The named effects shrink the gap significantly; a significant rest remains.",
+    "explained": "Nothing significant is left once the named effects are added.",
+    "partly_explained": "A significant rest remains once the named effects are added.",
     "unexplained": "There is a significant gap, and nothing in the catalogue shrinks it significantly.",
 }
 _DOMAINS: Final[Mapping[str, str]] = {
@@ -86,6 +86,20 @@ def _figure(name: str, figure: Any) -> str:
     return f'<figure class="{"wide" if name == "curve-spectrum" else "plot"}">{drawn}</figure>'
 
 
+def _closing(verdict: Verdict) -> str:
+    """What the closure allows to be said: names come from what records show, not from how far the gap shrinks."""
+    if not verdict.effects:
+        return ""
+    if verdict.closure is None or verdict.closure_ci is None:
+        return "They show in the records, but cannot be added to what the simulator has made. "
+    low, high = verdict.closure_ci
+    if low > 0:
+        return "They shrink the gap significantly. "
+    if high < 0:
+        return "They show in the records, but at the values found they widen the gap: look at the values. "
+    return "They show in the records; by how much they shrink the gap is too uncertain to say. "
+
+
 def _verdict(report: GapReport) -> str:
     verdict = report.verdict
     word, colour = _TITLES[verdict.status]
@@ -98,7 +112,7 @@ def _verdict(report: GapReport) -> str:
     tests = "".join(f"<li>{html.escape(t.name)}: {t.statistic:.4g}, p = {_p(t.p_value)}</li>" for t in report.tests)
     return (
         f'<header style="border-color:{colour}"><p class="status"><span style="background:{colour}"></span>{word}</p>'
-        f"<h1>{html.escape(report.sentence)}</h1><p>{_MEANING[verdict.status]} "
+        f"<h1>{html.escape(report.sentence)}</h1><p>{_MEANING[verdict.status]} {_closing(verdict)}"
         f"Records: <b>{html.escape(_records(report))}</b>.</p>"
         + "<dl>"
         + "".join(f"<div><dt>{name}</dt><dd>{html.escape(value)}</dd></div>" for name, value in facts)

@@ -72,7 +72,7 @@ class Verdict:
         if self.status == "unexplained":
             return f"The twin differs from the records ({p}), and no effect of the catalogue shrinks the gap."
         it = "it" if len(self.effects) == 1 else "them"
-        closes = f"adding {it} shrinks the gap"
+        closes = f"how far adding {it} would shrink the gap could not be measured"
         if self.closure is not None:
             closes = f"adding {it} closes {_percent(self.closure)} of the gap"
             if self.closure < 0:
@@ -318,10 +318,14 @@ class GapReport:
 
     @property
     def sentence(self) -> str:
-        """The verdict in one plain sentence; a closure that it does not state is that of the first metric."""
+        """The verdict in one plain sentence; a closure that it does not state is that of the first metric.
+
+        Where nothing could be added, the metrics are the same before and after, and say nothing of a closure.
+        """
         verdict = self.verdict
         if verdict.effects and verdict.closure is None and self.metrics:
-            verdict = replace(verdict, closure=self.metrics[0].closure)
+            first = self.metrics[0]
+            verdict = replace(verdict, closure=first.closure if first.after != first.before else None)
         return verdict.sentence
 
     @property

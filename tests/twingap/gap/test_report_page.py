@@ -72,6 +72,30 @@ def test_a_page_is_whole_and_asks_nothing_of_the_network(make_report: MakeReport
     assert anchors == {f"#{a['id']}" for tag, a in read.tags if tag == "section"}
 
 
+@pytest.mark.parametrize(
+    ("closure", "ci", "says"),
+    [
+        (0.8, (0.7, 0.9), "They shrink the gap significantly."),
+        (0.0, (0.0, 0.7), "too uncertain to say"),
+        (-0.4, (-0.5, -0.3), "they widen the gap"),
+        (None, None, "cannot be added to what"),
+    ],
+)
+def test_what_names_close_is_not_claimed_beyond_its_interval(
+    make_report: MakeReport, closure: float | None, ci: tuple[float, float] | None, says: str
+) -> None:
+    report = make_report("partly_explained")
+    verdict = dataclasses.replace(report.verdict, closure=closure, closure_ci=ci)
+    shown = page(dataclasses.replace(report, verdict=verdict))
+    every = (
+        "They shrink the gap significantly.",
+        "too uncertain to say",
+        "they widen the gap",
+        "cannot be added to what",
+    )
+    assert [one for one in every if one in shown] == [says]
+
+
 def test_names_from_the_data_are_shown_and_never_run(make_report: MakeReport) -> None:
     hostile = '<img src=x onerror="alert(1)"></script><script>alert(2)</script>'
     report = make_report(records=hostile)
