@@ -24,7 +24,6 @@ DISTANCE: Final = "view|overall"
 
 _NEAR_RECORDS: Final = 0.35
 _FEWEST_NEAR: Final = 60.0
-_FEWEST_ALIKE: Final = 25.0
 
 
 def _told(features: NDArray[Any], names: tuple[str, ...], name: str, otherwise: float = 0.0) -> Array:
@@ -81,7 +80,9 @@ class Null:
     the less the further its number lies off (a localised conformal p-value; Guan 2023, doi:10.1093/biomet/asac040).
     Of several scores the one that is rarest among these machines counts, and how rare it is, is ranked among how rare
     theirs are (minimum p: Westfall and Young, Resampling-based multiple testing, 1993). The distance is one of the
-    scores, ranked among machines met through a simulator of the same kind: what no detector knows may still be far off.
+    scores, ranked among all machines met through a simulator of the same kind: what no detector knows may still be far
+    off. Noise is taken out of distances, so that they are much the same for few records and many, and among a few near
+    machines none could be rare.
 
     Parameters
     ----------
@@ -107,21 +108,19 @@ class Null:
         rare = [_part(weight, self.machines.scores[:, k] >= score) for k, score in enumerate(of.scores[place])]
         alike = self.machines.own == of.own[place]
         if np.isfinite(of.distance[place]) and alike.any():
-            near = self._weight(of.records[place], alike)
-            rare.append(_part(near, self.machines.distance >= of.distance[place]))
+            rare.append(_part(alike.astype(float), self.machines.distance >= of.distance[place]))
         return min(rare)
 
-    def _weight(self, records: float, alike: Mask | None = None) -> Array:
-        """[machines] The less, the further their number of records lies off; 0 of those that are not alike."""
+    def _weight(self, records: float) -> Array:
+        """[machines] The less, the further their number of records lies off."""
         known = self.machines.records
-        counts = np.ones(len(known)) if alike is None else alike.astype(float)
         at = float(np.clip(records, known.min(), known.max()))
         for near in (_NEAR_RECORDS, 2 * _NEAR_RECORDS):
-            own = counts * np.exp(-0.5 * ((known - at) / near) ** 2)
+            own = np.exp(-0.5 * ((known - at) / near) ** 2)
             # Of a handful of machines no small p-value could come: then those further off count too.
-            if own.sum() >= (_FEWEST_NEAR if alike is None else _FEWEST_ALIKE):
+            if own.sum() >= _FEWEST_NEAR:
                 return np.asarray(own)
-        return counts
+        return np.ones(len(known))
 
 
 def _part(weight: Array, extreme: Mask) -> float:
