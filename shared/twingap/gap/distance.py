@@ -25,20 +25,16 @@ from numpy.typing import NDArray
 
 from twingap.errors import TwingapError
 from twingap.gap.report import Domain
+from twingap.gap.strata import about_trend, slopes, strata, witnesses
 from twingap.gap.views import Views
 from twingap.records import Condition
 
 Array = NDArray[np.float64]
 Places = NDArray[np.int64]
-Unit = Condition | Sequence[Condition]
-"""A record's condition, or those of a group of records."""
 
 _LARGEST_POOL = 512
-_VARIES: Final = 0.05
-"""Part of its mean size by which speed, load or time vary where they are worth a slope."""
-_FREE: Final = 5
-"""Degrees of freedom within strata for each slope: with fewer, scatter would be taken for a trend."""
 _LEAST_LEFT: Final = 0.1
+"""Part of a unit's scatter that means and slopes must leave for it to say anything of scatter."""
 _LEAST_SPREAD = 0.05
 """No bin's spread counts as less (log units): a bin that never varies would drown all others."""
 _PLAIN: Final = 16.0
@@ -145,12 +141,14 @@ class Paired:
 
     @cached_property
     def units(self) -> tuple[Array, ...]:
-        """Per stratum [units, bins]: means of the differences of its groups, or of single records where it has one.
+        """Per stratum [units, bins]: means of the differences of its units' records."""
+        return tuple(np.stack([self.difference[unit].mean(axis=0) for unit in own]) for own in self._witnesses)
 
-        Windows of one recording share that recording's peculiarities and are no independent witnesses.
-        """
+    @cached_property
+    def _witnesses(self) -> tuple[list[Places], ...]:
+        """Per stratum, places of the records of each of its units."""
         return tuple(
-            _units(self.difference[places], [self.conditions[i].group for i in places]) for places in self.strata
+            [places[unit] for unit in witnesses([self.conditions[i] for i in places])] for places in self.strata
         )
 
     @cached_property
@@ -163,8 +161,8 @@ class Paired:
         if self._scale is not None:
             return self._scale
         rows: list[Array] = [self.difference[p] for p in self.strata]
-        tilts = slopes([[self.conditions[i] for i in p] for p in self.strata])
-        rests, _ = _about_trend(rows, tilts)
+        tilts = slopes([[[self.conditions[i]] for i in p] for p in self.strata])
+        rests, _ = about_trend(rows, tilts)
         df = sum(len(d) - 1 for d in rows) - tilts[0].shape[1]
         square = np.sum([np.sum(d * d, axis=0) for d in rests], axis=0)
         own: Array = square / max(df, 1) / (1 + 1 / self.m)
@@ -207,13 +205,18 @@ class Paired:
     @cached_property
     def tilts(self) -> tuple[Array, ...]:
         """Per stratum [units, slopes]: see `slopes`."""
-        return slopes([_units_of([self.conditions[i] for i in places]) for places in self.strata])
+        return slopes([[[self.conditions[i] for i in unit] for unit in own] for own in self._witnesses])
+
+    @cached_property
+    def _count(self) -> int:
+        """Of all units."""
+        return sum(len(own) for own in self._witnesses)
 
     @cached_property
     def _fitted(self) -> tuple[list[Array], list[Array], Array]:
         """Units, standardised; what is left of them beside their stratum's mean and slopes; slopes [slopes, bins]."""
         units = [u / self.scale for u in self.units]
-        return units, *_about_trend(units, self.tilts)
+        return units, *about_trend(units, self.tilts)
 
     @cached_property
     def _variances(self) -> list[Array]:
@@ -240,20 +243,20 @@ class Paired:
     @cached_property
     def _trend(self) -> tuple[Array, Array]:
         """Slopes [slopes, bins], and their mean square over units, unbiased [1, bins]."""
-        steepness, count = self._fitted[2], sum(len(u) for u in self.units)
+        steepness = self._fitted[2]
         noise = sum(
             (tilt.T**2).sum(axis=1)[:, None] * variance
             for tilt, variance in zip(self.tilts, self._variances, strict=True)
         )
-        return steepness, np.asarray((steepness**2 - noise).sum(axis=0, keepdims=True) / count)
+        return steepness, np.asarray((steepness**2 - noise).sum(axis=0, keepdims=True) / self._count)
 
     def misfit(self) -> float:
         """Distance with the noise of the means left in: never negative, and smooth in whatever makes the replicates.
 
         For fitting values: what is taken out of `squares` may leave nothing, or nothing to go by.
         """
-        steepness, count = self._fitted[2], sum(len(u) for u in self.units)
-        trend = (steepness**2).sum(axis=0, keepdims=True) / count
+        steepness = self._fitted[2]
+        trend = (steepness**2).sum(axis=0, keepdims=True) / self._count
         means = [mean for _, mean in self._squares]
         return float(self.over_views(self._contrasted([(mean**2, mean) for mean in means], trend))[0][0])
 
@@ -293,14 +296,14 @@ class Paired:
 
     def _trend_moved(self, drawn: Sequence[Drawn], steepness: Array) -> Array:
         """[draws, bins] By how much residuals drawn anew move the mean square of these slopes; 0 on average."""
-        pool, count = self._residuals, sum(len(u) for u in self.units)
+        pool = self._residuals
         out = np.zeros((len(drawn[0].signed), self.scale.size))
         if not len(pool):
             return out
         noise = (pool**2).mean(axis=0)
         for slope, steep in enumerate(steepness):
             moved = np.sum([lots.tilted[slope] for lots in drawn], axis=0) @ pool
-            out += (moved * (moved + 2 * steep) - noise) / count
+            out += (moved * (moved + 2 * steep) - noise) / self._count
         return out
 
     def draw_residuals(self, rng: np.random.Generator, draws: int) -> list[Drawn]:
@@ -401,128 +404,6 @@ def gap_distance(
 ) -> Distance:
     """Gap between records and twin, with floors. Arguments as `Paired` and `Paired.distance`."""
     return Paired(real, sims, conditions, scale).distance(rng)
-
-
-def strata(conditions: Sequence[Condition], fewest: int = 3, most: int = 3) -> tuple[Places, ...]:
-    """Records of like condition: by fault, then in up to `most` stretches of what varies first of speed, load, time.
-
-    Parameters
-    ----------
-    conditions : sequence of Condition [n]
-    fewest : int
-        Records in a stretch. Faults of a single record are put together with the largest stratum.
-    most : int
-
-    Returns
-    -------
-    tuple of int arrays
-        Every place 0..n-1 once.
-    """
-    faults, groups = [c.fault or "" for c in conditions], [c.group for c in conditions]
-    parts: list[Places] = []
-    for fault in dict.fromkeys(faults):
-        own = np.array([i for i, f in enumerate(faults) if f == fault])
-        values = _varying([conditions[i] for i in own])
-        count = min(most, max(len(own) // fewest, 1))
-        if values is None or count == 1:
-            parts.append(own)
-            continue
-        order = own[np.argsort(values, kind="stable")]
-        cut: list[int] = []
-        at = np.sort(values)
-        for part in np.array_split(np.arange(len(own)), count)[1:]:
-            # Records of one and the same speed stay together, and those of one recording.
-            first = int(np.searchsorted(at, at[part[0]]))
-            while first > 0 and groups[order[first]] is not None and groups[order[first]] == groups[order[first - 1]]:
-                first -= 1
-            if first >= fewest and len(own) - first >= fewest and (not cut or first - cut[-1] >= fewest):
-                cut.append(first)
-        parts.extend(np.split(order, cut))
-    lonely = [p for p in parts if len(p) < 2]
-    if lonely and len(parts) > 1:
-        others = [p for p in parts if len(p) >= 2]
-        if not others:
-            return (np.arange(len(conditions)),)
-        largest = max(range(len(others)), key=lambda i: len(others[i]))
-        others[largest] = np.concatenate([others[largest], *lonely])
-        return tuple(others)
-    return tuple(parts)
-
-
-def _varying(conditions: Sequence[Condition]) -> Array | None:
-    """The first of speed, load and time that varies by at least 5 % of its mean size; None when none does."""
-    for name in ("speed_rpm", "load_n", "time_s"):
-        values = [getattr(c, name) for c in conditions]
-        if any(v is None for v in values):
-            continue
-        v = np.array(values, float)
-        if np.ptp(v) > _VARIES * max(float(np.abs(v).mean()), 1e-12):
-            return v
-    return None
-
-
-def slopes(strata: Sequence[Sequence[Unit]]) -> tuple[Array, ...]:
-    """Places of units on slopes over log speed, load and time that all strata have in common.
-
-    Parameters
-    ----------
-    strata : sequence of sequence of Unit
-        Conditions of each unit: one, or those of its records.
-
-    Returns
-    -------
-    tuple of Array [units, slopes]
-        Centred in each stratum, orthonormal over all; as many slopes as vary within strata and as there are units to
-        tell from chance, in the order of speed, load and time.
-    """
-    counts = [len(units) for units in strata]
-    most = (sum(counts) - len(counts)) // _FREE
-    found: list[Array] = []
-    for name in ("speed_rpm", "load_n", "time_s"):
-        values = [_mean_of(unit, name) for units in strata for unit in units]
-        if len(found) == most or any(v is None for v in values):
-            continue
-        v = np.array(values, float)
-        if np.ptp(v) <= _VARIES * max(float(np.abs(v).mean()), 1e-12):
-            continue
-        v = np.log(v) if name == "speed_rpm" else v / np.abs(v).max()
-        own = np.concatenate([part - part.mean() for part in np.split(v, np.cumsum(counts)[:-1])])
-        size = float(np.linalg.norm(own))
-        for other in found:
-            own = own - (own @ other) * other
-        left = float(np.linalg.norm(own))
-        # What varies between strata alone, or as another does, has no slope of its own.
-        if size > _VARIES * max(float(np.linalg.norm(v - v.mean())), 1e-12) and left > 0.1 * size:
-            found.append(own / left)
-    table = np.array(found).reshape(len(found), sum(counts)).T
-    return tuple(np.split(table, np.cumsum(counts)[:-1]))
-
-
-def _mean_of(unit: Unit, name: str) -> float | None:
-    values = [getattr(c, name) for c in ([unit] if isinstance(unit, Condition) else unit)]
-    return None if any(v is None for v in values) else float(np.mean(values))
-
-
-def _about_trend(rows: Sequence[Array], tilts: Sequence[Array]) -> tuple[list[Array], Array]:
-    """What is left of rows beside their strata's means and common slopes, and the slopes [slopes, bins]."""
-    inner = [own - own.mean(axis=0) for own in rows]
-    steepness = np.sum([tilt.T @ own for tilt, own in zip(tilts, inner, strict=True)], axis=0)
-    return [own - tilt @ steepness for tilt, own in zip(tilts, inner, strict=True)], np.asarray(steepness)
-
-
-def _units_of(conditions: Sequence[Condition]) -> list[Sequence[Condition]]:
-    """Conditions of each unit of `_units`."""
-    names = list(dict.fromkeys(c.group for c in conditions))
-    if not 1 < len(names) < len(conditions):
-        return [[c] for c in conditions]
-    return [[c for c in conditions if c.group == name] for name in names]
-
-
-def _units(rows: Array, groups: Sequence[str | None]) -> Array:
-    names = list(dict.fromkeys(groups))
-    if not 1 < len(names) < len(rows):
-        return rows
-    return np.stack([rows[[g == name for g in groups]].mean(axis=0) for name in names])
 
 
 def _tempered(squares: Array) -> Array:

@@ -10,7 +10,7 @@ import pytest
 from numpy.typing import NDArray
 
 from twingap.errors import TwingapError
-from twingap.gap.distance import Paired, _tempered, gap_distance, slopes, strata
+from twingap.gap.distance import Paired, _tempered, gap_distance
 from twingap.gap.report import Domain
 from twingap.gap.views import Axis, Views
 from twingap.records import Condition
@@ -111,33 +111,6 @@ def test_what_goes_with_speed_or_with_the_run_is_a_gap_though_the_mean_is_none(m
     expected = 9 * np.mean(np.linspace(-1, 1, 24) ** 2)
     assert abs(np.mean(found, axis=0)[1]) < 4 * error[1]  # nothing, where nothing goes with the run
     assert np.mean(found, axis=0)[0] == pytest.approx(expected, rel=0.05)
-
-
-def test_slopes_are_centred_in_strata_and_orthonormal_over_all() -> None:
-    conditions = run_of(24)
-    parts = [[conditions[i] for i in part] for part in strata(conditions)]
-    table = slopes(parts)
-    assert [t.shape for t in table] == [(len(part), table[0].shape[1]) for part in parts]
-    for tilt in table:
-        np.testing.assert_allclose(tilt.mean(axis=0), 0, atol=1e-12)
-    whole = np.concatenate(table)
-    np.testing.assert_allclose(whole.T @ whole, np.eye(whole.shape[1]), atol=1e-12)
-    # Speeds that differ between strata alone have no slope within them; two records a stratum tell none from chance.
-    apart = [[replace(c, speed_rpm=1000.0 * (k + 1), time_s=None) for c in part] for k, part in enumerate(parts)]
-    assert all(t.shape[1] == 0 for t in slopes(apart))
-    assert all(t.shape[1] == 0 for t in slopes([part[:2] for part in parts]))
-
-
-def test_strata_hold_every_record_once_and_like_with_like() -> None:
-    conditions = conditions_of(24, ("healthy", "outer", "inner"))
-    parts = strata(conditions)
-    assert sorted(np.concatenate(parts).tolist()) == list(range(24))
-    for part in parts:
-        assert len({conditions[i].fault for i in part}) == 1 and len(part) >= 2
-    lonely = strata(conditions_of(3, ("healthy", "outer", "inner")))
-    assert [len(p) for p in lonely] == [3]
-    same = [Condition(f"r{i}", (1000, 2000)[i % 2], 1e4, 99) for i in range(10)]
-    assert {len({same[i].speed_rpm for i in part}) for part in strata(same)} == {1}
 
 
 def test_replicates_must_match_the_records() -> None:

@@ -101,6 +101,7 @@ def behind_examples() -> tuple[ModuleType, ...]:
         simulator,
         speed,
         speed_reading,
+        strata,
         trends,
         view,
         views,
@@ -109,8 +110,8 @@ def behind_examples() -> tuple[ModuleType, ...]:
 
     return (
         twingap.effects, twingap.twins, twingap.identify, twingap.gap.signatures, baseline, calibrate, comparison,
-        distance, evidence, own_simulator, simulator, speed, speed_reading, trends, view, views, as_built, examples,
-        gaps, machines, parameters, strangers,
+        distance, evidence, own_simulator, simulator, speed, speed_reading, strata, trends, view, views, as_built,
+        examples, gaps, machines, parameters, strangers,
     )  # fmt: skip
 
 

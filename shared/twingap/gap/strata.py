@@ -1,0 +1,141 @@
+"""Records of like condition, and what goes with their conditions all the same: strata, units, slopes.
+
+conditions --fault, speed, load, time--> strata --groups--> units --places on log speed, load, time--> slopes
+rows of units less their strata's means and the slopes --> what is left: scatter
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twingap.records import Condition
+
+Array = NDArray[np.float64]
+Places = NDArray[np.int64]
+
+_VARIES: Final = 0.05
+"""Part of its mean size by which speed, load or time vary where they are worth a slope."""
+_FREE: Final = 5
+"""Degrees of freedom within strata for each slope: with fewer, scatter would be taken for a trend."""
+
+
+def strata(conditions: Sequence[Condition], fewest: int = 3, most: int = 3) -> tuple[Places, ...]:
+    """Records of like condition: by fault, then in up to `most` stretches of what varies first of speed, load, time.
+
+    Parameters
+    ----------
+    conditions : sequence of Condition [n]
+    fewest : int
+        Records in a stretch. Faults of a single record are put together with the largest stratum.
+    most : int
+
+    Returns
+    -------
+    tuple of int arrays
+        Every place 0..n-1 once.
+    """
+    faults, groups = [c.fault or "" for c in conditions], [c.group for c in conditions]
+    parts: list[Places] = []
+    for fault in dict.fromkeys(faults):
+        own = np.array([i for i, f in enumerate(faults) if f == fault])
+        values = _varying([conditions[i] for i in own])
+        count = min(most, max(len(own) // fewest, 1))
+        if values is None or count == 1:
+            parts.append(own)
+            continue
+        order = own[np.argsort(values, kind="stable")]
+        cut: list[int] = []
+        at = np.sort(values)
+        for part in np.array_split(np.arange(len(own)), count)[1:]:
+            # Records of one and the same speed stay together, and those of one recording.
+            first = int(np.searchsorted(at, at[part[0]]))
+            while first > 0 and groups[order[first]] is not None and groups[order[first]] == groups[order[first - 1]]:
+                first -= 1
+            if first >= fewest and len(own) - first >= fewest and (not cut or first - cut[-1] >= fewest):
+                cut.append(first)
+        parts.extend(np.split(order, cut))
+    lonely = [p for p in parts if len(p) < 2]
+    if lonely and len(parts) > 1:
+        others = [p for p in parts if len(p) >= 2]
+        if not others:
+            return (np.arange(len(conditions)),)
+        largest = max(range(len(others)), key=lambda i: len(others[i]))
+        others[largest] = np.concatenate([others[largest], *lonely])
+        return tuple(others)
+    return tuple(parts)
+
+
+def _varying(conditions: Sequence[Condition]) -> Array | None:
+    """The first of speed, load and time that varies by at least 5 % of its mean size; None when none does."""
+    for name in ("speed_rpm", "load_n", "time_s"):
+        values = [getattr(c, name) for c in conditions]
+        if any(v is None for v in values):
+            continue
+        v = np.array(values, float)
+        if np.ptp(v) > _VARIES * max(float(np.abs(v).mean()), 1e-12):
+            return v
+    return None
+
+
+def slopes(strata: Sequence[Sequence[Sequence[Condition]]]) -> tuple[Array, ...]:
+    """Places of units on slopes over log speed, load and time that all strata have in common.
+
+    Parameters
+    ----------
+    strata : sequence of sequence of sequence of Condition
+        Of the records of each unit.
+
+    Returns
+    -------
+    tuple of Array [units, slopes]
+        Centred in each stratum, orthonormal over all; as many slopes as vary within strata and as there are units to
+        tell from chance, in the order of speed, load and time.
+    """
+    counts = [len(units) for units in strata]
+    most = (sum(counts) - len(counts)) // _FREE
+    found: list[Array] = []
+    for name in ("speed_rpm", "load_n", "time_s"):
+        values = [_mean_of(unit, name) for units in strata for unit in units]
+        if len(found) == most or any(v is None for v in values):
+            continue
+        v = np.array(values, float)
+        if np.ptp(v) <= _VARIES * max(float(np.abs(v).mean()), 1e-12):
+            continue
+        v = np.log(v) if name == "speed_rpm" else v / np.abs(v).max()
+        own = np.concatenate([part - part.mean() for part in np.split(v, np.cumsum(counts)[:-1])])
+        size = float(np.linalg.norm(own))
+        for other in found:
+            own = own - (own @ other) * other
+        left = float(np.linalg.norm(own))
+        # What varies between strata alone, or as another does, has no slope of its own.
+        if size > _VARIES * max(float(np.linalg.norm(v - v.mean())), 1e-12) and left > 0.1 * size:
+            found.append(own / left)
+    table = np.array(found).reshape(len(found), sum(counts)).T
+    return tuple(np.split(table, np.cumsum(counts)[:-1]))
+
+
+def _mean_of(unit: Sequence[Condition], name: str) -> float | None:
+    values = [getattr(c, name) for c in unit]
+    return None if any(v is None for v in values) else float(np.mean(values))
+
+
+def about_trend(rows: Sequence[Array], tilts: Sequence[Array]) -> tuple[list[Array], Array]:
+    """What is left of rows beside their strata's means and common slopes, and the slopes [slopes, bins]."""
+    inner = [own - own.mean(axis=0) for own in rows]
+    steepness = np.sum([tilt.T @ own for tilt, own in zip(tilts, inner, strict=True)], axis=0)
+    return [own - tilt @ steepness for tilt, own in zip(tilts, inner, strict=True)], np.asarray(steepness)
+
+
+def witnesses(conditions: Sequence[Condition]) -> list[Places]:
+    """Places of the records that are one witness: those of a group, or single ones where the stratum has one group.
+
+    Windows of one recording share that recording's peculiarities and are no independent witnesses.
+    """
+    names = list(dict.fromkeys(c.group for c in conditions))
+    if not 1 < len(names) < len(conditions):
+        return [np.array([i]) for i in range(len(conditions))]
+    return [np.array([i for i, c in enumerate(conditions) if c.group == name]) for name in names]
