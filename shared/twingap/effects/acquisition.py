@@ -6,9 +6,12 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from twingap.effects.base import Effect, Stage, parameter, register
 from twingap.effects.draft import Draft
+
+Array = NDArray[np.float64]
 
 _IEEE = "IEEE Std 1057, Digitizing waveform recorders"
 
@@ -74,4 +77,7 @@ class Dropout(Effect):
         np.add.at(edges, starts + 1, 1)
         np.add.at(edges, np.minimum(starts + 1 + lengths, n), -1)
         missing = np.cumsum(edges)[:n] > 0
-        draft.x = draft.x[np.maximum.accumulate(np.where(missing, 0, np.arange(n)))]
+        draft.x = self._filled(draft.x, missing)
+
+    def _filled(self, x: Array, missing: NDArray[np.bool_]) -> Array:
+        return np.asarray(x[np.maximum.accumulate(np.where(missing, 0, np.arange(x.size)))])

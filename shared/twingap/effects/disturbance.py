@@ -56,9 +56,13 @@ class ShaftHarmonics(Effect):
         0.15, unit="healthy rms", plausible=(0.005, 5.0), log=True, doc="amplitude at three times shaft speed"
     )
 
+    @property
+    def levels(self) -> Array:
+        """[3] Amplitude of each, healthy rms."""
+        return np.array([self.level_1x, self.level_2x, self.level_3x])
+
     def apply(self, draft: Draft, rng: np.random.Generator) -> None:
-        levels = np.array([self.level_1x, self.level_2x, self.level_3x])
-        _add_harmonics(draft, draft.turns, draft.shaft_hz, levels, rng.random(3))
+        _add_harmonics(draft, draft.turns, draft.shaft_hz, self.levels, rng.random(3))
 
 
 @register
@@ -233,8 +237,13 @@ class ForeignBearing(Effect):
         mode = Mode(self.resonance_hz, self.damping_ratio, self.level * draft.reference_rms)
         before = math.ceil(mode.ringing_s * draft.shaft_hz * self.order) + 1
         count = np.arange(-before, math.ceil(draft.turns[-1] * self.order) + 1)
-        times = draft.when((count + rng.random()) / self.order)
-        draft.x += ring([mode], draft.condition.fs_hz, draft.x.size, times, np.ones(times.size))
+        turns = (count + rng.random()) / self.order
+        turns, strengths = self._strikes(turns, rng)
+        draft.x += ring([mode], draft.condition.fs_hz, draft.x.size, draft.when(turns), strengths)
+
+    def _strikes(self, turns: Array, rng: np.random.Generator) -> tuple[Array, Array]:
+        """Shaft angles and strengths of strikes that would come evenly, at these angles, and alike."""
+        return turns, np.ones(turns.size)
 
     def cannot_act_on(self, draft: Draft) -> str | None:
         return beyond_nyquist(draft, self.resonance_hz)
@@ -328,8 +337,11 @@ class ImpulsiveNoise(Effect):
         begin, end = -mode.ringing_s, draft.condition.duration_s
         count = rng.poisson(self.rate_hz * (end - begin))
         times = rng.uniform(begin, end, count)
-        strengths = rng.exponential(size=count) * rng.choice((-1.0, 1.0), count)
-        draft.x += ring([mode], draft.condition.fs_hz, draft.x.size, times, strengths)
+        draft.x += ring([mode], draft.condition.fs_hz, draft.x.size, times, self._strengths(count, rng))
+
+    def _strengths(self, count: int, rng: np.random.Generator) -> Array:
+        """[count] Of mean size 1."""
+        return np.asarray(rng.exponential(size=count) * rng.choice((-1.0, 1.0), count))
 
     def cannot_act_on(self, draft: Draft) -> str | None:
         return beyond_nyquist(draft, self.resonance_hz)

@@ -90,7 +90,7 @@ class SlipJitter(_FaultEffect):
 
     def on_impacts(self, draft: Draft, impacts: Impacts, rng: np.random.Generator) -> None:
         places, count = _by_pass(impacts)
-        late = self.sigma / draft.fault_order * rng.standard_normal(count)
+        late = self.sigma / draft.fault_order * self._lateness(count, rng)
         if self.accumulating:
             # A walk of the train itself: what weighs impacts by shaft angle has to see it.
             impacts.turns = impacts.turns + np.cumsum(late)[places]
@@ -99,7 +99,7 @@ class SlipJitter(_FaultEffect):
 
     def on_waveform(self, draft: Draft, rng: np.random.Generator) -> None:
         at = _passes_within(draft, rng)
-        late = rng.standard_normal(at.size)
+        late = self._lateness(at.size, rng)
         # Interpolating at a random place between two independent draws leaves 2/3 of the variance.
         late = np.cumsum(late) if self.accumulating else math.sqrt(1.5) * late
         # A train that is late by one roller spacing is late by 1 / BPFO shaft turns, whatever the defect strikes at.
@@ -107,6 +107,10 @@ class SlipJitter(_FaultEffect):
         if draft.excitation == "rollers":
             order = draft.bearing.slipped(draft.cage_speed_ratio)["outer"]
         draft.delay(np.interp(draft.turns, at, self.sigma / order * late))
+
+    def _lateness(self, count: int, rng: np.random.Generator) -> Array:
+        """[count] Of variance 1."""
+        return rng.standard_normal(count)
 
 
 @register
@@ -264,11 +268,15 @@ class DistributedRoughness(Effect):
 
     def apply(self, draft: Draft, rng: np.random.Generator) -> None:
         force = rng.standard_normal(draft.t.size)
-        swell = 1 + self.depth * cosine(draft.turns + rng.random())
+        swell = self._swell(draft.turns + rng.random())
         rms = math.sqrt(1 + self.depth**2 / 2) * response_rms(draft.modes, draft.condition.fs_hz)
         swell *= self.level * draft.reference_rms / rms
         force *= swell
         draft.push(force, rng, abs(float(swell[0])))
+
+    def _swell(self, turns: Array) -> Array:
+        """[samples] Of mean square 1 + depth^2 / 2 over a turn."""
+        return 1 + self.depth * cosine(turns)
 
     def cannot_act_on(self, draft: Draft) -> str | None:
         if draft.excitation == "waveform":

@@ -83,11 +83,15 @@ class SensorRolloff(Effect):
         fs_hz = draft.condition.fs_hz
 
         def heard(x: Array) -> Array:
-            return _filtered(x, _low_pass(_length(x.size), fs_hz, self.corner_hz, self.order))
+            return _filtered(x, self._response(_length(x.size), fs_hz))
 
         draft.filters.append(heard)
         if self.background > 0:
             draft.heard.append((self.background, heard))
+
+    def _response(self, n: int, fs_hz: float) -> Array:
+        """At the frequencies of a real transform of n samples."""
+        return _low_pass(n, fs_hz, self.corner_hz, self.order)
 
 
 def beyond_nyquist(draft: Draft, frequency_hz: float) -> str | None:

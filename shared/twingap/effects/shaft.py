@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from twingap.effects.base import Effect, Stage, parameter, register
 from twingap.effects.draft import Draft
+
+Array = NDArray[np.float64]
 
 
 @register
@@ -35,19 +39,28 @@ class SpeedFluctuation(Effect):
     )
 
     def apply(self, draft: Draft, rng: np.random.Generator) -> None:
-        count, n = 12, draft.t.size
-        frequencies = self.bandwidth_hz * rng.uniform(0.05, 1.0, count)
-        phases = 2 * np.pi * rng.random(count)
+        n, wander = draft.t.size, self._wander(rng)
         if n < 2:
             return
         # Sixteen knots per fastest cycle are as good as every sample, and far fewer.
         span = draft.t[-1] - draft.t[0]
         knots = np.linspace(0.0, span, min(n, 2 + math.ceil(16 * self.bandwidth_hz * span)))
-        wander = np.sqrt(2 / count) * np.cos(2 * np.pi * frequencies[:, None] * knots + phases[:, None]).sum(axis=0)
         # Three sigma bound the speed away from standstill at the largest level allowed.
-        relative = np.interp(draft.t, knots, 1 + self.level * np.clip(wander, -3, 3))
+        relative = np.interp(draft.t, knots, 1 + self.level * np.clip(wander(knots), -3, 3))
         travelled = np.concatenate(([0.0], np.cumsum(0.5 * (relative[1:] + relative[:-1]))))
         draft.turns = draft.turns[0] + travelled * ((draft.turns[-1] - draft.turns[0]) / travelled[-1])
+
+    def _wander(self, rng: np.random.Generator) -> Callable[[Array], Array]:
+        """How far the speed departs from its mean over time, s; of variance 1."""
+        count = 12
+        frequencies = self.bandwidth_hz * rng.uniform(0.05, 1.0, count)
+        phases = 2 * np.pi * rng.random(count)
+
+        def over(t: Array) -> Array:
+            waves = np.cos(2 * np.pi * frequencies[:, None] * t + phases[:, None])
+            return np.asarray(np.sqrt(2 / count) * waves.sum(axis=0))
+
+        return over
 
 
 @register

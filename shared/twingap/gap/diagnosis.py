@@ -19,7 +19,7 @@ from twingap.effects import Effect, catalogue
 from twingap.errors import TwingapError
 from twingap.gap.calibrate import Calibrated, calibrate
 from twingap.gap.distance import Paired
-from twingap.gap.evidence import THOROUGH, Compared, Evidence, simulator_of
+from twingap.gap.evidence import THOROUGH, Compared, Evidence, replicates_of, simulator_of
 from twingap.gap.modelled import completed
 from twingap.gap.overall import overall_tests
 from twingap.gap.report import Candidate, GapReport, ParameterValue, Status, Verdict
@@ -164,10 +164,7 @@ def _diagnosed(
     before = trial.replicates(found.before.simulator, found.before.effects, trial.most)
     first = Paired(trial.real, before)
     located = locate(first, rng)
-    # Replicates of finished records are cut from the same few again and again, and resemble each other more than any
-    # other record does: one each is exchangeable with its record.
-    exchangeable = first if sim is None else Paired(trial.real, before[:1])
-    tests = tuple(test.test for test in overall_tests(exchangeable, rng))
+    tests = tuple(test.test for test in overall_tests(first, rng))
     after = before
     if found.gap and found.after.effects:
         after = trial.replicates(found.after.simulator, found.after.effects, trial.fewer)
@@ -210,8 +207,9 @@ class _Trial:
         self.grid = Grid.of(self.part.conditions, evidence.frame.bearing)
         self.real = evidence.views(self.part, self.grid)
         n = len(self.part)
-        self.most = int(np.clip(np.ceil(_SIMULATED / n), 3, 39))
-        self.fewer = int(np.clip(np.ceil(_SIMULATED / 3 / n), 2, 12))
+        simulator = found.before.simulator
+        self.most = replicates_of(simulator, self.part.conditions, int(np.clip(np.ceil(_SIMULATED / n), 3, 39)))
+        self.fewer = min(self.most, int(np.clip(np.ceil(_SIMULATED / 3 / n), 2, 12)))
 
     def replicates(self, simulator: Simulator, effects: tuple[Effect, ...], count: int) -> list[Views]:
         """Views of so many simulations of the held-out part."""
@@ -271,7 +269,7 @@ class _Trial:
             )
 
     def _of(self, compared: Compared) -> tuple[list[Views], Paired]:
-        views = self.replicates(compared.simulator, compared.effects, 2)
+        views = self.replicates(compared.simulator, compared.effects, min(self.most, 2))
         return views, Paired(self.real, views)
 
     def _with(self, effect: Effect, probability: float, count: int) -> list[Views]:

@@ -35,6 +35,8 @@ Places = NDArray[np.int64]
 _LARGEST_POOL = 512
 _LEAST_LEFT: Final = 0.1
 """Part of a unit's scatter that means and slopes must leave for it to say anything of scatter."""
+_ALIKE: Final = 4.0
+"""Degrees of freedom that the spread of a kind's other bins is worth to one bin's, where records alone tell of it."""
 _LEAST_SPREAD = 0.05
 """No bin's spread counts as less (log units): a bin that never varies would drown all others."""
 _PLAIN: Final = 16.0
@@ -156,22 +158,17 @@ class Paired:
         """[bins] Spread between records under equal conditions, real and simulated pooled, never less than 0.05.
 
         A fifth of the median spread of a bin's kind is added in squares, lest a bin that is quiet by chance counts
-        most.
+        most; where records alone tell of spread, the kind's counts as some more records.
         """
         if self._scale is not None:
             return self._scale
-        rows: list[Array] = [self.difference[p] for p in self.strata]
-        tilts = slopes([[[self.conditions[i]] for i in p] for p in self.strata])
-        rests, _ = about_trend(rows, tilts)
-        df = sum(len(d) - 1 for d in rows) - tilts[0].shape[1]
-        square = np.sum([np.sum(d * d, axis=0) for d in rests], axis=0)
-        own: Array = square / max(df, 1) / (1 + 1 / self.m)
-        weight = 0.5 * df / (df + 4) if self.m > 1 else float(df > 0)
+        own, free = self._spread
+        weight = 0.5 * free / (free + 4) if self.m > 1 else float(free > 0)
         if self.m > 1:
             replicates = self.stacked[:, 1:]
             between = replicates.var(axis=1, ddof=1).mean(axis=0)
             own = weight * own + (1 - weight) * between
-        elif not df:
+        elif not free:
             own = np.ones_like(own)
         for domain in self.real.domains:
             columns = self.real.columns(domain)
@@ -179,8 +176,33 @@ class Paired:
             usual = np.empty_like(part)
             for kind in np.unique(kinds):
                 usual[kinds == kind] = np.median(part[kinds == kind])
+            if self.m == 1:
+                part = (free * part + _ALIKE * usual) / (free + _ALIKE)
             own[columns] = part + 0.04 * usual
         return np.asarray(np.sqrt(np.maximum(own, _LEAST_SPREAD**2)))
+
+    @cached_property
+    def _spread(self) -> tuple[Array, int]:
+        """[bins] Variance of a record under equal conditions, as differences show it, and its degrees of freedom."""
+        rows: list[Array] = [self.difference[p] for p in self.strata]
+        tilts = slopes([[[self.conditions[i]] for i in p] for p in self.strata])
+        free = sum(len(d) - 1 for d in rows) - tilts[0].shape[1]
+        square = np.sum([np.sum(rest**2, axis=0) for rest in about_trend(rows, tilts)[0]], axis=0)
+        return np.asarray(square / max(free, 1) / (1 + 1 / self.m)), free
+
+    @cached_property
+    def _by_own_scatter(self) -> Array | float:
+        """[bins] By how much noise counts more where the scale is of the records' own scatter.
+
+        A bin that scatters little by chance is standardised by little: its mean counts for more, and the noise that is
+        taken out of it does not, since it is small by the same chance. The mean square over an estimated variance of
+        nu degrees of freedom exceeds that over the true one by nu / (nu - 2) (F distribution); here the first order of
+        the same for a variance that is partly a kind's.
+        """
+        if self.m > 1:
+            return 1.0
+        own, free = self._spread
+        return np.asarray(1 + 2 / max(free + _ALIKE - 2, 1) * np.minimum(own / self.scale**2, 1))
 
     @cached_property
     def noise(self) -> Array:
@@ -226,8 +248,9 @@ class Paired:
         free = sum(len(rest) - 1 for rest in rests) - len(steepness)
         pooled = np.sum(squares, axis=0) / max(free, 1)
         lost = [float(np.sum(tilt**2)) for tilt in self.tilts]
+        more = self._by_own_scatter
         return [
-            (square + loss * pooled) / (len(rest) - 1) if len(rest) > 1 else self.noise / self.scale**2
+            more * (square + loss * pooled) / (len(rest) - 1) if len(rest) > 1 else self.noise / self.scale**2
             for square, loss, rest in zip(squares, lost, rests, strict=True)
         ]
 

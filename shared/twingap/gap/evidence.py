@@ -96,7 +96,8 @@ def simulator_of(calibrated: Calibrated, sim: RecordSet | None = None) -> Simula
     """The calibrated twin, or the user's own simulated records, as what a diagnosis questions."""
     fit = calibrated.fit
     if sim is not None:
-        return OwnSimulator(sim, fit, calibrated.frame.bearing, calibrated.frame.scale)
+        others = calibrated.held_out.conditions
+        return OwnSimulator(sim, fit, calibrated.frame.bearing, calibrated.frame.scale, others=others)
     assert calibrated.spec is not None  # `calibrate` gives one where no simulated records were brought
     conditions = (*fit.conditions, *calibrated.held_out.conditions)
     return TwinSimulator(calibrated.spec, calibrated.frame.bearing, fit.unit, conditions)
@@ -189,14 +190,18 @@ class Evidence:
     @cached_property
     def _yardstick(self) -> Array:
         """Spread that distances on the fit part are measured with, one for all twins."""
-        made = [self.simulated(self._simulator, (), self.fit.conditions, k) for k in (3, 4)]
-        grid = Grid.of(self.fit.conditions, self.frame.bearing)
+        grid, conditions = Grid.of(self.fit.conditions, self.frame.bearing), self.fit.conditions
+        made = [self.simulated(self._simulator, (), conditions, k) for k in self._two(conditions)]
         return Paired(self.fit.views, [self.views(records, grid) for records in made]).scale
 
     @cached_property
     def _trial_yardstick(self) -> Array:
-        views = [self._trial(self._simulator, (), k) for k in (3, 4)]
+        views = [self._trial(self._simulator, (), k) for k in self._two(self._tried.conditions)]
         return Paired(self._tried_views, views).scale
+
+    def _two(self, conditions: Sequence[Condition]) -> Sequence[int]:
+        """Two replicates to see chance by, or the one that there is."""
+        return (3, 4)[: replicates_of(self._simulator, conditions, 2)]
 
     def gap(self, simulator: Simulator, effects: Sequence[Effect]) -> float:
         """Overall distance of the fit part from one simulation of it: for choosing, never for reporting."""
@@ -284,6 +289,11 @@ class Evidence:
         return measure_views((RecordView(r.samples, r.condition, self.frame) for r in records), grid)
 
 
+def replicates_of(simulator: Simulator, conditions: Sequence[Condition], most: int) -> int:
+    """How many simulations of these conditions, up to `most`, are chances of their own: finished records are few."""
+    return min(simulator.replicates(conditions), most) if isinstance(simulator, OwnSimulator) else most
+
+
 def level_of(simulator: Simulator, given: TwinSpec) -> tuple[str, float] | None:
     """Name and value of the one factor on all that a simulator makes; None where it has none, or where it is fixed."""
     if isinstance(simulator, OwnSimulator):
@@ -299,4 +309,4 @@ def values_of(effect: Effect) -> dict[str, float]:
     return {field.name: getattr(effect, field.name) for field in fields(effect)}  # type: ignore[arg-type]
 
 
-__all__ = ["Compared", "Evidence", "Measured", "level_of", "simulator_of", "values_of"]
+__all__ = ["Compared", "Evidence", "Measured", "level_of", "replicates_of", "simulator_of", "values_of"]

@@ -36,6 +36,7 @@ SAME_GAIN: Final = math.log(1.1)
 _OTHER_FAULT = 1e6
 _AS_NEAR = 0.01
 """Distance within which simulated records are of one condition."""
+_MOST_REPLICATES: Final = 12
 
 
 class OwnSimulator:
@@ -50,6 +51,9 @@ class OwnSimulator:
     bearing : Bearing
     reference_rms : float
         RMS of the real machine's healthy vibration (`Frame.scale`): the yardstick of effects.
+    name : str, optional
+    others : sequence of Condition
+        Of further real records, by which nothing is calibrated: all records share the simulated ones between them.
 
     Attributes
     ----------
@@ -67,7 +71,14 @@ class OwnSimulator:
     """
 
     def __init__(
-        self, sim: RecordSet, real: RecordSet, bearing: Bearing, reference_rms: float, *, name: str | None = None
+        self,
+        sim: RecordSet,
+        real: RecordSet,
+        bearing: Bearing,
+        reference_rms: float,
+        *,
+        name: str | None = None,
+        others: Sequence[Condition] = (),
     ) -> None:
         self.sim, self.bearing, self.reference_rms = sim, bearing, reference_rms
         self.name = name or sim.name
@@ -81,11 +92,12 @@ class OwnSimulator:
                 where=f"simulated record set {sim.name!r}",
                 mend="simulate the faults that the real records have, and name them in column fault",
             )
-        self._made, self._turn = _Made(sim.conditions), _turns(real.conditions)
+        self._made = _Made(sim.conditions)
         notes = []
         if missing := sorted(wanted - faults):
             notes.append(f"no simulated record of {', '.join(missing)}: real records of it are left aside")
         self.missing = frozenset(wanted - faults)
+        self._first, self._alike = self._shared_out([*real.conditions, *others])
         self.gain = self._calibrated(real, notes)
         self.level_free = self.gain != 1.0
         slow = [c for c in real.conditions if c.fault not in self.missing and c.fault is not None]
@@ -100,7 +112,7 @@ class OwnSimulator:
     def simulate(
         self, effects: tuple[Effect, ...], conditions: Sequence[Condition], streams_root: int, replicate: int
     ) -> list[Record]:
-        """See `Simulator.simulate`. Replicates are other simulated records of the condition, then shifted ones."""
+        """See `Simulator.simulate`. Replicates are other simulated records of the condition, as far as there are."""
         out = []
         for condition in conditions:
             streams = streams_of(condition, streams_root, replicate)
@@ -138,15 +150,41 @@ class OwnSimulator:
         near = np.flatnonzero(distances <= nearest + _AS_NEAR)
         return [int(i) for i in near[np.argsort(distances[near], kind="stable")]]
 
+    def replicates(self, conditions: Sequence[Condition]) -> int:
+        """How many simulated records each of these has to itself, at least 1.
+
+        Beyond them records come again. Cut or turned, the same waveform is no other chance: comparisons that take it
+        for one find differences where there are none.
+        """
+        known = [c for c in conditions if c.name in self._alike]
+        least = min((len(self._ranked(c)) // self._alike[c.name] for c in known), default=1)
+        return min(max(least, 1), _MOST_REPLICATES)
+
+    def _shared_out(self, conditions: Sequence[Condition]) -> tuple[dict[str, int], dict[str, int]]:
+        """Which simulated record each real one gets first, and how many real ones share those that are as near.
+
+        The one of its name, or else of those as near the one that the fewest others have got: what two real records
+        are compared with should be two chances.
+        """
+        first: dict[str, int] = {}
+        taken = np.zeros(len(self.sim.conditions), int)
+        pools: dict[str, list[int]] = {}
+        for c in conditions:
+            if c.name in first or c.fault is None or c.fault in self.missing:
+                continue
+            ranked = pools[c.name] = self._ranked(c)
+            exact = [i for i in ranked if self.sim.conditions[i].name == c.name]
+            first[c.name] = exact[0] if exact else min(ranked, key=lambda i: taken[i])
+            taken[first[c.name]] += 1
+        return first, {name: int(taken[pool].sum()) for name, pool in pools.items()}
+
     def _waveform(self, condition: Condition, streams: Streams, replicate: int) -> tuple[Array, float]:
         """One simulated record under this condition, and its speed: its own where that is near."""
         ranked = self._ranked(condition)
-        exact = [i for i in ranked if self.sim.conditions[i].name == condition.name]
-        # Real records of one condition get different simulated ones, as far as there are any.
-        turn = ranked.index(exact[0]) if exact else self._turn.get(condition.name, 0)
-        turn += replicate
+        first = self._first.get(condition.name)
+        turn = ranked.index(first) if first in ranked else 0
+        turn += replicate * self._alike.get(condition.name, 1)
         place = ranked[turn % len(ranked)]
-        again = turn >= len(ranked) or (not exact and self._turn.get(condition.name, 0) >= len(ranked))
         made = self.sim.conditions[place]
         x = self._at_rate(place, condition.fs_hz)
         speed_rpm, stretch = made.speed_rpm, condition.speed_rpm / made.speed_rpm
@@ -154,18 +192,13 @@ class OwnSimulator:
             angle = np.arange(x.size, dtype=float)
             x = at_angles(x, angle, np.arange(0.0, x.size - 1, stretch))
             speed_rpm = condition.speed_rpm
-        begin = 0
-        if again or x.size > condition.n_samples:
-            spare = x.size - condition.n_samples
-            rng = streams("segment")
-            if spare > 0 and (again or turn > 0):
-                begin = int(rng.integers(spare + 1))
-            elif again:
-                begin = int(rng.integers(x.size))
-        if begin + condition.n_samples <= x.size:
+        begin, spare = 0, x.size - condition.n_samples
+        if spare > 0 and turn > 0:
+            begin = int(streams("segment").integers(spare + 1))
+        if spare >= 0:
             x = x[begin : begin + condition.n_samples]
         else:  # round the record: a seam is the lesser evil beside a gap
-            x = np.take(x, np.arange(begin, begin + condition.n_samples), mode="wrap")
+            x = np.take(x, np.arange(condition.n_samples), mode="wrap")
         return (np.asarray(x * self.gain) if self.gain != 1 else np.array(x, dtype=float)), speed_rpm
 
     def _at_rate(self, place: int, fs_hz: float) -> Array:
@@ -234,14 +267,3 @@ class _Made:
         if real.time_s is not None and self.span_s > 0:
             out += np.nan_to_num(np.abs(self.time_s - real.time_s) / self.span_s)
         return np.asarray(out)
-
-
-def _turns(conditions: Sequence[Condition]) -> dict[str, int]:
-    """Place of each record among those of like condition."""
-    seen: dict[tuple[str | None, int], int] = {}
-    out = {}
-    for c in conditions:
-        key = c.fault, round(math.log2(c.speed_rpm) / 0.01)
-        out[c.name] = seen.get(key, 0)
-        seen[key] = out[c.name] + 1
-    return out

@@ -137,17 +137,28 @@ def test_a_higher_rate_is_brought_down_and_a_lower_one_refused() -> None:
         OwnSimulator(sim(slow), sim(seed=1), BEARING, 1.0)
 
 
-def test_replicates_are_other_records_then_shifted_ones() -> None:
+def test_replicates_are_other_records_as_far_as_there_are_any() -> None:
+    """Beyond them the same come again as they are: cut or turned, they would be no other chance."""
     conditions = [replace(CONDITIONS[1], name=f"s{i}") for i in range(2)]
     made = sim(conditions)
     real = sim([replace(CONDITIONS[1], name="x")], 3)
     own = OwnSimulator(made, real, BEARING, 1.0)
     own.gain = 1.0
+    assert own.replicates(real.conditions) == 2
     first, second, third = (own.simulate((), real.conditions, 0, k)[0].samples for k in range(3))
     np.testing.assert_array_equal(first, made[0].samples)
     np.testing.assert_array_equal(second, made[1].samples)
-    assert not np.array_equal(third, first)
-    np.testing.assert_array_equal(np.sort(third), np.sort(first))
+    np.testing.assert_array_equal(third, made[0].samples)
+
+
+def test_records_that_nothing_is_calibrated_by_get_simulated_ones_of_their_own() -> None:
+    made = sim([replace(CONDITIONS[1], name=f"s{i}") for i in range(4)])
+    real = sim([replace(CONDITIONS[1], name=f"x{i}") for i in range(4)], 3)
+    own = OwnSimulator(made, real.take([0, 1]), BEARING, 1.0, others=real.conditions[2:])
+    for replicate in range(3):
+        got = own.simulate((), real.conditions, 0, replicate)
+        assert len({r.samples.tobytes() for r in got}) == 4
+    assert own.replicates(real.conditions) == 1
 
 
 def test_like_records_get_different_simulated_ones() -> None:

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from twingap.gap.training.learn import Learnt
     from twingap.records import RecordSet
 
-MACHINES: Final = 2100
+MACHINES: Final = 2400
 """Machines of a full training, which takes some 15 minutes on two threads with the searches."""
 CHUNK: Final = 30
 PER_SEARCH: Final = 14

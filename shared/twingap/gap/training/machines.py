@@ -194,7 +194,7 @@ def draw_conditions(
 def _imperfections(rng: np.random.Generator, fs_hz: float) -> tuple[Effect, ...]:
     """Departures from the baseline that every machine has, each well below what deserves a name."""
     small = [
-        ("slip_jitter", {"sigma": 0.0015 * rng.random()}),
+        ("slip_jitter", {"sigma": 0.002 * rng.random(), "accumulating": bool(rng.random() < 0.5)}),
         ("impact_scatter", {"sigma": 0.03 * rng.random()}),
         ("load_zone", {"depth": 0.03 * rng.random()}),
         ("speed_fluctuation", {"level": 0.0003 * rng.random(), "bandwidth_hz": 2.0}),
@@ -203,4 +203,4 @@ def _imperfections(rng: np.random.Generator, fs_hz: float) -> tuple[Effect, ...]
         ("coloured_noise", {"level": 0.03 * rng.random(), "slope": 1.0, "low_hz": 10.0, "high_hz": fs_hz * 0.5}),
         ("speed_gain", {"exponent": 0.03 * rng.standard_normal(), "reference_speed_rpm": 1500.0}),
     ]
-    return tuple(make_effect(name, about) for name, about in small if rng.random() < 0.12)
+    return tuple(make_effect(name, about) for name, about in small if rng.random() < 0.15)

@@ -1,0 +1,43 @@
+"""Effects as a machine has them: nature is not bound to how the catalogue makes one.
+
+effect of the catalogue --at random--> the same effect, made otherwise, at the same values
+
+What is learnt from machines that have effects exactly as the twin would add them fails on machines that do not. Every
+class here bears the name of what it stands for, since effects are known by the names of their classes.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Mapping
+from typing import Any, Final
+
+import numpy as np
+
+from twingap.effects import Effect
+from twingap.gap.training.as_built import disturbances, sensors, strikes
+from twingap.gap.training.machines import Machine
+
+Maker = Callable[[dict[str, Any], Machine, np.random.Generator], Effect | None]
+
+CHANCE: Final = 0.4
+"""Part of the machines that have an effect otherwise than the catalogue makes it."""
+OTHERWISE: Final[Mapping[str, Maker]] = {**strikes.OTHERWISE, **disturbances.OTHERWISE, **sensors.OTHERWISE}
+"""Name of an effect -> another form of it from its values, for a machine; None where these values have none."""
+
+
+def as_built(effect: Effect, machine: Machine, rng: np.random.Generator) -> Effect:
+    """The effect as one machine has it.
+
+    Parameters
+    ----------
+    effect : Effect
+        Of the catalogue.
+    machine : Machine
+    rng : numpy.random.Generator
+    """
+    maker = OTHERWISE.get(effect.name)
+    if maker is None or rng.random() >= CHANCE:
+        return effect
+    values = {f.name: getattr(effect, f.name) for f in dataclasses.fields(effect)}  # type: ignore[arg-type]
+    return maker(values, machine, rng) or effect
