@@ -83,15 +83,7 @@ def unit_spectra(twin: PhenomenologicalTwin, fit: HealthyFit, spectra: Spectra, 
     -------
     Array [records, bins]
     """
-    effects = [e for e in twin.effects if e.stage in (Stage.SHAFT, Stage.EXCITATION, Stage.PATH)]
-    faults = dict.fromkeys(FAULTS[1:], 1.0)
-    silent = PhenomenologicalTwin(
-        twin.bearing,
-        # The twin refuses to be without any noise; this much is nothing beside unit impacts.
-        PhenomenologicalParameters(fit.resonance_hz, fit.damping_ratio, faults, 0.0, 1e-9, 1.0),
-        effects,
-        twin.unit,
-    )
+    silent = silent_twin(twin, fit)
     out = []
     for place in spectra.places:
         record = records[int(place)]
@@ -99,6 +91,23 @@ def unit_spectra(twin: PhenomenologicalTwin, fit: HealthyFit, spectra: Spectra, 
         (made,) = silent.make([condition], [Streams(root, int(place))])
         out.append(power_density(made.samples, spectra.fs_hz, spectra.segment))
     return np.array(out)
+
+
+def silent_twin(twin: PhenomenologicalTwin, fit: HealthyFit) -> PhenomenologicalTwin:
+    """The twin's unit impacts alone, through this mode: no noise, no disturbance, no acquisition."""
+    effects = [e for e in twin.effects if e.stage in (Stage.SHAFT, Stage.EXCITATION, Stage.PATH)]
+    faults = dict.fromkeys(FAULTS[1:], 1.0)
+    # The twin refuses to be without any noise; this much is nothing beside unit impacts.
+    parameters = PhenomenologicalParameters(fit.resonance_hz, fit.damping_ratio, faults, 0.0, 1e-9, 1.0)
+    return PhenomenologicalTwin(twin.bearing, parameters, effects, twin.unit)
+
+
+def ringing_power(samples: Array, fs_hz: float, centre_hz: float, half_hz: float) -> Array:
+    """[samples] Squared envelope of what lies within `half_hz` of `centre_hz`."""
+    n = samples.size
+    spectrum = np.fft.rfft(samples - samples.mean())
+    spectrum[np.abs(np.fft.rfftfreq(n, 1 / fs_hz) - centre_hz) > half_hz] = 0
+    return np.asarray(np.abs(hilbert(np.fft.irfft(spectrum, n))) ** 2)
 
 
 def actual_speed(twin: PhenomenologicalTwin, fit: HealthyFit, record: Record) -> float:
@@ -110,11 +119,8 @@ def actual_speed(twin: PhenomenologicalTwin, fit: HealthyFit, record: Record) ->
     condition = record.condition
     nominal = _fault_order(twin, condition) * condition.speed_rpm / 60
     n = record.samples.size
-    spectrum = np.fft.rfft(record.samples - record.samples.mean())
-    f = np.fft.rfftfreq(n, 1 / condition.fs_hz)
     half = max(3 * fit.damping_ratio * fit.resonance_hz, 4 * nominal)
-    spectrum[np.abs(f - fit.resonance_hz) > half] = 0
-    energy = np.abs(hilbert(np.fft.irfft(spectrum, n))) ** 2
+    energy = ringing_power(record.samples, condition.fs_hz, fit.resonance_hz, half)
     size = 4 * 2 ** int(np.ceil(np.log2(n)))
     envelope = np.abs(np.fft.rfft((energy - energy.mean()) * np.hanning(n), size))
     step = condition.fs_hz / size

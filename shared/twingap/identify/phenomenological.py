@@ -22,6 +22,7 @@ from twingap.identify.intervals import Spread, clusters, jackknife
 from twingap.identify.resonance import Fixed, HealthyFit, equation_8, whittle
 from twingap.identify.result import Estimate, Fit, Outcome, Report
 from twingap.identify.spectra import SHORTEST, Spectra, spectra
+from twingap.identify.unstruck import MOST, noise_share
 from twingap.records import Record, RecordSet
 from twingap.streams import root_entropy
 from twingap.twins.phenomenological import PhenomenologicalTwin
@@ -39,6 +40,8 @@ QUICK_SEGMENT_S = 0.08
 """Aimed length of a segment where intervals are not asked for, s: half of the usual one, at a third of its time."""
 MISFIT = 4.0
 """Deviance over scatter beyond which the healthy spectrum is taken to be something else than one mode and a floor."""
+OTHER_DAMPING = 0.25
+"""Log ratio of dampings from which lines and what lies between them are taken to disagree."""
 MOST_RECORDS = 300
 """Records used of each state: beyond this the intervals hardly shrink."""
 
@@ -58,8 +61,8 @@ def identify_phenomenological(
     baseline = healthy if healthy.any() else everything
     if not healthy.any():
         notes.append(
-            "no healthy record: noise levels were read between the lines of the other records, "
-            "and structure_noise_rms may hold part of the impacts' energy"
+            "no healthy record: noise levels were read between the lines of the other records, and between their "
+            "impacts; structure_noise_rms may hold part of the impacts' energy"
         )
     if len(_groups(records, baseline)) == 1:
         notes.append(
@@ -77,6 +80,8 @@ def identify_phenomenological(
     problem = _Problem(spec, records, spectra(records), method, ~everything)
     report("resonance and noise", 0.0)
     problem, fit = problem.begin(baseline, notes)
+    if not healthy.any():
+        problem, fit = problem.between_impacts(fit, root)
     amplitudes = {
         fault: _Amplitude.of(problem, fault, fit, root)
         for fault in faults
@@ -194,11 +199,13 @@ def quick_identify(
     baseline = healthy if healthy.any() else everything
     if not healthy.any():
         notes.append(
-            "no healthy record: noise levels were read between the lines of the other records, and structure_noise_rms "
-            "may hold part of the impacts' energy"
+            "no healthy record: noise levels were read between the lines of the other records, and between their "
+            "impacts; structure_noise_rms may hold part of the impacts' energy"
         )
     problem = _Problem(spec, records, spectra(records, QUICK_SEGMENT_S), "whittle", ~everything)
     problem, fit = problem.begin(baseline, notes)
+    if not healthy.any():
+        problem, fit = problem.between_impacts(fit, root)
     values = dict(problem.values(fit))
     scale = problem.levels(fit)["scale"]
     for fault in FAULTS[1:] if impacts else ():
@@ -226,6 +233,7 @@ class _Problem:
     mode_from: Mask  # records other than the baseline that show the mode, when the baseline does not
     mode_start: HealthyFit | None = None
     mode_unknown: bool = False
+    noise_share: float = 1.0  # of the structure noise that is fitted: the rest is impacts
 
     @property
     def given(self) -> Mapping[str, float]:
@@ -272,6 +280,8 @@ class _Problem:
         settled = self
         if {"resonance_hz", "damping_ratio"} <= self.given.keys():
             return settled, fit
+        if self.method == "whittle" and not _is(self.records, "healthy").any():
+            return self._struck_only(fit, baseline, notes)
         poor = fit.misfit > MISFIT
         if self.method == "whittle" and (poor or not fit.stands_out):
             others = self.of(~baseline)
@@ -291,6 +301,35 @@ class _Problem:
                 notes.append(f"spectra are not one mode and white noise (misfit {fit.misfit:.0f} times scatter)")
         return settled, settled.refit(np.ones(len(self.records), bool), baseline, fit)
 
+    def _struck_only(self, fit: HealthyFit, baseline: Mask, notes: list[str]) -> tuple[_Problem, HealthyFit]:
+        """Where every record is of a defect: the mode shows between its lines, or, where they leave too little, in them."""
+        shown = whittle(self.of(baseline), lines=True)
+        apart = abs(math.log(shown.damping_ratio / fit.damping_ratio))
+        settled = self
+        if not (fit.stands_out or shown.stands_out):
+            notes.append("no resonance stands out of the noise: resonance_hz and damping_ratio keep their defaults")
+            settled = replace(self, mode_unknown=True)
+        elif shown.stands_out and (apart > OTHER_DAMPING or not fit.stands_out):
+            notes.append(
+                f"the lines of the spectra show a damping of {shown.damping_ratio:.3f}, what lies between them "
+                f"{fit.damping_ratio:.3f}: resonance and damping were read off the lines"
+            )
+            settled, fit = replace(self, mode_from=baseline, mode_start=shown), shown
+        elif fit.misfit > MISFIT:
+            notes.append(f"spectra are not one mode and white noise (misfit {fit.misfit:.0f} times scatter)")
+        return settled, settled.refit(np.ones(len(self.records), bool), baseline, fit)
+
+    def between_impacts(self, fit: HealthyFit, root: int) -> tuple[_Problem, HealthyFit]:
+        """The same with the part of the fitted structure noise that is always there, where no record is healthy."""
+        if "structure_noise_rms" in self.given or self.mode_unknown:
+            return self, fit
+        faults = [fault for fault in FAULTS[1:] if _is(self.records, fault).any()]
+        places = [np.flatnonzero(_is(self.records, fault))[: max(MOST // len(faults), 2)] for fault in faults]
+        struck = [self.records[int(place)] for own in places for place in own]
+        share = noise_share(self.twin, fit, struck, root)
+        structure = math.sqrt(share) * fit.structure_noise_rms
+        return replace(self, noise_share=share), replace(fit, structure_noise_rms=structure)
+
     def refit(self, keep: Mask, baseline: Mask, start: HealthyFit) -> HealthyFit:
         """The fit on these records, from a good start."""
         measured, mode = self.of(keep & baseline), None
@@ -308,7 +347,8 @@ class _Problem:
                 k if k is not None else m for k, m in zip(known, (mode.resonance_hz, mode.damping_ratio), strict=True)
             )
             fixed = replace(fixed, resonance_hz=f, damping_ratio=zeta)
-        return whittle(measured, start=start, fixed=fixed)
+        fit = whittle(measured, start=start, fixed=fixed)
+        return replace(fit, structure_noise_rms=math.sqrt(self.noise_share) * fit.structure_noise_rms)
 
     def levels(self, fit: HealthyFit) -> dict[str, float]:
         """Noise levels in multiples of scale, and scale, by the twin's convention: healthy RMS = scale where free."""

@@ -1,0 +1,38 @@
+"""Noise without a healthy record: found again under impacts whose spacing is not even."""
+
+import numpy as np
+import pytest
+
+from twingap.bearing import Bearing
+from twingap.effects import make_effect
+from twingap.identify.phenomenological import quick_identify
+from twingap.records import Condition
+from twingap.twins.phenomenological import PhenomenologicalParameters, PhenomenologicalTwin
+from twingap.twins.twin_file import TwinSpec, flat
+
+BEARING = Bearing("6205", 9, 7.94, 39.04, 0.0)
+CONDITIONS = [
+    Condition(f"{fault}{i}", 1500.0 + 100 * i, 12_000.0, 12_000, fault)
+    for fault in ("inner", "outer", "ball")
+    for i in range(3)
+]
+TRUTH = PhenomenologicalParameters(3000.0, 0.05, {"inner": 6.0, "outer": 8.0, "ball": 5.0}, 0.9, 0.436, 2.0)
+
+
+def found(effects=()):
+    records = PhenomenologicalTwin(BEARING, TRUTH, effects).simulate(CONDITIONS, np.random.default_rng(0))
+    spec, notes = quick_identify(TwinSpec("phenomenological", bearing=BEARING), records, np.random.default_rng(1))
+    return flat(spec.parameters), notes
+
+
+@pytest.mark.parametrize("sigma", [0.0, 0.002, 0.03])
+def test_noise_and_impacts_are_told_apart_by_time(sigma):
+    """Impacts that walk leave no lines high up: between the lines they would all be noise."""
+    jitter = (make_effect("slip_jitter", {"sigma": sigma, "accumulating": True}),) if sigma else ()
+    values, notes = found(jitter)
+    assert values["resonance_hz"] == pytest.approx(3000.0, rel=0.02)
+    assert values["damping_ratio"] == pytest.approx(0.05, rel=0.2)
+    assert values["scale"] == pytest.approx(2.0, rel=0.12)
+    for fault, amplitude in (("inner", 6.0), ("outer", 8.0), ("ball", 5.0)):
+        assert values[f"impact_amplitude.{fault}"] == pytest.approx(amplitude, rel=0.15)
+    assert any("no healthy record" in note for note in notes)
