@@ -302,7 +302,7 @@ class _Problem:
         return settled, settled.refit(np.ones(len(self.records), bool), baseline, fit)
 
     def _struck_only(self, fit: HealthyFit, baseline: Mask, notes: list[str]) -> tuple[_Problem, HealthyFit]:
-        """Where every record is of a defect: the mode shows between its lines, or, where they leave too little, in them."""
+        """Where every record is of a defect: the mode shows between lines or, where they leave too little, in them."""
         shown = whittle(self.of(baseline), lines=True)
         apart = abs(math.log(shown.damping_ratio / fit.damping_ratio))
         settled = self
