@@ -381,7 +381,8 @@ def estimate(name: str, features: Array, evidence: Evidence, learnt: Learnt) -> 
             continue
         number = float(found.estimate(features[None, :])[0])
         numbers[parameter] = number
-        ends = [to_value(name, parameter, number + sign * found.error, setting) for sign in (-1, 1)]
+        off = float(found.within(features[None, :])[0])
+        ends = [to_value(name, parameter, number + sign * off, setting) for sign in (-1, 1)]
         least = _LEAST_SPREAD.get((name, parameter), 0.0)
         intervals[parameter] = (min(ends) * (1 - least), max(ends) * (1 + least))
     made = to_effect(name, numbers, setting)

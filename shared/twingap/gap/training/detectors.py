@@ -22,6 +22,8 @@ FOLDS: Final = 4
 _KEPT: Final = 170
 _KNOWN: Final = 0.12
 """Part of the examples in which a feature must be known for anything to be learnt from it."""
+_LEAST_OFF: Final = 0.02
+"""Part of the usual largest error below which estimates count as exact."""
 _FEWEST: Final = 25
 """Examples of an effect below which nothing is learnt of it."""
 
@@ -64,6 +66,10 @@ class Estimator:
         What trees add; None where the line alone did better on machines not learnt from.
     error : float
         Nine of ten estimates for machines not learnt from were off by less (in comparable numbers).
+    doubt : Ensemble or None
+        Logarithm of how far an estimate is off, from the same features: teeth are read exactly, or not at all.
+    reach : float
+        Nine of ten estimates were off by less than this many times what `doubt` says.
     """
 
     anchor: int
@@ -72,11 +78,19 @@ class Estimator:
     middle: float
     rest: Ensemble | None
     error: float
+    doubt: Ensemble | None = None
+    reach: float = 1.0
 
     def estimate(self, features: NDArray[Any]) -> Array:
         """[examples] Comparable numbers, see `parameters`."""
         line = _on_line(np.asarray(features[:, self.anchor], float), self.logarithmic, self.line, self.middle)
         return line if self.rest is None else line + self.rest.score(features)
+
+    def within(self, features: NDArray[Any]) -> Array:
+        """[examples] How far nine of ten estimates like these are off at most, comparable numbers."""
+        if self.doubt is None:
+            return np.full(len(features), self.error)
+        return np.asarray(self.reach * np.exp(self.doubt.score(features)))
 
 
 def _on_line(x: Array, logarithmic: bool, line: tuple[float, float], middle: float) -> Array:
@@ -196,9 +210,36 @@ def learn_estimator(table: Table, value: Array, machine: NDArray[np.int64], allo
     # A line that is exact for most machines is not improved by trees that make all of them a little wrong.
     with_trees, alone = np.abs(residual - unseen), np.abs(residual)
     better = np.median(with_trees) + 0.2 * with_trees.mean() < np.median(alone) + 0.2 * alone.mean()
-    error = float(np.quantile(with_trees if better else alone, 0.9))
+    off = with_trees if better else alone
+    error = float(np.quantile(off, 0.9))
     rest = Ensemble(own_columns, models, unseen=unseen) if better else None
-    return Estimator(anchor, logarithmic, line, middle, rest, error)
+    return Estimator(anchor, logarithmic, line, middle, rest, error, *_doubt(own_columns, own, off, error, fold))
+
+
+def _doubt(
+    columns: NDArray[np.int64], own: NDArray[np.float32], off: Array, error: float, fold: NDArray[np.int64]
+) -> tuple[Ensemble | None, float]:
+    """What tells how far an estimate is off, and the factor within which nine of ten machines not learnt from lie.
+
+    Conformal regression of errors scaled by what is expected of them (Papadopoulos et al. 2011,
+    doi:10.1613/jair.3198).
+    """
+    from sklearn.ensemble import HistGradientBoostingRegressor
+
+    if error <= 0:
+        return None, 1.0
+    size = np.log(np.maximum(off, _LEAST_OFF * error))
+    unseen, models = np.zeros(len(off)), []
+    for k in range(FOLDS):
+        inside = fold != k
+        model = HistGradientBoostingRegressor(
+            max_iter=40, learning_rate=0.08, max_leaf_nodes=6, min_samples_leaf=15, l2_regularization=2.0,
+            max_features=0.5, early_stopping=False, random_state=k,
+        )  # fmt: skip
+        model.fit(own[inside], size[inside])
+        unseen[~inside] = model.predict(own[~inside])
+        models.append(Boosted.of(model))
+    return Ensemble(columns, models, unseen=unseen), float(np.quantile(off / np.exp(unseen), 0.9))
 
 
 def _anchor(

@@ -123,3 +123,24 @@ def test_the_twin_as_given_and_one_with_effects_added_are_calibrated_apart():
         unseen = 1 / (1 + np.exp(-found.unseen[part]))
         assert unseen.mean() == pytest.approx(label[part].mean(), abs=0.02)
     assert np.all(found.score(features, later=True).mean() < found.score(features).mean() - 1)
+
+
+def test_estimates_say_how_far_they_may_be_off_one_by_one():
+    """Teeth are read exactly where their comb is heard, and not at all where it is not."""
+
+    def drawn(n, seed):
+        rng = np.random.default_rng(seed)
+        value, heard = rng.uniform(-1, 1, n), rng.random(n) < 0.7
+        read = np.where(heard, value + 0.01 * rng.standard_normal(n), rng.uniform(-1, 1, n))
+        noise = rng.standard_normal((n, 6))
+        return np.column_stack((read, heard + 0.1 * rng.standard_normal(n), noise)).astype(np.float32), value
+
+    features, value = drawn(600, 0)
+    found = learn_estimator(Table(features), value, np.arange(600), range(8))
+    assert found is not None
+    fresh, truth = drawn(4000, 1)
+    off, within = np.abs(found.estimate(fresh) - truth), found.within(fresh)
+    assert np.mean(off <= within) == pytest.approx(0.9, abs=0.035)
+    heard = fresh[:, 1] > 0.5
+    assert np.median(within[heard]) < 0.25 * np.median(within[~heard])
+    assert np.median(within[heard]) < 0.5 * found.error
