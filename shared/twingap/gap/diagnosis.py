@@ -22,8 +22,9 @@ from twingap.gap.distance import Paired
 from twingap.gap.evidence import THOROUGH, Compared, Evidence, replicates_of, simulator_of
 from twingap.gap.modelled import completed
 from twingap.gap.overall import overall_tests
+from twingap.gap.own_simulator import OwnSimulator
 from twingap.gap.report import Candidate, GapReport, ParameterValue, Status, Verdict
-from twingap.gap.shrink import closure_interval, curves, paired, shrink_metrics
+from twingap.gap.shrink import Lessons, closure_interval, curves, paired, shrink_metrics
 from twingap.gap.simulator import Simulator, TwinSimulator
 from twingap.gap.training import load, quiet, train
 from twingap.gap.training.learn import Learnt
@@ -31,7 +32,7 @@ from twingap.gap.views import Grid, Views
 from twingap.gap.where import locate
 from twingap.gap.which import ALPHA_REST, Estimated, Explanation, estimate, explain
 from twingap.provenance import versions
-from twingap.records import Record, RecordSet
+from twingap.records import Condition, Record, RecordSet
 from twingap.streams import root_entropy
 from twingap.twins.twin_file import TwinSpec, flat
 
@@ -170,7 +171,7 @@ def _diagnosed(
         after = trial.replicates(found.after.simulator, found.after.effects, trial.fewer)
     count = min(len(before), len(after))
     report("how far", 0.75)
-    metrics = shrink_metrics(trial.real, before[:count], after[:count], rng)
+    metrics = shrink_metrics(trial.real, before[:count], after[:count], rng, more=trial.lessons())
     pairs = paired(trial.real, before[:count], after[:count])
     floor, _ = pairs[1].floor(rng)
     closed = closure_interval(*pairs, floor, rng)
@@ -217,6 +218,18 @@ class _Trial:
         return [
             self.evidence.views(made(simulator, effects, self.part.conditions, 2 + k), self.grid) for k in range(count)
         ]
+
+    def lessons(self) -> Lessons:
+        """What a classifier can be trained on besides: of finished records, those of the fit part's conditions too."""
+        found = self.found
+        if not isinstance(found.before.simulator, OwnSimulator):
+            return None, None
+        fit = self.evidence.calibrated.fit.conditions
+        return self._lesson(found.before, fit), self._lesson(found.after if found.gap else found.before, fit)
+
+    def _lesson(self, compared: Compared, conditions: Sequence[Condition]) -> tuple[Views, list[str]]:
+        made = self.evidence.simulated(compared.simulator, compared.effects, conditions, 2)
+        return self.evidence.views(made, self.grid), [str(c.fault) for c in conditions]
 
     def candidates(
         self, learnt: Learnt, floor: float, rng: np.random.Generator, report: Callable[[float], None]

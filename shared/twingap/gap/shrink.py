@@ -33,7 +33,10 @@ from twingap.gap.views import Views
 from twingap.records import Condition
 
 Array = NDArray[np.float64]
+Lessons = tuple[tuple[Views, Sequence[str]] | None, tuple[Views, Sequence[str]] | None]
+"""Simulated records and their faults, of the twin before and after."""
 
+_LESSONLESS: Final[Lessons] = (None, None)
 LEVEL: Final = 0.9
 _MOST_TRAINING: Final = 2000
 _MOST_JUDGED: Final = 1000
@@ -130,6 +133,8 @@ def shrink_metrics(
     rng: np.random.Generator,
     conditions: Sequence[Condition] | None = None,
     draws: int = 400,
+    *,
+    more: Lessons | None = None,
 ) -> tuple[Metric, ...]:
     """The gap before and after, in several measures; the first is the overall gap, of which closures speak.
 
@@ -143,6 +148,8 @@ def shrink_metrics(
         With the records' faults where they are known; those of `real` when None.
     draws : int
         Of each bootstrap.
+    more : Lessons, optional
+        Further simulated records to train on, where those of the held-out conditions are few.
 
     Returns
     -------
@@ -162,11 +169,15 @@ def shrink_metrics(
         ci_a, ci_b = _around(drawn_a[domain], va), _around(drawn_b[domain], vb)
         out.append(Metric(f"gap in {domain}", vb, va, floors[domain], ci_a, ci_b, unit))
     out = [_plain(metric) for metric in out]
-    return (*out, _auc(pairs, rng, draws), _mmd(pairs, rng, draws), *_accuracy(pairs, rng, draws))
+    return (*out, _auc(pairs, rng, draws), _mmd(pairs, rng, draws), *_accuracy(pairs, rng, draws, more))
 
 
 def accuracy_on_records(
-    sims: Sequence[Views], real: Views, faults: Sequence[str], rng: np.random.Generator
+    sims: Sequence[Views],
+    real: Views,
+    faults: Sequence[str],
+    rng: np.random.Generator,
+    more: tuple[Views, Sequence[str]] | None = None,
 ) -> NDArray[np.bool_]:
     """[records] Whether a classifier trained on simulated records alone names each real record's fault.
 
@@ -178,9 +189,13 @@ def accuracy_on_records(
     faults : sequence of str [records]
         Used to label the simulated records, and to score the real ones.
     rng : numpy.random.Generator
+    more : (Views, sequence of str), optional
+        Further simulated records to train on, and their faults.
     """
     x = np.concatenate([sim.matrix for sim in sims])
     y = np.tile(np.asarray(faults), len(sims))
+    if more is not None:
+        x, y = np.concatenate((x, more[0].matrix)), np.concatenate((y, np.asarray(more[1])))
     kept = rng.permutation(len(x))[:_MOST_TRAINING]
     return _right(x[kept], y[kept], real.matrix, np.asarray(faults), rng)
 
@@ -325,7 +340,9 @@ def _mmd(pairs: tuple[Paired, Paired], rng: np.random.Generator, draws: int) -> 
     return Metric("MMD^2 between records and twin", values[0], values[1], floor, intervals[1], intervals[0])
 
 
-def _accuracy(pairs: tuple[Paired, Paired], rng: np.random.Generator, draws: int) -> Iterator[Metric]:
+def _accuracy(
+    pairs: tuple[Paired, Paired], rng: np.random.Generator, draws: int, more: Lessons | None
+) -> Iterator[Metric]:
     faults = [c.fault for c in pairs[0].conditions]
     known = [int(i) for i in np.sort(rng.permutation(len(faults))[:_MOST_JUDGED]) if faults[i] is not None]
     if len({faults[i] for i in known}) < 2:
@@ -335,8 +352,10 @@ def _accuracy(pairs: tuple[Paired, Paired], rng: np.random.Generator, draws: int
     # The same lots for both: a difference between them is the records', not the trees'.
     lots = int(rng.integers(2**63))
     b, a = (
-        accuracy_on_records([s.take(known) for s in p.sims], real, labels, np.random.default_rng(lots)).astype(float)
-        for p in pairs
+        accuracy_on_records([s.take(known) for s in p.sims], real, labels, np.random.default_rng(lots), further).astype(
+            float
+        )
+        for p, further in zip(pairs, _LESSONLESS if more is None else more, strict=True)
     )
     among = accuracy_between_records(real, labels, groups, rng)
     ci_a, ci_b = _mean_interval(a, groups, rng, draws), _mean_interval(b, groups, rng, draws)
