@@ -15,6 +15,8 @@ from twingap.data import cut, load, where
 from twingap.effects import catalogue, make_effect
 from twingap.errors import TwingapError
 from twingap.gap.calibrate import calibrate
+from twingap.gap.comparison import feature_names
+from twingap.gap.evidence import Evidence, simulator_of
 from twingap.gap.own_simulator import OwnSimulator
 from twingap.gap.simulator import TwinSimulator
 from twingap.records import Condition, Record, RecordSet
@@ -159,6 +161,24 @@ def test_records_that_nothing_is_calibrated_by_get_simulated_ones_of_their_own()
         got = own.simulate((), real.conditions, 0, replicate)
         assert len({r.samples.tobytes() for r in got}) == 4
     assert own.replicates(real.conditions) == 1
+
+
+def test_a_simulator_of_the_machine_itself_is_at_no_distance_from_it() -> None:
+    """Every record at a speed of its own, so that each simulated one stands for one real one and for no other."""
+    speeds = np.linspace(1200, 1800, 18)
+    conditions = [
+        Condition(f"r{i}", float(s), 10_000.0, 5000, ("healthy", "inner", "outer")[i % 3]) for i, s in enumerate(speeds)
+    ]
+    found = []
+    for seed in range(0, 24, 2):
+        real, made = sim(conditions, seed), sim([replace(c, name=f"s{c.name}") for c in conditions], seed + 1)
+        calibrated = calibrate(real, None, np.random.default_rng(seed), sim=made)
+        own = Evidence(calibrated, simulator_of(calibrated, made), TwinSpec("phenomenological"), seed)
+        features = dict(zip(feature_names(), own.against().held_out, strict=True))
+        # Signed roots of squares that are zero on average.
+        found.append([np.sign(v) * v**2 for v in (features[f"view|{kind}"] for kind in ("frequency", "order"))])
+    mean, error = np.mean(found, axis=0), np.std(found, axis=0) / math.sqrt(len(found))
+    assert np.all(np.abs(mean) < 4 * error + 0.05)
 
 
 def test_like_records_get_different_simulated_ones() -> None:
