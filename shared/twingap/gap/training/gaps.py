@@ -85,8 +85,10 @@ def draw_gap(
     if len(effects) > count:
         kept = rng.permutation(len(effects))
         modelled, effects = tuple(effects[i] for i in kept[count:]), tuple(effects[i] for i in kept[:count])
-    # What a twin models is there as the twin has it or nearly so, but a slip the other way is another slip.
-    built = [e if e in modelled and e.name == "mean_slip" else as_built(e, machine, rng) for e in (*modelled, *effects)]
+    # What a twin models is there as the twin has it or nearly so, but a slip the other way is another slip. A simulator
+    # of the machine's own has what it models as the machine has it.
+    alike = tuple(e for e in modelled if own or e.name == "mean_slip")
+    built = [e if e in alike else as_built(e, machine, rng) for e in (*modelled, *effects)]
     records = simulated(machine, tuple(built), rng)
     strange = bool(rng.random() < STRANGE)
     if strange:

@@ -24,6 +24,8 @@ DISTANCE: Final = "view|overall"
 
 _NEAR_RECORDS: Final = 0.35
 _FEWEST_NEAR: Final = 60.0
+_FEWEST_ALIKE: Final = 80
+"""Machines of a kind below which both kinds are ranked together."""
 
 
 def _told(features: NDArray[Any], names: tuple[str, ...], name: str, otherwise: float = 0.0) -> Array:
@@ -78,11 +80,12 @@ class Null:
 
     Few records look like a gap more often, so a score is ranked among machines with about as many: a machine counts
     the less the further its number lies off (a localised conformal p-value; Guan 2023, doi:10.1093/biomet/asac040).
+    A twin is never quite the machine, its own simulator may be: each is ranked among its like, so that neither pays for
+    the other's unlikeness (Mondrian conformal prediction; Vovk, Gammerman and Shafer 2005, ch. 4.5).
     Of several scores the one that is rarest among these machines counts, and how rare it is, is ranked among how rare
     theirs are (minimum p: Westfall and Young, Resampling-based multiple testing, 1993). The distance is one of the
-    scores, ranked among all machines met through a simulator of the same kind: what no detector knows may still be far
-    off. It depends on the number of records less than it scatters (medians of 0.4 to 0.8), and among the few near ones
-    of a kind none could be rare.
+    scores, ranked among all machines of a kind, whatever their number of records: what no detector knows may still be
+    far off.
 
     Parameters
     ----------
@@ -95,7 +98,7 @@ class Null:
         """Part of these machines, near ones above all, that look at least as much like a gap as this one does."""
         if not len(self.machines):
             return 1.0
-        weight = self._weight(judged.records[0])
+        weight = self._weight(judged.records[0], self._alike(judged.own[0]))
         return _part(weight, self._rarest <= self._rarity(judged, 0))
 
     @cached_property
@@ -104,23 +107,28 @@ class Null:
         return np.array([self._rarity(self.machines, place) for place in range(len(self.machines))])
 
     def _rarity(self, of: Judged, place: int) -> float:
-        weight = self._weight(of.records[place])
+        alike = self._alike(of.own[place])
+        weight = self._weight(of.records[place], alike)
         rare = [_part(weight, self.machines.scores[:, k] >= score) for k, score in enumerate(of.scores[place])]
-        alike = self.machines.own == of.own[place]
-        if np.isfinite(of.distance[place]) and alike.any():
-            rare.append(_part(alike.astype(float), self.machines.distance >= of.distance[place]))
+        if np.isfinite(of.distance[place]):
+            rare.append(_part(alike, self.machines.distance >= of.distance[place]))
         return min(rare)
 
-    def _weight(self, records: float) -> Array:
-        """[machines] The less, the further their number of records lies off."""
+    def _alike(self, own: float) -> Array:
+        """[machines] 1 for those met through a simulator of this kind; for all where these are few."""
+        alike = self.machines.own == own
+        return (alike if alike.sum() >= _FEWEST_ALIKE else np.ones_like(alike)).astype(float)
+
+    def _weight(self, records: float, alike: Array) -> Array:
+        """[machines] Of those alike the less, the further their number of records lies off."""
         known = self.machines.records
         at = float(np.clip(records, known.min(), known.max()))
         for near in (_NEAR_RECORDS, 2 * _NEAR_RECORDS):
-            own = np.exp(-0.5 * ((known - at) / near) ** 2)
+            own = alike * np.exp(-0.5 * ((known - at) / near) ** 2)
             # Of a handful of machines no small p-value could come: then those further off count too.
             if own.sum() >= _FEWEST_NEAR:
                 return np.asarray(own)
-        return np.ones(len(known))
+        return alike
 
 
 def _part(weight: Array, extreme: Mask) -> float:

@@ -109,6 +109,20 @@ def test_what_no_detector_hears_is_a_gap_where_it_is_far_off_for_a_simulator_of_
     assert null.p_value(Judged(np.zeros((1, 2)), np.zeros(1), np.array([np.nan]), np.ones(1))) > 0.3
 
 
+def test_each_kind_of_simulator_holds_its_level():
+    """A twin is less like any machine than its own simulator is: neither pays for the other."""
+    rng = np.random.default_rng(8)
+    own = (np.arange(3000) % 3 == 0).astype(float)
+    scores = (rng.standard_normal((3000, 1)) * np.where(own, 0.3, 1.0)[:, None]) + np.zeros((1, 2))
+    every = Judged(scores, np.log(rng.integers(2, 25, 3000)), rng.gamma(4.0, 0.25, 3000), own)
+    null, fresh = Null(every.take(np.arange(3000) < 1000)), np.arange(1000, 3000)
+    p = np.array([null.p_value(every.take(np.arange(3000) == k)) for k in fresh])
+    for kind in (0, 1):
+        assert np.mean(p[own[fresh] == kind] <= 0.05) == pytest.approx(0.05, abs=0.03)
+    plain = Judged(np.full((1, 2), 1.5), np.log([12.0]), np.array([1.0]), np.ones(1))
+    assert null.p_value(plain) < 0.03
+
+
 def test_the_twin_as_given_and_one_with_effects_added_are_calibrated_apart():
     rng = np.random.default_rng(5)
     n = 4000
