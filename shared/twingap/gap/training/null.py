@@ -117,7 +117,7 @@ class Null:
     def _alike(self, own: float) -> Array:
         """[machines] 1 for those met through a simulator of this kind; for all where these are few."""
         alike = self.machines.own == own
-        return (alike if alike.sum() >= _FEWEST_ALIKE else np.ones_like(alike)).astype(float)
+        return np.asarray(alike if alike.sum() >= _FEWEST_ALIKE else np.ones(len(alike)), float)
 
     def _weight(self, records: float, alike: Array) -> Array:
         """[machines] Of those alike the less, the further their number of records lies off."""
