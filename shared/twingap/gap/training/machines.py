@@ -203,4 +203,5 @@ def _imperfections(rng: np.random.Generator, fs_hz: float) -> tuple[Effect, ...]
         ("coloured_noise", {"level": 0.03 * rng.random(), "slope": 1.0, "low_hz": 10.0, "high_hz": fs_hz * 0.5}),
         ("speed_gain", {"exponent": 0.03 * rng.standard_normal(), "reference_speed_rpm": 1500.0}),
     ]
-    return tuple(make_effect(name, about) for name, about in small if rng.random() < 0.15)
+    chance = {"slip_jitter": 0.3}  # rollers never come quite evenly
+    return tuple(make_effect(name, about) for name, about in small if rng.random() < chance.get(name, 0.15))

@@ -23,7 +23,8 @@ DISTANCE: Final = "view|overall"
 """Feature that says how far records and twin lie apart, whatever the cause."""
 
 _NEAR_RECORDS: Final = 0.35
-_FEWEST_NEAR: Final = 60.0
+_FEWEST_NEAR: Final = 150.0
+"""Machines, by weight, to rank among: of 60 the rarest is one in sixty, and of three scores none is rare then."""
 _FEWEST_ALIKE: Final = 80
 """Machines of a kind below which both kinds are ranked together."""
 
