@@ -184,8 +184,6 @@ def learn_classifier(
 
 def learn_estimator(table: Table, value: Array, machine: NDArray[np.int64], allowed: Sequence[int]) -> Estimator | None:
     """How to read a parameter off the features; `value` is NaN where the effect is absent."""
-    from sklearn.ensemble import HistGradientBoostingRegressor
-
     known = np.isfinite(value)
     if known.sum() < _FEWEST or np.ptp(value[known]) == 0:
         return None
@@ -197,16 +195,10 @@ def learn_estimator(table: Table, value: Array, machine: NDArray[np.int64], allo
     anchor, logarithmic, line = _anchor(features, own_columns, value)
     residual = value - _on_line(features[:, anchor].astype(float), logarithmic, line, middle)
     own, fold = features[:, own_columns], folds(machine)
-    unseen, models = np.zeros(len(value)), []
-    for k in range(FOLDS):
-        inside = fold != k
-        model = HistGradientBoostingRegressor(
-            loss="absolute_error", max_iter=100, learning_rate=0.08, max_leaf_nodes=10, min_samples_leaf=8,
-            l2_regularization=1.0, max_features=0.5, early_stopping=False, random_state=k,
-        )  # fmt: skip
-        model.fit(own[inside], residual[inside])
-        unseen[~inside] = model.predict(own[~inside])
-        models.append(Boosted.of(model))
+    models, unseen = _regressed(
+        own, residual, fold, loss="absolute_error", max_iter=100, max_leaf_nodes=10, min_samples_leaf=8,
+        l2_regularization=1.0,
+    )  # fmt: skip
     # A line that is exact for most machines is not improved by trees that make all of them a little wrong.
     with_trees, alone = np.abs(residual - unseen), np.abs(residual)
     better = np.median(with_trees) + 0.2 * with_trees.mean() < np.median(alone) + 0.2 * alone.mean()
@@ -224,22 +216,31 @@ def _doubt(
     Conformal regression of errors scaled by what is expected of them (Papadopoulos et al. 2011,
     doi:10.1613/jair.3198).
     """
-    from sklearn.ensemble import HistGradientBoostingRegressor
-
     if error <= 0:
         return None, 1.0
     size = np.log(np.maximum(off, _LEAST_OFF * error))
-    unseen, models = np.zeros(len(off)), []
+    models, unseen = _regressed(
+        own, size, fold, max_iter=40, max_leaf_nodes=6, min_samples_leaf=15, l2_regularization=2.0
+    )
+    return Ensemble(columns, models, unseen=unseen), float(np.quantile(off / np.exp(unseen), 0.9))
+
+
+def _regressed(
+    own: NDArray[np.float32], target: Array, fold: NDArray[np.int64], **options: Any
+) -> tuple[list[Boosted], Array]:
+    """Trees that say a number, one model a fold, and what each says of the examples that it has not seen."""
+    from sklearn.ensemble import HistGradientBoostingRegressor
+
+    unseen, models = np.zeros(len(target)), []
     for k in range(FOLDS):
         inside = fold != k
         model = HistGradientBoostingRegressor(
-            max_iter=40, learning_rate=0.08, max_leaf_nodes=6, min_samples_leaf=15, l2_regularization=2.0,
-            max_features=0.5, early_stopping=False, random_state=k,
-        )  # fmt: skip
-        model.fit(own[inside], size[inside])
+            learning_rate=0.08, max_features=0.5, early_stopping=False, random_state=k, **options
+        )
+        model.fit(own[inside], target[inside])
         unseen[~inside] = model.predict(own[~inside])
         models.append(Boosted.of(model))
-    return Ensemble(columns, models, unseen=unseen), float(np.quantile(off / np.exp(unseen), 0.9))
+    return models, unseen
 
 
 def _anchor(
