@@ -6,7 +6,7 @@ import pytest
 from twingap.bearing import BEARINGS
 from twingap.effects import make_effect
 from twingap.gap.signatures import answer
-from twingap.gap.training.as_built import EntryExit
+from twingap.gap.training.as_built.strikes import EntryExit
 from twingap.gap.view import Frame, RecordView
 from twingap.records import Condition
 from twingap.twins.phenomenological import PhenomenologicalParameters, PhenomenologicalTwin
