@@ -48,20 +48,40 @@ class Ensemble:
         return np.asarray(slope * np.mean([model.raw(own) for model in self.models], axis=0) + offset)
 
 
+@dataclass(frozen=True)
+class Anchor:
+    """A line over one feature.
+
+    Parameters
+    ----------
+    column : int
+    logarithmic : bool
+        Whether the line runs over the feature's logarithm.
+    line : (float, float)
+        Slope and offset.
+    """
+
+    column: int
+    logarithmic: bool
+    line: tuple[float, float]
+
+    def read(self, features: NDArray[Any]) -> Array:
+        """[examples] NaN where the feature is not known."""
+        x = np.asarray(features[:, self.column], float)
+        at = np.log(np.maximum(np.abs(x), 1e-9)) if self.logarithmic else x
+        return np.where(np.isfinite(x), self.line[0] * np.where(np.isfinite(x), at, 0.0) + self.line[1], np.nan)
+
+
 @dataclass
 class Estimator:
     """A parameter's value: a line over the feature that tells most, and trees for the rest where they help.
 
     Parameters
     ----------
-    anchor : int
-        Column of that feature.
-    logarithmic : bool
-        Whether the line runs over its logarithm.
-    line : (float, float)
-        Slope and offset.
+    anchors : tuple of Anchor
+        The feature that tells it best where it is known, and others for where it is not.
     middle : float
-        The value where the feature is not known.
+        The value where none of them is known.
     rest : Ensemble or None
         What trees add; None where the line alone did better on machines not learnt from.
     error : float
@@ -72,9 +92,7 @@ class Estimator:
         Nine of ten estimates were off by less than this many times what `doubt` says.
     """
 
-    anchor: int
-    logarithmic: bool
-    line: tuple[float, float]
+    anchors: tuple[Anchor, ...]
     middle: float
     rest: Ensemble | None
     error: float
@@ -83,7 +101,7 @@ class Estimator:
 
     def estimate(self, features: NDArray[Any]) -> Array:
         """[examples] Comparable numbers, see `parameters`."""
-        line = _on_line(np.asarray(features[:, self.anchor], float), self.logarithmic, self.line, self.middle)
+        line = _on_lines(features, self.anchors, self.middle)
         return line if self.rest is None else line + self.rest.score(features)
 
     def within(self, features: NDArray[Any]) -> Array:
@@ -93,10 +111,12 @@ class Estimator:
         return np.asarray(self.reach * np.exp(self.doubt.score(features)))
 
 
-def _on_line(x: Array, logarithmic: bool, line: tuple[float, float], middle: float) -> Array:
-    known = np.isfinite(x)
-    at = np.log(np.maximum(np.abs(x), 1e-9)) if logarithmic else x
-    return np.where(known, line[0] * np.where(known, at, 0.0) + line[1], middle)
+def _on_lines(features: NDArray[Any], anchors: Sequence[Anchor], middle: float) -> Array:
+    """[examples] What the first anchor says that is known."""
+    out = np.full(len(features), np.nan)
+    for anchor in anchors:
+        out = np.where(np.isfinite(out), out, anchor.read(features))
+    return np.where(np.isfinite(out), out, middle)
 
 
 def folds(machine: NDArray[np.int64], count: int = FOLDS) -> NDArray[np.int64]:
@@ -192,8 +212,8 @@ def learn_estimator(table: Table, value: Array, machine: NDArray[np.int64], allo
     if own_columns.size == 0:
         return None
     middle = float(np.median(value))
-    anchor, logarithmic, line = _anchor(features, own_columns, value)
-    residual = value - _on_line(features[:, anchor].astype(float), logarithmic, line, middle)
+    anchors = _anchors(features, own_columns, value)
+    residual = value - _on_lines(features, anchors, middle)
     own, fold = features[:, own_columns], folds(machine)
     models, unseen = _regressed(
         own, residual, fold, loss="absolute_error", max_iter=100, max_leaf_nodes=10, min_samples_leaf=8,
@@ -205,7 +225,7 @@ def learn_estimator(table: Table, value: Array, machine: NDArray[np.int64], allo
     off = with_trees if better else alone
     error = float(np.quantile(off, 0.9))
     rest = Ensemble(own_columns, models, unseen=unseen) if better else None
-    return Estimator(anchor, logarithmic, line, middle, rest, error, *_doubt(own_columns, own, off, error, fold))
+    return Estimator(anchors, middle, rest, error, *_doubt(own_columns, own, off, error, fold))
 
 
 def _doubt(
@@ -243,12 +263,16 @@ def _regressed(
     return models, unseen
 
 
-def _anchor(
-    features: NDArray[np.float32], columns: NDArray[np.int64], value: Array
-) -> tuple[int, bool, tuple[float, float]]:
-    """The column whose line, over it or its logarithm, comes nearest to the value for most machines."""
+def _anchors(features: NDArray[np.float32], columns: NDArray[np.int64], value: Array) -> tuple[Anchor, ...]:
+    """The column whose line, over it or its logarithm, comes nearest to the value for machines of which it is known,
+    and the one that does for most machines.
+
+    A comb that is found tells a gear's teeth exactly, and is not always found; another feature is always there, and
+    tells them within a harmonic.
+    """
     spread = float(np.mean(np.abs(value - np.median(value))))
-    best = (1.2 * spread, int(columns[0]), False, (0.0, float(np.median(value))))
+    middle = Anchor(int(columns[0]), False, (0.0, float(np.median(value))))
+    exact, usual = (1.2 * spread, middle), (1.2 * spread, middle)
     for j in columns:
         column = features[:, j].astype(float)
         known = np.isfinite(column)
@@ -263,10 +287,15 @@ def _anchor(
                 continue
             off = np.full(len(value), spread)
             off[known] = np.minimum(np.abs(y - line[0] * x - line[1]), 3 * spread)
-            error = float(np.median(off) + 0.2 * off.mean())
-            if error < best[0]:
-                best = (error, int(j), logarithmic, line)
-    return best[1], best[2], best[3]
+            anchor = Anchor(int(j), logarithmic, line)
+            exact = min(exact, (_usual_error(off[known]), anchor), key=lambda found: found[0])
+            usual = min(usual, (_usual_error(off), anchor), key=lambda found: found[0])
+    return tuple(dict.fromkeys((exact[1], usual[1])))
+
+
+def _usual_error(off: Array) -> float:
+    """Of most, and a little of all."""
+    return float(np.median(off) + 0.2 * off.mean())
 
 
 def _robust_line(x: Array, y: Array) -> tuple[float, float] | None:

@@ -38,7 +38,7 @@ def test_a_label_that_nothing_tells_of_scores_no_better_than_chance(examples):
 def test_a_value_is_read_off_the_feature_that_tells_it(examples):
     found = learn_estimator(Table(examples.fit_features), examples.values[:, 0], examples.machine, range(60))
     assert found is not None
-    assert found.anchor == 11
+    assert found.anchors[0].column == 11
     here = np.isfinite(examples.values[:, 0])
     off = np.abs(found.estimate(examples.fit_features[here]) - examples.values[here, 0])
     assert np.median(off) < 0.1
