@@ -42,6 +42,8 @@ MISFIT = 4.0
 """Deviance over scatter beyond which the healthy spectrum is taken to be something else than one mode and a floor."""
 OTHER_DAMPING = 0.25
 """Log ratio of dampings from which lines and what lies between them are taken to disagree."""
+SAME_PLACE = 0.1
+"""Log ratio of frequencies up to which two modes are taken to be one."""
 MOST_RECORDS = 300
 """Records used of each state: beyond this the intervals hardly shrink."""
 
@@ -305,11 +307,13 @@ class _Problem:
         """Where every record is of a defect: the mode shows between lines or, where they leave too little, in them."""
         shown = whittle(self.of(baseline), lines=True)
         apart = abs(math.log(shown.damping_ratio / fit.damping_ratio))
+        # Lines elsewhere than the mode are not of impacts: a hum, say, or a mesh.
+        here = abs(math.log(shown.resonance_hz / fit.resonance_hz)) < SAME_PLACE
         settled = self
         if not (fit.stands_out or shown.stands_out):
             notes.append("no resonance stands out of the noise: resonance_hz and damping_ratio keep their defaults")
             settled = replace(self, mode_unknown=True)
-        elif shown.stands_out and (apart > OTHER_DAMPING or not fit.stands_out):
+        elif shown.stands_out and ((apart > OTHER_DAMPING and here) or not fit.stands_out):
             notes.append(
                 f"the lines of the spectra show a damping of {shown.damping_ratio:.3f}, what lies between them "
                 f"{fit.damping_ratio:.3f}: resonance and damping were read off the lines"

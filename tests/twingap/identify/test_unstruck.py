@@ -36,3 +36,11 @@ def test_noise_and_impacts_are_told_apart_by_time(sigma):
     for fault, amplitude in (("inner", 6.0), ("outer", 8.0), ("ball", 5.0)):
         assert values[f"impact_amplitude.{fault}"] == pytest.approx(amplitude, rel=0.15)
     assert any("no healthy record" in note for note in notes)
+
+
+def test_a_hum_is_no_mode():
+    """Its lines are the strongest, and lie elsewhere than what the impacts ring in."""
+    hum = make_effect("mains_interference", {"level": 3.0, "decay": 0.5, "n_harmonics": 3})
+    values, _ = found((hum,))
+    assert values["resonance_hz"] == pytest.approx(3000.0, rel=0.03)
+    assert values["scale"] == pytest.approx(2.0, rel=0.15)

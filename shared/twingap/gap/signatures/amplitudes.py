@@ -40,7 +40,7 @@ def measure_amplitudes(view: RecordView, out: dict[str, float]) -> None:
     # Time reversed, a ringing or a saw tooth is another signal; upside down, a one-sided force is.
     step = np.diff(z)
     out["time_asymmetry"] = math.tanh(
-        float(np.mean(step * step * step)) / max(float(step @ step) / step.size, 1e-300) ** 1.5
+        float(np.mean(step * step * step)) / max(float(step @ step) / step.size, 1e-200) ** 1.5
     )
     above = z > 0
     count, power = int(np.count_nonzero(above)), float(square @ above)
