@@ -114,7 +114,7 @@ def diagnose(
     report : callable
         Told of progress: what is done, and which part of the whole, 0 to 1.
     learnt : Learnt, optional
-        What was learnt beforehand; None looks in the cache, and trains (a quarter of an hour on two threads) when it
+        What was learnt beforehand; None looks in the cache, and trains (a third of an hour on two threads) when it
         is not there.
 
     Returns

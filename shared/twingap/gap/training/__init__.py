@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from twingap.records import RecordSet
 
 MACHINES: Final = 2400
-"""Machines of a full training, which takes some 15 minutes on two threads with the searches."""
+"""Machines of a full training, which takes some 19 minutes on two threads with the searches."""
 CHUNK: Final = 30
 PER_SEARCH: Final = 14
 """Machines learnt from for each one that is searched: so many of these are enough to judge ends of searches by."""
