@@ -42,6 +42,8 @@ MISFIT = 4.0
 """Deviance over scatter beyond which the healthy spectrum is taken to be something else than one mode and a floor."""
 OTHER_DAMPING = 0.25
 """Log ratio of dampings from which lines and what lies between them are taken to disagree."""
+SURE_SHARE = 0.9
+"""Part of the fitted structure noise below which what was taken away is more than scatter of the fit."""
 SAME_PLACE = 0.1
 """Log ratio of frequencies up to which two modes are taken to be one."""
 MOST_RECORDS = 300
@@ -155,6 +157,16 @@ def _with_intervals(
         # A mode read off lines is biased by where they lie, by more than its scatter; what rests on it is, too.
         notes.append("a resonance read off the faults' lines has no interval, nor has what rests on it")
         sound = ("white_noise_rms", "scale")
+        out = {name: e if name in sound else Estimate(e.value) for name, e in out.items()}
+        for place, fault in enumerate(amplitudes, start=len(values)):
+            out[f"impact_amplitude.{fault}"] = Estimate(float(np.sqrt(max(at[place], 0.0))))
+        return out
+    if problem.noise_share < SURE_SHARE:
+        notes.append(
+            f"{1 - problem.noise_share:.0%} of what looks like structure noise between the lines was told from it by "
+            "time: noise levels, scale and impact amplitudes have no intervals"
+        )
+        sound = ("resonance_hz", "damping_ratio")
         out = {name: e if name in sound else Estimate(e.value) for name, e in out.items()}
         for place, fault in enumerate(amplitudes, start=len(values)):
             out[f"impact_amplitude.{fault}"] = Estimate(float(np.sqrt(max(at[place], 0.0))))

@@ -5,6 +5,7 @@ import pytest
 
 from twingap.bearing import Bearing
 from twingap.effects import make_effect
+from twingap.identify import identify
 from twingap.identify.phenomenological import quick_identify
 from twingap.records import Condition
 from twingap.twins.phenomenological import PhenomenologicalParameters, PhenomenologicalTwin
@@ -44,3 +45,13 @@ def test_a_hum_is_no_mode():
     values, _ = found((hum,))
     assert values["resonance_hz"] == pytest.approx(3000.0, rel=0.03)
     assert values["scale"] == pytest.approx(2.0, rel=0.15)
+
+
+def test_noise_told_from_impacts_by_time_has_no_interval():
+    """How far that may be off nobody has measured: no interval rather than one that leaves it out."""
+    walk = make_effect("slip_jitter", {"sigma": 0.03, "accumulating": True})
+    records = PhenomenologicalTwin(BEARING, TRUTH, (walk,)).simulate(CONDITIONS, np.random.default_rng(0))
+    outcome = identify(TwinSpec("phenomenological", bearing=BEARING), records, np.random.default_rng(1))
+    known = {name for name, estimate in outcome.estimates.items() if estimate.interval is not None}
+    assert known == {"resonance_hz", "damping_ratio"}
+    assert any("told from it by time" in note for note in outcome.notes)
