@@ -34,6 +34,10 @@ Mask = NDArray[np.bool_]
 METHODS = ("whittle", "eq8")
 COLOURING = ("second_resonance", "sensor_rolloff", "coloured_noise", "distributed_roughness")
 """Effects that change the healthy spectrum, which the fit takes to be one mode and white noise."""
+NO_HEALTHY = (
+    "no healthy record: noise levels were read between the lines of the other records, and between their impacts; "
+    "structure_noise_rms may hold part of the impacts' energy"
+)
 SHORT_S = 0.2
 """Records shorter than this, s, do not resolve a mode of a few tenths of a per cent of damping."""
 QUICK_SEGMENT_S = 0.08
@@ -64,10 +68,7 @@ def identify_phenomenological(
     everything = np.ones(len(records), bool)
     baseline = healthy if healthy.any() else everything
     if not healthy.any():
-        notes.append(
-            "no healthy record: noise levels were read between the lines of the other records, and between their "
-            "impacts; structure_noise_rms may hold part of the impacts' energy"
-        )
+        notes.append(NO_HEALTHY)
     if len(_groups(records, baseline)) == 1:
         notes.append(
             "all records that the noise was fitted to are of one group: intervals hold the scatter within it only"
@@ -212,10 +213,7 @@ def quick_identify(
     everything = np.ones(len(records), bool)
     baseline = healthy if healthy.any() else everything
     if not healthy.any():
-        notes.append(
-            "no healthy record: noise levels were read between the lines of the other records, and between their "
-            "impacts; structure_noise_rms may hold part of the impacts' energy"
-        )
+        notes.append(NO_HEALTHY)
     problem = _Problem(spec, records, spectra(records, QUICK_SEGMENT_S), "whittle", ~everything)
     problem, fit = problem.begin(baseline, notes)
     if not healthy.any():

@@ -12,7 +12,7 @@ from twingap.records import Condition
 
 MACHINE = draw_machine(np.random.default_rng(0), own_simulator=False, most_records=4)
 UNEVEN = ("mains_interference", "gear_mesh", "waviness", "looseness")
-OTHERWISE = sorted(set(catalogue()) - {"second_resonance"})
+OTHERWISE = sorted(set(catalogue()) - {"second_resonance", "damage_growth"})
 
 
 def as_built(effect, rng):
@@ -98,10 +98,8 @@ def draft_of(fault, speed_rpm=1500.0, n=20_000, time_s=None):
 
 
 @pytest.mark.parametrize("name", OTHERWISE)
-def test_every_effect_but_one_has_another_form(name):
+def test_every_effect_but_second_modes_has_another_form(name):
     values = {"slope": 1.5} if name == "coloured_noise" else {}
-    if name == "damage_growth":
-        pytest.skip("only machines with a run have one: see below")
     assert other_of(name, values).name == name
 
 
@@ -146,6 +144,14 @@ def test_a_zone_of_load_leaves_the_mean_strength():
 def test_roughness_of_a_zone_is_as_strong_as_any():
     one = other_of("distributed_roughness", {"depth": 0.7})
     assert np.mean(one._swell(np.arange(7200) / 7200) ** 2) == pytest.approx(1 + 0.7**2 / 2, rel=0.01)
+
+
+def test_damage_grows_otherwise_on_machines_with_a_run_alone():
+    growth = make_effect("damage_growth", {"rate_per_s": 1e-3})
+    for seed in range(12):
+        machine = draw_machine(np.random.default_rng(seed), own_simulator=False, most_records=8)
+        made = {type(module.as_built(growth, machine, np.random.default_rng(k))) for k in range(40)}
+        assert len(made) == (2 if machine.conditions[0].time_s is not None else 1)
 
 
 def test_damage_comes_to_the_same_end():

@@ -3,22 +3,21 @@
 effect of the catalogue --at random--> the same effect, made otherwise, at the same values
 
 What is learnt from machines that have effects exactly as the twin would add them fails on machines that do not. Every
-class here bears the name of what it stands for, since effects are known by the names of their classes.
+class of this package bears the name of what it stands for, since effects are known by the names of their classes.
 """
 
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Mapping
-from typing import Any, Final
+from collections.abc import Mapping
+from typing import Final
 
 import numpy as np
 
 from twingap.effects import Effect
 from twingap.gap.training.as_built import disturbances, sensors, strikes
+from twingap.gap.training.as_built.maker import Maker
 from twingap.gap.training.machines import Machine
-
-Maker = Callable[[dict[str, Any], Machine, np.random.Generator], Effect | None]
 
 CHANCE: Final = 0.4
 """Part of the machines that have an effect otherwise than the catalogue makes it."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -13,6 +13,7 @@ from scipy import signal
 
 from twingap.effects import Draft, Effect, disturbance
 from twingap.effects.angle import cosine
+from twingap.gap.training.as_built.maker import Maker
 from twingap.gap.training.machines import Machine
 
 Array = NDArray[np.float64]
@@ -159,7 +160,7 @@ class ImpulsiveNoise(disturbance.ImpulsiveNoise):
         return np.asarray((self.even + (1 - self.even) * rng.exponential(size=count)) * sides)
 
 
-def _uneven(name: str) -> Callable[[dict[str, Any], Machine, np.random.Generator], Effect]:
+def _uneven(name: str) -> Maker:
     def make(values: dict[str, Any], machine: Machine, rng: np.random.Generator) -> Effect:
         factors = np.exp(_UNEVEN * rng.standard_normal(_FACTORS))
         more: dict[str, float] = {}
@@ -193,7 +194,7 @@ def _knocks(values: dict[str, Any], machine: Machine, rng: np.random.Generator) 
     return ImpulsiveNoise(**values, even=rng.uniform(0.2, 0.9), one_sided=bool(rng.random() < 0.4))
 
 
-OTHERWISE: Final[Mapping[str, Callable[[dict[str, Any], Machine, np.random.Generator], Effect | None]]] = {
+OTHERWISE: Final[Mapping[str, Maker]] = {
     **{name: _uneven(name) for name in _TONES},
     "drive_interference": _drive, "foreign_bearing": _neighbour, "coloured_noise": _poles, "impulsive_noise": _knocks,
 }  # fmt: skip

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -12,6 +12,7 @@ import scipy.fft
 from numpy.typing import NDArray
 
 from twingap.effects import Draft, Effect, acquisition, path
+from twingap.gap.training.as_built.maker import Maker
 from twingap.gap.training.machines import Machine
 
 Array = NDArray[np.float64]
@@ -79,6 +80,6 @@ def _zeros(values: dict[str, Any], machine: Machine, rng: np.random.Generator) -
     return Dropout(**values)
 
 
-OTHERWISE: Final[Mapping[str, Callable[[dict[str, Any], Machine, np.random.Generator], Effect | None]]] = {
+OTHERWISE: Final[Mapping[str, Maker]] = {
     "sensor_rolloff": _real_poles, "clipping": _aside, "quantisation": _without_zero, "dropout": _zeros,
 }  # fmt: skip

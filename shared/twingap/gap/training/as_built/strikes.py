@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from twingap.effects import Draft, Effect, excitation, shaft
 from twingap.effects.angle import cosine
+from twingap.gap.training.as_built.maker import Maker
 from twingap.gap.training.machines import Machine
 
 Array = NDArray[np.float64]
@@ -247,7 +248,7 @@ def _grown(values: dict[str, Any], machine: Machine, rng: np.random.Generator) -
     return DamageGrowth(**values, until_s=max(times), power=float(rng.choice([0.5, 1.0, 2.0, 4.0])))
 
 
-OTHERWISE: Final[Mapping[str, Callable[[dict[str, Any], Machine, np.random.Generator], Effect | None]]] = {
+OTHERWISE: Final[Mapping[str, Maker]] = {
     "speed_fluctuation": _wave_and_ramp, "mean_slip": _own_slip, "slip_jitter": _own_spacings,
     "impact_scatter": _gamma, "load_zone": _zone, "cage_modulation": _one_roller, "entry_exit": _of_a_pass,
     "distributed_roughness": _rough_zone, "speed_gain": _bent, "damage_growth": _grown,
