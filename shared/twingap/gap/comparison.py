@@ -42,7 +42,7 @@ GROUPS = {
 """Kinds of records that means are taken over, for signatures of strikes (True) and for all others."""
 CONTEXT = (
     "records", "healthy_share", "log_samples", "log_turns", "speeds", "span_s",
-    "own_simulator", "slip", "slip_z", "slip_decidable", "speed_z", "speed_scatter",
+    "own_simulator", "models", "slip", "slip_z", "slip_decidable", "speed_z", "speed_scatter",
     "slip_seen", "slip_seen_size", "slip_seen_rest",
     "extent_1", "extent_4", "extent_13", "extent_41", "extent_121", "extent_mean",
 )  # fmt: skip
@@ -147,6 +147,7 @@ def compare(
     speeds: Speeds | None = None,
     *,
     own: bool = False,
+    models: bool = False,
     levels: Levels | None = None,
 ) -> Array:
     """[features] What tells the measured set from the simulated one; see `feature_names`.
@@ -158,6 +159,8 @@ def compare(
         Of calibration, which tell of the cage's slip.
     own : bool
         Whether the simulator is the machine's own: then nothing had to be matched, and small differences mean more.
+    models : bool
+        Whether the twin has effects as given, which the machine may have in another form.
     levels : Levels, optional
         Of all records that there are, these among them.
     """
@@ -175,7 +178,7 @@ def compare(
         told = np.array([answers[name] for name in answer.COMPARED], float)
         changes = change.compare(real.outlines, simulated.outlines)
         changed = np.array([changes[name] for name in change.NAMES], float)
-        context, apart = _context(real, speeds, own), _apart(real.views, simulated.views)
+        context, apart = _context(real, speeds, own, models), _apart(real.views, simulated.views)
         context = np.concatenate((context, _slip(real, simulated)))
         found = {} if levels is None else levels.trends()
         course = np.array([found.get(name, np.nan) for name in trends.NAMES])
@@ -319,7 +322,7 @@ def _z_places() -> NDArray[np.int64]:
     return np.array([i for i, name in enumerate(feature_names()) if name.endswith(".z") and "|on_" not in name])
 
 
-def _context(real: Measured, of: Speeds | None, own: bool) -> Array:
+def _context(real: Measured, of: Speeds | None, own: bool, models: bool) -> Array:
     """What every feature's scatter depends on, and what calibration found of the speeds."""
     conditions = real.conditions
     times = [c.time_s for c in conditions if c.time_s is not None]
@@ -333,6 +336,7 @@ def _context(real: Measured, of: Speeds | None, own: bool) -> Array:
             np.log(speeds.max() / speeds.min()),
             np.log1p(max(times) - min(times)) if times else np.nan,
             float(own),
+            float(models),
             *(_speeds(of) if of is not None else [np.nan] * 5),
         ]
     )

@@ -73,10 +73,10 @@ class Compared:
     def _features(self, real: Measured, replicate: int) -> Array:
         of = self._evidence
         made = of.simulated(self.simulator, self.effects, real.conditions, replicate)
-        own = isinstance(self.simulator, OwnSimulator)
+        own, models = isinstance(self.simulator, OwnSimulator), bool(of.modelled)
         grid = Grid.of(real.conditions, of.frame.bearing)
         simulated = comparison.measure(made, of.frame, grid)
-        return comparison.compare(real, simulated, of.calibrated.speeds, own=own, levels=self._levels)
+        return comparison.compare(real, simulated, of.calibrated.speeds, own=own, models=models, levels=self._levels)
 
     @cached_property
     def _levels(self) -> Levels:

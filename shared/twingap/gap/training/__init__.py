@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 MACHINES: Final = 2400
 """Machines of a full training, which takes some 19 minutes on two threads with the searches."""
 CHUNK: Final = 30
-PER_SEARCH: Final = 14
+PER_SEARCH: Final = 12
 """Machines learnt from for each one that is searched: so many of these are enough to judge ends of searches by."""
 SEARCHED_FROM: Final = 1_000_000
 """Number of the first machine that is searched: none of them is learnt from."""

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from twingap.effects import Effect, catalogue, make_effect
 from twingap.gap.evidence import values_of
-from twingap.gap.training.as_built import as_built
+from twingap.gap.training.as_built import OF_MISSING, OF_MODELLED, as_built
 from twingap.gap.training.machines import Machine, draw_machine
 from twingap.gap.training.strangers import estrange
 from twingap.records import Record, RecordSet
@@ -28,6 +28,8 @@ HOW_MANY = (0.27, 0.24, 0.2, 0.12, 0.1, 0.07)
 """Chances of 0, 1, ... effects missing: of machines that lack none, p-values get their grain."""
 HOW_MANY_OF_FEW = (0.48, 0.34, 0.18)
 """The same when only some effects are learnt, from few machines: a p-value needs its share without a gap."""
+MODELLING = 0.35
+"""Part of the machines some of whose effects the twin models: p-values of those get their grain from these alone."""
 STRANGE = 0.18
 """Part of the gaps with something that no catalogued effect describes."""
 
@@ -81,14 +83,15 @@ def draw_gap(
     chances = HOW_MANY_OF_FEW if among else HOW_MANY
     count = int(rng.choice(len(chances), p=chances))
     modelled: tuple[Effect, ...] = ()
-    effects = draw_effects(rng, machine, count + (int(rng.integers(1, 3)) if rng.random() < 0.25 else 0), among)
+    effects = draw_effects(rng, machine, count + (int(rng.integers(1, 3)) if rng.random() < MODELLING else 0), among)
     if len(effects) > count:
         kept = rng.permutation(len(effects))
         modelled, effects = tuple(effects[i] for i in kept[count:]), tuple(effects[i] for i in kept[:count])
     # What a twin models is there as the twin has it or nearly so, but a slip the other way is another slip. A simulator
     # of the machine's own has what it models as the machine has it.
     alike = tuple(e for e in modelled if own or e.name == "mean_slip")
-    built = [e if e in alike else as_built(e, machine, rng) for e in (*modelled, *effects)]
+    built = [e if e in alike else as_built(e, machine, rng, OF_MODELLED if e in modelled else OF_MISSING)
+             for e in (*modelled, *effects)]  # fmt: skip
     records = simulated(machine, tuple(built), rng)
     strange = bool(rng.random() < STRANGE)
     if strange:

@@ -157,7 +157,7 @@ def draw_conditions(
     """True and nominal conditions of the records of one machine."""
     count = int(np.clip(np.exp(rng.uniform(np.log(5), np.log(1.6 * most_records))), 5, most_records))
     duration = float(rng.choice([0.3, 0.5, 0.8, 1.0, 1.0, 1.5]))
-    n = int(np.clip(duration * fs_hz, 3000, 18000))  # longer ones teach little more, and cost as much more
+    n = int(np.clip(duration * fs_hz, 3000, 16000))  # longer ones teach little more, and cost as much more
     middle = np.exp(rng.uniform(np.log(500), np.log(4200)))
     if rng.random() < 0.25:
         speeds = np.full(count, middle)

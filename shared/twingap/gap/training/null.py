@@ -19,6 +19,10 @@ RECORDS: Final = "context|records"
 """Feature that says how many records were compared (its logarithm)."""
 OWN: Final = "context|own_simulator"
 """Feature that says whether the simulator is the machine's own."""
+MODELS: Final = "context|models"
+"""Feature that says whether the twin has effects as given."""
+BARE, OWN_SIMULATOR, WITH_EFFECTS = 0.0, 1.0, 2.0
+"""What a machine is met through: the baseline twin, its own simulator, or a twin that has effects."""
 DISTANCE: Final = "view|overall"
 """Feature that says how far records and twin lie apart, whatever the cause."""
 
@@ -26,7 +30,7 @@ _NEAR_RECORDS: Final = 0.35
 _FEWEST_NEAR: Final = 150.0
 """Machines, by weight, to rank among: of 60 the rarest is one in sixty, and of three scores none is rare then."""
 _FEWEST_ALIKE: Final = 80
-"""Machines of a kind below which both kinds are ranked together."""
+"""Machines of a kind below which those of a wider kind count too."""
 
 
 def _told(features: NDArray[Any], names: tuple[str, ...], name: str, otherwise: float = 0.0) -> Array:
@@ -47,26 +51,26 @@ class Judged:
         Log number of records that each is judged by.
     distance : Array [machines]
         Between records and twin, whatever detectors make of it; NaN where it is not known.
-    own : Array [machines]
-        1 where the simulator is the machine's own: then nothing had to be matched, and small distances mean more.
+    kind : Array [machines]
+        `BARE`, `OWN_SIMULATOR` (nothing had to be matched, and small distances mean more) or `WITH_EFFECTS` (which the
+        machine may have in another form).
     """
 
     scores: Array
     records: Array
     distance: Array
-    own: Array
+    kind: Array
 
     @classmethod
     def of(cls, scores: Array, features: NDArray[Any], names: tuple[str, ...]) -> Judged:
         """Machines of these scores and features."""
-        return cls(
-            scores, _told(features, names, RECORDS), _told(features, names, DISTANCE, np.nan),
-            _told(features, names, OWN),
-        )  # fmt: skip
+        own, models = _told(features, names, OWN) > 0, _told(features, names, MODELS) > 0
+        kind = np.select([own, models], [OWN_SIMULATOR, WITH_EFFECTS], BARE)
+        return cls(scores, _told(features, names, RECORDS), _told(features, names, DISTANCE, np.nan), kind)
 
     def take(self, rows: Mask) -> Judged:
         """Some of the machines."""
-        return Judged(self.scores[rows], self.records[rows], self.distance[rows], self.own[rows])
+        return Judged(self.scores[rows], self.records[rows], self.distance[rows], self.kind[rows])
 
     def __len__(self) -> int:
         return len(self.scores)
@@ -81,8 +85,9 @@ class Null:
 
     Few records look like a gap more often, so a score is ranked among machines with about as many: a machine counts
     the less the further its number lies off (a localised conformal p-value; Guan 2023, doi:10.1093/biomet/asac040).
-    A twin is never quite the machine, its own simulator may be: each is ranked among its like, so that neither pays for
-    the other's unlikeness (Mondrian conformal prediction; Vovk, Gammerman and Shafer 2005, ch. 4.5).
+    A twin is never quite the machine, its own simulator may be, and what a twin models the machine may have otherwise:
+    each kind is ranked among its like, so that none pays for another's unlikeness (Mondrian conformal prediction; Vovk,
+    Gammerman and Shafer 2005, ch. 4.5).
     Of several scores the one that is rarest among these machines counts, and how rare it is, is ranked among how rare
     theirs are (minimum p: Westfall and Young, Resampling-based multiple testing, 1993). The distance is one of the
     scores, ranked among all machines of a kind, whatever their number of records: what no detector knows may still be
@@ -99,7 +104,7 @@ class Null:
         """Part of these machines, near ones above all, that look at least as much like a gap as this one does."""
         if not len(self.machines):
             return 1.0
-        weight = self._weight(judged.records[0], self._alike(judged.own[0]))
+        weight = self._weight(judged.records[0], self._alike(judged.kind[0]))
         return _part(weight, self._rarest <= self._rarity(judged, 0))
 
     @cached_property
@@ -108,17 +113,18 @@ class Null:
         return np.array([self._rarity(self.machines, place) for place in range(len(self.machines))])
 
     def _rarity(self, of: Judged, place: int) -> float:
-        alike = self._alike(of.own[place])
+        alike = self._alike(of.kind[place])
         weight = self._weight(of.records[place], alike)
         rare = [_part(weight, self.machines.scores[:, k] >= score) for k, score in enumerate(of.scores[place])]
         if np.isfinite(of.distance[place]):
             rare.append(_part(alike, self.machines.distance >= of.distance[place]))
         return min(rare)
 
-    def _alike(self, own: float) -> Array:
-        """[machines] 1 for those met through a simulator of this kind; for all where these are few."""
-        alike = self.machines.own == own
-        return np.asarray(alike if alike.sum() >= _FEWEST_ALIKE else np.ones(len(alike)), float)
+    def _alike(self, kind: float) -> Array:
+        """[machines] 1 for those met through a simulator of this kind; of a wider kind where these are few."""
+        kinds = self.machines.kind
+        wider = (kinds == kind, (kinds == OWN_SIMULATOR) == (kind == OWN_SIMULATOR), np.ones(len(kinds), bool))
+        return np.asarray(next((alike for alike in wider if alike.sum() >= _FEWEST_ALIKE), wider[-1]), float)
 
     def _weight(self, records: float, alike: Array) -> Array:
         """[machines] Of those alike the less, the further their number of records lies off."""

@@ -5,7 +5,17 @@ import pytest
 
 from twingap.gap.training.detectors import Table, learn_classifier, learn_estimator
 from twingap.gap.training.learn import Examples, learn
-from twingap.gap.training.null import Judged, Null
+from twingap.gap.training.null import (
+    BARE,
+    DISTANCE,
+    MODELS,
+    OWN,
+    OWN_SIMULATOR,
+    RECORDS,
+    WITH_EFFECTS,
+    Judged,
+    Null,
+)
 
 
 @pytest.fixture(scope="module")
@@ -110,17 +120,38 @@ def test_what_no_detector_hears_is_a_gap_where_it_is_far_off_for_a_simulator_of_
 
 
 def test_each_kind_of_simulator_holds_its_level():
-    """A twin is less like any machine than its own simulator is: neither pays for the other."""
+    """A twin is less like any machine than its own simulator is, and one that models effects less still: none pays."""
     rng = np.random.default_rng(8)
-    own = (np.arange(3000) % 3 == 0).astype(float)
-    scores = (rng.standard_normal((3000, 1)) * np.where(own, 0.3, 1.0)[:, None]) + np.zeros((1, 2))
-    every = Judged(scores, np.log(rng.integers(2, 25, 3000)), rng.gamma(4.0, 0.25, 3000), own)
-    null, fresh = Null(every.take(np.arange(3000) < 1000)), np.arange(1000, 3000)
-    p = np.array([null.p_value(every.take(np.arange(3000) == k)) for k in fresh])
-    for kind in (0, 1):
-        assert np.mean(p[own[fresh] == kind] <= 0.05) == pytest.approx(0.05, abs=0.03)
-    plain = Judged(np.full((1, 2), 1.5), np.log([12.0]), np.array([1.0]), np.ones(1))
-    assert null.p_value(plain) < 0.03
+    kinds = np.arange(7500) % 3  # bare, own simulator, with effects
+    scores = (rng.standard_normal((7500, 1)) * np.array([1.0, 0.3, 4.0])[kinds][:, None]) + np.zeros((1, 2))
+    every = Judged(scores, np.log(rng.integers(2, 25, 7500)), rng.gamma(4.0, 0.25, 7500), kinds.astype(float))
+    null, fresh = Null(every.take(np.arange(7500) < 3000)), np.arange(3000, 7500)
+    p = np.array([null.p_value(every.take(np.arange(7500) == k)) for k in fresh])
+    for kind in range(3):
+        assert np.mean(p[kinds[fresh] == kind] <= 0.05) == pytest.approx(0.05, abs=0.03)
+    found = {
+        kind: null.p_value(Judged(np.full((1, 2), 1.5), np.log([12.0]), np.ones(1), np.array([kind])))
+        for kind in (BARE, OWN_SIMULATOR, WITH_EFFECTS)
+    }
+    assert found[OWN_SIMULATOR] < 0.03 < found[BARE] < found[WITH_EFFECTS]
+
+
+def test_a_kind_of_which_there_are_few_is_ranked_among_a_wider_one():
+    rng = np.random.default_rng(9)
+    kinds = np.repeat([BARE, OWN_SIMULATOR, WITH_EFFECTS], [400, 400, 30])
+    scores = rng.standard_normal((830, 1)) * np.where(kinds == OWN_SIMULATOR, 0.1, 1.0)[:, None]
+    null = Null(Judged(scores, np.zeros(830), np.full(830, np.nan), kinds))
+    few, bare = (
+        null.p_value(Judged(np.full((1, 1), 1.0), np.zeros(1), np.full(1, np.nan), np.full(1, kind)))
+        for kind in (WITH_EFFECTS, BARE)
+    )
+    assert few == pytest.approx(bare, abs=0.03)  # twins of either kind, not other simulators
+
+
+def test_what_a_machine_is_met_through_is_read_off_its_features():
+    names = (RECORDS, OWN, MODELS, DISTANCE)
+    features = np.array([[2.0, 0, 0, 0.1], [2.0, 1, 0, 0.1], [2.0, 0, 1, 0.1]])
+    assert Judged.of(np.zeros((3, 2)), features, names).kind.tolist() == [BARE, OWN_SIMULATOR, WITH_EFFECTS]
 
 
 def test_the_twin_as_given_and_one_with_effects_added_are_calibrated_apart():
