@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, Final, Literal
@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from twingap.bearing import FAULTS
 from twingap.effects import Stage, catalogue
+from twingap.gap.band import mode_band
 from twingap.gap.view import Frame, medians
 from twingap.records import Condition, Record, RecordSet
 from twingap.streams import root_entropy
@@ -29,6 +30,16 @@ MOST_SIMULATED: Final = 4
 """Records of each state that are simulated to match a baseline."""
 BANDS: Final = 128
 """Bands of the spectra that baselines are matched in."""
+_FARTHEST: Final = 4
+"""Steps that an impact amplitude may take at once: one read in another band than the mode's may be nil."""
+_SURE_STEP: Final = math.log(9.9)
+"""Logarithm of a step, of ten times at most, that leads where it should: energy goes with the square of amplitude."""
+_FINAL_STEP: Final = 0.1
+"""The same where it does not."""
+_GRID: Final = (0.08, 0.16, 0.27, 0.4)
+"""Parts of the sampling rate at which broad modes are tried: they have no peak to begin at."""
+_BESIDE: Final = 0.06
+"""Logarithm of the ratio of two places within which a search that begins at one finds the other."""
 
 
 @dataclass(frozen=True)
@@ -94,7 +105,7 @@ def match_baseline(
     noise_free = not {"structure_noise_rms", "white_noise_rms", "scale"} & fixed
     matcher = _Matcher(spec, frame, fit_records.unit, root)
     if quiet:
-        at, best_powers = _mode_search(matcher, quiet, values, fixed, steps, dampings)
+        at, best_powers = _mode_search(matcher, quiet, loud, values, fixed, steps, dampings)
         values["resonance_hz"], values["damping_ratio"] = at
         if noise_free:
             before = values["scale"]
@@ -106,6 +117,12 @@ def match_baseline(
                     name = f"impact_amplitude.{fault}"
                     if name in values and name not in fixed:
                         values[name] *= before / scale
+    if {"resonance_hz", "damping_ratio"} - fixed and loud:
+        # Impacts are weighed where they ring now, which need not be where envelopes are compared.
+        conditions = [c for s in sides for c in s.conditions]
+        band = mode_band(values["resonance_hz"], values["damping_ratio"], conditions, frame.bearing)
+        matcher = replace(matcher, frame=replace(frame, band_hz=band))
+        loud = [s for s in sides_of(list(fit_records), matcher.frame) if s.fault != "healthy"]
     for _ in range(2 if steps else 1):
         for fault in sorted({s.fault for s in loud}):
             name = f"impact_amplitude.{fault}"
@@ -159,6 +176,7 @@ def match_level(
 def _mode_search(
     matcher: _Matcher,
     quiet: Sequence[Side],
+    loud: Sequence[Side],
     values: dict[str, float],
     fixed: set[str],
     steps: int,
@@ -167,7 +185,8 @@ def _mode_search(
     """Resonance and damping that fit best, and the powers of structure and white noise that go with them.
 
     From the best of a few starts (where the fit of one mode to what further effects make is far off), along each axis
-    in turn; a step that leads on is kept, one that does not is halved.
+    in turn; a step that leads on is kept, one that does not is halved. What a defect adds rings in the mode, and what
+    disturbs healthy records as well does not hide it.
     """
     top = 0.49 * min(s.fs_hz for s in quiet)
     names = ("resonance_hz", "damping_ratio")
@@ -181,8 +200,10 @@ def _mode_search(
     best = tried(start)
     if steps and len(free) == 2:
         loudest = max(quiet, key=lambda s: len(s.conditions))
-        centres = (start[0], loudest.peak_hz)
-        best = min([best, *(tried((f, d)) for d in dampings for f in centres)], key=lambda t: t[0])
+        centres = _apart((start[0], loudest.peak_hz, *_struck_hz(loudest, loud)))
+        broad = [(part * loudest.fs_hz, max(dampings)) for part in _GRID]
+        starts = [*((f, d) for d in dampings for f in centres), *broad]
+        best = min([best, *(tried(point) for point in starts)], key=lambda t: t[0])
     step = [0.03, 0.25]
     for _ in range(steps):
         for axis in free:
@@ -196,6 +217,27 @@ def _mode_search(
             best = found
             step[axis] *= 1.5 if abs(how_far) == 1 else 0.5
     return best[2], best[1]
+
+
+def _struck_hz(quiet: Side, loud: Sequence[Side]) -> Iterator[float]:
+    """Where defects add most to healthy spectra: in power, and in proportion."""
+    struck = [side for side in loud if side.fs_hz == quiet.fs_hz]
+    if not struck:
+        return
+    psd = np.average([side.psd for side in struck], axis=0, weights=[len(side.conditions) for side in struck])
+    smooth = np.ones(5) / 5
+    with_defect, without = (np.convolve(p, smooth, mode="same") for p in (psd, quiet.psd))
+    for more in (with_defect - without, with_defect / np.maximum(without, 1e-300)):
+        yield replace(quiet, psd=np.maximum(more, 0.0)).peak_hz
+
+
+def _apart(places: Sequence[float]) -> list[float]:
+    """Those that are not beside an earlier one."""
+    kept: list[float] = []
+    for place in places:
+        if all(abs(math.log(place / other)) > _BESIDE for other in kept):
+            kept.append(place)
+    return kept
 
 
 def _moved(point: tuple[float, float], axis: int, by: float) -> tuple[float, float]:
@@ -251,6 +293,7 @@ class _Matcher:
     unit: str
     root: int
     known: dict[float, Array] = field(default_factory=dict)
+    idle: dict[tuple[object, ...], bool] = field(default_factory=dict)
 
     @cached_property
     def plain(self) -> TwinSpec:
@@ -291,10 +334,11 @@ class _Matcher:
 
     def _changed(self, conditions: Sequence[Condition], values: dict[str, float]) -> Array | float:
         """Factor by which effects change the healthy spectrum [BANDS], read off records with the same chances."""
-        if self.acts == "nothing":
+        acts = self.acts(conditions)
+        if acts == "nothing":
             return 1.0
         # Without structure noise the mode does not matter, unless an effect drives it.
-        lasting = self.acts == "after the mode" and values["structure_noise_rms"] < values["white_noise_rms"]
+        lasting = acts == "after the mode" and values["structure_noise_rms"] < values["white_noise_rms"]
         if lasting and conditions[0].fs_hz in self.known:
             return self.known[conditions[0].fs_hz]
         factor = self.density(conditions, values, self.spec) / self.density(conditions, values, self.plain)
@@ -302,17 +346,25 @@ class _Matcher:
             self.known[conditions[0].fs_hz] = factor
         return factor
 
-    @cached_property
-    def acts(self) -> Literal["nothing", "after the mode", "more"]:
-        """What the effects do to a healthy record."""
+    def acts(self, conditions: Sequence[Condition]) -> Literal["nothing", "after the mode", "more"]:
+        """What the effects do to healthy records of these conditions."""
         stages = {catalogue()[name].stage for name in self.spec.effects}
         if stages <= {Stage.SHAFT, Stage.EXCITATION}:
-            short = [Condition("short", 1800.0, 4 * self.frame.band_hz[1], 512, "healthy", time_s=0.0)]
-            values = {"resonance_hz": self.frame.band_hz[1] / 2, "damping_ratio": 0.05}
-            one, other = (replace(self, spec=s).simulated(short, values)[0].samples for s in (self.spec, self.plain))
-            if np.array_equal(one, other):  # they change the strikes of a defect, say
+            key = tuple((c.speed_rpm, c.time_s, c.load_n) for c in conditions)
+            if key not in self.idle:
+                short = [replace(c, fault="healthy", n_samples=min(c.n_samples, 512)) for c in conditions]
+                values = {"resonance_hz": conditions[0].fs_hz / 8, "damping_ratio": 0.05}
+                pair = (replace(self, spec=s).simulated(short, values) for s in (self.spec, self.plain))
+                # Most change the strikes of a defect only, and a healthy record has none.
+                self.idle[key] = all(np.array_equal(a.samples, b.samples) for a, b in zip(*pair, strict=True))
+            if self.idle[key]:
                 return "nothing"
         return "more" if Stage.EXCITATION in stages else "after the mode"
+
+    @cached_property
+    def linear(self) -> bool:
+        """Whether no effect acts on what has been measured: rails and steps mind how strong a strike is."""
+        return Stage.ACQUISITION not in {catalogue()[name].stage for name in self.spec.effects}
 
     def density(self, conditions: Sequence[Condition], values: dict[str, float], spec: TwinSpec) -> Array:
         """Mean power density [BANDS] of a twin's records."""
@@ -323,18 +375,24 @@ class _Matcher:
         """Impact amplitude that brings the energy in the band to what it is in the records."""
         name = f"impact_amplitude.{fault}"
         now = max(values[name], 1e-3)
-        gain, loss = 0.0, 0.0
-        for side in sides:
-            conditions = side.conditions[:MOST_SIMULATED]
-            struck = self.simulated(conditions, values | {name: now})
-            calm = self.simulated(conditions, values | {name: 0.0})
-            with_impacts = float(np.mean([_bands(r, self.frame)[1] for r in struck]))
-            without = float(np.mean([_bands(r, self.frame)[1] for r in calm]))
-            gain += (side.energy - without) * len(side.conditions)
-            loss += (with_impacts - without) * len(side.conditions)
-        if loss <= 0:
-            return now
-        return now * math.sqrt(float(np.clip(gain / loss, 0.01, 100.0)))
+        for _ in range(_FARTHEST):
+            gain, loss = 0.0, 0.0
+            for side in sides:
+                conditions = side.conditions[:MOST_SIMULATED]
+                struck = self.simulated(conditions, values | {name: now})
+                calm = self.simulated(conditions, values | {name: 0.0})
+                with_impacts = float(np.mean([_bands(r, self.frame)[1] for r in struck]))
+                without = float(np.mean([_bands(r, self.frame)[1] for r in calm]))
+                gain += (side.energy - without) * len(side.conditions)
+                loss += (with_impacts - without) * len(side.conditions)
+            if loss <= 0:
+                return now
+            step = math.sqrt(float(np.clip(gain / loss, 0.01, 100.0)))
+            now *= step
+            # Energy goes with the square, unless a rail cuts it off; too long a step may lead astray.
+            if abs(math.log(step)) < (_SURE_STEP if self.linear else _FINAL_STEP):
+                break
+        return now
 
 
 def mode_density(resonance_hz: float, damping_ratio: float, fs_hz: float) -> Array:

@@ -22,12 +22,13 @@ from numpy.typing import NDArray
 
 from twingap.bearing import FAULTS, Bearing
 from twingap.errors import TwingapError
+from twingap.gap.band import impact_hz, mode_band
 from twingap.gap.baseline import all_parameters, match_baseline
 from twingap.gap.speed import Speeds, estimate_speeds
 from twingap.gap.speed_reading import comb_heights
 from twingap.gap.view import Frame
 from twingap.identify.phenomenological import quick_identify
-from twingap.records import Condition, RecordSet
+from twingap.records import RecordSet
 from twingap.streams import root_entropy
 from twingap.twins.twin_file import TwinSpec, build_twin, flat, nested
 
@@ -292,34 +293,13 @@ def _impulsive_band(records: RecordSet, bearing: Bearing) -> tuple[float, float]
     found = []
     for record in records:
         condition = record.condition
-        widest = 3 * _impact_hz(condition, bearing)
+        widest = 3 * impact_hz(condition, bearing)
         level = int(math.log2(min(max(condition.fs_hz / 2 / widest, 2.0), condition.n_samples / 128)))
         (best,) = most_impulsive_band(record.samples, condition.fs_hz, max_level=max(level, 1))
         found.append((best.kurtosis, best.low_hz, best.high_hz))
     _, low, high = max(found)
     top = min(c.fs_hz for c in records.conditions) / 2
     return (low, min(high, top)) if low < 0.9 * top else (0.1 * top, 0.9 * top)
-
-
-def mode_band(
-    resonance_hz: float, damping_ratio: float, conditions: Sequence[Condition], bearing: Bearing
-) -> tuple[float, float]:
-    """Band in which impacts ring, Hz: the mode's, wide enough for envelopes to show the impact rate's harmonics."""
-    top = min(c.fs_hz for c in conditions) / 2
-    rate = float(np.median([_impact_hz(c, bearing) for c in conditions]))
-    wanted = min(4 * rate, 0.2 * top)
-    # A very broad mode is a poor fit to several: the band does not follow it.
-    half = max(min(3 * damping_ratio * resonance_hz, 0.12 * top), wanted)
-    low, high = resonance_hz - half, resonance_hz + half
-    # A mode close to either end keeps the width of its band.
-    begin, end = 0.02 * top, 0.98 * top
-    low, high = (begin, min(begin + 2 * half, end)) if low < begin else (low, high)
-    return (max(end - 2 * half, begin), end) if high > end else (low, high)
-
-
-def _impact_hz(condition: Condition, bearing: Bearing) -> float:
-    fault = condition.fault if condition.fault not in (None, "healthy", "cage") else "inner"
-    return bearing.fault_order(str(fault)) * condition.speed_rpm / 60
 
 
 # ---------------------------------------------------------------------------------------------------------- parameters

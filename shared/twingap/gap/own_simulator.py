@@ -37,6 +37,8 @@ _OTHER_FAULT = 1e6
 _AS_NEAR = 0.01
 """Distance within which simulated records are of one condition."""
 _MOST_REPLICATES: Final = 12
+_MOST_MEASURED: Final = 40
+"""Records that levels are read from."""
 
 
 class OwnSimulator:
@@ -50,7 +52,8 @@ class OwnSimulator:
         The real records that calibrate: their conditions are what is asked for, their level sets the gain.
     bearing : Bearing
     reference_rms : float
-        RMS of the real machine's healthy vibration (`Frame.scale`): the yardstick of effects.
+        RMS of the real machine's healthy vibration (`Frame.scale`): the yardstick of effects where no simulated record
+        is healthy.
     name : str, optional
     others : sequence of Condition
         Of further real records, by which nothing is calibrated: all records share the simulated ones between them.
@@ -80,7 +83,7 @@ class OwnSimulator:
         name: str | None = None,
         others: Sequence[Condition] = (),
     ) -> None:
-        self.sim, self.bearing, self.reference_rms = sim, bearing, reference_rms
+        self.sim, self.bearing = sim, bearing
         self.name = name or sim.name
         self.has: tuple[str, ...] = ()
         self.conditions = real.conditions
@@ -100,6 +103,7 @@ class OwnSimulator:
         self._first, self._alike = self._shared_out([*real.conditions, *others])
         self.gain = self._calibrated(real, notes)
         self.level_free = self.gain != 1.0
+        self._healthy_rms = self._of_healthy() or reference_rms / self.gain
         slow = [c for c in real.conditions if c.fault not in self.missing and c.fault is not None]
         off = [abs(math.log(self.sim.conditions[self._ranked(c)[0]].speed_rpm / c.speed_rpm)) for c in slow]
         if off and max(off) > NEAR_SPEED:
@@ -122,6 +126,12 @@ class OwnSimulator:
                 record = apply_to_waveform(effects, record, self.bearing, self.reference_rms, streams)
             out.append(record)
         return out
+
+    @property
+    def reference_rms(self) -> float:
+        """RMS of the simulated healthy vibration at the present level, the yardstick of effects as it is of a twin's:
+        a healthy machine that has them vibrates more, and all the more so the stronger they are."""
+        return self._healthy_rms * self.gain
 
     def with_gain(self, gain: float) -> OwnSimulator:
         """The same records, times another factor."""
@@ -159,6 +169,12 @@ class OwnSimulator:
         known = [c for c in conditions if c.name in self._alike]
         least = min((len(self._ranked(c)) // self._alike[c.name] for c in known), default=1)
         return min(max(least, 1), _MOST_REPLICATES)
+
+    def _of_healthy(self) -> float | None:
+        """RMS of simulated healthy records about their means, as they were brought; None without any."""
+        places = [i for i, c in enumerate(self.sim.conditions) if c.fault == "healthy"][:_MOST_MEASURED]
+        power = [float(self.sim[i].samples.var()) for i in places]
+        return math.sqrt(float(np.mean(power))) if power and max(power) > 0 else None
 
     def _shared_out(self, conditions: Sequence[Condition]) -> tuple[dict[str, int], dict[str, int]]:
         """Which simulated record each real one gets first, and how many real ones share those that are as near.
@@ -232,7 +248,7 @@ class OwnSimulator:
         healthy = [i for i in shared if real.conditions[i].fault == "healthy"]
         self.gain = 1.0
         ratios = []
-        for i in (healthy or shared)[:40]:
+        for i in (healthy or shared)[:_MOST_MEASURED]:
             condition = real.conditions[i]
             made, _ = self._waveform(condition, streams_of(condition, 0, 0), 0)
             ratios.append(0.5 * math.log(max(float(real[i].samples.var()), 1e-300) / max(float(made.var()), 1e-300)))

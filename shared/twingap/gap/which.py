@@ -148,7 +148,7 @@ def search(evidence: Evidence, learnt: Learnt, report: Report = lambda what, par
     """
     found = _Search(evidence, learnt)
     report("the twin as given", 0.0)
-    p_value = learnt.p_value(evidence.against().held_out)
+    p_value = learnt.p_value(evidence.against().held_out, evidence.modelled)
     gap = p_value <= ALPHA
     for turn in range(ROUNDS):
         report("effects added", 0.2 + 0.2 * turn)
@@ -250,7 +250,7 @@ class _Search:
 
     def that_help(self) -> list[str]:
         """Where something is left over that has no name yet: the less likely effect that takes most of it away."""
-        rest = self.learnt.rest_p(self.now.held_out) if self.values else 0.0  # of a gap without any name, all is left
+        rest = self._rest_p() if self.values else 0.0  # of a gap without any name, all is left
         if rest > ALPHA_REST or len(self.values) >= MOST_EFFECTS:
             return []
         odds, gap = self.odds(self.now), self._gap()
@@ -351,7 +351,10 @@ class _Search:
 
     def rest_p(self, whole: float) -> float:
         """P-value of nothing left over; `whole`, that of no gap at all, where nothing was added."""
-        return self.learnt.rest_p(self.now.held_out) if self.values else whole
+        return self._rest_p() if self.values else whole
+
+    def _rest_p(self) -> float:
+        return self.learnt.rest_p(self.now.held_out, self.already)
 
     def keep(self, names: Sequence[str]) -> None:
         """Forget the effects that are not among these."""

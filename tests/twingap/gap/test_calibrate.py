@@ -12,8 +12,9 @@ import pytest
 
 from twingap.bearing import BEARINGS
 from twingap.errors import TwingapError
+from twingap.gap.band import mode_band
 from twingap.gap.baseline import match_baseline, mode_density
-from twingap.gap.calibrate import calibrate, mode_band, recalibrate, split_parts
+from twingap.gap.calibrate import calibrate, recalibrate, split_parts
 from twingap.records import Condition, Record, RecordSet
 from twingap.twins.twin_file import TwinSpec, build_twin, flat
 

@@ -92,6 +92,7 @@ def behind_examples() -> tuple[ModuleType, ...]:
     import twingap.identify
     import twingap.twins
     from twingap.gap import (
+        band,
         baseline,
         calibrate,
         comparison,
@@ -109,8 +110,8 @@ def behind_examples() -> tuple[ModuleType, ...]:
     from twingap.gap.training import as_built, examples, gaps, machines, parameters, strangers
 
     return (
-        twingap.effects, twingap.twins, twingap.identify, twingap.gap.signatures, baseline, calibrate, comparison,
-        distance, evidence, own_simulator, simulator, speed, speed_reading, strata, trends, view, views, as_built,
+        twingap.effects, twingap.twins, twingap.identify, twingap.gap.signatures, band, baseline, calibrate,
+        comparison, distance, evidence, own_simulator, simulator, speed, speed_reading, strata, trends, view, views, as_built,
         examples, gaps, machines, parameters, strangers,
     )  # fmt: skip
 

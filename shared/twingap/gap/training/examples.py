@@ -15,10 +15,10 @@ from twingap.effects import Effect, catalogue
 from twingap.errors import TwingapError
 from twingap.gap.calibrate import calibrate
 from twingap.gap.comparison import feature_names
-from twingap.gap.evidence import Evidence, simulator_of
+from twingap.gap.evidence import Compared, Evidence, simulator_of
 from twingap.gap.training.gaps import SimulatedGap, draw_gap
 from twingap.gap.training.learn import Examples
-from twingap.gap.training.parameters import Setting, coordinates, to_effect, to_number
+from twingap.gap.training.parameters import Setting, a_little_off, coordinates, to_number
 
 Array = NDArray[np.float64]
 
@@ -46,9 +46,10 @@ def stacked(parts: Sequence[Examples]) -> Examples:
         nothing = np.zeros((0, width), np.float32)
         none = np.zeros((0, effects), bool)
         return Examples(
-            nothing, none, np.zeros(0, bool), np.zeros(0, np.int64), np.zeros(0, bool), np.zeros((0, values)), nothing
-        )
-    fields = ("features", "missing", "strange", "machine", "first", "values", "fit_features")
+            nothing, none, none, np.zeros(0, bool), np.zeros(0, np.int64), np.zeros(0, bool), np.zeros((0, values)),
+            nothing,
+        )  # fmt: skip
+    fields = ("features", "missing", "modelled", "strange", "machine", "first", "values", "fit_features")
     return Examples(*[np.concatenate([getattr(part, name) for part in parts]) for name in fields])
 
 
@@ -63,7 +64,7 @@ def _of(seed: int, machine: int, most_records: int, among: Sequence[str]) -> Ite
     setting, order = evidence.setting, list(catalogue())
     try:
         compared = evidence.against()
-        yield _row(compared.held_out, compared.fit, gap.missing, gap.strange, machine, True, setting, order)
+        yield _row(compared, gap, gap.missing, machine, True, setting, order)
         if not gap.missing or rng.random() < 0.3:
             return
         found = _partly(rng, gap, setting, evidence)
@@ -73,18 +74,20 @@ def _of(seed: int, machine: int, most_records: int, among: Sequence[str]) -> Ite
     except TwingapError:
         return
     left = tuple(e for e in gap.missing if e.name not in {f.name for f in found})
-    yield _row(compared.held_out, compared.fit, left, gap.strange, machine, False, setting, order)
+    yield _row(compared, gap, left, machine, False, setting, order)
 
 
 def _row(
-    held_out: Array, fit: Array, missing: Sequence[Effect], strange: bool, machine: int, first: bool,
-    setting: Setting, order: list[str],
+    compared: Compared, gap: SimulatedGap, missing: Sequence[Effect], machine: int, first: bool, setting: Setting,
+    order: list[str],
 ) -> tuple[object, ...]:  # fmt: skip
     present = {effect.name: effect for effect in missing}
     values = [to_number(present[n], p, setting) if n in present else np.nan for n, p in coordinates()]
+    has = {effect.name for effect in gap.modelled}
+    lacks, models = (np.array([n in names for n in order]) for names in (present, has))
     return (
-        held_out.astype(np.float32), np.array([n in present for n in order]), strange, machine, first,
-        np.array(values), fit.astype(np.float32),
+        compared.held_out.astype(np.float32), lacks, models, gap.strange, machine, first, np.array(values),
+        compared.fit.astype(np.float32),
     )  # fmt: skip
 
 
@@ -92,17 +95,5 @@ def _partly(rng: np.random.Generator, gap: SimulatedGap, setting: Setting, evide
     """Some or all of the missing effects, as far as they can be added, at values about as wrong as estimates are."""
     can = [e for e in gap.missing if evidence.can_add(e.name) is None]
     chance = 1.0 if rng.random() < 0.5 else 0.6
-    off = 0.12 * rng.random()
-    out = []
-    for effect in can:
-        if rng.random() > chance:
-            continue
-        numbers = {}
-        for name, parameter in coordinates():
-            if name != effect.name:
-                continue
-            number = to_number(effect, parameter, setting)
-            place = parameter in ("carrier_hz", "order", "teeth", "sideband_order", "mains_hz", "inner", "accumulating")
-            numbers[parameter] = number + (0.0 if place else off * rng.standard_normal())
-        out.append(to_effect(effect.name, numbers, setting))
-    return tuple(out)
+    error = 0.12 * rng.random()
+    return tuple(a_little_off(effect, error, setting, rng) for effect in can if rng.random() <= chance)

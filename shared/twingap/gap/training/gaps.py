@@ -17,6 +17,7 @@ from twingap.effects import Effect, catalogue, make_effect
 from twingap.gap.evidence import values_of
 from twingap.gap.training.as_built import OF_MISSING, OF_MODELLED, as_built
 from twingap.gap.training.machines import Machine, draw_machine
+from twingap.gap.training.parameters import Setting, a_little_off
 from twingap.gap.training.strangers import estrange
 from twingap.records import Record, RecordSet
 from twingap.twins.twin_file import TwinSpec
@@ -49,7 +50,7 @@ class SimulatedGap:
     missing : tuple of Effect
         What the machine has and the twin lacks.
     modelled : tuple of Effect
-        What both have, at true values.
+        What both have, at the machine's values.
     strange : bool
         Whether the machine has something outside the catalogue too.
     machine : Machine
@@ -104,9 +105,17 @@ def draw_gap(
     if own:
         gain = float(np.exp(rng.normal(0, 0.7))) if rng.random() < 0.7 else 1.0
         sim = simulated(replace(machine, conditions=machine.nominal), modelled, rng, gain)
-    values = {effect.name: values_of(effect) for effect in modelled}
+    values = {effect.name: values_of(effect) for effect in _as_known(modelled, machine, rng)}
     spec = TwinSpec("phenomenological", tuple(values), None, values)
     return SimulatedGap(nominal, spec, sim, effects, modelled, strange, machine)
+
+
+def _as_known(modelled: Sequence[Effect], machine: Machine, rng: np.random.Generator) -> tuple[Effect, ...]:
+    """Effects as a twin file has them: at true values, or at values that were read off records."""
+    if rng.random() < 0.5:
+        return tuple(modelled)
+    setting, error = Setting.of(machine.nominal), 0.12 * rng.random()
+    return tuple(a_little_off(effect, error, setting, rng) for effect in modelled)
 
 
 def simulated(machine: Machine, effects: Sequence[Effect], rng: np.random.Generator, gain: float = 1.0) -> RecordSet:
@@ -150,10 +159,18 @@ _SHYNESS = {
     "sensor_rolloff": 1.7, "coloured_noise": 1.7, "distributed_roughness": 1.3, "foreign_bearing": 1.2,
 }  # fmt: skip
 """Effects that are hard to see, or that few machines' records could show, are drawn more often."""
+_JUST_SEEN = 93.0
+"""Power of a tone over that of the noise, times the samples, from which it shows: the more there are, the weaker."""
 
 
 def _log(rng: np.random.Generator, low: float, high: float) -> float:
     return float(np.exp(rng.uniform(np.log(low), np.log(high))))
+
+
+def _faintest(machine: Machine) -> float:
+    """RMS of a tone, in multiples of the healthy RMS, that all records of the machine together just show."""
+    samples = sum(c.n_samples for c in machine.conditions)
+    return float(np.clip(math.sqrt(_JUST_SEEN / samples), 0.012, 0.09))
 
 
 def _faults(machine: Machine) -> set[str]:
@@ -165,7 +182,7 @@ def _any_fault(drawer: Drawer) -> Drawer:
 
 
 def _zone(rng: np.random.Generator, machine: Machine) -> Mapping[str, float] | None:
-    return {"depth": rng.uniform(0.12, 1.0)} if _faults(machine) & {"inner", "ball"} else None
+    return {"depth": rng.uniform(0.1, 1.0)} if _faults(machine) & {"inner", "ball"} else None
 
 
 def _growth(rng: np.random.Generator, machine: Machine) -> Mapping[str, float] | None:
@@ -174,7 +191,7 @@ def _growth(rng: np.random.Generator, machine: Machine) -> Mapping[str, float] |
         return None
     begin, span = min(times), max(times) - min(times)
     onset = begin + span * rng.uniform(0, 0.6) if rng.random() < 0.6 else begin
-    return {"rate_per_s": _log(rng, 0.35, 3.0) / (max(times) - onset), "onset_s": onset}
+    return {"rate_per_s": _log(rng, 0.15, 3.0) / (max(times) - onset), "onset_s": onset}
 
 
 def _gain(rng: np.random.Generator, machine: Machine) -> Mapping[str, float] | None:
@@ -185,7 +202,8 @@ def _gain(rng: np.random.Generator, machine: Machine) -> Mapping[str, float] | N
     reference = 1800.0 if rng.random() < 0.3 else float(np.median(speeds))
     # A speed that strikes feel, the noise of the structure may feel as much, less or not at all.
     on_noise = float(rng.choice([0.0, rng.random(), 1.0], p=[0.4, 0.3, 0.3]))
-    return {"exponent": sign * _log(rng, 0.4, 4.5), "reference_speed_rpm": reference, "on_noise": on_noise}
+    least = float(np.clip(0.06 / math.log(max(speeds) / min(speeds)), 0.15, 0.5))
+    return {"exponent": sign * _log(rng, least, 4.5), "reference_speed_rpm": reference, "on_noise": on_noise}
 
 
 def _density(machine: Machine, f_hz: float, more: tuple[float, float, float] | None = None) -> float:
@@ -233,8 +251,8 @@ def _rolloff(rng: np.random.Generator, machine: Machine) -> Mapping[str, float]:
 
 def _mains(rng: np.random.Generator, machine: Machine) -> Mapping[str, float]:
     return {
-        "level": _log(rng, 0.04, 2.0), "decay": rng.uniform(0.2, 0.9), "mains_hz": float(rng.choice([50.0, 60.0])),
-        "n_harmonics": int(rng.integers(1, 9)),
+        "level": _log(rng, _faintest(machine), 2.0), "decay": rng.uniform(0.2, 0.9),
+        "mains_hz": float(rng.choice([50.0, 60.0])), "n_harmonics": int(rng.integers(1, 9)),
     }  # fmt: skip
 
 
@@ -242,8 +260,8 @@ def _drive(rng: np.random.Generator, machine: Machine) -> Mapping[str, float]:
     fs_hz = machine.conditions[0].fs_hz
     order = float(rng.integers(1, 9)) if rng.random() < 0.7 else rng.uniform(1, 8)
     return {
-        "level": _log(rng, 0.05, 2.0), "depth": rng.uniform(0.2, 2.0), "carrier_hz": fs_hz * _log(rng, 0.04, 0.46),
-        "sideband_order": order,
+        "level": _log(rng, 1.2 * _faintest(machine), 2.0), "depth": rng.uniform(0.2, 2.0),
+        "carrier_hz": fs_hz * _log(rng, 0.04, 0.46), "sideband_order": order,
     }  # fmt: skip
 
 
@@ -253,8 +271,9 @@ def _gear(rng: np.random.Generator, machine: Machine) -> Mapping[str, float] | N
     if most < 9:
         return None
     return {
-        "level": _log(rng, 0.05, 3.0), "decay": rng.uniform(0.1, 0.9), "depth": rng.uniform(0.1, 1.5),
-        "teeth": int(rng.integers(8, min(90, most) + 1)), "n_harmonics": int(rng.integers(1, 7)),
+        "level": _log(rng, 1.2 * _faintest(machine), 3.0), "decay": rng.uniform(0.1, 0.9),
+        "depth": rng.uniform(0.1, 1.5), "teeth": int(rng.integers(8, min(90, most) + 1)),
+        "n_harmonics": int(rng.integers(1, 7)),
     }  # fmt: skip
 
 
@@ -277,7 +296,7 @@ def _two_strikes(rng: np.random.Generator, machine: Machine) -> Mapping[str, flo
     # From what is one strike of another shape to nearly half a pass, on the race where there is one.
     per_pass = 360 / machine.bearing.n_rollers if _faults(machine) - {"ball"} else 180.0
     arc_deg, turned = min(_log(rng, 0.015, 0.42) * per_pass, 80.0), bool(rng.random() < 0.4)
-    return {"arc_deg": arc_deg, "exit_ratio": _log(rng, 0.35, 4.0), "turned": turned}
+    return {"arc_deg": arc_deg, "exit_ratio": _log(rng, 0.2, 5.0), "turned": turned}
 
 
 def _coloured(rng: np.random.Generator, machine: Machine) -> Mapping[str, float]:
@@ -299,8 +318,8 @@ def _knocks(rng: np.random.Generator, machine: Machine) -> Mapping[str, float]:
 
 def _waviness(rng: np.random.Generator, machine: Machine) -> Mapping[str, float]:
     return {
-        "level": _log(rng, 0.04, 2.0), "decay": rng.uniform(0.2, 0.95), "n_harmonics": int(rng.integers(1, 8)),
-        "inner": bool(rng.random() < 0.35),
+        "level": _log(rng, _faintest(machine), 2.0), "decay": rng.uniform(0.2, 0.95),
+        "n_harmonics": int(rng.integers(1, 8)), "inner": bool(rng.random() < 0.35),
     }  # fmt: skip
 
 
@@ -313,21 +332,21 @@ def _clipping(rng: np.random.Generator, machine: Machine) -> Mapping[str, float]
 DRAWERS: dict[str, Drawer] = {
     "speed_fluctuation": _any_fault(lambda r, m: {"level": _log(r, 0.0015, 0.05), "bandwidth_hz": _log(r, 0.5, 10.0)}),
     "mean_slip": lambda r, m: (
-        {"slip": float(r.choice([-1, 1])) * _log(r, 0.004, 0.05)} if len(_faults(m)) > 1 else None
+        {"slip": float(r.choice([-1, 1])) * _log(r, 0.003, 0.05)} if len(_faults(m)) > 1 else None
     ),
     "slip_jitter": _any_fault(lambda r, m: {"sigma": _log(r, 0.005, 0.1), "accumulating": bool(r.random() < 0.3)}),
     "impact_scatter": _any_fault(lambda r, m: {"sigma": _log(r, 0.1, 1.0)}),
     "load_zone": _zone,
-    "cage_modulation": _any_fault(lambda r, m: {"depth": r.uniform(0.12, 1.0)}),
+    "cage_modulation": _any_fault(lambda r, m: {"depth": r.uniform(0.09, 1.0)}),
     "entry_exit": _any_fault(_two_strikes),
     "distributed_roughness": lambda r, m: {"level": _log(r, 0.3, 4.0), "depth": r.uniform(0.25, 1.0)},
     "speed_gain": _gain,
     "damage_growth": _growth,
     "second_resonance": _resonance,
     "sensor_rolloff": _rolloff,
-    "shaft_harmonics": lambda r, m: {f"level_{k}x": _log(r, 0.03, 1.5) for k in (1, 2, 3)},
+    "shaft_harmonics": lambda r, m: {f"level_{k}x": _log(r, 0.8 * _faintest(m), 1.5) for k in (1, 2, 3)},
     "looseness": lambda r, m: {
-        "level": _log(r, 0.04, 1.2), "decay": r.uniform(0.6, 0.97), "half_ratio": r.uniform(0.25, 1.0),
+        "level": _log(r, _faintest(m), 1.2), "decay": r.uniform(0.6, 0.97), "half_ratio": r.uniform(0.25, 1.0),
         "n_orders": int(r.integers(5, 18)),
     },
     "mains_interference": _mains,

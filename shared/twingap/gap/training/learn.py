@@ -6,7 +6,7 @@ examples (features, what is missing, values) --detectors--> detector of each eff
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field
 from fnmatch import fnmatchcase
 from typing import Any, Final
@@ -31,6 +31,8 @@ class Examples:
     ----------
     features : Array [examples, features]
     missing : Mask [examples, effects]
+    modelled : Mask [examples, effects]
+        What the twin has as given: that cannot be missing, though a machine may have it in another form.
     strange : Mask [examples]
         Something outside the catalogue.
     machine : Array [examples]
@@ -45,6 +47,7 @@ class Examples:
 
     features: NDArray[np.float32]
     missing: Mask
+    modelled: Mask
     strange: Mask
     machine: NDArray[np.int64]
     first: Mask
@@ -60,6 +63,8 @@ PRECISION: Final = 0.75
 COVERAGE: Final = 0.93
 """Part of the machines not seen whose truth the confidence set is to hold: 90 %, and some for what is unlike them."""
 
+UNHEARD: Final = -6.0
+"""Log odds of an effect that no detector is asked of."""
 MOST: Final = 0.93
 """Level beyond which sets only grow: what is missed then is what a first look cannot see at all."""
 
@@ -121,6 +126,11 @@ def _alone(function: Callable[..., Any], *arguments: Any) -> Any:
         return function(*arguments)
 
 
+def _of_all(log_odds: Array, general: NDArray[Any]) -> Array:
+    """[examples, columns] What the detector of any gap hears: all others, the three surest, and what is general."""
+    return np.concatenate((log_odds, np.sort(log_odds, axis=1)[:, -3:], general), axis=1)
+
+
 def _any_of(log_odds: Array) -> Array:
     """[examples] How surely at least one effect is missing, were each [examples, effects] by itself."""
     return np.asarray(np.log1p(np.exp(np.clip(log_odds, -30, 30))).sum(axis=1))
@@ -168,32 +178,29 @@ class Learnt:
         `later`: of a twin to which effects have been added.
         """
         rows = np.atleast_2d(features)
-        out = np.full((len(rows), len(self.effects)), -6.0)
+        out = np.full((len(rows), len(self.effects)), UNHEARD)
         for j, name in enumerate(self.effects):
             if name in self.detectors:
                 out[:, j] = self.detectors[name].score(rows, later=later)
         return out
 
-    def p_value(self, features: NDArray[Any]) -> float:
-        """Part of the machines without a gap that look at least as much like one."""
-        return self._rank(features, self.null, later=False)
+    def p_value(self, features: NDArray[Any], modelled: Collection[str] = ()) -> float:
+        """Part of the machines without a gap that look at least as much like one.
 
-    def rest_p(self, features: NDArray[Any]) -> float:
+        `modelled`: effects that the twin has as given, of which no detector is asked.
+        """
+        return self._rank(features, self.null, modelled, later=False)
+
+    def rest_p(self, features: NDArray[Any], modelled: Collection[str] = ()) -> float:
         """The same once effects have been added: against machines to which all that they lacked had been added."""
-        return self._rank(features, self.null_rest, later=True)
+        return self._rank(features, self.null_rest, modelled, later=True)
 
-    def _rank(self, features: NDArray[Any], null: Null, *, later: bool) -> float:
-        any_of = _any_of(self.log_odds(features, later=later))
-        scores = np.stack([self.anything_score(features, later=later), any_of], axis=1)
-        return null.p_value(Judged.of(scores, features, self.features))
-
-    def anything_score(self, features: NDArray[Any], *, later: bool = False) -> Array:
-        """[examples] Log odds that the twin lacks anything, named or not."""
+    def _rank(self, features: NDArray[Any], null: Null, modelled: Collection[str], *, later: bool) -> float:
         rows = np.atleast_2d(features)
-        scores = self.log_odds(rows, later=later)
-        return self.anything.score(
-            np.concatenate((scores, np.sort(scores, axis=1)[:, -3:], rows[:, self.general]), axis=1), later=later
-        )
+        odds = self.log_odds(rows, later=later)
+        odds[:, [name in modelled for name in self.effects]] = UNHEARD
+        anything = self.anything.score(_of_all(odds, rows[:, self.general]), later=later)
+        return null.p_value(Judged.of(np.stack([anything, _any_of(odds)], axis=1), features, self.features))
 
 
 def learn(examples: Examples, effects: tuple[str, ...], parameters: tuple[tuple[str, str], ...],
@@ -231,20 +238,21 @@ def learn(examples: Examples, effects: tuple[str, ...], parameters: tuple[tuple[
         if estimator is not None:
             estimators[parameter] = estimator
     report("detector of any gap", 0.9)
-    scores = np.full((len(machine), len(effects)), -6.0)
+    scores = np.full((len(machine), len(effects)), UNHEARD)
     for j, name in enumerate(effects):
         if name in detectors:
             scores[:, j] = detectors[name].unseen
             detectors[name].unseen = detectors[name].unseen[here]
     any_gap = examples.missing.any(axis=1) | examples.strange
     general = general_columns(names)
-    whole = Table(np.concatenate((scores, np.sort(scores, axis=1)[:, -3:], table.values[:, general]), axis=1))
+    heard = np.where(np.tile(examples.modelled, (2, 1)), UNHEARD, scores)
+    whole = Table(_of_all(heard, table.values[:, general]).astype(np.float32))
     anything = learn_classifier(whole, np.tile(any_gap, 2), machine, range(whole.values.shape[1]), first)
     if anything is None:
         raise ValueError("too few examples with and without a gap to learn from")
     anything.unseen = anything.unseen[here]
     scores = scores[here]
-    judged = Judged.of(np.stack([anything.unseen, _any_of(scores)], axis=1), examples.features, names)
+    judged = Judged.of(np.stack([anything.unseen, _any_of(heard[here])], axis=1), examples.features, names)
     null, rest = (Null(judged.take(rows)) for rows in (~any_gap & examples.first, ~any_gap & ~examples.first))
     limits = {name: _limit(scores[:, j], examples.missing[:, j]) for j, name in enumerate(effects)}
     known = examples.first & ~examples.strange

@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 import scipy.fft
@@ -60,7 +61,16 @@ class Machine:
         names = {effect.name for effect in effects}
         small = tuple(effect for effect in self.imperfections if effect.name not in names)
         own = replace(self.parameters, scale=self.parameters.scale * scale)
-        return StructuredTwin(self.bearing, own, (*small, *effects), self.modes, self.contact_s, self.tilt)
+        rms = self.healthy_rms * scale
+        return StructuredTwin(self.bearing, own, (*small, *effects), self.modes, self.contact_s, self.tilt, rms)
+
+    @cached_property
+    def healthy_rms(self) -> float:
+        """RMS of healthy vibration without any effect, all modes and the tilt included: the yardstick of effects."""
+        bare = StructuredTwin(self.bearing, self.parameters, (), self.modes, self.contact_s, self.tilt)
+        healthy = replace(self.conditions[0], fault="healthy", n_samples=1 << 14)
+        (record,) = bare.make([healthy], [Streams(0, 0)])
+        return float(record.samples.std())
 
 
 class StructuredTwin(PhenomenologicalTwin):
@@ -74,9 +84,16 @@ class StructuredTwin(PhenomenologicalTwin):
         modes: Sequence[Mode],
         contact_s: float,
         tilt: float,
+        healthy_rms: float | None = None,
     ) -> None:
         super().__init__(bearing, parameters, effects)
+        self._healthy_rms = healthy_rms
         self.modes, self.contact_s, self.tilt = tuple(modes), contact_s, tilt
+
+    @property
+    def reference_rms(self) -> float:
+        """RMS of the healthy vibration: of all modes, where it is given."""
+        return super().reference_rms if self._healthy_rms is None else self._healthy_rms
 
     def excite(self, draft: Draft, streams: Streams) -> None:
         """As the baseline, through all modes."""

@@ -12,6 +12,8 @@ from dataclasses import dataclass
 from functools import cache
 from typing import Final
 
+import numpy as np
+
 from twingap.effects import Effect, catalogue, make_effect
 from twingap.errors import TwingapError
 from twingap.records import Condition
@@ -20,6 +22,8 @@ _NOT_LEARNT: Final = {("speed_gain", "reference_speed_rpm")}
 """A convention: the impacts' amplitude takes up another reference."""
 _BROAD_HZ: Final = 400.0
 """Parameters in Hz that reach beyond this are places in a spectrum, and scale with the sampling rate."""
+_EXACT: Final = ("carrier_hz", "order", "teeth", "sideband_order", "mains_hz", "inner", "accumulating")
+"""Parameters that estimates have right, or not at all."""
 
 
 @dataclass(frozen=True)
@@ -82,6 +86,23 @@ def to_effect(name: str, numbers: Mapping[str, float], setting: Setting) -> Effe
         return make_effect(name, values)
     except TwingapError:  # a user's own effect may refuse combinations: its defaults are always meaningful
         return make_effect(name)
+
+
+def a_little_off(effect: Effect, error: float, setting: Setting, rng: np.random.Generator) -> Effect:
+    """The effect at values about as wrong as estimates are.
+
+    Parameters
+    ----------
+    effect : Effect
+    error : float
+        Standard deviation of numbers, see `to_number`.
+    setting : Setting
+    rng : numpy.random.Generator
+    """
+    numbers = {p: to_number(effect, p, setting) for name, p in coordinates() if name == effect.name}
+    for parameter in [p for p in numbers if p not in _EXACT]:
+        numbers[parameter] += error * rng.standard_normal()
+    return to_effect(effect.name, numbers, setting)
 
 
 def to_value(name: str, parameter: str, number: float, setting: Setting) -> float:

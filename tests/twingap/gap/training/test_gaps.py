@@ -3,10 +3,11 @@
 import numpy as np
 import pytest
 
-from twingap.effects import catalogue
+from twingap.effects import catalogue, make_effect
+from twingap.gap.evidence import values_of
 from twingap.gap.training.gaps import draw_effects, draw_gap
 from twingap.gap.training.machines import draw_bearing, draw_machine
-from twingap.gap.training.parameters import Setting, coordinates, to_effect, to_number
+from twingap.gap.training.parameters import Setting, a_little_off, coordinates, to_effect, to_number
 from twingap.gap.training.strangers import estrange
 
 
@@ -67,3 +68,22 @@ def test_a_strange_record_keeps_its_length_and_changes():
         assert all(np.isfinite(r.samples).all() for r in changed)
         assert any(not np.array_equal(a.samples, b.samples) for a, b in zip(changed, records, strict=True))
         assert changed.conditions == records.conditions
+
+
+def test_a_twin_file_has_what_it_models_at_true_values_or_a_little_off():
+    """Values that are read off records are never quite right: a machine is not to be called lacking for that."""
+    same = []
+    for seed in range(60):
+        gap = draw_gap(np.random.default_rng([31, seed]), own_simulator=False, most_records=5)
+        same += [gap.spec.parameters[effect.name] == values_of(effect) for effect in gap.modelled]
+    assert 0.3 < np.mean(same) < 0.75
+    assert len(same) > 15
+
+
+def test_values_a_little_off_are_of_the_same_effect_and_near():
+    effect, rng = make_effect("gear_mesh", {"level": 0.5, "teeth": 23, "n_harmonics": 3}), np.random.default_rng(2)
+    setting = Setting(12_000.0, 0.0, 1.0, 1800.0)
+    made = [a_little_off(effect, 0.1, setting, rng) for _ in range(300)]
+    assert {one.teeth for one in made} == {23}  # known, or not at all
+    assert np.std([np.log(one.level) for one in made]) == pytest.approx(0.1, abs=0.02)
+    assert a_little_off(effect, 0.0, setting, rng) == effect

@@ -27,7 +27,7 @@ def examples():
     values = np.where(missing[:, :1], 2.0 * features[:, 11:12] + 1.0, np.nan)
     features[rng.random(features.shape) < 0.03] = np.nan
     first = rng.random(n) < 0.8
-    return Examples(features, missing, np.zeros(n, bool), np.arange(n), first, values, features)
+    return Examples(features, missing, np.zeros_like(missing), np.zeros(n, bool), np.arange(n), first, values, features)
 
 
 def test_scores_of_unseen_machines_are_log_odds(examples):

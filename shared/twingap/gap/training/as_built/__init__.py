@@ -19,7 +19,7 @@ from twingap.gap.training.as_built import disturbances, sensors, strikes
 from twingap.gap.training.as_built.maker import Maker
 from twingap.gap.training.machines import Machine
 
-OF_MODELLED: Final = 0.4
+OF_MODELLED: Final = 0.25
 """Part of the machines that have an effect otherwise than their twin, which models it."""
 OF_MISSING: Final = 0.25
 """Part of the machines that have an effect which their twin lacks otherwise than the catalogue makes it: the more they
