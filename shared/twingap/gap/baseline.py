@@ -32,6 +32,8 @@ BANDS: Final = 128
 """Bands of the spectra that baselines are matched in."""
 _FARTHEST: Final = 4
 """Steps that an impact amplitude may take at once: one read in another band than the mode's may be nil."""
+_LEAST_BEGUN: Final = 1.0
+"""Impact amplitude to begin at: what weaker ones add to a band's energy is chance."""
 _SURE_STEP: Final = math.log(9.9)
 """Logarithm of a step, of ten times at most, that leads where it should: energy goes with the square of amplitude."""
 _FINAL_STEP: Final = 0.1
@@ -374,7 +376,7 @@ class _Matcher:
     def amplitude(self, fault: str, sides: Sequence[Side], values: dict[str, float]) -> float:
         """Impact amplitude that brings the energy in the band to what it is in the records."""
         name = f"impact_amplitude.{fault}"
-        now = max(values[name], 1e-3)
+        now = max(values[name], _LEAST_BEGUN)
         for _ in range(_FARTHEST):
             gain, loss = 0.0, 0.0
             for side in sides:

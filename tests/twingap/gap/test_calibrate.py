@@ -119,6 +119,35 @@ def test_the_baseline_is_found_again_under_further_effects(effects: list[str], p
     near(values(again.spec), 0.06)
 
 
+@pytest.mark.parametrize(
+    ("effect", "values_of_it"),
+    [
+        ("coloured_noise", {"level": 2.0, "slope": 1.0, "low_hz": 30.0, "high_hz": 1500.0}),
+        ("second_resonance", {"frequency_hz": 900.0, "damping_ratio": 0.02, "gain": 0.6}),
+        ("impulsive_noise", {"level": 30.0, "rate_hz": 12.0, "resonance_hz": 700.0, "damping_ratio": 0.03}),
+    ],
+)
+def test_the_mode_is_not_taken_for_what_a_modelled_effect_makes(effect: str, values_of_it: dict[str, Any]) -> None:
+    """The hump that stands out of healthy spectra is the effect's; impacts are weighed where they ring."""
+    own = {"resonance_hz": 4700.0, "damping_ratio": 0.02, "structure_noise_rms": 0.3, "white_noise_rms": 0.95}
+    records = machine([effect], **own, **{effect: values_of_it})
+    found = values(calibrate(records, TwinSpec("phenomenological", (effect,), parameters={effect: values_of_it}),
+                             np.random.default_rng(0)).spec)  # fmt: skip
+    assert found["resonance_hz"] == pytest.approx(4700.0, rel=0.04)
+    assert found["scale"] == pytest.approx(0.3 * math.hypot(0.3, 0.95), rel=0.1)
+    for fault, amplitude in TRUTH["impact_amplitude"].items():
+        strength = found[f"impact_amplitude.{fault}"] * found["scale"]
+        assert strength == pytest.approx(0.3 * amplitude, rel=0.25)
+
+
+def test_an_effect_that_is_idle_at_one_speed_is_not_at_others() -> None:
+    gain = {"exponent": -2.0, "reference_speed_rpm": 1800.0, "on_noise": 1.0}
+    records = machine(["speed_gain"], speed_gain=gain)
+    spec = TwinSpec("phenomenological", ("speed_gain",), parameters={"speed_gain": gain})
+    found = values(calibrate(records, spec, np.random.default_rng(0)).spec)
+    assert found["scale"] == pytest.approx(TRUTH["scale"], rel=0.1)
+
+
 def test_recalibration_without_effects_moves_nothing_much() -> None:
     found = calibrate(machine(), PLAIN, np.random.default_rng(0))
     assert found.spec is not None

@@ -13,13 +13,15 @@ import pytest
 from twingap.bearing import BEARINGS
 from twingap.data import cut, load, where
 from twingap.effects import catalogue, make_effect
+from twingap.effects.on_waveform import apply_to_waveform
 from twingap.errors import TwingapError
-from twingap.gap.calibrate import calibrate
+from twingap.gap.calibrate import calibrate, healthy_rms
 from twingap.gap.comparison import feature_names
 from twingap.gap.evidence import Evidence, simulator_of
 from twingap.gap.own_simulator import OwnSimulator
 from twingap.gap.simulator import TwinSimulator
 from twingap.records import Condition, Record, RecordSet
+from twingap.streams import Streams
 from twingap.twins.callable_twin import register_callable
 from twingap.twins.twin_file import TwinSpec, build_twin, read_twin
 
@@ -95,6 +97,32 @@ def test_own_records_are_left_as_they_are_by_effects() -> None:
     assert not np.array_equal(noisy[0].samples, before[0])
     for record, kept in zip(made, before, strict=True):
         np.testing.assert_array_equal(record.samples, kept)
+
+
+def test_disturbances_go_by_the_simulators_own_vibration() -> None:
+    """A machine with a strong disturbance vibrates more: that is no yardstick of the disturbance."""
+    hum = make_effect("mains_interference", {"level": 1.5, "decay": 0.2})
+    made, units = sim(), 2.5
+    loud = [
+        apply_to_waveform((hum,), r, BEARING, healthy_rms(sim(seed=1)), Streams(4, i))
+        for i, r in enumerate(sim(seed=1))
+    ]
+    real = RecordSet.from_records("real", "", BEARING, (Record(r.condition, units * r.samples) for r in loud))
+    own = OwnSimulator(made, real, BEARING, healthy_rms(real)).with_gain(units)
+    tone = [
+        b.samples - a.samples
+        for a, b in zip(own.simulate((), CONDITIONS, 5, 0), own.simulate((hum,), CONDITIONS, 5, 0), strict=True)
+    ]
+    added = float(np.mean([x.std() for x in tone]))
+    there = units * float(np.mean([(a.samples - b.samples).std() for a, b in zip(loud, sim(seed=1), strict=True)]))
+    assert added == pytest.approx(there, rel=0.05)
+
+
+def test_without_a_healthy_simulated_record_the_real_ones_are_the_yardstick() -> None:
+    struck = [c for c in CONDITIONS if c.fault != "healthy"]
+    own = OwnSimulator(sim(struck), sim(seed=1), BEARING, 0.8)
+    assert own.reference_rms == pytest.approx(0.8)
+    assert own.with_gain(3 * own.gain).reference_rms == pytest.approx(2.4)
 
 
 def test_another_unit_is_calibrated_away() -> None:

@@ -111,8 +111,8 @@ def behind_examples() -> tuple[ModuleType, ...]:
 
     return (
         twingap.effects, twingap.twins, twingap.identify, twingap.gap.signatures, band, baseline, calibrate,
-        comparison, distance, evidence, own_simulator, simulator, speed, speed_reading, strata, trends, view, views, as_built,
-        examples, gaps, machines, parameters, strangers,
+        comparison, distance, evidence, own_simulator, simulator, speed, speed_reading, strata, trends, view, views,
+        as_built, examples, gaps, machines, parameters, strangers,
     )  # fmt: skip
 
 
