@@ -72,6 +72,16 @@ def test_the_null_is_of_machines_without_a_gap_and_p_values_are_even(examples):
     assert learnt.p_value(examples.features[np.flatnonzero(examples.missing.all(axis=1))[0]]) < 0.1
 
 
+def test_no_detector_is_asked_of_what_the_twin_has(examples):
+    names = tuple(f"context|records{k}" for k in range(60))
+    learnt = learn(examples, ("a", "b"), (), names, lambda what, part: None)
+    only_a = examples.missing[:, 0] & ~examples.missing[:, 1] & (examples.features[:, 3] > 1.5)
+    x = examples.features[np.flatnonzero(only_a)[0]]
+    assert learnt.p_value(x) < 0.05
+    assert learnt.p_value(x, ("b",)) < 0.05
+    assert learnt.p_value(x, ("a",)) > 2 * learnt.p_value(x)  # what hears any gap still does
+
+
 def judged(scores, records=0.0):
     """Machines of these scores whose distance is not known."""
     scores = np.asarray(scores, float)
