@@ -30,14 +30,14 @@ MOST_SIMULATED: Final = 4
 """Records of each state that are simulated to match a baseline."""
 BANDS: Final = 128
 """Bands of the spectra that baselines are matched in."""
-_FARTHEST: Final = 4
-"""Steps that an impact amplitude may take at once: one read in another band than the mode's may be nil."""
+_MOST_STEPS: Final = 4
+"""Steps, of ten times at most, to an impact amplitude: one that was read in another band than the mode's may be nil."""
 _LEAST_BEGUN: Final = 1.0
 """Impact amplitude to begin at: what weaker ones add to a band's energy is chance."""
 _SURE_STEP: Final = math.log(9.9)
-"""Logarithm of a step, of ten times at most, that leads where it should: energy goes with the square of amplitude."""
+"""Logarithm of a step below which it led where it should: energy goes with the square of amplitude."""
 _FINAL_STEP: Final = 0.1
-"""The same where it does not."""
+"""The same where energy does not."""
 _GRID: Final = (0.08, 0.16, 0.27, 0.4)
 """Parts of the sampling rate at which broad modes are tried: they have no peak to begin at."""
 _BESIDE: Final = 0.06
@@ -376,20 +376,20 @@ class _Matcher:
     def amplitude(self, fault: str, sides: Sequence[Side], values: dict[str, float]) -> float:
         """Impact amplitude that brings the energy in the band to what it is in the records."""
         name = f"impact_amplitude.{fault}"
+        number = np.array([len(side.conditions) for side in sides], float)
+
+        def energy(amplitude: float) -> Array:
+            made = (self.simulated(side.conditions[:MOST_SIMULATED], values | {name: amplitude}) for side in sides)
+            return np.array([np.mean([_bands(r, self.frame)[1] for r in records]) for records in made])
+
+        without = energy(0.0)
+        wanted = float(number @ (np.array([side.energy for side in sides]) - without))
         now = max(values[name], _LEAST_BEGUN)
-        for _ in range(_FARTHEST):
-            gain, loss = 0.0, 0.0
-            for side in sides:
-                conditions = side.conditions[:MOST_SIMULATED]
-                struck = self.simulated(conditions, values | {name: now})
-                calm = self.simulated(conditions, values | {name: 0.0})
-                with_impacts = float(np.mean([_bands(r, self.frame)[1] for r in struck]))
-                without = float(np.mean([_bands(r, self.frame)[1] for r in calm]))
-                gain += (side.energy - without) * len(side.conditions)
-                loss += (with_impacts - without) * len(side.conditions)
-            if loss <= 0:
+        for _ in range(_MOST_STEPS):
+            added = float(number @ (energy(now) - without))
+            if added <= 0:
                 return now
-            step = math.sqrt(float(np.clip(gain / loss, 0.01, 100.0)))
+            step = math.sqrt(float(np.clip(wanted / added, 0.01, 100.0)))
             now *= step
             # Energy goes with the square, unless a rail cuts it off; too long a step may lead astray.
             if abs(math.log(step)) < (_SURE_STEP if self.linear else _FINAL_STEP):

@@ -140,15 +140,16 @@ def _with_intervals(
         mask[places] = keep
         return estimate(mask, fit)
 
+    bare = {
+        f"impact_amplitude.{fault}": Estimate(float(np.sqrt(max(power, 0.0))))
+        for fault, power in zip(amplitudes, at[len(at) - len(amplitudes) :], strict=True)
+    }
     if problem.mode_may_be_masked(fit, baseline):
         notes.append(
             f"records shorter than {SHORT_S:g} s do not tell a sharp mode from a line, and what may be either lies at "
             "the resonance: values without intervals, and the damping may be too high"
         )
-        out = {name: Estimate(value) for name, value in problem.values(fit).items()}
-        for place, fault in enumerate(amplitudes, start=len(out)):
-            out[f"impact_amplitude.{fault}"] = Estimate(float(np.sqrt(max(at[place], 0.0))))
-        return out
+        return {name: Estimate(value) for name, value in problem.values(fit).items()} | bare
     spread = jackknife(without, of)
     out = {}
     values = problem.values(fit)
@@ -158,20 +159,14 @@ def _with_intervals(
         # A mode read off lines is biased by where they lie, by more than its scatter; what rests on it is, too.
         notes.append("a resonance read off the faults' lines has no interval, nor has what rests on it")
         sound = ("white_noise_rms", "scale")
-        out = {name: e if name in sound else Estimate(e.value) for name, e in out.items()}
-        for place, fault in enumerate(amplitudes, start=len(values)):
-            out[f"impact_amplitude.{fault}"] = Estimate(float(np.sqrt(max(at[place], 0.0))))
-        return out
+        return {name: e if name in sound else Estimate(e.value) for name, e in out.items()} | bare
     if problem.noise_share < SURE_SHARE:
         notes.append(
             f"{1 - problem.noise_share:.0%} of what looks like structure noise between the lines was told from it by "
             "time: noise levels, scale and impact amplitudes have no intervals"
         )
         sound = ("resonance_hz", "damping_ratio")
-        out = {name: e if name in sound else Estimate(e.value) for name, e in out.items()}
-        for place, fault in enumerate(amplitudes, start=len(values)):
-            out[f"impact_amplitude.{fault}"] = Estimate(float(np.sqrt(max(at[place], 0.0))))
-        return out
+        return {name: e if name in sound else Estimate(e.value) for name, e in out.items()} | bare
     scale = problem.levels(fit)["scale"]
     for place, (fault, amplitude) in enumerate(amplitudes.items(), start=len(values)):
         own = spread.at(place) + amplitude.spread(fit, healthy, scale)

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from twingap.effects import Effect, catalogue, make_effect
 from twingap.gap.evidence import values_of
-from twingap.gap.training.as_built import OF_MISSING, OF_MODELLED, as_built
+from twingap.gap.training.as_built import as_built
 from twingap.gap.training.machines import Machine, draw_machine
 from twingap.gap.training.parameters import Setting, a_little_off
 from twingap.gap.training.strangers import estrange
@@ -91,8 +91,7 @@ def draw_gap(
     # What a twin models is there as the twin has it or nearly so, but a slip the other way is another slip. A simulator
     # of the machine's own has what it models as the machine has it.
     alike = tuple(e for e in modelled if own or e.name == "mean_slip")
-    built = [e if e in alike else as_built(e, machine, rng, OF_MODELLED if e in modelled else OF_MISSING)
-             for e in (*modelled, *effects)]  # fmt: skip
+    built = [e if e in alike else as_built(e, machine, rng) for e in (*modelled, *effects)]
     records = simulated(machine, tuple(built), rng)
     strange = bool(rng.random() < STRANGE)
     if strange:

@@ -6,7 +6,7 @@ from scipy.signal import welch
 
 from twingap.effects import Draft, catalogue, make_effect
 from twingap.gap.training import as_built as module
-from twingap.gap.training.as_built import OF_MISSING
+from twingap.gap.training.as_built import CHANCE
 from twingap.gap.training.machines import draw_machine
 from twingap.records import Condition
 
@@ -16,7 +16,7 @@ OTHERWISE = sorted(set(catalogue()) - {"second_resonance", "damage_growth"})
 
 
 def as_built(effect, rng):
-    return module.as_built(effect, MACHINE, rng, OF_MISSING)
+    return module.as_built(effect, MACHINE, rng)
 
 
 @pytest.mark.parametrize("name", sorted(catalogue()))
@@ -30,7 +30,7 @@ def test_some_have_harmonics_in_no_geometric_row(name):
     effect = catalogue()[name]()
     made = [as_built(effect, np.random.default_rng(seed)) for seed in range(400)]
     other = [one for one in made if type(one) is not type(effect)]
-    assert len(other) / 400 == pytest.approx(OF_MISSING, abs=0.08)
+    assert len(other) / 400 == pytest.approx(CHANCE, abs=0.08)
     assert all(one is effect for one in made if type(one) is type(effect))
     for one in other[:20]:
         # Second differences of logarithms of a geometric row are nil.
@@ -150,7 +150,7 @@ def test_damage_grows_otherwise_on_machines_with_a_run_alone():
     growth = make_effect("damage_growth", {"rate_per_s": 1e-3})
     for seed in range(12):
         machine = draw_machine(np.random.default_rng(seed), own_simulator=False, most_records=8)
-        made = {type(module.as_built(growth, machine, np.random.default_rng(k), OF_MISSING)) for k in range(40)}
+        made = {type(module.as_built(growth, machine, np.random.default_rng(k))) for k in range(40)}
         assert len(made) == (2 if machine.conditions[0].time_s is not None else 1)
 
 

@@ -19,16 +19,14 @@ from twingap.gap.training.as_built import disturbances, sensors, strikes
 from twingap.gap.training.as_built.maker import Maker
 from twingap.gap.training.machines import Machine
 
-OF_MODELLED: Final = 0.25
-"""Part of the machines that have an effect otherwise than their twin, which models it."""
-OF_MISSING: Final = 0.25
-"""Part of the machines that have an effect which their twin lacks otherwise than the catalogue makes it: the more they
-are, the less surely the catalogue's own form is heard from as many machines."""
+CHANCE: Final = 0.25
+"""Part of the machines that have an effect otherwise than the catalogue makes it: the more they are, the less surely
+the catalogue's own form is heard from as many machines."""
 OTHERWISE: Final[Mapping[str, Maker]] = {**strikes.OTHERWISE, **disturbances.OTHERWISE, **sensors.OTHERWISE}
 """Name of an effect -> another form of it from its values, for a machine; None where these values have none."""
 
 
-def as_built(effect: Effect, machine: Machine, rng: np.random.Generator, chance: float) -> Effect:
+def as_built(effect: Effect, machine: Machine, rng: np.random.Generator) -> Effect:
     """The effect as one machine has it.
 
     Parameters
@@ -37,11 +35,9 @@ def as_built(effect: Effect, machine: Machine, rng: np.random.Generator, chance:
         Of the catalogue.
     machine : Machine
     rng : numpy.random.Generator
-    chance : float
-        That it has it otherwise.
     """
     maker = OTHERWISE.get(effect.name)
-    if maker is None or rng.random() >= chance:
+    if maker is None or rng.random() >= CHANCE:
         return effect
     values = {f.name: getattr(effect, f.name) for f in dataclasses.fields(effect)}  # type: ignore[arg-type]
     return maker(values, machine, rng) or effect
