@@ -1,0 +1,123 @@
+"""What is left of a gap once the machine's one missing effect is added at its true values.
+
+simulated machine with one effect --calibrate--> distance as given
+                                  --the effect at its true values added, baseline matched anew--> distance left
+
+Nothing is learnt, estimated or searched here: what is left beyond chance is a fault of calibration, of the simulator
+that effects are added to, or of the distance. Run as ``python -m twingap.study.true_values`` it prints one line per
+effect; ``--own`` meets the machines through their own simulator, ``--without-healthy`` takes those of defects alone.
+"""
+
+from __future__ import annotations
+
+import argparse
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from twingap.effects import Effect, catalogue
+from twingap.errors import TwingapError
+from twingap.gap.calibrate import calibrate
+from twingap.gap.comparison import feature_names
+from twingap.gap.evidence import THOROUGH, Evidence, simulator_of
+from twingap.gap.training.gaps import draw_effects, simulated
+from twingap.gap.training.machines import Machine, draw_machine
+from twingap.gap.training.null import DISTANCE
+from twingap.records import Record, RecordSet
+from twingap.twins.twin_file import TwinSpec
+
+MOST_RECORDS = 12
+"""Of a machine."""
+_TRIES = 400
+"""Machines drawn for one whose records could show the effect."""
+_GAIN = 1.3
+"""Of the records over those of the machine's own simulator, whose level is found anew."""
+
+
+@dataclass(frozen=True)
+class Left:
+    """One machine's distances, in standard deviations; negative where the unbiased square is.
+
+    Parameters
+    ----------
+    before, after : float
+        Without the effect, and with it at its true values.
+    """
+
+    before: float
+    after: float
+
+
+def left(name: str, number: int, seed: int, *, own: bool = False, healthy: bool = True) -> Left | None:
+    """What the true effect leaves on one machine.
+
+    Parameters
+    ----------
+    name : str
+        Of the effect.
+    number : int
+        Of the machine: it depends on this, the name and the seed alone.
+    seed : int
+    own : bool
+        Whether the machine is met through records of its own simulator.
+    healthy : bool
+        Whether some records are healthy; False: none is.
+
+    Returns
+    -------
+    Left or None
+        None where no machine's records could show the effect, or the simulator cannot have it.
+    """
+    rng = np.random.default_rng([seed, number, sum(map(ord, name))])
+    drawn = _drawn(name, rng, own, healthy)
+    if drawn is None:
+        return None
+    machine, effects = drawn
+    made = simulated(machine, effects, rng)
+    records = RecordSet.from_records(
+        "machine", "", machine.bearing,
+        (Record(c, r.samples) for c, r in zip(machine.nominal, made, strict=True)),
+    )  # fmt: skip
+    sim = simulated(replace(machine, conditions=machine.nominal), (), rng, _GAIN) if own else None
+    spec = TwinSpec("phenomenological")
+    try:
+        calibrated = calibrate(records, None if own else spec, rng, sim=sim)
+        evidence = Evidence(calibrated, simulator_of(calibrated, sim), spec, seed, THOROUGH)
+        if evidence.can_add(name) is not None:
+            return None
+        place = feature_names().index(DISTANCE)
+        return Left(*(float(evidence.against(chain).held_out[place]) for chain in ((), effects)))
+    except TwingapError:  # a drawn machine that nobody could calibrate says nothing
+        return None
+
+
+def _drawn(name: str, rng: np.random.Generator, own: bool, healthy: bool) -> tuple[Machine, tuple[Effect, ...]] | None:
+    for _ in range(_TRIES):
+        machine = draw_machine(rng, own, MOST_RECORDS)
+        if any(c.fault == "healthy" for c in machine.conditions) == healthy:
+            effects = draw_effects(rng, machine, 1, (name,))
+            if effects:
+                return machine, effects
+    return None
+
+
+def main() -> None:
+    """Every effect on a few machines."""
+    asked = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else "")
+    asked.add_argument("effects", nargs="*", help="all of the catalogue when none is named")
+    asked.add_argument("--machines", type=int, default=6)
+    asked.add_argument("--seed", type=int, default=991)
+    asked.add_argument("--own", action="store_true", help="met through the machine's own simulator")
+    asked.add_argument("--without-healthy", action="store_true", help="records of defects alone")
+    options = asked.parse_args()
+    for name in options.effects or catalogue():
+        found = [
+            left(name, number, options.seed, own=options.own, healthy=not options.without_healthy)
+            for number in range(options.machines)
+        ]
+        told = ", ".join(f"{one.before:.2f} to {one.after:.2f}" for one in found if one is not None)
+        print(f"{name:22} {told or 'cannot be added'}", flush=True)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,33 @@
+"""What true values leave of a gap."""
+
+from __future__ import annotations
+
+import pytest
+
+from twingap.study.true_values import left
+
+SEED = 991
+
+
+@pytest.mark.parametrize(
+    ("name", "number", "own"),
+    [
+        ("looseness", 2, True), ("gear_mesh", 0, True), ("foreign_bearing", 4, True), ("coloured_noise", 4, True),
+        ("quantisation", 1, True), ("coloured_noise", 0, False), ("gear_mesh", 3, False),
+        ("second_resonance", 5, False),
+    ],
+)  # fmt: skip
+def test_true_values_close_a_gap(name: str, number: int, own: bool) -> None:
+    found = left(name, number, SEED, own=own)
+    assert found is not None
+    assert found.before > 1.4
+    assert found.after < 1.0
+    assert found.after < 0.5 * found.before
+
+
+def test_what_a_simulator_cannot_have_is_said() -> None:
+    assert left("mean_slip", 0, SEED, own=True) is None
+
+
+def test_the_same_machine_again() -> None:
+    assert left("load_zone", 0, SEED) == left("load_zone", 0, SEED)
