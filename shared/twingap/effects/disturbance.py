@@ -71,7 +71,8 @@ class Looseness(Effect):
     """Mechanical looseness: many shaft harmonics, and half orders between them.
 
     Order m = 1/2, 1, 3/2, ... up to `n_orders` has amplitude level decay^(m - 1), half orders times `half_ratio`. The
-    harmonics are in phase once every two turns, as a knocking part makes them.
+    harmonics are in phase once every two turns, as a knocking part makes them, or come with phases of their own, random
+    from record to record, as a path of many modes leaves them.
     """
 
     stage: ClassVar[Stage] = Stage.DISTURBANCE
@@ -89,6 +90,10 @@ class Looseness(Effect):
         10, unit="", plausible=(5, 20), allowed=(1, 200), fitted=False, doc="highest order"
     )  # fmt: skip
 
+    in_phase: bool = parameter(
+        True, unit="", plausible=(0, 1), allowed=(0, 1), doc="orders meet once every two turns, as a knock makes them"
+    )
+
     @property
     def levels(self) -> Array:
         """[2 n_orders] Amplitude of each half order, healthy rms."""
@@ -97,7 +102,7 @@ class Looseness(Effect):
 
     def apply(self, draft: Draft, rng: np.random.Generator) -> None:
         levels = self.levels
-        phases = np.arange(1, levels.size + 1) * rng.random()
+        phases = np.arange(1, levels.size + 1) * rng.random() if self.in_phase else rng.random(levels.size)
         _add_harmonics(draft, draft.turns / 2, draft.shaft_hz / 2, levels, phases)
 
 

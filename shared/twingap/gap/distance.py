@@ -283,6 +283,23 @@ class Paired:
         means = [mean for _, mean in self._squares]
         return float(self.over_views(self._contrasted([(mean**2, mean) for mean in means], trend))[0][0])
 
+    def residuals(self) -> Array:
+        """[strata + slopes, bins] Standardised means and slopes: `misfit` is the root of their squares, tempered.
+
+        Of the condition view what strata do not have in common, as everywhere.
+        """
+        means = np.stack([mean[0] for _, mean in self._squares])
+        if "condition" in self.real.domains:
+            own = self.real.columns("condition")
+            means[:, own] -= self.stratum_weight @ means[:, own]
+        parts = np.sqrt(self.stratum_weight)[:, None] * means, self._fitted[2] / np.sqrt(self._count)
+        return np.concatenate(parts)
+
+    def counts(self) -> Array:
+        """[bins] How much a little more of a bin's square adds to that of the misfit, as it stands."""
+        squares = (self.residuals() ** 2).sum(axis=0)
+        return np.asarray(self.real.weight * np.minimum(1, _PLAIN / np.maximum(squares, 1e-12)))
+
     def resampled(self, drawn: Sequence[Drawn]) -> Array:
         """Squares as they might have come out with other records of the same machine.
 

@@ -203,16 +203,20 @@ class Evidence:
         """Two replicates to see chance by, or the one that there is."""
         return (3, 4)[: replicates_of(self._simulator, conditions, 2)]
 
-    def gap(self, simulator: Simulator, effects: Sequence[Effect]) -> float:
+    def gap(self, simulator: Simulator, effects: Sequence[Effect], replicate: int = 3) -> float:
         """Overall distance of the fit part from one simulation of it: for choosing, never for reporting."""
         grid = Grid.of(self.fit.conditions, self.frame.bearing)
-        made = self.views(self.simulated(simulator, effects, self.fit.conditions, 3), grid)
+        made = self.views(self.simulated(simulator, effects, self.fit.conditions, replicate), grid)
         pair = Paired(self.fit.views, [made], None, self._yardstick)
         return float(pair.over_views(pair.squares())[0][0])
 
     def misfit(self, simulator: Simulator, effects: Sequence[Effect]) -> float:
         """The same of a few records, with the noise of their means in it: what fitted values are to make small."""
-        return Paired(self._tried_views, [self._trial(simulator, effects, 3)], None, self._trial_yardstick).misfit()
+        return self.tried(simulator, effects).misfit()
+
+    def tried(self, simulator: Simulator, effects: Sequence[Effect]) -> Paired:
+        """A few records of the fit part beside one simulation of them, whose random streams are always the same."""
+        return Paired(self._tried_views, [self._trial(simulator, effects, 3)], None, self._trial_yardstick)
 
     def _trial(self, simulator: Simulator, effects: Sequence[Effect], replicate: int) -> Views:
         return self.views(self.simulated(simulator, effects, self._tried.conditions, replicate), self._tried_grid)

@@ -15,6 +15,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from twingap.effects import Effect, make_effect
 from twingap.errors import TwingapError
@@ -35,12 +36,24 @@ _FARTHEST: Final = 8.0
 """First steps beyond which a value is not followed in one go."""
 _CLEARLY: Final = 0.98
 """Factor on the misfit from which a far place is better than the estimate."""
-_STAY: Final = {("gear_mesh", "teeth"), ("mains_interference", "mains_hz")}
+_STAY: Final = {
+    ("gear_mesh", "teeth"), ("mains_interference", "mains_hz"), ("foreign_bearing", "order"),
+    ("drive_interference", "carrier_hz"), ("drive_interference", "sideband_order"),
+}  # fmt: skip
 """Read exactly or not at all: a neighbouring value is as wrong as any other."""
 _BASELINE_STEPS: Final = {"resonance_hz": 0.02, "damping_ratio": 0.2, "impact_amplitude": 0.1}
 _LEVELS: Final = ("scale", "structure_noise_rms", "white_noise_rms")
 _LEVEL_STEP: Final = 0.1
+_DAMPINGS: Final = (0.003, 0.1, 1.0, 10.0)
+"""Of steps of all values together, the boldest first (Levenberg-Marquardt)."""
+_SHRINKS: Final = 2
+"""Times that steps together are tried again, shorter, once they lead no further."""
+_SETTLED: Final = 0.985
+"""Factor on the misfit above which nothing much was gained."""
+_OTHER: Final = 5
+"""Replicate that values are not fitted to."""
 
+Array = NDArray[np.float64]
 Key = tuple[str, str]
 """Effect ("" for the baseline) and parameter."""
 
@@ -100,14 +113,20 @@ def bring_nearest(
         search.gather_baseline(simulator)
     elif baseline:
         search.gather_level()
-    begin = search.least
+    begin = search.begin
     if search.at:
         search.far_places()
         for _ in range(passes):
-            for key in list(search.at):
+            least = search.least
+            search.together()
+            for key in search.whole:
                 search.follow(key)
+            if search.least > _SETTLED * least:
+                break
     built = search.built(search.at)
-    return Nearest(built[0] if built else simulator, built[1] if built else tuple(effects), begin, search.least)
+    if built is None or not search.holds(*built):
+        return Nearest(simulator, tuple(effects), begin, begin)
+    return Nearest(*built, begin, search.least)
 
 
 @dataclass
@@ -119,10 +138,12 @@ class _Search:
     at: dict[Key, float] = field(default_factory=dict)
     step: dict[Key, float] = field(default_factory=dict)
     ends: dict[Key, tuple[float, float]] = field(default_factory=dict)
+    whole: set[Key] = field(default_factory=set)
     least: float = 0.0
+    begin: float = 0.0
 
     def __post_init__(self) -> None:
-        self.least = self.evidence.misfit(self.simulator, self.effects)
+        self.begin = self.least = self.evidence.misfit(self.simulator, self.effects)
 
     @property
     def setting(self) -> Setting:
@@ -137,6 +158,8 @@ class _Search:
                 self.at[key] = to_number(effect, key[1], self.setting)
                 kind = next(f for f in dataclasses.fields(effect) if f.name == key[1])  # type: ignore[arg-type]
                 whole = kind.type in ("int", int, "bool", bool)
+                if whole:
+                    self.whole.add(key)
                 self.step[key] = 1.0 if whole else max(0.5 * errors.get(key, 0.6), 0.02)
                 ends = [_end(effect, key[1], value, self.setting) for value in kind.metadata["plausible"]]
                 if None not in ends and not whole:
@@ -179,14 +202,9 @@ class _Search:
         """Of the fit part, with one value changed; infinite where it has no meaning, or no trial is left."""
         low, high = self.ends.get(key, (-math.inf, math.inf))
         # An estimate beyond what is plausible may come back, not go on: a knock that rings for hours is no trial.
-        if self.left <= 0 or not min(low, self.at[key]) <= value <= max(high, self.at[key]):
+        if not min(low, self.at[key]) <= value <= max(high, self.at[key]):
             return math.inf
-        self.left -= 1
-        built = self.built({**self.at, key: value})
-        try:
-            return self.evidence.misfit(*built) if built else math.inf
-        except TwingapError:
-            return math.inf
+        return self.misfit_at({key: value})
 
     def far_places(self) -> None:
         """Try each value over its plausible range: an estimate may be far off, and steps would not get there."""
@@ -195,6 +213,77 @@ class _Search:
                 found = self.misfit(key, float(value))
                 if found < _CLEARLY * self.least:
                     self.least, self.at[key] = found, float(value)
+
+    def together(self) -> None:
+        """Gauss-Newton steps of all values that are no whole numbers: levels and widths make up for each other."""
+        shrunk = 0
+        while shrunk < _SHRINKS and self.left > 0:
+            self.left -= 1
+            here = self.evidence.tried(*self._here())
+            base, weight = here.residuals(), np.sqrt(here.counts())
+            columns = {key: self._moved(key, base) for key in self.at if key not in self.whole}
+            moved = {key: (column * weight).ravel() for key, column in columns.items() if column is not None}
+            if not moved:
+                return
+            keys, jacobian = list(moved), np.stack(list(moved.values()), axis=1)
+            wanted = jacobian.T @ (base * weight).ravel()
+            square = jacobian.T @ jacobian
+            begin = self.least
+            for damping in _DAMPINGS:
+                stiff = square + damping * np.diag(np.diag(square)) + 1e-12 * np.eye(len(keys))
+                steps = np.clip(np.linalg.solve(stiff, -wanted), -_FARTHEST, _FARTHEST)
+                pairs = zip(keys, steps, strict=True)
+                there = {key: self._inside(key, self.at[key] + float(n) * self.step[key]) for key, n in pairs}
+                found = self.misfit_at(there)
+                if found < self.least:
+                    self.least = found
+                    self.at |= there
+                    break
+            if self.least > _SETTLED * begin:
+                shrunk += 1
+                for key in keys:
+                    self.step[key] *= 0.4
+
+    def holds(self, simulator: Simulator, effects: tuple[Effect, ...]) -> bool:
+        """Whether what was found is no farther off than where it began, judged by other random streams."""
+        if not isinstance(simulator, TwinSimulator) or self.least == self.begin:
+            return True
+        now, then = (self.evidence.gap(s, e, _OTHER) for s, e in ((simulator, effects), (self.simulator, self.effects)))
+        return now <= then
+
+    def _here(self) -> tuple[Simulator, tuple[Effect, ...]]:
+        return self.built(self.at) or (self.simulator, self.effects)
+
+    def _moved(self, key: Key, base: Array) -> Array | None:
+        """[strata + slopes, bins] Change of residuals by one step of a value; None where it cannot be moved."""
+        for sign in (0.5, -0.5):
+            value = self._inside(key, self.at[key] + sign * self.step[key])
+            if self.left <= 0 or value == self.at[key]:
+                continue
+            self.left -= 1
+            built = self.built({**self.at, key: value})
+            try:
+                pair = self.evidence.tried(*built) if built else None
+            except TwingapError:
+                continue
+            if pair is not None:
+                return np.asarray((pair.residuals() - base) * (self.step[key] / (value - self.at[key])))
+        return None
+
+    def _inside(self, key: Key, value: float) -> float:
+        low, high = self.ends.get(key, (-math.inf, math.inf))
+        return float(np.clip(value, min(low, self.at[key]), max(high, self.at[key])))
+
+    def misfit_at(self, there: Mapping[Key, float]) -> float:
+        """Of the fit part, with several values changed."""
+        if self.left <= 0:
+            return math.inf
+        self.left -= 1
+        built = self.built({**self.at, **there})
+        try:
+            return self.evidence.misfit(*built) if built else math.inf
+        except TwingapError:
+            return math.inf
 
     def follow(self, key: Key) -> None:
         """Step both ways; go on in doubled steps while it leads on, else to the vertex of a parabola, and step less."""

@@ -5,8 +5,8 @@ healthy spectrum --low-pass x mode, in closed form, all over a grid--> the likel
 spectra --two modes, with or against each other--> the likeliest ----------------------+
 the estimate, where it drives records and twin apart --weaker and weaker--> places -------+
 
-A low-pass of the wrong order is made up for by a mode of the wrong damping, and no single step leads out of that: so
-its order, corner and background are sought together with the mode that goes with them.
+Knocks may ring in the machine's own mode, and rare strong ones have the spectrum of frequent weak ones; what spectra
+tell by themselves is in `likeliest`.
 """
 
 from __future__ import annotations
@@ -19,12 +19,19 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from twingap.effects import Effect, SecondResonance, SensorRolloff, SlipJitter, make_effect
-from twingap.gap.baseline import BANDS, mode_density, sides_of
-from twingap.gap.calibrate import thinned
+from twingap.effects import (
+    ColouredNoise,
+    Effect,
+    ImpulsiveNoise,
+    Looseness,
+    SecondResonance,
+    SensorRolloff,
+    SlipJitter,
+    make_effect,
+)
 from twingap.gap.comparison import feature_names
 from twingap.gap.evidence import values_of
-from twingap.gap.signatures.path import two_modes
+from twingap.gap.likeliest import likeliest_losses, likeliest_modes, likeliest_noises
 from twingap.gap.training.parameters import Setting, coordinates, to_effect, to_number
 from twingap.twins.twin_file import flat
 
@@ -34,21 +41,14 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-_ORDERS: Final = (1, 2, 3, 5)
-_CORNERS: Final = np.geomspace(0.02, 0.8, 14)
-"""Of the sampling rate."""
-_BACKGROUNDS: Final = (0.0, 0.8, 0.95, 0.985, 1.0)
-_PLACES: Final = (-0.1, -0.05, -0.02, 0.0, 0.02, 0.05, 0.1)
-"""Of the mode, about where it was calibrated to be and about the highest peak: logarithms."""
-_WIDTHS: Final = (0.01, 0.018, 0.03, 0.05, 0.09, 0.16)
-"""Damping ratios of the mode."""
-_LIKELIEST: Final = 5
 _DAMPINGS: Final = (0.02, 0.06)
 _GAINS: Final = (0.1, 0.4, 1.6)
 _FINALISTS: Final = 4
 _WEAKER: Final = (0.5, 0.25, 0.12, 0.06)
 """Factors on an effect's strength where the estimate is too much: with a baseline that makes room for it, no single
 step leads back."""
+_RATES: Final = (0.06, 0.25, 4.0)
+"""Factors on how often it knocks: rare strong knocks and frequent weak ones have one spectrum."""
 _STRENGTHS: Final = frozenset(
     ("level", "level_1x", "level_2x", "level_3x", "gain", "sigma", "depth", "exponent", "slip", "rate_per_s", "step")
 )
@@ -83,6 +83,8 @@ def better_start(
     finalists = [place for _, _, place in sorted(found)[:_FINALISTS]]
     if isinstance(given, SensorRolloff):
         finalists += likeliest_losses(evidence, given)
+    if isinstance(given, ColouredNoise):
+        finalists += likeliest_noises(evidence, given)
     if isinstance(given, SecondResonance):
         finalists += likeliest_modes(evidence, given)
     if now > evidence.misfit(evidence.against(others).simulator, others):
@@ -105,11 +107,31 @@ def places(given: Effect, features: Array, evidence: Evidence) -> Iterator[Effec
     if isinstance(given, SlipJitter):  # of a random walk, strikes a little apart differ less, and those far apart more
         for factor in (1.0, 0.5, 0.25):
             yield dataclasses.replace(given, sigma=factor * given.sigma, accumulating=not given.accumulating)
+    if isinstance(given, Looseness):
+        for factor in (1.0, 2.0, 4.0):
+            yield dataclasses.replace(given, level=factor * given.level, in_phase=not given.in_phase)
+    if given.name in ("foreign_bearing", "impulsive_noise"):
+        yield from _knocks(given, evidence)
     if isinstance(given, SecondResonance):
         for opposed in (False, True):
             for damping in _DAMPINGS:
                 for gain in _GAINS:
                     yield dataclasses.replace(given, opposed=opposed, damping_ratio=damping, gain=gain)
+
+
+def _knocks(given: Effect, evidence: Evidence) -> Iterator[Effect]:
+    """As given or ringing in the machine's own mode, and the same power in fewer and stronger knocks, or in more."""
+    spec, values = evidence.calibrated.spec, values_of(given)
+    rings = [values]
+    if spec is not None and spec.model == "phenomenological":
+        own = flat(spec.parameters)
+        rings.append(values | {name: float(own[name]) for name in ("resonance_hz", "damping_ratio")})
+        yield make_effect(given.name, rings[1])
+    if isinstance(given, ImpulsiveNoise):
+        for ring in rings:
+            for factor in _RATES:
+                rarer = {"rate_hz": factor * given.rate_hz, "level": given.level / math.sqrt(factor)}
+                yield make_effect(given.name, ring | rarer)
 
 
 def weaker(given: Effect) -> list[Effect]:
@@ -119,88 +141,6 @@ def weaker(given: Effect) -> list[Effect]:
         make_effect(given.name, values_of(given) | {name: factor * value for name, value in strengths.items()})
         for factor in (_WEAKER if strengths else ())
     ]
-
-
-def likeliest_losses(evidence: Evidence, given: SensorRolloff) -> list[Effect]:
-    """The low-passes that explain the healthy spectra best, each with the mode and the levels that suit it.
-
-    The spectrum of a twin with a low-pass is known in closed form: loss times (structure noise through its mode, and
-    the part of the white noise that the sensor hears), plus white noise behind it; that of a simulator of the user's
-    own, loss times what it has. What other effects add is not in it.
-    """
-    spec = evidence.calibrated.spec
-    sides = [s for s in sides_of(list(thinned(evidence.calibrated.fit, 6)), evidence.frame) if s.fault == "healthy"]
-    if not sides:
-        return []
-    side = max(sides, key=lambda s: len(s.conditions))
-    inside = slice(2, int(0.92 * BANDS))
-    f = (np.arange(BANDS) + 0.5) / (2 * BANDS)
-    wanted = side.psd[inside] * side.fs_hz
-    if not wanted.max() > 0:
-        return []
-    wanted = np.maximum(wanted, 1e-9 * wanted.max())  # a band in which a coarse converter shows nothing
-    if spec is not None and spec.model == "phenomenological":
-        centres = (float(flat(spec.parameters)["resonance_hz"]), side.peak_hz)
-        modes = np.array([
-            mode_density(centre * math.exp(shift), width, side.fs_hz)[inside] * side.fs_hz
-            for centre in centres for shift in _PLACES for width in _WIDTHS
-        ])  # fmt: skip
-    else:  # waveforms that are finished, or another model's: whatever is in them passes the sensor
-        modes = None
-        bare = np.maximum(evidence.bare_psd(side)[inside] * side.fs_hz, 1e-300)
-    scored: list[tuple[float, int, float, float]] = []
-    for order in _ORDERS:
-        for corner in _CORNERS:
-            loss = 1 / (1 + (f[inside] / corner) ** (2 * order))
-            if modes is None:
-                scored.append((_misfit_at_any_level(bare * loss, wanted), order, float(corner), given.background))
-                continue
-            for background in _BACKGROUNDS:
-                white = 2 * (background * loss + 1 - background)
-                scored.append((_misfit(modes * loss, white, wanted), order, float(corner), background))
-    return [
-        dataclasses.replace(given, order=order, corner_hz=corner * side.fs_hz, background=background)
-        for _, order, corner, background in sorted(scored)[:_LIKELIEST]
-    ]
-
-
-def likeliest_modes(evidence: Evidence, given: SecondResonance) -> list[SecondResonance]:
-    """The second modes that explain the spectra best, in step with the first and opposed; either may be the twin's."""
-    spec = evidence.calibrated.spec
-    if spec is None or spec.model != "phenomenological":
-        return []
-    fs_hz = min(c.fs_hz for c in evidence.fit.conditions)
-    out = []
-    for pair in two_modes(evidence.fit.outlines):
-        for place, damping, gain in zip(pair.places, pair.dampings, (1 / pair.gain, pair.gain), strict=True):
-            one = dataclasses.replace(
-                given, frequency_hz=place * fs_hz, damping_ratio=damping, gain=abs(gain), opposed=gain < 0
-            )
-            out += [one] if evidence.fits(one) else []
-    return out
-
-
-def _misfit(modes: Array, white: Array, wanted: Array) -> float:
-    """Least mean square log ratio of `wanted` [bands] to sums of a row of `modes` [modes, bands] and of white noise."""
-    weight = 1 / wanted
-    a, b = modes * weight, white * weight
-    aa, ab, bb = (a * a).sum(axis=1), a @ b, float(b @ b)
-    sa, sb = a.sum(axis=1), float(b.sum())
-    determinant = np.maximum(aa * bb - ab**2, 1e-300)
-    structure, noise = (sa * bb - sb * ab) / determinant, (sb * aa - sa * ab) / determinant
-    # Neither power is negative: where one would be, the other stands alone.
-    structure, noise = (
-        np.where(noise < 0, sa / aa, np.maximum(structure, 0.0)),
-        np.where(structure < 0, sb / bb, np.maximum(noise, 0.0)),
-    )
-    model = structure[:, None] * a + noise[:, None] * b
-    return float(np.minimum(np.log(np.maximum(model, 1e-6)) ** 2, 1.0).mean(axis=1).min())
-
-
-def _misfit_at_any_level(model: Array, wanted: Array) -> float:
-    """Mean square log ratio [bands] of `wanted` to the multiple of `model` that most bands suit."""
-    rest = np.log(wanted / model)
-    return float(np.minimum((rest - np.median(rest)) ** 2, 1.0).mean())
 
 
 def _read(name: str, found: Mapping[str, float], bearing: Bearing) -> Iterator[dict[str, float]]:

@@ -39,7 +39,7 @@ ALPHA_REST: Final = 0.1
 MOST_EFFECTS: Final = 7
 LEVEL: Final = 0.9
 """Joint probability that the sets of a confidence set have together."""
-LIKELIER: Final = 0.7
+LIKELIER: Final = 0.6
 """Probability from which an effect stays named. Of those between 0.5 and 0.9 fewer are right on machines unlike those
 learnt from than is said; from here on, one in ten of all that are named is false there, or less."""
 _UNCERTAIN: Final = 0.003

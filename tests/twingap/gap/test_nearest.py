@@ -11,6 +11,7 @@ from twingap.bearing import BEARINGS
 from twingap.effects import Effect, make_effect
 from twingap.gap import evidence
 from twingap.gap.calibrate import calibrate
+from twingap.gap.distance import Paired
 from twingap.gap.evidence import Evidence, simulator_of
 from twingap.gap.nearest import bring_nearest
 from twingap.records import Condition, RecordSet
@@ -90,14 +91,14 @@ def test_trials_are_bounded_whatever_the_records(monkeypatch: pytest.MonkeyPatch
     short, long, longer = (evidence_of(machine(n_samples=n)) for n in (10000, 40000, 90000))
     assert short.trials > long.trials == longer.trials
     asked = 0
-    misfit = Evidence.misfit
+    once = Evidence.tried
 
-    def counted(self: Evidence, *arguments: object) -> float:
+    def counted(self: Evidence, *arguments: object) -> Paired:
         nonlocal asked
         asked += 1
-        return misfit(self, *arguments)  # type: ignore[arg-type]
+        return once(self, *arguments)  # type: ignore[arg-type]
 
-    monkeypatch.setattr(Evidence, "misfit", counted)
+    monkeypatch.setattr(Evidence, "tried", counted)
     bring_nearest(short, short.against().simulator, (), {}, passes=1000)
     assert asked <= short.trials + 1
 
@@ -107,13 +108,13 @@ def test_values_stay_where_they_are_plausible(monkeypatch: pytest.MonkeyPatch) -
     knocks = make_effect("impulsive_noise", {"level": 8.0, "rate_hz": 45.0, "damping_ratio": 0.012})
     own = evidence_of(machine(make_effect("impulsive_noise", {"level": 20.0, "rate_hz": 49.0})))
     tried: list[Effect] = []
-    misfit = Evidence.misfit
+    once = Evidence.tried
 
-    def seen(self: Evidence, simulator: object, effects: tuple[Effect, ...]) -> float:
+    def seen(self: Evidence, simulator: object, effects: tuple[Effect, ...]) -> Paired:
         tried.extend(effects)
-        return misfit(self, simulator, effects)  # type: ignore[arg-type]
+        return once(self, simulator, effects)  # type: ignore[arg-type]
 
-    monkeypatch.setattr(Evidence, "misfit", seen)
+    monkeypatch.setattr(Evidence, "tried", seen)
     bring_nearest(own, own.against([knocks]).simulator, [knocks], {("impulsive_noise", "rate_hz"): 1.0})
     assert len(tried) > 50
     for field in fields(knocks):  # type: ignore[arg-type]

@@ -13,7 +13,8 @@ from twingap.effects import Effect, make_effect
 from twingap.gap.calibrate import calibrate
 from twingap.gap.comparison import feature_names
 from twingap.gap.evidence import THOROUGH, Evidence, simulator_of
-from twingap.gap.starts import _misfit, better_start, likeliest_losses, places, weaker
+from twingap.gap.likeliest import _misfit, likeliest_losses
+from twingap.gap.starts import better_start, places, weaker
 from twingap.records import RecordSet
 from twingap.twins.twin_file import TwinSpec
 

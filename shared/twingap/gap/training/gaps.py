@@ -346,7 +346,7 @@ DRAWERS: dict[str, Drawer] = {
     "shaft_harmonics": lambda r, m: {f"level_{k}x": _log(r, 0.8 * _faintest(m), 1.5) for k in (1, 2, 3)},
     "looseness": lambda r, m: {
         "level": _log(r, _faintest(m), 1.2), "decay": r.uniform(0.6, 0.97), "half_ratio": r.uniform(0.25, 1.0),
-        "n_orders": int(r.integers(5, 18)),
+        "n_orders": int(r.integers(5, 18)), "in_phase": bool(r.random() < 0.5),
     },
     "mains_interference": _mains,
     "drive_interference": _drive,
