@@ -1,19 +1,28 @@
-"""How much of a world's gap its true effects close: the yardstick of a verdict's closure.
+"""How much of a world's gap its true effects close, and what they leave: yardsticks of a verdict's closure.
 
 machine without effects --replayed--> before --+
 machine with the true effects, true values ----+--gap.distance from the records--> (before - after) / (before - floor)
 records ---------------------------------------+
+
+machine without effects --replayed, blinded, calibrated--> twin --gap.distance--> what the twin leaves of no gap at all
+
+The first asks for a twin that is the machine; the second for one that is as near as this twin can be, whose structure
+is not the machine's.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from twingap.errors import TwingapError
 from twingap.records import Condition, RecordSet
+
+if TYPE_CHECKING:
+    from twingap.study.blind import Blind
 
 REPLICATES = 2
 
@@ -65,6 +74,55 @@ def true_closure(world: Any, seed: int) -> float | None:
     start, end = before.distance(rng), after.distance(rng)
     worse = start.overall - start.floor
     return float((start.overall - end.overall) / worse) if worse > 0.05 * max(start.floor, 1e-9) else None
+
+
+def left_without_effects(world: Any, seed: int) -> float | None:
+    """Gap between the machine without its effects and its own calibrated twin: no named effect closes that.
+
+    Parameters
+    ----------
+    world : World
+        See `twingap.rigs.worlds`.
+    seed : int
+        Of the fresh records.
+
+    Returns
+    -------
+    float or None
+        Overall gap on the held-out part, standard deviations. None where the twin cannot be calibrated, or names
+        effects of its own without values, which only a diagnosis could find.
+    """
+    from twingap.gap.modelled import without_values
+    from twingap.rigs.worlds import replay
+    from twingap.study.blind import blinded
+
+    bare = blinded(replace(world, records=replay(world, effects=(), seed=seed, nominal=True)))
+    if bare.sim is None and without_values(bare.twin):
+        return None
+    try:
+        return _left(bare, np.random.default_rng([seed, 0x1EF7]))
+    except TwingapError:
+        return None
+
+
+def _left(bare: Blind, rng: np.random.Generator) -> float:
+    from twingap.gap.calibrate import calibrate
+    from twingap.gap.distance import Paired
+    from twingap.gap.evidence import THOROUGH, Evidence, replicates_of, simulator_of
+    from twingap.gap.nearest import bring_nearest
+    from twingap.gap.views import Grid
+
+    calibrated = calibrate(bare.records, None if bare.sim is not None else bare.twin, rng, sim=bare.sim)
+    evidence = Evidence(calibrated, simulator_of(calibrated, bare.sim), bare.twin, int(rng.integers(2**62)), THOROUGH)
+    simulator = bring_nearest(evidence, evidence.against().simulator, (), {}).simulator
+    part = calibrated.held_out
+    grid = Grid.of(part.conditions, evidence.frame.bearing)
+    made = [
+        evidence.views(evidence.simulated(simulator, (), part.conditions, 2 + k), grid)
+        for k in range(replicates_of(simulator, part.conditions, REPLICATES))
+    ]
+    pair = Paired(evidence.views(part, grid), made)
+    return float(pair.over_views(pair.squares())[0][0])
 
 
 def _views(records: RecordSet, conditions: Sequence[Condition], frame: Any, grid: Any) -> Any:

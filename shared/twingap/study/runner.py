@@ -252,14 +252,14 @@ def _opened(
     from twingap.rigs.worlds import open_seal
 
     nonces = json.loads((folder / "nonces.json").read_text(encoding="utf-8"))
-    version = digest_of_value([code["worlds"], _digest_of(worker.open_world, "closure"), _digest_of_distance()])
+    version = digest_of_value([code["worlds"], _digest_of(worker.open_world, "closure"), _digest_of_yardsticks()])
     told = _sweep(worker.open_world, [worker.OpenJob(c, seed) for c in cases], folder / "work" / "opening",
                   version, {}, jobs, functools.partial(report, "seals opened"))  # fmt: skip
     was, opened = [], {}
     for case, value in zip(cases, told, strict=True):
         seal = sealed["worlds"][case.name]["seal"]
         truth = open_seal(seal, value["truth"], nonces[case.name])
-        was.append(was_of(truth, value["closure"]))
+        was.append(was_of(truth, value["closure"], value["left"]))
         opened[case.name] = {"seal": seal, "nonce": nonces[case.name], "truth": value["truth"]}
     _write(folder / "opened.json", opened)
     return was
@@ -348,10 +348,11 @@ def _digest_of_worlds() -> str:
     return digest_of_code(twingap.rigs)
 
 
-def _digest_of_distance() -> str:
-    from twingap.gap import distance, view, views
+def _digest_of_yardsticks() -> str:
+    """What a world's gap is measured with, and what calibrates a twin of it."""
+    from twingap.gap import baseline, calibrate, distance, evidence, nearest, simulator, view, views
 
-    return digest_of_code(distance, view, views)
+    return digest_of_code(baseline, calibrate, distance, evidence, nearest, simulator, view, views)
 
 
 def _made_ready(diagnose: worker.Diagnose, jobs: int | None, report: Report) -> str:

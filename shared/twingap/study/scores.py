@@ -171,6 +171,7 @@ def headline(rows: Sequence[Row]) -> list[Score]:
         recall(crowds, "crowd", Target(0.75)),
         rate("outside recognised", "outside, outside_plus", (r.found.strange for r in strange), Target(0.80)),
         median("closure over true closure", "single, pair, crowd", map(closure_ratio, known), Target(0.90)),
+        median("closure over what the twin can close", "single, pair, crowd", map(closable_ratio, known), Target(0.90)),
         largest("runtime, s", "all", (_or_nan(r.found.runtime_s) for r in rows), Target(60.0, at_least=False)),
         largest("peak memory, MB", "all", (_or_nan(r.found.peak_mb) for r in rows), Target(2048.0, at_least=False)),
     ]  # fmt: skip
@@ -193,6 +194,7 @@ def detailed(rows: Sequence[Row]) -> list[Score]:
                 precision(known, label),
                 recall(known, label),
                 median("closure over true closure", label, map(closure_ratio, known)),
+                median("closure over what the twin can close", label, map(closable_ratio, known)),
             ]
         with_set = [r for r in part if r.found.confidence_set is not None and r.was.kind not in STRANGE]
         if with_set:
@@ -260,6 +262,20 @@ def closure_ratio(row: Row) -> float:
     if not row.found.effects:
         return 0.0
     return math.nan if row.found.closure is None else min(row.found.closure, 1.0) / min(row.was.closure, 1.0)
+
+
+def closable_ratio(row: Row) -> float:
+    """Part closed of what this twin could close: from the gap as given down to that of the machine without its effects.
+
+    NaN where that is less than a tenth of the gap, or not known.
+    """
+    if row.was.left is None or row.found.gaps is None:
+        return math.nan
+    before, after, floor = row.found.gaps
+    closable = before - max(row.was.left, floor)
+    if closable < LEAST_CLOSURE * before or closable <= 0:
+        return math.nan
+    return min((before - after) / closable, 1.0) if row.found.effects else 0.0
 
 
 def statuses(rows: Sequence[Row]) -> list[dict[str, Any]]:

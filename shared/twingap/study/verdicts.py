@@ -38,6 +38,8 @@ class Found:
         Effect -> parameter -> value, unit, ci; of the effects named.
     closure : float or None
         Of the verdict.
+    gaps : (float, float, float) or None
+        Overall gap before and after, and its floor.
     runtime_s, peak_mb : float or None
         Of this answer.
     """
@@ -49,6 +51,7 @@ class Found:
     p_value: float | None = None
     parameters: Mapping[str, Mapping[str, Mapping[str, Any]]] = field(default_factory=dict)
     closure: float | None = None
+    gaps: tuple[float, float, float] | None = None
     runtime_s: float | None = None
     peak_mb: float | None = None
 
@@ -88,6 +91,8 @@ class Was:
     parameters : Mapping[str, Mapping[str, Any]]
     closure : float or None
         Of the true effects with their true parameters.
+    left : float or None
+        Gap between the machine without its effects and its own twin.
     """
 
     case: str
@@ -98,6 +103,7 @@ class Was:
     outsiders: tuple[str, ...] = ()
     parameters: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
     closure: float | None = None
+    left: float | None = None
 
     @property
     def one_strength(self) -> str:
@@ -114,7 +120,7 @@ class Row:
     found: Found
 
 
-def was_of(truth: Any, closure: float | None = None) -> Was:
+def was_of(truth: Any, closure: float | None = None, left: float | None = None) -> Was:
     """The part of a `twingap.rigs.worlds` truth that scores compare with."""
     return Was(
         case=truth.case,
@@ -125,6 +131,7 @@ def was_of(truth: Any, closure: float | None = None) -> Was:
         outsiders=tuple(truth.outsiders),
         parameters={name: dict(values) for name, values in truth.parameters.items()},
         closure=closure,
+        left=left,
     )
 
 
@@ -147,9 +154,19 @@ def found_in(report: Mapping[str, Any], runtime_s: float | None = None, peak_mb:
         p_value=float(verdict["p_value"]),
         parameters={c["effect"]: c.get("parameters") or {} for c in report["which"] if c["effect"] in named},
         closure=_closure(report),
+        gaps=next(
+            ((float(m["before"]), float(m["after"]), float(m["floor"])) for m in report["shrink"]["metrics"]), None
+        ),
         runtime_s=runtime_s,
         peak_mb=peak_mb,
     )
+
+
+def _gaps(report: Mapping[str, Any]) -> tuple[float, float, float] | None:
+    """The first metric: before, after, floor."""
+    for metric in report["shrink"]["metrics"]:
+        return float(metric["before"]), float(metric["after"]), float(metric["floor"])
+    return None
 
 
 def _closure(report: Mapping[str, Any]) -> float | None:
@@ -159,10 +176,8 @@ def _closure(report: Mapping[str, Any]) -> float | None:
     said = report["verdict"].get("closure")
     if said is not None:
         return float(said)
-    for metric in report["shrink"]["metrics"]:
-        worse = metric["before"] - metric["floor"]
-        return float((metric["before"] - metric["after"]) / worse) if abs(worse) > 1e-12 else None
-    return None
+    before, after, floor = _gaps(report) or (0.0, 0.0, 0.0)
+    return (before - after) / (before - floor) if abs(before - floor) > 1e-12 else None
 
 
 def of_kind(rows: Sequence[Row], *kinds: str) -> list[Row]:

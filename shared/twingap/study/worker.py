@@ -2,7 +2,7 @@
 
 SealJob     --make_world--> seal of the truth, digest of the records          (the truth stays in the worker)
 DiagnoseJob --make_world--> Blind --diagnose--> report; --prepare--> rivals' statistics and two-sample test
-OpenJob     --make_world--> truth, closure of the true effects
+OpenJob     --make_world--> truth, closure of the true effects, what no effect can close
 """
 
 from __future__ import annotations
@@ -133,12 +133,13 @@ def diagnose_world(job: DiagnoseJob, diagnose: Diagnose, prepare: Prepare) -> di
 
 
 def open_world(job: OpenJob) -> dict[str, Any]:
-    """A world's truth as canonical JSON, and the closure of its true effects with their true parameters."""
+    """A world's truth as canonical JSON, the closure of its true effects, and the gap that the twin has without any."""
     from twingap.rigs.worlds import make_world
-    from twingap.study.closure import true_closure
+    from twingap.study.closure import left_without_effects, true_closure
 
     world = make_world(job.case, job.seed)
-    return {"truth": world.truth.to_json(), "closure": true_closure(world, job.seed)}
+    left = left_without_effects(world, job.seed) if world.truth.effects else None
+    return {"truth": world.truth.to_json(), "closure": true_closure(world, job.seed), "left": left}
 
 
 def learn_from(job: LearnJob, worlds: Triples) -> dict[str, Any]:

@@ -155,6 +155,18 @@ def test_by_effect_counts_alone_and_in_company() -> None:
     assert table["dropout", "medium", "found in company"] == (1, 1)
 
 
+def test_closable_ratio_asks_no_more_than_the_twin_can_close() -> None:
+    was = Was("w", "single", "twin", ("a",), closure=1.0, left=0.5)
+    found = Found("explained", ("a",), gaps=(2.0, 0.8, 0.1))
+    assert scores.closable_ratio(Row(was, found)) == pytest.approx(0.8)
+    assert scores.closable_ratio(Row(was, replace(found, gaps=(2.0, 0.3, 0.1)))) == 1.0
+    assert scores.closable_ratio(Row(replace(was, left=-0.2), found)) == pytest.approx(1.2 / 1.9)
+    assert scores.closable_ratio(Row(was, Found("no_gap", gaps=(2.0, 2.0, 0.1)))) == 0.0
+    assert math.isnan(scores.closable_ratio(Row(replace(was, left=1.9), found)))
+    assert math.isnan(scores.closable_ratio(Row(replace(was, left=None), found)))
+    assert math.isnan(scores.closable_ratio(Row(was, Found("refused"))))
+
+
 def test_found_in_reads_a_gap_report() -> None:
     report = {
         "verdict": {"status": "explained", "effects": ["a"], "confidence_set": [["a"], ["b"]], "p_value": 0.01},
@@ -166,6 +178,7 @@ def test_found_in_reads_a_gap_report() -> None:
     }
     found = found_in(report, 3.0, 200.0)
     assert found.first == "a" and found.closure == pytest.approx(0.75) and set(found.parameters) == {"a"}
+    assert found.gaps == (1.0, 0.4, 0.2)
     assert found.covers == (frozenset("a"), frozenset("b"))
 
 

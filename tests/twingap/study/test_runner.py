@@ -46,7 +46,8 @@ def test_rows_hold_truth_and_answer_of_the_same_world(finished: tuple[Any, Path]
     clipped = study.rows["diagnosis"][1]
     assert clipped.was.effects == ("clipping",) and clipped.found.effects == ("clipping",)
     assert clipped.was.closure is not None and 0.5 < clipped.was.closure < 1.5  # the truth closes its own gap
-    assert study.rows["diagnosis"][0].was.closure is None
+    assert clipped.was.left is not None
+    assert study.rows["diagnosis"][0].was.closure is None and study.rows["diagnosis"][0].was.left is None
 
 
 def test_what_is_written_is_whole_and_plain(finished: tuple[Any, Path]) -> None:
