@@ -36,8 +36,8 @@ _PLACES: Final = (-0.1, -0.05, -0.02, 0.0, 0.02, 0.05, 0.1)
 """Of the mode, about where it was calibrated to be and about the highest peak: logarithms."""
 _WIDTHS: Final = (0.01, 0.018, 0.03, 0.05, 0.09, 0.16)
 """Damping ratios of the mode."""
-_LOWS: Final = np.geomspace(0.004, 0.4, 11)
-_HIGHS: Final = np.geomspace(0.02, 0.5, 11)
+_LOWS: Final = np.geomspace(0.004, 0.42, 16)
+_HIGHS: Final = np.geomspace(0.02, 0.5, 16)
 """Ends of bands of noise, of the sampling rate."""
 _SLOPES: Final = (-1.0, 0.0, 1.0, 2.0)
 _LIKELIEST: Final = 5

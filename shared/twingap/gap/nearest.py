@@ -118,9 +118,9 @@ def bring_nearest(
         search.far_places()
         for _ in range(passes):
             least = search.least
-            search.together()
-            for key in search.whole:
+            for key in [key for key in search.at if key[0]]:  # steps together end in the nearest valley
                 search.follow(key)
+            search.together()
             if search.least > _SETTLED * least:
                 break
     built = search.built(search.at)

@@ -219,3 +219,21 @@ def test_looseness_knocks_once_every_two_turns(lab: Any) -> None:
     assert x.max() == pytest.approx(together, rel=0.01)
     assert np.unique(tops // 40).size <= 2 * 10, "ten knocks in 20 turns"
     assert np.diff(tops)[np.diff(tops) > 100] == pytest.approx(2400, abs=20)
+
+
+def test_half_order_of_looseness_is_finite_whatever_the_decay() -> None:
+    """It lies before order 1: a decay of nothing would make it infinite."""
+    with pytest.raises(TwingapError, match="decay"):
+        Looseness(decay=0.0)
+    assert np.isfinite(Looseness(decay=0.05).levels).all()
+
+
+def test_looseness_out_of_phase_has_the_same_lines_and_no_knocks(lab: Any) -> None:
+    where = lab.where(speed_rpm=600.0, n_samples=24000)
+    lines, tops = [], []
+    for in_phase in (True, False):
+        x = where.added(Looseness(level=0.5, decay=0.9, half_ratio=0.8, n_orders=8, in_phase=in_phase))[0]
+        lines.append(np.abs(np.fft.rfft(x)))
+        tops.append(np.abs(x).max())
+    np.testing.assert_allclose(lines[0], lines[1], atol=1e-6 * lines[0].max())
+    assert tops[1] < 0.85 * tops[0]

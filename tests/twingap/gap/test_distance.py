@@ -154,3 +154,16 @@ def test_the_misfit_keeps_the_noise_of_means_and_is_never_less_than_what_lies_ap
     assert few.misfit() == pytest.approx(
         float(np.sqrt(np.mean(_tempered((few.difference[0] / few.scale) ** 2)))), rel=1e-9
     )
+
+
+def test_residuals_are_those_of_the_misfit_and_what_is_plain_counts_less() -> None:
+    rng = np.random.default_rng(9)
+    faint, plain = pair_of(6, 1, rng, 0.5), pair_of(6, 1, rng, 9.0)
+    assert float(((faint.residuals() ** 2).sum(axis=0) * faint.real.weight).sum()) == pytest.approx(faint.misfit() ** 2)
+    np.testing.assert_array_equal(faint.counts(), faint.real.weight)
+    assert np.all(plain.counts() <= plain.real.weight)
+    assert plain.counts().sum() < 0.5
+    # The weight is the slope of the tempered square: a little more of the gap adds as much to the misfit's square.
+    squares = (plain.residuals() ** 2).sum(axis=0)
+    more = (_tempered(1.001 * squares) - _tempered(squares)) @ plain.real.weight
+    assert more == pytest.approx(0.001 * squares @ plain.counts(), rel=1e-3)

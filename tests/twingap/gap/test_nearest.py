@@ -14,6 +14,7 @@ from twingap.gap.calibrate import calibrate
 from twingap.gap.distance import Paired
 from twingap.gap.evidence import Evidence, simulator_of
 from twingap.gap.nearest import bring_nearest
+from twingap.gap.simulator import Simulator
 from twingap.records import Condition, RecordSet
 from twingap.twins.phenomenological import PhenomenologicalParameters, PhenomenologicalTwin
 from twingap.twins.twin_file import TwinSpec, flat
@@ -54,6 +55,46 @@ def test_the_value_of_the_machine_is_found_from_afar(truth: Effect, guess: dict[
     found = bring_nearest(own, compared.simulator, [start], {(truth.name, parameter): 0.1})
     assert getattr(found.effects[0], parameter) == pytest.approx(getattr(truth, parameter), rel=0.2)
     assert found.misfit < 0.8 * found.before
+
+
+def test_values_that_make_up_for_each_other_are_moved_together() -> None:
+    """One after the other they would go down a valley in small steps, or stay on its slope."""
+    truth = make_effect("coloured_noise", {"level": 0.8, "slope": 0.5, "low_hz": 500.0, "high_hz": 1600.0})
+    own = evidence_of(machine(truth))
+    start = make_effect("coloured_noise", {"level": 0.4, "slope": 0.0, "low_hz": 350.0, "high_hz": 2100.0})
+    found = bring_nearest(own, own.against([start]).simulator, [start], {})
+    best = own.misfit(own.against([truth]).simulator, [truth])
+    assert found.before > 1.15 * best
+    assert found.misfit < 1.05 * best
+    assert vars(found.effects[0])["level"] == pytest.approx(0.8, rel=0.2)
+
+
+def test_what_is_exact_or_wrong_stays() -> None:
+    own = evidence_of(machine(make_effect("foreign_bearing", {"level": 6.0, "order": 3.37})))
+    start = make_effect("foreign_bearing", {"level": 2.0, "order": 3.37})
+    found = bring_nearest(own, own.against([start]).simulator, [start], {})
+    assert vars(found.effects[0])["order"] == pytest.approx(3.37, rel=1e-12)
+    assert vars(found.effects[0])["level"] > 3.0
+
+
+def test_what_other_random_streams_do_not_bear_out_is_not_kept(monkeypatch: pytest.MonkeyPatch) -> None:
+    hum = make_effect("mains_interference", {"level": 0.9})
+    own = evidence_of(machine(hum))
+    start = make_effect("mains_interference", {"level": 0.2})
+    simulator = own.against([start]).simulator
+    assert bring_nearest(own, simulator, [start], {}).effects != (start,)
+    gap, asked = Evidence.gap, []
+
+    def worse(self: Evidence, simulator: Simulator, effects: tuple[Effect, ...], replicate: int = 3) -> float:
+        asked.append(replicate)
+        return -gap(self, simulator, effects, replicate)
+
+    monkeypatch.setattr(Evidence, "gap", worse)
+    found = bring_nearest(own, simulator, [start], {})
+    assert found.effects == (start,)
+    assert found.simulator is simulator
+    assert found.misfit == found.before
+    assert set(asked) == {5}
 
 
 def test_a_baseline_that_is_off_is_brought_back() -> None:

@@ -13,7 +13,7 @@ from twingap.effects import Effect, make_effect
 from twingap.gap.calibrate import calibrate
 from twingap.gap.comparison import feature_names
 from twingap.gap.evidence import THOROUGH, Evidence, simulator_of
-from twingap.gap.likeliest import _misfit, likeliest_losses
+from twingap.gap.likeliest import _misfit, likeliest_losses, likeliest_noises
 from twingap.gap.starts import better_start, places, weaker
 from twingap.records import RecordSet
 from twingap.twins.twin_file import TwinSpec
@@ -61,10 +61,12 @@ def test_a_low_pass_is_found_with_the_mode_that_goes_with_it(order: int, corner_
 def test_silence_and_bands_without_any_power_are_no_trouble() -> None:
     own = evidence_of(machine(make_effect("quantisation", {"step": 4.0})))
     assert likeliest_losses(own, make_effect("sensor_rolloff"))  # type: ignore[arg-type]
+    assert likeliest_noises(own, make_effect("coloured_noise"))  # type: ignore[arg-type]
     fit = own.calibrated.fit
     silent = RecordSet(fit.name, fit.unit, fit.bearing, list(fit.conditions), lambda i: np.zeros(fit[i].samples.size))
     own.calibrated = dataclasses.replace(own.calibrated, fit=silent)
     assert likeliest_losses(own, make_effect("sensor_rolloff")) == []  # type: ignore[arg-type]
+    assert likeliest_noises(own, make_effect("coloured_noise")) == []  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize("opposed", [False, True])
@@ -86,6 +88,40 @@ def test_a_good_guess_stays() -> None:
     own = evidence_of(machine(truth))
     found = begun(own, truth)
     assert own.misfit(own.against([found]).simulator, [found]) <= own.misfit(own.against([truth]).simulator, [truth])
+
+
+@pytest.mark.parametrize(("low", "high"), [(600.0, 1400.0), (3000.0, 4200.0)])
+@pytest.mark.parametrize("own_simulator", [False, True])
+def test_a_band_of_noise_is_read_off_the_healthy_spectra(low: float, high: float, own_simulator: bool) -> None:
+    truth = make_effect("coloured_noise", {"level": 0.8, "slope": 0.0, "low_hz": low, "high_hz": high})
+    sim = machine() if own_simulator else None
+    spec = TwinSpec("phenomenological")
+    calibrated = calibrate(machine(truth), None if own_simulator else spec, np.random.default_rng(1), sim=sim)
+    own = Evidence(calibrated, simulator_of(calibrated, sim), spec, 7, THOROUGH)
+    first = likeliest_noises(own, make_effect("coloured_noise"))  # type: ignore[arg-type]
+    assert min(abs(np.log(one.low_hz / low)) + abs(np.log(one.high_hz / high)) for one in first) < 0.7
+    assert any(0.5 < one.level / 0.8 < 2.0 for one in first)
+
+
+def test_rare_strong_knocks_are_told_from_frequent_weak_ones() -> None:
+    truth = make_effect(
+        "impulsive_noise", {"level": 60.0, "rate_hz": 4.0, "resonance_hz": 2400.0, "damping_ratio": 0.05}
+    )
+    own = evidence_of(machine(truth))
+    guess = make_effect("impulsive_noise", {"level": 15.0, "rate_hz": 64.0, "resonance_hz": 3300.0})
+    found = begun(own, guess)
+    assert vars(found)["rate_hz"] < 20.0
+    assert vars(found)["resonance_hz"] == pytest.approx(2400.0, rel=0.05)
+    misfits = [own.misfit(own.against([e]).simulator, [e]) for e in (found, guess)]
+    assert misfits[0] < 0.8 * misfits[1]
+
+
+def test_loose_parts_that_do_not_knock_are_tried_too() -> None:
+    truth = make_effect("looseness", {"level": 0.8, "decay": 0.97, "n_orders": 8, "in_phase": False})
+    own = evidence_of(machine(truth))
+    found = begun(own, make_effect("looseness", {"level": 0.2, "decay": 0.97, "n_orders": 8}))
+    assert not vars(found)["in_phase"]
+    assert vars(found)["level"] > 0.3
 
 
 def test_an_estimate_that_is_far_too_strong_is_weakened() -> None:
