@@ -129,12 +129,15 @@ def _least_misfit(basis: Array, wanted: Array) -> tuple[float, Array]:
     Powers [spectra] by least squares of relative errors; choices in which one would be negative are none.
     """
     a = basis / wanted
+    size = np.sqrt((a**2).sum(axis=2, keepdims=True)) + 1e-300
+    a = a / size
     square = a @ a.transpose(0, 2, 1) + 1e-9 * np.eye(basis.shape[1])
     powers = np.linalg.solve(square, a.sum(axis=2)[:, :, None])[:, :, 0]
     rest = np.log(np.maximum(np.einsum("cs,csb->cb", powers, a), 1e-6))
     misfit = np.where((powers >= 0).all(axis=1), np.minimum(rest**2, 1.0).mean(axis=1), np.inf)
     best = int(np.argmin(misfit))
-    return float(misfit[best]), powers[best] if np.isfinite(misfit[best]) else np.zeros(basis.shape[1])
+    found = powers[best] / size[best, :, 0]
+    return float(misfit[best]), found if np.isfinite(misfit[best]) else np.zeros(basis.shape[1])
 
 
 def _healthiest(evidence: Evidence) -> Side | None:

@@ -13,7 +13,7 @@ from twingap.effects import Effect, make_effect
 from twingap.gap.calibrate import calibrate
 from twingap.gap.comparison import feature_names
 from twingap.gap.evidence import THOROUGH, Evidence, simulator_of
-from twingap.gap.likeliest import _misfit, likeliest_losses, likeliest_noises
+from twingap.gap.likeliest import _least_misfit, _misfit, likeliest_losses, likeliest_noises
 from twingap.gap.starts import better_start, places, weaker
 from twingap.records import RecordSet
 from twingap.twins.twin_file import TwinSpec
@@ -44,6 +44,23 @@ def test_two_powers_are_those_of_non_negative_least_squares() -> None:
         expected = np.minimum(np.log(np.maximum(model, 1e-6)) ** 2, 1.0).mean()
         assert _misfit(modes, white, wanted) == pytest.approx(expected, rel=1e-6)
     assert alone == {(True, True), (True, False), (False, True)}
+
+
+def test_three_powers_are_those_of_non_negative_least_squares_where_none_is_nought() -> None:
+    rng = np.random.default_rng(2)
+    for wide in (1.0, 1e9):  # the wanted spectrum may span nine orders of magnitude
+        basis = np.exp(rng.normal(0, 0.6, (5, 3, 60)))
+        wanted = np.geomspace(1.0, 1 / wide, 60) * np.exp(rng.normal(0, 0.1, 60))
+        basis[:, 0] *= wanted
+        found, powers = _least_misfit(basis, wanted)
+        each = [nnls((own / wanted).T, np.ones(60))[0] for own in basis]
+        assert found == np.inf or any(np.allclose(powers, one, rtol=1e-5) for one in each if (one > 0).all())
+    whole = np.stack([np.ones(60), np.linspace(1, 2, 60), np.linspace(2, 1, 60) ** 3])
+    found, powers = _least_misfit(whole[None], np.array([0.5, 1.0, 0.2]) @ whole)
+    assert found == pytest.approx(0.0, abs=1e-9)
+    assert powers == pytest.approx([0.5, 1.0, 0.2], rel=1e-4)
+    alike = np.stack([np.ones(60), np.ones(60), np.zeros(60)])
+    assert np.isfinite(_least_misfit(alike[None], 1e-12 * np.ones(60))[1]).all()
 
 
 @pytest.mark.parametrize(("order", "corner_hz"), [(1, 700.0), (2, 1900.0)])
