@@ -81,19 +81,15 @@ class Looseness(Effect):
         0.3, unit="healthy rms", plausible=(0.02, 3.0), log=True, doc="amplitude at shaft speed"
     )  # fmt: skip
     decay: float = parameter(
-        0.85,
-        unit="",
-        plausible=(0.5, 0.98),
-        allowed=(0.05, 1),
+        0.85, unit="", plausible=(0.5, 0.98), allowed=(0.05, 1),
         doc="amplitude of one order over that of the one before",
-    )
+    )  # fmt: skip
     half_ratio: float = parameter(
         0.6, unit="", plausible=(0.1, 1.5), allowed=(0, 100), doc="half orders over the trend of whole ones"
     )
     n_orders: int = parameter(
         10, unit="", plausible=(5, 20), allowed=(1, 200), fitted=False, doc="highest order"
     )  # fmt: skip
-
     in_phase: bool = parameter(
         True, unit="", plausible=(0, 1), allowed=(0, 1), doc="orders meet once every two turns, as a knock makes them"
     )

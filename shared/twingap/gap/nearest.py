@@ -1,6 +1,6 @@
 """Values that bring a twin nearest to the fit part: of its effects, and of its baseline.
 
-twin, effects at estimated values --each value in turn: far places first, then steps--> least `Evidence.misfit`
+twin, effects at estimated values --far places, steps of each value, steps of all together--> least `Evidence.misfit`
 
 Estimates are read off features, which are the same for all machines; here the twin itself is asked. Random streams are
 the same throughout, so that what differs between two trials is their values.
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from twingap.gap.evidence import Evidence
 
 PASSES: Final = 3
-"""Times that every value is moved in turn."""
+"""Rounds at most: of steps of each effect's values, and of all values together."""
 _PLACES: Final = 7
 """Places over a value's plausible range that are tried first."""
 _FARTHEST: Final = 8.0
@@ -87,7 +87,7 @@ def bring_nearest(
     baseline: bool = True,
     passes: int = PASSES,
 ) -> Nearest:
-    """Move values to where the twin comes nearest to the fit part, one after the other.
+    """Move values to where the twin comes nearest to the fit part; kept where other random streams agree.
 
     Parameters
     ----------
