@@ -188,8 +188,9 @@ def split_parts(
     """Fit part, held-out part and the names of records in both: groups whole, every fault and its speeds in each part.
 
     Groups of one fault are sorted by speed (then load and time) and dealt out in threes, by lot one of three to the fit
-    part: a handful of values needs fewer records than a decision. Two groups go one to each. A fault with one group
-    only stands in both parts, which `notes` say.
+    part: a handful of values needs fewer records than a decision. Two groups go one to each. Where every fault would give
+    one group, one fault of three or four gives two, far apart: what strikes do with speed shows where a fault was seen
+    at two. A fault with one group only stands in both parts, which `notes` say.
     """
     groups: dict[str, list[int]] = {}
     for place, condition in enumerate(records.conditions):
@@ -215,19 +216,21 @@ def split_parts(
     held = [set[str](), set[str]()]
     lone: list[str] = []
     spare = int(rng.integers(2))
-    for own_groups in by_fault.values():
+    # Faults before what is healthy: the first that can is seen at two speeds.
+    in_order = sorted(by_fault.items(), key=lambda item: item[0] == {"healthy"})
+    spanned = any(len(own_groups) > 4 for own, own_groups in in_order if own != {"healthy"})
+    for own, own_groups in in_order:
         ordered = sorted(own_groups, key=key)
         if len(ordered) == 1:
             lone += ordered
             continue
-        for begin in range(0, len(ordered), 3):
-            block = ordered[begin : begin + 3]
-            # A single one at the end is one more to decide with.
-            fitted = int(rng.integers(len(block))) if len(block) > 1 else -1
-            for turn, group in enumerate(block):
-                part = 0 if turn == fitted else 1
-                parts[part].extend(groups[group])
-                held[part] |= faults[group]
+        spans = not spanned and own != {"healthy"} and len(ordered) in (3, 4)
+        spanned = spanned or spans
+        fitted = {ordered[turn] for turn in _fitted(len(ordered), spans, rng)}
+        for group in ordered:
+            part = 0 if group in fitted else 1
+            parts[part].extend(groups[group])
+            held[part] |= faults[group]
     for group in lone:
         missing = [part for part in (0, 1) if not faults[group] <= held[part]]
         # Where one part has these faults from other groups, this group goes to the other; else it stands in both.
@@ -247,6 +250,16 @@ def split_parts(
         full = parts[0] or parts[1]
         parts = (full, full)
     return records.take(sorted(parts[0])), records.take(sorted(parts[1])), tuple(shared)
+
+
+def _fitted(count: int, spans: bool, rng: np.random.Generator) -> list[int]:
+    """Places of the fit part's groups among a fault's `count`; two far apart of three or four if the fault `spans`."""
+    if spans:
+        first = int(rng.integers(count - 2))
+        return [first, first + 2]
+    # A single one at the end is one more to decide with.
+    blocks = [(begin, min(3, count - begin)) for begin in range(0, count, 3)]
+    return [begin + int(rng.integers(size)) for begin, size in blocks if size > 1]
 
 
 def thinned(records: RecordSet, most: int = MOST_FIT) -> RecordSet:

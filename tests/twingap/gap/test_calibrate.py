@@ -287,3 +287,22 @@ def test_records_that_cannot_be_read_are_named(samples: np.ndarray[Any, Any], me
     with pytest.raises(TwingapError, match=message) as caught:
         calibrate(RecordSet.from_records("b", "", BEARINGS["6205"], [*records, bad]), PLAIN, np.random.default_rng(0))
     assert "'bad'" in str(caught.value)
+
+
+@pytest.mark.parametrize("count", [3, 4])
+def test_one_fault_is_fitted_at_two_speeds_where_groups_are_few(count: int) -> None:
+    x, kinds = np.arange(4.0), ("healthy", "inner", "outer")
+    records = RecordSet.from_records(
+        "r", "", None,
+        [
+            Record(Condition(f"{k}{i}", 1000.0 + 200 * i, 1.0, 4, k, group=f"{k}{i}"), x)
+            for k in kinds for i in range(count)
+        ],
+    )  # fmt: skip
+    for seed in range(8):
+        fit, held_out, _ = split_parts(records, np.random.default_rng(seed), [])
+        speeds = {k: sorted(c.speed_rpm for c in fit.conditions if c.fault == k) for k in kinds}
+        assert [len(speeds[k]) for k in kinds] == [1, 2, 1]
+        assert speeds["inner"][1] - speeds["inner"][0] == 400.0
+        assert {c.fault for c in held_out.conditions} == set(kinds)
+        assert fit.common_groups(held_out) == ()
