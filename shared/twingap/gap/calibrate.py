@@ -188,9 +188,9 @@ def split_parts(
     """Fit part, held-out part and the names of records in both: groups whole, every fault and its speeds in each part.
 
     Groups of one fault are sorted by speed (then load and time) and dealt out in threes, by lot one of three to the fit
-    part: a handful of values needs fewer records than a decision. Two groups go one to each. Where every fault would give
-    one group, one fault of three or four gives two, far apart: what strikes do with speed shows where a fault was seen
-    at two. A fault with one group only stands in both parts, which `notes` say.
+    part: a handful of values needs fewer records than a decision. Two groups go one to each. Where every fault would
+    give one group, one fault of three or four gives two, far apart: what strikes do with speed shows where a fault was
+    seen at two. A fault with one group only stands in both parts, which `notes` say.
     """
     groups: dict[str, list[int]] = {}
     for place, condition in enumerate(records.conditions):

@@ -179,6 +179,11 @@ class Evidence:
         dear = CONTACT_COSTS if self.spec.model == "contact" else 1
         return int(np.clip(SAMPLES_TRIED / (samples * dear), *TRIALS))
 
+    @property
+    def records_tried(self) -> int:
+        """Number of those."""
+        return len(self._tried)
+
     @cached_property
     def _tried_grid(self) -> Grid:
         return Grid.of(self._tried.conditions, self.frame.bearing)

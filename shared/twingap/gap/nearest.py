@@ -1,9 +1,10 @@
 """Values that bring a twin nearest to the fit part: of its effects, and of its baseline.
 
-twin, effects at estimated values --far places, steps of each value, steps of all together--> least `Evidence.misfit`
+twin, effects at estimated values --far places, steps of each value, steps of all together--> least misfit
 
 Estimates are read off features, which are the same for all machines; here the twin itself is asked. Random streams are
-the same throughout, so that what differs between two trials is their values.
+the same throughout, so that what differs between two trials is their values. What is made small is the square of
+`Evidence.misfit` with the strain of moving values away from what estimates say of them (see `prior`).
 """
 
 from __future__ import annotations
@@ -12,6 +13,8 @@ import dataclasses
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -21,6 +24,7 @@ from twingap.effects import Effect, make_effect
 from twingap.errors import TwingapError
 from twingap.gap.baseline import all_parameters
 from twingap.gap.evidence import level_of
+from twingap.gap.prior import Key, Said, pull, strain
 from twingap.gap.simulator import Simulator, TwinSimulator
 from twingap.gap.training.parameters import Setting, coordinates, to_effect, to_number
 from twingap.twins.twin_file import flat
@@ -32,6 +36,8 @@ PASSES: Final = 3
 """Rounds at most: of steps of each effect's values, and of all values together."""
 _PLACES: Final = 7
 """Places over a value's plausible range that are tried first."""
+_LEAST_STEP: Final = 0.005
+"""Part of a value's plausible range: a slip goes from 0 to 0.05, and a first step of 0.02 is no step."""
 _FARTHEST: Final = 8.0
 """First steps beyond which a value is not followed in one go."""
 _CLEARLY: Final = 0.98
@@ -54,8 +60,6 @@ _OTHER: Final = 5
 """Replicate that values are not fitted to."""
 
 Array = NDArray[np.float64]
-Key = tuple[str, str]
-"""Effect ("" for the baseline) and parameter."""
 
 
 @dataclass(frozen=True)
@@ -68,7 +72,7 @@ class Nearest:
         With these values of its effects and its baseline.
     effects : tuple of Effect
     before, misfit : float
-        Of the fit part, at the start and at the end.
+        Of the fit part, at the start and at the end, with what values are strained.
     """
 
     simulator: Simulator
@@ -86,6 +90,7 @@ def bring_nearest(
     moved: Sequence[str] | None = None,
     baseline: bool = True,
     passes: int = PASSES,
+    said: Mapping[Key, Said] = MappingProxyType({}),
 ) -> Nearest:
     """Move values to where the twin comes nearest to the fit part; kept where other random streams agree.
 
@@ -102,18 +107,20 @@ def bring_nearest(
     baseline : bool
         Whether the twin's own levels, mode and impacts may move too, but for what the user's twin file fixes.
     passes : int
+    said : Mapping[(effect, parameter), Said], optional
+        What estimates say of values; those that are not among them move freely.
 
     Returns
     -------
     Nearest
     """
-    search = _Search(evidence, simulator, tuple(effects), evidence.trials)
+    search = _Search(evidence, simulator, tuple(effects), evidence.trials, dict(said))
     search.gather_effects([e for e in effects if moved is None or e.name in moved], errors)
     if baseline and isinstance(simulator, TwinSimulator) and simulator.spec.model == "phenomenological":
         search.gather_baseline(simulator)
     elif baseline:
         search.gather_level()
-    begin = search.begin
+    begin = search.start()
     if search.at:
         search.far_places()
         for _ in range(passes):
@@ -135,6 +142,7 @@ class _Search:
     simulator: Simulator
     effects: tuple[Effect, ...]
     left: int
+    said: dict[Key, Said]
     at: dict[Key, float] = field(default_factory=dict)
     step: dict[Key, float] = field(default_factory=dict)
     ends: dict[Key, tuple[float, float]] = field(default_factory=dict)
@@ -142,12 +150,24 @@ class _Search:
     least: float = 0.0
     begin: float = 0.0
 
-    def __post_init__(self) -> None:
-        self.begin = self.least = self.evidence.misfit(self.simulator, self.effects)
-
     @property
     def setting(self) -> Setting:
         return self.evidence.setting
+
+    def start(self) -> float:
+        """The misfit where the search begins."""
+        self.said = {key: one for key, one in self.said.items() if one.within > 0 and key in self.at}
+        self.begin = self.least = self.strained(self.evidence.misfit(self.simulator, self.effects), self.at)
+        return self.begin
+
+    def strained(self, misfit: float, at: Mapping[Key, float]) -> float:
+        """The misfit with what these values are strained."""
+        return math.sqrt(misfit**2 + self.pull * strain(self.said, at))
+
+    @cached_property
+    def pull(self) -> float:
+        """See `prior.pull`."""
+        return pull(self.evidence.records_tried)
 
     def gather_effects(self, effects: Sequence[Effect], errors: Mapping[Key, float]) -> None:
         """Their parameters as numbers, with first steps and the ends of plausible ranges."""
@@ -160,10 +180,12 @@ class _Search:
                 whole = kind.type in ("int", int, "bool", bool)
                 if whole:
                     self.whole.add(key)
-                self.step[key] = 1.0 if whole else max(0.5 * errors.get(key, 0.6), 0.02)
-                ends = [_end(effect, key[1], value, self.setting) for value in kind.metadata["plausible"]]
-                if None not in ends and not whole:
-                    self.ends[key] = (min(ends), max(ends))  # type: ignore[type-var, assignment]
+                plausible = [_end(effect, key[1], value, self.setting) for value in kind.metadata["plausible"]]
+                ends, least = [value for value in plausible if value is not None], 0.02
+                if len(ends) == 2 and not whole:
+                    self.ends[key] = (min(ends), max(ends))
+                    least = min(least, _LEAST_STEP * (max(ends) - min(ends)))
+                self.step[key] = 1.0 if whole else max(0.5 * errors.get(key, 0.6), least)
 
     def gather_baseline(self, simulator: TwinSimulator) -> None:
         """What the twin file leaves free, as logarithms."""
@@ -226,8 +248,9 @@ class _Search:
             if not moved:
                 return
             keys, jacobian = list(moved), np.stack(list(moved.values()), axis=1)
-            wanted = jacobian.T @ (base * weight).ravel()
-            square = jacobian.T @ jacobian
+            springs = [self._spring(key) for key in keys]
+            wanted = jacobian.T @ (base * weight).ravel() + np.array([spring[0] for spring in springs])
+            square = jacobian.T @ jacobian + np.diag([spring[1] for spring in springs])
             begin = self.least
             for damping in _DAMPINGS:
                 stiff = square + damping * np.diag(np.diag(square)) + 1e-12 * np.eye(len(keys))
@@ -243,6 +266,14 @@ class _Search:
                 shrunk += 1
                 for key in keys:
                     self.step[key] *= 0.4
+
+    def _spring(self, key: Key) -> tuple[float, float]:
+        """How hard a value is pulled back, and how much harder a step on; per step."""
+        if key not in self.said:
+            return 0.0, 0.0
+        said, step = self.said[key], self.step[key]
+        stiff = self.pull * said.stiffness(self.at[key]) * step
+        return stiff * (self.at[key] - said.number), stiff * step
 
     def holds(self, simulator: Simulator, effects: tuple[Effect, ...]) -> bool:
         """Whether what was found is no farther off than where it began, judged by other random streams."""
@@ -275,13 +306,14 @@ class _Search:
         return float(np.clip(value, min(low, self.at[key]), max(high, self.at[key])))
 
     def misfit_at(self, there: Mapping[Key, float]) -> float:
-        """Of the fit part, with several values changed."""
+        """Of the fit part, with several values changed, and what they are strained."""
         if self.left <= 0:
             return math.inf
         self.left -= 1
-        built = self.built({**self.at, **there})
+        at = {**self.at, **there}
+        built = self.built(at)
         try:
-            return self.evidence.misfit(*built) if built else math.inf
+            return self.strained(self.evidence.misfit(*built), at) if built else math.inf
         except TwingapError:
             return math.inf
 

@@ -14,7 +14,8 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Iterator, Mapping
-from typing import TYPE_CHECKING, Final
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,6 +33,7 @@ from twingap.effects import (
 from twingap.gap.comparison import feature_names
 from twingap.gap.evidence import values_of
 from twingap.gap.likeliest import likeliest_losses, likeliest_modes, likeliest_noises
+from twingap.gap.prior import Key, Said, pull, strain
 from twingap.gap.training.parameters import Setting, coordinates, to_effect, to_number
 from twingap.twins.twin_file import flat
 
@@ -56,9 +58,28 @@ _BETTER: Final = 0.99
 """Factor on the misfit from which another place is a better one to begin at."""
 
 
+class Start(NamedTuple):
+    """Where to begin.
+
+    Parameters
+    ----------
+    effect : Effect
+    read : bool
+        Whether these values were read off the records, other than the estimate; else they are its own, weaker.
+    """
+
+    effect: Effect
+    read: bool
+
+
 def better_start(
-    evidence: Evidence, effects: tuple[Effect, ...], name: str, features: Array, now: float
-) -> Effect | None:
+    evidence: Evidence,
+    effects: tuple[Effect, ...],
+    name: str,
+    features: Array,
+    now: float,
+    said: Mapping[Key, Said] = MappingProxyType({}),
+) -> Start | None:
     """The effect at values that come nearer to the fit part than the given ones do; None where there are none.
 
     Parameters
@@ -72,6 +93,8 @@ def better_start(
         Of the fit part, before it was added.
     now : float
         Misfit with the given values.
+    said : Mapping[(effect, parameter), Said], optional
+        What estimates say: a weaker effect is strained by it.
     """
     (given,) = (effect for effect in effects if effect.name == name)
     others = tuple(effect for effect in effects if effect.name != name)
@@ -87,15 +110,19 @@ def better_start(
         finalists += likeliest_noises(evidence, given)
     if isinstance(given, SecondResonance):
         finalists += likeliest_modes(evidence, given)
+    starts = [Start(place, True) for place in finalists]
     if now > evidence.misfit(evidence.against(others).simulator, others):
-        finalists += [place for place in weaker(given) if evidence.fits(place)]
+        starts += [Start(place, False) for place in weaker(given) if evidence.fits(place)]
     # Levels alone were matched so far; the few that came nearest are given a mode of their own, as the given one was.
     least, best = _BETTER * now, None
-    for place in finalists:
-        chain = (*others, place)
+    for start in starts:
+        chain = (*others, start.effect)
         misfit = evidence.misfit(evidence.against(chain).simulator, chain)
+        if not start.read:
+            numbers = {key: to_number(start.effect, key[1], evidence.setting) for key in said}
+            misfit = math.sqrt(misfit**2 + pull(evidence.records_tried) * strain(said, numbers))
         if misfit < least:
-            least, best = misfit, place
+            least, best = misfit, start
     return best
 
 

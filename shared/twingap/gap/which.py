@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from typing import Final
 
 import numpy as np
@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 from twingap.effects import Effect, catalogue
 from twingap.gap.evidence import Compared, Evidence, values_of
 from twingap.gap.nearest import bring_nearest
+from twingap.gap.prior import Key, Said
 from twingap.gap.starts import better_start
 from twingap.gap.training.judgement import Outcome
 from twingap.gap.training.learn import Learnt
@@ -70,10 +71,13 @@ class Estimated:
     effect : Effect
     intervals : Mapping[str, (float, float)]
         90 % intervals of its parameters, in their units.
+    said : Mapping[(effect, parameter), Said]
+        What estimates say, wherever values have been moved to since.
     """
 
     effect: Effect
     intervals: Mapping[str, tuple[float, float]]
+    said: Mapping[Key, Said] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -277,8 +281,9 @@ class _Search:
     def refine(self, names: Sequence[str]) -> None:
         """Move the values of these effects to where the fit part comes nearest."""
         found = bring_nearest(
-            self.evidence, self.now.simulator, self._added(), self.errors, moved=names, baseline=False, passes=1
-        )
+            self.evidence, self.now.simulator, self._added(), self.errors,
+            moved=names, baseline=False, passes=1, said=self._said(),
+        )  # fmt: skip
         self._take_over(found.effects)
         self.now = self.evidence.against(self._added())
 
@@ -291,7 +296,7 @@ class _Search:
         before = Compared(self.evidence, (), bare.simulator)
         if not gap or not self._added():
             return before, before
-        found = bring_nearest(self.evidence, self.now.simulator, self._added(), self.errors)
+        found = bring_nearest(self.evidence, self.now.simulator, self._added(), self.errors, said=self._said())
         self._take_over(found.effects)
         return before, Compared(self.evidence, found.effects, found.simulator)
 
@@ -300,7 +305,10 @@ class _Search:
         for effect in effects:
             known, values = self.values[effect.name], values_of(effect)
             reaching = {p: (min(low, values[p]), max(high, values[p])) for p, (low, high) in known.intervals.items()}
-            self.values[effect.name] = Estimated(effect, reaching)
+            self.values[effect.name] = replace(known, effect=effect, intervals=reaching)
+
+    def _said(self) -> dict[Key, Said]:
+        return {key: said for value in self.values.values() for key, said in value.said.items()}
 
     def add(self, names: Sequence[str]) -> None:
         """Add effects at the values that the fit part suggests against the twin as it is now."""
@@ -320,9 +328,14 @@ class _Search:
     def begin_better(self, name: str, features: Array) -> None:
         """Go to other values of an effect where those come nearer to the fit part."""
         added = self._added()
-        found = better_start(self.evidence, added, name, features, self.evidence.misfit(self.now.simulator, added))
+        said = self.values[name].said
+        now = self.evidence.misfit(self.now.simulator, added)
+        found = better_start(self.evidence, added, name, features, now, said)
         if found is not None:
-            self._take_over([found])
+            self._take_over([found.effect])
+            if found.read:  # elsewhere: what the estimate said is no longer believed
+                anew = {k: one._replace(number=self._number(found.effect, k)) for k, one in said.items()}
+                self.values[name] = replace(self.values[name], said=anew)
             self.now = self.evidence.against(self._added())
 
     def drop_idle(self) -> None:
@@ -341,6 +354,9 @@ class _Search:
                 return
             del self.values[idle]
             self.now = self.evidence.against(self._added())
+
+    def _number(self, effect: Effect, key: Key) -> float:
+        return to_number(effect, key[1], self.evidence.setting)
 
     def _least(self, name: str) -> float:
         return UNLIKELY if name in self.helped else self.learnt.thresholds.get(name, THRESHOLD) - KEEPS
@@ -375,7 +391,7 @@ def estimate(name: str, features: Array, evidence: Evidence, learnt: Learnt) -> 
     """An effect's values from the features of the fit part, with 90 % intervals."""
     setting = evidence.setting
     default = catalogue()[name]()
-    numbers, intervals = {}, {}
+    numbers, intervals, within = {}, {}, {}
     for effect, parameter in coordinates():
         if effect != name:
             continue
@@ -388,6 +404,7 @@ def estimate(name: str, features: Array, evidence: Evidence, learnt: Learnt) -> 
         off = float(found.within(features[None, :])[0])
         ends = [to_value(name, parameter, number + sign * off, setting) for sign in (-1, 1)]
         least = _LEAST_SPREAD.get((name, parameter), 0.0)
+        within[parameter] = off
         intervals[parameter] = (min(ends) * (1 - least), max(ends) * (1 + least))
     made = to_effect(name, numbers, setting)
     # A place beyond half the sampling rate, say: half the way back to the usual value, until records can have it.
@@ -396,7 +413,8 @@ def estimate(name: str, features: Array, evidence: Evidence, learnt: Learnt) -> 
             break
         numbers = {p: 0.5 * (n + to_number(default, p, setting)) for p, n in numbers.items()}
         made = to_effect(name, numbers, setting)
-    return Estimated(made, intervals)
+    said = {(name, p): Said(to_number(made, p, setting), off) for p, off in within.items()}
+    return Estimated(made, intervals, said)
 
 
 def confidence_set(probability: Mapping[str, float], level: float) -> tuple[tuple[str, ...], ...]:

@@ -28,7 +28,8 @@ def evidence_of(records: RecordSet) -> Evidence:
 def begun(own: Evidence, given: Effect) -> Effect:
     """The given values, or better ones."""
     now = own.misfit(own.against([given]).simulator, [given])
-    return better_start(own, (given,), given.name, own.against().fit, now) or given
+    found = better_start(own, (given,), given.name, own.against().fit, now)
+    return found.effect if found else given
 
 
 def test_two_powers_are_those_of_non_negative_least_squares() -> None:
