@@ -1,0 +1,126 @@
+"""Several seeds of one blind study taken together: twice the worlds, narrower intervals.
+
+study.json of each seed --worlds of one and the same diagnosis--> rows --scores--> a column a seed, and one of all
+
+Run as ``python -m twingap.study.pooled DIR DIR ...`` it prints the scores against their targets, and the rivals that
+ran on every seed.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from twingap.errors import TwingapError
+from twingap.study import scores
+from twingap.study.tables import COMPARED, grid
+from twingap.study.verdicts import Found, Row, Was
+
+DIAGNOSIS = "diagnosis"
+
+
+def read_studies(folders: Sequence[Path]) -> list[Mapping[str, Any]]:
+    """Content of study.json of each folder.
+
+    Raises
+    ------
+    TwingapError
+        When a folder holds no finished study, or two of them cannot be counted together: one seed twice, or another
+        code, or another thing learnt.
+    """
+    studies: list[Mapping[str, Any]] = []
+    for folder in folders:
+        path = folder / "study.json"
+        try:
+            table = json.loads(path.read_text(encoding="utf-8"))
+            about = table["provenance"]
+            key = about["seed"], about["code_sha256"]["diagnosis"], about["learnt_sha256"]
+        except (OSError, ValueError, KeyError, TypeError) as error:
+            raise TwingapError(
+                "no finished study", where=str(path), mend="name folders that `twingap gap study --out` filled"
+            ) from error
+        for other, seen in zip(folders, studies, strict=False):
+            about = seen["provenance"]
+            if key[0] == about["seed"]:
+                raise TwingapError(f"seed {key[0]} stands in {other} too", where=str(path), mend="count it once")
+            if key[1:] != (about["code_sha256"]["diagnosis"], about["learnt_sha256"]):
+                raise TwingapError(
+                    f"is of another diagnosis than {other}",
+                    where=str(path), mend="take studies of one code together, and of one training",
+                )  # fmt: skip
+        studies.append(table)
+    return studies
+
+
+def rows_of(table: Mapping[str, Any]) -> dict[str, list[Row]]:
+    """Rows of the diagnosis and of each rival, one a world."""
+    out: dict[str, list[Row]] = {DIAGNOSIS: []}
+    for world in table["worlds"]:
+        was = Was(**_tuples(world["was"]))
+        out[DIAGNOSIS].append(Row(was, Found(**_tuples(world["found"]))))
+        for method, said in world["rivals"].items():
+            answer = Found(said["status"], tuple(said["effects"]), p_value=said["p_value"])
+            out.setdefault(method, []).append(Row(was, answer))
+    return out
+
+
+def _tuples(fields: Mapping[str, Any]) -> dict[str, Any]:
+    """As the classes have them: JSON knows lists alone."""
+    return {name: tuple(value) if isinstance(value, list) else value for name, value in fields.items()}
+
+
+def markdown(studies: Sequence[Mapping[str, Any]]) -> str:
+    """Scores seed by seed and of all worlds, and methods side by side."""
+    each = [rows_of(table) for table in studies]
+    seeds = [f"seed {table['provenance']['seed']}" for table in studies]
+    own = [scores.headline(rows[DIAGNOSIS]) for rows in each]
+    whole = scores.headline([row for rows in each for row in rows[DIAGNOSIS]])
+    lines = [
+        {
+            "score": score.name, "among": score.among,
+            **{seed: _words(part[i]) for seed, part in zip(seeds, own, strict=True)},
+            "all": _words(score), "target": score.target.words if score.target else "",
+            "met": {None: "", True: "yes", False: "**no**"}[score.met],
+        }
+        for i, score in enumerate(whole)
+    ]  # fmt: skip
+    methods = [method for method in each[0] if all(method in rows for rows in each)]
+    beside = []
+    for method in methods:
+        together = scores.headline([row for rows in each for row in rows[method]])
+        chosen = {f"{s.name}: {s.among}": _words(s) for s in together if s.name in COMPARED}
+        beside.append({"method": method, **chosen})
+    count = sum(len(rows[DIAGNOSIS]) for rows in each)
+    return (
+        f"{count} worlds, {', '.join(seeds)}; one code and one training.\n\n"
+        f"## Scores against targets\n\n{grid(lines)}\n\n## Methods on all of these worlds\n\n{grid(beside)}\n"
+    )
+
+
+def _words(score: scores.Score) -> str:
+    row = score.row
+    if row["value"] is None:
+        return "-"
+    count = f"{score.k} of {score.n}: " if score.k is not None else ""
+    within = "" if row["low"] is None else f" ({row['low']:.3g} to {row['high']:.3g})"
+    return f"{count}{row['value']:.3g}{within}"
+
+
+def main() -> int:
+    """Print what studies say together."""
+    asked = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else "")
+    asked.add_argument("folders", nargs="+", type=Path, metavar="DIR", help="filled by `twingap gap study --out DIR`")
+    try:
+        print(markdown(read_studies(asked.parse_args().folders)))
+    except TwingapError as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 2
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,71 @@
+"""Seeds taken together are counted as the worlds that they are, and only where one diagnosis saw them all."""
+
+import json
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+from test_runner import small_study
+
+from twingap.errors import TwingapError
+from twingap.study import scores, write_study
+from twingap.study.pooled import markdown, read_studies, rows_of
+
+
+@pytest.fixture(scope="module")
+def seeds(tmp_path_factory: pytest.TempPathFactory) -> tuple[list[Any], list[Path]]:
+    out = tmp_path_factory.mktemp("studies")
+    folders, studies = [out / "three", out / "four"], []
+    for folder, seed in zip(folders, (3, 4), strict=True):
+        studies.append(small_study(folder, seed=seed))
+        write_study(studies[-1], folder)
+    return studies, folders
+
+
+def test_rows_come_back_as_they_were_scored(seeds: tuple[list[Any], list[Path]]) -> None:
+    studies, folders = seeds
+    for study, table in zip(studies, read_studies(folders), strict=True):
+        back = rows_of(table)
+        assert list(back) == list(study.rows)
+        for method, rows in study.rows.items():
+            # Compared by their words: NaN is no number that equals itself.
+            assert list(map(repr, scores.headline(back[method])))[:13] == list(map(repr, scores.headline(rows)))[:13]
+
+
+def test_counts_add_up(seeds: tuple[list[Any], list[Path]]) -> None:
+    studies, folders = seeds
+    together = scores.headline([row for table in read_studies(folders) for row in rows_of(table)["diagnosis"]])
+    each = [scores.headline(study.rows["diagnosis"]) for study in studies]
+    for score, first, second in zip(together, *each, strict=True):
+        assert score.n == first.n + second.n
+        if first.k is not None and second.k is not None:
+            assert score.k == first.k + second.k
+    page = markdown(read_studies(folders))
+    assert page.startswith("6 worlds, seed 3, seed 4;")
+    (line,) = [line for line in page.splitlines() if line.startswith("| first-named right | single, medium or strong")]
+    assert "| 1 of 1: 1 (0.025 to 1) | 1 of 1: 1 (0.025 to 1) | 2 of 2: 1 (0.158 to 1) | at least 0.95 | yes |" in line
+    assert "extra-trees, one classifier" in page
+
+
+def test_what_cannot_be_counted_together_is_named(seeds: tuple[list[Any], list[Path]], tmp_path: Path) -> None:
+    _, folders = seeds
+    with pytest.raises(TwingapError, match="seed 3 stands in"):
+        read_studies([folders[0], folders[0]])
+    with pytest.raises(TwingapError, match="no finished study"):
+        read_studies([folders[0], tmp_path])
+    for part, text in (("learnt_sha256", "another"), ("code_sha256", {"diagnosis": "another"})):
+        other = tmp_path / part
+        shutil.copytree(folders[1], other)
+        table = json.loads((other / "study.json").read_text(encoding="utf-8"))
+        table["provenance"][part] = text
+        (other / "study.json").write_text(json.dumps(table), encoding="utf-8")
+        with pytest.raises(TwingapError, match="of another diagnosis"):
+            read_studies([folders[0], other])
+    run = subprocess.run(
+        [sys.executable, "-m", "twingap.study.pooled", str(tmp_path)], capture_output=True, text=True, check=False
+    )
+    assert run.returncode == 2 and run.stdout == ""
+    assert run.stderr.startswith("error: ") and len(run.stderr.splitlines()) == 1
