@@ -53,7 +53,9 @@ def test_the_value_of_the_machine_is_found_from_afar(truth: Effect, guess: dict[
     start = make_effect(truth.name, {**{k: v for k, v in vars(truth).items() if k != parameter}, **guess})
     compared = own.against([start])
     found = bring_nearest(own, compared.simulator, [start], {(truth.name, parameter): 0.1})
-    assert getattr(found.effects[0], parameter) == pytest.approx(getattr(truth, parameter), rel=0.2)
+    # As near as the truth; how near that is to its value, two faulty records say more or less sharply.
+    assert found.misfit <= 1.02 * own.misfit(own.against([truth]).simulator, [truth])
+    assert getattr(found.effects[0], parameter) == pytest.approx(getattr(truth, parameter), rel=0.35)
     assert found.misfit < 0.8 * found.before
 
 

@@ -354,12 +354,13 @@ def test_one_half_of_real_recordings_simulates_the_other() -> None:
     found = calibrate(even, None, np.random.default_rng(0), sim=odd)
     own = OwnSimulator(odd, found.fit, found.frame.bearing, found.frame.scale)
     assert own.gain == 1.0
-    made = own.simulate((), found.held_out.conditions, 1, 0)
-    for record, condition in zip(made, found.held_out.conditions, strict=True):
+    real = [*found.fit, *found.held_out]  # defects of one fault differ in size: the lot of one part may be the small ones
+    conditions = [record.condition for record in real]
+    made = own.simulate((), conditions, 1, 0)
+    for record, condition in zip(made, conditions, strict=True):
         # Near speeds are kept: 1750 rpm as stated beside 1745 as found.
         assert record.condition.speed_rpm == pytest.approx(condition.speed_rpm, rel=0.06)
         assert replace(record.condition, speed_rpm=condition.speed_rpm) == condition
-    for fault in {c.fault for c in found.held_out.conditions}:
-        real = [r.samples.var() for r in found.held_out if r.condition.fault == fault]
-        simulated = [r.samples.var() for r in made if r.condition.fault == fault]
-        assert np.log(np.mean(simulated) / np.mean(real)) == pytest.approx(0, abs=1.5)
+    for fault in {c.fault for c in conditions}:
+        powers = [[r.samples.var() for r in side if r.condition.fault == fault] for side in (made, real)]
+        assert np.log(np.mean(powers[0]) / np.mean(powers[1])) == pytest.approx(0, abs=1.5)
