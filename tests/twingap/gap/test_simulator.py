@@ -354,7 +354,7 @@ def test_one_half_of_real_recordings_simulates_the_other() -> None:
     found = calibrate(even, None, np.random.default_rng(0), sim=odd)
     own = OwnSimulator(odd, found.fit, found.frame.bearing, found.frame.scale)
     assert own.gain == 1.0
-    real = [*found.fit, *found.held_out]  # defects of one fault differ in size: the lot of one part may be the small ones
+    real = [*found.fit, *found.held_out]  # defects of one fault differ in size: one part may have the small ones
     conditions = [record.condition for record in real]
     made = own.simulate((), conditions, 1, 0)
     for record, condition in zip(made, conditions, strict=True):
