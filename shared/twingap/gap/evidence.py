@@ -181,7 +181,7 @@ class Evidence:
 
     @property
     def records_tried(self) -> int:
-        """Number of those."""
+        """Number of records that trials are made on."""
         return len(self._tried)
 
     @cached_property

@@ -156,7 +156,7 @@ class _Search:
 
     def start(self) -> float:
         """The misfit where the search begins."""
-        self.said = {key: one for key, one in self.said.items() if one.within > 0 and key in self.at}
+        self.said = {key: one for key, one in self.said.items() if key in self.at}
         self.begin = self.least = self.strained(self.evidence.misfit(self.simulator, self.effects), self.at)
         return self.begin
 

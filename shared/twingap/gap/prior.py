@@ -16,10 +16,12 @@ from typing import Final, NamedTuple
 from scipy.stats import norm
 
 FREEDOM: Final = 4.0
-"""Degrees of freedom of the t-distribution: one estimate in a hundred is far off, and says so to nobody."""
+"""Degrees of freedom of the t-distribution: now and then an estimate is far off without knowing it."""
 BINS: Final = 30.0
 """Bins that say something of their own, of the hundreds that a record is compared in."""
 _NINE_OF_TEN: Final = float(norm.ppf(0.95))
+_EXACT: Final = 1e-6
+"""Scale of the error of an estimate that has never been off: it holds, but for plain evidence."""
 
 Key = tuple[str, str]
 """Effect and parameter."""
@@ -42,7 +44,7 @@ class Said(NamedTuple):
     @property
     def spread(self) -> float:
         """Scale of its error: a standard deviation, if errors were Gaussian."""
-        return self.within / _NINE_OF_TEN
+        return max(self.within / _NINE_OF_TEN, _EXACT)
 
     def strain(self, number: float) -> float:
         """Of another value: -2 ln of how much less likely it is than the estimate."""

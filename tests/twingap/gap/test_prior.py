@@ -30,6 +30,13 @@ def test_strain_is_that_of_a_t_distribution() -> None:
     assert strain({EXPONENT: said}, {}) == 0.0
 
 
+def test_an_estimate_that_was_never_off_holds() -> None:
+    said = Said(3.0, 0.0)
+    assert said.strain(3.0) == 0.0
+    assert said.strain(3.01) > Said(3.0, 0.01).strain(3.01) > 0
+    assert np.isfinite([said.stiffness(3.0), said.stiffness(3.01)]).all()
+
+
 def test_a_strain_counts_less_the_more_records_there_are() -> None:
     assert pull(4) == 2 * pull(8) > 0
 
