@@ -176,7 +176,7 @@ def compare(
             _struck(real), _struck(simulated), _noise(real, simulated), real.outlines[0].frame.bearing
         )
         told = np.array([answers[name] for name in answer.COMPARED], float)
-        changes = change.compare(real.outlines, simulated.outlines)
+        changes = change.compare(real.outlines, simulated.outlines, own=own)
         changed = np.array([changes[name] for name in change.NAMES], float)
         context, apart = _context(real, speeds, own, models), _apart(real.views, simulated.views)
         context = np.concatenate((context, _slip(real, simulated)))

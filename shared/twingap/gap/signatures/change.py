@@ -2,7 +2,7 @@
 
 pairs of records, measured and simulated, same condition
     --mean log ratio with its error: noise of healthy records, all power of struck ones-->
-    level and tilt alone | one more mode | noise in a band | noise of a power law | loss of the sensor
+    levels and sampling alone | one more mode | noise in a band | noise of a power law | loss of the sensor
     --> how much likelier each change is, by how much it leads, its values
 
 A mode adds to what strikes leave as it adds to the noise, each in its own proportion; noise adds the same power to
@@ -21,6 +21,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from twingap.gap.signatures.path import Outline
+from twingap.gap.signatures.sampling import continuous
 from twingap.gap.view import SMOOTH_SEGMENTS
 
 Array = NDArray[np.float64]
@@ -38,13 +39,20 @@ _ROBUST: Final = 4.0
 _TILT: Final = 2.5
 """Power of the frequency with which laboratories' responses differ near half the sampling rate."""
 
-_SETTLED: Final = np.array([1e-6, 1e-6, 1 / 0.1**2, 1 / 0.008**2, 1 / 0.06**2])
-"""Precision with which levels (quiet, struck), tilt, place of the spectrum (ln Hz) and white noise are known: what
-calibration and laboratories leave open is no change."""
+_SETTLED: Final = np.array([1e-6, 1e-6, 1 / 0.3**2, 1 / 0.008**2, 1 / 0.06**2, 1 / 0.7**2])
+"""Precision with which levels (quiet, struck), tilt, place of the spectrum (ln Hz), white noise and how continuous the
+response is are known: what calibration and laboratories leave open is no change."""
+_OF_SAMPLING: Final = np.array([False, False, True, False, False, True])
+"""Those of them that are of how a response is sampled: tilt, and how continuous it is."""
+_CERTAIN: Final = 1e9
+"""Precision of what is the same on both sides."""
+_WHITE: Final = 0.95
+"""Part of a spectrum's lowest density that is white noise, and no skirt of a mode."""
 
 CHANGES: Final = ("mode", "band", "law", "loss")
 NAMES: Final = (
-    "still", "tilt", "tilt_gain", *(f"{c}_gain" for c in CHANGES), *(f"{c}_lead" for c in CHANGES), "left",
+    "still", "tilt", "continuous", "tilt_gain",
+    *(f"{c}_gain" for c in CHANGES), *(f"{c}_lead" for c in CHANGES), "left",
     "mode_fs", "mode_damping", "mode_quiet", "mode_struck", "mode_same",
     "band_low", "band_high", "band_level", "band_quiet", "band_struck",
     "law_power", "law_level", "law_quiet",
@@ -59,30 +67,35 @@ class _Best(NamedTuple):
     curve: Array
 
 
-def compare(real: Sequence[Outline], simulated: Sequence[Outline]) -> dict[str, float]:
+def compare(real: Sequence[Outline], simulated: Sequence[Outline], *, own: bool = False) -> dict[str, float]:
     """Which one change turns the simulated spectra into the measured ones.
 
     Parameters
     ----------
     real, simulated : sequence of Outline
         Of the same conditions, in the same order.
+    own : bool
+        Whether both come of one structure, as where a user's simulator is of the machine itself: then they are
+        sampled alike.
 
     Returns
     -------
     dict[str, float]
-        `NAMES` -> value; NaN without pairs. `still`: log misfit per band with level and tilt alone; `left`: with the
-        best change. Gains are ln(1 + misfit taken away), leads a gain less that of the best rival. Frequencies are
-        logarithms of parts of the sampling rate, heights natural logarithms of a power ratio.
+        `NAMES` -> value; NaN without pairs. `still`: log misfit per band with levels and sampling alone; `left`: with
+        the best change; `tilt`, `continuous`: how else the measured ones are sampled. Gains are ln(1 + misfit taken
+        away), leads a gain less that of the best rival. Frequencies are logarithms of parts of the sampling rate,
+        heights natural logarithms of a power ratio.
     """
     out = dict.fromkeys(NAMES, math.nan)
-    pairs = _Pairs.of(real, simulated)
+    pairs = _Pairs.of(real, simulated, own)
     if pairs is None:
         return out
-    level, (still, tilt) = pairs.settled(tilted=False), pairs.settled(tilted=True)
+    (level, _), (still, at) = pairs.settled(tilted=False), pairs.settled(tilted=True)
     found = {"mode": pairs.mode(), "band": pairs.band(), "law": pairs.law(), "loss": pairs.loss()}
     gains = {name: math.log1p(max(still - best.cost, 0.0)) for name, best in found.items()}
     out["still"] = math.log(still / pairs.count + 1e-3)
-    out["tilt"], out["tilt_gain"] = float(tilt), math.log1p(max(level[0] - still, 0.0))
+    out["tilt"], out["continuous"] = (float(value) for value in at[_OF_SAMPLING])
+    out["tilt_gain"] = math.log1p(max(level - still, 0.0))
     for name, gain in gains.items():
         out[f"{name}_gain"] = gain
         out[f"{name}_lead"] = gain - max(g for n, g in gains.items() if n != name)
@@ -114,8 +127,9 @@ def _lows(curve: Array) -> tuple[float, float]:
 class _Pairs:
     """Mean log ratio of measured and simulated spectra, its error, and the simulated spectra themselves."""
 
-    def __init__(self, ratio: Array, error: Array, base: Array) -> None:
+    def __init__(self, ratio: Array, error: Array, base: Array, own: bool) -> None:
         self.ratio, self.error, self.base = ratio, error, base
+        self.open = np.append(_SETTLED[:-1], _CERTAIN if own else _SETTLED[-1])
         self.known = error < np.inf
         self.count = int(self.known.sum())
         self.f = np.concatenate([(np.arange(n) + 0.5) / (2 * n) for n in (QUIET_BANDS, STRUCK_BANDS)])
@@ -126,11 +140,13 @@ class _Pairs:
         ).astype(float)
         log = np.log(base)
         slope = np.concatenate([np.gradient(log[own], np.log(self.f[own])) for own in (quiet, ~quiet)])
-        basis = np.stack([quiet, ~quiet, (2 * self.f) ** _TILT, -slope, self.white / base]).astype(float)
+        behind = np.minimum(self.white / base, 1.0)
+        sampling = np.stack([(2 * self.f) ** _TILT, continuous(self.f, self._mode())]) * (1 - _WHITE * behind)
+        basis = np.stack([quiet, ~quiet, sampling[0], -slope, self.white / base, sampling[1]]).astype(float)
         self.weight, self.basis = weight, basis * weight
 
     @classmethod
-    def of(cls, real: Sequence[Outline], simulated: Sequence[Outline]) -> _Pairs | None:
+    def of(cls, real: Sequence[Outline], simulated: Sequence[Outline], own: bool) -> _Pairs | None:
         """None when the sets are no pairs, or hold neither healthy records nor struck ones."""
         if len(real) != len(simulated):
             return None
@@ -145,13 +161,20 @@ class _Pairs:
         if not quiet and not struck:
             return None
         parts = [_mean(quiet, QUIET_BANDS), _mean(struck, STRUCK_BANDS)]
-        return cls(*(np.concatenate(column) for column in zip(*parts, strict=True)))
+        ratio, error, base = (np.concatenate(column) for column in zip(*parts, strict=True))
+        return cls(ratio, error, base, own)
 
-    def settled(self, *, tilted: bool) -> tuple[float, float]:
-        """Misfit once levels and small errors of calibration are taken out, and the tilt, if there may be one."""
-        settled = _SETTLED if tilted else np.where(np.arange(_SETTLED.size) == 2, 1e9, _SETTLED)
+    def _mode(self) -> float:
+        """Where the simulated spectrum is strongest, part of the sampling rate."""
+        quiet = slice(0, QUIET_BANDS) if self.known[:QUIET_BANDS].any() else slice(QUIET_BANDS, BANDS)
+        return float(np.clip(self.f[quiet][np.argmax(self.base[quiet])], 0.01, 0.49))
+
+    def settled(self, *, tilted: bool) -> tuple[float, Array]:
+        """Misfit once levels and small errors of calibration are taken out, how it is sampled among them or not,
+        and [basis] how much of each there is."""
+        settled = self.open if tilted else np.where(_OF_SAMPLING, _CERTAIN, self.open)
         costs, best = _costs(np.zeros((1, BANDS)), self.ratio * self.weight, self.weight, self.basis, settled)
-        return float(costs[0]), float(best[0, 2])
+        return float(costs[0]), best[0]
 
     def mode(self) -> _Best:
         """One more mode: heights over the noise and over what strikes leave, each by itself."""
@@ -231,7 +254,7 @@ class _Pairs:
         return _Best(cost, grid[place], curves[place])
 
     def _least(self, curves: Array) -> tuple[int, float]:
-        costs, _ = _costs(curves, self.ratio * self.weight, self.weight, self.basis, _SETTLED)
+        costs, _ = _costs(curves, self.ratio * self.weight, self.weight, self.basis, self.open)
         place = int(np.argmin(costs))
         return place, float(costs[place])
 

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from twingap.bearing import Bearing
 from twingap.effects import Draft, Effect, Mode, make_effect
+from twingap.gap.signatures.sampling import continuous
 from twingap.records import Condition
 from twingap.streams import Streams
 from twingap.twins.phenomenological import PhenomenologicalParameters, PhenomenologicalTwin
@@ -43,6 +44,9 @@ class Machine:
     tilt : float
         What the structure's response gains or loses at half the sampling rate: laboratories differ in how a response
         is sampled, and near there it shows.
+    continuous : float
+        How far the response is that of a structure whose force knows no grid of samples (1), and not samples of its
+        ringing (0).
     imperfections : tuple of Effect
         Too small to be worth a name.
     """
@@ -54,6 +58,7 @@ class Machine:
     modes: tuple[Mode, ...] = ()
     contact_s: float = 0.0
     tilt: float = 0.0
+    continuous: float = 0.0
     imperfections: tuple[Effect, ...] = field(default=())
 
     def twin(self, effects: Sequence[Effect] = (), scale: float = 1.0) -> StructuredTwin:
@@ -62,15 +67,21 @@ class Machine:
         small = tuple(effect for effect in self.imperfections if effect.name not in names)
         own = replace(self.parameters, scale=self.parameters.scale * scale)
         rms = self.healthy_rms * scale
-        return StructuredTwin(self.bearing, own, (*small, *effects), self.modes, self.contact_s, self.tilt, rms)
+        return self._structured(own, (*small, *effects), rms)
 
     @cached_property
     def healthy_rms(self) -> float:
-        """RMS of healthy vibration without any effect, all modes and the tilt included: the yardstick of effects."""
-        bare = StructuredTwin(self.bearing, self.parameters, (), self.modes, self.contact_s, self.tilt)
+        """RMS of healthy vibration without any effect, all modes, however it is sampled: the yardstick of effects."""
+        bare = self._structured(self.parameters, (), None)
         healthy = replace(self.conditions[0], fault="healthy", n_samples=1 << 14)
         (record,) = bare.make([healthy], [Streams(0, 0)])
         return float(record.samples.std())
+
+    def _structured(
+        self, parameters: PhenomenologicalParameters, effects: Sequence[Effect], rms: float | None
+    ) -> StructuredTwin:
+        structure = self.modes, self.contact_s, self.tilt, self.continuous
+        return StructuredTwin(self.bearing, parameters, effects, *structure, healthy_rms=rms)
 
 
 class StructuredTwin(PhenomenologicalTwin):
@@ -84,11 +95,12 @@ class StructuredTwin(PhenomenologicalTwin):
         modes: Sequence[Mode],
         contact_s: float,
         tilt: float,
+        continuous: float,
         healthy_rms: float | None = None,
     ) -> None:
         super().__init__(bearing, parameters, effects)
         self._healthy_rms = healthy_rms
-        self.modes, self.contact_s, self.tilt = tuple(modes), contact_s, tilt
+        self.modes, self.contact_s, self.tilt, self.continuous = tuple(modes), contact_s, tilt, continuous
 
     @property
     def reference_rms(self) -> float:
@@ -101,6 +113,9 @@ class StructuredTwin(PhenomenologicalTwin):
         draft.modes.extend(self.modes)
         if self.tilt:
             draft.filters.append(lambda x: _tilted(x, self.tilt))
+        if self.continuous:
+            mode = self.parameters.resonance_hz / draft.condition.fs_hz
+            draft.filters.append(lambda x: _continuous(x, mode, self.continuous))
         if self.contact_s > 0 and draft.impacts is not None:
             # Two strikes of half strength, one contact duration apart: the force's spectrum falls as a cosine does.
             later = self.contact_s * draft.shaft_hz
@@ -114,6 +129,13 @@ def _tilted(x: NDArray[np.float64], tilt: float) -> NDArray[np.float64]:
     """x with its amplitudes changed by a factor 1 + tilt at half the sampling rate, hardly below a fifth of it."""
     spectrum = scipy.fft.rfft(x)
     spectrum *= 1 + tilt * np.linspace(0, 1, spectrum.size) ** 2.5
+    return np.asarray(scipy.fft.irfft(spectrum, x.size))
+
+
+def _continuous(x: NDArray[np.float64], mode: float, part: float) -> NDArray[np.float64]:
+    """x, samples of ringing in a mode at this part of the sampling rate, as a structure itself would have answered."""
+    spectrum = scipy.fft.rfft(x)
+    spectrum *= np.exp(0.5 * part * continuous(scipy.fft.rfftfreq(x.size), mode))
     return np.asarray(scipy.fft.irfft(spectrum, x.size))
 
 
@@ -156,8 +178,11 @@ def draw_machine(rng: np.random.Generator, own_simulator: bool, most_records: in
             for g in np.exp(rng.uniform(np.log(0.15), np.log(1.5), rng.integers(0, 4)))
         )
         contact_s = rng.uniform(0, 0.45) / first_hz if rng.random() < 0.5 else 0.0
+    elif rng.random() < 0.3:  # short enough to pass for an impulse
+        contact_s = rng.uniform(0, 0.1) / first_hz
     tilt = rng.uniform(-0.35, 0.45) if rng.random() < 0.6 else 0.0
-    return Machine(bearing, parameters, true, nominal, modes, contact_s, tilt, _imperfections(rng, fs_hz))
+    part = rng.uniform(0.0, 1.2) if not own_simulator and rng.random() < 0.5 else 0.0
+    return Machine(bearing, parameters, true, nominal, modes, contact_s, tilt, part, _imperfections(rng, fs_hz))
 
 
 def draw_bearing(rng: np.random.Generator) -> Bearing:

@@ -19,29 +19,39 @@ OWN_MODES = (Mode(0.33 * FS_HZ, 0.03, 0.7), Mode(0.08 * FS_HZ, 0.05, 0.4))
 """What machine and simulator both have."""
 
 
-def outlines(effects=(), seed=0, *, scale=1.0, tilt=0.0, modes=OWN_MODES, resonance=0.2, faults=FAULTS):
+def outlines(effects=(), seed=0, *, scale=1.0, tilt=0.0, part=0.0, modes=OWN_MODES, resonance=0.2, faults=FAULTS):
     bearing = BEARINGS["6205"]
     parameters = PhenomenologicalParameters(
         resonance_hz=resonance * FS_HZ, damping_ratio=0.05, impact_amplitude=dict.fromkeys(("inner", "outer"), 8.0),
         structure_noise_rms=0.8, white_noise_rms=0.6, scale=scale,
     )  # fmt: skip
-    twin = StructuredTwin(bearing, parameters, effects, modes, 0.0, tilt)
+    twin = StructuredTwin(bearing, parameters, effects, modes, 0.0, tilt, part)
     conditions = [Condition(f"r{i}", 1500.0 + 20 * i, FS_HZ, 12000, fault) for i, fault in enumerate(faults)]
     frame = Frame(bearing, (0.15 * FS_HZ, 0.25 * FS_HZ), 1.0)
     views = [RecordView(r.samples, r.condition, frame) for r in twin.simulate(conditions, np.random.default_rng(seed))]
     return [Outline(v.condition, frame, FS_HZ, v.smooth, pooled.whitened(v), struck_of(v)) for v in views]
 
 
-def compared(*effects, **about):
-    return change.compare(outlines(effects, 1, **about), outlines(seed=2))
+def compared(*effects, own=False, **about):
+    return change.compare(outlines(effects, 1, **about), outlines(seed=2), own=own)
 
 
-@pytest.mark.parametrize("about", [{}, {"scale": 1.3}, {"tilt": 0.15}, {"resonance": 0.201}])
+@pytest.mark.parametrize("about", [{}, {"scale": 1.3}, {"tilt": 0.15}, {"tilt": -0.3}, {"resonance": 0.201}])
 def test_levels_and_small_errors_of_calibration_are_no_change(about):
     found = compared(**about)
     assert found["still"] < 0.7
     # Chance takes at most a few units of chi square for each of a handful of places.
     assert max(found[f"{c}_gain"] for c in change.CHANGES) < np.log1p(40)
+
+
+@pytest.mark.parametrize("effects", [(), (make_effect("sensor_rolloff", {"corner_hz": 0.22 * FS_HZ, "order": 2}),)])
+def test_a_response_that_is_no_sum_of_samples_of_ringing_loses_nothing_by_a_sensor(effects):
+    found = change.compare(outlines(effects, 1, part=0.8, modes=()), outlines(seed=2, modes=()))
+    assert (found["loss_gain"] > np.log1p(150)) == bool(effects)
+    if not effects:
+        assert found["continuous"] == pytest.approx(0.8, abs=0.35)
+        alike = change.compare(outlines(seed=1, part=0.8, modes=()), outlines(seed=2, modes=()), own=True)
+        assert alike["still"] > found["still"] + 0.1  # a simulator of the machine's own is sampled as the machine is
 
 
 @pytest.mark.parametrize("place", [0.05, 0.14, 0.27])

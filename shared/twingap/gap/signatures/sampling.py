@@ -1,0 +1,33 @@
+"""How a response comes to its samples: a structure under a continuous force is not the sum of its ringing's samples.
+
+samples of ringing: 1 / (2 (cos w - cos theta)) --ratio, smooth, 1 at the mode--> continuous: 1 / (1 - (f / mode)^2)
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+def continuous(f: Array, mode: float) -> Array:
+    """ln of the power of a mode's displacement over that of samples of its ringing, both equal at the mode.
+
+    Samples of exp(s t), s = j theta fs, are what 1 / (2 (cos(2 pi f) - cos(theta))) answers to a force on the grid of
+    samples; a structure under a force that knows no grid answers as 1 / (1 - (f / mode)^2), and falls more steeply
+    beyond its mode (Franklin, Powell and Workman, Digital Control, ch. 6: impulse invariance).
+
+    Parameters
+    ----------
+    f : Array
+        Frequencies, parts of the sampling rate.
+    mode : float
+        Of the mode, the same; between 0 and 0.5.
+    """
+    theta, w = 2 * np.pi * mode, 2 * np.pi * np.asarray(f)
+    w = np.where(np.abs(w - theta) < 1e-3, theta + 1e-3, w)  # at the mode both are the same
+    ratio = np.abs(np.cos(w) - math.cos(theta)) / np.abs(1 - (w / theta) ** 2)
+    return np.asarray(2 * np.log(ratio / (0.5 * theta * math.sin(theta))))
