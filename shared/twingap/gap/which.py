@@ -32,7 +32,7 @@ Array = NDArray[np.float64]
 Report = Callable[[str, float], None]
 
 ROUNDS: Final = 4
-ALPHA: Final = 0.02
+ALPHA: Final = 0.03
 """Level at which a gap is called one, below the 5 % that it promises: machines that nobody has seen are less like their
 twins than those learnt from, and what has a name lies far below."""
 ALPHA_REST: Final = 0.1
