@@ -13,8 +13,8 @@ SEED = 991
     ("name", "number", "own"),
     [
         ("looseness", 2, True), ("gear_mesh", 0, True), ("foreign_bearing", 4, True), ("coloured_noise", 4, True),
-        ("quantisation", 1, True), ("coloured_noise", 0, False), ("gear_mesh", 3, False),
-        ("second_resonance", 5, False),
+        ("quantisation", 1, True), ("coloured_noise", 5, False), ("gear_mesh", 12, False),
+        ("second_resonance", 6, False),
     ],
 )  # fmt: skip
 def test_true_values_close_a_gap(name: str, number: int, own: bool) -> None:
