@@ -139,7 +139,7 @@ class _Pairs:
             quiet, np.quantile(base[:QUIET_BANDS], 0.03), np.quantile(base[QUIET_BANDS:], 0.03)
         ).astype(float)
         log = np.log(base)
-        slope = np.concatenate([np.gradient(log[own], np.log(self.f[own])) for own in (quiet, ~quiet)])
+        slope = np.concatenate([np.gradient(log[side], np.log(self.f[side])) for side in (quiet, ~quiet)])
         behind = np.minimum(self.white / base, 1.0)
         sampling = np.stack([(2 * self.f) ** _TILT, continuous(self.f, self._mode())]) * (1 - _WHITE * behind)
         basis = np.stack([quiet, ~quiet, sampling[0], -slope, self.white / base, sampling[1]]).astype(float)

@@ -18,7 +18,7 @@ def continuous(f: Array, mode: float) -> Array:
 
     Samples of exp(s t), s = j theta fs, are what 1 / (2 (cos(2 pi f) - cos(theta))) answers to a force on the grid of
     samples; a structure under a force that knows no grid answers as 1 / (1 - (f / mode)^2), and falls more steeply
-    beyond its mode (Franklin, Powell and Workman, Digital Control, ch. 6: impulse invariance).
+    beyond its mode (impulse invariance: Oppenheim and Schafer, Discrete-Time Signal Processing, 2010, ch. 7).
 
     Parameters
     ----------
@@ -26,6 +26,11 @@ def continuous(f: Array, mode: float) -> Array:
         Frequencies, parts of the sampling rate.
     mode : float
         Of the mode, the same; between 0 and 0.5.
+
+    Returns
+    -------
+    Array
+        Natural logarithms of a power ratio, one a frequency.
     """
     theta, w = 2 * np.pi * mode, 2 * np.pi * np.asarray(f)
     w = np.where(np.abs(w - theta) < 1e-3, theta + 1e-3, w)  # at the mode both are the same
