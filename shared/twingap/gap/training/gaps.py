@@ -172,6 +172,19 @@ def _faintest(machine: Machine) -> float:
     return float(np.clip(math.sqrt(_JUST_SEEN / samples), 0.012, 0.09))
 
 
+def _tone(rng: np.random.Generator, machine: Machine, most: float) -> float:
+    """Level of a tone: one half about what the records just show, where a detector must know the limit."""
+    faintest = _faintest(machine)
+    return _log(rng, 0.8 * faintest, 5 * faintest) if rng.random() < 0.5 else _log(rng, faintest, most)
+
+
+def _shaft(rng: np.random.Generator, machine: Machine) -> Mapping[str, float]:
+    strongest = _tone(rng, machine, 1.5)
+    levels = strongest * 10 ** (-rng.uniform(0, 12, 3) / 20)
+    levels[rng.integers(3)] = strongest
+    return {f"level_{k}x": float(level) for k, level in enumerate(levels, start=1)}
+
+
 def _faults(machine: Machine) -> set[str]:
     return {str(c.fault) for c in machine.conditions} - {"healthy"}
 
@@ -181,7 +194,7 @@ def _any_fault(drawer: Drawer) -> Drawer:
 
 
 def _zone(rng: np.random.Generator, machine: Machine) -> Mapping[str, float] | None:
-    return {"depth": rng.uniform(0.1, 1.0)} if _faults(machine) & {"inner", "ball"} else None
+    return {"depth": _log(rng, 0.12, 1.0)} if _faults(machine) & {"inner", "ball"} else None
 
 
 def _growth(rng: np.random.Generator, machine: Machine) -> Mapping[str, float] | None:
@@ -250,7 +263,7 @@ def _rolloff(rng: np.random.Generator, machine: Machine) -> Mapping[str, float]:
 
 def _mains(rng: np.random.Generator, machine: Machine) -> Mapping[str, float]:
     return {
-        "level": _log(rng, _faintest(machine), 2.0), "decay": rng.uniform(0.2, 0.9),
+        "level": _tone(rng, machine, 2.0), "decay": rng.uniform(0.2, 0.9),
         "mains_hz": float(rng.choice([50.0, 60.0])), "n_harmonics": int(rng.integers(1, 9)),
     }  # fmt: skip
 
@@ -259,7 +272,7 @@ def _drive(rng: np.random.Generator, machine: Machine) -> Mapping[str, float]:
     fs_hz = machine.conditions[0].fs_hz
     order = float(rng.integers(1, 9)) if rng.random() < 0.7 else rng.uniform(1, 8)
     return {
-        "level": _log(rng, 1.2 * _faintest(machine), 2.0), "depth": rng.uniform(0.2, 2.0),
+        "level": _tone(rng, machine, 2.0), "depth": rng.uniform(0.2, 2.0),
         "carrier_hz": fs_hz * _log(rng, 0.04, 0.46), "sideband_order": order,
     }  # fmt: skip
 
@@ -270,7 +283,7 @@ def _gear(rng: np.random.Generator, machine: Machine) -> Mapping[str, float] | N
     if most < 9:
         return None
     return {
-        "level": _log(rng, 1.2 * _faintest(machine), 3.0), "decay": rng.uniform(0.1, 0.9),
+        "level": _tone(rng, machine, 3.0), "decay": rng.uniform(0.1, 0.9),
         "depth": rng.uniform(0.1, 1.5), "teeth": int(rng.integers(8, min(90, most) + 1)),
         "n_harmonics": int(rng.integers(1, 7)),
     }  # fmt: skip
@@ -278,7 +291,7 @@ def _gear(rng: np.random.Generator, machine: Machine) -> Mapping[str, float] | N
 
 def _foreign(rng: np.random.Generator, machine: Machine) -> Mapping[str, float]:
     ring = _ring(rng, machine, (0.04, 0.44), (0.01, 0.15))
-    return {"level": _log(rng, 1.0, 20.0), "order": rng.uniform(1.3, 13.0), **ring}
+    return {"level": _log(rng, 0.8, 20.0), "order": rng.uniform(1.3, 13.0), **ring}
 
 
 def _ring(
@@ -295,7 +308,7 @@ def _two_strikes(rng: np.random.Generator, machine: Machine) -> Mapping[str, flo
     # From what is one strike of another shape to nearly half a pass, on the race where there is one.
     per_pass = 360 / machine.bearing.n_rollers if _faults(machine) - {"ball"} else 180.0
     arc_deg, turned = min(_log(rng, 0.015, 0.42) * per_pass, 80.0), bool(rng.random() < 0.4)
-    return {"arc_deg": arc_deg, "exit_ratio": _log(rng, 0.2, 5.0), "turned": turned}
+    return {"arc_deg": arc_deg, "exit_ratio": _log(rng, 0.14, 7.0), "turned": turned}
 
 
 def _coloured(rng: np.random.Generator, machine: Machine) -> Mapping[str, float]:
@@ -317,7 +330,7 @@ def _knocks(rng: np.random.Generator, machine: Machine) -> Mapping[str, float]:
 
 def _waviness(rng: np.random.Generator, machine: Machine) -> Mapping[str, float]:
     return {
-        "level": _log(rng, _faintest(machine), 2.0), "decay": rng.uniform(0.2, 0.95),
+        "level": _tone(rng, machine, 2.0), "decay": rng.uniform(0.2, 0.95),
         "n_harmonics": int(rng.integers(1, 8)), "inner": bool(rng.random() < 0.35),
     }  # fmt: skip
 
@@ -325,7 +338,7 @@ def _waviness(rng: np.random.Generator, machine: Machine) -> Mapping[str, float]
 def _clipping(rng: np.random.Generator, machine: Machine) -> Mapping[str, float]:
     # Where the strongest records reach is known only roughly here; a rail that nothing meets is no effect.
     reach = 3.2 if not _faults(machine) else max(machine.parameters.impact_amplitude.values()) + 2.5
-    return {"rail": max(reach * rng.uniform(0.25, 0.8), 1.6)}
+    return {"rail": max(reach * rng.uniform(0.25, 0.9), 1.6)}
 
 
 DRAWERS: dict[str, Drawer] = {
@@ -336,16 +349,16 @@ DRAWERS: dict[str, Drawer] = {
     "slip_jitter": _any_fault(lambda r, m: {"sigma": _log(r, 0.005, 0.1), "accumulating": bool(r.random() < 0.3)}),
     "impact_scatter": _any_fault(lambda r, m: {"sigma": _log(r, 0.1, 1.0)}),
     "load_zone": _zone,
-    "cage_modulation": _any_fault(lambda r, m: {"depth": r.uniform(0.09, 1.0)}),
+    "cage_modulation": _any_fault(lambda r, m: {"depth": _log(r, 0.09, 1.0)}),
     "entry_exit": _any_fault(_two_strikes),
     "distributed_roughness": lambda r, m: {"level": _log(r, 0.3, 4.0), "depth": r.uniform(0.25, 1.0)},
     "speed_gain": _gain,
     "damage_growth": _growth,
     "second_resonance": _resonance,
     "sensor_rolloff": _rolloff,
-    "shaft_harmonics": lambda r, m: {f"level_{k}x": _log(r, 0.8 * _faintest(m), 1.5) for k in (1, 2, 3)},
+    "shaft_harmonics": _shaft,
     "looseness": lambda r, m: {
-        "level": _log(r, _faintest(m), 1.2), "decay": r.uniform(0.6, 0.97), "half_ratio": r.uniform(0.25, 1.0),
+        "level": _tone(r, m, 1.2), "decay": r.uniform(0.6, 0.97), "half_ratio": r.uniform(0.25, 1.0),
         "n_orders": int(r.integers(5, 18)), "in_phase": bool(r.random() < 0.5),
     },
     "mains_interference": _mains,

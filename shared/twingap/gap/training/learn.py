@@ -104,7 +104,7 @@ def general_columns(names: tuple[str, ...]) -> NDArray[np.int64]:
         "background.rest_rms|*", "background.kurtosis_log|*", "lines.free_count_log|*", "lines.tonal_share|*",
         "background.white_kurtosis_log|*", "shape|*_rms", "shape|*_rest_share", "path|*_cost*", "path|*_gain*",
         "change|still", "change|*_gain", "change|left", "view|*", "context|own_simulator",
-        "pooled|modulation_fixed*", "pooled|turning*", "pooled|fixed*",
+        "pooled|modulation_fixed*", "pooled|turning*", "pooled|fixed*", "pooled|carrier*",
         "events.strike_snr|*",
     )  # fmt: skip
     wanted, whole = (".diff", ".z", "|spread"), ("context|", "shape|", "path|", "change|", "view|", "pooled|")
