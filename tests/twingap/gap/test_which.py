@@ -5,7 +5,7 @@ import itertools
 from hypothesis import given
 from hypothesis import strategies as st
 
-from twingap.gap.which import confidence_set
+from twingap.gap.which import confidence_set, to_name
 
 PROBABILITIES = st.dictionaries(
     st.sampled_from(["clipping", "dropout", "looseness", "mean_slip", "waviness"]), st.floats(0, 1), max_size=5
@@ -23,6 +23,11 @@ def test_nothing_is_an_explanation_too():
 def test_what_is_uncertain_stands_both_with_and_without():
     sets = confidence_set({"clipping": 0.999, "dropout": 0.6}, 0.9)
     assert sets == (("clipping", "dropout"), ("clipping",))
+
+
+def test_what_a_search_let_go_is_named_when_it_is_likelier_than_what_it_kept_must_be():
+    probability = {"clipping": 0.65, "dropout": 0.65, "looseness": 0.75, "mean_slip": 0.55, "waviness": 0.1}
+    assert to_name(probability, ["clipping", "mean_slip"]) == ["clipping", "looseness"]
 
 
 @given(PROBABILITIES, st.floats(0.5, 0.99))
