@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 from twingap.effects import Effect, catalogue
 from twingap.gap.evidence import Compared, Evidence, values_of
 from twingap.gap.nearest import bring_nearest
+from twingap.gap.own_simulator import OwnSimulator
 from twingap.gap.prior import Key, Said
 from twingap.gap.starts import better_start
 from twingap.gap.training.judgement import Outcome
@@ -32,9 +33,11 @@ Array = NDArray[np.float64]
 Report = Callable[[str, float], None]
 
 ROUNDS: Final = 4
-ALPHA: Final = 0.03
-"""Level at which a gap is called one, below the 5 % that it promises: machines that nobody has seen are less like their
-twins than those learnt from, and what has a name lies far below."""
+ALPHA: Final = 0.05
+"""Level at which a gap to a twin is called one: of 100 machines without one in studies' worlds one lay below 0.17."""
+CAUTIOUS_ALPHA: Final = 0.03
+"""The same for a simulator of the user's own, of whose 50 machines without a gap two lay between, and for a twin that
+has effects as given, whose machines may have them in another form."""
 ALPHA_REST: Final = 0.1
 """Level at which something is called left over."""
 MOST_EFFECTS: Final = 7
@@ -156,7 +159,7 @@ def search(evidence: Evidence, learnt: Learnt, report: Report = lambda what, par
     found = _Search(evidence, learnt)
     report("the twin as given", 0.0)
     p_value = learnt.p_value(evidence.against().held_out, evidence.modelled)
-    gap = p_value <= ALPHA
+    gap = p_value <= level_of_gap(evidence)
     for turn in range(ROUNDS):
         report("effects added", 0.2 + 0.2 * turn)
         # What was thrown out once stays out, or the search would go in circles.
@@ -184,7 +187,7 @@ def explain(evidence: Evidence, learnt: Learnt, report: Report) -> Explanation:
         Told of progress.
     """
     ended = search(evidence, learnt, report)
-    found, p_value, gap = ended.search, ended.p_value, ended.p_value <= ALPHA
+    found, p_value, gap = ended.search, ended.p_value, ended.p_value <= level_of_gap(evidence)
     report("confidence", 0.9)
     judge = learnt.judgement
     probability = {
@@ -205,6 +208,12 @@ def explain(evidence: Evidence, learnt: Learnt, report: Report) -> Explanation:
         probability | dict.fromkeys(found.already, 0.0), sets if gap else _with(sets, ()), rest_p,
         before, after, found.cannot,
     )  # fmt: skip
+
+
+def level_of_gap(evidence: Evidence) -> float:
+    """P-value of no gap at and below which one is called."""
+    bare = not isinstance(evidence.against().simulator, OwnSimulator) and not evidence.modelled
+    return ALPHA if bare else CAUTIOUS_ALPHA
 
 
 def valued(evidence: Evidence, learnt: Learnt, names: Sequence[str]) -> tuple[Effect, ...]:

@@ -2,10 +2,16 @@
 
 import itertools
 
+import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from twingap.gap.which import confidence_set, to_name
+from tests.twingap.gap.test_level import evidence_of, simulated
+from tests.twingap.gap.test_nearest import machine
+from twingap.gap.calibrate import calibrate
+from twingap.gap.evidence import Evidence, simulator_of
+from twingap.gap.which import ALPHA, CAUTIOUS_ALPHA, confidence_set, level_of_gap, to_name
+from twingap.twins.twin_file import TwinSpec
 
 PROBABILITIES = st.dictionaries(
     st.sampled_from(["clipping", "dropout", "looseness", "mean_slip", "waviness"]), st.floats(0, 1), max_size=5
@@ -23,6 +29,15 @@ def test_nothing_is_an_explanation_too():
 def test_what_is_uncertain_stands_both_with_and_without():
     sets = confidence_set({"clipping": 0.999, "dropout": 0.6}, 0.9)
     assert sets == (("clipping", "dropout"), ("clipping",))
+
+
+def test_a_simulator_of_the_users_own_and_a_twin_with_effects_have_to_differ_more_to_be_called_so():
+    records, rng = machine(), np.random.default_rng(1)
+    assert level_of_gap(evidence_of(records, simulated(1.0, "m/s^2"))) == CAUTIOUS_ALPHA < ALPHA
+    for effects, level in (((), ALPHA), (("impact_scatter",), CAUTIOUS_ALPHA)):
+        spec = TwinSpec("phenomenological", effects, None, {"impact_scatter": {"sigma": 0.3}} if effects else {})
+        calibrated = calibrate(records, spec, rng)
+        assert level_of_gap(Evidence(calibrated, simulator_of(calibrated, None), spec, 7)) == level
 
 
 def test_what_a_search_let_go_is_named_when_it_is_likelier_than_what_it_kept_must_be():
