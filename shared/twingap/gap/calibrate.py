@@ -6,8 +6,8 @@ fit     --spectra---------> the twin's free parameters         (`identify`, with
 fit     --mode, level-----> Frame: bearing, band, yardstick    (`gap.view`)
 twin with more effects --spectra of its own records against the fit part's--> baseline anew (`match_baseline`)
 
-Everything that a diagnosis reports is measured on the held-out part; trends of levels within a fault, which no
-calibrated level moves, on both.
+Everything that a diagnosis reports is measured on the held-out part; what no calibrated parameter can make or take away
+is asked of both: trends of levels within a fault, lines of many records, the comb of a second strike.
 """
 
 from __future__ import annotations

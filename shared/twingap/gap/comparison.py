@@ -7,6 +7,9 @@ simulated records --signatures--> Measured --+
 A feature is a difference of means between measured and simulated records (in the signature's own unit, and in standard
 errors, as a normal deviate), of their spread, or of their trend over speed and time; or how far the sets lie apart in
 the views that a report shows. Where a set has no record of a kind, the feature is NaN: nobody knows.
+
+A set is one part of the records. What no parameter of a twin's baseline can make or take away (`Whole`: lines of many
+records, combs of second strikes, levels over speed and time) is asked of all records there are.
 """
 
 from __future__ import annotations
@@ -22,7 +25,7 @@ from numpy.typing import NDArray
 
 from twingap.gap import signatures, trends
 from twingap.gap.distance import Paired
-from twingap.gap.signatures import answer, background, change, path, pooled
+from twingap.gap.signatures import answer, background, change, path, pooled, two_strikes
 from twingap.gap.signatures.answer import Struck
 from twingap.gap.signatures.path import Outline
 from twingap.gap.speed import Speeds
@@ -49,6 +52,31 @@ CONTEXT = (
 _SMALL_SLIP = 1e-3
 _FEWEST_FREE = 2
 """Degrees of freedom from which pairs say more than the records of each side by themselves."""
+
+
+@dataclass(frozen=True)
+class Whole:
+    """All records that there are, of both parts, for what calibration cannot move.
+
+    Parameters
+    ----------
+    outlines : tuple of Outline
+        One of each record.
+    """
+
+    outlines: tuple[Outline, ...]
+
+    @cached_property
+    def pooled(self) -> Array:
+        """[pooled.NAMES] Lines of the mean spectra."""
+        kept = [outline.whitened for outline in self.outlines if outline.whitened is not None]
+        found = pooled.measure(kept, self.outlines[0].frame.bearing)
+        return np.array([found[name] for name in pooled.NAMES])
+
+    @cached_property
+    def struck(self) -> list[Struck]:
+        """Of records with impacts."""
+        return [outline.struck for outline in self.outlines if outline.struck is not None]
 
 
 @dataclass(frozen=True)
@@ -86,11 +114,9 @@ class Measured:
         return np.array([found[name] for name in path.NAMES])
 
     @cached_property
-    def pooled(self) -> Array:
-        """[pooled.NAMES] Lines of the set's mean spectra."""
-        kept = [outline.whitened for outline in self.outlines if outline.whitened is not None]
-        found = pooled.measure(kept, self.outlines[0].frame.bearing)
-        return np.array([found[name] for name in pooled.NAMES])
+    def whole(self) -> Whole:
+        """These records where there are no others."""
+        return Whole(self.outlines)
 
     def faults(self) -> NDArray[np.str_]:
         """[records] Fault of each, "" when unknown."""
@@ -114,12 +140,17 @@ def measure(records: Iterable[Record], frame: Frame, grid: Grid) -> Measured:
         for record in records:
             view = RecordView(record.samples, record.condition, frame)
             values.append(signatures.measure(view))
-            struck = answer.struck_of(view)
-            outlines.append(Outline(record.condition, frame, view.fs_hz, view.smooth, pooled.whitened(view), struck))
+            outlines.append(outline_of(view))
             yield view
 
     views = measure_views(seen(), grid)
     return Measured(np.array(values), tuple(outlines), views)
+
+
+def outline_of(view: RecordView) -> Outline:
+    """What is kept of one record."""
+    struck, rms = answer.struck_of(view), float(np.std(view.x))
+    return Outline(view.condition, view.frame, view.fs_hz, view.smooth, pooled.whitened(view), struck, rms)
 
 
 @cache
@@ -135,9 +166,9 @@ def feature_names() -> tuple[str, ...]:
     names += [f"answer|{name}" for name in answer.COMPARED]
     names += [f"change|{name}" for name in change.NAMES]
     names += [f"view|{name}" for name in _viewed()]
-    names += [f"trend|{name}" for name in trends.NAMES]
-    for of, whole in (("path", path.NAMES), ("pooled", pooled.NAMES)):
-        names += [f"{of}|{name}" for name in whole] + [f"{of}|{name}.diff" for name in whole]
+    names += [f"path|{name}" for name in path.NAMES] + [f"path|{name}.diff" for name in path.NAMES]
+    names += [f"comb|{name}" for name in two_strikes.NAMES] + [f"trend|{name}" for name in trends.NAMES]
+    names += [f"pooled|{name}" for name in pooled.NAMES] + [f"pooled|{name}.diff" for name in pooled.NAMES]
     return (*names, *(f"context|{name}" for name in CONTEXT))
 
 
@@ -148,7 +179,7 @@ def compare(
     *,
     own: bool = False,
     models: bool = False,
-    levels: Levels | None = None,
+    of_whole: Array | None = None,
 ) -> Array:
     """[features] What tells the measured set from the simulated one; see `feature_names`.
 
@@ -161,8 +192,8 @@ def compare(
         Whether the simulator is the machine's own: then nothing had to be matched, and small differences mean more.
     models : bool
         Whether the twin has effects as given, which the machine may have in another form.
-    levels : Levels, optional
-        Of all records that there are, these among them.
+    of_whole : Array, optional
+        What `compare_whole` says of all records that there are, these among them; None: of these.
     """
     with warnings.catch_warnings(), np.errstate(all="ignore"):
         warnings.simplefilter("ignore", RuntimeWarning)  # means of nothing are NaN, and meant so
@@ -171,21 +202,30 @@ def compare(
         ours, theirs = cast(Any, real.outlines), cast(Any, simulated.outlines)  # all that shapes ask of a view
         shapes = background.compare(ours, theirs)
         shape = np.array([shapes[name] for name in background.COMPARED], float)
-        paths = (real.path, real.path - simulated.path, real.pooled, real.pooled - simulated.pooled)
-        answers = answer.compare(
-            _struck(real), _struck(simulated), _noise(real, simulated), real.outlines[0].frame.bearing
-        )
+        answers = answer.compare(real.whole.struck, simulated.whole.struck, _noise(real, simulated))
         told = np.array([answers[name] for name in answer.COMPARED], float)
         changes = change.compare(real.outlines, simulated.outlines, own=own)
         changed = np.array([changes[name] for name in change.NAMES], float)
         context, apart = _context(real, speeds, own, models), _apart(real.views, simulated.views)
         context = np.concatenate((context, _slip(real, simulated)))
-        found = {} if levels is None else levels.trends()
-        course = np.array([found.get(name, np.nan) for name in trends.NAMES])
+        paths = (real.path, real.path - simulated.path)
+        if of_whole is None:
+            of_whole = compare_whole(real.whole, simulated.whole)
         out = np.concatenate(
-            (per_signature, shape, told, changed, apart, course, *paths, context, _extent(per_signature))
+            (per_signature, shape, told, changed, apart, *paths, of_whole, context, _extent(per_signature))
         )
     return np.where(np.isfinite(out), out, np.nan)
+
+
+def compare_whole(real: Whole, simulated: Whole) -> Array:
+    """[features] The part of `compare` that is asked of all records that there are, under the same conditions."""
+    combs = two_strikes.compare(real.struck, simulated.struck, real.outlines[0].frame.bearing)
+    paired = len(real.outlines) == len(simulated.outlines)
+    with warnings.catch_warnings(), np.errstate(all="ignore"):
+        warnings.simplefilter("ignore", RuntimeWarning)
+        found = Levels.of(real.outlines, simulated.outlines).trends() if paired else dict.fromkeys(trends.NAMES, np.nan)
+    told = [*(combs[name] for name in two_strikes.NAMES), *(found[name] for name in trends.NAMES)]
+    return np.concatenate((told, real.pooled, real.pooled - simulated.pooled))
 
 
 @cache
@@ -211,10 +251,6 @@ def _apart(real: Views, simulated: Views) -> Array:
     found["overall"] = float(np.mean([found[domain] for domain in real.domains]))
     values = np.array([found[name] for name in _viewed()])
     return np.asarray(np.sign(values) * np.sqrt(np.abs(values)))
-
-
-def _struck(measured: Measured) -> list[Struck]:
-    return [outline.struck for outline in measured.outlines if outline.struck is not None]
 
 
 def _noise(real: Measured, simulated: Measured) -> Array | None:

@@ -18,12 +18,12 @@ from twingap.effects import Draft, Effect
 from twingap.gap import comparison
 from twingap.gap.baseline import MOST_SIMULATED, Side, all_parameters, match_level, sides_of
 from twingap.gap.calibrate import Calibrated, recalibrate, thinned
-from twingap.gap.comparison import Measured
+from twingap.gap.comparison import Measured, Whole, outline_of
 from twingap.gap.distance import Paired
 from twingap.gap.own_simulator import OwnSimulator
+from twingap.gap.signatures.path import Outline
 from twingap.gap.simulator import Simulator, TwinSimulator
 from twingap.gap.training.parameters import Setting
-from twingap.gap.trends import Levels
 from twingap.gap.view import RecordView
 from twingap.gap.views import Grid, Views
 from twingap.gap.views import measure as measure_views
@@ -59,37 +59,37 @@ class Compared:
 
     def __init__(self, evidence: Evidence, effects: tuple[Effect, ...], simulator: Simulator) -> None:
         self._evidence, self.effects, self.simulator = evidence, effects, simulator
+        self._of_whole: Array | None = None
 
     @cached_property
     def fit(self) -> Array:
         """[features] Comparison on the part that parameters are fitted to."""
-        return self._features(self._evidence.fit, 0)
+        return self._features(0)
 
     @cached_property
     def held_out(self) -> Array:
         """[features] Comparison on the part that is reported."""
-        return self._features(self._evidence.held_out, 1)
+        return self._features(1)
 
-    def _features(self, real: Measured, replicate: int) -> Array:
-        of = self._evidence
-        made = of.simulated(self.simulator, self.effects, real.conditions, replicate)
+    def _features(self, part: int) -> Array:
+        of, real = self._evidence, self._evidence.parts[part]
+        simulated = comparison.measure(self._made(part), of.frame, Grid.of(real.conditions, of.frame.bearing))
+        if self._of_whole is None:
+            self._of_whole = comparison.compare_whole(of.whole, self._whole(part, simulated.outlines))
         own, models = isinstance(self.simulator, OwnSimulator), bool(of.modelled)
-        grid = Grid.of(real.conditions, of.frame.bearing)
-        simulated = comparison.measure(made, of.frame, grid)
-        return comparison.compare(real, simulated, of.calibrated.speeds, own=own, models=models, levels=self._levels)
+        return comparison.compare(
+            real, simulated, of.calibrated.speeds, own=own, models=models, of_whole=self._of_whole
+        )  # fmt: skip
 
-    @cached_property
-    def _levels(self) -> Levels:
-        """Of both parts, each record once, against the very simulations that features are of."""
+    def _whole(self, part: int, outlines: Sequence[Outline]) -> Whole:
+        """Of both parts; of the other one no more is measured than is kept."""
         of = self._evidence
-        conditions: list[Condition] = []
-        rms: list[float] = []
-        for replicate, part in enumerate((of.fit, of.held_out)):
-            kept = [c for c in part.conditions if not (replicate and c.name in of.calibrated.shared)]
-            made = of.simulated(self.simulator, self.effects, kept, replicate)
-            conditions += kept
-            rms += [float(record.samples.std()) for record in made]
-        return Levels(tuple(conditions), np.array([of.rms[c.name] for c in conditions]), np.array(rms))
+        others = [outline_of(RecordView(r.samples, r.condition, of.frame)) for r in self._made(1 - part)]
+        return of.together(*((others, outlines) if part else (outlines, others)))
+
+    def _made(self, part: int) -> Iterator[Record]:
+        of = self._evidence
+        return of.simulated(self.simulator, self.effects, of.parts[part].conditions, part)
 
 
 def simulator_of(calibrated: Calibrated, sim: RecordSet | None = None) -> Simulator:
@@ -134,14 +134,17 @@ class Evidence:
             comparison.measure(part, self.frame, Grid.of(part.conditions, self.frame.bearing))
             for part in (calibrated.fit, calibrated.held_out)
         )
-        self.rms = {
-            record.condition.name: float(record.samples.std())
-            for part in (calibrated.fit, calibrated.held_out) for record in part
-        }  # fmt: skip
+        self.parts = self.fit, self.held_out
+        self.whole = self.together(self.fit.outlines, self.held_out.outlines)
         conditions = (*calibrated.fit.conditions, *calibrated.held_out.conditions)
         self.setting = Setting.of(conditions)
         self._simulator = simulator
         self._known: dict[tuple[Effect, ...], Compared] = {}
+
+    def together(self, fit: Sequence[Outline], held_out: Sequence[Outline]) -> Whole:
+        """All records, those that stand in both parts once."""
+        shared = self.calibrated.shared
+        return Whole((*fit, *(outline for outline in held_out if outline.condition.name not in shared)))
 
     def against(self, effects: Sequence[Effect] = ()) -> Compared:
         """The twin with these effects added, recalibrated on the fit part, against both parts."""

@@ -173,7 +173,7 @@ def weaker(given: Effect) -> list[Effect]:
 def _read(name: str, found: Mapping[str, float], bearing: Bearing) -> Iterator[dict[str, float]]:
     """Comparable numbers that single signatures give, see `training.parameters`."""
     if name == "entry_exit":
-        arcs = [found["answer|comb_arc_log"], found["events.arc_log|all.level"]]
+        arcs = [found["comb|clear_arc_log"], found["comb|faint_arc_log"], found["events.arc_log|all.level"]]
         part = found["events.cycle_rise_part|all.level"]
         if part > 0:
             arcs += [math.log(part * 360 / bearing.n_rollers), math.log(part * 180)]

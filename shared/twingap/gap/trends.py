@@ -2,19 +2,23 @@
 
 numbers [records, signatures], speed or time --slope within each kind of record--> slope, normal deviate
 RMS of all records, both parts ----excess over healthy ones----> levels of strikes and noise --slope--> `Levels.trends`
+power around their harmonics -----the same-----------------------> levels of strikes, whatever else there is
 
 A twin's impacts have one amplitude for each fault, so what a fault's level does over speed stays, however it was
-calibrated. The held-out part alone may have met a fault at one speed only: levels are compared over both parts.
+calibrated. The held-out part alone may have met a fault at one speed only: levels are compared over both parts. The RMS
+hears weak strikes, and every tone and knock beside them; what stands at harmonics of the impact rate is of strikes.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
+from twingap.gap.signatures.path import Outline
 from twingap.records import Condition
 
 Array = NDArray[np.float64]
@@ -23,29 +27,42 @@ FEWEST: Final = 4
 """Records below which nothing is said."""
 _CLEAR: Final = 1.15
 """Power over that of healthy records from which strikes have a level of their own."""
-NAMES: Final = tuple(
-    f"{trend}{kind}"
-    for trend in ("speed_strikes", "speed_noise", "time_strikes", "time_noise", "speed_alone", "time_alone")
-    for kind in ("", "_z", "_size")
-)
+_SURE: Final = 4.0
+"""Standard deviations of the noise by which power at harmonics stands out where it has a level."""
+_TRENDS: Final = (
+    "speed_strikes", "speed_noise", "time_strikes", "time_noise", "speed_alone", "time_alone", "speed_answer",
+    "time_answer",
+)  # fmt: skip
+NAMES: Final = tuple(f"{trend}{kind}" for trend in _TRENDS for kind in ("", "_z", "_size"))
 """Keys of `Levels.trends`: slope of a natural logarithm of amplitudes over that of the speed, or over the run; the
-normal deviate that goes with it; and its size. `speed_alone`, `time_alone`: of strikes, the other course taken out."""
+normal deviate that goes with it; and its size. `speed_alone`, `time_alone`: of strikes, the other course taken out;
+`speed_answer`, `time_answer`: of the power at their harmonics."""
 
 
 @dataclass(frozen=True)
 class Levels:
-    """RMS of records, measured and simulated under the same conditions.
+    """Levels of records, measured and simulated under the same conditions.
 
     Parameters
     ----------
     conditions : tuple of Condition
     measured, simulated : Array [records]
         RMS about the mean, in one unit.
+    answer : Array [records]
+        ln of measured over simulated amplitude at the harmonics of the impact rate; NaN where either drowns in noise.
     """
 
     conditions: tuple[Condition, ...]
     measured: Array
     simulated: Array
+    answer: Array
+
+    @classmethod
+    def of(cls, measured: Sequence[Outline], simulated: Sequence[Outline]) -> Levels:
+        """Of what is kept of records, in the same order on both sides."""
+        rms = [np.array([outline.rms for outline in side]) for side in (measured, simulated)]
+        logs = [np.array([_at_harmonics(outline) for outline in side]) for side in (measured, simulated)]
+        return cls(tuple(outline.condition for outline in measured), rms[0], rms[1], logs[0] - logs[1])
 
     def trends(self) -> dict[str, float]:
         """`NAMES` -> value, NaN where nothing is known."""
@@ -59,6 +76,7 @@ class Levels:
         for x, other in ((speed, time), (time, speed)):
             rest_x, rest = (_without(values[both], other[both], kinds[both]) for values in (x, strikes))
             asked.append((rest_x, rest, kinds[both]))
+        asked += [(x, self.answer, kinds) for x in (speed, time)]
         for x, level, own in asked:
             seen = np.isfinite(level)
             (value,), (z,) = slope(x[seen], level[seen, None], own[seen])
@@ -73,6 +91,15 @@ class Levels:
         heard = ~healthy & (power > _CLEAR * quiet)
         strikes = np.where(heard, 0.5 * np.log(np.maximum(power - quiet, 1e-300)), np.nan)
         return strikes, np.where(healthy, 0.5 * np.log(power), np.nan)
+
+
+def _at_harmonics(outline: Outline) -> float:
+    """ln of the amplitude of all that stands at the harmonics of the impact rate."""
+    if outline.struck is None:
+        return np.nan
+    power, error = outline.struck.power, outline.struck.error
+    total = float(power.sum())
+    return 0.5 * float(np.log(total)) if total > _SURE * float(np.sqrt((error**2).sum())) else np.nan
 
 
 def _without(y: Array, x: Array, kinds: NDArray[np.str_]) -> Array:

@@ -175,7 +175,7 @@ def test_a_slope_over_speed_is_an_exponent() -> None:
 @pytest.mark.parametrize(
     ("effect", "feature", "value", "parameter", "expected"),
     [
-        ("entry_exit", "answer|comb_arc_log", np.log(5.0), "arc_deg", 5.0),
+        ("entry_exit", "comb|clear_arc_log", np.log(5.0), "arc_deg", 5.0),
         ("entry_exit", "events.cycle_rise_part|all.level", 0.3, "arc_deg", 0.3 * 360 / 9),
         ("speed_gain", "trend|speed_alone", -1.3, "exponent", -1.3),
         ("mean_slip", "context|slip_seen", 0.02, "slip", 0.02),

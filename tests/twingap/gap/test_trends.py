@@ -7,8 +7,10 @@ from scipy import stats
 from twingap.bearing import BEARINGS
 from twingap.effects import make_effect
 from twingap.gap.calibrate import calibrate
+from twingap.gap.comparison import outline_of
 from twingap.gap.evidence import Evidence, simulator_of
 from twingap.gap.trends import Levels, courses, normal, slope
+from twingap.gap.view import Frame, RecordView
 from twingap.records import Condition, RecordSet
 from twingap.twins.phenomenological import PhenomenologicalParameters, PhenomenologicalTwin
 from twingap.twins.twin_file import TwinSpec
@@ -55,7 +57,7 @@ def levels(*effects, seed=0, along=False):
         np.array([r.samples.std() for r in of.simulate(conditions, np.random.default_rng(seed + i))])
         for i, of in enumerate((machine, twin))
     )
-    return Levels(conditions, measured, simulated)
+    return Levels(conditions, measured, simulated, np.full(len(conditions), np.nan))
 
 
 def test_an_amplitude_that_calibration_missed_is_no_trend():
@@ -101,7 +103,35 @@ def test_a_record_that_stands_in_both_parts_counts_once():
     spec = TwinSpec("phenomenological")
     calibrated = calibrate(records, spec, np.random.default_rng(1))
     assert calibrated.shared  # a group of its own each fault: nothing is left to hold out
-    of_all = Evidence(calibrated, simulator_of(calibrated), spec, 3).against()._levels
-    assert sorted(c.name for c in of_all.conditions) == sorted(c.name for c in conditions)
+    evidence = Evidence(calibrated, simulator_of(calibrated), spec, 3)
+    assert sorted(outline.condition.name for outline in evidence.whole.outlines) == sorted(c.name for c in conditions)
     by_name = {r.condition.name: float(r.samples.std()) for r in records}
-    assert of_all.measured.tolist() == [by_name[c.name] for c in of_all.conditions]
+    of_all = Levels.of(evidence.whole.outlines, evidence.whole.outlines)
+    assert of_all.measured == pytest.approx([by_name[c.name] for c in of_all.conditions])
+
+
+def outlines(*effects, seed=0):
+    """What is kept of records of two faults at four speeds."""
+    conditions = [
+        Condition(f"{fault}{speed:.0f}-{k}", speed, 12000.0, 12000, fault)
+        for fault in ("healthy", "inner", "outer") for k in range(2) for speed in (1000.0, 1300.0, 1700.0, 2200.0)
+    ]  # fmt: skip
+    bearing = BEARINGS["6205"]
+    parameters = PhenomenologicalParameters(2500.0, 0.05, impact_amplitude=AMPLITUDES)
+    made = PhenomenologicalTwin(bearing, parameters, effects).simulate(conditions, np.random.default_rng(seed))
+    frame = Frame(bearing, (1800.0, 3200.0), 1.0)
+    return [outline_of(RecordView(r.samples, r.condition, frame)) for r in made]
+
+
+def test_strikes_are_followed_by_their_harmonics_where_tones_drown_them():
+    """Strong tones widen what the RMS says of strikes; what stands at harmonics hears none of them."""
+    gain = make_effect("speed_gain", {"exponent": 1.4, "reference_speed_rpm": 1500.0, "on_noise": 0.0})
+    tone = make_effect("drive_interference", {"level": 4.0, "depth": 0.2, "carrier_hz": 4100.0, "sideband_order": 3.0})
+    plain = Levels.of(outlines(tone, seed=1), outlines()).trends()
+    assert abs(plain["speed_answer"]) < 0.1
+    found = Levels.of(outlines(tone, gain, seed=1), outlines()).trends()
+    alone = Levels.of(outlines(gain, seed=1), outlines()).trends()
+    assert found["speed_answer"] == pytest.approx(1.4, abs=0.35)
+    assert found["speed_answer"] == pytest.approx(alone["speed_answer"], abs=0.02)
+    assert found["speed_strikes_z"] < 0.7 * alone["speed_strikes_z"]
+    assert found["speed_answer_z"] > found["speed_strikes_z"]

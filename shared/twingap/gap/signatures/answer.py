@@ -2,12 +2,10 @@
 
 record --power around each harmonic of the impact rate, less the noise beneath--> Struck
 sets of Struck, measured and simulated --> ratio over frequency, held against the ratio of the noise
-                                      \\-> ratio over harmonics: the comb of a second strike
 
 Regular impacts are lines, which robust spectra leave out, so this asks for the opposite: a window one impact rate wide
 holds one line with its sidebands, wherever slip has smeared them. What changes the path (another mode, a roll-off)
-changes this spectrum as it changes the noise of the structure; what adds noise leaves it as it was. A second strike a
-fixed angle after the first is a comb over harmonics at any speed, while paths stand still in Hz.
+changes this spectrum as it changes the noise of the structure; what adds noise leaves it as it was.
 """
 
 from __future__ import annotations
@@ -20,7 +18,6 @@ from weakref import WeakKeyDictionary
 import numpy as np
 from numpy.typing import NDArray
 
-from twingap.bearing import Bearing
 from twingap.gap.signatures.tones import lines_of
 from twingap.gap.view import RecordView
 
@@ -33,11 +30,6 @@ BANDS: Final = 16
 MOST_HARMONICS: Final = 400
 _CLEAR: Final = 6.0
 """Standard deviations of the noise by which a harmonic has to stand out to count in full."""
-_PARTS: Final = np.geomspace(0.01, 0.5, 140)
-"""Of a pass, from one strike to the next: at more than half of one, the comb is that of what is left of it."""
-_RATIOS: Final = (0.2, 0.35, 0.6, 0.9)
-_NOISE: Final = 0.01
-"""Variance of a log ratio that no fit goes below: what jitter leaves."""
 
 NAMES: Final = ("power_log", "clear", "centroid_log", "high_log")
 """Keys of `measure`."""
@@ -47,7 +39,7 @@ COMPARED: Final[tuple[str, ...]] = (
     "level", "rms", "common", "slope", "high", "low",
     "bump", "bump_fs", "bump_noise", "dip", "dip_fs", "dip_noise",
     "noise_bump", "noise_bump_fs", "noise_bump_answer", "noise_dip", "noise_dip_fs", "noise_dip_answer",
-    "known", "comb_gain", "comb_arc_log", "comb_ratio", "comb_same", "comb_opposed", "comb_known",
+    "known",
 )  # fmt: skip
 """Keys of `compare`."""
 
@@ -99,7 +91,7 @@ def measure(view: RecordView) -> dict[str, float]:
     found = struck_of(view)
     if found is None:
         return out
-    weight = _weight(found.power, found.error)
+    weight = standing_out(found.power, found.error)
     power = weight * found.power
     total = float(power.sum())
     out["clear"] = float(weight.mean())
@@ -127,7 +119,9 @@ def struck(view: RecordView) -> Struck | None:
     for place in np.rint(own.hz / df_hz).astype(int):
         low, high = max(place - 2, 0), min(place + 3, power.size)
         power[low:high] = np.minimum(power[low:high], smooth[smooth_at[low:high]])
-    rate_hz = view.fault_order * view.shaft_hz
+    # A cage that slips moves the hundredth harmonic by whole ones: where lines show the rate, it is theirs.
+    seen = lines.fault_comb[0]
+    rate_hz = view.fault_order * view.shaft_hz * (seen if math.isfinite(seen) else 1.0)
     width = rate_hz / df_hz
     count = min(int((power.size - 1) / width - 0.5), MOST_HARMONICS)
     if count < 6 or width < 3:
@@ -150,14 +144,12 @@ def struck(view: RecordView) -> Struck | None:
     return Struck(str(view.condition.fault), above, error, places, density)
 
 
-def _weight(power: Array, error: Array) -> Array:
-    """0 to 1: how far power stands out of the noise."""
-    return np.asarray(np.clip((power / np.maximum(error, 1e-300) - 1.5) / _CLEAR, 0.0, 1.0))
+def standing_out(power: Array, error: Array, clear: float = _CLEAR) -> Array:
+    """0 to 1: how far power stands out of the noise; in full from about `clear` standard deviations of it on."""
+    return np.asarray(np.clip((power / np.maximum(error, 1e-300) - 1.5) / clear, 0.0, 1.0))
 
 
-def compare(
-    real: Sequence[Struck], simulated: Sequence[Struck], noise: Array | None, bearing: Bearing
-) -> dict[str, float]:
+def compare(real: Sequence[Struck], simulated: Sequence[Struck], noise: Array | None) -> dict[str, float]:
     """What tells measured answers from simulated ones.
 
     Parameters
@@ -165,7 +157,6 @@ def compare(
     real, simulated : sequence of Struck
     noise : Array [PLACES] or None
         ln of the measured over the simulated spectrum of healthy records.
-    bearing : Bearing
 
     Returns
     -------
@@ -180,11 +171,7 @@ def compare(
     out["known"] = float((weight > 0.3).mean())
     if weight.sum() >= 3:
         _over_frequency(ratio, weight, noise, out)
-    _comb(real, simulated, faults, bearing, out)
     return out
-
-
-# ----------------------------------------------------------------------------------------------------- over frequency
 
 
 def _over_places(real: Sequence[Struck], simulated: Sequence[Struck], faults: Iterable[str]) -> tuple[Array, Array]:
@@ -200,7 +187,7 @@ def _over_places(real: Sequence[Struck], simulated: Sequence[Struck], faults: It
             power = np.bincount(places, np.concatenate([s.power for s in kept]), PLACES) / count
             error = np.sqrt(np.bincount(places, np.concatenate([s.error for s in kept]) ** 2, PLACES)) / count
             means.append(np.log10(np.maximum(power, 1e-12)))
-            weights.append(_weight(power, error))
+            weights.append(standing_out(power, error))
         weight = np.minimum(*weights)
         total += weight * (means[0] - means[1])
         known += weight
@@ -252,73 +239,3 @@ def _over_frequency(ratio: Array, weight: Array, noise: Array | None, out: dict[
         place = int(np.argmax(np.where(allowed, sign * smooth, -np.inf)))
         out[f"noise_{name}"], out[f"noise_{name}_fs"] = float(sign * smooth[place]), float(f[place])
         out[f"noise_{name}_answer"] = float(sign * soft[place])
-
-
-# ----------------------------------------------------------------------------------------------------- over harmonics
-
-
-def _comb(
-    real: Sequence[Struck], simulated: Sequence[Struck], faults: Iterable[str], bearing: Bearing, out: dict[str, float]
-) -> None:
-    """The comb |1 + r exp(i k a)|^2 over harmonics k that a second strike, r times the first, would make.
-
-    Faults share r, but each is a defect of its own, as long as it is.
-    """
-    before = known = 0.0
-    after = np.zeros((2, len(_RATIOS)))
-    best: list[tuple[float, str, Array]] = []
-    phase = np.exp(2j * np.pi * np.outer(_PARTS, np.arange(1, MOST_HARMONICS + 1)))
-    for fault in faults:
-        ratio, weight = _over_harmonics(real, simulated, fault)
-        k = np.arange(1, ratio.size + 1)
-        if weight.sum() < 6:
-            continue
-        known += float(weight.sum())
-        slow = np.stack([np.ones(k.size), k / k.size, (k / k.size) ** 2])
-        root = np.sqrt(weight)
-        basis, _ = np.linalg.qr((slow * root).T)
-        target = root * ratio
-        target = target - basis @ (basis.T @ target)
-        energy = float(target @ target)
-        before += energy
-        left = np.zeros((2, len(_RATIOS), _PARTS.size))
-        for row, sign in enumerate((1.0, -1.0)):
-            for column, r in enumerate(_RATIOS):
-                comb = root * np.log(np.abs(1 + sign * r * phase[:, : k.size]) ** 2 + 0.02)
-                comb = comb - (comb @ basis) @ basis.T
-                left[row, column] = ((target - comb) ** 2).sum(axis=1)
-        after += left.min(axis=2)
-        best.append((energy, fault, left))
-    if known < 6:
-        return
-    rest = _NOISE * known
-    gain = np.log((before + rest) / (after + rest))
-    i, j = (int(v) for v in np.unravel_index(int(np.argmax(gain)), gain.shape))
-    out["comb_known"] = math.log(known)
-    out["comb_gain"] = float(gain[i, j])
-    out["comb_same"], out["comb_opposed"] = float(gain[0].max()), float(gain[1].max())
-    if out["comb_gain"] > 0.1:
-        # Of the fault whose comb is plainest. A ball is struck twice a turn.
-        _, fault, left = max(best, key=lambda found: found[0] - float(found[2][i, j].min()))
-        per_pass = 180.0 if fault == "ball" else 360 / bearing.n_rollers
-        out["comb_arc_log"] = float(np.log(_PARTS[int(left[i, j].argmin())] * per_pass))
-        out["comb_ratio"] = float((1.0 if i == 0 else -1.0) * _RATIOS[j])
-
-
-def _over_harmonics(real: Sequence[Struck], simulated: Sequence[Struck], fault: str) -> tuple[Array, Array]:
-    """[harmonics] Mean ln ratio of power around the harmonics of one fault, and its weight."""
-    parts = []
-    for own in (real, simulated):
-        kept = [s for s in own if s.fault == fault]
-        most = max(s.power.size for s in kept)
-        power, squares, count = np.zeros(most), np.zeros(most), np.zeros(most)
-        for s in kept:
-            power[: s.power.size] += s.power
-            squares[: s.power.size] += s.error**2
-            count[: s.power.size] += 1
-        power, error = power / count, np.sqrt(squares) / count
-        parts.append((np.log(np.maximum(power, 1e-12)), _weight(power, error) * (count > 0.5 * len(kept))))
-    both = min(part[0].size for part in parts)
-    (ours, known), (theirs, known_too) = parts
-    weight = np.minimum(known[:both], known_too[:both])
-    return ours[:both] - theirs[:both], np.where(weight > 0.15, weight, 0.0)

@@ -47,7 +47,22 @@ NAMES: Final = (
 
 
 class Outline(NamedTuple):
-    """What is kept of a record's view for what is measured on a whole set."""
+    """What is kept of a record's view for what is measured on a whole set.
+
+    Parameters
+    ----------
+    condition : Condition
+    frame : Frame
+    fs_hz : float
+    smooth : Array [SMOOTH_SEGMENTS]
+        Power density, unit^2 / Hz.
+    whitened : Whitened or None
+        For lines of many records.
+    struck : Struck or None
+        Of a record with impacts.
+    rms : float
+        About the mean, in the unit of the records; NaN where nobody asked.
+    """
 
     condition: Condition
     frame: Frame
@@ -55,6 +70,7 @@ class Outline(NamedTuple):
     smooth: Array
     whitened: Whitened | None = None
     struck: Struck | None = None
+    rms: float = math.nan
 
 
 class _Fit(NamedTuple):

@@ -136,6 +136,17 @@ def measure(records: Sequence[Whitened], bearing: Bearing) -> dict[str, float]:
 class Mean:
     """Mean of whitened spectra on an axis that all share, and how far each place of it stands out.
 
+    Parameters
+    ----------
+    powers : sequence of Single [bins]
+        One of each record.
+    places : Array [places]
+        The axis, evenly spaced.
+    indices : sequence of NDArray [places]
+        Bin of each place in each record.
+    about : int
+        Places about each that say how much is usual there.
+
     Attributes
     ----------
     places : Array [places]
@@ -144,16 +155,17 @@ class Mean:
         Normal deviates where there is nothing but noise; NaN beyond what most of the records reach.
     """
 
-    def __init__(self, rows: Sequence[tuple[Single, float]], places: Array, indices: Sequence[NDArray[np.int64]],
-                 about: int) -> None:  # fmt: skip
+    def __init__(
+        self, powers: Sequence[Single], places: Array, indices: Sequence[NDArray[np.int64]], about: int
+    ) -> None:
         self.places, self.step = places, float(places[1] - places[0]) if places.size > 1 else 1.0
         total, count = np.zeros((2, places.size))
-        for (power, _), index in zip(rows, indices, strict=True):
+        for power, index in zip(powers, indices, strict=True):
             inside = (index >= 2) & (index < power.size - 2)
             total[inside] += power[index[inside]]
             count += inside
         self.z = np.full(places.size, np.nan)
-        known = count > 0.6 * len(rows)
+        known = count > 0.6 * len(powers)
         if known.sum() > _ABOUT:
             mean = total[known] / count[known]
             root = np.cbrt(mean / np.maximum(local_floor(mean, about), 1e-9))
@@ -164,25 +176,32 @@ class Mean:
     @classmethod
     def in_hz(cls, records: Sequence[Whitened], envelope: bool = False) -> Mean:
         """Of what is fixed in Hz."""
-        rows = [(r.envelope, r.envelope_df_hz) if envelope else (r.power, r.df_hz) for r in records]
-        step = max(df for _, df in rows)
-        places = np.arange(2.0, max(power.size for power, _ in rows)) * step
-        return cls(rows, places, [np.rint(places / df).astype(int) for _, df in rows], _ABOUT)
+        powers, resolutions = _spectra(records, envelope)
+        step = max(resolutions)
+        places = np.arange(2.0, max(power.size for power in powers)) * step
+        return cls(powers, places, [np.rint(places / df).astype(int) for df in resolutions], _ABOUT)
 
     @classmethod
     def in_orders(cls, records: Sequence[Whitened], envelope: bool = False) -> Mean:
         """Of what turns with the shaft."""
-        rows = [(r.envelope, r.envelope_df_hz) if envelope else (r.power, r.df_hz) for r in records]
-        units = [r.shaft_hz / df for r, (_, df) in zip(records, rows, strict=True)]
+        powers, resolutions = _spectra(records, envelope)
+        units = [r.shaft_hz / df for r, df in zip(records, resolutions, strict=True)]
         places = np.arange(0.3, 45.0 if envelope else _TOP_ORDER, _STEP)
         indices = [np.rint(places * unit).astype(int) for unit in units]
-        return cls(rows, places, indices, int(_ABOUT / min(units) / _STEP) | 1)
+        return cls(powers, places, indices, int(_ABOUT / min(units) / _STEP) | 1)
 
     def at(self, places: Array) -> Array:
         """z at the nearest places of the axis; NaN off it."""
         index = np.rint((places - self.places[0]) / self.step).astype(int) if self.places.size else np.zeros(0, int)
         inside = (index >= 0) & (index < self.places.size)
         return np.where(inside, self.z[np.clip(index, 0, self.places.size - 1)], np.nan)
+
+
+def _spectra(records: Sequence[Whitened], envelope: bool) -> tuple[list[Single], list[float]]:
+    """Of each record its spectrum, or that of its envelope, and Hz per bin."""
+    if envelope:
+        return [r.envelope for r in records], [r.envelope_df_hz for r in records]
+    return [r.power for r in records], [r.df_hz for r in records]
 
 
 def _compressed(z: float) -> float:

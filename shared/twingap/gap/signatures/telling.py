@@ -23,7 +23,7 @@ _STRENGTH = (
     "background.quantile_*", "background.knock_count_log",
 )  # fmt: skip
 _SHAPE = (
-    "shape|*", "path|*", "change|*", "answer|*", "answer.*", "background.band_*", "background.mode_*",
+    "shape|*", "path|*", "change|*", "answer|*", "comb|*", "answer.*", "background.band_*", "background.mode_*",
     "background.white_level", "background.rest_*", "background.edge_*", "background.rms_log",
     "background.time_asymmetry", "background.kurtosis_log", "background.rough_*", "background.envelope_1x",
     "events.strike_level", "events.strike_snr", "background.knock_*", "background.foreign_score",
@@ -63,7 +63,7 @@ TELLING: Final[dict[str, tuple[str, ...]]] = {
     "entry_exit": (
         *_FOLLOWED, "events.echo_gain", "events.arc_*", "events.exit_ratio", "events.cycle_*",
         "events.timing_*", "events.jitter_sigma", "background.echo_*", "shape|faulty_*", "answer|*", "answer.*",
-        "background.time_asymmetry", "background.band_*", "lines.fault_*", "change|*",
+        "comb|*", "background.time_asymmetry", "background.band_*", "lines.fault_*", "change|*",
     ),
     "distributed_roughness": _SHAPE,
     "speed_gain": _LEVEL,
@@ -85,7 +85,7 @@ TELLING: Final[dict[str, tuple[str, ...]]] = {
         "converter.*", "background.knock_*", "background.rms_log", "background.segment_*", "background.white_level",
     ),
 }  # fmt: skip
-"""Effect -> patterns of signatures, and of features that are none (`shape|`, `change|`, `answer|`, `context|`)."""
+"""Effect -> patterns of signatures, and of features that are none (`shape|`, `change|`, `comb|`, `context|`, ...)."""
 
 _TRENDED: Final = {"speed_gain": ("on_speed",), "damage_growth": ("on_time",)}
 """Effects that show in how a signature changes over conditions; for all others trends are left out."""
@@ -104,7 +104,7 @@ def columns(effect: str, features: tuple[str, ...]) -> tuple[int, ...]:
             fits = kind in _ALWAYS or any(fnmatchcase(feature, p) for p in patterns)
         elif of == "view":
             fits = True  # how far records and twin lie apart where is asked of every effect
-        elif of in ("shape", "path", "change", "pooled", "answer", "trend"):
+        elif of in ("shape", "path", "change", "pooled", "answer", "comb", "trend"):
             fits = any(fnmatchcase(feature, p) for p in patterns)
         else:
             trend = kind.startswith("on_")

@@ -304,10 +304,19 @@ def _ring(
     return {"resonance_hz": machine.conditions[0].fs_hz * _log(rng, *place), "damping_ratio": _log(rng, *damping)}
 
 
-def _two_strikes(rng: np.random.Generator, machine: Machine) -> Mapping[str, float]:
-    # From what is one strike of another shape to nearly half a pass, on the race where there is one.
-    per_pass = 360 / machine.bearing.n_rollers if _faults(machine) - {"ball"} else 180.0
-    arc_deg, turned = min(_log(rng, 0.015, 0.42) * per_pass, 80.0), bool(rng.random() < 0.4)
+def _two_strikes(rng: np.random.Generator, machine: Machine) -> Mapping[str, float] | None:
+    """From what is one strike of another shape to nearly half a pass, on the race where there is one."""
+    race, bearing = 360 / machine.bearing.n_rollers, machine.bearing
+    longest = 0.42 * (race if _faults(machine) - {"ball"} else 180.0)
+    # Arcs whose strikes fall within two samples at every speed show nowhere.
+    seen = [
+        2 * (180.0 if c.fault == "ball" else race) * bearing.fault_order(str(c.fault)) * c.speed_rpm / 60 / c.fs_hz
+        for c in machine.conditions if c.fault != "healthy"
+    ]  # fmt: skip
+    shortest = max(min(seen), longest / 28)
+    if not shortest < longest:
+        return None
+    arc_deg, turned = min(_log(rng, shortest, longest), 80.0), bool(rng.random() < 0.4)
     return {"arc_deg": arc_deg, "exit_ratio": _log(rng, 0.14, 7.0), "turned": turned}
 
 
