@@ -8,7 +8,7 @@ OpenJob     --make_world--> truth, closure of the true effects, what no effect c
 from __future__ import annotations
 
 import zlib
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -121,15 +121,24 @@ def diagnose_world(job: DiagnoseJob, diagnose: Diagnose, prepare: Prepare) -> di
         raise TwingapError("records differ from those that were sealed", where=f"case {job.case.name!r}")
     blind = blinded(world)
     del world
-    root = [job.seed, zlib.crc32(job.case.name.encode())]
+    root = root_of(job.case, job.seed)
+    return asked(blind, root, diagnose) | _for_rivals(blind, prepare, root, job.permutations)
+
+
+def root_of(case: Case, seed: int) -> list[int]:
+    """What all random numbers of a world's diagnosis begin with."""
+    return [seed, zlib.crc32(case.name.encode())]
+
+
+def asked(blind: Blind, root: Sequence[int], diagnose: Diagnose) -> dict[str, Any]:
+    """What the diagnosis says of a blind world, and what it takes: report, refused, seconds, peak_mb."""
     report, refused = None, ""
     with Usage() as used:
         try:
             report = report_of(diagnose(blind.records, blind.twin, np.random.default_rng([*root, 0]), sim=blind.sim))
         except TwingapError as error:
             refused = str(error)
-    out = {"report": report, "refused": refused, "seconds": used.seconds, "peak_mb": used.peak_mb}
-    return out | _for_rivals(blind, prepare, root, job.permutations)
+    return {"report": report, "refused": refused, "seconds": used.seconds, "peak_mb": used.peak_mb}
 
 
 def open_world(job: OpenJob) -> dict[str, Any]:
@@ -159,7 +168,7 @@ def report_of(diagnosis: Any) -> dict[str, Any]:
     return table
 
 
-def _for_rivals(blind: Blind, prepare: Prepare, root: list[int], permutations: int) -> dict[str, Any]:
+def _for_rivals(blind: Blind, prepare: Prepare, root: Sequence[int], permutations: int) -> dict[str, Any]:
     try:
         real, simulated = prepare(blind.records, blind.twin, np.random.default_rng([*root, 1]), blind.sim)
     except TwingapError as error:

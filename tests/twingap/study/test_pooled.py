@@ -8,10 +8,12 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from test_runner import small_study
+import study_standins as standins
+from test_runner import CASES, small_study
 
 from twingap.errors import TwingapError
 from twingap.study import scores, write_study
+from twingap.study.alone import slowest_again
 from twingap.study.pooled import markdown, read_studies, rows_of
 
 
@@ -69,3 +71,18 @@ def test_what_cannot_be_counted_together_is_named(seeds: tuple[list[Any], list[P
     )
     assert run.returncode == 2 and run.stdout == ""
     assert run.stderr.startswith("error: ") and len(run.stderr.splitlines()) == 1
+
+
+def test_the_slowest_are_timed_again_alone(seeds: tuple[list[Any], list[Path]]) -> None:
+    (table,) = read_studies(seeds[1][:1])
+    timed = slowest_again(table, 2, CASES, standins.by_level)
+    slowest = sorted(table["worlds"], key=lambda world: -world["found"]["runtime_s"])[:2]
+    assert [t.case for t in timed] == [world["was"]["case"] for world in slowest]
+    assert all(t.same and 0 < t.alone_s < 10 for t in timed)
+    assert not slowest_again(table, 3, CASES, lambda *_, **__: standins.answer("explained", ("gear_mesh",)))[0].same
+
+
+def test_without_a_study_the_timing_ends_with_one_line(tmp_path: Path) -> None:
+    asked = [sys.executable, "-m", "twingap.study.alone", str(tmp_path)]
+    done = subprocess.run(asked, capture_output=True, text=True, check=False)
+    assert done.returncode == 2 and done.stderr.startswith("error: ") and done.stderr.count("\n") == 1
