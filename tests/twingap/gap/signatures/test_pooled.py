@@ -59,28 +59,30 @@ def test_nothing_looks_like_nothing_however_many_records():
             assert abs(np.mean([found[name] for found in z])) < 0.8
 
 
+def of_noise(count, seed, *tones):
+    """White noise of one second, with a tone (Hz, amplitude, in so many of the records) or none."""
+    rng, t = np.random.default_rng(seed), np.arange(12000) / 12000
+    kept = []
+    for i in range(count):
+        x = rng.standard_normal(12000)
+        x += sum(level * np.sin(2 * np.pi * hz * t) for hz, level, records in tones if i < records)
+        condition = Condition(f"r{i}", 1130.0 + 31 * i, 12000.0, 12000, "healthy")
+        kept.append(pooled.whitened(RecordView(x, condition, Frame(BEARINGS["6205"], (2500.0, 4500.0), 1.0))))
+    return kept
+
+
 @pytest.mark.parametrize("count", [1, 2, 4, 12, 30])
 def test_z_of_noise_is_a_normal_deviate_whatever_the_number_of_records(count):
-    rng = np.random.default_rng(count)
-    bearing = BEARINGS["6205"]
-    frame = Frame(bearing, (2500.0, 4500.0), 1.0)
-    conditions = [Condition(f"r{i}", float(rng.uniform(900, 1500)), 12000.0, 12000, "healthy") for i in range(count)]
-    kept = [pooled.whitened(RecordView(rng.standard_normal(12000), c, frame)) for c in conditions]
+    kept = of_noise(count, seed=count)
     for mean in (pooled.Mean.in_hz(kept), pooled.Mean.in_orders(kept)):
         z = mean.z[np.isfinite(mean.z)]
         assert abs(z.mean()) < 0.12 and z.std() == pytest.approx(1, abs=0.12)
-        # One place in a thousand of normal deviates lies beyond 3.1; of one record's power alone it would be 6.
+        # One place in a thousand of normal deviates lies beyond 3.1; of one record's power alone it would be 5.7.
         assert np.quantile(z, 0.999) < 4.2
 
 
 def test_an_even_hum_is_a_hum_whose_first_harmonic_is_not_there():
-    t = np.arange(12000) / 12000
-    bearing, rng = BEARINGS["6205"], np.random.default_rng(3)
-    frame = Frame(bearing, (2500.0, 4500.0), 1.0)
-    conditions = [Condition(f"r{i}", 1130.0 + 31 * i, 12000.0, 12000, "healthy") for i in range(12)]
-    hum = 0.05 * np.sin(2 * np.pi * 240 * t)
-    kept = [pooled.whitened(RecordView(rng.standard_normal(12000) + hum, c, frame)) for c in conditions]
-    found = pooled.measure(kept, bearing)
+    found = pooled.measure(of_noise(12, 3, (240.0, 0.05, 12)), BEARINGS["6205"])
     assert found["mains_60_most"] > 2 > found["mains_60_1"] + 0.5
 
 
@@ -94,17 +96,11 @@ def test_a_carrier_too_weak_for_one_record_is_found_by_the_lines_beside_it():
     assert found["carrier"] > measured("UER204", faults=("healthy",))["carrier"] + 0.3
 
 
-def test_one_record_with_strong_lines_is_no_line_of_all():
-    rng, t = np.random.default_rng(5), np.arange(12000) / 12000
-    bearing = BEARINGS["6205"]
-    frame = Frame(bearing, (2500.0, 4500.0), 1.0)
-    conditions = [Condition(f"r{i}", 1130.0 + 31 * i, 12000.0, 12000, "healthy") for i in range(12)]
-    signals = rng.standard_normal((12, 12000))
-    in_all = [pooled.whitened(RecordView(x + 0.05 * np.sin(2 * np.pi * 3001 * t), c, frame))
-              for x, c in zip(signals, conditions, strict=True)]  # fmt: skip
-    signals[0] += 0.05 * np.sqrt(12) * np.sin(2 * np.pi * 3001 * t)  # as much power, but in one record
-    in_one = [pooled.whitened(RecordView(x, c, frame)) for x, c in zip(signals, conditions, strict=True)]
-    assert pooled.measure(in_all, bearing)["fixed"] > pooled.measure(in_one, bearing)["fixed"] + 0.2
+def test_one_record_with_a_strong_line_is_no_line_of_all():
+    """As loud as a hundred times the noise in one of twelve records says less than a little in each of them."""
+    (in_all,) = pooled.Mean.in_hz(of_noise(12, 5, (3001.0, 0.05, 12))).at(np.array([3001.0]))
+    (in_one,) = pooled.Mean.in_hz(of_noise(12, 5, (3001.0, 1.0, 1))).at(np.array([3001.0]))
+    assert in_one < 4 < 5 < in_all
 
 
 def test_no_record_says_nothing():

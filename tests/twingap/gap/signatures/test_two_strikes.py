@@ -70,6 +70,14 @@ def test_a_strike_back_is_a_comb_turned_round():
     assert np.exp(found["clear_arc_log"]) == pytest.approx(3.0, rel=0.05)
 
 
+def test_where_the_cage_slips_the_comb_is_that_of_the_rate_that_lines_show():
+    """Two per cent of slip move the fiftieth harmonic by one: at kinematic rates combs are blurred, and off by as much."""
+    both = [make_effect("mean_slip", {"slip": 0.02}), make_effect("entry_exit", {"arc_deg": 17.0, "exit_ratio": 0.5})]
+    found = compared("UER204", both, faults=("outer",))
+    assert found["faint_score"] > 2.5
+    assert np.exp(found["faint_arc_log"]) == pytest.approx(17.0, rel=0.005)
+
+
 def test_a_faint_second_strike_shows_in_many_records():
     """A comb 3 dB deep, strikes hardly above the noise: its score grows with the records, by chance it does not."""
     faint = [make_effect("entry_exit", {"arc_deg": 4.0, "exit_ratio": 0.2})]
