@@ -71,7 +71,7 @@ def test_a_strike_back_is_a_comb_turned_round():
 
 
 def test_where_the_cage_slips_the_comb_is_that_of_the_rate_that_lines_show():
-    """Two per cent of slip move the fiftieth harmonic by one: at kinematic rates combs are blurred, and off by as much."""
+    """Two per cent of slip move harmonic 50 by one: at kinematic rates a comb is blurred, and off by as much."""
     both = [make_effect("mean_slip", {"slip": 0.02}), make_effect("entry_exit", {"arc_deg": 17.0, "exit_ratio": 0.5})]
     found = compared("UER204", both, faults=("outer",))
     assert found["faint_score"] > 2.5
