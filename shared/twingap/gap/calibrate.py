@@ -6,8 +6,9 @@ fit     --spectra---------> the twin's free parameters         (`identify`, with
 fit     --mode, level-----> Frame: bearing, band, yardstick    (`gap.view`)
 twin with more effects --spectra of its own records against the fit part's--> baseline anew (`match_baseline`)
 
-Everything that a diagnosis reports is measured on the held-out part; what no calibrated parameter can make or take away
-is asked of both: trends of levels within a fault, lines of many records, the comb of a second strike.
+Everything that a diagnosis reports is measured on the held-out part; what calibration hardly moves is asked of both
+(`whole`): trends of levels within a fault, lines of many records, the comb of a second strike. Values are read off the
+fit part, but for slopes over speed and time: the fit part alone may have met a fault at one speed only.
 """
 
 from __future__ import annotations

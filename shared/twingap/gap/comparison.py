@@ -8,8 +8,8 @@ A feature is a difference of means between measured and simulated records (in th
 errors, as a normal deviate), of their spread, or of their trend over speed and time; or how far the sets lie apart in
 the views that a report shows. Where a set has no record of a kind, the feature is NaN: nobody knows.
 
-A set is one part of the records. What no parameter of a twin's baseline can make or take away (`Whole`: lines of many
-records, combs of second strikes, levels over speed and time) is asked of all records there are.
+A set is one part of the records. Lines of many records, combs of second strikes and levels over speed and time may be
+asked of all records that there are (`whole`).
 """
 
 from __future__ import annotations
@@ -23,16 +23,16 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from twingap.gap import signatures, trends
+from twingap.gap import signatures, whole
 from twingap.gap.distance import Paired
-from twingap.gap.signatures import answer, background, change, path, pooled, two_strikes
-from twingap.gap.signatures.answer import Struck
-from twingap.gap.signatures.path import Outline
+from twingap.gap.signatures import answer, background, change, path
+from twingap.gap.signatures.outline import Outline, outline_of
 from twingap.gap.speed import Speeds
-from twingap.gap.trends import Levels, courses, normal, slope
+from twingap.gap.trends import courses, normal, slope
 from twingap.gap.view import Frame, RecordView, known_medians
 from twingap.gap.views import DOMAINS, Grid, Views
 from twingap.gap.views import measure as measure_views
+from twingap.gap.whole import Whole
 from twingap.records import Condition, Record
 
 Array = NDArray[np.float64]
@@ -52,31 +52,6 @@ CONTEXT = (
 _SMALL_SLIP = 1e-3
 _FEWEST_FREE = 2
 """Degrees of freedom from which pairs say more than the records of each side by themselves."""
-
-
-@dataclass(frozen=True)
-class Whole:
-    """All records that there are, of both parts, for what calibration cannot move.
-
-    Parameters
-    ----------
-    outlines : tuple of Outline
-        One of each record.
-    """
-
-    outlines: tuple[Outline, ...]
-
-    @cached_property
-    def pooled(self) -> Array:
-        """[pooled.NAMES] Lines of the mean spectra."""
-        kept = [outline.whitened for outline in self.outlines if outline.whitened is not None]
-        found = pooled.measure(kept, self.outlines[0].frame.bearing)
-        return np.array([found[name] for name in pooled.NAMES])
-
-    @cached_property
-    def struck(self) -> list[Struck]:
-        """Of records with impacts."""
-        return [outline.struck for outline in self.outlines if outline.struck is not None]
 
 
 @dataclass(frozen=True)
@@ -114,8 +89,8 @@ class Measured:
         return np.array([found[name] for name in path.NAMES])
 
     @cached_property
-    def whole(self) -> Whole:
-        """These records where there are no others."""
+    def alone(self) -> Whole:
+        """These records, asked together and without any others."""
         return Whole(self.outlines)
 
     def faults(self) -> NDArray[np.str_]:
@@ -147,12 +122,6 @@ def measure(records: Iterable[Record], frame: Frame, grid: Grid) -> Measured:
     return Measured(np.array(values), tuple(outlines), views)
 
 
-def outline_of(view: RecordView) -> Outline:
-    """What is kept of one record."""
-    struck, rms = answer.struck_of(view), float(np.std(view.x))
-    return Outline(view.condition, view.frame, view.fs_hz, view.smooth, pooled.whitened(view), struck, rms)
-
-
 @cache
 def feature_names() -> tuple[str, ...]:
     """Names of what `compare` returns, in its order."""
@@ -167,33 +136,31 @@ def feature_names() -> tuple[str, ...]:
     names += [f"change|{name}" for name in change.NAMES]
     names += [f"view|{name}" for name in _viewed()]
     names += [f"path|{name}" for name in path.NAMES] + [f"path|{name}.diff" for name in path.NAMES]
-    names += [f"comb|{name}" for name in two_strikes.NAMES] + [f"trend|{name}" for name in trends.NAMES]
-    names += [f"pooled|{name}" for name in pooled.NAMES] + [f"pooled|{name}.diff" for name in pooled.NAMES]
-    return (*names, *(f"context|{name}" for name in CONTEXT))
+    return (*names, *whole.feature_names(), *(f"context|{name}" for name in CONTEXT))
 
 
 def compare(
     real: Measured,
     simulated: Measured,
-    speeds: Speeds | None = None,
+    speeds: Speeds | None,
+    of_whole: Array,
     *,
     own: bool = False,
     models: bool = False,
-    of_whole: Array | None = None,
 ) -> Array:
     """[features] What tells the measured set from the simulated one; see `feature_names`.
 
     Parameters
     ----------
     real, simulated : Measured
-    speeds : Speeds, optional
+    speeds : Speeds or None
         Of calibration, which tell of the cage's slip.
+    of_whole : Array
+        What `whole.compare` says: of these records, or of all that there are, these among them.
     own : bool
         Whether the simulator is the machine's own: then nothing had to be matched, and small differences mean more.
     models : bool
         Whether the twin has effects as given, which the machine may have in another form.
-    of_whole : Array, optional
-        What `compare_whole` says of all records that there are, these among them; None: of these.
     """
     with warnings.catch_warnings(), np.errstate(all="ignore"):
         warnings.simplefilter("ignore", RuntimeWarning)  # means of nothing are NaN, and meant so
@@ -202,30 +169,17 @@ def compare(
         ours, theirs = cast(Any, real.outlines), cast(Any, simulated.outlines)  # all that shapes ask of a view
         shapes = background.compare(ours, theirs)
         shape = np.array([shapes[name] for name in background.COMPARED], float)
-        answers = answer.compare(real.whole.struck, simulated.whole.struck, _noise(real, simulated))
+        answers = answer.compare(real.alone.struck, simulated.alone.struck, _noise(real, simulated))
         told = np.array([answers[name] for name in answer.COMPARED], float)
         changes = change.compare(real.outlines, simulated.outlines, own=own)
         changed = np.array([changes[name] for name in change.NAMES], float)
         context, apart = _context(real, speeds, own, models), _apart(real.views, simulated.views)
         context = np.concatenate((context, _slip(real, simulated)))
         paths = (real.path, real.path - simulated.path)
-        if of_whole is None:
-            of_whole = compare_whole(real.whole, simulated.whole)
         out = np.concatenate(
             (per_signature, shape, told, changed, apart, *paths, of_whole, context, _extent(per_signature))
         )
     return np.where(np.isfinite(out), out, np.nan)
-
-
-def compare_whole(real: Whole, simulated: Whole) -> Array:
-    """[features] The part of `compare` that is asked of all records that there are, under the same conditions."""
-    combs = two_strikes.compare(real.struck, simulated.struck, real.outlines[0].frame.bearing)
-    paired = len(real.outlines) == len(simulated.outlines)
-    with warnings.catch_warnings(), np.errstate(all="ignore"):
-        warnings.simplefilter("ignore", RuntimeWarning)
-        found = Levels.of(real.outlines, simulated.outlines).trends() if paired else dict.fromkeys(trends.NAMES, np.nan)
-    told = [*(combs[name] for name in two_strikes.NAMES), *(found[name] for name in trends.NAMES)]
-    return np.concatenate((told, real.pooled, real.pooled - simulated.pooled))
 
 
 @cache

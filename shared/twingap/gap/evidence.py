@@ -15,18 +15,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twingap.effects import Draft, Effect
-from twingap.gap import comparison
+from twingap.gap import comparison, whole
 from twingap.gap.baseline import MOST_SIMULATED, Side, all_parameters, match_level, sides_of
 from twingap.gap.calibrate import Calibrated, recalibrate, thinned
-from twingap.gap.comparison import Measured, Whole, outline_of
+from twingap.gap.comparison import Measured
 from twingap.gap.distance import Paired
 from twingap.gap.own_simulator import OwnSimulator
-from twingap.gap.signatures.path import Outline
+from twingap.gap.signatures.outline import Outline, outline_of
 from twingap.gap.simulator import Simulator, TwinSimulator
 from twingap.gap.training.parameters import Setting
+from twingap.gap.trends import Levels
 from twingap.gap.view import RecordView
 from twingap.gap.views import Grid, Views
 from twingap.gap.views import measure as measure_views
+from twingap.gap.whole import Whole
 from twingap.records import Condition, Record, RecordSet
 from twingap.twins.twin_file import TwinSpec, flat, nested
 
@@ -59,27 +61,32 @@ class Compared:
 
     def __init__(self, evidence: Evidence, effects: tuple[Effect, ...], simulator: Simulator) -> None:
         self._evidence, self.effects, self.simulator = evidence, effects, simulator
-        self._of_whole: Array | None = None
+        self._levels: Levels | None = None
 
     @cached_property
     def fit(self) -> Array:
-        """[features] Comparison on the part that parameters are fitted to."""
+        """[features] Comparison on the part that parameters are fitted to; trends over both."""
         return self._features(0)
 
     @cached_property
     def held_out(self) -> Array:
-        """[features] Comparison on the part that is reported."""
+        """[features] Comparison on the part that is reported; of both parts what `whole` asks."""
         return self._features(1)
 
     def _features(self, part: int) -> Array:
         of, real = self._evidence, self._evidence.parts[part]
         simulated = comparison.measure(self._made(part), of.frame, Grid.of(real.conditions, of.frame.bearing))
-        if self._of_whole is None:
-            self._of_whole = comparison.compare_whole(of.whole, self._whole(part, simulated.outlines))
+        if part == 0:
+            # Values are read off the fit part: lines and combs that are held out must not say which.
+            if self._levels is None:
+                self._levels = whole.levels(of.whole, self._whole(part, simulated.outlines))
+            of_whole = whole.compare(real.alone, simulated.alone, self._levels)
+        else:
+            both = self._whole(part, simulated.outlines)
+            self._levels = whole.levels(of.whole, both)
+            of_whole = whole.compare(of.whole, both, self._levels)
         own, models = isinstance(self.simulator, OwnSimulator), bool(of.modelled)
-        return comparison.compare(
-            real, simulated, of.calibrated.speeds, own=own, models=models, of_whole=self._of_whole
-        )  # fmt: skip
+        return comparison.compare(real, simulated, of.calibrated.speeds, of_whole, own=own, models=models)
 
     def _whole(self, part: int, outlines: Sequence[Outline]) -> Whole:
         """Of both parts; of the other one no more is measured than is kept."""

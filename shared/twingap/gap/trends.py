@@ -18,7 +18,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from twingap.gap.signatures.path import Outline
+from twingap.gap.signatures.outline import Outline
 from twingap.records import Condition
 
 Array = NDArray[np.float64]

@@ -4,9 +4,9 @@ features --detectors--> effects that seem missing --estimators--> values --add, 
    ^                                                                                                        |
    +------------------- more seem missing? one left out: is it missed? something left over? ----------------+
 
-Detectors read the held-out part, and trends of levels over both (see `trends`: no calibration moves those). Values are
-estimated, and moved by distance, on the fit part; so is what makes its distance worse, or better without having seemed
-likely. Closures that are reported are measured elsewhere, on the held-out part.
+Detectors read the held-out part, and both where calibration hardly moves what is asked (`whole`). Values are estimated
+on the fit part (slopes over speed and time on both) and moved by its distance; so is what makes that worse, or better
+without having seemed likely. Closures that are reported are measured elsewhere, on the held-out part.
 """
 
 from __future__ import annotations

@@ -7,8 +7,8 @@ from scipy import stats
 from twingap.bearing import BEARINGS
 from twingap.effects import make_effect
 from twingap.gap.calibrate import calibrate
-from twingap.gap.comparison import outline_of
 from twingap.gap.evidence import Evidence, simulator_of
+from twingap.gap.signatures.outline import outline_of
 from twingap.gap.trends import Levels, courses, normal, slope
 from twingap.gap.view import Frame, RecordView
 from twingap.records import Condition, RecordSet

@@ -28,6 +28,8 @@ PLACES: Final = 64
 BANDS: Final = 16
 """Bands whose ratios are features themselves."""
 MOST_HARMONICS: Final = 400
+_SHOWN: Final = 4.0
+"""Peaks on a comb of the impact rate, beyond chance, by which lines show the rate."""
 _CLEAR: Final = 6.0
 """Standard deviations of the noise by which a harmonic has to stand out to count in full."""
 
@@ -119,9 +121,10 @@ def struck(view: RecordView) -> Struck | None:
     for place in np.rint(own.hz / df_hz).astype(int):
         low, high = max(place - 2, 0), min(place + 3, power.size)
         power[low:high] = np.minimum(power[low:high], smooth[smooth_at[low:high]])
-    # A cage that slips moves the hundredth harmonic by whole ones: where lines show the rate, it is theirs.
-    seen = lines.fault_comb[0]
-    rate_hz = view.fault_order * view.shaft_hz * (seen if math.isfinite(seen) else 1.0)
+    # A cage that slips moves the hundredth harmonic by whole ones: where lines show the rate, it is theirs. Tones of
+    # other things lie on some comb about as often as three times beyond chance.
+    ratio, beyond, _ = lines.fault_comb
+    rate_hz = view.fault_order * view.shaft_hz * (ratio if beyond >= _SHOWN else 1.0)
     width = rate_hz / df_hz
     count = min(int((power.size - 1) / width - 0.5), MOST_HARMONICS)
     if count < 6 or width < 3:

@@ -20,7 +20,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from twingap.gap.signatures.path import Outline
+from twingap.gap.signatures.outline import Outline
 from twingap.gap.signatures.sampling import continuous
 from twingap.gap.view import SMOOTH_SEGMENTS
 

@@ -20,10 +20,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from twingap.gap.signatures.answer import Struck
-from twingap.gap.signatures.pooled import Whitened
-from twingap.gap.view import SMOOTH_SEGMENTS, Frame
-from twingap.records import Condition
+from twingap.gap.signatures.outline import Outline
+from twingap.gap.view import SMOOTH_SEGMENTS
 
 Array = NDArray[np.float64]
 
@@ -44,33 +42,6 @@ NAMES: Final = (
     "base_fs", "base_damping", "mode_fs", "mode_damping", "mode_strength", "mode_opposed", "loss_corner", "loss_order",
     "loss_at_mode", "loss_noise", "slope_level", "slope_power", "band_level", "band_low", "band_high",
 )  # fmt: skip
-
-
-class Outline(NamedTuple):
-    """What is kept of a record's view for what is measured on a whole set.
-
-    Parameters
-    ----------
-    condition : Condition
-    frame : Frame
-    fs_hz : float
-    smooth : Array [SMOOTH_SEGMENTS]
-        Power density, unit^2 / Hz.
-    whitened : Whitened or None
-        For lines of many records.
-    struck : Struck or None
-        Of a record with impacts.
-    rms : float
-        About the mean, in the unit of the records; NaN where nobody asked.
-    """
-
-    condition: Condition
-    frame: Frame
-    fs_hz: float
-    smooth: Array
-    whitened: Whitened | None = None
-    struck: Struck | None = None
-    rms: float = math.nan
 
 
 class _Fit(NamedTuple):

@@ -46,7 +46,7 @@ _ABOUT: Final = 45
 """Bins about a line that say how much is usual there."""
 _TOP_ORDER: Final = 125.0
 _STEP: Final = 0.01
-"""Of the order axis; records of one second at ten turns resolve a tenth."""
+"""Of the order axis, unless a record resolves more: one of a second at ten turns resolves a tenth."""
 _MAINS_TO_HZ: Final = 1300.0
 """Up to where a line on a multiple of 50 or 60 Hz is taken for the mains': beyond, one place in seven is on one."""
 _CARRIERS: Final = 12
@@ -166,7 +166,7 @@ class Mean:
             count += inside
         self.z = np.full(places.size, np.nan)
         known = count > 0.6 * len(powers)
-        if known.sum() > _ABOUT:
+        if known.sum() > about:
             mean = total[known] / count[known]
             root = np.cbrt(mean / np.maximum(local_floor(mean, about), 1e-9))
             z = (root - 1) / (_SPREAD / np.sqrt(count[known]))
@@ -177,18 +177,22 @@ class Mean:
     def in_hz(cls, records: Sequence[Whitened], envelope: bool = False) -> Mean:
         """Of what is fixed in Hz."""
         powers, resolutions = _spectra(records, envelope)
-        step = max(resolutions)
-        places = np.arange(2.0, max(power.size for power in powers)) * step
-        return cls(powers, places, [np.rint(places / df).astype(int) for df in resolutions], _ABOUT)
+        # As fine as the longest record: a coarser one is read more than once, but no line falls between two places.
+        step = min(resolutions)
+        top = max(power.size * df for power, df in zip(powers, resolutions, strict=True))
+        places = np.arange(2.0, top / step) * step
+        indices = [np.rint(places / df).astype(int) for df in resolutions]
+        return cls(powers, places, indices, int(_ABOUT * max(resolutions) / step) | 1)
 
     @classmethod
     def in_orders(cls, records: Sequence[Whitened], envelope: bool = False) -> Mean:
         """Of what turns with the shaft."""
         powers, resolutions = _spectra(records, envelope)
         units = [r.shaft_hz / df for r, df in zip(records, resolutions, strict=True)]
-        places = np.arange(0.3, 45.0 if envelope else _TOP_ORDER, _STEP)
+        step = min(_STEP, 1 / max(units))
+        places = np.arange(0.3, 45.0 if envelope else _TOP_ORDER, step)
         indices = [np.rint(places * unit).astype(int) for unit in units]
-        return cls(powers, places, indices, int(_ABOUT / min(units) / _STEP) | 1)
+        return cls(powers, places, indices, int(_ABOUT / min(units) / step) | 1)
 
     def at(self, places: Array) -> Array:
         """z at the nearest places of the axis; NaN off it."""

@@ -1,7 +1,7 @@
 """The comb over harmonics of the impact rate that a second strike makes, asked of all records of a set together.
 
 power around each harmonic (answer.Struck), measured and simulated, of every record
-    --mean over the records of a fault, each as loud as the next--> ratio over harmonics --less what is slow-->
+    --mean over the records of a fault, the clearest first--> ratio over harmonics --less what is slow-->
     against |1 + r exp(i k a)|^2 --> how much of it each comb explains, its delay and ratio
 
 A second strike that follows at a fixed angle is a comb over harmonics at any speed, while paths stand still in Hz. How
@@ -39,8 +39,16 @@ _CANDIDATES: Final = 12
 _RATIOS: Final = (0.1, 0.2, 0.35, 0.6, 0.9)
 _NOISE: Final = 0.01
 """Variance of a log ratio that no fit goes below: what jitter leaves."""
-_LEAST_COMB: Final = 0.1
-"""Gain from which a comb has a delay."""
+_LEAST_SCORE: Final = 1.4
+"""From which a comb has a delay: modes that are a tenth of their frequency off score as much."""
+_DROWNED: Final = 2.0
+"""Errors of the power of all harmonics that a record is at least as loud as."""
+_STANDING: Final = 4.0
+"""Standard deviations of the noise by which a stretch of harmonics has to stand out to count in full."""
+_COUNTED: Final = 0.15
+"""Weight below which a harmonic is left out: its logarithm is of noise."""
+_JITTER: Final = (0.02, 0.01)
+"""Part of a harmonic's power that fills the gaps of a comb whatever the noise: of clear harmonics, of faint ones."""
 _FEWEST: Final = 6.0
 """Harmonics, by weight, below which nothing is said."""
 
@@ -59,7 +67,7 @@ def compare(real: Sequence[Struck], simulated: Sequence[Struck], bearing: Bearin
     Parameters
     ----------
     real, simulated : sequence of Struck
-        Of all records that there are: a comb is nothing that calibration could have made or taken away.
+        Of all records that there are.
     bearing : Bearing
 
     Returns
@@ -102,7 +110,7 @@ def _comb(ratios: Iterable[tuple[str, _Ratio]], bearing: Bearing) -> dict[str, f
         "known": math.log(known), "gain": best, "score": math.log1p(max(best, 0.0) * math.sqrt(known)),
         "same": float(gain[0].max()), "opposed": float(gain[1].max()),
     }  # fmt: skip
-    if best > _LEAST_COMB:
+    if out["score"] > _LEAST_SCORE:
         # Of the fault whose comb is plainest. A ball is struck twice a turn.
         fault, plainest = max(found, key=lambda of: of[1].energy - of[1].left[i, j])
         per_pass = 180.0 if fault == "ball" else 360 / bearing.n_rollers
@@ -166,27 +174,33 @@ def _over_harmonics(real: Sequence[Struck], simulated: Sequence[Struck], fault: 
         noises.append(np.clip(error / np.maximum(about, 0.1 * error + 1e-300), 0.0, 3.0))
         if faint:
             logs.append(np.log(np.maximum(np.maximum(power, error), 1e-12)))
-            weights.append(standing_out(about, error, clear=4.0))
+            weights.append(standing_out(about, error, clear=_STANDING))
         else:
             logs.append(np.log(np.maximum(power, 1e-12)))
             weights.append(standing_out(power, error))
     both = min(log.size for log in logs)
     weight = np.minimum(*(w[:both] for w in weights))
-    noise = 0.01 + noises[0][:both] if faint else np.full(both, 0.02)
-    return _Ratio(logs[0][:both] - logs[1][:both], np.where(weight > 0.15, weight, 0.0), noise)
+    noise = _JITTER[1] + noises[0][:both] if faint else np.full(both, _JITTER[0])
+    return _Ratio(logs[0][:both] - logs[1][:both], np.where(weight > _COUNTED, weight, 0.0), noise)
 
 
 def _mean(kept: Sequence[Struck]) -> tuple[Array, Array]:
-    """[harmonics] Mean power, each record as loud as the next, and its error; as far as half of the records reach."""
+    """[harmonics] Mean power of records as loud as one another, and its error; as far as half of the records reach.
+
+    Records weigh by the inverse of their variance: one whose strikes drown must not drown those of the others.
+    """
     most = max(s.power.size for s in kept)
-    power, squares, count = np.zeros((3, most))
+    power, squares, weights, count = np.zeros((4, most))
     for s in kept:
-        loud = max(float(s.power[s.power > 0].sum()), 1e-12)
-        power[: s.power.size] += s.power / loud
-        squares[: s.power.size] += (s.error / loud) ** 2
-        count[: s.power.size] += 1
+        loud = max(float(s.power.sum()), _DROWNED * float(np.sqrt((s.error**2).sum())), 1e-300)
+        weight = 1 / max(float(np.mean((s.error / loud) ** 2)), 1e-12)
+        own = slice(0, s.power.size)
+        power[own] += weight * s.power / loud
+        squares[own] += (weight * s.error / loud) ** 2
+        weights[own] += weight
+        count[own] += 1
     reached = int((count >= 0.5 * len(kept)).sum())
-    return power[:reached] / count[:reached], np.sqrt(squares[:reached]) / count[:reached]
+    return power[:reached] / weights[:reached], np.sqrt(squares[:reached]) / weights[:reached]
 
 
 def _smooth(power: Array) -> Array:

@@ -106,13 +106,14 @@ def behind_examples() -> tuple[ModuleType, ...]:
         trends,
         view,
         views,
+        whole,
     )  # fmt: skip
     from twingap.gap.training import as_built, examples, gaps, machines, parameters, strangers
 
     return (
         twingap.effects, twingap.twins, twingap.identify, twingap.gap.signatures, band, baseline, calibrate,
         comparison, distance, evidence, own_simulator, simulator, speed, speed_reading, strata, trends, view, views,
-        as_built, examples, gaps, machines, parameters, strangers,
+        whole, as_built, examples, gaps, machines, parameters, strangers,
     )  # fmt: skip
 
 

@@ -158,6 +158,8 @@ _SHYNESS = {
     "sensor_rolloff": 1.7, "coloured_noise": 1.7, "distributed_roughness": 1.3, "foreign_bearing": 1.2,
 }  # fmt: skip
 """Effects that are hard to see, or that few machines' records could show, are drawn more often."""
+_SHORTEST = 0.036
+"""Arc of the shortest defects over that of the longest: 1.5 to 42 % of a pass."""
 _JUST_SEEN = 93.0
 """Power of a tone over that of the noise, times the samples, from which it shows: the more there are, the weaker."""
 
@@ -313,9 +315,7 @@ def _two_strikes(rng: np.random.Generator, machine: Machine) -> Mapping[str, flo
         2 * (180.0 if c.fault == "ball" else race) * bearing.fault_order(str(c.fault)) * c.speed_rpm / 60 / c.fs_hz
         for c in machine.conditions if c.fault != "healthy"
     ]  # fmt: skip
-    shortest = max(min(seen), longest / 28)
-    if not shortest < longest:
-        return None
+    shortest = max(min(seen), longest * _SHORTEST)
     arc_deg, turned = min(_log(rng, shortest, longest), 80.0), bool(rng.random() < 0.4)
     return {"arc_deg": arc_deg, "exit_ratio": _log(rng, 0.14, 7.0), "turned": turned}
 

@@ -5,9 +5,8 @@ import pytest
 
 from twingap.bearing import BEARINGS
 from twingap.effects import Mode, make_effect
-from twingap.gap.signatures import change, pooled
-from twingap.gap.signatures.answer import struck_of
-from twingap.gap.signatures.path import Outline
+from twingap.gap.signatures import change
+from twingap.gap.signatures.outline import outline_of
 from twingap.gap.training.machines import StructuredTwin
 from twingap.gap.view import Frame, RecordView
 from twingap.records import Condition
@@ -29,7 +28,7 @@ def outlines(effects=(), seed=0, *, scale=1.0, tilt=0.0, part=0.0, modes=OWN_MOD
     conditions = [Condition(f"r{i}", 1500.0 + 20 * i, FS_HZ, 12000, fault) for i, fault in enumerate(faults)]
     frame = Frame(bearing, (0.15 * FS_HZ, 0.25 * FS_HZ), 1.0)
     views = [RecordView(r.samples, r.condition, frame) for r in twin.simulate(conditions, np.random.default_rng(seed))]
-    return [Outline(v.condition, frame, FS_HZ, v.smooth, pooled.whitened(v), struck_of(v)) for v in views]
+    return [outline_of(v) for v in views]
 
 
 def compared(*effects, own=False, **about):

@@ -6,6 +6,7 @@ import pytest
 from twingap.bearing import BEARINGS
 from twingap.effects import make_effect
 from twingap.gap.signatures import path
+from twingap.gap.signatures.outline import outline_of
 from twingap.gap.view import Frame, RecordView
 from twingap.records import Condition
 from twingap.twins.phenomenological import PhenomenologicalParameters, PhenomenologicalTwin
@@ -24,7 +25,7 @@ def outlines(name, effects=(), faults=("healthy",) * 6, seed=0):
     conditions = [Condition(f"r{i}", 1500.0, fs_hz, 12000, fault) for i, fault in enumerate(faults)]
     frame = Frame(bearing, (0.15 * fs_hz, 0.25 * fs_hz), 1.0)
     records = twin.simulate(conditions, np.random.default_rng(seed))
-    return [path.Outline(r.condition, frame, fs_hz, RecordView(r.samples, r.condition, frame).smooth) for r in records]
+    return [outline_of(RecordView(r.samples, r.condition, frame)) for r in records]
 
 
 @pytest.mark.parametrize("name", RATES)
