@@ -169,7 +169,7 @@ def compare(
         ours, theirs = cast(Any, real.outlines), cast(Any, simulated.outlines)  # all that shapes ask of a view
         shapes = background.compare(ours, theirs)
         shape = np.array([shapes[name] for name in background.COMPARED], float)
-        answers = answer.compare(real.alone.struck, simulated.alone.struck, _noise(real, simulated))
+        answers = answer.compare(real.alone.struck, simulated.alone.struck, real.alone.noise - simulated.alone.noise)
         told = np.array([answers[name] for name in answer.COMPARED], float)
         changes = change.compare(real.outlines, simulated.outlines, own=own)
         changed = np.array([changes[name] for name in change.NAMES], float)
@@ -205,17 +205,6 @@ def _apart(real: Views, simulated: Views) -> Array:
     found["overall"] = float(np.mean([found[domain] for domain in real.domains]))
     values = np.array([found[name] for name in _viewed()])
     return np.asarray(np.sign(values) * np.sqrt(np.abs(values)))
-
-
-def _noise(real: Measured, simulated: Measured) -> Array | None:
-    """[answer.PLACES] ln of the measured over the simulated mean spectrum of healthy records; of all without any."""
-    means = []
-    for measured in (real, simulated):
-        healthy = [o for o in measured.outlines if o.condition.fault == "healthy"] or list(measured.outlines)
-        logs = [np.log(np.maximum(o.smooth * o.fs_hz / o.frame.scale**2, 1e-30)) for o in healthy]
-        ends = np.linspace(0, logs[0].size, answer.PLACES + 1).astype(int)
-        means.append(np.add.reduceat(np.mean(logs, axis=0), ends[:-1]) / np.diff(ends))
-    return np.asarray(means[0] - means[1])
 
 
 @cache

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from twingap.gap import trends
 from twingap.gap.signatures import pooled, two_strikes
-from twingap.gap.signatures.answer import Struck
+from twingap.gap.signatures.answer import PLACES, Struck
 from twingap.gap.signatures.outline import Outline
 from twingap.gap.trends import Levels
 
@@ -42,6 +42,14 @@ class Whole:
         """[pooled.NAMES] Lines of the mean spectra."""
         found = pooled.measure([outline.whitened for outline in self.outlines], self.outlines[0].frame.bearing)
         return np.array([found[name] for name in pooled.NAMES])
+
+    @cached_property
+    def noise(self) -> Array:
+        """[answer.PLACES] ln of the mean spectrum of healthy records, of all without any, over the yardstick."""
+        healthy = [o for o in self.outlines if o.condition.fault == "healthy"] or self.outlines
+        logs = [np.log(np.maximum(o.smooth * o.fs_hz / o.frame.scale**2, 1e-30)) for o in healthy]
+        ends = np.linspace(0, logs[0].size, PLACES + 1).astype(int)
+        return np.asarray(np.add.reduceat(np.mean(logs, axis=0), ends[:-1]) / np.diff(ends))
 
     @cached_property
     def struck(self) -> list[Struck]:
@@ -73,7 +81,8 @@ def compare(real: Whole, simulated: Whole, over: Levels) -> Array:
     over : Levels
         What trends are asked of: see `levels`.
     """
-    combs = two_strikes.compare(real.struck, simulated.struck, real.outlines[0].frame.bearing)
+    bearing = real.outlines[0].frame.bearing
+    combs = two_strikes.compare(real.struck, simulated.struck, bearing, real.noise - simulated.noise)
     with warnings.catch_warnings(), np.errstate(all="ignore"):
         warnings.simplefilter("ignore", RuntimeWarning)  # means of nothing are NaN, and meant so
         courses = over.trends()

@@ -1,7 +1,8 @@
 """The comb over harmonics of the impact rate that a second strike makes, asked of all records of a set together.
 
 power around each harmonic (answer.Struck), measured and simulated, of every record
-    --mean over the records of a fault, the clearest first--> ratio over harmonics --less what is slow-->
+    --mean over the records of a fault, the clearest first--> ratio over harmonics
+    --less what is slow, and what noise on the same path shows too-->
     against |1 + r exp(i k a)|^2 --> how much of it each comb explains, its delay and ratio
 
 A second strike that follows at a fixed angle is a comb over harmonics at any speed, while paths stand still in Hz. How
@@ -39,8 +40,8 @@ _CANDIDATES: Final = 12
 _RATIOS: Final = (0.1, 0.2, 0.35, 0.6, 0.9)
 _NOISE: Final = 0.01
 """Variance of a log ratio that no fit goes below: what jitter leaves."""
-_LEAST_SCORE: Final = 1.4
-"""From which a comb has a delay: modes that are a tenth of their frequency off score as much."""
+_LEAST_SCORE: Final = 1.5
+"""From which a comb has a delay: one more mode scores as much, where healthy records do not show it exactly."""
 _DROWNED: Final = 2.0
 """Errors of the power of all harmonics that a record is at least as loud as."""
 _STANDING: Final = 4.0
@@ -54,14 +55,18 @@ _FEWEST: Final = 6.0
 
 
 class _Ratio(NamedTuple):
-    """[harmonics] ln of measured over simulated power; its weight; noise over power, which fills a comb's gaps."""
+    """[harmonics] ln of measured over simulated power; its weight; noise over power, which fills a comb's gaps; and ln
+    of measured over simulated noise at the same frequencies, 0 where nobody knows."""
 
     log: Array
     weight: Array
     noise: Array
+    path: Array
 
 
-def compare(real: Sequence[Struck], simulated: Sequence[Struck], bearing: Bearing) -> dict[str, float]:
+def compare(
+    real: Sequence[Struck], simulated: Sequence[Struck], bearing: Bearing, noise: Array | None = None
+) -> dict[str, float]:
     """What combs over harmonics tell measured strikes from simulated ones.
 
     Parameters
@@ -69,6 +74,9 @@ def compare(real: Sequence[Struck], simulated: Sequence[Struck], bearing: Bearin
     real, simulated : sequence of Struck
         Of all records that there are.
     bearing : Bearing
+    noise : Array [answer.PLACES], optional
+        ln of the measured over the simulated spectrum of noise, which comes the same way: what is alike in the ratio of
+        strikes is of the path.
 
     Returns
     -------
@@ -80,7 +88,7 @@ def compare(real: Sequence[Struck], simulated: Sequence[Struck], bearing: Bearin
     out = dict.fromkeys(NAMES, math.nan)
     faults = sorted({s.fault for s in real} & {s.fault for s in simulated})
     for kind in _KINDS:
-        ratios = [(fault, _over_harmonics(real, simulated, fault, faint=kind == "faint")) for fault in faults]
+        ratios = [(fault, _over_harmonics(real, simulated, noise, fault, faint=kind == "faint")) for fault in faults]
         found = _comb([(fault, ratio) for fault, ratio in ratios if ratio.weight.sum() >= _FEWEST], bearing)
         out |= {f"{kind}_{name}": value for name, value in found.items()}
     return out
@@ -128,10 +136,13 @@ class _Explained(NamedTuple):
 
 
 def _explained(ratio: _Ratio) -> _Explained:
-    """How much of one fault's ratio combs explain, what is slow over harmonics taken out of both."""
+    """How much of one fault's ratio combs explain, the path and what is slow over harmonics taken out of both."""
     seen = np.flatnonzero(ratio.weight)
     root, place = np.sqrt(ratio.weight[seen]), (seen + 1) / ratio.weight.size
-    basis, _ = np.linalg.qr((np.stack([np.ones(seen.size), place, place**2]) * root).T)
+    smooth = [np.ones(seen.size), place, place**2]
+    if np.ptp(ratio.path[seen]) > 0:
+        smooth.append(ratio.path[seen])
+    basis, _ = np.linalg.qr((np.stack(smooth) * root).T)
     target = root * ratio.log[seen]
     target = target - basis @ (basis.T @ target)
     energy = float(target @ target)
@@ -161,7 +172,9 @@ def _peaks(values: Array) -> NDArray[np.int64]:
     return np.asarray(tops[np.argsort(-values[tops])[:_CANDIDATES]])
 
 
-def _over_harmonics(real: Sequence[Struck], simulated: Sequence[Struck], fault: str, *, faint: bool) -> _Ratio:
+def _over_harmonics(
+    real: Sequence[Struck], simulated: Sequence[Struck], noise: Array | None, fault: str, *, faint: bool
+) -> _Ratio:
     """Of the mean power around the harmonics of one fault.
 
     With `faint`, a harmonic counts where those about it stand out: in the gaps of a comb there is only noise, and that
@@ -179,9 +192,10 @@ def _over_harmonics(real: Sequence[Struck], simulated: Sequence[Struck], fault: 
             logs.append(np.log(np.maximum(power, 1e-12)))
             weights.append(standing_out(power, error))
     both = min(log.size for log in logs)
+    path = np.zeros(both) if noise is None else _on_path([s for s in simulated if s.fault == fault], noise)[:both]
     weight = np.minimum(*(w[:both] for w in weights))
-    noise = _JITTER[1] + noises[0][:both] if faint else np.full(both, _JITTER[0])
-    return _Ratio(logs[0][:both] - logs[1][:both], np.where(weight > _COUNTED, weight, 0.0), noise)
+    filled = _JITTER[1] + noises[0][:both] if faint else np.full(both, _JITTER[0])
+    return _Ratio(logs[0][:both] - logs[1][:both], np.where(weight > _COUNTED, weight, 0.0), filled, path)
 
 
 def _mean(kept: Sequence[Struck]) -> tuple[Array, Array]:
@@ -201,6 +215,20 @@ def _mean(kept: Sequence[Struck]) -> tuple[Array, Array]:
         count[own] += 1
     reached = int((count >= 0.5 * len(kept)).sum())
     return power[:reached] / weights[:reached], np.sqrt(squares[:reached]) / weights[:reached]
+
+
+def _on_path(simulated: Sequence[Struck], noise: Array) -> Array:
+    """[harmonics] ln of what the mean power of simulated strikes would be over what it is, were the path the noise's.
+
+    One harmonic lies at another frequency at every speed: where it is loud is where the path counts.
+    """
+    most = max(s.power.size for s in simulated)
+    before, after = np.full((2, most), 1e-300)
+    for s in simulated:
+        loud = np.maximum(s.power, s.error) / max(float(np.maximum(s.power, s.error).sum()), 1e-300)
+        before[: loud.size] += loud
+        after[: loud.size] += loud * np.exp(noise[s.places])
+    return np.asarray(np.log(after / before))
 
 
 def _smooth(power: Array) -> Array:

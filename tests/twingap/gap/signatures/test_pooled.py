@@ -105,3 +105,38 @@ def test_one_record_with_a_strong_line_is_no_line_of_all():
 
 def test_no_record_says_nothing():
     assert all(np.isnan(value) for value in pooled.measure([], BEARINGS["6205"]).values())
+
+
+def test_a_short_record_takes_no_line_from_the_longer_ones():
+    """Bins of a tenth of a second are ten times as wide: on their axis nine of ten lines fall between two places."""
+    rng, bearing = np.random.default_rng(7), BEARINGS["6205"]
+    frame = Frame(bearing, (2500.0, 4500.0), 1.0)
+
+    def of(count, samples, start=0):
+        t = np.arange(samples) / 12000.0
+        signals = rng.standard_normal((count, samples)) + 0.08 * np.sin(2 * np.pi * 3005 * t)
+        conditions = [Condition(f"r{start + i}", 1130.0 + 31 * i, 12000.0, samples, "healthy") for i in range(count)]
+        return [pooled.whitened(RecordView(x, c, frame)) for x, c in zip(signals, conditions, strict=True)]
+
+    long = of(12, 12000)
+    alone, beside = (pooled.measure(kept, bearing) for kept in (long, [*long, *of(1, 1200, 12)]))
+    assert beside["fixed"] == pytest.approx(alone["fixed"], abs=0.15)
+    assert 12000 * np.exp(beside["fixed_fs"]) == pytest.approx(3005, abs=1.5)
+
+
+def test_a_line_of_long_records_is_found_whatever_its_order():
+    """Three hundred turns resolve a third of a step of the axis that records of a second need."""
+    bearing, samples = BEARINGS["6205"], 120000
+    frame, rng = Frame(bearing, (2500.0, 4500.0), 1.0), np.random.default_rng(9)
+    t = np.arange(samples) / 12000.0
+    found = []
+    for order in (7.2033, 7.2066, 7.21):
+        kept = []
+        for i in range(3):
+            x = rng.standard_normal(samples) + 0.03 * np.sin(2 * np.pi * order * (28.0 + i) * t)
+            condition = Condition(f"r{i}", 60 * (28.0 + i), 12000.0, samples, "healthy")
+            kept.append(pooled.whitened(RecordView(x, condition, frame)))
+        z = pooled.Mean.in_orders(kept)
+        found.append(float(np.nanmax(z.at(order + np.linspace(-0.002, 0.002, 9)))))
+    assert min(found) > 5
+    assert min(found) > 0.7 * max(found)

@@ -6,8 +6,10 @@ import pytest
 from twingap.bearing import BEARINGS
 from twingap.effects import make_effect
 from twingap.gap.signatures import answer, two_strikes
+from twingap.gap.signatures.outline import outline_of
 from twingap.gap.training.as_built.strikes import EntryExit
 from twingap.gap.view import Frame, RecordView
+from twingap.gap.whole import Whole
 from twingap.records import Condition
 from twingap.twins.phenomenological import PhenomenologicalParameters, PhenomenologicalTwin
 
@@ -116,3 +118,59 @@ def test_a_score_counts_harmonics():
 
 def test_nothing_is_said_without_impacts():
     assert all(np.isnan(v) for v in two_strikes.compare([], struck("6205"), BEARINGS["6205"]).values())
+
+
+def mixed(effects, amplitudes, seed):
+    """Records of one defect at different loudness."""
+    return [
+        record
+        for i, amplitude in enumerate(amplitudes)
+        for record in struck("6205", effects, ("outer",), seed + i, amplitude, (1100.0 + 70 * i,))
+    ]
+
+
+@pytest.mark.parametrize("more", [(1.0,), (2.0,), (3.0,) * 4, (1.0, 2.5, 4.0, 5.5, 7.0, 9.0)])
+def test_records_that_drown_do_not_silence_the_comb_of_the_others(more):
+    second, loud = [make_effect("entry_exit", {"arc_deg": 4.0, "exit_ratio": 0.5})], (12.0,) * 4
+    found = two_strikes.compare(mixed(second, loud + more, 1), mixed((), loud + more, 50), BEARINGS["6205"])
+    assert found["clear_score"] > 2.5
+    assert np.exp(found["clear_arc_log"]) == pytest.approx(4.0, rel=0.03)
+    assert found["clear_ratio"] > 0
+
+
+def of_path(resonance_hz, effects, seed):
+    """Strikes and noise, healthy records among them, at six speeds."""
+    parameters = PhenomenologicalParameters(resonance_hz, 0.1, impact_amplitude={"outer": 12.0})
+    conditions = [
+        Condition(f"{fault}{i}", 1200.0 + 90 * i, 12000.0, 12000, fault)
+        for fault in ("outer", "healthy") for i in range(6)
+    ]  # fmt: skip
+    frame = Frame(BEARINGS["6205"], (1800.0, 3000.0), 1.0)
+    twin = PhenomenologicalTwin(BEARINGS["6205"], parameters, effects)
+    records = twin.simulate(conditions, np.random.default_rng(seed))
+    return Whole(tuple(outline_of(RecordView(r.samples, r.condition, frame)) for r in records))
+
+
+def combs(real, simulated):
+    return two_strikes.compare(real.struck, simulated.struck, BEARINGS["6205"], real.noise - simulated.noise)
+
+
+@pytest.mark.parametrize("moved", [0.95, 1.1])
+def test_a_mode_that_calibration_missed_is_no_comb(moved):
+    """It shapes the ratio over harmonics as it shapes that of the noise."""
+    real, simulated = of_path(2400.0 * moved, (), 1), of_path(2400.0, (), 2)
+    found = combs(real, simulated)
+    assert max(found["clear_score"], found["faint_score"]) < 0.7
+    assert np.isnan(found["clear_arc_log"])
+    unaware = two_strikes.compare(real.struck, simulated.struck, BEARINGS["6205"])
+    assert unaware["clear_score"] > found["clear_score"] + 0.4
+
+
+def test_a_second_strike_is_heard_beside_a_second_mode():
+    mode = make_effect("second_resonance", {"frequency_hz": 4300.0, "damping_ratio": 0.03, "gain": 0.8})
+    strike = make_effect("entry_exit", {"arc_deg": 4.0, "exit_ratio": 0.4})
+    simulated = of_path(2400.0, (), 2)
+    both, alone = combs(of_path(2400.0, [mode, strike], 1), simulated), combs(of_path(2400.0, [mode], 1), simulated)
+    assert np.exp(both["clear_arc_log"]) == pytest.approx(4.0, rel=0.05)
+    assert both["clear_score"] > alone["clear_score"] + 0.4
+    assert np.isnan(alone["clear_arc_log"])

@@ -5,7 +5,7 @@ import pytest
 
 from twingap.effects import catalogue, make_effect
 from twingap.gap.evidence import values_of
-from twingap.gap.training.gaps import draw_effects, draw_gap
+from twingap.gap.training.gaps import DRAWERS, draw_effects, draw_gap
 from twingap.gap.training.machines import draw_bearing, draw_machine
 from twingap.gap.training.parameters import Setting, a_little_off, coordinates, to_effect, to_number
 from twingap.gap.training.strangers import estrange
@@ -87,3 +87,22 @@ def test_values_a_little_off_are_of_the_same_effect_and_near():
     assert {one.teeth for one in made} == {23}  # known, or not at all
     assert np.std([np.log(one.level) for one in made]) == pytest.approx(0.1, abs=0.02)
     assert a_little_off(effect, 0.0, setting, rng) == effect
+
+
+def test_second_strikes_are_drawn_where_they_can_be_told_from_one():
+    """At least two samples after the first in some record, and well before the next pass."""
+    rng, arcs = np.random.default_rng(21), 0
+    while arcs < 40:
+        machine = draw_machine(rng, own_simulator=False, most_records=8)
+        values = DRAWERS["entry_exit"](rng, machine)
+        if values is None:
+            continue
+        arcs += 1
+        race, parts = 360 / machine.bearing.n_rollers, []
+        for c in machine.conditions:
+            if c.fault == "healthy":
+                continue
+            part = values["arc_deg"] / (180.0 if c.fault == "ball" else race)
+            parts.append((part, part * c.fs_hz / (machine.bearing.fault_order(c.fault) * c.speed_rpm / 60)))
+        assert max(samples for _, samples in parts) >= 2
+        assert 0.004 < max(part for part, _ in parts) < 0.45
