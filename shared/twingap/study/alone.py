@@ -18,7 +18,7 @@ from twingap.errors import TwingapError
 from twingap.study import worker
 from twingap.study.blind import blinded
 from twingap.study.pooled import read_studies
-from twingap.study.runner import diagnosis
+from twingap.study.runner import diagnosis, digest_of_diagnosis, digest_of_worlds, made_ready
 from twingap.study.tables import grid
 from twingap.study.verdicts import found_in
 
@@ -63,17 +63,26 @@ def slowest_again(
     -------
     list of Timed
         Slowest of the study first.
+
+    Raises
+    ------
+    TwingapError
+        When the study was of other code, or of another training: other answers take other times.
     """
     from twingap.rigs.worlds import cases, make_world
 
-    about = study["provenance"]
+    about, diagnose = study["provenance"], diagnose or diagnosis()
+    # What is learnt is made here where it is not at hand, not within the first world's time.
+    now = {"diagnosis": digest_of_diagnosis(diagnose), "worlds": digest_of_worlds()}, made_ready(diagnose)
+    if now != (about["code_sha256"], about["learnt_sha256"]):
+        raise TwingapError("the study is of another diagnosis", mend="take the code and the training that it ran on")
     by_name = {case.name: case for case in planned or cases(about["cases"], about["seed"])}
     worlds = sorted(study["worlds"], key=lambda world: -world["found"]["runtime_s"])
     out = []
     for world in worlds[:count]:
         case, before = by_name[world["was"]["case"]], world["found"]
         blind = blinded(make_world(case, about["seed"]))
-        told = worker.asked(blind, worker.root_of(case, about["seed"]), diagnose or diagnosis())
+        told = worker.asked(blind, worker.root_of(case, about["seed"]), diagnose)
         found = () if told["report"] is None else found_in(told["report"], told["seconds"], told["peak_mb"]).effects
         out.append(Timed(case.name, before["runtime_s"], told["seconds"], list(found) == list(before["effects"])))
     return out
@@ -85,6 +94,8 @@ def main() -> int:
     parser.add_argument("folder", type=Path, metavar="DIR", help="filled by `twingap gap study --out DIR`")
     parser.add_argument("--slowest", type=int, default=6, metavar="N", help="so many (6)")
     given = parser.parse_args()
+    if given.slowest < 1:
+        parser.error(f"argument --slowest: {given.slowest}, at least 1 expected")
     try:
         timed = slowest_again(read_studies([given.folder])[0], given.slowest)
     except TwingapError as error:

@@ -128,10 +128,10 @@ def run_study(
     if len(set(names)) < len(names):
         raise TwingapError("two cases of one name", where="study", mend="give every case a name of its own")
     diagnose = diagnose or diagnosis()
-    code = {"diagnosis": _digest_of(diagnose), "worlds": _digest_of_worlds()}
+    code = {"diagnosis": digest_of_diagnosis(diagnose), "worlds": digest_of_worlds()}
 
     sealed = _seal(folder, cases, seed, code, jobs, report)
-    learnt_from = _made_ready(diagnose, jobs, report)
+    learnt_from = made_ready(diagnose, jobs, report)
     told = _diagnosed(
         folder, cases, seed, sealed, diagnose, prepare, permutations, {**code, "learnt": learnt_from}, jobs, report
     )
@@ -342,7 +342,13 @@ def _digest_of(function: Callable[..., Any], *own: str) -> str:
     return digest_of_code(*parts)
 
 
-def _digest_of_worlds() -> str:
+def digest_of_diagnosis(diagnose: worker.Diagnose) -> str:
+    """Digest of all code that its answers depend on."""
+    return _digest_of(diagnose)
+
+
+def digest_of_worlds() -> str:
+    """Digest of the code that makes worlds."""
     import twingap.rigs
 
     return digest_of_code(twingap.rigs)
@@ -355,7 +361,9 @@ def _digest_of_yardsticks() -> str:
     return digest_of_code(baseline, calibrate, distance, evidence, nearest, simulator, view, views)
 
 
-def _made_ready(diagnose: worker.Diagnose, jobs: int | None, report: Report) -> str:
+def made_ready(
+    diagnose: worker.Diagnose, jobs: int | None = None, report: Report = lambda what, done, total: None
+) -> str:
     """Digest of what this package's diagnosis has learnt, which is learnt here if it was not before.
 
     Worker processes would otherwise all learn it at once.

@@ -79,7 +79,12 @@ def test_the_slowest_are_timed_again_alone(seeds: tuple[list[Any], list[Path]]) 
     slowest = sorted(table["worlds"], key=lambda world: -world["found"]["runtime_s"])[:2]
     assert [t.case for t in timed] == [world["was"]["case"] for world in slowest]
     assert all(t.same and 0 < t.alone_s < 10 for t in timed)
-    assert not slowest_again(table, 3, CASES, lambda *_, **__: standins.answer("explained", ("gear_mesh",)))[0].same
+    with pytest.raises(TwingapError, match="another diagnosis"):
+        slowest_again(table, 1, CASES, lambda *_, **__: standins.answer("explained", ("gear_mesh",)))
+    with pytest.raises(TwingapError, match="another diagnosis"):
+        slowest_again(
+            {**table, "provenance": {**table["provenance"], "learnt_sha256": "0"}}, 1, CASES, standins.by_level
+        )
 
 
 def test_without_a_study_the_timing_ends_with_one_line(tmp_path: Path) -> None:
