@@ -3,7 +3,7 @@
 snapshots --features (kept)--> amplitude [rows] --leave one bearing out--> predictions of five methods --> tables
 
 What other runs say of life comes from the five other bearings, as do the weight that this is given and how wide
-intervals have to be; the forest is trained on them. Life ends at ten times the healthy amplitude for all, the default:
+intervals have to be, as in `twingap rul --prior`; the forest is trained on them. Life ends at ten times the healthy amplitude for all, the default:
 the owner ends a run when vibration passes 20 g, but these ended at 5 to 49 g.
 
 **These are development numbers, not blind ones.** About seven variants of the method were scored on these six runs
@@ -18,7 +18,6 @@ Run as a part of the paper (``twingap run paper1 --profile full``), or alone:
 
 from __future__ import annotations
 
-import dataclasses
 import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -35,9 +34,10 @@ from papers.studies import Count, Progress, command, keep_figures, keep_tables, 
 from twingap.data import load
 from twingap.data.root import data_root
 from twingap.errors import TwingapError
-from twingap.prognosis import metrics, past_errors, rivals
+from twingap.prognosis import metrics, rivals
 from twingap.prognosis.follow import Outcome, prior_from
 from twingap.prognosis.online import OnlineLife
+from twingap.prognosis.past_errors import Told
 from twingap.prognosis.prior import Prior
 from twingap.prognosis.remaining_life import remaining_time_s
 from twingap.provenance import digest_of_code, digest_of_path, digest_of_value
@@ -57,8 +57,8 @@ FEWEST: Final = 3
 POOLED, ALONE = "twingap rul --prior", "twingap rul"
 RIVALS: Final = ("exponential", "particle filter", "random forest")
 METHODS: Final = (POOLED, ALONE, *RIVALS)
-WEIGHTS: Final = (0.0, 0.25, 0.5, 0.75, 1.0)
-"""Of growth in `prognosis.prior`; chosen on the five other bearings."""
+LEARNT: Final = ("growth_weight", "widening", "joined_widening")
+"""Of other runs, as columns; see `prognosis.prior`."""
 FEATURES: Final = ("peak_to_peak", "rms", "mean_abs", "kurtosis", "crest_factor", "shape_factor")
 CUTS: Final = (0.615, 0.665, 0.748, 0.759, 0.798, 0.811, 0.815, 0.816, 0.866, 0.935, 0.940)
 """Shares of life after which the challenge cut its eleven test bearings (Nectoux et al. 2012)."""
@@ -121,11 +121,14 @@ def outcome(name: str, run: Measured, alone: dict[str, Any] | None = None) -> Ou
     """What a run that ended says of others; of intervals, where its own predictions by growth alone are given."""
     life = followed(run, OnlineLife())
     after = None if life.onset_row is None else life.revolutions - life.revolutions_at_onset
-    told: tuple[float, ...] = ()
+    told = None
     if alone is not None and alone["alarm"] is not None:
-        rows, unit = slice(alone["alarm"], run.time_s.size - 1), float(np.median(np.diff(run.time_s))) / 2
-        predicted, low, high = (np.asarray(alone[k], float)[rows] for k in ("predicted", "low", "high"))
-        told = tuple(past_errors.errors(predicted, low, high, run.remaining_s[rows], unit).tolist())
+        rows, turns = slice(alone["alarm"], run.time_s.size - 1), _revolutions(run)
+        growth = np.column_stack([np.asarray(alone[k], float) for k in ("low", "predicted", "high")])
+        growth = growth[rows] * run.speed_rpm[rows, None] / 60
+        lived = turns[rows]
+        per_row = float(turns[-1] / (turns.size - 1))
+        told = Told(growth, lived, lived - turns[alone["onset"]], turns[-1] - lived, per_row).thinned()
     return Outcome(name, life.revolutions, after, float(np.exp(life.level)), told)
 
 
@@ -209,18 +212,8 @@ def pooled(bearing: str, runs: dict[str, Measured], alone: dict[str, dict[str, A
     alone : dict
         `predict` of each bearing by growth alone.
     """
-    ended = {name: outcome(name, run, alone[name]) for name, run in runs.items() if name != bearing}
-
-    def at(name: str, weight: float) -> dict[str, Any]:
-        """A run's pooled prediction, from lives of neither it nor the bearing left out."""
-        prior = prior_from([o for other, o in ended.items() if other != name])
-        found = _pool(runs[name], alone[name], dataclasses.replace(prior, growth_weight=weight))
-        return found | {"growth_weight": weight, "widening": prior.widening}
-
-    def error(weight: float) -> float:
-        return float(np.mean([_log_error(runs[name], at(name, weight)) for name in ended]))
-
-    return at(bearing, min(WEIGHTS, key=error))
+    prior = prior_from([outcome(name, run, alone[name]) for name, run in runs.items() if name != bearing])
+    return _pool(runs[bearing], alone[bearing], prior) | {what: getattr(prior, what) for what in LEARNT}
 
 
 def _pool(run: Measured, found: dict[str, Any], prior: Prior) -> dict[str, Any]:
@@ -237,15 +230,6 @@ def _pool(run: Measured, found: dict[str, Any], prior: Prior) -> dict[str, Any]:
         else:
             columns[row] = np.array(prior.before(turns[row])) / per_time[row]
     return found | {"low": columns[:, 0], "predicted": columns[:, 1], "high": columns[:, 2]}
-
-
-def _log_error(run: Measured, found: dict[str, Any]) -> float:
-    """Mean error of log life after the alarm, half a snapshot added."""
-    if found["alarm"] is None:
-        return 0.0
-    after, unit = slice(found["alarm"], run.time_s.size - 1), float(np.median(np.diff(run.time_s))) / 2
-    true, predicted = run.remaining_s[after], np.asarray(found["predicted"])[after]
-    return float(np.mean(np.abs(np.log((predicted + unit) / (true + unit)))))
 
 
 def judge(run: Measured, found: dict[str, Any]) -> dict[str, float]:
@@ -272,8 +256,7 @@ def table(runs: dict[str, Measured], results: Sequence[tuple[Prediction, dict[st
     """A row per bearing and method; of several seeds, the mean."""
     rows = [
         {"bearing": job.bearing, "method": job.method, "seed": job.seed, "alarm_row": value["alarm"],
-         "passed": value["passed"], "growth_weight": value.get("growth_weight", np.nan),
-         "widening": value.get("widening", np.nan),
+         "passed": value["passed"], **{what: value.get(what, np.nan) for what in LEARNT},
          **judge(runs[job.bearing], value)}
         for job, value in results
     ]  # fmt: skip

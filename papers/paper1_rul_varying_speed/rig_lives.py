@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 import twingap.rigs
 from papers.studies import Count, Progress, command, keep_tables, profile_of
 from twingap.prognosis import metrics
-from twingap.prognosis.follow import Outcome, errors_of, prior_from
+from twingap.prognosis.follow import Outcome, prior_from, told_of
 from twingap.prognosis.online import Estimate, LifeOptions, OnlineLife
 from twingap.prognosis.prior import Prior
 from twingap.provenance import digest_of_code
@@ -40,6 +40,8 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 ALONE, TOGETHER = "twingap rul", "twingap rul --prior"
+LEARNT: Final = ("growth_weight", "widening", "joined_widening")
+"""Of other runs, as columns; see `prognosis.prior`."""
 
 
 @dataclass(frozen=True)
@@ -98,7 +100,7 @@ class Taken:
         """What it says of others, now that it has ended."""
         begun = None if self.life.onset_row is None else self.life.revolutions_at_onset
         after = None if begun is None else float(self.lived[-1]) - begun
-        told = errors_of(self.estimates, self.lived.tolist())
+        told = told_of(self.estimates, self.lived.tolist(), self.life.revolutions_at_onset)
         end = float(np.exp(self.life.level)) if np.isfinite(self.life.level) else None
         return Outcome(name, float(self.lived[-1]), after, end, told)
 
@@ -148,15 +150,17 @@ def table(runs: dict[tuple[int, str], dict[str, Any]]) -> pd.DataFrame:
         ]  # of the same bench: another is another machine
         prior = prior_from(others)
         about = {"bench": seed, "bearing": bearing}
-        rows.append({**about, "method": ALONE, **judge(alone[seed, bearing]), "widening": 1.0})
-        rows.append({**about, "method": TOGETHER, **judge(take(run, prior)), "widening": prior.widening})
+        by_itself = dict(zip(LEARNT, (1.0, 1.0, 1.0), strict=True))
+        rows.append({**about, "method": ALONE, **judge(alone[seed, bearing]), **by_itself})
+        learnt = {what: getattr(prior, what) for what in LEARNT}
+        rows.append({**about, "method": TOGETHER, **judge(take(run, prior)), **learnt})
     return pd.DataFrame(rows)
 
 
 def means(every: pd.DataFrame) -> pd.DataFrame:
     """Mean over bearings, by bench and method, and the least coverage."""
     by = every.groupby(["bench", "method"], sort=False)
-    columns = by[["rmse_min", "coverage", "width", "widening"]].mean()
+    columns = by[["rmse_min", "coverage", "width", *LEARNT]].mean()
     return columns.assign(least_coverage=by["coverage"].min(), bearings=by.size()).reset_index()
 
 

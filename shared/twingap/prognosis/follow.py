@@ -5,6 +5,7 @@ Run --OnlineLife, one record in memory--> Followed: an estimate a row, notes;  F
 
 from __future__ import annotations
 
+import dataclasses
 import os
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
@@ -15,7 +16,7 @@ import numpy as np
 
 from twingap.errors import TwingapError
 from twingap.prognosis.online import Estimate, LifeOptions, OnlineLife
-from twingap.prognosis.past_errors import errors, widening
+from twingap.prognosis.past_errors import Array, Told, widening
 from twingap.prognosis.prior import LogNormal, Prior
 from twingap.prognosis.run_records import Run, RunRow
 from twingap.records.table import read_table
@@ -23,6 +24,10 @@ from twingap.records.table import read_table
 COLUMNS: Final = (
     "record", "anomaly", "remaining_revolutions", "remaining_time_s", "remaining_time_s_lo", "remaining_time_s_hi",
 )  # fmt: skip
+WEIGHTS: Final = (0.0, 0.25, 0.5, 0.75, 0.9, 1.0)
+"""Of growth in `prognosis.prior`, among which runs that ended choose."""
+FEWEST_TOLD: Final = 3
+"""Runs with estimates of their own that it takes to choose, and to say how wide the pool has to be."""
 _IMPULSIVE: Final = 6.0
 _USUAL_SPREAD: Final = 0.7
 """Standard deviation of log life over bearings of one kind, taken for as much as two runs would say: a Weibull life of
@@ -42,15 +47,15 @@ class Outcome:
         From the onset of the anomaly; None when none was found.
     end_ratio : float or None
         Amplitude at the end over the healthy one.
-    errors : tuple of float
-        Of its own estimates after the alarm, over the half width of their intervals; see `past_errors`.
+    told : Told or None
+        Its own estimates after the alarm, made without other runs.
     """
 
     name: str
     life: float
     after_onset: float | None
     end_ratio: float | None
-    errors: tuple[float, ...] = ()
+    told: Told | None = None
 
 
 @dataclass(frozen=True)
@@ -133,7 +138,7 @@ def follow(
         run.name, life.revolutions,
         None if life.onset_row is None else max(life.revolutions - life.revolutions_at_onset, 0.0),
         None if not np.isfinite(life.level) else float(np.exp(life.level)),
-        errors_of(estimates, lived),
+        told_of(estimates, lived, life.revolutions_at_onset),
     )  # fmt: skip
     names = [None if place is None else run.rows[place].name for place in (life.alarm_row, life.onset_row)]
     return Followed(run, tuple(estimates), tuple(notes), outcome, names[0], names[1])
@@ -151,8 +156,37 @@ def prior_from(outcomes: Sequence[Outcome]) -> Prior:
     -------
     Prior
         Log-normal laws, with the spread of one more draw: sqrt(1 + 1/n) of their standard deviation; and how much
-        wider intervals should have been.
+        wider intervals of growth should have been. Where `FEWEST_TOLD` runs tell of their own estimates, each of them
+        is joined with what the others say: the weight of growth is that of the least error of log life, and intervals
+        are made as wide as these should have been.
     """
+    prior = _laws(outcomes)
+    each = [
+        (own.told, _laws([*outcomes[:place], *outcomes[place + 1 :]]))
+        for place, own in enumerate(outcomes)
+        if own.told is not None
+    ] if len(outcomes) > 1 else []
+    if len(each) < FEWEST_TOLD:
+        return prior
+
+    def joined(weight: float) -> list[tuple[Told, Array]]:
+        return [(told, _joined(told, dataclasses.replace(others, growth_weight=weight))) for told, others in each]
+
+    by_weight = {weight: joined(weight) for weight in WEIGHTS}
+    best = min(WEIGHTS, key=lambda weight: float(np.mean([told.log_error(said) for told, said in by_weight[weight]])))
+    wider = widening([told.errors(said) for told, said in by_weight[best]])
+    return dataclasses.replace(prior, growth_weight=best, joined_widening=wider)
+
+
+def _joined(told: Told, prior: Prior) -> Array:
+    """Intervals [rows, 3] of a run that ended, joined with what other runs say."""
+    rows = zip(told.growth, told.lived, told.since_onset, strict=True)
+    said = [prior.joined((float(a), float(b), float(c)), lived, since, told.per_row) for (a, b, c), lived, since in rows]
+    return np.array(said)
+
+
+def _laws(outcomes: Sequence[Outcome]) -> Prior:
+    """What runs say one by one: lives, and intervals of growth."""
     if not outcomes:
         raise TwingapError("no run has ended", where="prior", mend="give at least one run to failure")
     lives = [o.life for o in outcomes if o.life > 0]
@@ -163,25 +197,35 @@ def prior_from(outcomes: Sequence[Outcome]) -> Prior:
     return Prior(
         life,
         _log_normal(after) if after else None,
-        widening=widening([o.errors for o in outcomes]),
+        widening=widening([o.told.errors() for o in outcomes if o.told is not None]),
     )
 
 
-def errors_of(estimates: Sequence[Estimate], lived: Sequence[float]) -> tuple[float, ...]:
-    """`past_errors.errors` of a run that has ended, from the rows of its anomaly, but for the last one.
+def told_of(estimates: Sequence[Estimate], lived: Sequence[float], at_onset: float) -> Told | None:
+    """What a run that has ended tells of its own estimates, from the rows of its anomaly, but for the last one.
 
     Parameters
     ----------
     estimates : sequence of Estimate [rows]
+        Made without other runs.
     lived : sequence of float [rows]
         Revolutions since the first row.
+    at_onset : float
+        Of them, at the onset of the anomaly.
+
+    Returns
+    -------
+    Told or None
+        None where nothing was estimated.
     """
-    told = [(e, at) for e, at in zip(estimates[:-1], lived[:-1], strict=True) if e.anomaly]
-    if not told:
-        return ()
-    low, middle, high = np.array([(e.revolutions_lo, e.revolutions, e.revolutions_hi) for e, _ in told]).T
-    left = lived[-1] - np.array([at for _, at in told])
-    return tuple(errors(middle, low, high, left, lived[-1] / (len(lived) - 1) / 2).tolist())
+    rows = [row for row, e in enumerate(estimates[:-1]) if e.anomaly and np.isfinite(e.revolutions)]
+    if not rows:
+        return None
+    said = [estimates[row] for row in rows]
+    turns = np.array([lived[row] for row in rows])
+    growth = np.array([(e.revolutions_lo, e.revolutions, e.revolutions_hi) for e in said])
+    per_row = lived[-1] / (len(lived) - 1)
+    return Told(growth, turns, np.maximum(turns - at_onset, 0.0), lived[-1] - turns, per_row).thinned()
 
 
 def usual_end(outcomes: Sequence[Outcome]) -> float | None:

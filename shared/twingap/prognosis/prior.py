@@ -2,21 +2,29 @@
 
 lives of runs that ended --> log-normal laws --outlived so far--> median, interval --+
 growth of this run, calibrated --widened as past runs needed--> median, interval ----+--> weighted in logarithms
+                                                                                             |
+                               widened again, as the same of past runs needed <--------------+
 
 Growth alone has no scale: an amplitude that stands still may do so for ever, and does in half of the public runs, until
-the bearing fails within minutes. A logarithmic opinion pool (Genest and Zidek 1986, DOI 10.1214/ss/1177013825) keeps
-both at a fixed weight. A product of densities was tried and was worse on four of six FEMTO runs: where lives spread by
-a factor of two, it drowns early growth.
+the bearing fails within minutes. The median is that of a logarithmic opinion pool of two log-normal laws (Genest and
+Zidek 1986, DOI 10.1214/ss/1177013825): of the two, the one that is surer at this row counts for more, and the weight of
+growth is what runs that ended ask for (`follow.prior_from`). The pool's own spread supposes a weight that is right; the
+interval is the same mean of both intervals instead, made as wide as past runs needed. An unweighted product of
+densities is worse: where lives spread by a factor of two, it drowns early growth.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 from scipy.special import ndtr, ndtri
 
 from twingap.prognosis.past_errors import Interval, widened
+
+_NARROWEST: Final = 0.02
+"""Half width of an interval in logarithms below which it counts as no surer."""
 
 
 @dataclass(frozen=True)
@@ -45,16 +53,18 @@ class Prior:
     after_onset : LogNormal or None
         Revolutions from the onset of the anomaly to the end; None when no run had one.
     growth_weight : float
-        Weight of growth in the pool, 0 to 1. Leaving out each FEMTO bearing in turn, the others choose 0.75
-        or 1.
+        Weight of growth in the pool, 0 to 1.
     widening : float
         Of growth's intervals, in logarithms; see `past_errors`.
+    joined_widening : float
+        The same of the pool's, after growth's.
     """
 
     life: LogNormal
     after_onset: LogNormal | None = None
     growth_weight: float = 0.75
     widening: float = 1.0
+    joined_widening: float = 1.0
 
     def before(self, lived: float) -> Interval:
         """5 %, 50 % and 95 % of remaining revolutions before any anomaly."""
@@ -75,8 +85,11 @@ class Prior:
         law, since = self.life, lived
         if self.after_onset is not None and self.after_onset.std < self.life.std:
             law, since = self.after_onset, since_onset
-        usual, unit, w = law.outlived(since), per_row / 2, self.growth_weight
-        own = widened(growth, self.widening, unit)
-        pooled = [np.exp(w * np.log(a + unit) + (1 - w) * np.log(b + unit)) for a, b in zip(own, usual, strict=True)]
-        low, middle, high = (max(float(v) - unit, 0.0) for v in pooled)
-        return low, middle, high
+        unit, w = per_row / 2, self.growth_weight
+        own, usual = (np.log(np.add(v, unit)) for v in (widened(growth, self.widening, unit), law.outlived(since)))
+        for_own, for_usual = (
+            weight / max(float(v[2] - v[0]) / 2, _NARROWEST) ** 2 for weight, v in ((w, own), (1 - w, usual))
+        )
+        share = for_own / (for_own + for_usual)
+        low, middle, high = (max(float(v) - unit, 0.0) for v in np.exp(share * own + (1 - share) * usual))
+        return widened((low, middle, high), self.joined_widening, unit)
