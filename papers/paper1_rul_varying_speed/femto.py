@@ -3,8 +3,8 @@
 snapshots --features (kept)--> amplitude [rows] --leave one bearing out--> predictions of five methods --> tables
 
 What other runs say of life comes from the five other bearings, as do the weight that this is given and how wide
-intervals have to be, as in `twingap rul --prior`; the forest is trained on them. Life ends at ten times the healthy amplitude for all, the default:
-the owner ends a run when vibration passes 20 g, but these ended at 5 to 49 g.
+intervals have to be, as in `twingap rul --prior`; the forest is trained on them. Life ends at ten times the healthy
+amplitude for all, the default: the owner ends a run when vibration passes 20 g, but these ended at 5 to 49 g.
 
 **These are development numbers, not blind ones.** About seven variants of the method were scored on these six runs
 while it was made, and three things were written after a look at them, which hold for all users: an amplitude that falls

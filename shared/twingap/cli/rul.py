@@ -101,7 +101,11 @@ def rul(
     if (usual := usual_end(before)) is not None:
         notes.append(f"the runs given by --prior ended at {usual:.3g} times their healthy peak to peak (median)")
     if learnt is not None and learnt.widening != 1:
-        notes.append(f"intervals are {learnt.widening:.2g} times as wide, in logarithms, as they are without --prior")
+        notes.append(
+            f"intervals of this run's growth are {learnt.widening:.2g} times as wide, in logarithms, as they are "
+            f"without --prior; with a weight of {learnt.growth_weight:g} for growth they are joined with the lives of "
+            f"the other runs, and made {learnt.joined_widening:.2g} times as wide"
+        )
     if len({row.speed_rpm for row in run.rows if row.speed_rpm > 0}) > 1:
         notes.append("speed varies: remaining time is at each row's own speed, so it moves with it; revolutions do not")
     if as_json:

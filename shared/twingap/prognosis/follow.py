@@ -27,7 +27,7 @@ COLUMNS: Final = (
 WEIGHTS: Final = (0.0, 0.25, 0.5, 0.75, 0.9, 1.0)
 """Of growth in `prognosis.prior`, among which runs that ended choose."""
 FEWEST_TOLD: Final = 3
-"""Runs with estimates of their own that it takes to choose, and to say how wide the pool has to be."""
+"""Runs with estimates of their own that it takes to choose, and to say how wide joined intervals have to be."""
 _IMPULSIVE: Final = 6.0
 _USUAL_SPREAD: Final = 0.7
 """Standard deviation of log life over bearings of one kind, taken for as much as two runs would say: a Weibull life of
@@ -161,11 +161,15 @@ def prior_from(outcomes: Sequence[Outcome]) -> Prior:
         are made as wide as these should have been.
     """
     prior = _laws(outcomes)
-    each = [
-        (own.told, _laws([*outcomes[:place], *outcomes[place + 1 :]]))
-        for place, own in enumerate(outcomes)
-        if own.told is not None
-    ] if len(outcomes) > 1 else []
+    each = (
+        [
+            (own.told, _laws([*outcomes[:place], *outcomes[place + 1 :]]))
+            for place, own in enumerate(outcomes)
+            if own.told is not None
+        ]
+        if len(outcomes) > 1
+        else []
+    )
     if len(each) < FEWEST_TOLD:
         return prior
 
@@ -181,7 +185,9 @@ def prior_from(outcomes: Sequence[Outcome]) -> Prior:
 def _joined(told: Told, prior: Prior) -> Array:
     """Intervals [rows, 3] of a run that ended, joined with what other runs say."""
     rows = zip(told.growth, told.lived, told.since_onset, strict=True)
-    said = [prior.joined((float(a), float(b), float(c)), lived, since, told.per_row) for (a, b, c), lived, since in rows]
+    said = [
+        prior.joined((float(a), float(b), float(c)), lived, since, told.per_row) for (a, b, c), lived, since in rows
+    ]
     return np.array(said)
 
 

@@ -9,7 +9,7 @@ followed exactly: rates wander, amplitude scatters with a long tail and with mem
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -183,6 +183,27 @@ def simulate_run(
         ratio,
         turns[cut],
     )
+
+
+def simulate_bench(rng: np.random.Generator, law: str, spread: float, runs: int = 6) -> list[SimulatedRun]:
+    """Draw runs of this law on one bench: one row a revolution on average, lives about a usual one of 30 to 500 rows.
+
+    Parameters
+    ----------
+    rng : Generator
+    law : str
+        Key of `LAWS`.
+    spread : float
+        Standard deviation of the logarithm of the life after the onset.
+    runs : int
+    """
+    usual = rng.uniform(np.log(30), np.log(500))
+    drawn = []
+    for _ in range(runs):
+        run = simulate_run(rng, law, rows=max(12, round(np.exp(usual + spread * rng.normal()))))
+        per_row = float(run.revolutions[-1]) / (run.revolutions.size - 1)
+        drawn.append(replace(run, time_s=run.time_s / per_row, revolutions=run.revolutions / per_row))
+    return drawn
 
 
 def _wander(rng: np.random.Generator, n: int, *, memory: float, std: float) -> Array:

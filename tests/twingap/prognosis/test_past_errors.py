@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from twingap.prognosis.follow import Outcome, errors_of, prior_from
+from twingap.prognosis.follow import Outcome, prior_from, told_of
 from twingap.prognosis.online import Estimate
-from twingap.prognosis.past_errors import ROWS, errors, widened, widening
+from twingap.prognosis.past_errors import ROWS, Told, errors, widened, widening
 from twingap.prognosis.prior import LogNormal, Prior
 
 
@@ -65,11 +67,59 @@ def test_ends_move_in_logarithms_about_the_median() -> None:
 def test_a_run_that_ended_tells_how_far_off_it_was() -> None:
     lived = [0.0, 10.0, 20.0, 30.0, 40.0]
     said = [Estimate(False), *(Estimate(True, m, m / 2, m * 2) for m in (30.0, 5.0, 10.0, 0.0))]
-    told = errors_of(said, lived)
+    told = told_of(said, lived, 5.0)
+    assert told is not None and told.per_row == 10.0
+    np.testing.assert_array_equal(told.lived, [10.0, 20.0, 30.0])
+    np.testing.assert_array_equal(told.since_onset, [5.0, 15.0, 25.0])
+    np.testing.assert_array_equal(told.left, [30.0, 20.0, 10.0])
     half = np.log(10.0 + 5) - np.log(5.0 + 5)
-    # True: 30, 20, 10; half a row is 5 revolutions.
-    assert told == pytest.approx((0.0, np.log(25 / 10) / half, 0.0))
-    assert errors_of([Estimate(False)] * 5, lived) == ()
-    outcomes = [Outcome(f"r{i}", 40.0, 30.0, 5.0, (3.0,) * 64) for i in range(4)]
-    assert prior_from(outcomes).widening == 3.0
+    # Half a row is 5 revolutions.
+    assert told.errors() == pytest.approx((0.0, np.log(25 / 10) / half, 0.0))
+    assert told.log_error(told.growth) == pytest.approx(np.log(25 / 10) / 3)
+    assert told_of([Estimate(False)] * 5, lived, 5.0) is None
     assert prior_from([Outcome("t", 40.0, None, None)]).widening == 1.0
+    long = replace(told, growth=np.ones((500, 3)), lived=np.ones(500), since_onset=np.ones(500), left=np.ones(500))
+    assert long.thinned().growth.shape == (ROWS, 3)
+
+
+def _ended(rng: np.random.Generator, spread: float, off: float, rows: int = 16) -> Outcome:
+    """A run whose log life has this deviation, and whose growth errs by `off` where its intervals say 0.5."""
+    life = 1000 * np.exp(spread * rng.normal())
+    lived = np.linspace(0.1, 0.9, rows) * life
+    left = life - lived
+    middle = left * np.exp(off * (np.sqrt(0.7) * rng.normal() + np.sqrt(0.3) * rng.normal(size=rows)))
+    growth = middle[:, None] * np.exp(1.645 * 0.5 * np.array([-1, 0, 1]))
+    return Outcome("run", life, None, None, Told(growth, lived, lived, left, 1.0))
+
+
+@pytest.mark.parametrize(("spread", "off", "weights"), [(0.1, 0.7, (0.0, 0.5)), (1.5, 0.3, (0.9, 1.0))])
+def test_runs_that_ended_choose_what_told_more(spread: float, off: float, weights: tuple[float, float]) -> None:
+    """Lives where they agree and growth errs; growth where it is right and lives differ."""
+    rng = np.random.default_rng(3)
+    chosen = [prior_from([_ended(rng, spread, off) for _ in range(5)]).growth_weight for _ in range(15)]
+    assert weights[0] <= np.median(chosen) <= weights[1]
+
+
+def test_joined_intervals_hold_what_they_say_where_both_sources_are_right() -> None:
+    """The mean of two independent sources is surer than either: unless that is learnt, intervals are too wide."""
+    rng = np.random.default_rng(4)
+    shares = []
+    for _ in range(40):
+        own, *others = (_ended(rng, 0.3, 0.5) for _ in range(6))
+        prior, told = prior_from(others), own.told
+        assert told is not None
+        for used in (prior, replace(prior, joined_widening=1.0)):
+            rows = zip(told.growth, told.lived, told.left, strict=True)
+            ends = [(used.joined(tuple(g), u, u, told.per_row), left) for g, u, left in rows]
+            shares.append(np.mean([low <= left <= high for (low, _, high), left in ends]))
+    learnt, supposed = np.reshape(shares, (-1, 2)).mean(axis=0)
+    assert 0.85 <= learnt <= 0.95 < supposed
+
+
+def test_fewer_than_three_runs_with_estimates_choose_nothing() -> None:
+    rng = np.random.default_rng(5)
+    runs = [_ended(rng, 0.1, 0.7) for _ in range(3)]
+    table = [Outcome(f"t{place}", 900.0, None, None) for place in range(4)]
+    few, enough = prior_from(runs[:2] + table), prior_from(runs + table)
+    assert (few.growth_weight, few.joined_widening) == (0.75, 1.0)
+    assert enough.growth_weight < 0.75 and enough.joined_widening != 1.0
