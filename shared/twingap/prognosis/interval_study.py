@@ -163,11 +163,10 @@ def main() -> None:
             for law in LAWS
             for spread in SPREADS
         }
-        for place, kinds in enumerate((LAWS, SPREADS)):
-            for kind in kinds:
-                own = np.concatenate([v for key, v in told.items() if key[place] == kind])
-                share, error, alone = own.mean(axis=0)
-                print(f"{kind!s:12s} {len(own)} runs: covered {share:.3f}, log life {error:.3f} off, {alone:.3f} alone")
+        for shared in (*LAWS, *SPREADS):
+            own = np.concatenate([found for about, found in told.items() if shared in about])
+            share, error, alone = own.mean(axis=0)
+            print(f"{shared!s:12s} {len(own)} runs: covered {share:.3f}, log life {error:.3f} off, {alone:.3f} alone")
         return
     print('"""Coefficients of `calibration`, made by `interval_study`: 5 %, 50 % and 95 % of log life."""\n')
     print("from typing import Final\n\n# fmt: off\nTABLE: Final = (")
