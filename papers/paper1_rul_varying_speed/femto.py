@@ -38,7 +38,7 @@ from twingap.prognosis import metrics, rivals
 from twingap.prognosis.follow import Outcome, prior_from
 from twingap.prognosis.online import OnlineLife
 from twingap.prognosis.past_errors import Told
-from twingap.prognosis.prior import Prior
+from twingap.prognosis.prior import LEARNT, Prior
 from twingap.prognosis.remaining_life import remaining_time_s
 from twingap.provenance import digest_of_code, digest_of_path, digest_of_value
 from twingap.signal import features as feature_module
@@ -57,8 +57,6 @@ FEWEST: Final = 3
 POOLED, ALONE = "twingap rul --prior", "twingap rul"
 RIVALS: Final = ("exponential", "particle filter", "random forest")
 METHODS: Final = (POOLED, ALONE, *RIVALS)
-LEARNT: Final = ("growth_weight", "widening", "joined_widening")
-"""Of other runs, as columns; see `prognosis.prior`."""
 FEATURES: Final = ("peak_to_peak", "rms", "mean_abs", "kurtosis", "crest_factor", "shape_factor")
 CUTS: Final = (0.615, 0.665, 0.748, 0.759, 0.798, 0.811, 0.815, 0.816, 0.866, 0.935, 0.940)
 """Shares of life after which the challenge cut its eleven test bearings (Nectoux et al. 2012)."""

@@ -28,7 +28,7 @@ from papers.studies import Count, Progress, command, keep_tables, profile_of
 from twingap.prognosis import metrics
 from twingap.prognosis.follow import Outcome, prior_from, told_of
 from twingap.prognosis.online import Estimate, LifeOptions, OnlineLife
-from twingap.prognosis.prior import Prior
+from twingap.prognosis.prior import LEARNT, Prior
 from twingap.provenance import digest_of_code
 from twingap.rigs import SmartMaintenanceRig
 from twingap.rigs.smart_maintenance import END_OF_LIFE_G, RUNS, TITLE
@@ -40,8 +40,6 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 ALONE, TOGETHER = "twingap rul", "twingap rul --prior"
-LEARNT: Final = ("growth_weight", "widening", "joined_widening")
-"""Of other runs, as columns; see `prognosis.prior`."""
 
 
 @dataclass(frozen=True)
@@ -150,8 +148,7 @@ def table(runs: dict[tuple[int, str], dict[str, Any]]) -> pd.DataFrame:
         ]  # of the same bench: another is another machine
         prior = prior_from(others)
         about = {"bench": seed, "bearing": bearing}
-        by_itself = dict(zip(LEARNT, (1.0, 1.0, 1.0), strict=True))
-        rows.append({**about, "method": ALONE, **judge(alone[seed, bearing]), **by_itself})
+        rows.append({**about, "method": ALONE, **judge(alone[seed, bearing]), **dict.fromkeys(LEARNT, 1.0)})
         learnt = {what: getattr(prior, what) for what in LEARNT}
         rows.append({**about, "method": TOGETHER, **judge(take(run, prior)), **learnt})
     return pd.DataFrame(rows)

@@ -103,9 +103,11 @@ def rul(
     if learnt is not None and learnt.widening != 1:
         notes.append(
             f"intervals of this run's growth are {learnt.widening:.2g} times as wide, in logarithms, as they are "
-            f"without --prior; with a weight of {learnt.growth_weight:g} for growth they are joined with the lives of "
-            f"the other runs, and made {learnt.joined_widening:.2g} times as wide"
+            "without --prior"
         )
+    if learnt is not None:
+        wide = "" if learnt.joined_widening == 1 else f", intervals of both {learnt.joined_widening:.2g} times as wide"
+        notes.append(f"growth counts {learnt.growth_weight:g}, lives of other runs {1 - learnt.growth_weight:g}{wide}")
     if len({row.speed_rpm for row in run.rows if row.speed_rpm > 0}) > 1:
         notes.append("speed varies: remaining time is at each row's own speed, so it moves with it; revolutions do not")
     if as_json:

@@ -7,9 +7,10 @@ growth of this run, calibrated --widened as past runs needed--> median, interval
 
 Growth alone has no scale: an amplitude that stands still may do so for ever, and does in half of the public runs, until
 the bearing fails within minutes. Both are kept at a weight that runs that ended ask for (`follow.prior_from`), and
-their quantiles averaged in logarithms. Two sources that err independently have a mean that is surer than either, which
-an average of their quantiles does not know, and lives may spread more or less than is supposed: how wide intervals of
-the mean have to be, past runs say of the mean itself.
+their quantiles averaged in logarithms (Lichtendahl, Grushka-Cockayne and Winkler 2012, DOI 10.2139/ssrn.2066806). Two
+sources that err independently have a mean that is surer than either, which an average of their quantiles does not know,
+and lives may spread more or less than is supposed: how wide intervals of the mean have to be, past runs say of the mean
+itself.
 
 Tried on simulated runs (`interval_study`) and left: a product of densities drowns early growth where lives spread by a
 factor of two; weights by what each source says of its own precision are as good, not better.
@@ -18,11 +19,15 @@ factor of two; weights by what each source says of its own precision are as good
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 from scipy.special import ndtr, ndtri
 
 from twingap.prognosis.past_errors import Interval, widened
+
+LEARNT: Final = ("growth_weight", "widening", "joined_widening")
+"""Fields of `Prior` that runs that ended ask for, see `follow.prior_from`; what they say of lives apart."""
 
 
 @dataclass(frozen=True)

@@ -18,7 +18,7 @@ from twingap.errors import TwingapError
 from twingap.study import worker
 from twingap.study.blind import blinded
 from twingap.study.pooled import read_studies
-from twingap.study.runner import diagnosis, digest_of_diagnosis, digest_of_worlds, made_ready
+from twingap.study.runner import diagnosis, digest_of, digest_of_worlds, made_ready
 from twingap.study.tables import grid
 from twingap.study.verdicts import found_in
 
@@ -72,9 +72,10 @@ def slowest_again(
     from twingap.rigs.worlds import cases, make_world
 
     about, diagnose = study["provenance"], diagnose or diagnosis()
-    # What is learnt is made here where it is not at hand, not within the first world's time.
-    now = {"diagnosis": digest_of_diagnosis(diagnose), "worlds": digest_of_worlds()}, made_ready(diagnose)
-    if now != (about["code_sha256"], about["learnt_sha256"]):
+    code = {"diagnosis": digest_of(diagnose), "worlds": digest_of_worlds()}
+    # What is learnt is made here where it is not at hand, which takes its time: neither for other code, nor within the
+    # first world's time.
+    if code != about["code_sha256"] or made_ready(diagnose) != about["learnt_sha256"]:
         raise TwingapError("the study is of another diagnosis", mend="take the code and the training that it ran on")
     by_name = {case.name: case for case in planned or cases(about["cases"], about["seed"])}
     worlds = sorted(study["worlds"], key=lambda world: -world["found"]["runtime_s"])

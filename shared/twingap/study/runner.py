@@ -128,7 +128,7 @@ def run_study(
     if len(set(names)) < len(names):
         raise TwingapError("two cases of one name", where="study", mend="give every case a name of its own")
     diagnose = diagnose or diagnosis()
-    code = {"diagnosis": digest_of_diagnosis(diagnose), "worlds": digest_of_worlds()}
+    code = {"diagnosis": digest_of(diagnose), "worlds": digest_of_worlds()}
 
     sealed = _seal(folder, cases, seed, code, jobs, report)
     learnt_from = made_ready(diagnose, jobs, report)
@@ -237,8 +237,8 @@ def _diagnosed(
         functools.partial(worker.diagnose_world, diagnose=diagnose, prepare=prepare),
         [worker.DiagnoseJob(c, seed, sealed["worlds"][c.name]["records_sha256"], permutations) for c in cases],
         folder / "work" / "diagnoses",
-        _digest_of(worker.diagnose_world, "blind", "rivals", "statistics", "worker"),
-        {**code, "prepare": _digest_of(prepare)},
+        digest_of(worker.diagnose_world, "blind", "rivals", "statistics", "worker"),
+        {**code, "prepare": digest_of(prepare)},
         jobs,
         functools.partial(report, "worlds diagnosed"),
     )
@@ -252,7 +252,7 @@ def _opened(
     from twingap.rigs.worlds import open_seal
 
     nonces = json.loads((folder / "nonces.json").read_text(encoding="utf-8"))
-    version = digest_of_value([code["worlds"], _digest_of(worker.open_world, "closure"), _digest_of_yardsticks()])
+    version = digest_of_value([code["worlds"], digest_of(worker.open_world, "closure"), _digest_of_yardsticks()])
     told = _sweep(worker.open_world, [worker.OpenJob(c, seed) for c in cases], folder / "work" / "opening",
                   version, {}, jobs, functools.partial(report, "seals opened"))  # fmt: skip
     was, opened = [], {}
@@ -280,8 +280,8 @@ def _learnt(
         functools.partial(worker.learn_from, worlds=training),
         [worker.LearnJob(seed, i, size) for i, size in enumerate(sizes)],
         folder / "work" / "training",
-        _digest_of(worker.learn_from, "statistics"),
-        {"training": _digest_of(training), "diagnosis": code["diagnosis"]},
+        digest_of(worker.learn_from, "statistics"),
+        {"training": digest_of(training), "diagnosis": code["diagnosis"]},
         jobs,
         functools.partial(report, "training worlds of rivals"),
     )
@@ -331,7 +331,7 @@ def _tested(told: Mapping[str, Any]) -> Found:
     return Found(test["status"], tuple(test.get("effects", ())), p_value=test.get("p_value"))
 
 
-def _digest_of(function: Callable[..., Any], *own: str) -> str:
+def digest_of(function: Callable[..., Any], *own: str) -> str:
     """Digest of the code of a function: of the whole package where it is the diagnosis's, of its module otherwise."""
     import importlib
 
@@ -340,11 +340,6 @@ def _digest_of(function: Callable[..., Any], *own: str) -> str:
     if module.startswith(("twingap.gap", "twingap.study.prepare")):
         parts += [importlib.import_module(f"twingap.{p}") for p in ("gap", "signal", "identify", "twins", "effects")]
     return digest_of_code(*parts)
-
-
-def digest_of_diagnosis(diagnose: worker.Diagnose) -> str:
-    """Digest of all code that its answers depend on."""
-    return _digest_of(diagnose)
 
 
 def digest_of_worlds() -> str:
