@@ -161,17 +161,12 @@ def prior_from(outcomes: Sequence[Outcome]) -> Prior:
         are made as wide as these should have been.
     """
     prior = _laws(outcomes)
-    each = (
-        [
-            (own.told, _laws([*outcomes[:place], *outcomes[place + 1 :]]))
-            for place, own in enumerate(outcomes)
-            if own.told is not None
-        ]
-        if len(outcomes) > 1
-        else []
-    )
-    if len(each) < FEWEST_TOLD:
+    if sum(own.told is not None for own in outcomes) < FEWEST_TOLD:
         return prior
+    each = [
+        (own.told, _laws([*outcomes[:place], *outcomes[place + 1 :]]))
+        for place, own in enumerate(outcomes) if own.told is not None
+    ]  # fmt: skip
 
     def joined(weight: float) -> list[tuple[Told, Array]]:
         return [(told, _joined(told, dataclasses.replace(others, growth_weight=weight))) for told, others in each]

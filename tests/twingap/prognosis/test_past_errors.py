@@ -116,6 +116,21 @@ def test_joined_intervals_hold_what_they_say_where_both_sources_are_right() -> N
     assert 0.85 <= learnt <= 0.95 < supposed
 
 
+def test_a_run_is_judged_by_what_the_others_say_and_not_by_its_own_life() -> None:
+    """Of three runs the other two are too few to learn more than lives: that is what each is joined with."""
+    rng = np.random.default_rng(6)
+    for spread in (0.1, 0.7, 1.5):
+        ended = [_ended(rng, spread, 0.7) for _ in range(3)]
+        found, told_errors = prior_from(ended), []
+        for place, own in enumerate(ended):
+            assert own.told is not None
+            others = replace(prior_from([*ended[:place], *ended[place + 1 :]]), growth_weight=found.growth_weight)
+            rows = zip(own.told.growth, own.told.lived, own.told.since_onset, strict=True)
+            said = np.array([others.joined(tuple(g), lived, since, own.told.per_row) for g, lived, since in rows])
+            told_errors.append(own.told.errors(said))
+        assert found.joined_widening == pytest.approx(widening(told_errors))
+
+
 def test_fewer_than_three_runs_with_estimates_choose_nothing() -> None:
     rng = np.random.default_rng(5)
     runs = [_ended(rng, 0.1, 0.7) for _ in range(3)]
