@@ -11,9 +11,10 @@ hears weak strikes, and every tone and knock beside them; what stands at harmoni
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,6 +30,14 @@ _CLEAR: Final = 1.15
 """Power over that of healthy records from which strikes have a level of their own."""
 _SURE: Final = 4.0
 """Standard deviations of the noise by which power at harmonics stands out where it has a level."""
+_USUAL: Final = 0.05
+"""What a level of a fault at a speed is usually off by, as a natural logarithm: harmonics meet modes here and there."""
+_USUAL_NOISE: Final = 0.015
+"""The same of noise, which has no harmonics."""
+_KNOWN: Final = 4.0
+"""How much that is known beforehand: as well as from so many degrees of freedom."""
+_ALIKE: Final = 0.01
+"""Speeds that differ by less, as logarithms, are one."""
 _TRENDS: Final = (
     "speed_strikes", "speed_noise", "time_strikes", "time_noise", "speed_alone", "time_alone", "speed_answer",
     "time_answer",
@@ -71,16 +80,22 @@ class Levels:
         strikes, noise = ours[0] - theirs[0], ours[1] - theirs[1]
         out: list[float] = []
         speed, time = courses(self.conditions)
+        # How harmonics meet modes is one matter for all records of a fault at a speed: they are one observation.
+        alike, each = np.rint(speed / _ALIKE).astype(int), np.arange(len(speed))
         both = np.isfinite(strikes + time)
-        asked = [(x, level, kinds) for x in (speed, time) for level in (strikes, noise)]
-        for x, other in ((speed, time), (time, speed)):
+        asked = [
+            (x, cell, level, kinds, usual)
+            for x, cell in ((speed, alike), (time, each))
+            for level, usual in ((strikes, _USUAL), (noise, _USUAL_NOISE))
+        ]
+        for x, cell, other in ((speed, alike, time), (time, each, speed)):
             rest_x, rest = (_without(values[both], other[both], kinds[both]) for values in (x, strikes))
-            asked.append((rest_x, rest, kinds[both]))
-        asked += [(x, self.answer, kinds) for x in (speed, time)]
-        for x, level, own in asked:
-            seen = np.isfinite(level)
-            (value,), (z,) = slope(x[seen], level[seen, None], own[seen])
-            out += [float(value), float(z), abs(float(z))]
+            asked.append((rest_x, cell[both], rest, kinds[both], _USUAL))
+        asked += [(x, cell, self.answer, kinds, _USUAL) for x, cell in ((speed, alike), (time, each))]
+        for x, cell, level, own, usual in asked:
+            seen = np.isfinite(level + x)
+            value, z = _trend(x[seen], cell[seen], level[seen], own[seen], usual)
+            out += [value, z, abs(z)]
         return dict(zip(NAMES, out, strict=True))
 
     def _logs(self, rms: Array) -> tuple[Array, Array]:
@@ -120,7 +135,22 @@ def courses(conditions: tuple[Condition, ...]) -> tuple[Array, Array]:
     return speed, time / span if span > 0 else np.full(len(speed), np.nan)
 
 
-def slope(x: Array, y: Array, kinds: NDArray[np.str_]) -> tuple[Array, Array]:
+def _trend(
+    x: Array, cells: NDArray[np.int64], level: Array, kinds: NDArray[np.str_], usual: float
+) -> tuple[float, float]:
+    """Slope of log amplitudes over x within kinds of records, and its deviate; records of one cell are averaged."""
+    if len(x) < FEWEST:
+        return math.nan, math.nan
+    _, first, place = np.unique(
+        np.char.add(kinds, [f"|{cell}" for cell in cells]), return_index=True, return_inverse=True
+    )
+    count = np.bincount(place)
+    x, level = (np.bincount(place, values) / count for values in (x, level))
+    (found,), (z,) = slope(x, level[:, None], kinds[first], usual)
+    return float(found), float(z)
+
+
+def slope(x: Array, y: Array, kinds: NDArray[np.str_], usual: float = 0.0) -> tuple[Array, Array]:
     """Least-squares slope over x within kinds of records.
 
     Parameters
@@ -129,6 +159,9 @@ def slope(x: Array, y: Array, kinds: NDArray[np.str_]) -> tuple[Array, Array]:
     y : Array [records, signatures]
     kinds : Array [records]
         Each has a mean of its own.
+    usual : float
+        What y is usually off by; 0 where nobody knows. It counts as so many degrees of freedom more (Smyth 2004,
+        doi:10.2202/1544-6115.1027), so few records that lie on a line by chance are not taken for exact.
 
     Returns
     -------
@@ -137,7 +170,8 @@ def slope(x: Array, y: Array, kinds: NDArray[np.str_]) -> tuple[Array, Array]:
     """
     nothing = np.full(y.shape[1], np.nan)
     known = np.isfinite(x)
-    if known.sum() < FEWEST:
+    fewest = 2 if usual else FEWEST
+    if known.sum() < fewest:
         return nothing, nothing
     x, y, kinds = x[known].copy(), y[known].copy(), kinds[known]
     for kind in np.unique(kinds):
@@ -155,12 +189,14 @@ def slope(x: Array, y: Array, kinds: NDArray[np.str_]) -> tuple[Array, Array]:
     count = seen.sum(axis=0)
     # A mean for each kind of record has been taken out, and the slope.
     free = count - sum(seen[kinds == kind].any(axis=0).astype(int) for kind in np.unique(kinds)) - 1
-    error = np.sqrt((rest.sum(axis=0) / np.maximum(free, 1) + 1e-6) / denominator)
-    few = (count < FEWEST) | (free < 1)
-    return np.where(few, np.nan, found), np.where(few, np.nan, normal(found / error, free))
+    more = _KNOWN if usual else 0.0
+    variance = (rest.sum(axis=0) + more * usual**2) / np.maximum(free + more, 1)
+    few = (count < fewest) | (free + more < 1)
+    error = np.sqrt((variance + 1e-6) / denominator)
+    return np.where(few, np.nan, found), np.where(few, np.nan, normal(found / error, free + more))
 
 
-def normal(t: Array, free: NDArray[np.int64]) -> Array:
+def normal(t: Array, free: NDArray[Any]) -> Array:
     """What a normal deviate would have to be to be as unlikely as Student's t with so many degrees of freedom.
 
     A handful of records shows large t by chance; as normal deviates they mean the same whatever their number. Wallace

@@ -60,6 +60,39 @@ def levels(*effects, seed=0, along=False):
     return Levels(conditions, measured, simulated, np.full(len(conditions), np.nan))
 
 
+def test_records_of_a_fault_at_one_speed_are_one_observation():
+    """Harmonics meet sharp modes in the same way in all of them: forty records at two speeds are no forty witnesses."""
+    rng, deviates, naive = np.random.default_rng(3), [], []
+    conditions = tuple(
+        Condition(f"{fault}{speed:.0f}-{k}", speed, 12000.0, 6000, fault)
+        for fault in ("healthy", "inner", "outer") for speed in (1000.0, 1400.0) for k in range(7)
+    )  # fmt: skip
+    kinds = np.array([c.fault for c in conditions])
+    speed = courses(conditions)[0]
+    for _ in range(300):
+        met = {(f, s): 0.06 * rng.standard_normal() for f in ("inner", "outer") for s in (1000.0, 1400.0)}
+        off = np.array([met.get((str(c.fault), c.speed_rpm), 0.0) for c in conditions])
+        level = np.where(kinds == "healthy", 1.0, 4.0)
+        measured = level * np.exp(off + 0.005 * rng.standard_normal(len(conditions)))
+        found = Levels(conditions, measured, level, np.full(len(conditions), np.nan)).trends()
+        deviates.append(found["speed_strikes_z"])
+        struck = kinds != "healthy"
+        (z,) = slope(speed[struck], np.log(measured / level)[struck, None], kinds[struck])[1]
+        naive.append(z)
+    assert np.mean(np.abs(deviates) > 2) < 0.1 < 0.3 < np.mean(np.abs(naive) > 2)
+
+
+def test_few_records_on_a_line_are_believed_as_far_as_levels_usually_are():
+    """Six records a hundredth off a slope of two: the line is not exact by chance, nor is it in doubt."""
+    rng = np.random.default_rng(6)
+    x, kinds = np.tile([-0.2, 0.0, 0.2], 2), np.repeat(["inner", "outer"], 3)
+    y = (2.0 * x + 0.01 * rng.standard_normal(6))[:, None]
+    (bare,), (moderated,) = (slope(x, y, kinds, usual)[1] for usual in (0.0, 0.05))
+    assert moderated > 4.5 > bare
+    by_chance = [slope(x, 0.01 * rng.standard_normal((6, 400)), kinds, usual)[1] for usual in (0.0, 0.05)]
+    assert np.mean(np.abs(by_chance[1]) > 2) < 0.01 < np.mean(np.abs(by_chance[0]) > 2)
+
+
 def test_an_amplitude_that_calibration_missed_is_no_trend():
     found = [levels(seed=10 * k).trends() for k in range(6)]
     assert np.mean([t["speed_strikes_size"] > 2.5 for t in found]) < 0.35

@@ -121,10 +121,7 @@ def struck(view: RecordView) -> Struck | None:
     for place in np.rint(own.hz / df_hz).astype(int):
         low, high = max(place - 2, 0), min(place + 3, power.size)
         power[low:high] = np.minimum(power[low:high], smooth[smooth_at[low:high]])
-    # A cage that slips moves the hundredth harmonic by whole ones: where lines show the rate, it is theirs. Tones of
-    # other things lie on some comb about as often as three times beyond chance.
-    ratio, beyond, _ = lines.fault_comb
-    rate_hz = view.fault_order * view.shaft_hz * (ratio if beyond >= _SHOWN else 1.0)
+    rate_hz = impact_rate_hz(view)
     width = rate_hz / df_hz
     count = min(int((power.size - 1) / width - 0.5), MOST_HARMONICS)
     if count < 6 or width < 3:
@@ -145,6 +142,16 @@ def struck(view: RecordView) -> Struck | None:
     sums = [np.interp(end, at, total) for end in ends]
     density = (sums[1] - sums[0]) / np.maximum(ends[1] - ends[0], 1.0)
     return Struck(str(view.condition.fault), above, error, places, density)
+
+
+def impact_rate_hz(view: RecordView) -> float:
+    """Impacts per second of a record with a known fault, as its lines show it, or as its geometry says."""
+    if view.fault_order is None:
+        raise ValueError("a record without a fault has no impact rate")
+    # A cage that slips moves the hundredth harmonic by whole ones: where lines show the rate, it is theirs. Tones of
+    # other things lie on some comb about as often as three times beyond chance.
+    ratio, beyond, _ = lines_of(view).fault_comb
+    return float(view.fault_order * view.shaft_hz * (ratio if beyond >= _SHOWN else 1.0))
 
 
 def standing_out(power: Array, error: Array, clear: float = _CLEAR) -> Array:

@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twingap.bearing import Bearing
+from twingap.gap.signatures.answer import impact_rate_hz
 from twingap.gap.view import RecordView, local_floor, medians
 
 Array = NDArray[np.float64]
@@ -49,6 +50,18 @@ _STEP: Final = 0.01
 """Of the order axis, unless a record resolves more: one of a second at ten turns resolves a tenth."""
 _MAINS_TO_HZ: Final = 1300.0
 """Up to where a line on a multiple of 50 or 60 Hz is taken for the mains': beyond, one place in seven is on one."""
+_MAINS_SHOWN: Final = 3.5
+"""z of other multiples of the mains from which a line on one of them is theirs; its first few always are."""
+_FIRST_FEW: Final = 230.0
+_LOWEST: Final = 0.06
+"""Of half the sampling rate, below which no carrier is sought: there the mains has its skirts."""
+_HARMONICS: Final = 8
+_TURNING: Final = 0.6
+"""Part of the records in which a whole order lies at a place, from which a line there is the shaft's."""
+_NEAR: Final = np.arange(4, 10)
+"""Bins from a line at which nothing of it is left, and all of a mode."""
+_OFFSETS: Final = np.concatenate((np.zeros(1, int), np.arange(-22, -6), np.arange(7, 23)))
+"""Bins: a line, and those about it that say how much is usual there."""
 _CARRIERS: Final = 12
 """Lines fixed in Hz that are asked for lines beside them."""
 
@@ -65,7 +78,8 @@ class Whitened(NamedTuple):
         The same of the broadband squared envelope.
     envelope_df_hz : float
     shaft_hz, fs_hz : float
-    healthy : bool
+    kind : str
+        State of the bearing: what strikes leave is in the records of one kind alone.
     """
 
     power: Single
@@ -74,7 +88,7 @@ class Whitened(NamedTuple):
     envelope_df_hz: float
     shaft_hz: float
     fs_hz: float
-    healthy: bool
+    kind: str
 
 
 def whitened(view: RecordView) -> Whitened:
@@ -83,14 +97,14 @@ def whitened(view: RecordView) -> Whitened:
     top = min(envelope.spectrum.size, round(45 * view.shaft_hz / envelope.df_hz) + 60)
     power = _white(view.tones, _CAP)
     if view.fault_order is not None:
-        # A defect's own comb is no line of interest: its places count as nothing special.
-        comb = np.arange(1, int(0.5 * view.fs_hz / (view.fault_order * view.shaft_hz)) + 1)
-        at = comb * view.fault_order * view.shaft_hz / view.df_hz
+        # A defect's own comb is no line of interest: its places count as nothing special. Cages slip.
+        rate_hz = impact_rate_hz(view)
+        at = np.arange(1, int(0.5 * view.fs_hz / rate_hz) + 1) * rate_hz / view.df_hz
         for place, reach in zip(at, 3 + 0.004 * at, strict=True):
             power[max(int(place - reach), 0) : int(place + reach) + 2] = _NOISE
     return Whitened(
         power, view.df_hz, _white(envelope.spectrum[:top], _ENVELOPE_CAP), envelope.df_hz, view.shaft_hz, view.fs_hz,
-        view.condition.fault == "healthy",
+        str(view.condition.fault),
     )  # fmt: skip
 
 
@@ -108,7 +122,7 @@ def measure(records: Sequence[Whitened], bearing: Bearing) -> dict[str, float]:
     out = dict.fromkeys(NAMES, math.nan)
     if not records:
         return out
-    healthy = [r for r in records if r.healthy] or list(records)
+    healthy = [r for r in records if r.kind == "healthy"] or list(records)
     hz, turns = Mean.in_hz(records), Mean.in_orders(records)
     for mains in (50, 60):
         z = hz.at(mains * np.arange(1.0, 7.0))
@@ -146,6 +160,8 @@ class Mean:
         Bin of each place in each record.
     about : int
         Places about each that say how much is usual there.
+    kinds : sequence of str
+        State of the bearing of each record.
 
     Attributes
     ----------
@@ -153,25 +169,47 @@ class Mean:
         Hz, or orders.
     z : Array [places]
         Normal deviates where there is nothing but noise; NaN beyond what most of the records reach.
+    common : Array [places]
+        Above what is usual on either side of a line, where a sharp mode is no less high; and the least that is left
+        when the records of any one kind are left out: what is a machine's own is there whatever the state of its
+        bearing, and what strikes leave beside their harmonics is not.
     """
 
     def __init__(
-        self, powers: Sequence[Single], places: Array, indices: Sequence[NDArray[np.int64]], about: int
+        self,
+        powers: Sequence[Single],
+        places: Array,
+        indices: Sequence[NDArray[np.int64]],
+        about: int,
+        kinds: Sequence[str],
     ) -> None:
         self.places, self.step = places, float(places[1] - places[0]) if places.size > 1 else 1.0
-        total, count = np.zeros((2, places.size))
-        for power, index in zip(powers, indices, strict=True):
+        names = sorted(set(kinds))
+        totals, counts = np.zeros((2, len(names), places.size))
+        for power, index, kind in zip(powers, indices, kinds, strict=True):
             inside = (index >= 2) & (index < power.size - 2)
-            total[inside] += power[index[inside]]
-            count += inside
+            totals[names.index(kind), inside] += power[index[inside]]
+            counts[names.index(kind)] += inside
+        total, count = totals.sum(axis=0), counts.sum(axis=0)
         self.z = np.full(places.size, np.nan)
+        self.common = self.z
         known = count > 0.6 * len(powers)
-        if known.sum() > about:
-            mean = total[known] / count[known]
-            root = np.cbrt(mean / np.maximum(local_floor(mean, about), 1e-9))
-            z = (root - 1) / (_SPREAD / np.sqrt(count[known]))
-            # Noise that comes and goes is less even than that.
-            self.z[known] = z / max(1.4826 * float(medians(np.abs(z))), 1.0)
+        if known.sum() <= about:
+            return
+        floor = np.maximum(local_floor(total[known] / count[known], about), 1e-9)
+
+        def deviates(total: Array, count: Array) -> Array:
+            return (np.cbrt(total / np.maximum(count, 1) / floor) - 1) * np.sqrt(count) / _SPREAD
+
+        z = deviates(total[known], count[known])
+        # Noise that comes and goes is less even than that.
+        spread = max(1.4826 * float(medians(np.abs(z))), 1.0)
+        self.z[known] = z / spread
+        floor = np.maximum(floor, _beside_each(total[known] / count[known], _NEAR * max(about // _ABOUT, 1)))
+        left = [deviates(t, c) for t, c in zip((total - totals)[:, known], (count - counts)[:, known], strict=True)]
+        common = np.min([*(left if len(names) > 1 else []), deviates(total[known], count[known])], axis=0)
+        self.common = np.full(places.size, np.nan)
+        self.common[known] = common / spread
 
     @classmethod
     def in_hz(cls, records: Sequence[Whitened], envelope: bool = False) -> Mean:
@@ -182,7 +220,7 @@ class Mean:
         top = max(power.size * df for power, df in zip(powers, resolutions, strict=True))
         places = np.arange(2.0, top / step) * step
         indices = [np.rint(places / df).astype(int) for df in resolutions]
-        return cls(powers, places, indices, int(_ABOUT * max(resolutions) / step) | 1)
+        return cls(powers, places, indices, int(_ABOUT * max(resolutions) / step) | 1, [r.kind for r in records])
 
     @classmethod
     def in_orders(cls, records: Sequence[Whitened], envelope: bool = False) -> Mean:
@@ -192,13 +230,24 @@ class Mean:
         step = min(_STEP, 1 / max(units))
         places = np.arange(0.3, 45.0 if envelope else _TOP_ORDER, step)
         indices = [np.rint(places * unit).astype(int) for unit in units]
-        return cls(powers, places, indices, int(_ABOUT / min(units) / step) | 1)
+        return cls(powers, places, indices, int(_ABOUT / min(units) / step) | 1, [r.kind for r in records])
 
     def at(self, places: Array) -> Array:
         """z at the nearest places of the axis; NaN off it."""
         index = np.rint((places - self.places[0]) / self.step).astype(int) if self.places.size else np.zeros(0, int)
         inside = (index >= 0) & (index < self.places.size)
         return np.where(inside, self.z[np.clip(index, 0, self.places.size - 1)], np.nan)
+
+
+def _beside_each(mean: Array, offsets: NDArray[np.int64]) -> Array:
+    """[places] What is usual just below each place or just above it, whichever is more."""
+    reach = int(offsets.max())
+    padded = np.pad(mean, reach, mode="edge")
+    sides = [
+        medians(np.stack([padded[reach + sign * k : reach + sign * k + mean.size] for k in offsets], axis=-1))
+        for sign in (-1, 1)
+    ]
+    return np.maximum(*sides)
 
 
 def _spectra(records: Sequence[Whitened], envelope: bool) -> tuple[list[Single], list[float]]:
@@ -242,10 +291,17 @@ def _gear(turns: Mean, out: dict[str, float]) -> None:
 def _fixed(hz: Mean, records: Sequence[Whitened], out: dict[str, float]) -> None:
     """The strongest line fixed in Hz that is no mains; and the one that is, with lines beside it that turn."""
     top = 0.5 * min(r.fs_hz for r in records)
-    z = np.where((hz.places > 65.0) & (hz.places < top), hz.z, np.nan)
+    z = np.where((hz.places > max(65.0, _LOWEST * top)) & (hz.places < top), hz.common, np.nan)
     for mains in (50.0, 60.0):
+        shown = _together(hz.at(mains * np.arange(1.0, _HARMONICS + 1))) > _MAINS_SHOWN
         off = np.abs(hz.places / mains - np.rint(hz.places / mains)) * mains
-        z[(off < 2.5 * hz.step) & (hz.places < _MAINS_TO_HZ)] = np.nan
+        z[(off < 2.5 * hz.step) & (hz.places < (_MAINS_TO_HZ if shown else _FIRST_FEW))] = np.nan
+    # Of records at one speed, what turns with the shaft is fixed in Hz as well.
+    speeds, times = np.unique(np.round([r.shaft_hz for r in records], 2), return_counts=True)
+    turning = np.zeros(hz.places.size)
+    for shaft_hz, count in zip(speeds, times, strict=True):
+        turning += count * (np.abs(hz.places / shaft_hz - np.rint(hz.places / shaft_hz)) * shaft_hz < 2.5 * hz.step)
+    z[turning > _TURNING * len(records)] = np.nan
     if not np.isfinite(z).any():
         return
     known = np.nan_to_num(z, nan=-9.0)
@@ -269,13 +325,12 @@ def _fixed(hz: Mean, records: Sequence[Whitened], out: dict[str, float]) -> None
 
 def _beside(records: Sequence[Whitened], carriers: Array, orders: NDArray[np.int64]) -> Array:
     """[carriers, orders] z of the lines so many shaft orders above and below each carrier, together."""
-    offsets = np.concatenate((np.zeros(1, int), np.arange(-22, -6), np.arange(7, 23)))
-    total, count = np.zeros((offsets.size, carriers.size, orders.size)), np.zeros((carriers.size, orders.size))
+    total, count = np.zeros((_OFFSETS.size, carriers.size, orders.size)), np.zeros((carriers.size, orders.size))
     for r in records:
         for sign in (-1, 1):
             index = np.rint((carriers[:, None] + sign * orders * r.shaft_hz) / r.df_hz).astype(int)
             inside = (index > 30) & (index < r.power.size - 30)
-            reached = np.clip(index + offsets[:, None, None], 0, r.power.size - 1)
+            reached = np.clip(index + _OFFSETS[:, None, None], 0, r.power.size - 1)
             total += np.where(inside, r.power[reached], 0.0)
             count += inside
     usual = medians(np.moveaxis(total[1:], 0, -1))
@@ -285,7 +340,7 @@ def _beside(records: Sequence[Whitened], carriers: Array, orders: NDArray[np.int
 
 def _turning(turns: Mean, bearing: Bearing, out: dict[str, float]) -> None:
     """The strongest line that turns with the shaft at an order that is neither whole, half, nor this bearing's."""
-    places, z = turns.places, turns.z.copy()
+    places, z = turns.places, turns.common.copy()
     z[places > 40.0] = np.nan
     for comb in (0.5, bearing.bpfo, bearing.bpfi, 2 * bearing.bsf):
         multiple = np.maximum(np.rint(places / comb), 1)

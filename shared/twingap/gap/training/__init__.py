@@ -120,9 +120,9 @@ def behind_examples() -> tuple[ModuleType, ...]:
 def behind_learning() -> tuple[ModuleType, ...]:
     """Code that what is learnt depends on besides: what learns, and what searches."""
     from twingap.gap import likeliest, nearest, prior, starts, which
-    from twingap.gap.training import detectors, judgement, learn, null, searches, trees
+    from twingap.gap.training import detectors, judgement, learn, null, searches, trees, visible
 
-    return learn, detectors, trees, null, judgement, searches, which, nearest, starts, prior, likeliest
+    return learn, detectors, trees, null, judgement, searches, visible, which, nearest, starts, prior, likeliest
 
 
 def examples_key(seed: int = SEED, among: Sequence[str] = ()) -> str:

@@ -162,7 +162,12 @@ class Table:
 
 
 def learn_classifier(
-    table: Table, label: Mask, machine: NDArray[np.int64], allowed: Sequence[int], first: Mask | None = None
+    table: Table,
+    label: Mask,
+    machine: NDArray[np.int64],
+    allowed: Sequence[int],
+    first: Mask | None = None,
+    counted: Mask | None = None,
 ) -> Ensemble | None:
     """A detector with calibrated log odds, or None when there are too few examples of either kind.
 
@@ -176,28 +181,32 @@ def learn_classifier(
         Columns that may be read.
     first : Mask [examples], optional
         Examples whose twin was as given: they and the others are calibrated apart. None: all together.
+    counted : Mask [examples], optional
+        Examples to learn from and to calibrate on; the others are only asked about. None: all.
     """
     from sklearn.ensemble import HistGradientBoostingClassifier
 
-    if min(label.sum(), (~label).sum()) < _FEWEST:
+    counted = np.ones(len(label), bool) if counted is None else counted
+    if min(label[counted].sum(), (~label[counted]).sum()) < _FEWEST:
         return None
-    own_columns = table.telling(label.astype(float), allowed)
+    own_columns = table.take(counted).telling(label[counted].astype(float), allowed)
     if own_columns.size == 0:
         return None
     own, fold = table.values[:, own_columns], folds(machine)
     unseen, models = np.zeros(len(label)), []
     for k in range(FOLDS):
-        inside = fold != k
+        inside, outside = counted & (fold != k), fold == k
         model = HistGradientBoostingClassifier(
             max_iter=130, learning_rate=0.08, max_leaf_nodes=14, min_samples_leaf=12, l2_regularization=2.0,
             max_features=0.2, early_stopping=False, random_state=k,
         )  # fmt: skip
         model.fit(own[inside], label[inside])
-        unseen[~inside] = model.decision_function(own[~inside])
+        unseen[outside] = model.decision_function(own[outside])
         models.append(Boosted.of(model))
     first = np.ones(len(label), bool) if first is None else first
-    line = _platt(unseen[first], label[first])
-    line_later = line if label[~first].sum() < _FEWEST else _platt(unseen[~first], label[~first])
+    early, late = first & counted, ~first & counted
+    line = _platt(unseen[early], label[early])
+    line_later = line if label[late].sum() < _FEWEST else _platt(unseen[late], label[late])
     calibrated = np.where(first, line[0] * unseen + line[1], line_later[0] * unseen + line_later[1])
     return Ensemble(own_columns, models, line, line_later, calibrated)
 

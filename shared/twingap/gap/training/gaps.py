@@ -160,6 +160,12 @@ _SHYNESS = {
 """Effects that are hard to see, or that few machines' records could show, are drawn more often."""
 _SHORTEST = 0.036
 """Arc of the shortest defects over that of the longest: 1.5 to 42 % of a pass."""
+_APART = math.log(1.12)
+"""Of the fastest over the slowest record of a kind, from which a gain over speed shows."""
+_FELT = 0.2
+"""Part of the strikes' gain from which healthy records show it too."""
+_SHOWN_GAIN = 0.15
+"""Slope of log amplitudes times the spread of log speeds that just shows: three times what levels are off by."""
 _JUST_SEEN = 93.0
 """Power of a tone over that of the noise, times the samples, from which it shows: the more there are, the weaker."""
 
@@ -209,14 +215,20 @@ def _growth(rng: np.random.Generator, machine: Machine) -> Mapping[str, float] |
 
 
 def _gain(rng: np.random.Generator, machine: Machine) -> Mapping[str, float] | None:
-    speeds = [c.speed_rpm for c in machine.conditions]
-    if max(speeds) / min(speeds) < 1.12:
-        return None
-    sign = 1 if rng.random() < 0.6 else -1  # faster strikes harder, and may leave a resonance behind
-    reference = 1800.0 if rng.random() < 0.3 else float(np.median(speeds))
     # A speed that strikes feel, the noise of the structure may feel as much, less or not at all.
     on_noise = float(rng.choice([0.0, rng.random(), 1.0], p=[0.4, 0.3, 0.3]))
-    least = float(np.clip(0.06 / math.log(max(speeds) / min(speeds)), 0.15, 0.5))
+    # A level of each fault is free, so only one fault at several speeds shows a gain; noise does where it feels it.
+    courses = [
+        np.log([c.speed_rpm for c in machine.conditions if c.fault == kind])
+        for kind in (*_faults(machine), *(["healthy"] if on_noise > _FELT else []))
+    ]
+    courses = [x for x in courses if x.size and np.ptp(x) > _APART]
+    if not courses:
+        return None
+    sign = 1 if rng.random() < 0.6 else -1  # faster strikes harder, and may leave a resonance behind
+    speeds = [c.speed_rpm for c in machine.conditions]
+    reference = 1800.0 if rng.random() < 0.3 else float(np.median(speeds))
+    least = float(np.clip(_SHOWN_GAIN / math.sqrt(sum(float(((x - x.mean()) ** 2).sum()) for x in courses)), 0.15, 0.8))
     return {"exponent": sign * _log(rng, least, 4.5), "reference_speed_rpm": reference, "on_noise": on_noise}
 
 

@@ -18,6 +18,7 @@ from twingap.gap.signatures.telling import columns
 from twingap.gap.training.detectors import Ensemble, Estimator, Table, learn_classifier, learn_estimator
 from twingap.gap.training.judgement import Judgement
 from twingap.gap.training.null import NOBODY, Judged, Null
+from twingap.gap.training.visible import Sight, learn_sight
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -157,6 +158,8 @@ class Learnt:
         How it was made, and how well it did on machines it had not seen.
     judgement : Judgement or None
         What ends of searches are worth; None where too few were made to say.
+    sight : Sight or None
+        Which effects nobody could have seen: those neither count as missing nor as not.
     """
 
     effects: tuple[str, ...]
@@ -171,6 +174,7 @@ class Learnt:
     null_rest: Null = field(default_factory=lambda: Null(NOBODY))
     general: NDArray[np.int64] = field(default_factory=lambda: np.empty(0, np.int64))
     judgement: Judgement | None = None
+    sight: Sight | None = None
 
     def log_odds(self, features: NDArray[Any], *, later: bool = False) -> Array:
         """[examples, effects] Log odds that each effect is missing; what was not learnt is taken as unlikely.
@@ -216,16 +220,28 @@ def learn(examples: Examples, effects: tuple[str, ...], parameters: tuple[tuple[
     allowed = [columns(name, names) for name in effects]
     # Models of one label each are small: processes side by side are faster than threads within one.
     parallel = joblib.Parallel(n_jobs=-1, return_as="generator")
-    detectors: dict[str, Ensemble] = {}
-    found = parallel(
-        joblib.delayed(_alone)(learn_classifier, table, missing[:, j], machine, allowed[j], first)
-        for j in range(len(effects))
-    )
-    for done, (name, detector) in enumerate(zip(effects, found, strict=True)):
-        report(f"detector of {name}", 0.5 * done / len(effects))
-        if detector is not None:
-            detectors[name] = detector
-    early, values = table.take(first), np.tile(examples.values, (2, 1))[first]
+
+    def heard(counted: Mask, begin: float) -> dict[str, Ensemble]:
+        found = parallel(
+            joblib.delayed(_alone)(learn_classifier, table, missing[:, j], machine, allowed[j], first, counted[:, j])
+            for j in range(len(effects))
+        )
+        out = {}
+        for done, (name, detector) in enumerate(zip(effects, found, strict=True)):
+            report(f"detector of {name}", begin + 0.3 * done / len(effects))
+            if detector is not None:
+                out[name] = detector
+        return out
+
+    # Once with all, to learn which nobody sees; and again without those.
+    said = {name: detector.unseen[here] for name, detector in heard(np.ones(missing.shape, bool), 0.0).items()}
+    sight, hidden = _hidden(examples, said, effects, parameters, names)
+    counted = ~np.tile(hidden, (2, 1))
+    detectors = heard(counted, 0.3)
+    plain = examples.values.copy()
+    for j, (name, _) in enumerate(parameters):
+        plain[hidden[:, effects.index(name)], j] = np.nan
+    early, values = table.take(first), np.tile(plain, (2, 1))[first]
     estimators: dict[tuple[str, str], Estimator] = {}
     made = parallel(
         joblib.delayed(_alone)(
@@ -234,7 +250,7 @@ def learn(examples: Examples, effects: tuple[str, ...], parameters: tuple[tuple[
         for j, parameter in enumerate(parameters)
     )
     for done, (parameter, estimator) in enumerate(zip(parameters, made, strict=True)):
-        report(f"values of {parameter[0]}", 0.5 + 0.4 * done / len(parameters))
+        report(f"values of {parameter[0]}", 0.6 + 0.3 * done / len(parameters))
         if estimator is not None:
             estimators[parameter] = estimator
     report("detector of any gap", 0.9)
@@ -245,16 +261,38 @@ def learn(examples: Examples, effects: tuple[str, ...], parameters: tuple[tuple[
             detectors[name].unseen = detectors[name].unseen[here]
     any_gap = examples.missing.any(axis=1) | examples.strange
     general = general_columns(names)
-    heard = np.where(np.tile(examples.modelled, (2, 1)), UNHEARD, scores)
-    whole = Table(_of_all(heard, table.values[:, general]).astype(np.float32))
-    anything = learn_classifier(whole, np.tile(any_gap, 2), machine, range(whole.values.shape[1]), first)
+    asked = np.where(np.tile(examples.modelled, (2, 1)), UNHEARD, scores)
+    whole = Table(_of_all(asked, table.values[:, general]).astype(np.float32))
+    open_ = ~any_gap | examples.strange | (examples.missing & ~hidden).any(axis=1)
+    anything = learn_classifier(
+        whole, np.tile(any_gap, 2), machine, range(whole.values.shape[1]), first, np.tile(open_, 2)
+    )
     if anything is None:
         raise ValueError("too few examples with and without a gap to learn from")
     anything.unseen = anything.unseen[here]
     scores = scores[here]
-    judged = Judged.of(np.stack([anything.unseen, _any_of(heard[here])], axis=1), examples.features, names)
+    judged = Judged.of(np.stack([anything.unseen, _any_of(asked[here])], axis=1), examples.features, names)
     null, rest = (Null(judged.take(rows)) for rows in (~any_gap & examples.first, ~any_gap & ~examples.first))
-    limits = {name: _limit(scores[:, j], examples.missing[:, j]) for j, name in enumerate(effects)}
-    known = examples.first & ~examples.strange
+    limits = {
+        name: _limit(scores[counted[here, j], j], examples.missing[counted[here, j], j])
+        for j, name in enumerate(effects)
+    }
+    known = examples.first & ~examples.strange & ~hidden.any(axis=1)
     level = _level(scores[known], examples.missing[known])
-    return Learnt(effects, detectors, estimators, anything, null, names, {}, limits, level, rest, general)
+    return Learnt(effects, detectors, estimators, anything, null, names, {}, limits, level, rest, general, sight=sight)
+
+
+def _hidden(
+    examples: Examples, said: Mapping[str, Array], effects: tuple[str, ...], parameters: tuple[tuple[str, str], ...],
+    names: tuple[str, ...],
+) -> tuple[Sight, Mask]:  # fmt: skip
+    """Sight, and which effects [examples, effects] it says nobody could see; of a machine, whatever had been added."""
+    rows = np.flatnonzero(examples.first)
+    sight, own = learn_sight(
+        {name: log_odds[rows] for name, log_odds in said.items()}, examples.missing[rows], examples.values[rows],
+        examples.features[rows], effects, parameters, names,
+    )  # fmt: skip
+    of_machine = dict(zip(examples.machine[rows].tolist(), own, strict=True))
+    nothing = np.zeros(len(effects), bool)
+    hidden = np.array([of_machine.get(number, nothing) for number in examples.machine.tolist()])
+    return sight, hidden.reshape(examples.missing.shape) & examples.missing

@@ -13,8 +13,9 @@ import numpy as np
 from twingap.errors import TwingapError
 from twingap.gap.calibrate import calibrate
 from twingap.gap.evidence import THOROUGH, Evidence, simulator_of
-from twingap.gap.training.gaps import draw_gap
+from twingap.gap.training.gaps import SimulatedGap, draw_gap
 from twingap.gap.training.judgement import Outcome
+from twingap.gap.training.parameters import coordinates, to_number
 from twingap.gap.which import search
 
 if TYPE_CHECKING:
@@ -24,7 +25,7 @@ if TYPE_CHECKING:
 def searches(
     learnt: Learnt, seed: int, machines: Sequence[int], most_records: int, among: Sequence[str] = ()
 ) -> list[tuple[Outcome, bool]]:
-    """Outcomes of searches on these machines, effect by effect, and whether each effect was missing.
+    """Outcomes of searches on these machines, effect by effect, and whether each was missing; none of hidden effects.
 
     Parameters
     ----------
@@ -47,6 +48,18 @@ def searches(
             outcomes = search(evidence, learnt).outcomes
         except TwingapError:  # a drawn machine that nobody could calibrate teaches nothing
             continue
-        missing = {effect.name for effect in gap.missing}
-        found += [(outcome, name in missing) for name, outcome in outcomes.items()]
+        missing, unseen = {effect.name for effect in gap.missing}, _hidden(gap, evidence, learnt)
+        found += [(outcome, name in missing) for name, outcome in outcomes.items() if name not in unseen]
     return found
+
+
+def _hidden(gap: SimulatedGap, evidence: Evidence, learnt: Learnt) -> set[str]:
+    """Effects of a machine that nobody could have seen."""
+    if learnt.sight is None:
+        return set()
+    present = {effect.name: effect for effect in gap.missing}
+    setting = evidence.setting
+    values = [to_number(present[n], p, setting) if n in present else np.nan for n, p in coordinates()]
+    missing = np.array([name in present for name in learnt.effects])
+    hidden = learnt.sight.hidden(missing[None], np.array(values)[None], evidence.against().held_out[None])[0]
+    return {name for name, one in zip(learnt.effects, hidden, strict=True) if one}

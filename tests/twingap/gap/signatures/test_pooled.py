@@ -140,3 +140,49 @@ def test_a_line_of_long_records_is_found_whatever_its_order():
         found.append(float(np.nanmax(z.at(order + np.linspace(-0.002, 0.002, 9)))))
     assert min(found) > 4.5
     assert min(found) > 0.7 * max(found)
+
+
+def shaped(count, seed, kinds=("healthy",), hz=None, only="", low_hz=0.0, rpm=1130.0, step=31.0, level=0.08):
+    """Noise through a sharp mode at `low_hz`, with a tone at `hz` in the records of one kind or of all."""
+    rng, t, bearing = np.random.default_rng(seed), np.arange(12000) / 12000, BEARINGS["6205"]
+    f = np.fft.rfftfreq(12000, 1 / 12000)
+    kept = []
+    for i in range(count):
+        kind, x = kinds[i % len(kinds)], rng.standard_normal(12000)
+        if low_hz:
+            gain = 1 + 2.0 / np.abs(1 - (f / low_hz) ** 2 + 0.012j * f / low_hz) * 0.02
+            x = np.fft.irfft(np.fft.rfft(x) * gain, 12000)
+        if hz is not None and only in ("", kind):
+            x += level * np.sin(2 * np.pi * hz * t + rng.random())
+        condition = Condition(f"r{i}", rpm + step * i, 12000.0, 12000, kind)
+        kept.append(pooled.whitened(RecordView(x, condition, Frame(bearing, (2500.0, 4500.0), 1.0))))
+    return pooled.measure(kept, bearing)
+
+
+def test_a_carrier_is_there_whatever_the_state_of_the_bearing():
+    """What stands beside the harmonics of strikes is in records of one kind; a carrier is in all of them."""
+    kinds = ("healthy", "outer", "inner")
+    in_all, in_one, in_none = (shaped(18, 3, kinds, *what) for what in ((3003.0,), (3003.0, "outer"), ()))
+    assert 12000 * np.exp(in_all["fixed_fs"]) == pytest.approx(3003, abs=2)
+    assert in_all["fixed"] > in_one["fixed"] + 0.8
+    assert in_one["fixed"] < in_none["fixed"] + 0.3
+
+
+def test_a_sharp_mode_is_no_line():
+    plain, mode = (shaped(18, 5, low_hz=hz) for hz in (0.0, 1500.0))
+    line = shaped(18, 5, hz=1503.0, low_hz=1500.0, level=1.5)
+    assert mode["fixed"] < plain["fixed"] + 0.35
+    assert line["fixed"] > mode["fixed"] + 0.2
+    assert 12000 * np.exp(line["fixed_fs"]) == pytest.approx(1503, abs=2)
+
+
+def test_a_whole_order_of_a_shaft_at_one_speed_is_no_carrier():
+    at_one_speed = {"rpm": 1200.0, "step": 0.0}
+    turning, carrier = (shaped(12, 7, hz=hz, **at_one_speed) for hz in (3000.0, 3010.0))
+    assert turning["fixed"] < 1.9 < carrier["fixed"]
+    assert 12000 * np.exp(shaped(12, 7, hz=3000.0)["fixed_fs"]) == pytest.approx(3000, abs=2)
+
+
+def test_a_line_at_a_multiple_of_the_mains_is_a_carrier_where_there_is_no_hum():
+    found = shaped(18, 9, hz=1050.0)
+    assert 12000 * np.exp(found["fixed_fs"]) == pytest.approx(1050, abs=2)

@@ -106,3 +106,21 @@ def test_second_strikes_are_drawn_where_they_can_be_told_from_one():
             parts.append((part, part * c.fs_hz / (machine.bearing.fault_order(c.fault) * c.speed_rpm / 60)))
         assert max(samples for _, samples in parts) >= 2
         assert 0.004 < max(part for part, _ in parts) < 0.45
+
+
+def test_gains_over_speed_are_drawn_where_a_fault_or_noise_that_feels_them_is_met_at_several_speeds():
+    rng, drawn = np.random.default_rng(12), 0
+    for _ in range(400):
+        machine = draw_machine(rng, own_simulator=False, most_records=10)
+        values = DRAWERS["speed_gain"](rng, machine)
+        if values is None:
+            continue
+        drawn += 1
+        spans = {}
+        for kind in {c.fault for c in machine.conditions}:
+            speeds = [c.speed_rpm for c in machine.conditions if c.fault == kind]
+            spans[kind] = max(speeds) / min(speeds)
+        heard = [span for kind, span in spans.items() if kind != "healthy" or values["on_noise"] > 0.2]
+        assert max(heard) > 1.12
+        assert abs(values["exponent"]) >= 0.15
+    assert drawn > 120
