@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-LEAST: Final = 0.25
+LEAST: Final = 0.35
 """Chance of being found below which an effect counts as invisible."""
 _FEWEST: Final = 60
 """Machines with an effect below which nothing is said of it."""
