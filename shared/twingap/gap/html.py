@@ -204,7 +204,7 @@ def _confidence(report: GapReport) -> str:
         return _section("What the data cannot tell apart", text)
     sure = [name for name in sets[0] if all(name in s for s in sets)]
     text = f"{count_words(len(sets)).capitalize()} explanations cannot be ruled out, most probable first; "
-    text += "the true one is among them nine times of ten. "
+    text += "the true one is among them nine times of ten, effects too faint for records like these not counted. "
     if sure:
         text += f"All of them hold {listed(sure)}. "
     if open_ones := undecided(report):

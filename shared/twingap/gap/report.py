@@ -45,7 +45,8 @@ class Verdict:
     effects : tuple[str, ...]
         Found missing, strongest first; empty for no_gap and unexplained.
     confidence_set : tuple[tuple[str, ...], ...]
-        Sets of effects that the data cannot tell apart at 90 %; ((),) is no effect.
+        Sets of effects that the data cannot tell apart at 90 %; ((),) is no effect. Of machines alike: an effect so
+        faint that on most machines with as much of it nobody would find it counts as neither there nor not.
     p_value : float
         Of no gap at all, after calibration of the twin.
     closure, closure_ci : float and (float, float), or None
