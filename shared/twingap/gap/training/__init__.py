@@ -215,6 +215,7 @@ def train(
         jobs,
         lambda part: report("searches", 0.85 + 0.15 * part),
     )
+    learnt.sight = None  # searches alone ask it, and to read its forests takes longer than to read all the rest
     learnt.about.update(machines=machines, seed=seed, key=own, examples=len(examples))
     # Trees are thousands of small arrays, over which joblib takes four times as long to read as pickle does.
     with replacing(target) as temporary, gzip.open(temporary, "wb", compresslevel=3) as file:

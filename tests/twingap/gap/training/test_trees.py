@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
+from pathlib import Path
+
 import numpy as np
 import pytest
 from sklearn.ensemble import HistGradientBoostingClassifier, HistGradientBoostingRegressor
@@ -47,3 +51,15 @@ def test_several_outputs_and_categories_are_refused() -> None:
     for model in (several, kinds):
         with pytest.raises(ValueError, match="one output over numeric"):
             Boosted.of(model)
+
+
+def test_what_was_learnt_is_read_without_what_learns(learnt_home: Path) -> None:
+    """Every command reads it: ten times as fast as scikit-learn is imported, which only training needs."""
+    (path,) = (learnt_home / "gap").glob("learnt-*.gz")
+    code = (
+        "import sys; from pathlib import Path; from twingap.gap.training import load;"
+        f"learnt = load(Path({str(path)!r})); print(len(learnt.detectors), 'sklearn' in sys.modules, learnt.sight)"
+    )
+    told = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.split()
+    assert int(told[0]) > 0
+    assert told[1:] == ["False", "None"]
