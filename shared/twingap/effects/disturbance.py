@@ -318,7 +318,10 @@ def _power_law(n: int, fs_hz: float, slope: float, low_hz: float, high_hz: float
 @register
 @dataclass(frozen=True)
 class ImpulsiveNoise(Effect):
-    """Random knocks tied to no rotation: a Poisson process of exponentially distributed strengths, either sign."""
+    """Random knocks tied to no rotation: a Poisson process of gamma-distributed strengths, either sign.
+
+    With a spread of 1 strengths are exponential, as of many causes near and far; one loose part knocks more evenly.
+    """
 
     stage: ClassVar[Stage] = Stage.DISTURBANCE
     references: ClassVar[tuple[str, ...]] = (
@@ -336,6 +339,9 @@ class ImpulsiveNoise(Effect):
     damping_ratio: float = parameter(
         0.06, unit="", plausible=(0.01, 0.3), allowed=(1e-4, 0.99), log=True, doc="damping ratio of its mode"
     )
+    spread: float = parameter(
+        1.0, unit="", plausible=(0.15, 1.0), allowed=(0, 3.0), doc="standard deviation of the strengths over their mean"
+    )
 
     def apply(self, draft: Draft, rng: np.random.Generator) -> None:
         mode = Mode(self.resonance_hz, self.damping_ratio, self.level * draft.reference_rms)
@@ -346,7 +352,8 @@ class ImpulsiveNoise(Effect):
 
     def _strengths(self, count: int, rng: np.random.Generator) -> Array:
         """[count] Of mean size 1."""
-        return np.asarray(rng.exponential(size=count) * rng.choice((-1.0, 1.0), count))
+        shape = 1 / max(self.spread, 1e-3) ** 2
+        return np.asarray(rng.gamma(shape, 1 / shape, count) * rng.choice((-1.0, 1.0), count))
 
     def cannot_act_on(self, draft: Draft) -> str | None:
         return beyond_nyquist(draft, self.resonance_hz)

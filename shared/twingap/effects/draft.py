@@ -15,6 +15,7 @@ cage_speed_ratio   fault_order                 the rollers' speed               
 cage_lag           none (impacts move)         cage angle = ftf ratio             x(turns - cage_lag)
                                                (turns - cage_lag)
 gain               none (amplitudes change)    respond(): x = gain x + ...        x = gain x
+still              none                        none                               x = strikes alone + still
 force              respond(): through modes    respond(): ... + through modes     none: what needs it refuses
 filters            respond(): x                respond(): x                       x
 heard              white noise                 white noise                        none: x holds its noise already
@@ -99,6 +100,9 @@ class Draft:
     gain : Array [samples] or None
         Factor on the waveform that stands for modulated impacts, for simulators that have none ("rollers", "waveform").
         Multiply it with `modulate`.
+    still : Array [samples] or None
+        While what moves or weighs strikes acts on a finished waveform: what of it is not the strikes', `x` being them
+        alone. None where nobody knows what is which.
     modes : list[Mode]
         The path: structural modes in parallel. Empty for a finished waveform; "rollers" hold their linearised contact.
     filters : list of callables, Array -> Array
@@ -122,6 +126,7 @@ class Draft:
     force: Array | None = None
     past: Array | None = None
     gain: Array | None = None
+    still: Array | None = None
     modes: list[Mode] = field(default_factory=list)
     filters: list[Callable[[Array], Array]] = field(default_factory=list)
     heard: list[tuple[float, Callable[[Array], Array]]] = field(default_factory=list)

@@ -8,12 +8,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import ClassVar, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from twingap.effects.angle import at_angles, cosine
+from twingap.effects.background import passes_of
 from twingap.effects.base import Effect, Stage, parameter, register
 from twingap.effects.draft import Draft, Impacts
 from twingap.effects.ringing import response_rms
@@ -25,6 +26,10 @@ _PAPER1 = "paper 1, Simulation-based remaining useful life prediction of rolling
 _MCFADDEN = (
     "McFadden & Smith 1984, Model for the vibration produced by a single point defect in a rolling element bearing"
 )
+
+
+_BEFORE: Final = 0.3
+"""Part of a pass before the middle of a strike's energy in which nothing of it rings yet."""
 
 
 class _FaultEffect(Effect):
@@ -58,10 +63,15 @@ def _by_pass(impacts: Impacts) -> tuple[NDArray[np.int64], int]:
     return places, int(places.max()) + 1
 
 
-def _passes_within(draft: Draft, rng: np.random.Generator) -> Array:
-    """Angles of the passes in and around a record whose impacts nobody listed; where they begin is random."""
-    order = draft.fault_order
-    return (np.arange(-1, math.ceil(draft.turns[-1] * order) + 2) - rng.random()) / order
+def _passes_within(draft: Draft, rng: np.random.Generator) -> tuple[Array, bool]:
+    """Angles of the passes in and around a record whose impacts nobody listed, and whether they are the strikes' own.
+
+    Where the strikes of a finished waveform do not stand out, passes come at the stated rate and begin at random.
+    """
+    found = passes_of(draft.x, draft.turns * draft.fault_order) if draft.still is not None else None
+    rate, begin = found or (1.0, -rng.random())
+    order = rate * draft.fault_order
+    return (np.arange(-2, math.ceil(draft.turns[-1] * order) + 2) + begin) / order, found is not None
 
 
 @register
@@ -98,10 +108,10 @@ class SlipJitter(_FaultEffect):
             impacts.delays = late[places] if impacts.delays is None else impacts.delays + late[places]
 
     def on_waveform(self, draft: Draft, rng: np.random.Generator) -> None:
-        at = _passes_within(draft, rng)
+        at, known = _passes_within(draft, rng)
         late = self._lateness(at.size, rng)
         # Interpolating at a random place between two independent draws leaves 2/3 of the variance.
-        late = np.cumsum(late) if self.accumulating else math.sqrt(1.5) * late
+        late = np.cumsum(late) if self.accumulating else (1.0 if known else math.sqrt(1.5)) * late
         # A train that is late by one roller spacing is late by 1 / BPFO shaft turns, whatever the defect strikes at.
         order = draft.fault_order
         if draft.excitation == "rollers":
@@ -118,8 +128,9 @@ class SlipJitter(_FaultEffect):
 class ImpactScatter(_FaultEffect):
     """Impacts have random, independent strengths of mean 1 (lognormal: none strikes backwards).
 
-    Raises the floor of the envelope spectrum; its harmonics keep their width. On rollers and finished waveforms a gain
-    that runs evenly from pass to pass, of the same variance at a pass.
+    Raises the floor of the envelope spectrum; its harmonics keep their width. On a finished waveform whose strikes
+    stand out a gain of each; on rollers and other waveforms one that runs evenly from pass to pass, of the same
+    variance at a pass.
     """
 
     references: ClassVar[tuple[str, ...]] = (f"{_PAPER1}, eqs. 1 and 2 (A_i)",)
@@ -132,7 +143,11 @@ class ImpactScatter(_FaultEffect):
         impacts.amplitudes = impacts.amplitudes * self._strengths(count, self.sigma, rng)[places]
 
     def on_waveform(self, draft: Draft, rng: np.random.Generator) -> None:
-        at = _passes_within(draft, rng)
+        at, known = _passes_within(draft, rng)
+        if known:  # the gain changes between two strikes, shortly before the later one
+            own = np.searchsorted(at - _BEFORE * (at[1] - at[0]), draft.turns) - 1
+            draft.modulate(self._strengths(at.size, self.sigma, rng)[own])
+            return
         # The variance that interpolating leaves, as for jitter.
         draft.modulate(np.interp(draft.turns, at, self._strengths(at.size, math.sqrt(1.5) * self.sigma, rng)))
 
@@ -145,7 +160,10 @@ class ImpactScatter(_FaultEffect):
 @register
 @dataclass(frozen=True)
 class LoadZone(_FaultEffect):
-    """Impacts are weighted by the load where they strike, q = 1 + depth cos(angle).
+    """Impacts are weighted by the load where they strike, q = 1 + depth cos(angle); in a zone, by Stribeck's law.
+
+    Loaded is `extent` of the diameter. All of it: the load goes as the cosine. With clearance it is less than half, and
+    beyond the zone there is no load at all: 1 - (1 - cos(angle)) / (2 extent), or nothing.
 
     A defect of the inner race turns through the load zone at shaft rate, one of a rolling element at cage rate; one of
     the standing outer race stays where it is, and a cage carries no load. Where the record finds the defect is random.
@@ -154,7 +172,10 @@ class LoadZone(_FaultEffect):
 
     references: ClassVar[tuple[str, ...]] = (f"{_PAPER1}, eq. 1 (q)", _MCFADDEN)
     depth: float = parameter(
-        0.3, unit="", plausible=(0.05, 1.0), allowed=(0, 1), doc="half the swing of the load over its mean"
+        0.3, unit="", plausible=(0.05, 1.0), allowed=(0, 1), doc="part of the load that a turn changes"
+    )
+    extent: float = parameter(
+        1.0, unit="", plausible=(0.2, 1.0), allowed=(0.05, 1), doc="loaded part of the diameter (Stribeck's epsilon)"
     )
 
     def on_impacts(self, draft: Draft, impacts: Impacts, rng: np.random.Generator) -> None:
@@ -168,7 +189,13 @@ class LoadZone(_FaultEffect):
         rate = rates.get(str(draft.condition.fault))
         if rate is None:
             return 1.0
-        return 1 + self.depth * cosine(rate * turns + rng.random())
+        around = cosine(rate * turns + rng.random())
+        if self.extent >= 1:
+            return 1 + self.depth * around
+        middle = 2 * self.extent - 1
+        edge = math.acos(-middle)  # of the zone; the mean over a turn comes in closed form
+        mean = (middle * edge + math.sin(edge)) / math.pi
+        return 1 + self.depth * (np.maximum(middle + around, 0.0) / mean - 1)
 
 
 @register
@@ -199,8 +226,8 @@ class EntryExit(_FaultEffect):
 
     The second strike follows at a fixed angle, by which its delay scales with speed: a comb of 1/delay in spectrum and
     cepstrum. The arc lies on the race that is struck, or on the roller's own surface for a ball defect. A contact model
-    has edges of its own, so its defect is given another length there instead. A finished waveform is repeated whole,
-    its noise too, at that delay.
+    has edges of its own, so its defect is given another length there instead. A finished waveform whose background is
+    not known is repeated whole, its noise too, at that delay.
     """
 
     references: ClassVar[tuple[str, ...]] = (
@@ -237,8 +264,10 @@ class EntryExit(_FaultEffect):
             impacts.delays = np.tile(impacts.delays, 2)
 
     def on_waveform(self, draft: Draft, rng: np.random.Generator) -> None:
-        later = at_angles(draft.x, draft.turns, draft.turns - self.delay_turns(draft))
-        draft.x = draft.x + self._second * later
+        # What strikes already is the stronger of the two: nobody meant it to be the fainter.
+        turned, apart = -1 if self.turned else 1, self.delay_turns(draft)
+        ratio, apart = (self.exit_ratio, apart) if self.exit_ratio <= 1 else (1 / self.exit_ratio, -apart)
+        draft.x = draft.x + turned * ratio * at_angles(draft.x, draft.turns, draft.turns - apart)
 
     def cannot_act_on(self, draft: Draft) -> str | None:
         if draft.excitation == "rollers":
@@ -318,6 +347,8 @@ class SpeedGain(Effect):
         draft.amplify_force(on_noise)
         if draft.excitation != "impacts":
             draft.modulate(gain if draft.faulty else on_noise)
+        if draft.still is not None:
+            draft.still = draft.still * on_noise
 
 
 @register

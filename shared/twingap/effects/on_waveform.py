@@ -1,6 +1,6 @@
 """A chain of effects on a finished waveform: simulated records of a foreign simulator, or measured ones.
 
-x --> SHAFT: resampled over the new angle --> EXCITATION: delayed over the angle, times a gain --> PATH: filters
+x --> SHAFT: resampled over the new angle --> EXCITATION: strikes delayed over the angle, times a gain --> PATH: filters
   --> DISTURBANCE: added to --> ACQUISITION: what the converter does --> Record
 """
 
@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 import numpy as np
+from numpy.typing import NDArray
 
 from twingap.bearing import Bearing
 from twingap.effects.angle import at_angles
@@ -19,9 +20,16 @@ from twingap.errors import TwingapError
 from twingap.records import Record
 from twingap.streams import Streams
 
+Array = NDArray[np.float64]
+
 
 def apply_to_waveform(
-    effects: Iterable[Effect], record: Record, bearing: Bearing, reference_rms: float, streams: Streams
+    effects: Iterable[Effect],
+    record: Record,
+    bearing: Bearing,
+    reference_rms: float,
+    streams: Streams,
+    still: Array | None = None,
 ) -> Record:
     """The record with these effects added to what it holds already.
 
@@ -37,6 +45,9 @@ def apply_to_waveform(
         RMS of the machine's healthy vibration in the record's unit: the yardstick of disturbances and of the converter.
     streams : Streams
         The record's random streams; each effect draws from its own.
+    still : Array [samples], optional
+        What of a record with a defect is not its strikes', see `Background`: effects on strikes leave that as it is.
+        None: they act on all of it.
 
     Returns
     -------
@@ -58,6 +69,8 @@ def apply_to_waveform(
     draft = Draft(condition, bearing, reference_rms, t, evenly, excitation="waveform", x=x)
     chain = in_order(tuple(effects))
     for stage in Stage:
+        if stage is Stage.EXCITATION and still is not None and draft.faulty:
+            draft.x, draft.still = draft.x - still, still
         for effect in chain:
             if effect.stage == stage:
                 if reason := effect.cannot_act_on(draft):
@@ -65,11 +78,14 @@ def apply_to_waveform(
                 effect.apply(draft, streams(effect.name))
         if stage is Stage.SHAFT and draft.turns is not evenly:
             draft.x = at_angles(draft.x, evenly, draft.turns)
+            still = None if still is None else at_angles(still, evenly, draft.turns)
         elif stage is Stage.EXCITATION:
-            if draft.cage_lag is not None:
-                draft.x = at_angles(draft.x, draft.turns, draft.turns - draft.cage_lag)
             if draft.gain is not None:
                 draft.x = draft.x * draft.gain
+            if draft.still is not None:
+                draft.x, draft.still = draft.x + draft.still, None
+            if draft.cage_lag is not None:  # noise that comes a little later is as good as before
+                draft.x = at_angles(draft.x, draft.turns, draft.turns - draft.cage_lag)
         elif stage is Stage.PATH and draft.filters:
             # Nobody knows what was before the record: its beginning, mirrored, comes nearest.
             x = np.pad(draft.x, (LEAD, 0), mode="reflect")

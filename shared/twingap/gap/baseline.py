@@ -40,6 +40,13 @@ _FINAL_STEP: Final = 0.1
 """The same where energy does not."""
 _GRID: Final = (0.08, 0.16, 0.27, 0.4)
 """Parts of the sampling rate at which broad modes are tried: they have no peak to begin at."""
+_STRETCH: Final = 128
+"""Samples, of a healthy bearing; a knock and what rings after it are not much longer."""
+_FEWEST_STRETCHES: Final = 16
+_KNOCK: Final = 8.0
+"""Median deviations by which the power of a stretch with a knock exceeds the usual one."""
+_MOST_KNOCKS: Final = 0.25
+"""Part of a record's stretches; where more are loud, loud is what the record is."""
 _BESIDE: Final = 0.06
 """Logarithm of the ratio of two places within which a search that begins at one finds the other."""
 
@@ -266,12 +273,19 @@ def sides_of(records: Sequence[Record], frame: Frame) -> list[Side]:
 
 
 def _bands(record: Record, frame: Frame) -> tuple[Array, float]:
-    """Power density in `BANDS` bands without tones, and mean square in the frame's band, tones and all."""
+    """Power density in `BANDS` bands without tones, and mean square in the frame's band, tones and all.
+
+    Without knocks either: a few strong ones in a handful of records say little of their mean power, and mode, noises
+    and impacts would be made up for what they happen to have.
+    """
     import scipy.fft
 
     x, fs_hz = record.samples, record.condition.fs_hz
-    transform = scipy.fft.rfft(x - x.mean())
-    power = (transform.real**2 + transform.imag**2) * (2 / (fs_hz * x.size))
+    x = x - x.mean()
+    kept = _between_knocks(x, _stretch(record.condition, frame))
+    transform = scipy.fft.rfft(x if kept is None else x * kept)
+    weight = x.size if kept is None else float(kept @ kept)
+    power = (transform.real**2 + transform.imag**2) * (2 / (fs_hz * weight))
     df = fs_hz / x.size
     low, high = (round(f / df) for f in frame.band_hz)
     energy = float(power[max(low, 1) : max(high, low + 1)].sum() * df)
@@ -284,6 +298,33 @@ def _bands(record: Record, frame: Frame) -> tuple[Array, float]:
     # Tones lie above what chance does to the largest of so many bins: each bin counts as at most that.
     level = medians(blocks)[:, None] / math.log(2)
     return np.asarray(np.minimum(blocks, level * (math.log(per) + 3)).mean(axis=1)), energy
+
+
+def _stretch(condition: Condition, frame: Frame) -> int:
+    """Samples of a stretch that is loud or not as a whole: of a defect, with one of its strikes in each at least."""
+    order = 0.0 if condition.fault in (None, "healthy") else frame.bearing.fault_order(str(condition.fault))
+    return max(_STRETCH, math.ceil(condition.fs_hz / (order * condition.speed_rpm / 60)) if order else 0)
+
+
+def _between_knocks(x: Array, stretch: int) -> Array | None:
+    """[samples] 0 where something short and far louder than the rest of the record is, 1 elsewhere; None without."""
+    count = x.size // stretch
+    if count < _FEWEST_STRETCHES:
+        return None
+    pieces = x[: count * stretch].reshape(count, stretch)
+    power = np.einsum("ij,ij->i", pieces, pieces)
+    usual = float(medians(power))
+    loud = power > usual + _KNOCK * max(float(medians(np.abs(power - usual))), 0.1 * usual)
+    if not 0 < loud.sum() <= _MOST_KNOCKS * count:
+        return None
+    # What rings on after a knock, and what begins before it, lies beside it.
+    quiet = np.convolve(loud, np.ones(3), mode="same") == 0
+    kept = np.repeat(quiet, stretch).astype(float)
+    kept = np.pad(kept, (0, x.size - kept.size), mode="edge")
+    edge = np.hanning(_STRETCH // 2 + 2)[1:-1]
+    return np.asarray(np.convolve(np.pad(kept, edge.size // 2, mode="edge"), edge / edge.sum(), mode="same"))[
+        edge.size // 2 : edge.size // 2 + x.size
+    ]
 
 
 @dataclass(frozen=True)

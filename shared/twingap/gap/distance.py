@@ -274,14 +274,33 @@ class Paired:
         return steepness, np.asarray((steepness**2 - noise).sum(axis=0, keepdims=True) / self._count)
 
     def misfit(self) -> float:
-        """Distance with the noise of the means left in: never negative, and smooth in whatever makes the replicates.
+        """Distance with the noise of the records' means left in: smooth in whatever makes the replicates.
 
-        For fitting values: what is taken out of `squares` may leave nothing, or nothing to go by.
+        For fitting values: what is taken out of `squares` may leave nothing, or nothing to go by. With more than one
+        replicate the noise of simulations is taken out, since values that make it small would come nearer by that
+        alone: many small knocks for a few large ones, strikes that hardly scatter.
         """
-        steepness = self._fitted[2]
+        steepness, noises = self._fitted[2], self._simulated_variances
         trend = (steepness**2).sum(axis=0, keepdims=True) / self._count
-        means = [mean for _, mean in self._squares]
-        return float(self.over_views(self._contrasted([(mean**2, mean) for mean in means], trend))[0][0])
+        for tilt, noise in zip(self.tilts, noises, strict=True):
+            trend = trend - float(np.sum(tilt**2)) * noise / self._count
+        parts = [
+            (mean**2 - noise / len(own), mean)
+            for (_, mean), noise, own in zip(self._squares, noises, self._witnesses, strict=True)
+        ]
+        # Where noise by chance seems larger than it is, less than nothing would be left, and values be sought for that.
+        means = np.maximum(self.over_strata(self._contrasted(parts, trend)), 0.0)
+        return float(self._of_views(means)[0][0])
+
+    @cached_property
+    def _simulated_variances(self) -> list[Array]:
+        """[bins] of a unit's mean over replicates, per stratum, as the replicates show it; 0 of one replicate."""
+        if self.m < 2:
+            return [np.zeros(self.scale.size)] * len(self.strata)
+        of_record = self.stacked[:, 1:].var(axis=1, ddof=1) / self.m / self.scale**2
+        return [
+            np.mean([of_record[unit].sum(axis=0) / len(unit) ** 2 for unit in own], axis=0) for own in self._witnesses
+        ]
 
     def residuals(self) -> Array:
         """[strata + slopes, bins] Standardised means and slopes: `misfit` is the root of their squares, tempered.
@@ -397,7 +416,10 @@ class Paired:
 
     def over_views(self, squares: Array) -> tuple[Array, dict[Domain, Array]]:
         """Overall and per-view distances from `squares` [draws, strata, bins]; each [draws]."""
-        means = self.over_strata(squares)
+        return self._of_views(self.over_strata(squares))
+
+    def _of_views(self, means: Array) -> tuple[Array, dict[Domain, Array]]:
+        """The same from means over strata [draws, bins]."""
         views = {d: means[:, self.real.columns(d)] @ self.real.axes[d].weight for d in self.real.domains}
         overall = np.mean(list(views.values()), axis=0)
         return _root(overall), {d: _root(v) for d, v in views.items()}

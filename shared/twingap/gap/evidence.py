@@ -38,6 +38,8 @@ MOST_TRIED: Final = 6
 """Records of each state that trials of values are made on."""
 LONGEST_TRIED: Final = 1 << 15
 """Samples of each."""
+TRIED_WITH: Final = (3, 6)
+"""Replicates that trials of values are made with: by one alone, values whose simulations scatter less come nearer."""
 SAMPLES_TRIED: Final = 5e7
 """Samples that one search for values may simulate, about ten seconds' work."""
 TRIALS: Final = (24, 320)
@@ -185,7 +187,7 @@ class Evidence:
     @property
     def trials(self) -> int:
         """Simulations of `misfit` that one search for values may ask for: fewer where each takes longer."""
-        samples = sum(c.n_samples for c in self._tried.conditions)
+        samples = len(TRIED_WITH) * sum(c.n_samples for c in self._tried.conditions)
         dear = CONTACT_COSTS if self.spec.model == "contact" else 1
         return int(np.clip(SAMPLES_TRIED / (samples * dear), *TRIALS))
 
@@ -226,12 +228,13 @@ class Evidence:
         return float(pair.over_views(pair.squares())[0][0])
 
     def misfit(self, simulator: Simulator, effects: Sequence[Effect]) -> float:
-        """The same of a few records, with the noise of their means in it: what fitted values are to make small."""
+        """The same of a few records, with the noise of their own means in it: what fitted values are to make small."""
         return self.tried(simulator, effects).misfit()
 
     def tried(self, simulator: Simulator, effects: Sequence[Effect]) -> Paired:
-        """A few records of the fit part beside one simulation of them, whose random streams are always the same."""
-        return Paired(self._tried_views, [self._trial(simulator, effects, 3)], None, self._trial_yardstick)
+        """A few records of the fit part beside two simulations of them, whose random streams are always the same."""
+        made = [self._trial(simulator, effects, replicate) for replicate in TRIED_WITH]
+        return Paired(self._tried_views, made, None, self._trial_yardstick)
 
     def _trial(self, simulator: Simulator, effects: Sequence[Effect], replicate: int) -> Views:
         return self.views(self.simulated(simulator, effects, self._tried.conditions, replicate), self._tried_grid)

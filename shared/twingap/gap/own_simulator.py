@@ -3,8 +3,8 @@
 conditions --nearest in fault, speed, load, time--> simulated record --rate, length, level--> record
            --its speed where theirs is not near, effects on the finished waveform-----------> record
 
-Effects act where they can on a finished waveform (path, disturbance, acquisition, and by resampling over the shaft
-angle), and say where they cannot.
+Effects act where they can on a finished waveform (path, disturbance, acquisition, by resampling over the shaft angle,
+and on what of it is more than healthy records hold), and say where they cannot.
 """
 
 from __future__ import annotations
@@ -19,8 +19,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twingap.bearing import Bearing
-from twingap.effects import Effect, apply_to_waveform
+from twingap.effects import Effect, Stage, apply_to_waveform
 from twingap.effects.angle import at_angles
+from twingap.effects.background import Background
 from twingap.errors import TwingapError
 from twingap.gap.simulator import streams_of, why_not
 from twingap.records import Condition, Record, RecordSet
@@ -37,6 +38,8 @@ _OTHER_FAULT = 1e6
 _AS_NEAR = 0.01
 """Distance within which simulated records are of one condition."""
 _MOST_REPLICATES: Final = 12
+_MOST_KEPT: Final = 96
+"""Records of which it is kept what is not strikes."""
 _MOST_MEASURED: Final = 40
 """Records that levels are read from."""
 
@@ -96,6 +99,8 @@ class OwnSimulator:
                 mend="simulate the faults that the real records have, and name them in column fault",
             )
         self._made = _Made(sim.conditions)
+        self._quiet: dict[float, Background | None] = {}
+        self._known_still: dict[tuple[object, ...], NDArray[np.float32]] = {}
         notes = []
         if missing := sorted(wanted - faults):
             notes.append(f"no simulated record of {', '.join(missing)}: real records of it are left aside")
@@ -123,7 +128,8 @@ class OwnSimulator:
             samples, speed_rpm = self._waveform(condition, streams, replicate)
             record = Record(replace(condition, speed_rpm=speed_rpm), samples)
             if effects:
-                record = apply_to_waveform(effects, record, self.bearing, self.reference_rms, streams)
+                still = self._still(record, effects, (streams_root, replicate))
+                record = apply_to_waveform(effects, record, self.bearing, self.reference_rms, streams, still)
             out.append(record)
         return out
 
@@ -169,6 +175,34 @@ class OwnSimulator:
         known = [c for c in conditions if c.name in self._alike]
         least = min((len(self._ranked(c)) // self._alike[c.name] for c in known), default=1)
         return min(max(least, 1), _MOST_REPLICATES)
+
+    def _still(self, record: Record, effects: Sequence[Effect], chances: tuple[int, int]) -> Array | None:
+        """What of a record with a defect is not its strikes'; None where no effect asks, or no healthy record tells.
+
+        The same for all values of effects, which are tried by the hundred: the last ones are kept.
+        """
+        c = record.condition
+        if c.fault in (None, "healthy") or not any(effect.stage is Stage.EXCITATION for effect in effects):
+            return None
+        quiet = self._background(c.fs_hz)
+        if quiet is None:
+            return None
+        key = c.name, c.n_samples, c.fs_hz, c.speed_rpm, chances
+        if key not in self._known_still:
+            if len(self._known_still) >= _MOST_KEPT:
+                self._known_still.pop(next(iter(self._known_still)))
+            rate_hz = self.bearing.fault_order(str(c.fault)) * c.speed_rpm / 60
+            x = np.asarray(record.samples / self.gain, float)
+            strikes = quiet.strikes(x, np.arange(c.n_samples, dtype=float) * (rate_hz / c.fs_hz))
+            self._known_still[key] = np.asarray(x - strikes, np.float32)
+        return np.asarray(self.gain * self._known_still[key], float)
+
+    def _background(self, fs_hz: float) -> Background | None:
+        """What its healthy records hold, as they were brought, at this rate; None without any."""
+        if fs_hz not in self._quiet:
+            places = [i for i, c in enumerate(self.sim.conditions) if c.fault == "healthy" and c.fs_hz >= 0.999 * fs_hz]
+            self._quiet[fs_hz] = Background.of([self._at_rate(i, fs_hz) for i in places[:_MOST_MEASURED]])
+        return self._quiet[fs_hz]
 
     def _of_healthy(self) -> float | None:
         """RMS of simulated healthy records about their means, as they were brought; None without any."""

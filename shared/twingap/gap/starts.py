@@ -1,6 +1,7 @@
 """Where to begin looking for an effect's values: estimates may be far off, and a search goes to the nearest valley.
 
 features --read off--> places that a signature names by itself -----------------------+
+second strikes over a pass, knocks rare and frequent --------------------------------+
 healthy spectrum --low-pass x mode, in closed form, all over a grid--> the likeliest --+--each simulated--> least misfit
 spectra --two modes, with or against each other--> the likeliest ----------------------+
 the estimate, where it drives records and twin apart --weaker and weaker--> places -------+
@@ -23,6 +24,7 @@ from numpy.typing import NDArray
 from twingap.effects import (
     ColouredNoise,
     Effect,
+    EntryExit,
     ImpulsiveNoise,
     Looseness,
     SecondResonance,
@@ -34,6 +36,7 @@ from twingap.gap.comparison import feature_names
 from twingap.gap.evidence import values_of
 from twingap.gap.likeliest import likeliest_losses, likeliest_modes, likeliest_noises
 from twingap.gap.prior import Key, Said, pull, strain
+from twingap.gap.signatures.knocks import KNOCKS_AT_LEAST
 from twingap.gap.training.parameters import Setting, coordinates, to_effect, to_number
 from twingap.twins.twin_file import flat
 
@@ -54,6 +57,11 @@ _RATES: Final = (0.06, 0.25, 4.0)
 _STRENGTHS: Final = frozenset(
     ("level", "level_1x", "level_2x", "level_3x", "gain", "sigma", "depth", "exponent", "slip", "rate_per_s", "step")
 )
+_LN_10: Final = math.log(10)
+_EVEN: Final = 0.3
+"""Spread of knocks of one loose part: their mean is twice what lies above a threshold that hides few of them."""
+_DELAYS: Final = (0.06, 0.11, 0.17, 0.24, 0.32, 0.41)
+"""Second strikes are tried so many parts of a pass after the first."""
 _BETTER: Final = 0.99
 """Factor on the misfit from which another place is a better one to begin at."""
 
@@ -137,6 +145,12 @@ def places(given: Effect, features: Array, evidence: Evidence) -> Iterator[Effec
     if isinstance(given, Looseness):
         for factor in (1.0, 2.0, 4.0):
             yield dataclasses.replace(given, level=factor * given.level, in_phase=not given.in_phase)
+    if isinstance(given, EntryExit):
+        for part in _DELAYS:
+            for ratio in (0.5, 1.8):
+                for turned in (False, True):
+                    arc_deg = part * 360 / evidence.frame.bearing.n_rollers
+                    yield EntryExit(arc_deg=arc_deg, exit_ratio=ratio, turned=turned)
     if given.name in ("foreign_bearing", "impulsive_noise"):
         yield from _knocks(given, evidence)
     if isinstance(given, SecondResonance):
@@ -189,6 +203,25 @@ def _read(name: str, found: Mapping[str, float], bearing: Bearing) -> Iterator[d
                 yield {"rate_per_s": math.log(found[trend]), "onset_s": 0.0}
     if name == "mean_slip" and math.isfinite(found["context|slip_seen"]):
         yield {"slip": found["context|slip_seen"]}
+    if name == "foreign_bearing":
+        order = found["background.foreign_order|all.level"]
+        if math.isfinite(order):
+            yield {"order": order}
+    if name == "impulsive_noise":
+        for of in ("all", "healthy"):
+            yield from _knocks_read(found, of)
+
+
+def _knocks_read(found: Mapping[str, float], of: str) -> Iterator[dict[str, float]]:
+    """How often it knocks, as counted and with those that noise hides; how strongly, and what rings."""
+    level, place, damping = (found[f"background.knock_{what}|{of}.level"] for what in ("level", "fs", "damping_log"))
+    for counted in ("count_log", "rate_log"):
+        rate_hz = 10 ** found[f"background.knock_{counted}|{of}.level"] - KNOCKS_AT_LEAST
+        if min(rate_hz, place) > 0 and math.isfinite(level + damping):
+            ring = {"resonance_hz": math.log(place), "damping_ratio": damping * _LN_10}
+            for spread, louder in ((1.0, 1.0), (_EVEN, 2.0)):
+                strength = level * _LN_10 + math.log(louder)
+                yield {"level": strength, "rate_hz": math.log(rate_hz), "spread": spread, **ring}
 
 
 def _moved(given: Effect, numbers: Mapping[str, float], setting: Setting) -> Effect:

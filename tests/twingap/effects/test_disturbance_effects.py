@@ -163,6 +163,14 @@ def test_impulsive_noise_has_high_kurtosis_and_no_envelope_lines(lab: Any) -> No
     assert gaps.std() == pytest.approx(gaps.mean(), rel=0.15), "waiting times without memory"
 
 
+@pytest.mark.parametrize("spread", [0.0, 0.3, 1.0])
+def test_knocks_are_as_even_as_their_spread_says(spread: float) -> None:
+    drawn = ImpulsiveNoise(spread=spread)._strengths(200_000, np.random.default_rng(0))
+    assert np.abs(drawn).mean() == pytest.approx(1.0, rel=0.01)
+    assert np.abs(drawn).std() == pytest.approx(spread, abs=0.01)
+    assert np.mean(drawn > 0) == pytest.approx(0.5, abs=0.01)
+
+
 @pytest.mark.parametrize("slip", [0.0, 0.02])
 def test_waviness_draws_lines_in_the_raw_spectrum_and_none_in_the_envelope(lab: Any, slip: float) -> None:
     cage = [MeanSlip(slip=slip)]

@@ -113,6 +113,20 @@ def test_load_zone_at_shaft_rate_inner_cage_rate_ball_and_nothing_else(lab: Any)
         np.testing.assert_array_equal(with_it, without)
 
 
+@pytest.mark.parametrize("extent", [0.2, 0.5, 0.8, 1.0])
+def test_a_narrow_load_zone_is_stribecks_and_leaves_the_mean_strength(lab: Any, extent: float) -> None:
+    condition = lab.conditions("inner", 1)[0]
+    turns = np.arange(20_000) / 2000
+    draft = Draft(condition, lab.bearing, 1.0, turns / lab.fr, turns)
+    weights = [LoadZone(depth=d, extent=extent)._weight(draft, turns, np.random.default_rng(3)) for d in (1.0, 0.4)]
+    assert weights[0].mean() == pytest.approx(1.0, abs=1e-3)
+    np.testing.assert_allclose(weights[1], 0.6 + 0.4 * weights[0])
+    # Stribeck's half angle of the zone: cos(psi) = 1 - 2 epsilon.
+    assert np.mean(weights[0] > 1e-9) == pytest.approx(np.arccos(1 - 2 * extent) / np.pi, abs=2e-3)
+    law = np.maximum(1 - (1 - np.cos(2 * np.pi * (turns - turns[np.argmax(weights[0])]))) / (2 * extent), 0)
+    np.testing.assert_allclose(weights[0], law / law.mean(), atol=0.01)
+
+
 @pytest.mark.parametrize("fault", ["inner", "outer", "ball"])
 def test_cage_modulation_at_cage_rate_whatever_the_fault(lab: Any, fault: str) -> None:
     before, after = sidebands(lab, CageModulation(depth=0.5), fault, lab.bearing.ftf)

@@ -156,6 +156,22 @@ def test_the_misfit_keeps_the_noise_of_means_and_is_never_less_than_what_lies_ap
     )
 
 
+def test_the_misfit_gains_nothing_from_simulations_that_scatter_less() -> None:
+    """With two replicates their noise is taken out: as far off, as near, whether simulations scatter or not."""
+    rng, found = np.random.default_rng(4), {}
+    for spread in (0.2, 2.0):
+        squares = []
+        for _ in range(200):
+            conditions = conditions_of(6)
+            real, sims = views_of(conditions, rng, 2.0), [views_of(conditions, rng) for _ in range(2)]
+            noisy = [Views({"order": spread * sim.matrix}, sim.axes, conditions) for sim in sims]
+            squares.append([Paired(real, noisy[:m], None, np.ones(BINS)).misfit() ** 2 for m in (1, 2)])
+        found[spread] = np.mean(squares, axis=0)
+    one, two = found[2.0] - found[0.2]
+    assert one > 1.0
+    assert abs(two) < 0.1 * one
+
+
 def test_residuals_are_those_of_the_misfit_and_what_is_plain_counts_less() -> None:
     rng = np.random.default_rng(9)
     faint, plain = pair_of(6, 1, rng, 0.5), pair_of(6, 1, rng, 9.0)

@@ -164,4 +164,5 @@ def test_values_stay_where_they_are_plausible(monkeypatch: pytest.MonkeyPatch) -
         low, high = field.metadata["plausible"]
         values = [getattr(effect, field.name) for effect in tried]
         assert 0.999 * low <= min(values)
-        assert max(values) <= 1.001 * high
+        # Levels are multiples of a healthy vibration that may be very quiet: three times as high is tried as well.
+        assert max(values) <= 1.001 * high * (3 if field.name == "level" else 1)

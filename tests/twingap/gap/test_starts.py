@@ -101,6 +101,17 @@ def test_a_second_mode_is_found_where_it_is_and_the_way_it_moves(opposed: bool) 
     assert misfits[1] < 1.25 * misfits[0] < misfits[2]
 
 
+def test_knocks_are_begun_at_as_many_and_as_strong_as_are_counted() -> None:
+    values = {"level": 40.0, "rate_hz": 4.0, "resonance_hz": 4200.0, "damping_ratio": 0.1, "spread": 0.2}
+    own = evidence_of(machine(make_effect("impulsive_noise", values)))
+    guess = make_effect("impulsive_noise", {"level": 9.0, "rate_hz": 40.0, "resonance_hz": 1500.0})
+    read = [vars(place) for place in places(guess, own.against().fit, own)]
+    best = min(read, key=lambda one: sum(abs(np.log(one[k] / values[k])) for k in ("level", "rate_hz", "resonance_hz")))
+    assert best["rate_hz"] == pytest.approx(4.0, rel=0.5)
+    assert best["level"] == pytest.approx(40.0, rel=0.5)
+    assert best["resonance_hz"] == pytest.approx(4200.0, rel=0.15)
+
+
 def test_a_good_guess_stays() -> None:
     truth = make_effect("sensor_rolloff", {"order": 2, "corner_hz": 1900.0, "background": 0.97})
     own = evidence_of(machine(truth))
@@ -184,9 +195,11 @@ def test_a_slope_over_speed_is_an_exponent() -> None:
 def test_a_signature_names_a_place(effect: str, feature: str, value: float, parameter: str, expected: float) -> None:
     own = evidence_of(machine())
     features = np.full(len(feature_names()), np.nan)
-    assert not list(places(make_effect(effect), features, own))
+    without = [vars(place)[parameter] for place in places(make_effect(effect), features, own)]
+    assert min((abs(one - expected) for one in without), default=1.0) > 1e-3 * abs(expected)
     features[feature_names().index(feature)] = value
     found = [vars(place)[parameter] for place in places(make_effect(effect), features, own)]
+    assert len(found) > len(without)
     assert min(abs(one - expected) for one in found) < 1e-6 * abs(expected)
 
 

@@ -202,7 +202,9 @@ def _any_fault(drawer: Drawer) -> Drawer:
 
 
 def _zone(rng: np.random.Generator, machine: Machine) -> Mapping[str, float] | None:
-    return {"depth": _log(rng, 0.12, 1.0)} if _faults(machine) & {"inner", "ball"} else None
+    if not _faults(machine) & {"inner", "ball"}:
+        return None
+    return {"depth": _log(rng, 0.12, 1.0), "extent": 1.0 if rng.random() < 0.4 else rng.uniform(0.25, 1.0)}
 
 
 def _growth(rng: np.random.Generator, machine: Machine) -> Mapping[str, float] | None:
@@ -346,7 +348,8 @@ def _coloured(rng: np.random.Generator, machine: Machine) -> Mapping[str, float]
 
 def _knocks(rng: np.random.Generator, machine: Machine) -> Mapping[str, float]:
     ring = _ring(rng, machine, (0.03, 0.44), (0.01, 0.25))
-    return {"level": _log(rng, 4.0, 60.0), "rate_hz": _log(rng, 0.7, 40.0), **ring}
+    spread = 1.0 if rng.random() < 0.4 else rng.uniform(0.15, 1.0)
+    return {"level": _log(rng, 4.0, 60.0), "rate_hz": _log(rng, 0.7, 40.0), "spread": spread, **ring}
 
 
 def _waviness(rng: np.random.Generator, machine: Machine) -> Mapping[str, float]:

@@ -143,7 +143,7 @@ class ColouredNoise(disturbance.ColouredNoise):
 
 @dataclass(frozen=True)
 class ImpulsiveNoise(disturbance.ImpulsiveNoise):
-    """Knocks of more even strength, or all from one side.
+    """Knocks whose strength some have in common, or all from one side.
 
     Parameters
     ----------
@@ -156,8 +156,9 @@ class ImpulsiveNoise(disturbance.ImpulsiveNoise):
     one_sided: bool = False
 
     def _strengths(self, count: int, rng: np.random.Generator) -> Array:
-        sides = np.ones(count) if self.one_sided else rng.choice((-1.0, 1.0), count)
-        return np.asarray((self.even + (1 - self.even) * rng.exponential(size=count)) * sides)
+        own = super()._strengths(count, rng)
+        sides = np.ones(count) if self.one_sided else np.sign(own)
+        return np.asarray((self.even + (1 - self.even) * np.abs(own)) * sides)
 
 
 def _uneven(name: str) -> Maker:

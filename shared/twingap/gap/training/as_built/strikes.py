@@ -86,15 +86,7 @@ class ImpactScatter(excitation.ImpactScatter):
 
 @dataclass(frozen=True)
 class LoadZone(excitation.LoadZone):
-    """The load of a bearing with clearance: none outside its zone (Stribeck's distribution).
-
-    Parameters
-    ----------
-    extent : float
-        Load zone's extent as a part of the diameter: 0.5 is half the circumference.
-    """
-
-    extent: float = 0.5
+    """Strikes that follow the load of point contacts in its zone (Stribeck's distribution with Hertz's exponent)."""
 
     def _weight(self, draft: Draft, turns: Array, rng: np.random.Generator) -> Array | float:
         rates = {"inner": 1.0, "ball": draft.bearing.ftf * draft.cage_speed_ratio}
@@ -220,7 +212,7 @@ def _gamma(values: dict[str, Any], machine: Machine, rng: np.random.Generator) -
 
 
 def _zone(values: dict[str, Any], machine: Machine, rng: np.random.Generator) -> Effect:
-    return LoadZone(**values, extent=rng.uniform(0.25, 0.8))
+    return LoadZone(**{**values, "extent": min(values["extent"], rng.uniform(0.25, 0.8))})
 
 
 def _one_roller(values: dict[str, Any], machine: Machine, rng: np.random.Generator) -> Effect:

@@ -1,0 +1,106 @@
+"""Strikes and background of finished waveforms, told apart by what healthy records hold."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from twingap import Record
+from twingap.effects import (
+    DamageGrowth,
+    EntryExit,
+    ImpactScatter,
+    LoadZone,
+    MeanSlip,
+    SlipJitter,
+    SpeedGain,
+    apply_to_waveform,
+)
+from twingap.effects.background import Background, passes_of
+from twingap.streams import Streams
+
+
+def background_of(lab: Any) -> Background:
+    found = Background.of(list(lab.make([], "healthy", 6)))
+    assert found is not None
+    return found
+
+
+def done(lab: Any, x: np.ndarray, effect: Any, background: Background | None, fault: str = "outer") -> np.ndarray:
+    (condition,) = lab.conditions(fault, 1, 500.0)
+    passes = np.arange(x.size) / lab.fs_hz * lab.fr * lab.bearing.bpfo
+    still = None if background is None else x - background.strikes(x, passes)
+    return apply_to_waveform([effect], Record(condition, x), lab.bearing, 1.0, Streams(7, 0), still).samples
+
+
+def between_and_at(lab: Any, x: np.ndarray, fault: str = "outer") -> tuple[float, float]:
+    """Power where nothing rings, and where strikes do, from quantiles of short stretches."""
+    power = (x[: x.size // 24 * 24].reshape(-1, 24) ** 2).mean(axis=1)
+    return float(np.quantile(power, 0.2)), float(np.quantile(power, 0.97))
+
+
+@pytest.mark.parametrize(
+    "effect",
+    [DamageGrowth(rate_per_s=2e-3), SpeedGain(exponent=1.6, reference_speed_rpm=900.0, on_noise=0.0)],
+)
+def test_strikes_grow_and_the_noise_between_them_stays(lab: Any, effect: Any) -> None:
+    x = lab.make([], "outer", time_s=500.0)[0]
+    whole, strikes = done(lab, x, effect, None), done(lab, x, effect, background_of(lab))
+    np.testing.assert_allclose(whole, whole[0] / x[0] * x, rtol=1e-9)
+    after, before = between_and_at(lab, strikes), between_and_at(lab, x)
+    gain = (whole[0] / x[0]) ** 2
+    assert after[0] / before[0] < 0.3 * gain
+    assert after[1] / before[1] > 0.6 * gain
+
+
+def test_a_second_strike_does_not_double_the_noise(lab: Any) -> None:
+    x = lab.make([], "outer")[0]
+    effect = EntryExit(arc_deg=6.0, exit_ratio=1.0)
+    quiet = background_of(lab)
+    before = between_and_at(lab, x)[0]
+    assert between_and_at(lab, done(lab, x, effect, None))[0] > 1.6 * before
+    assert between_and_at(lab, done(lab, x, effect, quiet))[0] < 1.35 * before
+
+
+def test_passes_are_found_where_strikes_are_whatever_the_cage_does(quiet: Any) -> None:
+    for slip in (0.0, 0.02):
+        x = quiet.make([MeanSlip(slip=slip)], "outer")[0]
+        passes = np.arange(x.size) / quiet.fs_hz * quiet.fr * quiet.bearing.bpfo
+        found = passes_of(x, passes)
+        assert found is not None
+        rate, begin = found
+        assert rate == pytest.approx(1 - slip, rel=1.5e-3)
+        off = (passes[np.argmax(np.abs(x[:6000]))] * rate - begin) % 1.0
+        assert off > 0.7 or off < 0.05, "the strongest sample comes a little before the middle of the energy"
+
+
+def test_without_strikes_nobody_says_when_they_come(lab: Any) -> None:
+    x = lab.make([], "healthy")[0]
+    passes = np.arange(x.size) / lab.fs_hz * lab.fr * lab.bearing.bpfo
+    for n in (x.size, 100):
+        assert passes_of(x[:n], passes[:n]) is None
+
+
+@pytest.mark.parametrize("effect", [ImpactScatter(sigma=0.5), SlipJitter(sigma=0.05)])
+def test_scatter_and_jitter_of_strikes_act_as_on_impacts(lab: Any, effect: Any) -> None:
+    line, long = lab.bearing.bpfo * lab.fr, lab.where(n_samples=240_000)
+    x = long.make([], "outer")[0]
+    before = lab.envelope(x[None])
+    on_impacts = lab.envelope(long.make([effect], "outer"))
+    on_strikes = lab.envelope(done(long, x, effect, background_of(lab))[None])
+    for n in (1, 2):
+        kept = [lab.line(y, n * line) / lab.line(before, n * line) for y in (on_impacts, on_strikes)]
+        assert kept[0] == pytest.approx(kept[1], rel=0.12)
+    raised = [lab.floor(y, 4.5 * line) / lab.floor(before, 4.5 * line) for y in (on_impacts, on_strikes)]
+    assert raised[0] == pytest.approx(raised[1], rel=0.2)
+
+
+def test_short_records_and_healthy_ones_have_nothing_to_tell_apart(lab: Any) -> None:
+    assert Background.of([np.ones(100)]) is None
+    quiet = background_of(lab)
+    x = np.arange(200.0)
+    np.testing.assert_array_equal(quiet.strikes(x, x / 50), x)
+    healthy = lab.make([], "healthy")[0]
+    np.testing.assert_array_equal(done(lab, healthy, LoadZone(depth=0.8), quiet, "healthy"), healthy)
