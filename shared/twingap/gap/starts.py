@@ -194,11 +194,11 @@ def _read(name: str, found: Mapping[str, float], bearing: Bearing) -> Iterator[d
         for arc in (arc for arc in arcs if math.isfinite(arc)):
             yield from ({"arc_deg": arc, "exit_ratio": 0.0, "turned": turned} for turned in (0.0, 1.0))
     if name == "speed_gain":
-        for trend in ("trend|speed_strikes", "trend|speed_alone"):
+        for trend in ("trend|speed_strikes", "trend|speed_alone", "trend|speed_answer"):
             if math.isfinite(found[trend]):
                 yield from ({"exponent": found[trend], "on_noise": part} for part in (0.0, 1.0))
     if name == "damage_growth":
-        for trend in ("trend|time_strikes", "trend|time_alone"):
+        for trend in ("trend|time_strikes", "trend|time_alone", "trend|time_answer"):
             if found[trend] > 0:
                 yield {"rate_per_s": math.log(found[trend]), "onset_s": 0.0}
     if name == "mean_slip" and math.isfinite(found["context|slip_seen"]):

@@ -14,9 +14,11 @@ from dataclasses import dataclass, replace
 from typing import Any, Final, Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
 from twingap.bearing import Bearing
 from twingap.effects import Effect, apply_to_waveform, catalogue, make_effect
+from twingap.effects.background import Background
 from twingap.errors import TwingapError
 from twingap.gap.advice import place_words
 from twingap.gap.report import GapReport
@@ -242,7 +244,7 @@ def _among_its_kind(recording: str, records: RecordSet, spec: TwinSpec, rng: np.
 
 
 def injected(records: RecordSet, effect: Effect, bearing: Bearing, seed: int) -> tuple[RecordSet, float, float, str]:
-    """Records with an effect added where it can act.
+    """Records with an effect added where it can act; where healthy records tell strikes from noise, on strikes alone.
 
     Returns
     -------
@@ -256,12 +258,14 @@ def injected(records: RecordSet, effect: Effect, bearing: Bearing, seed: int) ->
     """
     quiet = [float(r.samples.var()) for r in records if r.condition.fault == "healthy"]
     reference_rms = float(np.sqrt(np.mean(quiet) if quiet else min(float(r.samples.var()) for r in records)))
+    background = Background.of([r.samples for r in records if r.condition.fault == "healthy"])
     made: list[Record] = []
     changes: list[float] = []
     why = ""
     for place, record in enumerate(records):
         try:
-            after = apply_to_waveform((effect,), record, bearing, reference_rms, Streams(seed, place))
+            still = _still(record, bearing, background)
+            after = apply_to_waveform((effect,), record, bearing, reference_rms, Streams(seed, place), still)
         except TwingapError as error:
             after, why = record, error.what
         change = float(np.std(after.samples - record.samples)) / max(float(np.std(record.samples)), 1e-300)
@@ -270,6 +274,16 @@ def injected(records: RecordSet, effect: Effect, bearing: Bearing, seed: int) ->
         made.append(after)
     whole = RecordSet.from_records(f"{records.name} with {effect.name}", records.unit, records.bearing, made)
     return whole, len(changes) / len(made), float(np.median(changes)) if changes else 0.0, why or "it changes nothing"
+
+
+def _still(record: Record, bearing: Bearing, background: Background | None) -> NDArray[np.float64] | None:
+    """What of a record with a defect is not its strikes'; None where nobody knows."""
+    c = record.condition
+    if background is None or c.fault in (None, "healthy"):
+        return None
+    rate_hz = bearing.fault_order(str(c.fault)) * c.speed_rpm / 60
+    passes = np.arange(c.n_samples, dtype=float) * (rate_hz / c.fs_hz)
+    return np.asarray(record.samples - background.strikes(np.asarray(record.samples, float), passes), float)
 
 
 def can_be_injected(records: RecordSet) -> tuple[str, ...]:
