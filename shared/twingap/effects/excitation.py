@@ -144,8 +144,9 @@ class ImpactScatter(_FaultEffect):
 
     def on_waveform(self, draft: Draft, rng: np.random.Generator) -> None:
         at, known = _passes_within(draft, rng)
-        if known:  # the gain changes between two strikes, shortly before the later one
-            own = np.searchsorted(at - _BEFORE * (at[1] - at[0]), draft.turns) - 1
+        if known:  # the gain changes between two strikes, shortly before the later one, and is late where that is
+            turns = draft.turns if draft.cage_lag is None else draft.turns - draft.cage_lag
+            own = np.searchsorted(at - _BEFORE * (at[1] - at[0]), turns) - 1
             draft.modulate(self._strengths(at.size, self.sigma, rng)[own])
             return
         # The variance that interpolating leaves, as for jitter.
@@ -163,7 +164,8 @@ class LoadZone(_FaultEffect):
     """Impacts are weighted by the load where they strike, q = 1 + depth cos(angle); in a zone, by Stribeck's law.
 
     Loaded is `extent` of the diameter. All of it: the load goes as the cosine. With clearance it is less than half, and
-    beyond the zone there is no load at all: 1 - (1 - cos(angle)) / (2 extent), or nothing.
+    of the part of the load that a turn changes nothing is left beyond the zone: 1 - (1 - cos(angle)) / (2 extent), or
+    nothing (without the exponent of the contact, 3/2 for balls: strikes need not go as the load does).
 
     A defect of the inner race turns through the load zone at shaft rate, one of a rolling element at cage rate; one of
     the standing outer race stays where it is, and a cage carries no load. Where the record finds the defect is random.

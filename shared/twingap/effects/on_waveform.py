@@ -80,12 +80,14 @@ def apply_to_waveform(
             draft.x = at_angles(draft.x, evenly, draft.turns)
             still = None if still is None else at_angles(still, evenly, draft.turns)
         elif stage is Stage.EXCITATION:
+            if draft.cage_lag is not None:
+                draft.x = at_angles(draft.x, draft.turns, draft.turns - draft.cage_lag)
+                if draft.still is not None:  # noise that comes a little later is as good as before
+                    draft.still = at_angles(draft.still, draft.turns, draft.turns - draft.cage_lag)
             if draft.gain is not None:
                 draft.x = draft.x * draft.gain
             if draft.still is not None:
                 draft.x, draft.still = draft.x + draft.still, None
-            if draft.cage_lag is not None:  # noise that comes a little later is as good as before
-                draft.x = at_angles(draft.x, draft.turns, draft.turns - draft.cage_lag)
         elif stage is Stage.PATH and draft.filters:
             # Nobody knows what was before the record: its beginning, mirrored, comes nearest.
             x = np.pad(draft.x, (LEAD, 0), mode="reflect")

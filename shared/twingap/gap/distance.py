@@ -303,7 +303,8 @@ class Paired:
         ]
 
     def residuals(self) -> Array:
-        """[strata + slopes, bins] Standardised means and slopes: `misfit` is the root of their squares, tempered.
+        """[strata + slopes, bins] Standardised means and slopes: `misfit` is the root of their squares, tempered, less
+        what simulations scatter by.
 
         Of the condition view what strata do not have in common, as everywhere.
         """

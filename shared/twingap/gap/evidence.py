@@ -38,8 +38,6 @@ MOST_TRIED: Final = 6
 """Records of each state that trials of values are made on."""
 LONGEST_TRIED: Final = 1 << 15
 """Samples of each."""
-TRIED_WITH: Final = (3, 6)
-"""Replicates that trials of values are made with: by one alone, values whose simulations scatter less come nearer."""
 SAMPLES_TRIED: Final = 5e7
 """Samples that one search for values may simulate, about ten seconds' work."""
 TRIALS: Final = (24, 320)
@@ -187,7 +185,8 @@ class Evidence:
     @property
     def trials(self) -> int:
         """Simulations of `misfit` that one search for values may ask for: fewer where each takes longer."""
-        samples = len(TRIED_WITH) * sum(c.n_samples for c in self._tried.conditions)
+        conditions = self._tried.conditions
+        samples = len(self._two(self._simulator, conditions)) * sum(c.n_samples for c in conditions)
         dear = CONTACT_COSTS if self.spec.model == "contact" else 1
         return int(np.clip(SAMPLES_TRIED / (samples * dear), *TRIALS))
 
@@ -208,17 +207,17 @@ class Evidence:
     def _yardstick(self) -> Array:
         """Spread that distances on the fit part are measured with, one for all twins."""
         grid, conditions = Grid.of(self.fit.conditions, self.frame.bearing), self.fit.conditions
-        made = [self.simulated(self._simulator, (), conditions, k) for k in self._two(conditions)]
+        made = [self.simulated(self._simulator, (), conditions, k) for k in self._two(self._simulator, conditions)]
         return Paired(self.fit.views, [self.views(records, grid) for records in made]).scale
 
     @cached_property
     def _trial_yardstick(self) -> Array:
-        views = [self._trial(self._simulator, (), k) for k in self._two(self._tried.conditions)]
+        views = [self._trial(self._simulator, (), k) for k in self._two(self._simulator, self._tried.conditions)]
         return Paired(self._tried_views, views).scale
 
-    def _two(self, conditions: Sequence[Condition]) -> Sequence[int]:
+    def _two(self, simulator: Simulator, conditions: Sequence[Condition]) -> Sequence[int]:
         """Two replicates to see chance by, or the one that there is."""
-        return (3, 4)[: replicates_of(self._simulator, conditions, 2)]
+        return (3, 4)[: replicates_of(simulator, conditions, 2)]
 
     def gap(self, simulator: Simulator, effects: Sequence[Effect], replicate: int = 3) -> float:
         """Overall distance of the fit part from one simulation of it: for choosing, never for reporting."""
@@ -232,8 +231,11 @@ class Evidence:
         return self.tried(simulator, effects).misfit()
 
     def tried(self, simulator: Simulator, effects: Sequence[Effect]) -> Paired:
-        """A few records of the fit part beside two simulations of them, whose random streams are always the same."""
-        made = [self._trial(simulator, effects, replicate) for replicate in TRIED_WITH]
+        """A few records of the fit part beside two simulations of them, whose random streams are always the same.
+
+        By one simulation alone, values whose simulations scatter less would come nearer.
+        """
+        made = [self._trial(simulator, effects, k) for k in self._two(simulator, self._tried.conditions)]
         return Paired(self._tried_views, made, None, self._trial_yardstick)
 
     def _trial(self, simulator: Simulator, effects: Sequence[Effect], replicate: int) -> Views:

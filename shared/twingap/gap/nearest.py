@@ -38,7 +38,7 @@ _PLACES: Final = 7
 """Places over a value's plausible range that are tried first."""
 _LEAST_STEP: Final = 0.005
 """Part of a value's plausible range: a slip goes from 0 to 0.05, and a first step of 0.02 is no step."""
-_LOUDER: Final = math.log(3)
+_LOUDER: Final = 3.0
 """How far levels go beyond what is plausible: multiples of a healthy vibration that may be very quiet."""
 _FARTHEST: Final = 8.0
 """First steps beyond which a value is not followed in one go."""
@@ -182,11 +182,12 @@ class _Search:
                 whole = kind.type in ("int", int, "bool", bool)
                 if whole:
                     self.whole.add(key)
-                plausible = [_end(effect, key[1], value, self.setting) for value in kind.metadata["plausible"]]
+                low, high = kind.metadata["plausible"]
+                high *= _LOUDER if key[1].startswith("level") else 1.0
+                plausible = [_end(effect, key[1], value, self.setting) for value in (low, high)]
                 ends, least = [value for value in plausible if value is not None], 0.02
                 if len(ends) == 2 and not whole:
-                    louder = _LOUDER if kind.metadata["unit"] == "healthy rms" else 0.0
-                    self.ends[key] = (min(ends), max(ends) + louder)
+                    self.ends[key] = (min(ends), max(ends))
                     least = min(least, _LEAST_STEP * (max(ends) - min(ends)))
                 self.step[key] = 1.0 if whole else max(0.5 * errors.get(key, 0.6), least)
 

@@ -38,6 +38,8 @@ _OTHER_FAULT = 1e6
 _AS_NEAR = 0.01
 """Distance within which simulated records are of one condition."""
 _MOST_REPLICATES: Final = 12
+_MOST_QUIET: Final = 5
+"""Healthy records, nearest in speed, that tell what is not strikes."""
 _MOST_KEPT: Final = 96
 """Records of which it is kept what is not strikes."""
 _MOST_MEASURED: Final = 40
@@ -99,7 +101,7 @@ class OwnSimulator:
                 mend="simulate the faults that the real records have, and name them in column fault",
             )
         self._made = _Made(sim.conditions)
-        self._quiet: dict[float, Background | None] = {}
+        self._quiet: dict[tuple[float, ...], Background | None] = {}
         self._known_still: dict[tuple[object, ...], NDArray[np.float32]] = {}
         notes = []
         if missing := sorted(wanted - faults):
@@ -184,10 +186,10 @@ class OwnSimulator:
         c = record.condition
         if c.fault in (None, "healthy") or not any(effect.stage is Stage.EXCITATION for effect in effects):
             return None
-        quiet = self._background(c.fs_hz)
+        quiet = self._background(c.fs_hz, c.speed_rpm)
         if quiet is None:
             return None
-        key = c.name, c.n_samples, c.fs_hz, c.speed_rpm, chances
+        key = c.name, c.fault, c.n_samples, c.fs_hz, c.speed_rpm, chances
         if key not in self._known_still:
             if len(self._known_still) >= _MOST_KEPT:
                 self._known_still.pop(next(iter(self._known_still)))
@@ -197,12 +199,20 @@ class OwnSimulator:
             self._known_still[key] = np.asarray(x - strikes, np.float32)
         return np.asarray(self.gain * self._known_still[key], float)
 
-    def _background(self, fs_hz: float) -> Background | None:
-        """What its healthy records hold, as they were brought, at this rate; None without any."""
-        if fs_hz not in self._quiet:
-            places = [i for i, c in enumerate(self.sim.conditions) if c.fault == "healthy" and c.fs_hz >= 0.999 * fs_hz]
-            self._quiet[fs_hz] = Background.of([self._at_rate(i, fs_hz) for i in places[:_MOST_MEASURED]])
-        return self._quiet[fs_hz]
+    def _background(self, fs_hz: float, speed_rpm: float) -> Background | None:
+        """What the healthy records of about this speed hold, as they were brought, at this rate; None without any."""
+        made = self.sim.conditions
+        quiet = [i for i, c in enumerate(made) if c.fault == "healthy" and c.fs_hz >= 0.999 * fs_hz]
+        key = fs_hz, *sorted(quiet, key=lambda i: abs(math.log(made[i].speed_rpm / speed_rpm)))[:_MOST_QUIET]
+        if key not in self._quiet:
+            waveforms = []
+            for place in key[1:]:
+                try:
+                    waveforms.append(self._at_rate(int(place), fs_hz))
+                except TwingapError:  # at a rate that nobody asked for
+                    continue
+            self._quiet[key] = Background.of(waveforms)
+        return self._quiet[key]
 
     def _of_healthy(self) -> float | None:
         """RMS of simulated healthy records about their means, as they were brought; None without any."""

@@ -146,10 +146,11 @@ def places(given: Effect, features: Array, evidence: Evidence) -> Iterator[Effec
         for factor in (1.0, 2.0, 4.0):
             yield dataclasses.replace(given, level=factor * given.level, in_phase=not given.in_phase)
     if isinstance(given, EntryExit):
-        for part in _DELAYS:
+        faults = {c.fault for c in evidence.fit.conditions}
+        passes = [360 / evidence.frame.bearing.n_rollers] if faults - {"ball", "healthy"} else []
+        for arc_deg in [part * one for one in passes + [180.0] * ("ball" in faults) for part in _DELAYS]:
             for ratio in (0.5, 1.8):
                 for turned in (False, True):
-                    arc_deg = part * 360 / evidence.frame.bearing.n_rollers
                     yield EntryExit(arc_deg=arc_deg, exit_ratio=ratio, turned=turned)
     if given.name in ("foreign_bearing", "impulsive_noise"):
         yield from _knocks(given, evidence)

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twingap.bearing import Bearing
-from twingap.effects import Effect, apply_to_waveform, catalogue, make_effect
+from twingap.effects import Effect, Stage, apply_to_waveform, catalogue, make_effect
 from twingap.effects.background import Background
 from twingap.errors import TwingapError
 from twingap.gap.advice import place_words
@@ -46,6 +46,8 @@ STRENGTHS: Final[Mapping[str, Mapping[str, float]]] = {
     "entry_exit": {"arc_deg": 4.0},
 }
 """Where an effect is added otherwise than at the catalogue's default values: depths that are plain to see."""
+_LEAST_CHANGE: Final = 1e-9
+"""Part of a record's RMS below which a change is rounding."""
 
 
 @dataclass(frozen=True)
@@ -264,12 +266,12 @@ def injected(records: RecordSet, effect: Effect, bearing: Bearing, seed: int) ->
     why = ""
     for place, record in enumerate(records):
         try:
-            still = _still(record, bearing, background)
+            still = _still(record, bearing, background) if effect.stage is Stage.EXCITATION else None
             after = apply_to_waveform((effect,), record, bearing, reference_rms, Streams(seed, place), still)
         except TwingapError as error:
             after, why = record, error.what
         change = float(np.std(after.samples - record.samples)) / max(float(np.std(record.samples)), 1e-300)
-        if change > 0:
+        if change > _LEAST_CHANGE:
             changes.append(change)
         made.append(after)
     whole = RecordSet.from_records(f"{records.name} with {effect.name}", records.unit, records.bearing, made)

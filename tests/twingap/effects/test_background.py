@@ -76,6 +76,22 @@ def test_passes_are_found_where_strikes_are_whatever_the_cage_does(quiet: Any) -
         assert off > 0.7 or off < 0.05, "the strongest sample comes a little before the middle of the energy"
 
 
+def test_a_few_knocks_do_not_say_when_strikes_come(quiet: Any) -> None:
+    passes = np.arange(48_000) / quiet.fs_hz * quiet.fr * quiet.bearing.bpfo
+    for seed in range(8):
+        rng = np.random.default_rng(seed)
+        x = quiet.make([MeanSlip(slip=0.02)], "outer")[0]
+        x = x / np.abs(x).max() + 0.02 * rng.standard_normal(x.size)
+        x[rng.integers(0, x.size, 4)] += 60.0
+        found = passes_of(x, passes)
+        assert found is not None
+        assert found[0] == pytest.approx(0.98, rel=1.5e-3)
+        noise = rng.standard_normal(x.size)
+        noise[rng.integers(0, x.size, seed % 3)] += 100.0
+        assert passes_of(noise, passes) is None
+    assert passes_of(np.zeros(48_000), passes) is None
+
+
 def test_without_strikes_nobody_says_when_they_come(lab: Any) -> None:
     x = lab.make([], "healthy")[0]
     passes = np.arange(x.size) / lab.fs_hz * lab.fr * lab.bearing.bpfo

@@ -331,7 +331,9 @@ def test_effects_act_on_a_functions_output_as_on_any_waveform() -> None:
 
     register_callable("tones", tones)
     own = TwinSimulator(TwinSpec("tones"), BEARING)
-    chain = tuple(make_effect(n) for n in ("speed_fluctuation", "slip_jitter", "sensor_rolloff", "quantisation"))
+    chain = tuple(
+        make_effect(n) for n in ("speed_fluctuation", "slip_jitter", "load_zone", "sensor_rolloff", "quantisation")
+    )
     (got,) = own.simulate(chain, CONDITIONS[1:2], 4, 0)
     (plain,) = own.simulate((), CONDITIONS[1:2], 4, 0)
     wanted = apply_to_waveform(chain, plain, BEARING, 1.0, streams_of(CONDITIONS[1], 4, 0))

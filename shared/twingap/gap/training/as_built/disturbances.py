@@ -143,7 +143,7 @@ class ColouredNoise(disturbance.ColouredNoise):
 
 @dataclass(frozen=True)
 class ImpulsiveNoise(disturbance.ImpulsiveNoise):
-    """Knocks whose strength some have in common, or all from one side.
+    """Knocks that have a part of their strength in common, or all from one side.
 
     Parameters
     ----------
