@@ -43,8 +43,9 @@ _GRID: Final = (0.08, 0.16, 0.27, 0.4)
 _STRETCH: Final = 128
 """Samples: a knock and what rings after it are not much longer."""
 _FEWEST_STRETCHES: Final = 16
-_KNOCK: Final = 8.0
-"""Median deviations by which the power of a stretch with a knock exceeds the usual one."""
+_KNOCK: Final = 20.0
+"""Median deviations by which the power of a stretch with a knock exceeds the usual one: of the noise of a sharp mode,
+whose power is nearly exponential, one stretch in thirty thousand does."""
 _MOST_KNOCKS: Final = 0.25
 """Part of a record's stretches; where more are loud, loud is what the record is."""
 _BESIDE: Final = 0.06

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 from twingap.bearing import BEARINGS
 from twingap.gap.baseline import _between_knocks, sides_of
@@ -60,6 +61,17 @@ def test_noise_short_records_and_records_that_are_loud_throughout_stay_whole() -
     swelling = rng.standard_normal(12_000) * np.repeat([1.0, 9.0], 6000)
     assert _between_knocks(swelling) is None
     assert _between_knocks(np.zeros(12_000)) is None
+
+
+def test_noise_of_a_sharp_mode_has_no_knocks() -> None:
+    """Its power swells and fades; what is left out of it would be missing from the noise that is matched."""
+    rng = np.random.default_rng(4)
+    out = 0
+    for _ in range(60):
+        x = lfilter([1.0], [1.0, -2 * 0.99 * np.cos(0.7), 0.99**2], rng.standard_normal(25_600))
+        kept = _between_knocks(x)
+        out += 0 if kept is None else int(np.sum(kept < 0.5))
+    assert out / (60 * 25_600) < 1e-3
 
 
 def test_what_is_kept_goes_over_smoothly() -> None:
