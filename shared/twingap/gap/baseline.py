@@ -46,8 +46,8 @@ _FEWEST_STRETCHES: Final = 16
 _KNOCK: Final = 20.0
 """Median deviations by which the power of a stretch with a knock exceeds the usual one: of the noise of a sharp mode,
 whose power is nearly exponential, one stretch in thirty thousand does."""
-_MOST_KNOCKS: Final = 0.25
-"""Part of a record's stretches; where more are loud, loud is what the record is."""
+_MOST_KNOCKS: Final = 0.08
+"""Part of a record's stretches; where more are loud, there are enough knocks for their mean to say something."""
 _BESIDE: Final = 0.06
 """Logarithm of the ratio of two places within which a search that begins at one finds the other."""
 
