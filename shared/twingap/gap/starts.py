@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Final, NamedTuple
 
@@ -33,16 +33,19 @@ from twingap.effects import (
     make_effect,
 )
 from twingap.gap.comparison import feature_names
-from twingap.gap.evidence import values_of
+from twingap.gap.distance import Paired
+from twingap.gap.evidence import replicates_of, values_of
 from twingap.gap.likeliest import likeliest_losses, likeliest_modes, likeliest_noises
 from twingap.gap.prior import Key, Said, pull, strain
 from twingap.gap.signatures.knocks import KNOCKS_AT_LEAST
 from twingap.gap.training.parameters import Setting, coordinates, to_effect, to_number
+from twingap.gap.views import Grid, Views
 from twingap.twins.twin_file import flat
 
 if TYPE_CHECKING:
     from twingap.bearing import Bearing
     from twingap.gap.evidence import Evidence
+    from twingap.gap.simulator import Simulator
 
 Array = NDArray[np.float64]
 
@@ -54,6 +57,10 @@ _WEAKER: Final = (0.5, 0.25, 0.12, 0.06)
 step leads back."""
 _RATES: Final = (0.06, 0.25, 4.0)
 """Factors on how often it knocks: rare strong knocks and frequent weak ones have one spectrum."""
+_EVEN_LEVELS: Final = (0.55, 0.8)
+"""Factors on the strength of knocks that are as many as estimated, but alike."""
+_MANY: Final = 5
+"""Simulations by which rare knocks are judged: by two, none at all may seem nearest."""
 _STRENGTHS: Final = frozenset(
     ("level", "level_1x", "level_2x", "level_3x", "gain", "sigma", "depth", "exponent", "slip", "rate_per_s", "step")
 )
@@ -106,11 +113,15 @@ def better_start(
     """
     (given,) = (effect for effect in effects if effect.name == name)
     others = tuple(effect for effect in effects if effect.name != name)
+    misfit_of: Callable[[Simulator, tuple[Effect, ...]], float] = evidence.misfit
+    if isinstance(given, ImpulsiveNoise):
+        misfit_of = _by_many(evidence, effects)
+        now = misfit_of(evidence.against(effects).simulator, effects)
     found: list[tuple[float, int, Effect]] = []
     for place in places(given, features, evidence):
         if evidence.fits(place):
             chain = (*others, place)
-            found.append((evidence.misfit(evidence.matched(chain), chain), len(found), place))
+            found.append((misfit_of(evidence.matched(chain), chain), len(found), place))
     finalists = [place for _, _, place in sorted(found)[:_FINALISTS]]
     if isinstance(given, SensorRolloff):
         finalists += likeliest_losses(evidence, given)
@@ -119,19 +130,36 @@ def better_start(
     if isinstance(given, SecondResonance):
         finalists += likeliest_modes(evidence, given)
     starts = [Start(place, True) for place in finalists]
-    if now > evidence.misfit(evidence.against(others).simulator, others):
+    if now > misfit_of(evidence.against(others).simulator, others):
         starts += [Start(place, False) for place in weaker(given) if evidence.fits(place)]
     # Levels alone were matched so far; the few that came nearest are given a mode of their own, as the given one was.
     least, best = _BETTER * now, None
     for start in starts:
         chain = (*others, start.effect)
-        misfit = evidence.misfit(evidence.against(chain).simulator, chain)
-        if not start.read:
+        misfit = misfit_of(evidence.against(chain).simulator, chain)
+        if not start.read or isinstance(given, ImpulsiveNoise):
             numbers = {key: to_number(start.effect, key[1], evidence.setting) for key in said}
             misfit = math.sqrt(misfit**2 + pull(evidence.records_tried) * strain(said, numbers))
         if misfit < least:
             least, best = misfit, start
     return best
+
+
+def _by_many(evidence: Evidence, effects: tuple[Effect, ...]) -> Callable[[Simulator, tuple[Effect, ...]], float]:
+    """The misfit of the whole fit part from so many simulations of it that chance hardly decides.
+
+    Measured by how much records scatter that have these effects: one that knocks now and then scatters more than the
+    twin does, and of few records the mean lies anywhere.
+    """
+    conditions = evidence.fit.conditions
+    grid = Grid.of(conditions, evidence.frame.bearing)
+
+    def made(simulator: Simulator, effects: tuple[Effect, ...]) -> list[Views]:
+        count = replicates_of(simulator, conditions, _MANY)
+        return [evidence.views(evidence.simulated(simulator, effects, conditions, k), grid) for k in range(count)]
+
+    yardstick = Paired(evidence.fit.views, made(evidence.against(effects).simulator, effects)).scale
+    return lambda simulator, effects: Paired(evidence.fit.views, made(simulator, effects), None, yardstick).misfit()
 
 
 def places(given: Effect, features: Array, evidence: Evidence) -> Iterator[Effect]:
@@ -174,6 +202,8 @@ def _knocks(given: Effect, evidence: Evidence) -> Iterator[Effect]:
             for factor in _RATES:
                 rarer = {"rate_hz": factor * given.rate_hz, "level": given.level / math.sqrt(factor)}
                 yield make_effect(given.name, ring | rarer)
+            for factor in _EVEN_LEVELS:
+                yield make_effect(given.name, ring | {"level": factor * given.level, "spread": _EVEN})
 
 
 def weaker(given: Effect) -> list[Effect]:
@@ -205,9 +235,8 @@ def _read(name: str, found: Mapping[str, float], bearing: Bearing) -> Iterator[d
     if name == "mean_slip" and math.isfinite(found["context|slip_seen"]):
         yield {"slip": found["context|slip_seen"]}
     if name == "foreign_bearing":
-        order = found["background.foreign_order|all.level"]
-        if math.isfinite(order):
-            yield {"order": order}
+        orders = [found[f"background.foreign_order|{of}.level"] for of in ("all", "healthy")]
+        yield from ({"order": order} for order in [*orders, math.exp(found["pooled|foreign_order"])] if order > 0)
     if name == "impulsive_noise":
         for of in ("all", "healthy"):
             yield from _knocks_read(found, of)
