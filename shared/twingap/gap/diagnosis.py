@@ -24,7 +24,7 @@ from twingap.gap.modelled import completed
 from twingap.gap.overall import overall_tests
 from twingap.gap.own_simulator import OwnSimulator
 from twingap.gap.report import Candidate, GapReport, ParameterValue, Status, Verdict
-from twingap.gap.shrink import Lessons, closure_interval, curves, paired, shrink_metrics
+from twingap.gap.shrink import Closure, Lessons, closure_interval, curves, paired, shrink_metrics
 from twingap.gap.simulator import Simulator, TwinSimulator
 from twingap.gap.training import load, quiet, train
 from twingap.gap.training.learn import Learnt
@@ -175,7 +175,7 @@ def _diagnosed(
     pairs = paired(trial.real, before[:count], after[:count])
     floor, _ = pairs[1].floor(rng)
     closed = closure_interval(*pairs, floor, rng)
-    status = _status(found, closed.ci[1])
+    status = _status(found, closed)
     report("candidates", 0.8)
     candidates = tuple(trial.candidates(learnt, floor, rng, lambda part: report("candidates", 0.8 + 0.18 * part)))
     rest = locate(Paired(trial.real, after), rng).places if status in ("partly_explained", "unexplained") else ()
@@ -296,13 +296,16 @@ class _Trial:
             return self.replicates(after.simulator, after.effects, count)
 
 
-def _status(found: Explanation, closure_at_most: float) -> Status:
-    """Explained only where nothing is left over, and the distance may have come down to its floor."""
+def _status(found: Explanation, closed: Closure) -> Status:
+    """Explained only where nothing is left over, and the distance may have come down to its floor.
+
+    Both intervals have to reach it: that of the closure is wide where there was little to close.
+    """
     if not found.gap:
         return "no_gap"
     if not found.effects:
         return "unexplained"
-    reached = found.rest_p > ALPHA_REST and closure_at_most >= AT_FLOOR
+    reached = found.rest_p > ALPHA_REST and closed.ci[1] >= AT_FLOOR and closed.after_ci[0] <= closed.floor
     return "explained" if reached else "partly_explained"
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import fields
+from dataclasses import fields, replace
 
 import numpy as np
 import pytest
@@ -14,7 +14,9 @@ from twingap.gap.calibrate import calibrate
 from twingap.gap.distance import Paired
 from twingap.gap.evidence import Evidence, simulator_of
 from twingap.gap.nearest import bring_nearest
+from twingap.gap.prior import Said
 from twingap.gap.simulator import Simulator
+from twingap.gap.training.parameters import to_number
 from twingap.records import Condition, RecordSet
 from twingap.twins.phenomenological import PhenomenologicalParameters, PhenomenologicalTwin
 from twingap.twins.twin_file import TwinSpec, flat
@@ -22,14 +24,14 @@ from twingap.twins.twin_file import TwinSpec, flat
 OWN = PhenomenologicalParameters(2400.0, 0.05, {"inner": 5.0, "outer": 6.0}, 0.7, 0.6, 1.5)
 
 
-def machine(*effects: Effect, n_samples: int = 10000) -> RecordSet:
+def machine(*effects: Effect, n_samples: int = 10000, own: PhenomenologicalParameters = OWN) -> RecordSet:
     """Twelve records of two states at two speeds."""
     conditions = [
         Condition(f"{fault}{i}", 1500.0 + 300.0 * (i % 2), 10000.0, n_samples, fault, group=f"{fault}{i}")
         for fault in ("healthy", "inner")
         for i in range(6)
     ]
-    made = PhenomenologicalTwin(BEARINGS["6205"], OWN, effects).simulate(conditions, np.random.default_rng(4))
+    made = PhenomenologicalTwin(BEARINGS["6205"], own, effects).simulate(conditions, np.random.default_rng(4))
     return RecordSet.from_records("machine", "m/s^2", BEARINGS["6205"], made)
 
 
@@ -109,6 +111,35 @@ def test_a_baseline_that_is_off_is_brought_back() -> None:
     levels = np.hypot(values["structure_noise_rms"], values["white_noise_rms"]) * values["scale"]
     assert levels == pytest.approx(np.hypot(0.7, 0.6) * 1.5, rel=0.1)
     assert values["resonance_hz"] == pytest.approx(2400.0, rel=0.03)
+
+
+def test_of_a_few_short_records_chance_says_little_of_strikes() -> None:
+    """Other random streams, other strikes: unless what calibration says of them holds."""
+    spec = TwinSpec("phenomenological")
+    weak = replace(OWN, impact_amplitude={"inner": 3.0, "outer": 3.0})
+    calibrated = calibrate(machine(n_samples=2500, own=weak), spec, np.random.default_rng(1))
+    assert len(calibrated.fit) == 4
+    found = []
+    for root in range(7, 13):
+        own = Evidence(calibrated, simulator_of(calibrated), spec, root)
+        twin = bring_nearest(own, own.against().simulator, (), {}).simulator
+        found.append(flat(twin.spec.parameters)["impact_amplitude.inner"])  # type: ignore[attr-defined]
+    assert np.std(np.log(found)) < 0.1
+
+
+def test_stiff_estimates_do_not_make_up_for_what_is_missing_besides() -> None:
+    """A hum that is known, beside looseness that is not: louder, it would be nearer."""
+    hum = make_effect("mains_interference", {"level": 0.3, "decay": 0.5})
+    loose = make_effect("looseness", {"level": 1.5, "decay": 0.9})
+    own = evidence_of(machine(hum, loose))
+    simulator = own.against([hum]).simulator
+    said = {("mains_interference", p): Said(to_number(hum, p, own.setting), 0.3) for p in ("level", "decay")}
+    moved = [
+        abs(np.log(vars(bring_nearest(own, simulator, [hum], {}, said=said, stiff=stiff).effects[0])["level"] / 0.3))
+        for stiff in (1.0, 30.0)
+    ]
+    assert moved[1] < 0.15
+    assert moved[1] < 0.5 * moved[0]
 
 
 def test_what_the_twin_file_fixes_stays() -> None:

@@ -14,9 +14,13 @@ from twingap.gap.calibrate import calibrate
 from twingap.gap.comparison import feature_names
 from twingap.gap.evidence import THOROUGH, Evidence, simulator_of
 from twingap.gap.likeliest import _least_misfit, _misfit, likeliest_losses, likeliest_noises
+from twingap.gap.prior import Said
 from twingap.gap.starts import better_start, places, weaker
+from twingap.gap.training.parameters import to_number
 from twingap.records import RecordSet
 from twingap.twins.twin_file import TwinSpec
+
+SPEC = TwinSpec("phenomenological")
 
 
 def evidence_of(records: RecordSet) -> Evidence:
@@ -110,6 +114,20 @@ def test_knocks_are_begun_at_as_many_and_as_strong_as_are_counted() -> None:
     assert best["rate_hz"] == pytest.approx(4.0, rel=0.5)
     assert best["level"] == pytest.approx(40.0, rel=0.5)
     assert best["resonance_hz"] == pytest.approx(4200.0, rel=0.15)
+
+
+@pytest.mark.parametrize("root", [7, 8, 9])
+def test_knocks_of_which_few_records_show_any_are_not_made_rare_and_huge(root: int) -> None:
+    truth = {"level": 9.0, "rate_hz": 3.0, "resonance_hz": 2400.0, "damping_ratio": 0.05, "spread": 0.3}
+    calibrated = calibrate(machine(make_effect("impulsive_noise", truth)), SPEC, np.random.default_rng(1))
+    own = Evidence(calibrated, simulator_of(calibrated), SPEC, root)
+    guess = make_effect("impulsive_noise", truth | {"level": 11.0, "rate_hz": 4.0, "spread": 0.95})
+    within = {"level": 1.1, "rate_hz": 0.9}
+    said = {(guess.name, p): Said(to_number(guess, p, own.setting), off) for p, off in within.items()}
+    start = better_start(own, (guess,), guess.name, own.against().fit, np.inf, said)
+    found = vars(start.effect if start else guess)
+    assert 0.5 < found["rate_hz"] < 20.0
+    assert 4.0 < found["level"] < 25.0
 
 
 def test_a_good_guess_stays() -> None:

@@ -37,7 +37,9 @@ def test_a_simulator_of_the_users_own_and_a_twin_with_effects_have_to_differ_mor
     for effects, level in (((), ALPHA), (("impact_scatter",), CAUTIOUS_ALPHA)):
         spec = TwinSpec("phenomenological", effects, None, {"impact_scatter": {"sigma": 0.3}} if effects else {})
         calibrated = calibrate(records, spec, rng)
-        assert level_of_gap(Evidence(calibrated, simulator_of(calibrated, None), spec, 7)) == level
+        own = Evidence(calibrated, simulator_of(calibrated, None), spec, 7)
+        assert level_of_gap(own) == level_of_gap(own, 0.89) == level
+        assert level_of_gap(own, 0.95) == ALPHA
 
 
 def test_what_a_search_let_go_is_named_when_it_is_likelier_than_what_it_kept_must_be():

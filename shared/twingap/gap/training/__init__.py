@@ -245,7 +245,8 @@ def _judged(
     paths = [folder / f"{chunk.start:07d}-{len(chunk)}.npz" for chunk in chunks]
     waiting = [(chunk, path) for chunk, path in zip(chunks, paths, strict=True) if not path.exists()]
     tasks = (joblib.delayed(_search_chunk)(learnt, seed, chunk, path, among) for chunk, path in waiting)
-    parallel = joblib.Parallel(n_jobs=jobs or os.cpu_count(), return_as="generator_unordered")
+    # Sent along, not mapped: joblib forgets such maps before its tracker does, which then prints a traceback.
+    parallel = joblib.Parallel(n_jobs=jobs or os.cpu_count(), return_as="generator_unordered", max_nbytes=None)
     for done, _ in enumerate(parallel(tasks), start=len(paths) - len(waiting) + 1):
         report(done / len(paths))
     outcomes: list[Outcome] = []
