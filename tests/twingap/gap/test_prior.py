@@ -64,7 +64,7 @@ def test_what_distance_cannot_tell_stays_as_the_estimate_says() -> None:
     assert vars(free.effects[0])["exponent"] < 1.3
     assert vars(held.effects[0])["exponent"] == pytest.approx(1.8, abs=0.15)
     distances = [own.misfit(found.simulator, found.effects) for found in (free, held)]
-    assert distances[1] < 1.05 * distances[0]
+    assert distances[1] < 1.1 * distances[0]  # the baseline, put off by half, is held by what calibration says
 
 
 def test_what_records_show_outweighs_what_an_estimate_says() -> None:
