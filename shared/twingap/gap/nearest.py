@@ -119,8 +119,8 @@ def bring_nearest(
         Whether the twin's own levels, mode and impacts may move too, but for what the user's twin file fixes.
     passes : int
     said : Mapping[(effect, parameter), Said], optional
-        What estimates say of values; those that are not among them move freely, but for a twin's baseline, which is held
-        by where it begins.
+        What estimates say of values; those that are not among them move freely, but for a twin's baseline, which is
+        held by where it begins.
     stiff : float
         Factor on how hard all these pull: more where something else may be missing that values must not make up for.
 
