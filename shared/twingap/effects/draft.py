@@ -84,6 +84,9 @@ class Draft:
         Shaft angle in turns at each sample, increasing, from 0. Outside the record it goes on at `condition.speed_rpm`.
     cage_speed_ratio : float
         Cage speed over its kinematic value.
+    spin_share : float
+        Part of the cage's slip by which the order of a roller's defect moves: 1 where rollers keep rolling on the inner
+        ring.
     excitation : {"impacts", "rollers", "waveform"}
         What the simulator lets an effect act on: a list of impacts (phenomenological), rollers that move through a
         loaded contact (dynamics), or nothing but a finished waveform (a foreign simulator).
@@ -121,6 +124,7 @@ class Draft:
     turns: Array
     excitation: Literal["impacts", "rollers", "waveform"] = "impacts"
     cage_speed_ratio: float = 1.0
+    spin_share: float = 1.0
     cage_lag: Array | None = None
     impacts: Impacts | None = None
     force: Array | None = None
@@ -145,7 +149,8 @@ class Draft:
     @property
     def fault_order(self) -> float:
         """Impacts per shaft turn of this record's fault, slip included."""
-        return self.bearing.slipped(self.cage_speed_ratio)[self.condition.fault or "healthy"]
+        share = self.spin_share if self.condition.fault == "ball" else 1.0
+        return self.bearing.slipped(1 - share * (1 - self.cage_speed_ratio))[self.condition.fault or "healthy"]
 
     def modulate(self, factor: Array | float) -> None:
         """Multiply the gain of a waveform without impacts."""

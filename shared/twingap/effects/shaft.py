@@ -68,7 +68,8 @@ class SpeedFluctuation(Effect):
 class MeanSlip(Effect):
     """The cage runs slower (or, from a changed contact angle, faster) than its kinematic speed.
 
-    BPFO moves one way and BPFI the other, their sum stays Z; see `Bearing.slipped`. Lines stay sharp.
+    BPFO moves one way and BPFI the other, their sum stays Z; see `Bearing.slipped`. Lines stay sharp. What a roller's
+    spin does is not settled by the cage: it may keep rolling on the inner ring, roll on the outer one, or slide.
     """
 
     stage: ClassVar[Stage] = Stage.SHAFT
@@ -82,9 +83,17 @@ class MeanSlip(Effect):
         allowed=(-0.2, 0.2),
         doc="part by which the cage lags its kinematic speed",
     )
+    of_rollers: float = parameter(
+        1.0,
+        unit="",
+        plausible=(-1.5, 1.0),
+        allowed=(-3.0, 3.0),
+        doc="part of the slip by which a roller's spin moves; 1 rolls on the inner ring, as in contact dynamics",
+    )
 
     def apply(self, draft: Draft, rng: np.random.Generator) -> None:
         draft.cage_speed_ratio *= 1 - self.slip
+        draft.spin_share = self.of_rollers
 
     def cannot_act_on(self, draft: Draft) -> str | None:
         if draft.excitation == "waveform":

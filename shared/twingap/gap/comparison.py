@@ -46,7 +46,8 @@ GROUPS = {
 CONTEXT = (
     "records", "healthy_share", "log_samples", "log_turns", "speeds", "span_s",
     "own_simulator", "models", "slip", "slip_z", "slip_decidable", "speed_z", "speed_scatter",
-    "slip_seen", "slip_seen_size", "slip_seen_rest",
+    "slip_free", "slip_free_z", "slip_evidence",
+    "slip_seen", "slip_seen_size", "slip_seen_rest", "slip_rollers",
     "extent_1", "extent_4", "extent_13", "extent_41", "extent_121", "extent_mean",
 )  # fmt: skip
 _SMALL_SLIP = 1e-3
@@ -316,31 +317,36 @@ def _context(real: Measured, of: Speeds | None, own: bool, models: bool) -> Arra
             np.log1p(max(times) - min(times)) if times else np.nan,
             float(own),
             float(models),
-            *(_speeds(of) if of is not None else [np.nan] * 5),
+            *(_speeds(of) if of is not None else [np.nan] * 8),
         ]
     )
 
 
 def _slip(real: Measured, simulated: Measured) -> Array:
-    """Slip of the cage that all faults' rates together show beyond the simulator's, its size, what it leaves of them.
+    """Slip of the cage that faults' rates show beyond the simulator's, its size, what it leaves of them, and the part
+    by which rollers' spin moves.
 
     Each fault's rate has its own share in a slip (BPFO moves one way, BPFI the other), so one number has to explain
-    them all. The size is logarithmic; with one fault nothing is known.
+    both races. A roller's is asked only where one of these is not there: its spin is not settled by the cage. The size
+    is logarithmic; with one fault nothing is known.
     """
     bearing, rate = real.outlines[0].frame.bearing, signatures.NAMES.index("events.rate_log_ratio")
     slipped = bearing.slipped(1 - _SMALL_SLIP)
-    shares, shown = [], []
+    shown = {}
     for fault in ("outer", "inner", "ball"):
         ours, theirs = (np.nanmedian(of.values[of.faults() == fault, rate]) for of in (real, simulated))
         if np.isfinite(ours - theirs):
-            shares.append(np.log(slipped[fault] / bearing.fault_order(fault)) / _SMALL_SLIP)
-            shown.append(ours - theirs)
+            shown[fault] = ours - theirs
     if len(shown) < 2:
-        return np.full(3, np.nan)
-    share, of_all = np.array(shares), np.array(shown)
+        return np.full(4, np.nan)
+    shares = {fault: np.log(slipped[fault] / bearing.fault_order(fault)) / _SMALL_SLIP for fault in shown}
+    races = [fault for fault in shown if fault != "ball" or len(shown) == 2]
+    share, of_all = (np.array([values[fault] for fault in races]) for values in (shares, shown))
     slip = float(share @ of_all) / float(share @ share)
     rest = float(np.sqrt(np.mean((of_all - slip * share) ** 2)))
-    return np.array([slip, np.log(abs(slip) + 1e-4), np.log(rest + 1e-4)])
+    settled = len(shown) == 3 and abs(slip) > _SMALL_SLIP
+    spin = float(np.clip(shown["ball"] / (slip * shares["ball"]), -3, 3)) if settled else np.nan
+    return np.array([slip, np.log(abs(slip) + 1e-4), np.log(rest + 1e-4), spin])
 
 
 def _speeds(of: Speeds) -> list[float]:
@@ -352,4 +358,7 @@ def _speeds(of: Speeds) -> list[float]:
         float(of.decidable),
         error / of.common_sigma if np.isfinite(of.common_sigma) and of.common_sigma > 0 else np.nan,
         of.scatter,
+        of.slip_free if known else np.nan,
+        of.slip_free / of.slip_sigma if known else np.nan,
+        of.slip_evidence if known else np.nan,
     ]

@@ -1,11 +1,13 @@
 """The true shaft speed of records whose metadata are poor.
 
 record --speed_reading--> log ratios to nominal: of the shaft itself, of the fault's comb
-all records: log ratio (shaft) = c_j, log ratio (comb) = c_j + k(fault) slip --Gaussian, closed form--> c_j, slip
+all records: log ratio (shaft) = c_j, log ratio (comb) = c_j + k(fault) slip + spin --Gaussian, closed--> c_j, slip
 
-A wrong speed moves every order alike; a cage that slips moves BPFO by 1 - s and BPFI (and a ball's strikes) the other
-way, see `Bearing.slipped`. So one record tells speed from slip only where it shows the shaft itself, and a set does
-where its speeds are wrong by one factor (the tachometer's) and it holds faults of both kinds.
+A wrong speed moves every order alike; a cage that slips moves BPFO by 1 - s and BPFI the other way, see
+`Bearing.slipped`. So one record tells speed from slip only where it shows the shaft itself, and a set does where its
+speeds are wrong by one factor (the tachometer's) and it holds faults of both races. Rollers' strikes follow BPFI where
+they keep rolling on the inner ring; where they do not, their order has a shift of its own (spin), which says nothing of
+the cage.
 """
 
 from __future__ import annotations
@@ -29,7 +31,7 @@ Array = NDArray[np.float64]
 COMBINED: Final = "common factor from inner and outer"
 COMB_ONLY: Final = "fault comb"
 
-_COMMON_SD, _SLIP_SD = 0.03, 0.012
+_COMMON_SD, _SLIP_SD, _SPIN_SD = 0.03, 0.02, 0.02
 _SCATTERS = (1e-5, 3e-4, 1e-3, 4e-3, 0.015)
 _OUTLIER = math.log(0.02 / 0.16)  # log density of a reading that is wrong: anywhere within the search, 2 % of them
 _MARGIN = 3.0  # of log evidence, by which slip has to beat speeds that are off
@@ -71,6 +73,11 @@ class Speeds:
         Part by which the cage lags its kinematic speed; 0 when none is established.
     slip_sigma : float
         Its standard error; infinite where the records cannot show slip.
+    slip_free : float
+        What slip would be were it and a common factor free, whether or not it is established: weak slip beside poor
+        speeds is not, and is evidence all the same.
+    slip_evidence : float
+        Log evidence of the best account with slip over the best one without.
     scatter : float
         Standard deviation of the records' own deviations from `common_ratio`.
     decidable : bool
@@ -84,6 +91,8 @@ class Speeds:
     common_sigma: float
     slip: float
     slip_sigma: float
+    slip_free: float
+    slip_evidence: float
     scatter: float
     decidable: bool
     notes: tuple[str, ...]
@@ -138,13 +147,14 @@ def estimate_speeds(records: RecordSet, bearing: Bearing | None = None) -> Speed
 
 @dataclass(frozen=True)
 class _Account:
-    """One way to account for all readings: a common factor or none, own deviations or none, slip or none."""
+    """One way to account for all readings: a common factor or none, own deviations or none, slip (and spin) or none."""
 
     evidence: float
     scatter: float
     common: float
     slip: float
-    covariance: Array  # of common and slip
+    spin: float
+    covariance: Array  # of common, slip and spin
     kept: NDArray[np.bool_]  # readings [records, 2] that it takes to be right
 
 
@@ -156,19 +166,20 @@ def combine(readings: Sequence[Reading], conditions: Sequence[Condition], bearin
     """
     y = np.array([(r.shaft, r.comb) for r in readings])
     sigma = np.array([(r.shaft_sigma, r.comb_sigma) for r in readings])
-    moves = np.array([_slip_factor(bearing, c.fault) for c in conditions])
+    moves = np.array([(_slip_factor(bearing, c.fault), float(c.fault == "ball")) for c in conditions])
     seen = np.isfinite(sigma)
     sigma = np.where(seen, np.hypot(sigma, 3e-5), 1.0)
+    kinds = ((False, False), (True, False)) + (((True, True),) if _rollers_apart(seen, conditions) else ())
     accounts = [
-        _account(y, sigma, seen, moves, scatter, common, slip)
-        for scatter, common, slip in product(_SCATTERS, (False, True), (False, True))
+        _account(y, sigma, seen, moves, scatter, common, slip, spin)
+        for scatter, common, (slip, spin) in product(_SCATTERS, (False, True), kinds)
     ]
     without = max((a for a in accounts if a.covariance[1, 1] == 0), key=lambda a: a.evidence)
     with_slip = max((a for a in accounts if a.covariance[1, 1] > 0), key=lambda a: a.evidence)
     best = with_slip if with_slip.evidence > without.evidence + _MARGIN else without
     notes: list[str] = []
     estimates, mean_sigma = _estimates(best, y, sigma, moves, readings)
-    slip_sigma = _slip_sigma(y, sigma, seen, moves, best)
+    slip_free, slip_sigma = _free_slip(y, sigma, seen, moves, best)
     combs = int(seen[:, 1].sum())
     off = abs(best.common) > 1e-3 or best.scatter > 5e-4
     doubtful = combs > 0 and slip_sigma > 0.004
@@ -199,8 +210,14 @@ def combine(readings: Sequence[Reading], conditions: Sequence[Condition], bearin
         )
     return Speeds(
         tuple(estimates), math.exp(best.common), mean_sigma, best.slip, slip_sigma if combs else math.inf,
+        slip_free, with_slip.evidence - without.evidence,
         0.0 if best.scatter <= 1e-5 else best.scatter, not doubtful, tuple(notes),
     )  # fmt: skip
+
+
+def _rollers_apart(seen: NDArray[np.bool_], conditions: Sequence[Condition]) -> bool:
+    """Whether combs of both races tell of the cage, so that those of rollers are not needed for it."""
+    return {"inner", "outer", "ball"} <= {str(c.fault) for c, (_, comb) in zip(conditions, seen, strict=True) if comb}
 
 
 def _slip_factor(bearing: Bearing, fault: str | None) -> float:
@@ -220,14 +237,16 @@ def _precision(sigma: Array, seen: NDArray[np.bool_], scatter: float) -> Array:
 
 
 def _account(
-    y: Array, sigma: Array, seen: NDArray[np.bool_], moves: Array, scatter: float, common: bool, slip: bool
+    y: Array, sigma: Array, seen: NDArray[np.bool_], moves: Array, scatter: float, common: bool, slip: bool, spin: bool
 ) -> _Account:
     """Evidence and estimates of one account; readings that it makes absurd count as wrong ones."""
-    design = np.stack([np.ones_like(y), np.stack([np.zeros_like(moves), moves], axis=1)], axis=-1)  # [records, 2, 2]
-    prior = np.diag([_COMMON_SD**-2 if common else 1e18, _SLIP_SD**-2 if slip else 1e18])
+    design = np.zeros((len(y), 2, 3))  # [records, (shaft, comb), (common, slip, spin)]
+    design[:, :, 0], design[:, 1, 1:] = 1.0, moves
+    free = np.array([common, slip, spin])
+    prior = np.diag(np.where(free, np.array([_COMMON_SD, _SLIP_SD, _SPIN_SD]) ** -2, 1e18))
     kept = seen.copy()
     # A start that single wrong readings do not pull: medians of what the account may explain by a common factor.
-    evidence, mean, covariance = -math.inf, np.zeros(2), np.zeros((2, 2))
+    evidence, mean, covariance = -math.inf, np.zeros(3), np.zeros((3, 3))
     for turn in range(4):
         p = _precision(sigma, kept, scatter)
         information = prior + np.einsum("rik,rij,rjl->kl", design, p, design)
@@ -246,17 +265,16 @@ def _account(
         if (right == kept).all() or turn == 3 or right.sum() < 0.8 * seen.sum():
             break
         kept = right
-    covariance = np.where(np.outer([common, slip], [common, slip]), covariance, 0.0)
-    evidence -= 1.0 * common + 1.0 * slip + 1.0 * (scatter > 1e-5)
-    return _Account(
-        evidence, scatter, float(mean[0]) if common else 0.0, float(mean[1]) if slip else 0.0, covariance, kept
-    )
+    covariance = np.where(np.outer(free, free), covariance, 0.0)
+    evidence -= 1.0 * int(free.sum()) + 1.0 * (scatter > 1e-5)
+    found = np.where(free, mean, 0.0)
+    return _Account(evidence, scatter, float(found[0]), float(found[1]), float(found[2]), covariance, kept)
 
 
-def _slip_sigma(y: Array, sigma: Array, seen: NDArray[np.bool_], moves: Array, best: _Account) -> float:
-    """How well slip could be told were both it and a common factor free."""
-    both = _account(y, sigma, seen, moves, best.scatter, True, True)
-    return math.sqrt(both.covariance[1, 1])
+def _free_slip(y: Array, sigma: Array, seen: NDArray[np.bool_], moves: Array, best: _Account) -> tuple[float, float]:
+    """Slip and how well it is told were both it and a common factor free."""
+    both = _account(y, sigma, seen, moves, best.scatter, True, True, best.spin != 0)
+    return both.slip, math.sqrt(both.covariance[1, 1])
 
 
 def _estimates(
@@ -268,7 +286,8 @@ def _estimates(
 ) -> tuple[list[SpeedEstimate], float]:
     """Each record's own speed given the account, and the error of the common factor."""
     mean_sigma = math.sqrt(best.covariance[0, 0])
-    kinds = {"outer" if m < 0 else "inner" for m, (_, comb) in zip(moves, best.kept, strict=True) if comb and m != 0}
+    shares, of_comb = moves[:, 0], moves @ np.array([best.slip, best.spin])
+    kinds = {"outer" if m < 0 else "inner" for m, (_, comb) in zip(shares, best.kept, strict=True) if comb and m != 0}
     out = []
     for place, reading in enumerate(readings):
         shaft, comb = best.kept[place]
@@ -277,9 +296,9 @@ def _estimates(
             weight += sigma[place, 0] ** -2
             total += y[place, 0] * sigma[place, 0] ** -2
         if comb:
-            error = math.hypot(sigma[place, 1], moves[place] * math.sqrt(best.covariance[1, 1]))
+            error = math.sqrt(sigma[place, 1] ** 2 + moves[place] @ best.covariance[1:, 1:] @ moves[place])
             weight += error**-2
-            total += (y[place, 1] - moves[place] * best.slip) * error**-2
+            total += (y[place, 1] - of_comb[place]) * error**-2
         log_ratio = total / weight
         own = math.hypot(weight**-0.5, mean_sigma * best.scatter**-2 / weight)
         if shaft:

@@ -233,7 +233,8 @@ def _read(name: str, found: Mapping[str, float], bearing: Bearing) -> Iterator[d
             if found[trend] > 0:
                 yield {"rate_per_s": math.log(found[trend]), "onset_s": 0.0}
     if name == "mean_slip" and math.isfinite(found["context|slip_seen"]):
-        yield {"slip": found["context|slip_seen"]}
+        shares = [1.0, 0.0, found["context|slip_rollers"]]
+        yield from ({"slip": found["context|slip_seen"], "of_rollers": s} for s in shares if math.isfinite(s))
     if name == "foreign_bearing":
         orders = [found[f"background.foreign_order|{of}.level"] for of in ("all", "healthy")]
         yield from ({"order": order} for order in [*orders, math.exp(found["pooled|foreign_order"])] if order > 0)

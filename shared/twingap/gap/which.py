@@ -36,8 +36,8 @@ ROUNDS: Final = 4
 ALPHA: Final = 0.05
 """Level at which a gap to a twin is called one: of 100 machines without one in studies' worlds one lay below 0.17."""
 CAUTIOUS_ALPHA: Final = 0.03
-"""The same for a simulator of the user's own, of whose 50 machines without a gap two lay between, and for a twin that
-has effects as given, whose machines may have them in another form; unless an effect is sure to be missing."""
+"""The same for a simulator of the user's own, of whose 50 machines without a gap two lay between; unless an effect is
+sure to be missing."""
 SURE: Final = 0.9
 """Probability from which it is. Between both levels lay three searched machines that lacked nothing of the catalogue,
 none of them above 0.8, and eight that did, three of them above 0.9, all with the right effect."""
@@ -218,8 +218,8 @@ def explain(evidence: Evidence, learnt: Learnt, report: Report) -> Explanation:
 
 def level_of_gap(evidence: Evidence, surest: float = 0.0) -> float:
     """P-value of no gap at and below which one is called, where the likeliest effect is as probable as `surest`."""
-    bare = not isinstance(evidence.against().simulator, OwnSimulator) and not evidence.modelled
-    return ALPHA if bare or surest >= SURE else CAUTIOUS_ALPHA
+    own = isinstance(evidence.against().simulator, OwnSimulator)
+    return ALPHA if not own or surest >= SURE else CAUTIOUS_ALPHA
 
 
 def valued(evidence: Evidence, learnt: Learnt, names: Sequence[str]) -> tuple[Effect, ...]:

@@ -201,6 +201,16 @@ def _any_fault(drawer: Drawer) -> Drawer:
     return lambda rng, machine: drawer(rng, machine) if _faults(machine) else None
 
 
+def _slip(rng: np.random.Generator, machine: Machine) -> Mapping[str, float] | None:
+    if len(_faults(machine)) < 2:
+        return None
+    other = rng.choice([-1.0, 0.0, rng.uniform(-1.5, 0.5)])
+    return {
+        "slip": float(rng.choice([-1, 1])) * _log(rng, 0.003, 0.06),
+        "of_rollers": 1.0 if rng.random() < 0.6 else float(other),
+    }
+
+
 def _zone(rng: np.random.Generator, machine: Machine) -> Mapping[str, float] | None:
     if not _faults(machine) & {"inner", "ball"}:
         return None
@@ -367,9 +377,7 @@ def _clipping(rng: np.random.Generator, machine: Machine) -> Mapping[str, float]
 
 DRAWERS: dict[str, Drawer] = {
     "speed_fluctuation": _any_fault(lambda r, m: {"level": _log(r, 0.0015, 0.05), "bandwidth_hz": _log(r, 0.5, 10.0)}),
-    "mean_slip": lambda r, m: (
-        {"slip": float(r.choice([-1, 1])) * _log(r, 0.003, 0.05)} if len(_faults(m)) > 1 else None
-    ),
+    "mean_slip": _slip,
     "slip_jitter": _any_fault(lambda r, m: {"sigma": _log(r, 0.005, 0.1), "accumulating": bool(r.random() < 0.3)}),
     "impact_scatter": _any_fault(lambda r, m: {"sigma": _log(r, 0.1, 1.0)}),
     "load_zone": _zone,

@@ -1,6 +1,7 @@
 """Changes that no catalogued effect describes, so that what is learnt can tell when it knows no name.
 
 record --STFT--> gains or noise of random shape over the time-frequency plane --inverse--> record
+       --band whose frequencies wander--> record
        --random curve over amplitude--> record
        --random taps over delay--> record
 
@@ -15,7 +16,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import istft, stft
+from scipy.signal import hilbert, istft, stft
 
 from twingap.records import Record, RecordSet
 
@@ -37,7 +38,10 @@ class _Plan:
     """Of what all records of a set have in common: a curve, a path."""
 
 
-_CHANCES = (0.2, 0.2, 0.15, 0.1, 0.2, 0.15)
+_KINDS = ("gain", "noise", "scrambled", "shift", "fold", "curve", "taps")
+_CHANCES = (0.17, 0.18, 0.13, 0.15, 0.08, 0.16, 0.13)
+_FARTHEST = 0.016
+"""Of the sampling rate, by which a band's frequencies wander at a strength of 1."""
 
 
 def estrange(records: RecordSet, rng: np.random.Generator) -> RecordSet:
@@ -46,7 +50,7 @@ def estrange(records: RecordSet, rng: np.random.Generator) -> RecordSet:
     duration_s = min(c.duration_s for c in records.conditions)
     low = rng.uniform(0.0, 0.4)
     plan = _Plan(
-        kind=str(rng.choice(["gain", "noise", "scrambled", "fold", "curve", "taps"], p=_CHANCES)),
+        kind=str(rng.choice(_KINDS, p=_CHANCES)),
         over_time=str(rng.choice(["ramp", "step", "wave", "pulses", "even"])),
         rate_hz=float(np.exp(rng.uniform(np.log(1.5 / duration_s), np.log(60)))),
         low=low,
@@ -57,6 +61,8 @@ def estrange(records: RecordSet, rng: np.random.Generator) -> RecordSet:
     )
     if plan.over_time == "even" and plan.kind == "gain":
         plan = replace(plan, kind="scrambled")
+    if plan.over_time == "even" and plan.kind == "shift":  # all of it elsewhere is another path, which twins can have
+        plan = replace(plan, over_time="wave")
     part = 1.0 if rng.random() < 0.7 else 0.5
     out = [Record(r.condition, _changed(r, plan, rng) if rng.random() < part else r.samples) for r in records]
     return RecordSet.from_records(records.name, records.unit, records.bearing, out)
@@ -70,6 +76,8 @@ def _changed(record: Record, plan: _Plan, rng: np.random.Generator) -> Array:
         common = np.random.default_rng(plan.entropy)
         more = _curve(x, common) if plan.kind == "curve" else _taps(x, fs_hz, common)
         return np.asarray(x + 0.3 * plan.strength * more * _shape(np.arange(x.size) / fs_hz, plan, rng))
+    if plan.kind == "shift":
+        return _wandering(x, plan, _shape(np.arange(x.size) / fs_hz, plan, rng))
     # The older interface: all segments in one transform, where `ShortTimeFFT` takes them one by one (twenty times as
     # long for short segments).
     overlap = plan.segment - max(plan.segment // 4, 1)
@@ -87,6 +95,15 @@ def _changed(record: Record, plan: _Plan, rng: np.random.Generator) -> Array:
         turned = np.exp(2j * np.pi * rng.random(tiles.shape))
         tiles = np.where(shape > 0.5, tiles * turned, tiles)
     return np.asarray(istft(tiles, fs_hz, "hann", plan.segment, overlap)[1][: x.size])
+
+
+def _wandering(x: Array, plan: _Plan, shape: Array) -> Array:
+    """x with the frequencies of a band moved up and down over time, about their mean."""
+    spectrum, f = np.fft.rfft(x), np.fft.rfftfreq(x.size)
+    inside = np.where((f >= plan.low) & (f <= plan.high), spectrum, 0.0)
+    band = np.fft.irfft(inside, x.size)
+    turns = np.cumsum(_FARTHEST * plan.strength * (shape - shape.mean()))
+    return np.asarray(x - band + (hilbert(band) * np.exp(2j * np.pi * turns)).real)
 
 
 def _curve(x: Array, rng: np.random.Generator) -> Array:

@@ -43,24 +43,6 @@ class SpeedFluctuation(shaft.SpeedFluctuation):
 
 
 @dataclass(frozen=True)
-class MeanSlip(shaft.MeanSlip):
-    """A cage that lags, and rollers that do not turn by as much: they may slide, or roll on the other race.
-
-    Parameters
-    ----------
-    of_rollers : float
-        Part of the slip by which a roller's own order moves as the catalogue has it; negative is the other way.
-    """
-
-    of_rollers: float = 1.0
-
-    def apply(self, draft: Draft, rng: np.random.Generator) -> None:
-        """Slip of the train; of the rollers where they have the defect."""
-        own = self.of_rollers if draft.condition.fault == "ball" else 1.0
-        draft.cage_speed_ratio *= 1 - self.slip * own
-
-
-@dataclass(frozen=True)
 class SlipJitter(excitation.SlipJitter):
     """Spacings that are evenly spread, or seldom far off, rather than normal.
 
@@ -199,10 +181,6 @@ def _wave_and_ramp(values: dict[str, Any], machine: Machine, rng: np.random.Gene
     return SpeedFluctuation(**values, ramp=rng.uniform(0, 1) if rng.random() < 0.6 else 0.0)
 
 
-def _own_slip(values: dict[str, Any], machine: Machine, rng: np.random.Generator) -> Effect:
-    return MeanSlip(**values, of_rollers=float(rng.choice([-1.0, 0.0, rng.uniform(-1.5, 0.5)])))
-
-
 def _own_spacings(values: dict[str, Any], machine: Machine, rng: np.random.Generator) -> Effect:
     return SlipJitter(**values, even=bool(rng.random() < 0.5))
 
@@ -241,7 +219,7 @@ def _grown(values: dict[str, Any], machine: Machine, rng: np.random.Generator) -
 
 
 OTHERWISE: Final[Mapping[str, Maker]] = {
-    "speed_fluctuation": _wave_and_ramp, "mean_slip": _own_slip, "slip_jitter": _own_spacings,
+    "speed_fluctuation": _wave_and_ramp, "slip_jitter": _own_spacings,
     "impact_scatter": _gamma, "load_zone": _zone, "cage_modulation": _one_roller, "entry_exit": _of_a_pass,
     "distributed_roughness": _rough_zone, "speed_gain": _bent, "damage_growth": _grown,
 }  # fmt: skip
