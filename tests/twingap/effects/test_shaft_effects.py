@@ -67,6 +67,22 @@ def test_slip_moves_outer_and_inner_apart_and_keeps_lines_sharp(lab: Any, slip: 
         assert lab.prominence(with_it, old) < 5 < lab.prominence(without, old)
 
 
+@pytest.mark.parametrize("of_rollers", [1.0, 0.0, -1.0])
+def test_the_cage_does_not_settle_how_rollers_spin(lab: Any, of_rollers: float) -> None:
+    effect, kinematic = MeanSlip(slip=0.03, of_rollers=of_rollers), lab.bearing
+    orders = {}
+    for fault in ("outer", "inner", "ball"):
+        draft = Draft(lab.conditions(fault, 1)[0], kinematic, 1.0, np.zeros(2), np.zeros(2))
+        effect.apply(draft, np.random.default_rng(0))
+        orders[fault] = draft.fault_order
+        assert draft.cage_speed_ratio == pytest.approx(0.97)
+    assert orders["outer"] == pytest.approx(0.97 * kinematic.bpfo)
+    assert orders["outer"] + orders["inner"] == pytest.approx(kinematic.n_rollers)
+    # A spin follows the inner ring's speed as seen from the cage, stays, or goes the other way by as much.
+    moved = kinematic.slipped(0.97)["ball"] - kinematic.fault_order("ball")
+    assert orders["ball"] - kinematic.fault_order("ball") == pytest.approx(of_rollers * moved)
+
+
 def test_slip_leaves_the_shaft_alone(lab: Any) -> None:
     tone = ShaftHarmonics(level_1x=1.0)
     without = lab.make([tone], "healthy")

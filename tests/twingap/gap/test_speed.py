@@ -27,6 +27,7 @@ def world(
     factor: float = 1.0,
     own: float = 0.0,
     slip: float = 0.0,
+    of_rollers: float = 1.0,
     faults: Sequence[str] = ALL,
     n: int = 8,
     amplitude: float = 6.0,
@@ -41,7 +42,7 @@ def world(
         **parameters,
     }
     if slip:
-        given["mean_slip"] = {"slip": slip}
+        given["mean_slip"] = {"slip": slip, "of_rollers": of_rollers}
         effects = (*effects, "mean_slip")
     twin = build_twin(TwinSpec("phenomenological", tuple(effects), parameters=given), BEARINGS[bearing])
     conditions = [
@@ -77,6 +78,31 @@ def test_slip_is_told_from_a_wrong_tachometer_by_inner_and_outer(bearing: str, s
     assert speeds.slip == pytest.approx(slip, abs=5e-4)
     assert [e.ratio for e in speeds.estimates] == pytest.approx(ratios, rel=5e-4)
     assert speeds.decidable
+
+
+@pytest.mark.parametrize("of_rollers", [0.0, -1.0, 0.4])
+@pytest.mark.parametrize("slip", [0.03, -0.02])
+def test_rollers_that_do_not_follow_the_inner_ring_do_not_hide_slip(slip: float, of_rollers: float) -> None:
+    records, ratios = world(factor=1.02, slip=slip, of_rollers=of_rollers, n=12)
+    speeds = estimate_speeds(records)
+    assert speeds.slip == pytest.approx(slip, abs=5e-4)
+    assert [e.ratio for e in speeds.estimates] == pytest.approx(ratios, rel=5e-4)
+    assert speeds.scatter == 0
+
+
+def test_slip_is_told_though_nominal_speeds_scatter() -> None:
+    records, ratios = world(own=0.015, slip=0.045, n=24, seed=3)
+    speeds = estimate_speeds(records)
+    assert speeds.slip == pytest.approx(0.045, abs=0.012)
+    assert speeds.slip_evidence > 3
+    assert speeds.slip_free / speeds.slip_sigma > 4
+    combs = [c.fault != "healthy" for c in records.conditions]
+    off = np.array([e.ratio for e in speeds.estimates]) / ratios - 1
+    assert np.abs(off[combs]).max() < 0.012
+    without, _ = world(own=0.015, n=24, seed=3)
+    plain = estimate_speeds(without)
+    assert plain.slip == 0
+    assert abs(plain.slip_free) < 2.5 * plain.slip_sigma
 
 
 @pytest.mark.parametrize("fs_hz", [10_000.0, 20_000.0])

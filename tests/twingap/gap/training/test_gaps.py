@@ -8,7 +8,7 @@ from twingap.gap.evidence import values_of
 from twingap.gap.training.gaps import DRAWERS, draw_effects, draw_gap
 from twingap.gap.training.machines import draw_bearing, draw_machine
 from twingap.gap.training.parameters import Setting, a_little_off, coordinates, to_effect, to_number
-from twingap.gap.training.strangers import estrange
+from twingap.gap.training.strangers import _Plan, _shape, _wandering, estrange
 
 
 def test_the_same_seed_gives_the_same_gap():
@@ -58,6 +58,22 @@ def test_numbers_and_effects_go_both_ways():
             again = to_effect(effect.name, numbers, setting)
             for parameter in numbers:
                 assert getattr(again, parameter) == pytest.approx(getattr(effect, parameter), rel=1e-6, abs=1e-9)
+
+
+def test_bands_whose_frequencies_wander_keep_their_power_and_leave_the_rest_alone():
+    fs_hz, n = 10_000.0, 40_000
+    t = np.arange(n) / fs_hz
+    x = np.sin(2 * np.pi * 3000 * t) + np.sin(2 * np.pi * 400 * t)
+    plan = _Plan("shift", "wave", 2.0, 0.2, 0.4, 1.0, 64, 0)
+    changed = _wandering(x, plan, _shape(t, plan, np.random.default_rng(0)))
+    assert changed.std() == pytest.approx(x.std(), rel=0.01)
+    power = np.abs(np.fft.rfft(changed * np.hanning(n))) ** 2
+    f = np.fft.rfftfreq(n, 1 / fs_hz)
+    low, sharp, near = (power[(f > a) & (f < b)].sum() for a, b in ((395, 405), (2995, 3005), (2800, 3200)))
+    assert near == pytest.approx(low, rel=0.05)
+    # A cosine of half height 0.008 fs moves the line by 80 Hz about its mean.
+    assert sharp < 0.2 * near
+    assert (f * power)[f > 2000].sum() / power[f > 2000].sum() == pytest.approx(3000, abs=2)
 
 
 def test_a_strange_record_keeps_its_length_and_changes():
