@@ -395,7 +395,7 @@ class _Search:
         return self._rest_p() if self.values else whole
 
     def _rest_p(self) -> float:
-        return self.learnt.rest_p(self.now.held_out, self.already)
+        return self.learnt.rest_p(self.now.held_out, {*self.already, *(effect.name for effect in self._added())})
 
     def keep(self, names: Sequence[str]) -> None:
         """Forget the effects that are not among these."""

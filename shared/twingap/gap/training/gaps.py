@@ -202,7 +202,8 @@ def _any_fault(drawer: Drawer) -> Drawer:
 
 
 def _slip(rng: np.random.Generator, machine: Machine) -> Mapping[str, float] | None:
-    if len(_faults(machine)) < 2:
+    # One fault alone shows it where the shaft itself is seen, by tones or side lines.
+    if not _faults(machine):
         return None
     other = rng.choice([-1.0, 0.0, rng.uniform(-1.5, 0.5)])
     return {
@@ -245,7 +246,8 @@ def _gain(rng: np.random.Generator, machine: Machine) -> Mapping[str, float] | N
 
 
 def _density(machine: Machine, f_hz: float, more: tuple[float, float, float] | None = None) -> float:
-    """Power density of healthy vibration at a frequency, 1/Hz in units of scale, with one more mode or without."""
+    """Power density of healthy vibration at a frequency, 1/Hz in units of scale, with one more mode or without; all
+    modes of the machine's structure in it."""
     own, fs_hz = machine.parameters, machine.conditions[0].fs_hz
 
     def response(at_hz: Array, mode_hz: float, damping: float, gain: float) -> NDArray[np.complex128]:
@@ -257,6 +259,8 @@ def _density(machine: Machine, f_hz: float, more: tuple[float, float, float] | N
     force = own.structure_noise_rms**2 / float(np.mean(np.abs(first) ** 2) * fs_hz / 2)
     at = np.array([f_hz])
     whole = response(at, own.resonance_hz, own.damping_ratio, 1.0)
+    for mode in machine.modes:
+        whole = whole + response(at, mode.frequency_hz, mode.damping_ratio, mode.gain)
     if more is not None:
         whole = whole + response(at, *more)
     return float(np.abs(whole[0]) ** 2 * force + own.white_noise_rms**2 / (fs_hz / 2))

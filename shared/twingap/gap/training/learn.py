@@ -195,9 +195,12 @@ class Learnt:
         """
         return self._rank(features, self.null, modelled, later=False)
 
-    def rest_p(self, features: NDArray[Any], modelled: Collection[str] = ()) -> float:
-        """The same once effects have been added: against machines to which all that they lacked had been added."""
-        return self._rank(features, self.null_rest, modelled, later=True)
+    def rest_p(self, features: NDArray[Any], has: Collection[str] = ()) -> float:
+        """The same once effects have been added: against machines to which all that they lacked had been added.
+
+        `has`: effects that the twin has as given, and those that were added.
+        """
+        return self._rank(features, self.null_rest, has, later=True)
 
     def _rank(self, features: NDArray[Any], null: Null, modelled: Collection[str], *, later: bool) -> float:
         rows = np.atleast_2d(features)
@@ -221,6 +224,10 @@ def learn(examples: Examples, effects: tuple[str, ...], parameters: tuple[tuple[
     # Models of one label each are small: processes side by side are faster than threads within one.
     parallel = joblib.Parallel(n_jobs=-1, return_as="generator")
 
+    # An effect that the twin has is never asked about, and records that have it look as if it were missing wherever a
+    # feature speaks of the records alone.
+    has = np.tile(_had(examples), (2, 1))
+
     def heard(counted: Mask, begin: float) -> dict[str, Ensemble]:
         found = parallel(
             joblib.delayed(_alone)(learn_classifier, table, missing[:, j], machine, allowed[j], first, counted[:, j])
@@ -234,9 +241,9 @@ def learn(examples: Examples, effects: tuple[str, ...], parameters: tuple[tuple[
         return out
 
     # Once with all, to learn which nobody sees; and again without those.
-    said = {name: detector.unseen[here] for name, detector in heard(np.ones(missing.shape, bool), 0.0).items()}
+    said = {name: detector.unseen[here] for name, detector in heard(~has, 0.0).items()}
     sight, hidden = _hidden(examples, said, effects, parameters, names)
-    counted = ~np.tile(hidden, (2, 1))
+    counted = ~np.tile(hidden, (2, 1)) & ~has
     detectors = heard(counted, 0.3)
     plain = examples.values.copy()
     for j, (name, _) in enumerate(parameters):
@@ -261,7 +268,7 @@ def learn(examples: Examples, effects: tuple[str, ...], parameters: tuple[tuple[
             detectors[name].unseen = detectors[name].unseen[here]
     any_gap = examples.missing.any(axis=1) | examples.strange
     general = general_columns(names)
-    asked = np.where(np.tile(examples.modelled, (2, 1)), UNHEARD, scores)
+    asked = np.where(has, UNHEARD, scores)
     whole = Table(_of_all(asked, table.values[:, general]).astype(np.float32))
     open_ = ~any_gap | examples.strange | (examples.missing & ~hidden).any(axis=1)
     anything = learn_classifier(
@@ -280,6 +287,14 @@ def learn(examples: Examples, effects: tuple[str, ...], parameters: tuple[tuple[
     known = examples.first & ~examples.strange & ~hidden.any(axis=1)
     level = _level(scores[known], examples.missing[known])
     return Learnt(effects, detectors, estimators, anything, null, names, {}, limits, level, rest, general, sight=sight)
+
+
+def _had(examples: Examples) -> Mask:
+    """[examples, effects] What the twin has: as given, or since it was added."""
+    begun = dict(zip(examples.machine[examples.first].tolist(), examples.missing[examples.first], strict=True))
+    nothing = np.zeros(examples.missing.shape[1], bool)
+    lacked = np.array([begun.get(number, nothing) for number in examples.machine.tolist()])
+    return examples.modelled | (lacked.reshape(examples.missing.shape) & ~examples.missing)
 
 
 def _hidden(

@@ -224,6 +224,8 @@ def draw_conditions(
         kinds = ["healthy", str(rng.choice(kinds[1:]))]
     elif rng.random() < 0.1:
         kinds = kinds[1:]
+        if rng.random() < 0.6:  # records of a bearing that has failed, and nothing else
+            kinds = [str(kind) for kind in rng.permutation(kinds)[: rng.integers(1, 3)]]
     elif rng.random() < 0.06:
         kinds = kinds[:1]
     order = [kinds[i % len(kinds)] for i in range(count)]
