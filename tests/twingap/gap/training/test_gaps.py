@@ -1,11 +1,13 @@
 """Simulated gaps: reproducible, of every effect, and such that records could show them."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from twingap.effects import catalogue, make_effect
+from twingap.effects import Mode, catalogue, make_effect
 from twingap.gap.evidence import values_of
-from twingap.gap.training.gaps import DRAWERS, draw_effects, draw_gap
+from twingap.gap.training.gaps import DRAWERS, _density, draw_effects, draw_gap
 from twingap.gap.training.machines import draw_bearing, draw_machine
 from twingap.gap.training.parameters import Setting, a_little_off, coordinates, to_effect, to_number
 from twingap.gap.training.strangers import _Plan, _shape, _wandering, estrange
@@ -24,11 +26,11 @@ def test_every_effect_is_drawn_and_differs_from_the_machine_without_it():
     rng = np.random.default_rng(11)
     seen = {}
     for _ in range(400):
-        if len(seen) == len(catalogue()):
+        if len(seen) == len(catalogue()) and all(seen.values()):
             break
         machine = draw_machine(rng, own_simulator=False, most_records=8)
         for effect in draw_effects(rng, machine, 3):
-            if effect.name in seen:
+            if seen.get(effect.name):  # a rail that nothing meets, now and then, is no effect
                 continue
             with_it, without = (
                 machine.twin(effects).simulate(machine.conditions, np.random.default_rng(5))
@@ -74,6 +76,32 @@ def test_bands_whose_frequencies_wander_keep_their_power_and_leave_the_rest_alon
     # A cosine of half height 0.008 fs moves the line by 80 Hz about its mean.
     assert sharp < 0.2 * near
     assert (f * power)[f > 2000].sum() / power[f > 2000].sum() == pytest.approx(3000, abs=2)
+
+
+def test_one_fault_is_enough_for_slip_and_none_is_not():
+    machine = draw_machine(np.random.default_rng(0), own_simulator=False, most_records=8)
+    for kinds, drawn in ((("inner",), True), (("healthy", "outer"), True), (("healthy",), False)):
+        own = tuple(replace(c, fault=kinds[i % len(kinds)]) for i, c in enumerate(machine.conditions))
+        found = DRAWERS["mean_slip"](np.random.default_rng(1), replace(machine, conditions=own))
+        assert (found is not None) == drawn
+
+
+def test_failed_bearings_come_alone_too():
+    kinds = [
+        frozenset(str(c.fault) for c in draw_machine(np.random.default_rng(k), False, 8).conditions) for k in range(300)
+    ]
+    alone = [own for own in kinds if "healthy" not in own and len(own) < 3]
+    assert {len(own) for own in alone} == {1, 2}
+    assert 0.02 < len(alone) / 300 < 0.1
+
+
+def test_what_shows_is_judged_beside_all_modes_of_the_structure():
+    machine = draw_machine(np.random.default_rng(2), own_simulator=False, most_records=4)
+    own = machine.parameters
+    hz = 0.5 * own.resonance_hz
+    loud = replace(machine, modes=(Mode(hz, own.damping_ratio, 3.0),))
+    assert _density(loud, hz) > 3 * _density(machine, hz)
+    assert _density(loud, hz, (hz, own.damping_ratio, -3.0)) == pytest.approx(_density(machine, hz))
 
 
 def test_a_strange_record_keeps_its_length_and_changes():
