@@ -52,7 +52,7 @@ def classify(
     from twingap.twins.twin_file import read_twin
 
     spec = read_twin(twin)
-    records = read_record_set(recordset)
+    records = read_record_set(recordset, labelled=False)
     # The place is tried before the work begins, and filled only after it has ended well.
     with replacing(out) as table:
         from twingap.adapt.classify import ClassifyOptions  # slow to import: what was mistyped is told before

@@ -57,7 +57,7 @@ class _OnDisk:
             raise _in_row(where, error) from error
 
 
-def read_record_set(folder: str | os.PathLike[str]) -> RecordSet:
+def read_record_set(folder: str | os.PathLike[str], *, labelled: bool = True) -> RecordSet:
     """Read a record set; its samples stay on disk until asked for.
 
     Parameters
@@ -65,6 +65,8 @@ def read_record_set(folder: str | os.PathLike[str]) -> RecordSet:
     folder : path-like
         Holds recordset.toml, records.csv and the samples. Files are named relative to it; absolute paths are refused,
         since a folder that names them cannot be moved ("../" and links may lead to samples that lie elsewhere).
+    labelled : bool
+        False = column fault is not looked at, whatever it holds, and every fault is unknown.
 
     Returns
     -------
@@ -95,7 +97,7 @@ def read_record_set(folder: str | os.PathLike[str]) -> RecordSet:
     for row, extra in zip(rows, extras(rows), strict=True):
         rate = row.rate(about.recordset.fs_hz)
         channel = _channel(folder, row, rate, opened)
-        conditions.append(row.condition(rate, channel.n_samples, extra))
+        conditions.append(row.condition(rate, channel.n_samples, extra, labelled=labelled))
         places.append((row.where("file"), channel))
     name = about.recordset.name or folder.resolve().name
     return RecordSet(name, about.recordset.unit, about.bearing, conditions, _OnDisk(tuple(places)))

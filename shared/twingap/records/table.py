@@ -74,10 +74,12 @@ class Row:
             raise TwingapError(f"{text!r} found, {wanted} expected", where=self.where(column))
         return value
 
-    def condition(self, fs_hz: float | None, n_samples: int, extra: Mapping[str, Any]) -> Condition:
-        """The condition in this row, at the rate of its own or else at `fs_hz`."""
+    def condition(
+        self, fs_hz: float | None, n_samples: int, extra: Mapping[str, Any], *, labelled: bool = True
+    ) -> Condition:
+        """The condition in this row, at the rate of its own or else at `fs_hz`; its fault only if `labelled`."""
         name, speed_rpm = self.text("record", needed=True), self.number_in("speed_rpm", needed=True, positive=True)
-        fault = self.text("fault")
+        fault = self.text("fault") if labelled else None
         if fault is not None and fault not in FAULTS:
             mend = f"use one of {', '.join(FAULTS)}, or leave it empty when unknown"
             raise TwingapError(f"unknown fault {fault!r}", where=self.where("fault"), mend=mend)

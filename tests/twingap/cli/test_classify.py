@@ -76,9 +76,12 @@ def test_same_seed_same_bytes_whatever_the_fault_column_says(
         assert swapped != text
         table.write_text(swapped, encoding="utf-8")
         assert twingap(records, "--twin", twin, "--out", tmp_path / "b.csv", *QUICK).status == 0
+        table.write_text(text.replace("inner", "IR 0.007?"), encoding="utf-8")  # words of the user's own
+        assert twingap(records, "--twin", twin, "--out", tmp_path / "d.csv", *QUICK).status == 0
     finally:
         table.write_text(text, encoding="utf-8")
     assert (tmp_path / "a.csv").read_bytes() == (tmp_path / "b.csv").read_bytes()
+    assert (tmp_path / "a.csv").read_bytes() == (tmp_path / "d.csv").read_bytes()
     assert twingap(records, "--twin", twin, "--out", tmp_path / "c.csv", *QUICK, "--seed", 1).status == 0
     assert (tmp_path / "a.csv").read_bytes() != (tmp_path / "c.csv").read_bytes()
 
