@@ -109,8 +109,10 @@ def test_mistakes_are_one_line_and_leave_nothing(twingap: Run, twin: Path, recor
         (np.ones(900), "", "all samples are equal"),
         (np.arange(100.0), "", "100 samples, at least 512"),
         (np.arange(900.0) % 7, "fs_hz = 800", "800 Hz"),
+        (np.arange(900.0) % 7 * 1e200, "", "spread over 6e+200"),
+        (np.arange(900.0) % 7 * 1e-200, "", "spread over 6e-200"),
     ],
-    ids=["nan", "constant", "short", "rate"],
+    ids=["nan", "constant", "short", "rate", "huge", "tiny"],
 )
 def test_records_that_cannot_be_classified(
     twingap: Run, twin: Path, tmp_path: Path, samples: np.ndarray, head: str, says: str
