@@ -109,7 +109,8 @@ def features_of(
     Raises
     ------
     TwingapError
-        When records have no time, share one, or are too short for the spectral kurtosis.
+        When records have no time, share one, are too short for the spectral kurtosis, or hold what no accelerometer
+        measures.
     """
     missing = [c.name for c in records.conditions if c.time_s is None]
     if missing:
@@ -129,12 +130,30 @@ def features_of(
     rows = np.empty((len(records), len(PAPER2_FEATURES)))
     for place, at in enumerate(order):
         record = records[int(at)]
+        refuse_unmeasurable(record.samples, f"record {record.condition.name!r}")
         try:
             rows[place] = paper2_features(record.samples, record.condition.fs_hz, window_samples=window_samples).values
         except TwingapError as error:
             raise TwingapError(error.what, where=f"record {record.condition.name!r}", mend=error.mend) from error
         step()
     return Run(name or records.name, times[order], PAPER2_FEATURES, rows)
+
+
+def refuse_unmeasurable(samples: Array, where: str) -> None:
+    """Refuse samples [samples] whose fourth powers would overflow or vanish: a file whose bytes were read wrongly.
+
+    Equal samples pass.
+
+    Raises
+    ------
+    TwingapError
+    """
+    spread = float(np.ptp(samples))
+    if spread > 0 and not 1e-30 < spread < 1e30:
+        raise TwingapError(
+            f"samples spread over {spread:.3g}, which no accelerometer measures", where=where,
+            mend="check the unit and how the file was read",
+        )  # fmt: skip
 
 
 def online_indicators(

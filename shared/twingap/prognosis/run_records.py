@@ -19,6 +19,7 @@ import numpy as np
 from twingap.config import read_toml
 from twingap.errors import TwingapError
 from twingap.files import kind_of
+from twingap.prognosis.health_indicator import refuse_unmeasurable
 from twingap.records.samples import Channel, SampleFile, inspect
 from twingap.records.table import Row, read_table
 
@@ -47,11 +48,12 @@ class RunRow:
         Raises
         ------
         TwingapError
-            When the samples cannot be read, or one is not finite.
+            When the samples cannot be read, one is not finite, or they are nothing that an accelerometer measures.
         """
         if self.channel is None or self.speed_rpm == 0:
             return float("nan"), float("nan")
         x = self.channel.load()
+        refuse_unmeasurable(x, f"record {self.name!r}")
         centred = x - x.mean()
         power = float(np.mean(centred**2))
         return float(np.ptp(x)), float(np.mean(centred**4)) / power**2 if power > 0 else float("nan")

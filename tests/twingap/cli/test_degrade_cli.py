@@ -206,6 +206,17 @@ def test_a_table_of_several_runs(twingap: Run, table: Table, tmp_path: Path) -> 
     assert run.name == "b2" and run.names == ("rms", "kurtosis") and run.time_s.size == 80 and len(notes) == 2
 
 
+@pytest.mark.parametrize("scale", [1e200, 1e-200])
+def test_what_no_accelerometer_measures_is_refused(twingap: Run, tmp_path: Path, scale: float) -> None:
+    rng = np.random.default_rng(0)
+    given = [
+        Record(Condition(f"r{k}", 1800.0, 25600.0, 1024, time_s=10.0 * k), scale * rng.standard_normal(1024))
+        for k in range(45)
+    ]
+    folder = write_records(tmp_path / "set", "made", "g", BEARINGS["PRONOSTIA"], None, given)
+    refused(twingap(folder, "--out", tmp_path / "out"), "record 'r0'", "no accelerometer", "how the file was read")
+
+
 def test_records_without_time_are_refused(twingap: Run, tmp_path: Path) -> None:
     given = [
         Record(Condition(f"r{k}", 1800.0, 25600.0, 1024), np.random.default_rng(k).standard_normal(1024))

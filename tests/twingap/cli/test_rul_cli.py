@@ -121,17 +121,18 @@ def test_stops_gaps_and_records_that_are_not_numbers_are_said(twingap: Run, fold
     run = simulated()
     count = run.time_s.size
     np.save(folder.parent / "nan.npy", np.full(256, np.nan))
+    np.save(folder.parent / "tiny.npy", 1e-100 * np.arange(256.0))
 
     def hurt(rows: list[list[str]]) -> list[list[str]]:
         header, *rest = rows
         speed, file = header.index("speed_rpm"), header.index("file")
         rest[count - 10][speed], rest[count - 10][file] = "0", ""
-        rest[count - 8][file] = "../nan.npy"
+        rest[count - 8][file], rest[count - 7][file] = "../nan.npy", "../tiny.npy"
         return [header, *rest[:20], *rest[50:]]
 
     said = twingap(edited(folder, hurt), "--out", tmp_path / "a.csv", "--limit-ratio", run.limit_ratio)
     assert said.status == 0
-    for part in ("stands still in 1 rows", "gap of", "left out", "nan.npy"):
+    for part in ("stands still in 1 rows", "gap of", "left out", "nan.npy", "and 1 more"):
         assert part in said.err
     rows = {row[0]: row for row in rows_of(tmp_path / "a.csv")[1:]}
     still, unusable = rows[f"ä {count - 10}"], rows[f"ä {count - 8}"]
