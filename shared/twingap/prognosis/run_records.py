@@ -16,10 +16,9 @@ from pathlib import Path, PurePosixPath, PureWindowsPath
 
 import numpy as np
 
-from twingap.config import read_toml
 from twingap.errors import TwingapError
-from twingap.files import kind_of
 from twingap.prognosis.health_indicator import refuse_unmeasurable
+from twingap.records.folder import read_description
 from twingap.records.samples import Channel, SampleFile, inspect
 from twingap.records.table import Row, read_table
 
@@ -102,12 +101,7 @@ def read_run(folder: str | os.PathLike[str], group: str | None = None) -> Run:
         Naming file, row, column and reason: a row without time_s, two runs side by side, a file that is not there.
     """
     folder = Path(folder)
-    if (kind := kind_of(folder)) != "folder":
-        what = "no such folder" if kind == "missing" else "is not a folder"
-        raise TwingapError(what, where=folder, mend="name the folder that holds recordset.toml and records.csv")
-    about = read_toml(folder / "recordset.toml").get("recordset", {})
-    if not isinstance(about, dict):
-        raise TwingapError("recordset is no table", where=folder / "recordset.toml", mend="begin it with [recordset]")
+    about = read_description(folder).recordset
     table = folder / "records.csv"
     rows = read_table(table, ("record", "file", "speed_rpm", "time_s"))
     rows = _one_run(rows, table, group)
@@ -128,8 +122,8 @@ def read_run(folder: str | os.PathLike[str], group: str | None = None) -> Run:
         notes.append(f"{twice} rows have the time of the row before: they are taken as they stand in the table")
     if still := sum(row.speed_rpm == 0 for row in found):
         notes.append(f"the machine stands still in {still} rows: no life is used up, and no time to the end is given")
-    name = str(about.get("name") or folder.resolve().name)
-    return Run(name, str(about.get("unit") or ""), tuple(found[place] for place in order), tuple(notes))
+    name = about.name or folder.resolve().name
+    return Run(name, about.unit, tuple(found[place] for place in order), tuple(notes))
 
 
 def _one_run(rows: tuple[Row, ...], table: Path, group: str | None) -> tuple[Row, ...]:

@@ -27,7 +27,7 @@ _PER_FOLDER: Final = 1000
 
 
 @dataclass(frozen=True)
-class _Head:
+class Head:
     """Table [recordset] of recordset.toml."""
 
     name: str | None = None
@@ -36,10 +36,10 @@ class _Head:
 
 
 @dataclass(frozen=True)
-class _Description:
+class Description:
     """recordset.toml."""
 
-    recordset: _Head
+    recordset: Head
     bearing: Bearing | None = None
 
 
@@ -80,17 +80,7 @@ def read_record_set(folder: str | os.PathLike[str], *, labelled: bool = True) ->
         Naming file, row, column and reason.
     """
     folder = Path(folder)
-    if (kind := kind_of(folder)) != "folder":
-        what = "no such folder" if kind == "missing" else "is not a folder"
-        raise TwingapError(what, where=folder, mend="name the folder that holds recordset.toml and records.csv")
-    path = folder / "recordset.toml"
-    about = build(_Description, read_toml(path), path)
-    if about.recordset.unit not in UNITS:
-        mend = 'use "m/s^2", "g" or "" (unknown)'
-        raise TwingapError(f"unit = {about.recordset.unit!r}", where=f"{path}: recordset", mend=mend)
-    if about.recordset.fs_hz is not None and about.recordset.fs_hz <= 0:
-        what = f"fs_hz = {about.recordset.fs_hz!r}, a positive number expected"
-        raise TwingapError(what, where=f"{path}: recordset")
+    about = read_description(folder)
     rows = read_table(folder / "records.csv", ("record", "file", "speed_rpm"))
     opened: dict[str, SampleFile] = {}
     conditions, places = [], []
@@ -101,6 +91,29 @@ def read_record_set(folder: str | os.PathLike[str], *, labelled: bool = True) ->
         places.append((row.where("file"), channel))
     name = about.recordset.name or folder.resolve().name
     return RecordSet(name, about.recordset.unit, about.bearing, conditions, _OnDisk(tuple(places)))
+
+
+def read_description(folder: str | os.PathLike[str]) -> Description:
+    """What all records of a record set share: its recordset.toml.
+
+    Raises
+    ------
+    TwingapError
+        When there is no such folder, or naming file, key and reason.
+    """
+    folder = Path(folder)
+    if (kind := kind_of(folder)) != "folder":
+        what = "no such folder" if kind == "missing" else "is not a folder"
+        raise TwingapError(what, where=folder, mend="name the folder that holds recordset.toml and records.csv")
+    path = folder / "recordset.toml"
+    about = build(Description, read_toml(path), path)
+    if about.recordset.unit not in UNITS:
+        mend = 'use "m/s^2", "g" or "" (unknown)'
+        raise TwingapError(f"unit = {about.recordset.unit!r}", where=f"{path}: recordset", mend=mend)
+    if about.recordset.fs_hz is not None and about.recordset.fs_hz <= 0:
+        what = f"fs_hz = {about.recordset.fs_hz!r}, a positive number expected"
+        raise TwingapError(what, where=f"{path}: recordset")
+    return about
 
 
 def write_records(

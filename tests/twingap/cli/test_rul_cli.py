@@ -198,6 +198,27 @@ def test_what_is_no_run_is_refused_in_a_line(
 
 
 @pytest.mark.parametrize(
+    ("text", "parts"),
+    [
+        ('[recordset]\nunit = "m/s2"\n', ("unit = 'm/s2'", "m/s^2")),
+        ("[recordset]\nunit = 5\n", ("unit: 5", "string")),
+        ("[recordset]\nrate = 5\n", ("'rate'",)), ("[recordset]\nfs_hz = 0\n", ("fs_hz = 0",)), ("", ("recordset",)),
+        ('[recordset]\n[bearing]\nname = "x"\n', ("bearing", "n_rollers")),
+    ],
+)  # fmt: skip
+def test_a_description_that_is_wrong_is_refused_in_a_line(
+    twingap: Run, folder: Path, tmp_path: Path, text: str, parts: tuple[str, ...]
+) -> None:
+    def described(rows: list[list[str]]) -> list[list[str]]:
+        return rows
+
+    copy = edited(folder, described)
+    (copy / "recordset.toml").write_text(text, "utf-8")
+    refused(twingap(copy, "--out", tmp_path / "a.csv"), "recordset.toml", *parts)
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(
     ("options", "parts"),
     [
         (("--limit-ratio", "1"), ("--limit-ratio",)), (("--limit", "1e-12"), ("raise the limit",)),
