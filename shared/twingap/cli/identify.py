@@ -29,6 +29,8 @@ def identify(
     as_json: Json = False,
 ) -> None:
     """Identify the twin's free parameters from records, with intervals and the fit's figures."""
+    from dataclasses import replace
+
     import numpy as np
     from rich.progress import Progress
 
@@ -59,7 +61,8 @@ def identify(
                 report=lambda what, fraction: progress.update(task, description=what, completed=fraction),
             )
         try:
-            write_twin(text, found.spec)
+            # With the geometry that it was identified for, since a table of conditions brings none to simulate.
+            write_twin(text, replace(found.spec, bearing=records.bearing or found.spec.bearing))
         except TwingapError as error:  # which names the temporary file
             raise TwingapError(error.what, where=out, mend=error.mend) from error
         write_figure(drawing, found.fits)

@@ -80,6 +80,17 @@ def test_an_identified_twin_simulates(
     assert (tmp_path / "s" / "records.csv").exists()
 
 
+def test_an_identified_twin_simulates_a_table_of_conditions(
+    twingap: Run, typed: Run, twin: Path, records: Path, tmp_path: Path
+) -> None:
+    """Which brings no geometry: it is that of the records."""
+    assert twingap(twin, records, "--out", tmp_path / "b.toml").status == 0
+    assert read_twin(tmp_path / "b.toml").bearing == BEARINGS["6205"]
+    table = tmp_path / "conditions.csv"
+    table.write_text("record,speed_rpm,fault,fs_hz,n_samples\na,1500,inner,12000,1000\n")
+    assert typed("simulate", tmp_path / "b.toml", "--records", table, "--out", tmp_path / "s").status == 0
+
+
 def test_mistakes_are_one_line_and_leave_nothing(twingap: Run, twin: Path, records: Path, tmp_path: Path) -> None:
     out = tmp_path / "out.toml"
     broken = tmp_path / "broken.toml"
