@@ -49,8 +49,9 @@ def public(
     names = tuple(dict.fromkeys(name.strip() for name in sets.split(",") if name.strip()))
     plan = Plan(names, seed, pieces, splits, injections, single_pieces)
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
+    quiet = not progress_console.is_terminal
     try:
-        with Progress(*columns, console=progress_console, transient=True) as bar:
+        with Progress(*columns, console=progress_console, transient=True, disable=quiet) as bar:
             line = bar.add_task("sets", total=None)
             table = run_public(
                 out,

@@ -35,8 +35,9 @@ def study(
     from twingap.study.runner import command_line
 
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
+    quiet = not progress_console.is_terminal
     try:
-        with Progress(*columns, console=progress_console, transient=True) as bar:
+        with Progress(*columns, console=progress_console, transient=True, disable=quiet) as bar:
             line = bar.add_task("cases", total=None)
             done = run_study(
                 out,

@@ -59,8 +59,9 @@ def run(
     columns = (
         TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), TimeRemainingColumn(),
     )  # fmt: skip
+    quiet = not progress_console.is_terminal
     try:
-        with Progress(*columns, console=progress_console, transient=True) as bar:
+        with Progress(*columns, console=progress_console, transient=True, disable=quiet) as bar:
             line = bar.add_task("reading", total=None)
             outcome = pipeline.run(
                 profile.value,

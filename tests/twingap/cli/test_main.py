@@ -50,6 +50,21 @@ def test_what_was_mistyped_is_told_in_one_line(
         assert part in said.err
 
 
+@pytest.mark.parametrize("command", [["run", "paper3"], ["gap", "public"]])
+def test_commands_with_a_bar_refuse_in_one_line_too(
+    command: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Where standard error is no terminal, a bar that was begun leaves nothing there."""
+    monkeypatch.setenv("TWINGAP_HOME", str(tmp_path / "home"))
+    words = ["twingap", *command, "--root", str(tmp_path / "nowhere"), "--out", str(tmp_path / "out")]
+    monkeypatch.setattr(sys, "argv", words)
+    with pytest.raises(SystemExit) as left:
+        main()
+    said = capsys.readouterr()
+    assert left.value.code == 2 and said.out == ""
+    assert said.err.startswith("twingap: ") and said.err.count("\n") == 1 and "nowhere" in said.err
+
+
 @pytest.mark.parametrize("command", [["data", "list"], ["data", "verify"]])
 def test_every_command_takes_a_seed_and_json(
     command: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
