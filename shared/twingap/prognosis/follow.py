@@ -102,12 +102,18 @@ def follow(
     prior : Prior, optional
     report : callable
         Wraps the rows as they are taken, to show progress.
+
+    Raises
+    ------
+    TwingapError
+        Naming the run: when its healthy rows do not scatter at all, or lie above the limit already.
     """
     life = OnlineLife(options, prior)
     estimates: list[Estimate] = []
     lived: list[float] = []
     skipped: list[str] = []
     kurtosis: list[float] = []
+    usable = 0
     for row in report(run.rows):
         try:
             height, shape = row.amplitude()
@@ -119,7 +125,11 @@ def follow(
                 skipped.append(f"record {row.name!r} does not vibrate at all")
         if len(kurtosis) < life.options.healthy_rows and np.isfinite(shape):
             kurtosis.append(shape)
-        estimates.append(life.update(row.time_s, row.speed_rpm, height))
+        usable += row.speed_rpm > 0 and height > 0
+        try:
+            estimates.append(life.update(row.time_s, row.speed_rpm, height))
+        except TwingapError as error:
+            raise TwingapError(error.what, where=f"run {run.name!r}, {error.where}", mend=error.mend) from error
         lived.append(life.revolutions)
     notes = [*run.notes, *_shortened(life.notes)]
     if skipped:
@@ -131,7 +141,7 @@ def follow(
             "not have been healthy at the start, and amplitude is relative to what it was then"
         )
     if life.alarm_row is None:
-        notes.append(_why_none(life, run))
+        notes.append(_why_none(life, usable))
     if life.end_row is not None:
         notes.append(f"end of life is reached at record {run.rows[life.end_row].name!r}: nothing remains from there on")
     outcome = Outcome(
@@ -275,12 +285,16 @@ def _shortened(notes: Sequence[str], kept: int = 6) -> list[str]:
     return [*notes[:kept], *more]
 
 
-def _why_none(life: OnlineLife, run: Run) -> str:
+def _why_none(life: OnlineLife, usable: int) -> str:
     if life.judged:
-        return "no anomaly: amplitude stays within its healthy scatter, and remaining life is left empty" + (
+        why = "amplitude does not stay above its healthy scatter"
+        if life.above:
+            last = "the last row lies" if life.above == 1 else f"the last {life.above} rows lie"
+            why = f"{last} above the healthy scatter, {life.together} together make one"
+        return f"no anomaly: {why}; remaining life is left empty" + (
             "" if life.prior is None else " but for what other runs say"
         )
     return (
-        f"{len(run.rows)} rows are too few to tell an anomaly: the first {life.options.healthy_rows} rows of the "
-        "running machine count as healthy (--healthy-rows)"
+        f"{usable} {'row' if usable == 1 else 'rows'} of the running machine that can be used are too few to tell an "
+        f"anomaly: the first {life.options.healthy_rows} of them count as healthy (--healthy-rows)"
     )

@@ -200,6 +200,16 @@ class OnlineLife:
         return bool(self._log)
 
     @property
+    def above(self) -> int:
+        """Rows that lie above the limit of the anomaly together, the last taken among them."""
+        return len(self._run)
+
+    @property
+    def together(self) -> int:
+        """How many of them make an anomaly."""
+        return self._together
+
+    @property
     def amplitudes(self) -> tuple[NDArray[np.int64], Array, Array]:
         """Judged rows: number, revolutions since the first row, log normalised amplitude [rows each]."""
         rows, turns, logs = zip(*self._log, strict=True) if self._log else ((), (), ())
@@ -312,11 +322,12 @@ class OnlineLife:
 
     def _check_limit(self) -> None:
         assert self._influence is not None
-        healthy = float(self._influence.amplitude(self._influence.speeds_rpm).max())
+        amplitudes = self._influence.amplitude(self._influence.speeds_rpm)
+        healthy, speed = float(amplitudes.max()), float(self._influence.speeds_rpm[amplitudes.argmax()])
         if self.options.limit is not None and healthy >= self.options.limit:
             raise TwingapError(
-                f"healthy rows have {healthy:.4g} peak to peak already", where=f"limit {self.options.limit:g}",
-                mend="raise the limit, in the unit of the records",
+                f"healthy rows at {speed:.4g} rpm have {healthy:.4g} peak to peak already",
+                where=f"limit {self.options.limit:g}", mend="raise the limit, in the unit of the records",
             )  # fmt: skip
         self._highest_gain = healthy
 

@@ -149,6 +149,36 @@ def test_a_single_record_and_healthy_rows_alone(twingap: Run, folder: Path, tmp_
     assert rows_of(tmp_path / "a.csv")[1] == ["ä 0", "0", "", "", "", ""]
 
 
+def test_why_there_is_no_anomaly(twingap: Run, tmp_path: Path) -> None:
+    """A machine that hardly ran is not one with many rows, and the last rows of one that breaks are not healthy."""
+    rng = np.random.default_rng(0)
+
+    def said(name: str, heights: np.ndarray, speeds: np.ndarray) -> str:
+        made = [
+            Record(Condition(f"{k}", float(s), 10000.0, 64, time_s=60.0 * k), h * rng.normal(size=64))
+            for k, (h, s) in enumerate(zip(heights, speeds, strict=True))
+        ]
+        folder = write_records(tmp_path / name, name, "g", None, None, made)
+        table = (folder / "records.csv").read_text("utf-8").replace(",1.0,", ",0,")
+        (folder / "records.csv").write_text(table, "utf-8")
+        found = twingap(folder, "--out", tmp_path / "a.csv")
+        assert found.status == 0
+        return found.err
+
+    speeds = np.full(120, 1500.0)
+    assert "120 rows" not in said("still", np.ones(120), np.where(np.arange(120) < 119, 1.0, 1500.0))
+    assert "does not stay above its healthy scatter" in said("healthy", np.ones(120), speeds)
+    assert "the last 3 rows lie above" in said("breaks", np.where(np.arange(120) < 117, 1.0, 50.0), speeds)
+
+
+def test_rows_that_cannot_be_judged_name_their_run(twingap: Run, folder: Path, tmp_path: Path) -> None:
+    x = np.random.default_rng(0).normal(size=64)
+    equal = [Record(Condition(f"{k}", 1500.0, 10000.0, 64, time_s=60.0 * k), x) for k in range(70)]
+    other = write_records(tmp_path / "other", "the other", "g", None, None, equal)
+    refused(twingap(folder, "--out", tmp_path / "a.csv", "--prior", other), "run 'the other'", "all rows are equal")
+    refused(twingap(folder, "--out", tmp_path / "a.csv", "--limit", "1e-12"), "run 'Lauf'", "rpm", "raise the limit")
+
+
 def test_other_runs_fill_the_rows_before_the_anomaly(twingap: Run, folder: Path, tmp_path: Path) -> None:
     other = write(tmp_path, simulated(5, "bent"))
     table = tmp_path / "runs.csv"
