@@ -135,7 +135,7 @@ def _outcomes(path: Path, options: LifeOptions) -> list[Outcome]:
         if not path.is_file():
             raise TwingapError("no such run", where=path, mend="name a record set or a table of runs")
         return read_outcomes(path)
-    run = read_run(path)
+    run = read_run(path, several="give each run to --prior as a record set of its own")
     return [follow(run, options, report=lambda rows: steps(rows, f"{run.name}: prior", len(run.rows))).outcome]
 
 

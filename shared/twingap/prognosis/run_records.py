@@ -81,7 +81,9 @@ class Run:
         return iter(self.rows)
 
 
-def read_run(folder: str | os.PathLike[str], group: str | None = None) -> Run:
+def read_run(
+    folder: str | os.PathLike[str], group: str | None = None, *, several: str = "choose one by --group"
+) -> Run:
     """Read the table of a run.
 
     Parameters
@@ -90,6 +92,8 @@ def read_run(folder: str | os.PathLike[str], group: str | None = None) -> Run:
         Record set.
     group : str, optional
         Whose rows are the run, where the set holds several bearings.
+    several : str
+        What to do about a set of several bearings, should none be named.
 
     Returns
     -------
@@ -104,7 +108,7 @@ def read_run(folder: str | os.PathLike[str], group: str | None = None) -> Run:
     about = read_description(folder).recordset
     table = folder / "records.csv"
     rows = read_table(table, ("record", "file", "speed_rpm", "time_s"))
-    rows = _one_run(rows, table, group)
+    rows = _one_run(rows, table, group, several)
     opened: dict[str, SampleFile] = {}
     found = []
     for row in rows:
@@ -126,7 +130,7 @@ def read_run(folder: str | os.PathLike[str], group: str | None = None) -> Run:
     return Run(name, about.unit, tuple(found[place] for place in order), tuple(notes))
 
 
-def _one_run(rows: tuple[Row, ...], table: Path, group: str | None) -> tuple[Row, ...]:
+def _one_run(rows: tuple[Row, ...], table: Path, group: str | None, several: str) -> tuple[Row, ...]:
     """The rows of one bearing."""
     if group is not None:
         kept = tuple(row for row in rows if row.text("group") == group)
@@ -140,12 +144,12 @@ def _one_run(rows: tuple[Row, ...], table: Path, group: str | None) -> tuple[Row
         if (name := row.text("group")) is not None and (time_s := row.number_in("time_s")) is not None:
             spans.setdefault(name, []).append(time_s)
     # Recordings of one run follow one another; runs of several bearings each begin at their own start.
-    several = sorted((min(times), max(times)) for times in spans.values() if len(times) > 1)
-    if any(later[0] < earlier[1] for earlier, later in pairwise(several)):
+    from_to = sorted((min(times), max(times)) for times in spans.values() if len(times) > 1)
+    if any(later[0] < earlier[1] for earlier, later in pairwise(from_to)):
         first = ", ".join(list(spans)[:6])
         raise TwingapError(
             f"holds {len(spans)} groups that overlap in time ({first}): not one run", where=table,
-            mend="choose one by --group",
+            mend=several,
         )  # fmt: skip
     return rows
 

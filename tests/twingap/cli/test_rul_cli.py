@@ -264,5 +264,9 @@ def test_impossible_options_are_refused_in_a_line(
 
 
 def test_the_bearings_of_a_set_are_told_apart_by_group(twingap: Run, folder: Path, tmp_path: Path) -> None:
-    said = twingap(edited(folder, two_bearings), "--out", tmp_path / "a.csv", "--group", "a")
+    both = edited(folder, two_bearings)
+    refused(
+        twingap(both, "--out", tmp_path / "a.csv", "--group", "a", "--prior", both), "a, b", "a record set of its own"
+    )
+    said = twingap(both, "--out", tmp_path / "a.csv", "--group", "a")
     assert said.status == 0 and len(rows_of(tmp_path / "a.csv")) == 1 + (simulated().time_s.size + 1) // 2
