@@ -114,9 +114,14 @@ def _rows(path: Path) -> tuple[list[str], list[tuple[int, list[str]]]]:
         if not name or header.count(name) > 1:
             shown = f"column {name!r} appears twice" if name else "a column has no name"
             raise TwingapError(shown, where=f"{path}, row {lines[0][0]}", mend="give each column a name of its own")
+    if len(header) == 1 and any(mark in header[0] for mark in ";\t"):  # as spreadsheets write them in many countries
+        mend = "separate columns by commas and write decimal points"
+        raise TwingapError("is not a comma-separated table", where=f"{path}, row {lines[0][0]}", mend=mend)
     for number, row in lines[1:]:
         if len(row) != len(header):
-            raise TwingapError(f"has {len(row)} fields, {len(header)} expected", where=f"{path}, row {number}")
+            mend = "separate columns by commas, and put fields that hold commas in double quotes"
+            what = f"has {len(row)} fields, {len(header)} expected"
+            raise TwingapError(what, where=f"{path}, row {number}", mend=mend)
     if len(lines) == 1:
         raise TwingapError("holds no records", where=path, mend="add a row per record")
     return header, lines[1:]

@@ -81,7 +81,7 @@ def read_conditions(
     rest = extras(rows, (*COLUMNS, "n_samples", "duration_s"))
     conditions = []
     for row, extra in zip(rows, rest, strict=True):
-        rate = row.rate(fs_hz)
+        rate = row.rate(fs_hz, "--fs-hz")
         conditions.append(row.condition(rate, _length(row, rate, duration_s), extra))
     return Conditions(tuple(conditions))
 
@@ -105,7 +105,7 @@ def _length(row: Row, rate: float, duration_s: float | None) -> int:
     else:
         seconds, column = seconds or duration_s, "duration_s"
         if seconds is None:
-            mend = "add a column n_samples or duration_s"
+            mend = "add a column n_samples or duration_s, or give one length for all (--duration-s)"
             raise TwingapError("no length is given", where=row.where(), mend=mend)
         n_samples = seconds * rate
     if not 0.5 <= n_samples <= _MOST_SAMPLES:

@@ -91,11 +91,11 @@ class Row:
             extra=extra,
         )  # fmt: skip
 
-    def rate(self, fs_hz: float | None) -> float:
-        """Sampling rate of this row, or else `fs_hz`, Hz."""
+    def rate(self, fs_hz: float | None, elsewhere: str = "fs_hz in recordset.toml") -> float:
+        """Sampling rate of this row, or else `fs_hz`, Hz, which is given `elsewhere`."""
         rate = self.number_in("fs_hz", positive=True) or fs_hz
         if rate is None:
-            mend = "add a column fs_hz here, or give one rate for all (fs_hz in recordset.toml)"
+            mend = f"add a column fs_hz here, or give one rate for all ({elsewhere})"
             raise TwingapError("no sampling rate is given", where=self.where("fs_hz"), mend=mend)
         return rate
 

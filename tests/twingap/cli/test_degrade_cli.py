@@ -182,6 +182,8 @@ def test_mistakes_are_one_line_and_leave_nothing(twingap: Run, table: Table, tmp
         "ragged.csv": ("time_s,rms\n0,1\n1\n", "has 1 fields, 2 expected"),
         "twice.csv": ("time_s,rms,rms\n0,1,2\n", "column 'rms' appears twice"),
         "quote.csv": ('time_s,rms\n0,"1"x\n', "not a comma-separated table"),
+        "semicolons.csv": ("time_s;rms\n0;1,5\n", "separate columns by commas"),
+        "points.csv": ("time_s;rms\n0;1.5\n", "separate columns by commas"),
     }  # fmt: skip
     for name, (text, part) in texts.items():
         (tmp_path / name).write_text(text, encoding="utf-8")

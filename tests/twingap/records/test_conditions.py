@@ -71,8 +71,16 @@ HEAD = "record,speed_rpm,fault,fs_hz,n_samples,duration_s\n"
         ("", "c.csv: is empty"),
         (HEAD, "c.csv: holds no records"),
         ("record,speed\n", "c.csv, row 1: column 'speed_rpm' is missing; add it (columns found: record, speed)"),
-        (HEAD + "a,60,,,10,\n", "c.csv, row 2, column fs_hz: no sampling rate is given; add a column fs_hz here"),
-        (HEAD + "a,60,,100,,\n", "c.csv, row 2: no length is given; add a column n_samples or duration_s"),
+        (
+            HEAD + "a,60,,,10,\n",
+            "c.csv, row 2, column fs_hz: no sampling rate is given; "
+            "add a column fs_hz here, or give one rate for all (--fs-hz)",
+        ),
+        (
+            HEAD + "a,60,,100,,\n",
+            "c.csv, row 2: no length is given; "
+            "add a column n_samples or duration_s, or give one length for all (--duration-s)",
+        ),
         (HEAD + "a,60,,100,1.5,\n", "row 2, column n_samples: 1.5 found, a whole number expected"),
         (HEAD + "a,60,,100,0,\n", "row 2, column n_samples: '0' found, a positive number expected"),
         (
