@@ -317,7 +317,8 @@ def window_samples(records: RecordSet, bearing: Bearing) -> int:
         )
     if length < least:
         raise TwingapError(
-            f"has {shortest.n_samples} samples, at least {least} expected ({LEAST_TURNS:g} turns of the slowest shaft)",
+            f"has {shortest.n_samples} samples, at least {least} expected: the power of two that holds "
+            f"{LEAST_TURNS:g} turns of the slowest shaft",
             where=f"record {shortest.name!r}",
             mend="bring longer records, or leave it out",
         )
