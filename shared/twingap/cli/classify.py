@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from twingap.cli.options import Json, Seed, progress_console, say, say_json, show, wrote
+from twingap.cli.options import Json, Seed, progress_console, refuse_overwriting, say, say_json, show, wrote
 
 _METHODS = "VMD+SVM, Non-DA, MMD, DANN, DACD, Base-Attn, Non-DN, Base-NDN or Proposed"
 
@@ -51,6 +51,7 @@ def classify(
     from twingap.records.table import write_table
     from twingap.twins.twin_file import read_twin
 
+    refuse_overwriting(out, twin, recordset)
     spec = read_twin(twin)
     records = read_record_set(recordset, labelled=False)
     # The place is tried before the work begins, and filled only after it has ended well.

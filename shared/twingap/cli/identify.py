@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from twingap.cli.options import Json, Seed, progress_console, say, say_json, show, wrote
+from twingap.cli.options import Json, Seed, progress_console, refuse_overwriting, say, say_json, show, wrote
 
 
 def identify(
@@ -42,8 +42,7 @@ def identify(
     from twingap.twins.twin_file import read_twin, write_twin
 
     spec = read_twin(twin)
-    if out.exists() and out.samefile(twin):
-        raise TwingapError("is the twin file that is read", where=out, mend="name another file with --out")
+    refuse_overwriting(out, twin, recordset)
     records = read_record_set(recordset)
     figure = (out.parent if figures is None else figures) / f"{out.stem}_fit.png"
     # Both places are tried before the work begins, and filled only after it has ended well.

@@ -17,6 +17,8 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 from rich.table import Table
 
+from twingap.errors import TwingapError
+
 T = TypeVar("T")
 
 
@@ -75,6 +77,19 @@ def say_json(value: Any) -> None:
     _speak_any_alphabet()
     unicode = (sys.stdout.encoding or "").lower().replace("-", "").startswith("utf")
     print(json.dumps(_finite(plain(value)), indent=2, ensure_ascii=not unicode, allow_nan=False))
+
+
+def refuse_overwriting(out: Path, *read: Path) -> None:
+    """Refuse to write over what the command reads: a file, or the tables of a record set's folder.
+
+    Raises
+    ------
+    TwingapError
+    """
+    for path in read:
+        for file in (path, path / "records.csv", path / "recordset.toml"):
+            if out.is_file() and file.is_file() and out.samefile(file):
+                raise TwingapError("is read by this command", where=out, mend="name another file with --out")
 
 
 def wrote(*paths: Path, as_json: bool = False) -> None:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from twingap.cli.options import AnySeed, Json, say_json, show, steps, wrote
+from twingap.cli.options import AnySeed, Json, refuse_overwriting, say_json, show, steps, wrote
 
 if TYPE_CHECKING:
     from twingap.prognosis.follow import Outcome
@@ -87,6 +87,7 @@ def rul(
         raise TwingapError(f"limit = {limit:g}, a positive amplitude expected", where="--limit")
     if not (math.isfinite(limit_ratio) and limit_ratio > 1):
         raise TwingapError(f"ratio = {limit_ratio:g}, more than 1 expected", where="--limit-ratio")
+    refuse_overwriting(out, recordset, *(prior or ()))
     options = LifeOptions(limit, limit_ratio, healthy_rows, AnomalyRule(false_alarm), gaps.value)
     run = read_run(recordset, group)
     with replacing(out) as table:

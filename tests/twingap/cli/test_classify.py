@@ -99,6 +99,10 @@ def test_mistakes_are_one_line_and_leave_nothing(twingap: Run, twin: Path, recor
     refused(twingap(records, "--twin", high, "--out", out, *QUICK), "9000 Hz", "above half the sampling rate")
     refused(twingap(records, "--twin", twin, "--out", out, "--machines", 3), "machines")
     refused(twingap(records, "--twin", twin), "--out")
+    for read in (twin, records / "records.csv", records / "recordset.toml"):
+        text = read.read_bytes()
+        refused(twingap(records, "--twin", twin, "--out", read, *QUICK), read.name, "name another file")
+        assert read.read_bytes() == text
     assert sorted(tmp_path.iterdir()) == before
 
 

@@ -100,7 +100,10 @@ def test_mistakes_are_one_line_and_leave_nothing(twingap: Run, twin: Path, recor
     refused(twingap(twin, tmp_path / "nowhere", "--out", out), "nowhere")
     refused(twingap(twin, twin, "--out", out), twin.name)
     refused(twingap(broken, records, "--out", out), "broken.toml", "resonance_hz", "'high'", "a finite number")
-    refused(twingap(twin, records, "--out", twin), twin.name, "name another file")
+    for read in (twin, records / "records.csv", records / "recordset.toml"):
+        text = read.read_bytes()
+        refused(twingap(twin, records, "--out", read), read.name, "name another file")
+        assert read.read_bytes() == text
     refused(twingap(twin, records, "--out", tmp_path), "folder")
     refused(twingap(twin, records, "--out", "/proc/nothing/out.toml"), "/proc/nothing")
     refused(twingap(twin, records, "--out", out, "--figures", twin), twin.name)

@@ -263,6 +263,15 @@ def test_impossible_options_are_refused_in_a_line(
     assert list(tmp_path.iterdir()) == []
 
 
+def test_what_is_read_is_not_written_over(twingap: Run, folder: Path, tmp_path: Path) -> None:
+    table = tmp_path / "runs.csv"
+    table.write_text("record,life_revolutions\na,200000\n", "utf-8")
+    for out in (folder / "records.csv", folder / "recordset.toml", table):
+        before = out.read_bytes()
+        refused(twingap(folder, "--out", out, "--prior", table), out.name, "name another file")
+        assert out.read_bytes() == before
+
+
 def test_the_bearings_of_a_set_are_told_apart_by_group(twingap: Run, folder: Path, tmp_path: Path) -> None:
     both = edited(folder, two_bearings)
     refused(
