@@ -35,6 +35,7 @@ from twingap.adapt.windows import cut
 from twingap.bearing import Bearing
 from twingap.errors import TwingapError
 from twingap.records import RecordSet
+from twingap.records.measurable import refuse_unmeasurable
 
 if TYPE_CHECKING:
     from twingap.twins.twin_file import TwinSpec
@@ -335,14 +336,9 @@ def _refuse_unreadable(records: RecordSet) -> None:
         where = f"record {record.condition.name!r}"
         if not np.isfinite(record.samples).all():
             raise TwingapError("a sample is not a finite number", where=where, mend="mend it or leave the record out")
-        spread = float(np.ptp(record.samples))
-        if not spread > 0:
+        if not np.ptp(record.samples) > 0:
             raise TwingapError("all samples are equal", where=where, mend="leave the record out")
-        if not 1e-30 < spread < 1e30:  # fourth powers must stay numbers
-            raise TwingapError(
-                f"samples spread over {spread:.3g}, which no accelerometer measures", where=where,
-                mend="check the unit and how the file was read",
-            )  # fmt: skip
+        refuse_unmeasurable(record.samples, where)
 
 
 def _at_true_speeds(records: RecordSet, bearing: Bearing, notes: list[str]) -> RecordSet:

@@ -20,6 +20,7 @@ from twingap.errors import TwingapError
 from twingap.prognosis.fusion import Fusion, Order, Scaling, constant, learn_fusion
 from twingap.prognosis.indicator_criteria import IndicatorCriteria, judge
 from twingap.records import RecordSet
+from twingap.records.measurable import refuse_unmeasurable
 from twingap.signal.features import PAPER2_FEATURES, paper2_features
 
 Array = NDArray[np.float64]
@@ -137,23 +138,6 @@ def features_of(
             raise TwingapError(error.what, where=f"record {record.condition.name!r}", mend=error.mend) from error
         step()
     return Run(name or records.name, times[order], PAPER2_FEATURES, rows)
-
-
-def refuse_unmeasurable(samples: Array, where: str) -> None:
-    """Refuse samples [samples] whose fourth powers would overflow or vanish: a file whose bytes were read wrongly.
-
-    Equal samples pass.
-
-    Raises
-    ------
-    TwingapError
-    """
-    spread = float(np.ptp(samples))
-    if spread > 0 and not 1e-30 < spread < 1e30:
-        raise TwingapError(
-            f"samples spread over {spread:.3g}, which no accelerometer measures", where=where,
-            mend="check the unit and how the file was read",
-        )  # fmt: skip
 
 
 def online_indicators(

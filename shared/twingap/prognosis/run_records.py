@@ -17,8 +17,8 @@ from pathlib import Path, PurePosixPath, PureWindowsPath
 import numpy as np
 
 from twingap.errors import TwingapError
-from twingap.prognosis.health_indicator import refuse_unmeasurable
 from twingap.records.folder import read_description
+from twingap.records.measurable import refuse_unmeasurable
 from twingap.records.samples import Channel, SampleFile, inspect
 from twingap.records.table import Row, read_table
 

@@ -18,7 +18,8 @@ from twingap.files import kind_of
 from twingap.records import Condition, RecordSet
 from twingap.records.table import COLUMNS, Row, extras, read_table
 
-_MOST_SAMPLES: Final = 10**9
+_MOST_SAMPLES: Final = 5 * 10**7
+"""Of one record, which is made whole: a quarter of an hour at 51.2 kHz takes some gigabytes on the way."""
 """8 GB: a longer record is a slip of the pen (milliseconds for seconds, say)."""
 
 
