@@ -201,10 +201,11 @@ def train(
     for done, _ in enumerate(parallel(tasks), start=len(paths) - len(waiting) + 1):
         report("simulated gaps", 0.7 * done / len(paths))
     examples = stacked([_read(path) for path in paths])
-    learnt = learn(
-        examples, tuple(catalogue()), coordinates(), feature_names(),
-        lambda what, part: report(what, 0.7 + 0.15 * part),
-    )  # fmt: skip
+    with joblib.parallel_config(max_nbytes=None):  # see `_judged`
+        learnt = learn(
+            examples, tuple(catalogue()), coordinates(), feature_names(),
+            lambda what, part: report(what, 0.7 + 0.15 * part),
+        )  # fmt: skip
     count = machines // PER_SEARCH
     learnt.judgement = _judged(
         learnt,
