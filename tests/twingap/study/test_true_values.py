@@ -12,9 +12,9 @@ SEED = 991
 @pytest.mark.parametrize(
     ("name", "number", "own"),
     [
-        ("looseness", 2, True), ("gear_mesh", 0, True), ("foreign_bearing", 4, True), ("coloured_noise", 4, True),
-        ("quantisation", 1, True), ("coloured_noise", 5, False), ("gear_mesh", 12, False),
-        ("second_resonance", 6, False),
+        ("looseness", 5, True), ("gear_mesh", 10, True), ("foreign_bearing", 6, True), ("coloured_noise", 2, True),
+        ("quantisation", 4, True), ("coloured_noise", 0, False), ("gear_mesh", 17, False),
+        ("second_resonance", 4, False),
     ],
 )  # fmt: skip
 def test_true_values_close_a_gap(name: str, number: int, own: bool) -> None:
