@@ -117,7 +117,7 @@ def actual_speed(twin: PhenomenologicalTwin, fit: HealthyFit, record: Record) ->
     stands highest within `TOLERANCE` of the nominal impact rate. Where none stands out the nominal speed is kept.
     """
     condition = record.condition
-    nominal = _fault_order(twin, condition) * condition.speed_rpm / 60
+    nominal = fault_order(twin, condition) * condition.speed_rpm / 60
     n = record.samples.size
     half = max(3 * fit.damping_ratio * fit.resonance_hz, 4 * nominal)
     energy = ringing_power(record.samples, condition.fs_hz, fit.resonance_hz, half)
@@ -141,7 +141,7 @@ def actual_speed(twin: PhenomenologicalTwin, fit: HealthyFit, record: Record) ->
     return float(condition.speed_rpm * near[best] / nominal)
 
 
-def _fault_order(twin: PhenomenologicalTwin, condition: Condition) -> float:
+def fault_order(twin: PhenomenologicalTwin, condition: Condition) -> float:
     """Impacts per turn in the twin, its own slip included."""
     t = np.arange(2) / condition.fs_hz
     draft = Draft(condition, twin.bearing, 1.0, t, t * (condition.speed_rpm / 60))

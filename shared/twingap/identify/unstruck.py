@@ -6,18 +6,23 @@ twin: noise + impacts, mixed --same------------------------------> the same for 
 Between the lines of a spectrum, impacts whose spacing is not quite even look like noise. Over time they do not: noise
 is there always, impacts ring seldom. The median of the squared envelope of Gaussian noise is ln 2 of its mean
 (Rayleigh), and less by all that comes seldom.
+
+In a mode so sharp that one impact still rings when the next one comes, both are as even. There the squared envelope of
+a band that holds several lines pulses at the impact rate, by what impacts have in it, whatever their strengths (Antoni
+2009, Cyclostationarity by examples, doi:10.1016/j.ymssp.2008.10.010); noise does not pulse.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from twingap.identify.impacts import actual_speed, ringing_power, silent_twin
+from twingap.identify.impacts import actual_speed, fault_order, ringing_power, silent_twin
 from twingap.identify.resonance import HealthyFit
 from twingap.records import Record
 from twingap.streams import Streams
@@ -26,6 +31,15 @@ from twingap.twins.phenomenological import PhenomenologicalTwin
 Array = NDArray[np.float64]
 
 _PARTS: Final = np.array([0.003, 0.01, 0.03, 0.06, 0.1, 0.15, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0])
+_LINES: Final = 1.8
+"""Impact rates on either side of the mode that a band holds in which its envelope is to pulse."""
+_PULSING: Final = 0.25
+"""Amplitude of the pulses of impacts alone, over the mean, from which they tell."""
+_SURE: Final = 0.3
+"""Part of the power of what pulses that has to lie between the lines before any of it counts."""
+_LEAST_SHARE: Final = 0.03
+_SMEAR: Final = 0.012
+"""Part of a rate by which spacings and speeds that are not even spread its lines."""
 _TELLING: Final = 0.3
 """By how much the logarithm of median over mean has to differ between noise alone and impacts alone."""
 MOST: Final = 8
@@ -51,45 +65,103 @@ def noise_share(twin: PhenomenologicalTwin, fit: HealthyFit, records: Sequence[R
     float
         At most 1; the median over records. 1 where ringing overlaps so much that time does not tell.
     """
-    found = [_share(twin, fit, record, Streams(root, place)) for place, record in enumerate(records)]
-    known = [share for share in found if share is not None]
-    return float(np.clip(np.median(known), 1e-4, 1.0)) if known else 1.0
+    mixtures = [_Mixture.of(twin, fit, record, Streams(root, place)) for place, record in enumerate(records)]
+    for told in (_Mixture.by_evenness, _Mixture.by_pulses):
+        known = [share for share in map(told, mixtures) if share is not None]
+        if known:
+            return float(np.clip(np.median(known), 1e-4, 1.0))
+    return 1.0
 
 
-def _share(twin: PhenomenologicalTwin, fit: HealthyFit, record: Record, streams: Streams) -> float | None:
-    fs_hz, n = record.condition.fs_hz, record.samples.size
-    half = max(3 * fit.damping_ratio * fit.resonance_hz, 8 * fs_hz / n)
+@dataclass(frozen=True)
+class _Mixture:
+    """A record, and the noise and the impacts that a twin would make for it."""
 
-    def power(samples: Array) -> Array:
-        return ringing_power(samples, fs_hz, fit.resonance_hz, half)
+    fit: HealthyFit
+    measured: Array
+    structure: Array
+    white: Array
+    impacts: Array
+    fs_hz: float
+    rate_hz: float
 
-    silent = silent_twin(twin, fit)
-    speed_rpm = actual_speed(silent, fit, record)
-    (struck,) = silent.make([replace(record.condition, speed_rpm=speed_rpm)], [streams])
-    parameters = replace(
-        silent.parameters, impact_amplitude=dict.fromkeys(silent.parameters.impact_amplitude, 0.0),
-        structure_noise_rms=fit.structure_noise_rms, white_noise_rms=0.0,
-    )  # fmt: skip
-    (noise,) = PhenomenologicalTwin(twin.bearing, parameters, (), twin.unit).make(
-        [replace(record.condition, fault="healthy")], [streams]
-    )
-    white = fit.white_noise_rms * streams("white of a mixture").standard_normal(n)
-    whole = noise.samples + white
-    measured = power(record.samples)
-    of_noise, of_impacts = float(power(whole).mean()), float(power(struck.samples).mean())
-    if min(of_noise, of_impacts) <= 0:
-        return None
-    total = float(measured.mean())
-    mixed = [
-        np.sqrt(part * total / of_noise) * whole + np.sqrt((1 - part) * total / of_impacts) * struck.samples
-        for part in _PARTS
-    ]
-    even = np.maximum.accumulate([_evenness(power(x)) for x in mixed])
-    if even[-1] - even[0] < _TELLING:
-        return None
-    part = float(np.interp(_evenness(measured), even, _PARTS))
-    of_structure, of_white = (float(power(x).mean()) for x in (noise.samples, white))
-    return max(part * total - of_white, 0.0) / of_structure
+    @classmethod
+    def of(cls, twin: PhenomenologicalTwin, fit: HealthyFit, record: Record, streams: Streams) -> _Mixture:
+        """Simulate them, at the rate that the record shows."""
+        silent = silent_twin(twin, fit)
+        speed_rpm = actual_speed(silent, fit, record)
+        (struck,) = silent.make([replace(record.condition, speed_rpm=speed_rpm)], [streams])
+        parameters = replace(
+            silent.parameters, impact_amplitude=dict.fromkeys(silent.parameters.impact_amplitude, 0.0),
+            structure_noise_rms=fit.structure_noise_rms, white_noise_rms=0.0,
+        )  # fmt: skip
+        (noise,) = PhenomenologicalTwin(twin.bearing, parameters, (), twin.unit).make(
+            [replace(record.condition, fault="healthy")], [streams]
+        )
+        white = fit.white_noise_rms * streams("white of a mixture").standard_normal(record.samples.size)
+        rate_hz = fault_order(silent, record.condition) * speed_rpm / 60
+        return cls(fit, record.samples, noise.samples, white, struck.samples, record.condition.fs_hz, rate_hz)
+
+    def by_evenness(self) -> float | None:
+        """Structure noise over what was fitted, by which mixture is as even; None where impacts are even as well."""
+        half = self._narrow
+        total, of_noise, of_impacts = self._means(half)
+        if min(of_noise, of_impacts) <= 0:
+            return None
+        noise = np.sqrt(total / of_noise) * (self.structure + self.white)
+        impacts = np.sqrt(total / of_impacts) * self.impacts
+        mixed = [np.sqrt(part) * noise + np.sqrt(1 - part) * impacts for part in _PARTS]
+        even = np.maximum.accumulate([_evenness(self._power(x, half)) for x in mixed])
+        if even[-1] - even[0] < _TELLING:
+            return None
+        part = float(np.interp(_evenness(self._power(self.measured, half)), even, _PARTS))
+        return max(part * total - self._mean(self.white, half), 0.0) / self._mean(self.structure, half)
+
+    def by_pulses(self) -> float | None:
+        """The same by what pulses; None where impacts hardly do, or where no more pulses than stands in lines."""
+        half = max(self._narrow, _LINES * self.rate_hz)
+        total, of_noise, of_impacts = self._means(half)
+        if min(of_noise, of_impacts) <= 0:
+            return None
+        swing, least, most = (
+            _pulse(self._power(x, half), self.rate_hz / self.fs_hz)
+            for x in (self.measured, self.structure + self.white, self.impacts)
+        )
+        if most < max(_PULSING, 3 * least):
+            return None
+        # What noise happens to have at the rate is of no impacts.
+        part = min(math.sqrt(max(swing**2 - least**2, 0.0) / (most**2 - least**2)), 1.0)
+        of_structure, of_white = self._mean(self.structure, half), self._mean(self.white, half)
+        # What stands in lines was not taken for noise: only what pulses beyond it was.
+        beyond = part * total - (total - of_structure - of_white)
+        return max(1 - beyond / of_structure, _LEAST_SHARE) if beyond > _SURE * part * total else None
+
+    @property
+    def _narrow(self) -> float:
+        return max(3 * self.fit.damping_ratio * self.fit.resonance_hz, 8 * self.fs_hz / self.measured.size)
+
+    def _means(self, half: float) -> tuple[float, float, float]:
+        return (
+            self._mean(self.measured, half), self._mean(self.structure + self.white, half),
+            self._mean(self.impacts, half),
+        )  # fmt: skip
+
+    def _mean(self, samples: Array, half: float) -> float:
+        return float(self._power(samples, half).mean())
+
+    def _power(self, samples: Array, half: float) -> Array:
+        return ringing_power(samples, self.fs_hz, self.fit.resonance_hz, half)
+
+
+def _pulse(power: Array, rate: float) -> float:
+    """Amplitude of the first harmonics of `rate` in a squared envelope, over its mean."""
+    n = power.size
+    spectrum = np.abs(np.fft.rfft((power / power.mean() - 1) * np.hanning(n))) ** 2 * (8 / (1.5 * n**2))
+    found = 0.0
+    for place in rate * n * np.arange(1, 4):
+        reach = 2 + _SMEAR * place
+        found += float(spectrum[max(int(place - reach), 1) : int(place + reach) + 2].sum())
+    return math.sqrt(found)
 
 
 def _evenness(power: Array) -> float:

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twingap.gap.signatures.answer import Struck, struck_of
-from twingap.gap.signatures.pooled import Whitened, whitened
+from twingap.gap.signatures.whitened import Whitened, whitened
 from twingap.gap.view import Frame, RecordView
 from twingap.records import Condition
 

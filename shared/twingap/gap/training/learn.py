@@ -106,7 +106,7 @@ def general_columns(names: tuple[str, ...]) -> NDArray[np.int64]:
         "background.white_kurtosis_log|*", "shape|*_rms", "shape|*_rest_share", "path|*_cost*", "path|*_gain*",
         "change|still", "change|*_gain", "change|left", "view|*", "context|own_simulator",
         "pooled|modulation_fixed*", "pooled|turning*", "pooled|fixed*", "pooled|carrier*",
-        "events.strike_snr|*",
+        "events.strike_snr|*", "background.rms_log|spread", "background.white_level|spread",
     )  # fmt: skip
     wanted, whole = (".diff", ".z", "|spread"), ("context|", "shape|", "path|", "change|", "view|", "pooled|")
     return np.array(

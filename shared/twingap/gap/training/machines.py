@@ -222,7 +222,7 @@ def draw_conditions(
     kinds = ["healthy", "outer", "inner", "ball"]
     if rng.random() < 0.15:
         kinds = ["healthy", str(rng.choice(kinds[1:]))]
-    elif rng.random() < 0.1:
+    elif rng.random() < 0.17:
         kinds = kinds[1:]
         if rng.random() < 0.6:  # records of a bearing that has failed, and nothing else
             kinds = [str(kind) for kind in rng.permutation(kinds)[: rng.integers(1, 3)]]

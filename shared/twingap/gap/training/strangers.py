@@ -4,6 +4,7 @@ record --STFT--> gains or noise of random shape over the time-frequency plane --
        --band whose frequencies wander--> record
        --random curve over amplitude--> record
        --random taps over delay--> record
+       --another level for each--> record
 
 Generic mechanisms on purpose, one for each axis that a record has: what real machines have beyond the catalogue is not
 known, so no list of suspects is learnt, only that something is left over. The shapes follow neither shaft, bearing nor
@@ -38,8 +39,10 @@ class _Plan:
     """Of what all records of a set have in common: a curve, a path."""
 
 
-_KINDS = ("gain", "noise", "scrambled", "shift", "fold", "curve", "taps")
-_CHANCES = (0.17, 0.18, 0.13, 0.15, 0.08, 0.16, 0.13)
+_KINDS = ("gain", "noise", "scrambled", "shift", "fold", "curve", "taps", "level")
+_CHANCES = (0.16, 0.17, 0.12, 0.14, 0.08, 0.15, 0.12, 0.06)
+_REMOUNTED = 0.12
+"""Spread of the logarithm of a record's level at a strength of 1: a sensor that is fixed anew each time."""
 _FARTHEST = 0.016
 """Of the sampling rate, by which a band's frequencies wander at a strength of 1."""
 
@@ -70,6 +73,8 @@ def estrange(records: RecordSet, rng: np.random.Generator) -> RecordSet:
 
 def _changed(record: Record, plan: _Plan, rng: np.random.Generator) -> Array:
     x, fs_hz = record.samples, record.condition.fs_hz
+    if plan.kind == "level":
+        return np.asarray(x * np.exp(_REMOUNTED * plan.strength * rng.standard_normal()))
     if plan.kind == "fold":  # a part of the record returns where it does not belong: mirrored in time, and weaker
         return np.asarray(x + min(plan.strength, 1.0) * 0.6 * x[::-1] * _shape(np.arange(x.size) / fs_hz, plan, rng))
     if plan.kind in ("curve", "taps"):

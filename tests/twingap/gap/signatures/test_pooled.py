@@ -6,6 +6,8 @@ import pytest
 from twingap.bearing import BEARINGS
 from twingap.effects import make_effect
 from twingap.gap.signatures import pooled
+from twingap.gap.signatures.whitened import Mean
+from twingap.gap.signatures.whitened import whitened as whitened_of
 from twingap.gap.view import Frame, RecordView
 from twingap.records import Condition
 from twingap.twins.phenomenological import PhenomenologicalTwin
@@ -21,7 +23,7 @@ def whitened(name, effects=(), count=12, faults=("healthy", "outer", "inner"), s
     ]
     frame = Frame(bearing, (2500.0, 4500.0), 1.0)
     records = PhenomenologicalTwin(bearing, None, effects).simulate(conditions, np.random.default_rng(seed))
-    return [pooled.whitened(RecordView(r.samples, r.condition, frame)) for r in records]
+    return [whitened_of(RecordView(r.samples, r.condition, frame)) for r in records]
 
 
 def measured(name, *effects, **options):
@@ -67,14 +69,14 @@ def of_noise(count, seed, *tones):
         x = rng.standard_normal(12000)
         x += sum(level * np.sin(2 * np.pi * hz * t) for hz, level, records in tones if i < records)
         condition = Condition(f"r{i}", 1130.0 + 31 * i, 12000.0, 12000, "healthy")
-        kept.append(pooled.whitened(RecordView(x, condition, Frame(BEARINGS["6205"], (2500.0, 4500.0), 1.0))))
+        kept.append(whitened_of(RecordView(x, condition, Frame(BEARINGS["6205"], (2500.0, 4500.0), 1.0))))
     return kept
 
 
 @pytest.mark.parametrize("count", [1, 2, 4, 12, 30])
 def test_z_of_noise_is_a_normal_deviate_whatever_the_number_of_records(count):
     kept = of_noise(count, seed=count)
-    for mean in (pooled.Mean.in_hz(kept), pooled.Mean.in_orders(kept)):
+    for mean in (Mean.in_hz(kept), Mean.in_orders(kept)):
         z = mean.z[np.isfinite(mean.z)]
         assert abs(z.mean()) < 0.12 and z.std() == pytest.approx(1, abs=0.12)
         # One place in a thousand of normal deviates lies beyond 3.1; of one record's power alone it would be 5.7.
@@ -92,14 +94,14 @@ def test_a_carrier_too_weak_for_one_record_is_found_by_the_lines_beside_it():
     )
     found = measured("UER204", drive, faults=("healthy",))
     assert np.exp(found["carrier_fs"]) * RATES["UER204"] == pytest.approx(2711, abs=3)
-    assert found["carrier_side_order"] == 4
+    assert found["carrier_side_order"] == pytest.approx(4, abs=0.03)
     assert found["carrier"] > measured("UER204", faults=("healthy",))["carrier"] + 0.3
 
 
 def test_one_record_with_a_strong_line_is_no_line_of_all():
     """As loud as a hundred times the noise in one of twelve records says less than a little in each of them."""
-    (in_all,) = pooled.Mean.in_hz(of_noise(12, 5, (3001.0, 0.05, 12))).at(np.array([3001.0]))
-    (in_one,) = pooled.Mean.in_hz(of_noise(12, 5, (3001.0, 1.0, 1))).at(np.array([3001.0]))
+    (in_all,) = Mean.in_hz(of_noise(12, 5, (3001.0, 0.05, 12))).at(np.array([3001.0]))
+    (in_one,) = Mean.in_hz(of_noise(12, 5, (3001.0, 1.0, 1))).at(np.array([3001.0]))
     assert in_one < 4 < 5 < in_all
 
 
@@ -116,7 +118,7 @@ def test_a_short_record_takes_no_line_from_the_longer_ones():
         t = np.arange(samples) / 12000.0
         signals = rng.standard_normal((count, samples)) + 0.08 * np.sin(2 * np.pi * 3005 * t)
         conditions = [Condition(f"r{start + i}", 1130.0 + 31 * i, 12000.0, samples, "healthy") for i in range(count)]
-        return [pooled.whitened(RecordView(x, c, frame)) for x, c in zip(signals, conditions, strict=True)]
+        return [whitened_of(RecordView(x, c, frame)) for x, c in zip(signals, conditions, strict=True)]
 
     long = of(12, 12000)
     alone, beside = (pooled.measure(kept, bearing) for kept in (long, [*long, *of(1, 1200, 12)]))
@@ -135,8 +137,8 @@ def test_a_line_of_long_records_is_found_whatever_its_order():
         for i in range(3):
             x = rng.standard_normal(samples) + 0.03 * np.sin(2 * np.pi * order * (28.0 + i) * t)
             condition = Condition(f"r{i}", 60 * (28.0 + i), 12000.0, samples, "healthy")
-            kept.append(pooled.whitened(RecordView(x, condition, frame)))
-        z = pooled.Mean.in_orders(kept)
+            kept.append(whitened_of(RecordView(x, condition, frame)))
+        z = Mean.in_orders(kept)
         found.append(float(np.nanmax(z.at(order + np.linspace(-0.002, 0.002, 9)))))
     assert min(found) > 4.5
     assert min(found) > 0.7 * max(found)
@@ -155,7 +157,7 @@ def shaped(count, seed, kinds=("healthy",), hz=None, only="", low_hz=0.0, rpm=11
         if hz is not None and only in ("", kind):
             x += level * np.sin(2 * np.pi * hz * t + rng.random())
         condition = Condition(f"r{i}", rpm + step * i, 12000.0, 12000, kind)
-        kept.append(pooled.whitened(RecordView(x, condition, Frame(bearing, (2500.0, 4500.0), 1.0))))
+        kept.append(whitened_of(RecordView(x, condition, Frame(bearing, (2500.0, 4500.0), 1.0))))
     return pooled.measure(kept, bearing)
 
 
