@@ -1,5 +1,7 @@
 """Noise without a healthy record: found again under impacts whose spacing is not even."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -55,3 +57,18 @@ def test_noise_told_from_impacts_by_time_has_no_interval():
     known = {name for name, estimate in outcome.estimates.items() if estimate.interval is not None}
     assert known == {"resonance_hz", "damping_ratio"}
     assert any("told from it by time" in note for note in outcome.notes)
+
+
+@pytest.mark.parametrize("sigma", [0.0, 0.5])
+def test_impacts_that_ring_into_each_other_are_told_by_what_pulses(sigma):
+    """A mode of half a per cent rings from one impact to the next; strengths that scatter leave much between lines."""
+    truth = PhenomenologicalParameters(3000.0, 0.004, {"inner": 3.0, "outer": 4.0, "ball": 3.0}, 0.6, 0.8, 2.0)
+    slow = [replace(c, speed_rpm=c.speed_rpm * 0.9) for c in CONDITIONS]
+    effects = (make_effect("impact_scatter", {"sigma": sigma}),) if sigma else ()
+    records = PhenomenologicalTwin(BEARING, truth, effects).simulate(slow, np.random.default_rng(0))
+    spec, _ = quick_identify(TwinSpec("phenomenological", bearing=BEARING), records, np.random.default_rng(1))
+    values = flat(spec.parameters)
+    strength = np.sqrt(1 + sigma**2)  # the root of the mean square, which a twin without scatter has to have
+    for fault, amplitude in truth.impact_amplitude.items():
+        found = values[f"impact_amplitude.{fault}"] * values["scale"]
+        assert found == pytest.approx(2.0 * amplitude * strength, rel=0.35)

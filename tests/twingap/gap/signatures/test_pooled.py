@@ -1,5 +1,7 @@
 """Lines that only the mean of many records shows."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -188,3 +190,75 @@ def test_a_whole_order_of_a_shaft_at_one_speed_is_no_carrier():
 def test_a_line_at_a_multiple_of_the_mains_is_a_carrier_where_there_is_no_hum():
     found = shaped(18, 9, hz=1050.0)
     assert 12000 * np.exp(found["fixed_fs"]) == pytest.approx(1050, abs=2)
+
+
+def with_wrong_speeds(effect, seed=0, off=0.01, count=16, faults=("healthy", "outer")):
+    """Records whose stated speeds are off by so much, each by another part of it; what carries a comb is put right."""
+    bearing, rng = BEARINGS["6205"], np.random.default_rng(seed)
+    speeds = np.linspace(1400.0, 2100.0, count)
+    conditions = [Condition(f"r{i}", float(v), 12000.0, 12000, faults[i % len(faults)]) for i, v in enumerate(speeds)]
+    records = PhenomenologicalTwin(bearing, None, (effect,) if effect else ()).simulate(conditions, rng)
+    frame, kept = Frame(bearing, (2500.0, 4500.0), 1.0), []
+    for record in records:
+        true = record.condition
+        wrong = true.speed_rpm * (1 + off * rng.uniform(-1, 1))
+        stated = replace(true, speed_rpm=wrong if true.fault == "healthy" else true.speed_rpm)
+        kept.append(whitened_of(RecordView(record.samples, stated, frame)))
+    return pooled.measure(kept, bearing)
+
+
+def test_teeth_are_counted_though_healthy_speeds_are_wrong_by_a_per_cent():
+    """At the thirty-seventh order a per cent is a third of an order: ten bins of a second."""
+    gear = make_effect("gear_mesh", {"level": 0.3, "teeth": 37, "depth": 1.0, "n_harmonics": 2})
+    found, none = with_wrong_speeds(gear, faults=("healthy",)), with_wrong_speeds(None, faults=("healthy",))
+    assert np.exp(found["gear_free_teeth"]) == pytest.approx(37)
+    assert found["gear_free"] > max(none["gear_free"], found["gear"], found["gear_free_rival"]) + 0.4
+    assert found["gear_free_sides"] > none["gear_free_sides"] + 0.5
+
+
+def test_a_tone_between_whole_orders_is_no_mesh():
+    mesh = make_effect("gear_mesh", {"level": 0.2, "teeth": 31, "depth": 0.8, "n_harmonics": 1})
+    on, off = (with_wrong_speeds(effect, off=0.0) for effect in (mesh, make_effect("waviness", {"level": 0.2})))
+    assert on["gear_whole"] > off["gear_whole"] + 0.5
+
+
+@pytest.mark.parametrize("race", ["outer", "inner"])
+def test_waves_of_a_race_are_told_from_those_of_the_other_at_wrong_speeds(race):
+    waves = make_effect("waviness", {"level": 0.15, "decay": 0.7, "n_harmonics": 3, "inner": race == "inner"})
+    found, none = (with_wrong_speeds(effect, faults=("healthy", "ball")) for effect in (waves, None))
+    other = {"outer": "inner", "inner": "outer"}[race]
+    assert found[f"wave_{race}"] > max(found[f"wave_{other}"], none[f"wave_{race}"]) + 1
+    assert np.expm1(found[f"wave_{race}_share"]) > 0.8 > 0.4 > np.expm1(none[f"wave_{race}_share"])
+    assert found["wave_most"] == found[f"wave_{race}"]
+
+
+def test_a_defect_of_a_race_says_nothing_of_its_waves():
+    found = with_wrong_speeds(None, faults=("outer",))
+    assert np.isnan(found["wave_outer"]) and np.isfinite(found["wave_inner"])
+
+
+def test_lines_beside_a_carrier_lie_at_any_distance():
+    drive = make_effect(
+        "drive_interference", {"level": 0.1, "depth": 1.5, "carrier_hz": 2711.0, "sideband_order": 4.37}
+    )
+    found = measured("UER204", drive, faults=("healthy",))
+    assert found["carrier_side_order"] == pytest.approx(4.37, abs=0.03)
+    assert found["carrier_sides"] > measured("UER204", faults=("healthy",))["carrier_sides"] + 0.7
+    assert found["fixed_others"] < found["fixed"] - 0.5
+
+
+def test_a_tone_is_as_strong_in_each_record_and_a_mode_of_one_bin_is_not():
+    """Noise through a resonator as narrow as a bin stands as high in the mean as a tone does."""
+    rng, t, kept = np.random.default_rng(4), np.arange(12000) / 12000, {"tone": [], "mode": []}
+    for i in range(16):
+        noise = rng.standard_normal(12000)
+        narrow = rng.standard_normal(2) @ np.array([np.cos(2 * np.pi * 3003 * t), np.sin(2 * np.pi * 3003 * t)])
+        tone = np.sqrt(2) * np.sin(2 * np.pi * 3003 * t + 6.28 * rng.random())
+        condition = Condition(f"r{i}", 1130.0 + 31 * i, 12000.0, 12000, "healthy")
+        for name, line in (("tone", tone), ("mode", narrow)):
+            view = RecordView(noise + 0.15 * line, condition, Frame(BEARINGS["6205"], (2500.0, 4500.0), 1.0))
+            kept[name].append(whitened_of(view))
+    tone, mode = (pooled.measure(kept[name], BEARINGS["6205"]) for name in ("tone", "mode"))
+    for found in (tone, mode):
+        assert 12000 * np.exp(found["fixed_fs"]) == pytest.approx(3003, abs=1)
+    assert tone["fixed_steady"] < 0.3 < 0.5 < mode["fixed_steady"]

@@ -10,7 +10,7 @@ from twingap.gap.evidence import values_of
 from twingap.gap.training.gaps import DRAWERS, _density, draw_effects, draw_gap
 from twingap.gap.training.machines import draw_bearing, draw_machine
 from twingap.gap.training.parameters import Setting, a_little_off, coordinates, to_effect, to_number
-from twingap.gap.training.strangers import _Plan, _shape, _wandering, estrange
+from twingap.gap.training.strangers import _changed, _Plan, _shape, _wandering, estrange
 
 
 def test_the_same_seed_gives_the_same_gap():
@@ -112,6 +112,18 @@ def test_a_strange_record_keeps_its_length_and_changes():
         assert all(np.isfinite(r.samples).all() for r in changed)
         assert any(not np.array_equal(a.samples, b.samples) for a, b in zip(changed, records, strict=True))
         assert changed.conditions == records.conditions
+
+
+def test_records_of_a_sensor_that_is_fixed_anew_differ_in_level_alone():
+    machine = draw_machine(np.random.default_rng(2), own_simulator=False, most_records=8)
+    records = machine.twin().simulate(machine.conditions, np.random.default_rng(2))
+    plan, rng = _Plan("level", "even", 1.0, 0.0, 0.5, 1.0, 64, 0), np.random.default_rng(3)
+    factors = []
+    for record in records:
+        changed = _changed(record, plan, rng)
+        assert np.allclose(changed / changed.std(), record.samples / record.samples.std())
+        factors.append(changed.std() / record.samples.std())
+    assert 0.05 < np.std(np.log(factors)) < 0.25
 
 
 def test_a_twin_file_has_what_it_models_at_true_values_or_a_little_off():
