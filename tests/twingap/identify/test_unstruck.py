@@ -8,7 +8,7 @@ from twingap.effects import make_effect
 from twingap.identify import identify
 from twingap.identify.phenomenological import quick_identify
 from twingap.identify.resonance import HealthyFit
-from twingap.identify.unstruck import _Mixture
+from twingap.identify.unstruck import _Mixture, noise_share
 from twingap.records import Condition
 from twingap.streams import Streams
 from twingap.twins.phenomenological import PhenomenologicalParameters, PhenomenologicalTwin
@@ -61,7 +61,7 @@ def test_noise_told_from_impacts_by_time_has_no_interval():
 
 
 @pytest.mark.parametrize("amplitude", [0.0, 2.0, 4.0])
-def test_impacts_that_ring_into_each_other_are_told_by_what_pulses(amplitude):
+def test_impacts_that_ring_into_each_other_are_told_by_what_pulses(amplitude, monkeypatch):
     """A mode of a quarter per cent rings on from impact to impact; what a fit took to be noise is put right."""
     own = PhenomenologicalParameters(
         3000.0, 0.0025, dict.fromkeys(("inner", "outer", "ball"), amplitude), 0.6, 0.3, 1.0
@@ -74,3 +74,5 @@ def test_impacts_that_ring_into_each_other_are_told_by_what_pulses(amplitude):
     pulses = [found for mixture in mixtures if (found := mixture.by_pulses()) is not None]
     assert len(pulses) >= 5
     assert np.median(pulses) == pytest.approx(0.36 / struck, rel=0.25)
+    monkeypatch.setattr(_Mixture, "by_evenness", lambda self: None)
+    assert noise_share(twin, fit, records, 3) == pytest.approx(min(0.36 / struck, 1.0), rel=0.25)
