@@ -50,6 +50,10 @@ SURE_SHARE = 0.9
 """Part of the fitted structure noise below which what was taken away is more than scatter of the fit."""
 SAME_PLACE = 0.1
 """Log ratio of frequencies up to which two modes are taken to be one."""
+ADDED_DAMPING = 0.003, 0.25
+"""Dampings between which what defects add is taken for a mode: sharper is a tone, broader some other noise."""
+ELSEWHERE = 0.3
+"""Of what a mode explains of what defects add: the healthy records' own explains less where another one rings."""
 MOST_RECORDS = 300
 """Records used of each state: beyond this the intervals hardly shrink."""
 
@@ -239,6 +243,7 @@ class _Problem:
     method: str
     mode_from: Mask  # records other than the baseline that show the mode, when the baseline does not
     mode_start: HealthyFit | None = None
+    mode_above: bool = False  # read off what they add to the baseline
     mode_unknown: bool = False
     noise_share: float = 1.0  # of the structure noise that is fitted: the rest is impacts
 
@@ -290,6 +295,14 @@ class _Problem:
         if self.method == "whittle" and not _is(self.records, "healthy").any():
             return self._struck_only(fit, baseline, notes)
         poor = fit.misfit > MISFIT
+        struck = self._struck_elsewhere(fit, baseline) if self.method == "whittle" else None
+        if struck is not None:
+            notes.append(
+                f"healthy spectra are highest near {fit.resonance_hz:.0f} Hz, but what defects add rings near "
+                f"{struck.resonance_hz:.0f} Hz: resonance and damping were read off what they add"
+            )
+            settled = replace(self, mode_from=~baseline, mode_start=struck, mode_above=True)
+            return settled, settled.refit(np.ones(len(self.records), bool), baseline, struck)
         if self.method == "whittle" and (poor or not fit.stands_out):
             others = self.of(~baseline)
             shown = whittle(others, lines=True) if others else fit
@@ -307,6 +320,30 @@ class _Problem:
             else:
                 notes.append(f"spectra are not one mode and white noise (misfit {fit.misfit:.0f} times scatter)")
         return settled, settled.refit(np.ones(len(self.records), bool), baseline, fit)
+
+    def _struck_elsewhere(self, fit: HealthyFit, baseline: Mask) -> HealthyFit | None:
+        """The mode that rings in what defects add to healthy spectra, where that is hardly the one of `fit`.
+
+        Noise in a band and strikes from elsewhere are in healthy records, too, and may stand higher than the mode.
+        """
+        if "resonance_hz" in self.given:
+            return None
+        struck, quiet = self._beside(~baseline, baseline)
+        if not struck:
+            return None
+        shown = whittle(struck, lines=True, beneath=quiet)
+        apart = abs(math.log(shown.resonance_hz / fit.resonance_hz)) > SAME_PLACE
+        if not (apart and shown.stands_out and ADDED_DAMPING[0] < shown.damping_ratio < ADDED_DAMPING[1]):
+            return None
+        here = Fixed(fit.resonance_hz, fit.damping_ratio)
+        there = whittle(struck, lines=True, beneath=quiet, fixed=here, start=fit)
+        return shown if there.deviance < ELSEWHERE * shown.deviance else None
+
+    def _beside(self, keep: Mask, baseline: Mask) -> tuple[list[Spectra], list[Spectra]]:
+        """Spectra of these records, and of the baseline at the same rates."""
+        quiet = {s.fs_hz: s for s in self.of(baseline)}
+        own = [s for s in self.of(keep) if s.fs_hz in quiet]
+        return own, [quiet[s.fs_hz] for s in own]
 
     def _struck_only(self, fit: HealthyFit, baseline: Mask, notes: list[str]) -> tuple[_Problem, HealthyFit]:
         """Where every record is of a defect: the mode shows between lines or, where they leave too little, in them."""
@@ -345,7 +382,12 @@ class _Problem:
         if self.method == "eq8":
             mode = equation_8(measured)
         elif self.mode_from.any():
-            mode = whittle(self.of(keep & self.mode_from), lines=True, start=self.mode_start)
+            struck, quiet = (
+                self._beside(keep & self.mode_from, baseline)
+                if self.mode_above
+                else (self.of(keep & self.mode_from), [])
+            )
+            mode = whittle(struck, lines=True, start=self.mode_start, beneath=quiet)
         elif self.mode_unknown:
             own = model_parameters(self.spec)
             mode = replace(start, resonance_hz=own.resonance_hz, damping_ratio=own.damping_ratio)

@@ -91,6 +91,7 @@ def whittle(
     lines: bool = False,
     start: HealthyFit | None = None,
     fixed: Fixed = NOTHING,
+    beneath: Sequence[Spectra] = (),
 ) -> HealthyFit:
     """Fit the mode and the white floor to averaged PSDs by Whittle's likelihood.
 
@@ -104,6 +105,9 @@ def whittle(
         Where to begin; a grid over the whole band otherwise.
     fixed : Fixed
         What is known already.
+    beneath : sequence of Spectra, optional
+        One for each of `measured`, of the same rate and segment: the floor is then these spectra, whatever their shape,
+        and the mode is what rings above them. White noise and structure noise are those of the excess.
 
     Returns
     -------
@@ -111,6 +115,9 @@ def whittle(
     """
     averaged = [s.mean(lines=lines) for s in measured]
     kept = [s.usable & (n > 0) for s, (_, n) in zip(measured, averaged, strict=True)]
+    floors = [np.ones(s.f_hz.size) for s in measured]
+    if beneath:
+        averaged, floors = _above(averaged, beneath)
     if not any(k.any() for k in kept):
         raise TwingapError("no part of the spectrum is free of lines", mend="identify from longer records")
     means, totals = [p for p, _ in averaged], [n[k] for (_, n), k in zip(averaged, kept, strict=True)]
@@ -131,12 +138,14 @@ def whittle(
         return [shape(s, *mode)[k] for s, k in zip(measured, kept, strict=True)]
 
     seen = [p[k] for p, k in zip(scaled, kept, strict=True)]
+    under = [f[k] for f, k in zip(floors, kept, strict=True)]
 
     def loss(at: Array) -> float:
         structure, floor = np.exp(at[2]), np.exp(at[3])
         out = 0.0
-        for s, p, n, mode in zip(measured, seen, totals, shapes(float(at[0]), float(at[1])), strict=True):
-            model = (structure * mode + floor) * 2 / s.fs_hz
+        own = zip(measured, seen, totals, shapes(float(at[0]), float(at[1])), under, strict=True)
+        for s, p, n, mode, white in own:
+            model = (structure * mode + floor * white) * 2 / s.fs_hz
             out += float(np.sum(n * (np.log(model) + p / model)))
         return out
 
@@ -149,19 +158,20 @@ def whittle(
     else:
         frequencies = np.exp(np.unique(bounds[0])) if np.ptp(bounds[0]) == 0 else np.linspace(top / 60, 0.97 * top, 60)
         dampings = np.exp(np.unique(bounds[1])) if np.ptp(bounds[1]) == 0 else _GRID_DAMPING
-        begins = _grid(measured, scaled, kept, totals, frequencies, dampings, shape)
+        begins = _grid(measured, scaled, kept, totals, floors, frequencies, dampings, shape)
     runs = [
         minimize(loss, np.clip(b, *bounds.T), method="L-BFGS-B", bounds=bounds.tolist(), options={"ftol": 1e-13})
         for b in begins
     ]
     best = min(runs, key=lambda run: float(run.fun))
     level = sum(
-        float(np.sum(n * p[k])) * s.fs_hz / 2 for s, p, k, n in zip(measured, scaled, kept, totals, strict=True)
+        float(np.sum(n * p[k] / u)) * s.fs_hz / 2
+        for s, p, k, n, u in zip(measured, scaled, kept, totals, under, strict=True)
     )
     level /= sum(float(n.sum()) for n in totals)
     flat = sum(
-        float(np.sum(n * (np.log(level * 2 / s.fs_hz) + p[k] * s.fs_hz / 2 / level)))
-        for s, p, k, n in zip(measured, scaled, kept, totals, strict=True)
+        float(np.sum(n * (np.log(level * u * 2 / s.fs_hz) + p[k] * s.fs_hz / 2 / level / u)))
+        for s, p, k, n, u in zip(measured, scaled, kept, totals, under, strict=True)
     )
     # sum n (log p + 1) is the likelihood of a model that hits every bin; log n - digamma(n) is scatter alone.
     exact = sum(float(np.sum(n * (np.log(p[k]) + 1))) for p, k, n in zip(scaled, kept, totals, strict=True))
@@ -172,6 +182,19 @@ def whittle(
         max(0.0, 2 * (flat - float(best.fun))), sum(int(k.sum()) for k in kept),
         (float(best.fun) - exact) / scatter,
     )  # fmt: skip
+
+
+def _above(
+    averaged: Sequence[tuple[Array, Array]], beneath: Sequence[Spectra]
+) -> tuple[list[tuple[Array, Array]], list[Array]]:
+    """PSDs with the independent averages that are left of them, and floors of mean 1, where floors are measured too."""
+    out, floors = [], []
+    for (psd, n), under in zip(averaged, beneath, strict=True):
+        floor, m = under.mean(lines=True)
+        # A floor of few averages scatters as well: what counts is the scatter of the ratio.
+        out.append((psd, np.where((n > 0) & (m > 0), n * m / np.maximum(n + m, 1e-300), 0.0)))
+        floors.append(np.maximum(floor / max(float(floor.mean()), 1e-300), 1e-12))
+    return out, floors
 
 
 def _as_point(known: HealthyFit | Fixed, power: float) -> Array:
@@ -186,6 +209,7 @@ def _grid(
     scaled: Sequence[Array],
     kept: Sequence[NDArray[np.bool_]],
     totals: Sequence[Array],
+    floors: Sequence[Array],
     frequencies: Array,
     dampings: Array,
     shape: Callable[[Spectra, Array, Array], Array],
@@ -193,7 +217,7 @@ def _grid(
     """The best few points of a coarse grid, amplitudes by multiplicative updates (Fevotte 2009, Itakura-Saito)."""
     f, zeta = (a.ravel() for a in np.meshgrid(frequencies, dampings, indexing="ij"))
     sides = []
-    for s, p, k, n in zip(measured, scaled, kept, totals, strict=True):
+    for s, p, k, n, floor in zip(measured, scaled, kept, totals, floors, strict=True):
         if not k.any():
             continue
         # Neighbouring bins together: the grid only has to find the right hill.
@@ -201,7 +225,8 @@ def _grid(
         cut = int(k.sum()) // step * step
         coarse = p[k][:cut].reshape(-1, step).mean(axis=1) * s.fs_hz / 2
         with_mode = shape(s, f, zeta)[:, k][:, :cut].reshape(f.size, -1, step).mean(axis=2)
-        sides.append((coarse, np.stack([with_mode, np.ones_like(with_mode)]), float(n.mean()) * step))
+        white = np.broadcast_to(floor[k][:cut].reshape(-1, step).mean(axis=1), with_mode.shape)
+        sides.append((coarse, np.stack([with_mode, white]), float(n.mean()) * step))
     amplitudes = np.full((2, f.size), np.mean([c.mean() for c, _, _ in sides]) / 2)
     for _ in range(25):
         up, down = np.zeros_like(amplitudes), np.zeros_like(amplitudes)

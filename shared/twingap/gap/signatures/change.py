@@ -3,10 +3,11 @@
 pairs of records, measured and simulated, same condition
     --mean log ratio with its error: noise of healthy records, all power of struck ones-->
     levels and sampling alone | one more mode | noise in a band | noise of a power law | loss of the sensor
-    --> how much likelier each change is, by how much it leads, its values
+    | a mode in parallel --> how much likelier each change is, by how much it leads, its values
 
-A mode adds to what strikes leave as it adds to the noise, each in its own proportion; noise adds the same power to
-both; a loss takes from both alike, but for the white noise behind it. Against `path`, which models each side by itself,
+A mode adds to what strikes leave as it adds to the noise, each in its own proportion; in parallel with the path that is
+there, it takes away on one side of its peak, too; noise adds the same power to both; a loss takes from both alike, but
+for the white noise behind it. Against `path`, which models each side by itself,
 a simulator may have any number of modes: what both sides have cancels.
 """
 
@@ -21,6 +22,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from twingap.gap.signatures.outline import Outline
+from twingap.gap.signatures.parallel_mode import Path
 from twingap.gap.signatures.sampling import continuous
 from twingap.gap.view import SMOOTH_SEGMENTS
 
@@ -57,6 +59,8 @@ NAMES: Final = (
     "band_low", "band_high", "band_level", "band_quiet", "band_struck",
     "law_power", "law_level", "law_quiet",
     "loss_corner", "loss_order", "loss_struck", "loss_quiet",
+    "parallel_gain", "parallel_lead", "parallel_over_mode", "parallel_left", "parallel_fs", "parallel_damping",
+    "parallel_strength", "parallel_quiet", "parallel_struck", "parallel_quiet_low", "parallel_struck_low",
 )  # fmt: skip
 """Keys of `compare`."""
 
@@ -113,6 +117,16 @@ def compare(real: Sequence[Outline], simulated: Sequence[Outline], *, own: bool 
     out["law_quiet"] = _heights(found["law"].curve)[0]
     out["loss_corner"], out["loss_order"] = math.log(found["loss"].at[0]), found["loss"].at[1]
     out["loss_quiet"], out["loss_struck"] = (float(v) for v in _lows(found["loss"].curve))
+    parallel = pairs.parallel()
+    gain = math.log1p(max(still - parallel.cost, 0.0))
+    out["parallel_gain"] = gain
+    out["parallel_lead"] = gain - max(g for name, g in gains.items() if name != "mode")
+    out["parallel_over_mode"] = gain - gains["mode"]
+    out["parallel_left"] = math.log(parallel.cost / pairs.count + 1e-3)
+    place, damping, out["parallel_strength"] = parallel.at
+    out["parallel_fs"], out["parallel_damping"] = math.log(place), math.log(damping)
+    out["parallel_quiet"], out["parallel_struck"] = _heights(parallel.curve)
+    out["parallel_quiet_low"], out["parallel_struck_low"] = _lows(parallel.curve)
     return {name: value if math.isfinite(value) else math.nan for name, value in out.items()}
 
 
@@ -122,6 +136,11 @@ def _heights(curve: Array) -> tuple[float, float]:
 
 def _lows(curve: Array) -> tuple[float, float]:
     return float(curve[:QUIET_BANDS].min()), float(curve[QUIET_BANDS:].min())
+
+
+_SIDES: Final = (slice(0, QUIET_BANDS), slice(QUIET_BANDS, BANDS))
+_PARALLEL: Final = tuple(sign * level for sign in (1.0, -1.0) for level in (0.05, 0.2, 0.6, 1.8, 6.0, 20.0, 80.0))
+"""Levels of a mode in parallel that are tried first."""
 
 
 class _Pairs:
@@ -189,10 +208,9 @@ class _Pairs:
         f0, d = np.array(grid).T[:, :, None]
         shape = (2 * d * f0**2) ** 2 / ((f0**2 - self.f**2) ** 2 + (2 * d * self.f * f0) ** 2)
         shape = np.maximum(shape, 1e-6)
-        sides = (slice(0, QUIET_BANDS), slice(QUIET_BANDS, BANDS))
         sizes = np.zeros((len(grid), 2))
         curves = np.zeros((len(grid), BANDS))
-        for column, side in enumerate(sides):
+        for column, side in enumerate(_SIDES):
             if not self.known[side].any():
                 continue
             about = self.ratio[side] - np.median(self.ratio[side][self.known[side]])
@@ -201,6 +219,29 @@ class _Pairs:
             curves[:, side] = np.log1p(sizes[:, column, None] * own)
         place, cost = self._least(curves)
         return _Best(cost, (*grid[place], *sizes[place]), curves[place])
+
+    def parallel(self) -> _Best:
+        """One more mode that the sensor feels together with all else on the path: frequency, damping, signed gain."""
+        path = Path(
+            [self.base[side] for side in _SIDES], [_WHITE * float(self.white[side][0]) for side in _SIDES],
+            [bool(self.known[side].any()) for side in _SIDES],
+        )  # fmt: skip
+        best, level = self._parallel_at(path, np.geomspace(0.012, 0.49, 36), (0.015, 0.04, 0.11), _PARALLEL)
+        for part in (1.0, 0.4):
+            place, damping, _ = best.at
+            places = np.minimum(place * np.exp(part * np.linspace(-0.05, 0.05, 7)), 0.495)
+            dampings = [damping * math.exp(part * by) for by in (-0.4, 0.0, 0.4)]
+            levels = [level * math.exp(part * by) for by in (-0.7, -0.3, 0.0, 0.3, 0.7)]
+            finer = self._parallel_at(path, places, dampings, levels)
+            best, level = min((best, level), finer, key=lambda found: found[0].cost)
+        return best
+
+    def _parallel_at(
+        self, path: Path, places: Array, dampings: Sequence[float], levels: Sequence[float]
+    ) -> tuple[_Best, float]:
+        curves, values, asked = path.curves(places, dampings, levels)
+        place, cost = self._least(curves)
+        return _Best(cost, values[place], curves[place]), asked[place]
 
     def band(self) -> _Best:
         """Flat noise between two frequencies, the same power on both."""

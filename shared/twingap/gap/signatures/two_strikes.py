@@ -21,13 +21,16 @@ from numpy.typing import NDArray
 
 from twingap.bearing import Bearing
 from twingap.gap.signatures.answer import Struck, standing_out
+from twingap.gap.signatures.peaks import highest
+from twingap.gap.signatures.rough_path import likelier
 
 Array = NDArray[np.float64]
 
 _KINDS: Final = ("clear", "faint")
 NAMES: Final[tuple[str, ...]] = tuple(
     f"{kind}_{name}"
-    for kind in _KINDS for name in ("known", "gain", "score", "same", "opposed", "arc_log", "ratio")
+    for kind in _KINDS
+    for name in ("known", "gain", "score", "same", "opposed", "arc_log", "ratio", "likelier", "likelier_ratio")
 )  # fmt: skip
 """Keys of `compare`: of harmonics that stand out clearly each by itself, and of all in stretches that do."""
 
@@ -83,7 +86,8 @@ def compare(
     dict[str, float]
         `NAMES` -> value, NaN where nobody knows. `known` ln of the number of harmonics; `gain` ln of what is left
         without a comb over what the best one leaves; `score` ln(1 + gain root of known); `same`, `opposed` the gain
-        where the second strike goes the way of the first or the other; `arc_log` ln deg, `ratio` signed.
+        where the second strike goes the way of the first or the other; `arc_log` ln deg, `ratio` signed. `likelier`
+        ln(1 + log likelihood ratio) of the best comb where the path may be any curve, `likelier_ratio` its ratio.
     """
     out = dict.fromkeys(NAMES, math.nan)
     faults = sorted({s.fault for s in real} & {s.fault for s in simulated})
@@ -100,13 +104,14 @@ def _comb(ratios: Iterable[tuple[str, _Ratio]], bearing: Bearing) -> dict[str, f
     Faults share r, but each is a defect of its own, as long as it is.
     """
     before = known = 0.0
-    after = np.zeros((2, len(_RATIOS)))
+    after, over_path = np.zeros((2, 2, len(_RATIOS)))
     found: list[tuple[str, _Explained]] = []
     for fault, ratio in ratios:
         own = _explained(ratio)
         known += float(ratio.weight.sum())
         before += own.energy
         after += own.left
+        over_path += likelier(*ratio, np.array(_RATIOS), _LEAST_PART)
         found.append((fault, own))
     if not found:
         return {}
@@ -118,6 +123,9 @@ def _comb(ratios: Iterable[tuple[str, _Ratio]], bearing: Bearing) -> dict[str, f
         "known": math.log(known), "gain": best, "score": math.log1p(max(best, 0.0) * math.sqrt(known)),
         "same": float(gain[0].max()), "opposed": float(gain[1].max()),
     }  # fmt: skip
+    way, size = (int(v) for v in np.unravel_index(int(np.argmax(over_path)), over_path.shape))
+    out["likelier"] = math.log1p(max(float(over_path[way, size]), 0.0))
+    out["likelier_ratio"] = (1.0 if way == 0 else -1.0) * _RATIOS[size]
     if out["score"] > _LEAST_SCORE:
         # Of the fault whose comb is plainest. A ball is struck twice a turn.
         fault, plainest = max(found, key=lambda of: of[1].energy - of[1].left[i, j])
@@ -154,7 +162,7 @@ def _explained(ratio: _Ratio) -> _Explained:
     least = max(int(np.ceil(_LEAST_PART * size)), 1)
     left, part = np.zeros((2, 2, len(_RATIOS)))
     for row, sign in enumerate((1.0, -1.0)):
-        at = least + _peaks(sign * first[least:])
+        at = least + highest(sign * first[least:], _CANDIDATES)
         phase = np.exp(2j * np.pi * np.outer(at / size, seen + 1))
         combs = np.array([np.abs(1 + sign * r * phase) ** 2 for r in _RATIOS])
         combs = root * np.log(combs + ratio.noise[seen])
@@ -163,13 +171,6 @@ def _explained(ratio: _Ratio) -> _Explained:
         best = rest.argmin(axis=1)
         left[row], part[row] = rest[np.arange(len(_RATIOS)), best], at[best] / size
     return _Explained(energy, left, part)
-
-
-def _peaks(values: Array) -> NDArray[np.int64]:
-    """Places of the highest local maxima, ends among them."""
-    padded = np.concatenate(([-np.inf], values, [-np.inf]))
-    tops = np.flatnonzero((values >= padded[:-2]) & (values > padded[2:]))
-    return np.asarray(tops[np.argsort(-values[tops])[:_CANDIDATES]])
 
 
 def _over_harmonics(

@@ -1,0 +1,102 @@
+"""One more mode in parallel with a path that is known by its spectra alone: what it does to noise and strikes.
+
+simulated spectrum less its white noise --least phase--> response of the path, complex
+    --one more mode g H2 added--> |1 + g H2 / H|^2 on what has passed the path, white noise left alone
+
+Two modes that move a sensor together or against each other raise the spectrum at one place and lower it at another,
+which no noise does; and both, noise of the structure and what strikes leave, by the same factor. Phases are the least
+that go with the spectrum's magnitude (Oppenheim and Schafer, Discrete-Time Signal Processing, 2010, ch. 12): right for
+one mode, and near its peaks for several.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from functools import cache
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+Values = tuple[float, float, float]
+
+_WITHIN: Final = 4
+"""Frequencies at which a mode is taken within each band: sharp ones are narrower."""
+_LEAST_PASSED: Final = 0.02
+"""Part of a band's power that has passed the path, at least: what is less is not known."""
+_CANCELLED: Final = 1e-3
+"""Factor below which two modes do not cancel: bands are wider than that."""
+
+
+class Path:
+    """What one more mode would make of spectra.
+
+    Parameters
+    ----------
+    spectra : sequence of Array [bands]
+        Each from 0 to half the sampling rate: of noise, of records with impacts.
+    white : sequence of float
+        Power density of the white noise in each, in its unit.
+    known : sequence of bool
+        Whether there are records of each.
+    """
+
+    def __init__(self, spectra: Sequence[Array], white: Sequence[float], known: Sequence[bool]) -> None:
+        passed, inverse = [], []
+        for power, floor, there in zip(spectra, white, known, strict=True):
+            part = np.clip(1 - floor / power, _LEAST_PASSED, 1.0)
+            response = least_phase(part * power)
+            # Forces differ between noise and strikes, and gains are of responses: one unit for both.
+            loudest = math.sqrt(float((part * np.abs(response) ** 2).max())) if there else 1.0
+            passed.append(part)
+            inverse.append(loudest / response)
+        self.passed, self.inverse = np.concatenate(passed), np.concatenate(inverse)
+        self.known = np.repeat(known, [power.size for power in spectra])
+        self.f = np.concatenate([_frequencies(power.size) for power in spectra])
+
+    def curves(
+        self, places: Array, dampings: Sequence[float], levels: Sequence[float]
+    ) -> tuple[Array, list[Values], list[float]]:
+        """[candidates, bands] ln of the power with the mode over that without; frequency (part of the rate), damping
+        ratio and signed gain of each candidate; and its level.
+
+        `levels`: power that the mode would add by itself to that of the path, where it adds most; negative where it
+        moves the sensor against the path.
+        """
+        curves, values, asked = [], [], []
+        for place in places:
+            for damping in dampings:
+                mode = 2 * damping * place**2 / (place**2 - self.f**2 + 2j * damping * place * self.f)
+                relative = mode * self.inverse[:, None]
+                along, alone = relative.real.mean(axis=1), (relative.real**2 + relative.imag**2).mean(axis=1)
+                most = float((self.passed * alone)[self.known].max())
+                for level in levels:
+                    gain = math.copysign(math.sqrt(abs(level) / most), level)
+                    factor = np.maximum(1 + 2 * gain * along + gain**2 * alone, _CANCELLED)
+                    curves.append(np.log(self.passed * factor + 1 - self.passed))
+                    values.append((float(place), float(damping), gain))
+                    asked.append(float(level))
+        return np.array(curves), values, asked
+
+
+def least_phase(power: Array) -> Complex:
+    """The response of least phase with this power [bands], at the middle of each band from 0 to half the rate."""
+    to_cepstrum, to_phase = _transforms(power.size)
+    log = 0.5 * np.log(power)
+    return np.asarray(np.exp(log - 1j * (to_phase @ (to_cepstrum @ log))))
+
+
+@cache
+def _transforms(bands: int) -> tuple[Array, Array]:
+    """[quefrencies, bands] Cosines that make twice a cepstrum, and [bands, quefrencies] sines that make its phase."""
+    w, lag = (np.arange(bands) + 0.5) * np.pi / bands, np.arange(1, bands)
+    return np.cos(np.outer(lag, w)) * (2 / bands), np.sin(np.outer(w, lag))
+
+
+@cache
+def _frequencies(bands: int) -> Array:
+    """[bands, within] Parts of the sampling rate."""
+    return (np.arange(bands * _WITHIN) + 0.5).reshape(bands, _WITHIN) / (2 * bands * _WITHIN)
