@@ -295,22 +295,21 @@ class _Problem:
         if self.method == "whittle" and not _is(self.records, "healthy").any():
             return self._struck_only(fit, baseline, notes)
         poor = fit.misfit > MISFIT
+        why = (
+            f"healthy spectra are not one mode and white noise (misfit {fit.misfit:.0f} times scatter)"
+            if poor
+            else "no resonance stands out of healthy noise"
+        )
         struck = self._struck_elsewhere(fit, baseline) if self.method == "whittle" else None
         if struck is not None:
-            notes.append(
-                f"healthy spectra are highest near {fit.resonance_hz:.0f} Hz, but what defects add rings near "
-                f"{struck.resonance_hz:.0f} Hz: resonance and damping were read off what they add"
-            )
+            if fit.stands_out and not poor:
+                why = f"what defects add rings elsewhere than at the {fit.resonance_hz:.0f} Hz of healthy spectra"
+            notes.append(f"{why}: resonance and damping were read off the faulty records, off what they add")
             settled = replace(self, mode_from=~baseline, mode_start=struck, mode_above=True)
             return settled, settled.refit(np.ones(len(self.records), bool), baseline, struck)
         if self.method == "whittle" and (poor or not fit.stands_out):
             others = self.of(~baseline)
             shown = whittle(others, lines=True) if others else fit
-            why = (
-                f"healthy spectra are not one mode and white noise (misfit {fit.misfit:.0f} times scatter)"
-                if poor
-                else "no resonance stands out of healthy noise"
-            )
             if others and shown.stands_out:
                 notes.append(f"{why}: resonance and damping were read off the faulty records")
                 settled, fit = replace(self, mode_from=~baseline, mode_start=shown), shown

@@ -63,7 +63,7 @@ def noise_share(twin: PhenomenologicalTwin, fit: HealthyFit, records: Sequence[R
     Returns
     -------
     float
-        At most 1; the median over records. 1 where ringing overlaps so much that time does not tell.
+        At most 1; the median over records. 1 where neither evenness over time nor what pulses tells noise from impacts.
     """
     mixtures = [_Mixture.of(twin, fit, record, Streams(root, place)) for place, record in enumerate(records)]
     for told in (_Mixture.by_evenness, _Mixture.by_pulses):

@@ -59,7 +59,7 @@ def likelier(log: Array, weight: Array, noise: Array, path: Array, ratios: Array
         other.
     """
     seen = np.flatnonzero(weight)
-    harmonic = seen + 1.0
+    harmonic = np.asarray(seen + 1.0, float)
     smooth = [np.ones(seen.size), harmonic / weight.size]
     if np.ptp(path[seen]) > 0:
         smooth.append(path[seen])

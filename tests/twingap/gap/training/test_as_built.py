@@ -5,8 +5,10 @@ import pytest
 from scipy.signal import welch
 
 from twingap.effects import Draft, catalogue, make_effect
+from twingap.effects.draft import Impacts
 from twingap.gap.training import as_built as module
 from twingap.gap.training.as_built import CHANCE
+from twingap.gap.training.as_built.strikes import EntryExit
 from twingap.gap.training.machines import draw_machine
 from twingap.records import Condition
 
@@ -79,7 +81,27 @@ def test_defects_may_take_as_much_of_a_pass_on_a_roller_as_on_a_race():
     made = [as_built(effect, np.random.default_rng(seed)) for seed in range(300)]
     other = [one for one in made if type(one) is not type(effect)]
     parts = {round(one.pass_part, 9) for one in other}
-    assert parts == {round(4.0 * MACHINE.bearing.n_rollers / 360, 9)}
+    assert parts == {0.0, round(4.0 * MACHINE.bearing.n_rollers / 360, 9)}
+
+
+@pytest.mark.parametrize("ratio", [0.5, 2.0])
+def test_a_push_has_the_strength_of_the_fainter_strike_at_low_frequencies_and_little_at_high_ones(ratio):
+    """Of one pass: two blows, or one blow and a push, as far apart and as strong."""
+    made = {}
+    for soft in (0.0, 0.1):
+        impacts = Impacts(np.zeros(1), np.ones(1), np.zeros(1, int))
+        EntryExit(arc_deg=4.0, exit_ratio=ratio, soft=soft).on_impacts(draft_of("outer"), impacts, None)
+        made[soft] = impacts
+    delay = np.ptp(made[0.0].turns)
+
+    def answer(impacts, per_delay):
+        return abs(impacts.amplitudes @ np.exp(-2j * np.pi * per_delay * impacts.turns / delay))
+
+    assert answer(made[0.1], 0.0) == pytest.approx(1 + ratio)
+    assert answer(made[0.1], 0.5) == pytest.approx(answer(made[0.0], 0.5), rel=0.12)
+    # Where both blows of a sharp pair add up, only the louder of the two is left beside a push.
+    assert answer(made[0.0], 5.0) == pytest.approx(1 + ratio)
+    assert answer(made[0.1], 5.0) == pytest.approx(max(1.0, ratio), rel=0.02)
 
 
 def other_of(name, values):

@@ -12,12 +12,15 @@ from numpy.typing import NDArray
 
 from twingap.effects import Draft, Effect, excitation, shaft
 from twingap.effects.angle import cosine
+from twingap.effects.draft import Impacts
 from twingap.gap.training.as_built.maker import Maker
 from twingap.gap.training.machines import Machine
 
 Array = NDArray[np.float64]
 
 _AROUND: Final = np.arange(720) / 720
+_PUSH: Final = np.linspace(-2.4, 2.4, 13)
+"""Standard deviations about its middle at which a push is made of blows."""
 
 
 @dataclass(frozen=True)
@@ -103,15 +106,39 @@ class CageModulation(excitation.CageModulation):
 
 @dataclass(frozen=True)
 class EntryExit(excitation.EntryExit):
-    """Defects that take as much of a pass on a roller as on a race.
+    """Defects that take as much of a pass on a roller as on a race, and whose fainter strike is a push.
+
+    A roller rolls into a defect and is stopped by its end (Sawalhi & Randall 2011): one of the two takes longer, and
+    has less at high frequencies.
 
     Parameters
     ----------
     pass_part : float
         Length of every defect as a part of one roller's pass; 0 is `arc_deg` for all.
+    soft : float
+        Standard deviation of the fainter strike over time, parts of the time between both; 0 is a blow.
     """
 
     pass_part: float = 0.0
+    soft: float = 0.0
+
+    def on_impacts(self, draft: Draft, impacts: Impacts, rng: np.random.Generator) -> None:
+        if not self.soft:
+            super().on_impacts(draft, impacts, rng)
+            return
+        delay = self.delay_turns(draft)
+        blow, push = (0.0, delay) if self.exit_ratio <= 1 else (delay, 0.0)
+        weight = np.exp(-0.5 * _PUSH**2)
+        faint, loud = sorted((1.0, self.exit_ratio))
+        turned = -1.0 if self.turned else 1.0
+        places = np.concatenate(([blow], push + self.soft * delay * _PUSH))
+        heights = np.concatenate(([loud], turned * faint * weight / weight.sum()))
+        turns, amplitudes, copies = impacts.turns, impacts.amplitudes, places.size
+        impacts.turns = (places[:, None] + turns).ravel()
+        impacts.amplitudes = (heights[:, None] * amplitudes).ravel()
+        impacts.passes = np.tile(impacts.passes, copies)
+        if impacts.delays is not None:
+            impacts.delays = np.tile(impacts.delays, copies)
 
     def delay_turns(self, draft: Draft) -> float:
         """Shaft turns between entering and leaving."""
@@ -200,7 +227,8 @@ def _one_roller(values: dict[str, Any], machine: Machine, rng: np.random.Generat
 def _of_a_pass(values: dict[str, Any], machine: Machine, rng: np.random.Generator) -> Effect:
     # Of one length in degrees a ball's is short beside a race's: what is alike is rather how long passes take.
     part = values["arc_deg"] * machine.bearing.n_rollers / 360
-    return EntryExit(**values, pass_part=part if part < 0.5 else 0.0)
+    soft = math.exp(rng.uniform(math.log(0.02), math.log(0.2))) if rng.random() < 0.8 else 0.0
+    return EntryExit(**values, pass_part=part if part < 0.5 and rng.random() < 0.6 else 0.0, soft=soft)
 
 
 def _rough_zone(values: dict[str, Any], machine: Machine, rng: np.random.Generator) -> Effect:
