@@ -69,8 +69,7 @@ class Path:
         curves, values, asked = [], [], []
         for place in places:
             for damping in dampings:
-                mode = 2 * damping * place**2 / (place**2 - self.f**2 + 2j * damping * place * self.f)
-                relative = mode * self.inverse[:, None]
+                relative = ringing(self.f, float(place), float(damping)) * self.inverse[:, None]
                 along, alone = relative.real.mean(axis=1), (relative.real**2 + relative.imag**2).mean(axis=1)
                 most = float((self.passed * alone)[self.known].max())
                 for level in levels:
@@ -80,6 +79,26 @@ class Path:
                     values.append((float(place), float(damping), gain))
                     asked.append(float(level))
         return np.array(curves), values, asked
+
+
+def ringing(f: Array, place: float, damping: float) -> Complex:
+    """Response of least phase of sampled ringing, about 1 at its peak.
+
+    Of a path, the delay of a sample that goes with it is not known either: both are left out, and cancel in the ratio.
+
+    Parameters
+    ----------
+    f : Array
+        Parts of the sampling rate.
+    place : float
+        Natural frequency, the same.
+    damping : float
+        Damping ratio.
+    """
+    w, turn = 2 * math.pi * place, np.exp(-2j * np.pi * f)
+    decay, angle = math.exp(-damping * w), w * math.sqrt(1 - damping**2)
+    size = (1 - decay) * abs(1 - decay * np.exp(-2j * angle))
+    return np.asarray(size / (1 - 2 * decay * math.cos(angle) * turn + decay**2 * turn**2))
 
 
 def least_phase(power: Array) -> Complex:

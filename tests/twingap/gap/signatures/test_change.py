@@ -62,6 +62,18 @@ def test_another_mode_is_found_where_it_is_among_those_that_both_have(place):
     assert found["mode_gain"] > np.log1p(150)
 
 
+@pytest.mark.parametrize("modes", [(), OWN_MODES])
+def test_a_mode_that_moves_a_sensor_against_the_others_is_no_noise(modes):
+    """It takes away below its peak what it adds above: noise does neither, and one more heap of power not both."""
+    extra = {"frequency_hz": 0.12 * FS_HZ, "damping_ratio": 0.06, "gain": 0.7, "opposed": True}
+    real = outlines((make_effect("second_resonance", extra),), 1, modes=modes)
+    found = change.compare(real, outlines(seed=2, modes=modes))
+    assert found["parallel_lead"] > 0.3
+    assert found["parallel_over_mode"] > 0.2
+    assert np.exp(found["parallel_fs"]) == pytest.approx(0.12, rel=0.08)
+    assert found["parallel_strength"] < 0
+
+
 def test_noise_in_a_band_adds_the_same_power_to_noise_and_strikes():
     band = {"level": 0.5, "slope": 0.0, "low_hz": 0.10 * FS_HZ, "high_hz": 0.16 * FS_HZ}
     found = compared(make_effect("coloured_noise", band))
