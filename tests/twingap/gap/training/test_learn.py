@@ -1,5 +1,7 @@
 """What is learnt, on numbers whose truth is known."""
 
+from itertools import product
+
 import numpy as np
 import pytest
 
@@ -8,6 +10,7 @@ from twingap.gap.training.learn import Examples, learn
 from twingap.gap.training.null import (
     BARE,
     DISTANCE,
+    HEALTHY,
     MODELS,
     OWN,
     OWN_SIMULATOR,
@@ -100,7 +103,14 @@ def judged(scores, records=0.0):
     """Machines of these scores whose distance is not known."""
     scores = np.asarray(scores, float)
     n = len(scores)
-    return Judged(scores, np.broadcast_to(np.asarray(records, float), n).copy(), np.full(n, np.nan), np.zeros(n))
+    return Judged(
+        scores, np.broadcast_to(np.asarray(records, float), n).copy(), np.full(n, np.nan), np.zeros(n), np.ones(n, bool)
+    )
+
+
+def one(scores, distance, kind, records=1.0, quiet=True):
+    """A machine."""
+    return Judged(scores, np.log([records]), np.array([distance]), np.array([kind]), np.array([quiet]))
 
 
 def test_a_score_is_ranked_among_machines_judged_by_as_many_records():
@@ -132,15 +142,13 @@ def test_what_no_detector_hears_is_a_gap_where_it_is_far_off_for_a_simulator_of_
     own = (np.arange(1600) % 3 == 0).astype(float)
     distance = rng.gamma(4.0, 0.25, 1600) * np.where(own, 0.5, 1.0)  # nothing had to be matched there
     scores = rng.standard_normal((1600, 2))
-    every = Judged(scores, np.zeros(1600), distance, own)
+    every = Judged(scores, np.zeros(1600), distance, own, np.ones(1600, bool))
     null, fresh = Null(every.take(np.arange(1600) < 800)), range(800, 1600)
     p = np.array([null.p_value(every.take(np.arange(1600) == k)) for k in fresh])
     assert np.mean(p <= 0.05) == pytest.approx(0.05, abs=0.025)
-    far = {
-        kind: null.p_value(Judged(np.zeros((1, 2)), np.zeros(1), np.array([1.9]), np.array([kind]))) for kind in (0, 1)
-    }
+    far = {kind: null.p_value(one(np.zeros((1, 2)), 1.9, kind)) for kind in (0, 1)}
     assert far[1] < 0.02 < 0.1 < far[0]
-    assert null.p_value(Judged(np.zeros((1, 2)), np.zeros(1), np.array([np.nan]), np.ones(1))) > 0.3
+    assert null.p_value(one(np.zeros((1, 2)), np.nan, 1)) > 0.3
 
 
 def test_each_kind_of_simulator_holds_its_level():
@@ -148,13 +156,14 @@ def test_each_kind_of_simulator_holds_its_level():
     rng = np.random.default_rng(8)
     kinds = np.arange(7500) % 3  # bare, own simulator, with effects
     scores = (rng.standard_normal((7500, 1)) * np.array([1.0, 0.3, 4.0])[kinds][:, None]) + np.zeros((1, 2))
-    every = Judged(scores, np.log(rng.integers(2, 25, 7500)), rng.gamma(4.0, 0.25, 7500), kinds.astype(float))
+    records, distance = np.log(rng.integers(2, 25, 7500)), rng.gamma(4.0, 0.25, 7500)
+    every = Judged(scores, records, distance, kinds.astype(float), np.ones(7500, bool))
     null, fresh = Null(every.take(np.arange(7500) < 3000)), np.arange(3000, 7500)
     p = np.array([null.p_value(every.take(np.arange(7500) == k)) for k in fresh])
     for kind in range(3):
         assert np.mean(p[kinds[fresh] == kind] <= 0.05) == pytest.approx(0.05, abs=0.03)
     found = {
-        kind: null.p_value(Judged(np.full((1, 2), 1.5), np.log([12.0]), np.ones(1), np.array([kind])))
+        kind: null.p_value(one(np.full((1, 2), 1.5), 1.0, kind, records=12.0))
         for kind in (BARE, OWN_SIMULATOR, WITH_EFFECTS)
     }
     assert found[OWN_SIMULATOR] < 0.03 < found[BARE] < found[WITH_EFFECTS]
@@ -164,18 +173,34 @@ def test_a_kind_of_which_there_are_few_is_ranked_among_a_wider_one():
     rng = np.random.default_rng(9)
     kinds = np.repeat([BARE, OWN_SIMULATOR, WITH_EFFECTS], [400, 400, 30])
     scores = rng.standard_normal((830, 1)) * np.where(kinds == OWN_SIMULATOR, 0.1, 1.0)[:, None]
-    null = Null(Judged(scores, np.zeros(830), np.full(830, np.nan), kinds))
-    few, bare = (
-        null.p_value(Judged(np.full((1, 1), 1.0), np.zeros(1), np.full(1, np.nan), np.full(1, kind)))
-        for kind in (WITH_EFFECTS, BARE)
-    )
+    null = Null(Judged(scores, np.zeros(830), np.full(830, np.nan), kinds, np.ones(830, bool)))
+    few, bare = (null.p_value(one(np.full((1, 1), 1.0), np.nan, kind)) for kind in (WITH_EFFECTS, BARE))
     assert few == pytest.approx(bare, abs=0.03)  # twins of either kind, not other simulators
 
 
+def test_without_a_healthy_record_the_level_holds_as_with_one():
+    """Calibration is further off then, for a twin; a simulator of the machine's own has none."""
+    rng = np.random.default_rng(11)
+    kinds, quiet = (np.arange(6000) % 2).astype(float), rng.random(6000) > 0.2
+    further = np.where((kinds == BARE) & ~quiet, 2.5, 1.0)
+    every = Judged(
+        rng.standard_normal((6000, 1)) * further[:, None], np.zeros(6000), np.full(6000, np.nan), kinds, quiet
+    )
+    null, fresh = Null(every.take(np.arange(6000) < 2000)), np.arange(2000, 6000)
+    p = np.array([null.p_value(every.take(np.arange(6000) == k)) for k in fresh])
+    for kind, there in product((BARE, OWN_SIMULATOR), (True, False)):
+        own = p[(kinds[fresh] == kind) & (quiet[fresh] == there)]
+        assert np.mean(own <= 0.05) == pytest.approx(0.05, abs=0.025)
+    strong = {there: null.p_value(one(np.full((1, 1), 2.5), np.nan, BARE, quiet=there)) for there in (True, False)}
+    assert strong[True] < 0.02 < 0.1 < strong[False]
+
+
 def test_what_a_machine_is_met_through_is_read_off_its_features():
-    names = (RECORDS, OWN, MODELS, DISTANCE)
-    features = np.array([[2.0, 0, 0, 0.1], [2.0, 1, 0, 0.1], [2.0, 0, 1, 0.1]])
-    assert Judged.of(np.zeros((3, 2)), features, names).kind.tolist() == [BARE, OWN_SIMULATOR, WITH_EFFECTS]
+    names = (RECORDS, OWN, MODELS, DISTANCE, HEALTHY)
+    features = np.array([[2.0, 0, 0, 0.1, 0.3], [2.0, 1, 0, 0.1, 0.0], [2.0, 0, 1, 0.1, 1.0]])
+    found = Judged.of(np.zeros((3, 2)), features, names)
+    assert found.kind.tolist() == [BARE, OWN_SIMULATOR, WITH_EFFECTS]
+    assert found.quiet.tolist() == [True, False, True]
 
 
 def test_the_twin_as_given_and_one_with_effects_added_are_calibrated_apart():
