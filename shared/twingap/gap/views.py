@@ -22,6 +22,7 @@ from twingap.errors import TwingapError
 from twingap.gap.report import Domain
 from twingap.gap.view import RecordView, medians
 from twingap.records import Condition
+from twingap.signal.order_statistics import order_statistics
 
 Array = NDArray[np.float64]
 
@@ -277,15 +278,16 @@ def _amplitude(view: RecordView, grid: Grid) -> Array:
     """Log quantiles of |x| / rms, log asymmetry, log rms / scale, and how often the extreme and equal samples occur."""
     x = view.x - view.x.mean()
     n, rms = x.size, max(np.sqrt(view.mean_square), 1e-9 * view.frame.scale)
-    ascending = np.sort(x)
+    modulus = np.abs(x)
     places = np.minimum(np.ceil(_QUANTILES * n).astype(int), n) - 1
-    modulus = np.sort(np.abs(x))
-    shape = np.log(modulus[places] / rms + 1e-3)
+    quantiles = order_statistics(modulus, places)
+    shape = np.log(quantiles / rms + 1e-3)
     far = np.minimum((0.5 + _TAILS / 2) * n, n - 1).astype(int)
-    high, low = ascending[far], -ascending[n - 1 - far]
+    tails = order_statistics(x, np.concatenate((far, n - 1 - far)))
+    high, low = tails[: far.size], -tails[far.size :]
     asymmetry = np.log((np.maximum(high, 0) + 0.05 * rms) / (np.maximum(low, 0) + 0.05 * rms))
     # Gaussian noise has one sample at its extreme, a converter's rails have many. Small parts are no news.
-    extreme = np.count_nonzero(modulus >= 0.999 * modulus[-1]) / n
+    extreme = np.count_nonzero(modulus >= 0.999 * quantiles[-1]) / n
     repeated = np.count_nonzero(view.x[1:] == view.x[:-1]) / n
     rest = (np.log(rms / view.frame.scale), np.log(extreme + 3e-4 + 2 / n), np.log(repeated + 3e-3))
     return np.concatenate((shape, asymmetry, rest))

@@ -12,7 +12,7 @@ without having seemed likely. Closures that are reported are measured elsewhere,
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Final
 
@@ -46,11 +46,8 @@ ALPHA_REST: Final = 0.1
 MOST_EFFECTS: Final = 7
 LEVEL: Final = 0.9
 """Joint probability that the sets of a confidence set have together."""
-LIKELIER: Final = 0.6
-"""Probability from which an effect stays named. Of those between 0.5 and 0.9 fewer are right on machines unlike those
-learnt from than is said; from here on, one in ten of all that are named is false there, or less."""
-LIKELY_ANYWAY: Final = 0.7
-"""Probability from which an effect that the search let go is named: in opened worlds ten of fourteen were there."""
+LIKELIER: Final = 0.75
+"""Probability from which an effect is named, where too few searches were learnt from to say."""
 _UNCERTAIN: Final = 0.003
 """Probability from which (and up to whose complement) an effect is held open in confidence sets."""
 _MOST_OPEN: Final = 13
@@ -200,7 +197,7 @@ def explain(evidence: Evidence, learnt: Learnt, report: Report) -> Explanation:
         for name, outcome in ended.outcomes.items()
     }
     gap = p_value <= level_of_gap(evidence, max(probability.values(), default=0.0))
-    names = to_name(probability, found.values)
+    names = to_name(probability, LIKELIER if judge is None else judge.named_from)
     found.keep([name for name in found.values if name in names])
     if gap:
         found.add([name for name in names if name not in found.values])
@@ -441,17 +438,16 @@ def estimate(name: str, features: Array, evidence: Evidence, learnt: Learnt) -> 
     return Estimated(made, intervals, said)
 
 
-def to_name(probability: Mapping[str, float], found: Collection[str]) -> list[str]:
-    """Effects to name: of those that a search ended with the likely ones, of those that it let go the likelier.
+def to_name(probability: Mapping[str, float], limit: float) -> list[str]:
+    """Effects to name: those at least so likely, whether a search ended with them or let them go.
 
     Parameters
     ----------
     probability : Mapping[str, float]
         That each effect is missing.
-    found : collection of str
-        What the search ended with.
+    limit : float
     """
-    return [name for name, p in probability.items() if p >= (LIKELIER if name in found else LIKELY_ANYWAY)]
+    return [name for name, p in probability.items() if p >= limit]
 
 
 def confidence_set(probability: Mapping[str, float], level: float) -> tuple[tuple[str, ...], ...]:

@@ -11,9 +11,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 from scipy.optimize import minimize
 from scipy.signal import find_peaks
@@ -28,6 +28,8 @@ Array = NDArray[np.float64]
 
 DAMPING_RANGE = (1e-3, 0.5)
 _GRID_DAMPING = np.geomspace(0.004, 0.3, 8)
+_STEP = 1e-6
+"""Of a mode's logarithms, to see how its shape changes."""
 
 
 @dataclass(frozen=True)
@@ -131,23 +133,29 @@ def whittle(
         acf = autocorrelation(frequency, damping, spectra.fs_hz, spectra.segment)
         return spectra.expected(acf) * spectra.fs_hz / 2
 
-    @lru_cache(maxsize=4)
     def shapes(log_frequency: float, log_damping: float) -> list[Array]:
-        """Of the kept bins; differences over the amplitudes ask for one mode again and again."""
+        """Of the kept bins."""
         mode = float(np.exp(log_frequency)), float(np.exp(log_damping))
         return [shape(s, *mode)[k] for s, k in zip(measured, kept, strict=True)]
 
     seen = [p[k] for p, k in zip(scaled, kept, strict=True)]
     under = [f[k] for f, k in zip(floors, kept, strict=True)]
 
-    def loss(at: Array) -> float:
+    def loss(at: Array) -> tuple[float, Array]:
+        """Minus the log likelihood, and its gradient; over the mode by differences of its shape."""
+        frequency, damping = float(at[0]), float(at[1])
         structure, floor = np.exp(at[2]), np.exp(at[3])
-        out = 0.0
-        own = zip(measured, seen, totals, shapes(float(at[0]), float(at[1])), under, strict=True)
-        for s, p, n, mode, white in own:
+        out, slope = 0.0, np.zeros(4)
+        moved = shapes(frequency + _STEP, damping), shapes(frequency, damping + _STEP)
+        own = zip(measured, seen, totals, shapes(frequency, damping), *moved, under, strict=True)
+        for s, p, n, mode, higher, wider, white in own:
             model = (structure * mode + floor * white) * 2 / s.fs_hz
-            out += float(np.sum(n * (np.log(model) + p / model)))
-        return out
+            ratio = p / model
+            out += float(n @ (np.log(model) + ratio))
+            steep = n * (1 - ratio) / model * (2 / s.fs_hz)
+            changes = ((higher - mode) / _STEP * structure, (wider - mode) / _STEP * structure, mode * structure)
+            slope += [float(steep @ change) for change in (*changes, white * floor)]
+        return out, slope
 
     lowest = min(float(s.f_hz[k][0]) for s, k in zip(measured, kept, strict=True) if k.any())
     bounds = np.log([(lowest, 0.98 * top), DAMPING_RANGE, (1e-10, 1e10), (1e-10, 1e10)])
@@ -160,7 +168,9 @@ def whittle(
         dampings = np.exp(np.unique(bounds[1])) if np.ptp(bounds[1]) == 0 else _GRID_DAMPING
         begins = _grid(measured, scaled, kept, totals, floors, frequencies, dampings, shape)
     runs = [
-        minimize(loss, np.clip(b, *bounds.T), method="L-BFGS-B", bounds=bounds.tolist(), options={"ftol": 1e-13})
+        minimize(
+            loss, np.clip(b, *bounds.T), jac=True, method="L-BFGS-B", bounds=bounds.tolist(), options={"ftol": 1e-13}
+        )
         for b in begins
     ]
     best = min(runs, key=lambda run: float(run.fun))
@@ -225,19 +235,17 @@ def _grid(
         cut = int(k.sum()) // step * step
         coarse = p[k][:cut].reshape(-1, step).mean(axis=1) * s.fs_hz / 2
         with_mode = shape(s, f, zeta)[:, k][:, :cut].reshape(f.size, -1, step).mean(axis=2)
-        white = np.broadcast_to(floor[k][:cut].reshape(-1, step).mean(axis=1), with_mode.shape)
-        sides.append((coarse, np.stack([with_mode, white]), float(n.mean()) * step))
-    amplitudes = np.full((2, f.size), np.mean([c.mean() for c, _, _ in sides]) / 2)
+        white = floor[k][:cut].reshape(-1, step).mean(axis=1)
+        sides.append((coarse, np.ascontiguousarray(with_mode), white, float(n.mean()) * step))
+    amplitudes = np.full((2, f.size), np.mean([side[0].mean() for side in sides]) / 2)
     for _ in range(25):
         up, down = np.zeros_like(amplitudes), np.zeros_like(amplitudes)
-        for coarse, basis, worth in sides:
-            inverse = 1 / np.maximum(np.einsum("ag,agk->gk", amplitudes, basis), 1e-12)
-            up += worth * np.einsum("gk,agk->ag", coarse * inverse**2, basis)
-            down += worth * np.einsum("gk,agk->ag", inverse, basis)
+        for side in sides:
+            _add_updates(*side, amplitudes, up, down)
         amplitudes *= np.sqrt(up / np.maximum(down, 1e-12))
     value = np.zeros(f.size)
-    for coarse, basis, worth in sides:
-        model = np.maximum(np.einsum("ag,agk->gk", amplitudes, basis), 1e-12)
+    for coarse, modes, white, worth in sides:
+        model = np.maximum(amplitudes[0][:, None] * modes + amplitudes[1][:, None] * white, 1e-12)
         value += worth * np.sum(np.log(model) + coarse / model, axis=1)
     picked: list[int] = []
     for place in np.argsort(value):
@@ -246,6 +254,24 @@ def _grid(
         if len(picked) == 3:
             break
     return [np.log([f[i], zeta[i], *np.maximum(amplitudes[:, i], 1e-9)]) for i in picked]
+
+
+@njit(cache=True, nogil=True, fastmath={"reassoc", "contract"})
+def _add_updates(coarse, modes, white, worth, amplitudes, up, down):  # type: ignore[no-untyped-def]  # pragma: no cover
+    """Sums of the multiplicative updates of both amplitudes [2, points], over one side's bins."""
+    for g in range(len(modes)):
+        sums = np.zeros(4)
+        for k in range(coarse.size):
+            inverse = 1 / max(amplitudes[0, g] * modes[g, k] + amplitudes[1, g] * white[k], 1e-12)
+            pull = coarse[k] * inverse * inverse
+            sums[0] += pull * modes[g, k]
+            sums[1] += pull * white[k]
+            sums[2] += inverse * modes[g, k]
+            sums[3] += inverse * white[k]
+        up[0, g] += worth * sums[0]
+        up[1, g] += worth * sums[1]
+        down[0, g] += worth * sums[2]
+        down[1, g] += worth * sums[3]
 
 
 def equation_8(measured: Sequence[Spectra], *, lowest_hz: float = 0.0) -> HealthyFit:

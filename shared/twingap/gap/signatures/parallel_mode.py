@@ -66,39 +66,37 @@ class Path:
         `levels`: power that the mode would add by itself to that of the path, where it adds most; negative where it
         moves the sensor against the path.
         """
-        curves, values, asked = [], [], []
-        for place in places:
-            for damping in dampings:
-                relative = ringing(self.f, float(place), float(damping)) * self.inverse[:, None]
-                along, alone = relative.real.mean(axis=1), (relative.real**2 + relative.imag**2).mean(axis=1)
-                most = float((self.passed * alone)[self.known].max())
-                for level in levels:
-                    gain = math.copysign(math.sqrt(abs(level) / most), level)
-                    factor = np.maximum(1 + 2 * gain * along + gain**2 * alone, _CANCELLED)
-                    curves.append(np.log(self.passed * factor + 1 - self.passed))
-                    values.append((float(place), float(damping), gain))
-                    asked.append(float(level))
-        return np.array(curves), values, asked
+        place, damping = (a.ravel() for a in np.meshgrid(places, np.asarray(dampings, float), indexing="ij"))
+        relative = ringing(self.f, place[:, None, None], damping[:, None, None]) * self.inverse[:, None]
+        along, alone = relative.real.mean(axis=2), (relative.real**2 + relative.imag**2).mean(axis=2)
+        most = (self.passed * alone)[:, self.known].max(axis=1)
+        wanted = np.asarray(levels, float)
+        gain = np.copysign(np.sqrt(np.abs(wanted) / most[:, None]), wanted)
+        factor = np.maximum(1 + gain[:, :, None] * (2 * along[:, None] + gain[:, :, None] * alone[:, None]), _CANCELLED)
+        curves = np.log(self.passed * (factor - 1) + 1).reshape(-1, self.passed.size)
+        ringers = zip(place.tolist(), damping.tolist(), gain.tolist(), strict=True)
+        values = [(at, width, one) for at, width, gains in ringers for one in gains]
+        return curves, values, wanted.tolist() * place.size
 
 
-def ringing(f: Array, place: float, damping: float) -> Complex:
+def ringing(f: Array, place: Array | float, damping: Array | float) -> Complex:
     """Response of least phase of sampled ringing, about 1 at its peak.
 
     Of a path, the delay of a sample that goes with it is not known either: both are left out, and cancel in the ratio.
 
     Parameters
     ----------
-    f : Array
+    f : Array [...]
         Parts of the sampling rate.
-    place : float
+    place : Array [...] or float
         Natural frequency, the same.
-    damping : float
+    damping : Array [...] or float
         Damping ratio.
     """
     w, turn = 2 * math.pi * place, np.exp(-2j * np.pi * f)
-    decay, angle = math.exp(-damping * w), w * math.sqrt(1 - damping**2)
-    size = (1 - decay) * abs(1 - decay * np.exp(-2j * angle))
-    return np.asarray(size / (1 - 2 * decay * math.cos(angle) * turn + decay**2 * turn**2))
+    decay, angle = np.exp(-damping * w), w * np.sqrt(1 - damping**2)
+    size = (1 - decay) * np.abs(1 - decay * np.exp(-2j * angle))
+    return np.asarray(size / (1 - 2 * decay * np.cos(angle) * turn + decay**2 * turn**2))
 
 
 def least_phase(power: Array) -> Complex:

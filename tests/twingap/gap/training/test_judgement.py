@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from twingap.gap.training.judgement import Outcome, learn_judgement
+from twingap.gap.training.judgement import FALSE, Outcome, learn_judgement
 
 
 def outcomes(count, seed):
@@ -42,3 +42,16 @@ def test_odds_beyond_all_bounds_are_no_number_that_is_none():
 def test_too_few_searches_teach_nothing():
     made, _ = outcomes(200, 3)
     assert learn_judgement(made, [False] * 200) is None
+
+
+def test_what_is_named_on_searches_not_learnt_from_is_seldom_false():
+    made, missing = outcomes(4000, 4)
+    judge = learn_judgement(made, missing, np.arange(4000) // 20)
+    fresh, truth = outcomes(20000, 5)
+    said, right = np.array([judge.probability(outcome) for outcome in fresh]), np.array(truth)
+    named = said >= judge.named_from
+    assert (~right[named]).mean() == pytest.approx(FALSE, abs=0.02)
+    # A little below there are too many, or it would be the limit.
+    assert (~right[said >= judge.named_from - 0.05]).mean() > FALSE
+    # Without knowing which are of one machine nothing can be held out, and the least limit stays.
+    assert learn_judgement(made, missing).named_from < judge.named_from

@@ -1,0 +1,260 @@
+"""The healthy part of the phenomenological twin, and where its mode is read.
+
+spectra, what the twin file fixes --> HealthyModel --begin--> where the mode shows --refit--> values on any records
+
+The mode is read off healthy records; off what defects add to them, where that rings elsewhere or where healthy spectra
+are not one mode and white noise; off the lines of the others, where no record is healthy.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import expit, logit
+
+from twingap.bearing import FAULTS
+from twingap.identify.resonance import Fixed, HealthyFit, equation_8, whittle
+from twingap.identify.spectra import Spectra
+from twingap.identify.unstruck import MOST, noise_share
+from twingap.records import RecordSet
+from twingap.twins.phenomenological import PhenomenologicalTwin
+from twingap.twins.twin_file import TwinSpec, build_twin, flat, model_parameters
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+SHORT_S = 0.2
+"""Records shorter than this, s, do not resolve a mode of a few tenths of a per cent of damping."""
+MISFIT = 4.0
+"""Deviance over scatter beyond which the healthy spectrum is taken to be something else than one mode and a floor."""
+OTHER_DAMPING = 0.25
+"""Log ratio of dampings from which lines and what lies between them are taken to disagree."""
+SAME_PLACE = 0.1
+"""Log ratio of frequencies up to which two modes are taken to be one."""
+ADDED_DAMPING = 0.003, 0.25
+"""Dampings between which what defects add is taken for a mode: sharper is a tone, broader some other noise."""
+ELSEWHERE = 0.3
+"""Of what a mode explains of what defects add: the healthy records' own explains less where another one rings."""
+
+
+@dataclass(frozen=True)
+class HealthyModel:
+    """Records seen as spectra, what is fixed, and where the mode is read."""
+
+    spec: TwinSpec
+    records: RecordSet
+    measured: list[Spectra]
+    method: str
+    mode_from: Mask  # records other than the baseline that show the mode, when the baseline does not
+    mode_start: HealthyFit | None = None
+    mode_above: bool = False  # read off what they add to the baseline
+    mode_unknown: bool = False
+    noise_share: float = 1.0  # of the structure noise that is fitted: the rest is impacts
+
+    @property
+    def given(self) -> Mapping[str, float]:
+        """Values that the spec fixes, dotted."""
+        return flat(self.spec.parameters)
+
+    @property
+    def twin(self) -> PhenomenologicalTwin:
+        """The twin as it stands before identification."""
+        twin = build_twin(self.spec, self.records.bearing, self.records.unit)
+        assert isinstance(twin, PhenomenologicalTwin)
+        return twin
+
+    @property
+    def fixed(self) -> Fixed:
+        """Of the healthy model, in record units."""
+        given = self.given
+        scale = given.get("scale")
+        rms = [
+            None if scale is None or name not in given else scale * given[name]
+            for name in ("structure_noise_rms", "white_noise_rms")
+        ]
+        return Fixed(given.get("resonance_hz"), given.get("damping_ratio"), *rms)
+
+    def of(self, keep: Mask) -> list[Spectra]:
+        """Spectra of some records."""
+        taken = [s.take(keep) for s in self.measured]
+        return [s for s in taken if s.places.size]
+
+    def mode_may_be_masked(self, fit: HealthyFit, baseline: Mask) -> bool:
+        """Whether bins at the resonance were left out as a line, in records too short to tell it from a sharp mode."""
+        lengths = [c.duration_s for c, own in zip(self.records.conditions, baseline, strict=True) if own]
+        if min(lengths) >= SHORT_S or self.mode_unknown or self.mode_from.any():
+            return False
+        for one in self.of(baseline):
+            reach = 2 * fit.damping_ratio * fit.resonance_hz + 2 * one.fs_hz / one.segment
+            if not one.clean[:, np.abs(one.f_hz - fit.resonance_hz) < reach].all():
+                return True
+        return False
+
+    def begin(self, baseline: Mask, notes: list[str]) -> tuple[HealthyModel, HealthyFit]:
+        """Settle where the mode is read, and fit from a grid; `notes` grows by what could not be found."""
+        fit = whittle(self.of(baseline), fixed=self.fixed)
+        settled = self
+        if {"resonance_hz", "damping_ratio"} <= self.given.keys():
+            return settled, fit
+        if self.method == "whittle" and not is_of(self.records, "healthy").any():
+            return self._struck_only(fit, baseline, notes)
+        poor = fit.misfit > MISFIT
+        why = (
+            f"healthy spectra are not one mode and white noise (misfit {fit.misfit:.0f} times scatter)"
+            if poor
+            else "no resonance stands out of healthy noise"
+        )
+        struck = self._struck_elsewhere(fit, baseline) if self.method == "whittle" else None
+        if struck is not None:
+            if fit.stands_out and not poor:
+                why = f"what defects add rings elsewhere than at the {fit.resonance_hz:.0f} Hz of healthy spectra"
+            notes.append(f"{why}: resonance and damping were read off the faulty records, off what they add")
+            settled = replace(self, mode_from=~baseline, mode_start=struck, mode_above=True)
+            return settled, settled.refit(np.ones(len(self.records), bool), baseline, struck)
+        if self.method == "whittle" and (poor or not fit.stands_out):
+            others = self.of(~baseline)
+            shown = whittle(others, lines=True) if others else fit
+            if others and shown.stands_out:
+                notes.append(f"{why}: resonance and damping were read off the faulty records")
+                settled, fit = replace(self, mode_from=~baseline, mode_start=shown), shown
+            elif not fit.stands_out:
+                notes.append("no resonance stands out of the noise: resonance_hz and damping_ratio keep their defaults")
+                settled = replace(self, mode_unknown=True)
+            else:
+                notes.append(f"spectra are not one mode and white noise (misfit {fit.misfit:.0f} times scatter)")
+        return settled, settled.refit(np.ones(len(self.records), bool), baseline, fit)
+
+    def _struck_elsewhere(self, fit: HealthyFit, baseline: Mask) -> HealthyFit | None:
+        """The mode that rings in what defects add to healthy spectra, where that is hardly the one of `fit`.
+
+        Noise in a band and strikes from elsewhere are in healthy records, too, and may stand higher than the mode.
+        """
+        if "resonance_hz" in self.given:
+            return None
+        struck, quiet = self._beside(~baseline, baseline)
+        if not struck:
+            return None
+        shown = whittle(struck, lines=True, beneath=quiet)
+        apart = abs(math.log(shown.resonance_hz / fit.resonance_hz)) > SAME_PLACE
+        if not (apart and shown.stands_out and ADDED_DAMPING[0] < shown.damping_ratio < ADDED_DAMPING[1]):
+            return None
+        here = Fixed(fit.resonance_hz, fit.damping_ratio)
+        there = whittle(struck, lines=True, beneath=quiet, fixed=here, start=fit)
+        return shown if there.deviance < ELSEWHERE * shown.deviance else None
+
+    def _beside(self, keep: Mask, baseline: Mask) -> tuple[list[Spectra], list[Spectra]]:
+        """Spectra of these records, and of the baseline at the same rates."""
+        quiet = {s.fs_hz: s for s in self.of(baseline)}
+        own = [s for s in self.of(keep) if s.fs_hz in quiet]
+        return own, [quiet[s.fs_hz] for s in own]
+
+    def _struck_only(self, fit: HealthyFit, baseline: Mask, notes: list[str]) -> tuple[HealthyModel, HealthyFit]:
+        """Where every record is of a defect: the mode shows between lines or, where they leave too little, in them."""
+        shown = whittle(self.of(baseline), lines=True)
+        apart = abs(math.log(shown.damping_ratio / fit.damping_ratio))
+        # Lines elsewhere than the mode are not of impacts: a hum, say, or a mesh.
+        here = abs(math.log(shown.resonance_hz / fit.resonance_hz)) < SAME_PLACE
+        settled = self
+        if not (fit.stands_out or shown.stands_out):
+            notes.append("no resonance stands out of the noise: resonance_hz and damping_ratio keep their defaults")
+            settled = replace(self, mode_unknown=True)
+        elif shown.stands_out and ((apart > OTHER_DAMPING and here) or not fit.stands_out):
+            notes.append(
+                f"the lines of the spectra show a damping of {shown.damping_ratio:.3f}, what lies between them "
+                f"{fit.damping_ratio:.3f}: resonance and damping were read off the lines"
+            )
+            settled, fit = replace(self, mode_from=baseline, mode_start=shown), shown
+        elif fit.misfit > MISFIT:
+            notes.append(f"spectra are not one mode and white noise (misfit {fit.misfit:.0f} times scatter)")
+        return settled, settled.refit(np.ones(len(self.records), bool), baseline, fit)
+
+    def between_impacts(self, fit: HealthyFit, root: int) -> tuple[HealthyModel, HealthyFit]:
+        """The same with the part of the fitted structure noise that is always there, where no record is healthy."""
+        if "structure_noise_rms" in self.given or self.mode_unknown:
+            return self, fit
+        faults = [fault for fault in FAULTS[1:] if is_of(self.records, fault).any()]
+        places = [np.flatnonzero(is_of(self.records, fault))[: max(MOST // len(faults), 2)] for fault in faults]
+        struck = [self.records[int(place)] for own in places for place in own]
+        share = noise_share(self.twin, fit, struck, root)
+        structure = math.sqrt(share) * fit.structure_noise_rms
+        return replace(self, noise_share=share), replace(fit, structure_noise_rms=structure)
+
+    def refit(self, keep: Mask, baseline: Mask, start: HealthyFit) -> HealthyFit:
+        """The fit on these records, from a good start."""
+        measured, mode = self.of(keep & baseline), None
+        if self.method == "eq8":
+            mode = equation_8(measured)
+        elif self.mode_from.any():
+            struck, quiet = (
+                self._beside(keep & self.mode_from, baseline)
+                if self.mode_above
+                else (self.of(keep & self.mode_from), [])
+            )
+            mode = whittle(struck, lines=True, start=self.mode_start, beneath=quiet)
+        elif self.mode_unknown:
+            own = model_parameters(self.spec)
+            mode = replace(start, resonance_hz=own.resonance_hz, damping_ratio=own.damping_ratio)
+        fixed = self.fixed
+        if mode is not None:
+            known = (fixed.resonance_hz, fixed.damping_ratio)
+            f, zeta = (
+                k if k is not None else m for k, m in zip(known, (mode.resonance_hz, mode.damping_ratio), strict=True)
+            )
+            fixed = replace(fixed, resonance_hz=f, damping_ratio=zeta)
+        fit = whittle(measured, start=start, fixed=fixed)
+        return replace(fit, structure_noise_rms=math.sqrt(self.noise_share) * fit.structure_noise_rms)
+
+    def levels(self, fit: HealthyFit) -> dict[str, float]:
+        """Noise levels in multiples of scale, and scale, by the twin's convention: healthy RMS = scale where free."""
+        given, structure, white = self.given, fit.structure_noise_rms, fit.white_noise_rms
+        asked = (given.get("structure_noise_rms"), given.get("white_noise_rms"))
+        if "scale" in given:
+            scale = given["scale"]
+        elif asked[0] and asked[1]:
+            scale = math.hypot(structure, white) / math.hypot(asked[0], asked[1])
+        elif asked[0]:
+            scale = structure / asked[0]
+        elif asked[1]:
+            scale = white / asked[1]
+        else:
+            scale = math.hypot(structure, white)
+        relative = [
+            float(rms / scale if level is None else level) for level, rms in zip(asked, (structure, white), strict=True)
+        ]
+        return {"structure_noise_rms": relative[0], "white_noise_rms": relative[1], "scale": float(scale)}
+
+    @property
+    def conventional(self) -> bool:
+        """Whether the two relative noise levels are tied by structure^2 + white^2 = 1."""
+        return not {"scale", "structure_noise_rms", "white_noise_rms"} & self.given.keys()
+
+    def values(self, fit: HealthyFit) -> dict[str, float]:
+        """The healthy parameters that are free."""
+        found = {"resonance_hz": fit.resonance_hz, "damping_ratio": fit.damping_ratio, **self.levels(fit)}
+        kept = self.given.keys() | ({"resonance_hz", "damping_ratio"} if self.mode_unknown else set())
+        return {name: value for name, value in found.items() if name not in kept}
+
+    def coordinates(self, fit: HealthyFit) -> dict[str, float]:
+        """The same on scales where errors are nearly normal: logarithms, and the logit of a share of power."""
+        tied = ("structure_noise_rms", "white_noise_rms") if self.conventional else ()
+        return {
+            name: float(logit(np.clip(value**2, 1e-12, 1 - 1e-12)) if name in tied else np.log(max(value, 1e-12)))
+            for name, value in self.values(fit).items()
+        }
+
+    def interval(self, name: str, lo: float, hi: float) -> tuple[float, float]:
+        """Back from coordinates."""
+        if self.conventional and name in ("structure_noise_rms", "white_noise_rms"):
+            return float(np.sqrt(expit(lo))), float(np.sqrt(expit(hi)))
+        # Beyond e^40 an interval says "unknown" as well.
+        low, high = (float(np.exp(np.clip(v, -40, 40))) for v in (lo, hi))
+        return low, min(high, 1.0) if name == "damping_ratio" else high
+
+
+def is_of(records: RecordSet, fault: str) -> Mask:
+    """[records] Whether each is of this fault."""
+    return np.array([c.fault == fault for c in records.conditions])
