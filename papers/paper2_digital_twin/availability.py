@@ -14,7 +14,6 @@ from __future__ import annotations
 import dataclasses
 import functools
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
@@ -35,9 +34,10 @@ from papers.paper2_digital_twin.availability_jobs import (
     network,
     shallow,
 )
-from papers.paper2_digital_twin.availability_records import TITLES, Measured, load, measure
-from papers.paper2_digital_twin.availability_source import Background, Kind, Plant, SourceOptions, simulate
+from papers.paper2_digital_twin.availability_records import Measured, load, measure
+from papers.paper2_digital_twin.availability_source import Background, Kind, Plant, simulate
 from papers.paper2_digital_twin.availability_split import ALL, SPLITS, judged
+from papers.paper2_digital_twin.availability_study import CONFIG, RIG, Study, StudyOptions, StudyProfile, read_study
 from papers.studies import Count, Progress, command, keep_figures, keep_tables, profile_of
 from twingap.adapt.class_maps import fit_class_maps
 from twingap.adapt.condition_features import window_features
@@ -45,115 +45,18 @@ from twingap.adapt.few_labels import fit_few_labels
 from twingap.adapt.inception import InceptionTraining
 from twingap.adapt.residual_head import HeadOptions
 from twingap.adapt.scalograms import ImageOptions
-from twingap.adapt.selection import CRITERIA, select
+from twingap.adapt.selection import select
 from twingap.adapt.severity import MapOptions
-from twingap.config import build, read_toml
 from twingap.errors import TwingapError
 from twingap.provenance import digest_of_code, digest_of_value
 from twingap.records import RecordSet
 from twingap.sweep import Result, sweep
 
 if TYPE_CHECKING:
-    import pandas as pd
-
     from twingap.track import Run
 
-CONFIG: Final = Path(__file__).with_name("availability.toml")
-RIG: Final = "virtual_cwru"
 SHORTEST: Final = 4
 """A recording at hand in stretches shorter than so many pieces is no background for the twin."""
-
-
-@dataclass(frozen=True)
-class StudyProfile:
-    """How much is run.
-
-    Parameters
-    ----------
-    seeds : int
-        Shuffles of recordings, choices of labels, trainings.
-    machines : int
-        Virtual machines of each source.
-    ablation_seeds : int
-        Seeds of the other sources.
-    steps : int
-        Of a training.
-    check_machines : int
-        Simulated machines on which false alarms are counted.
-    rig_duration_s : float
-        Length of the virtual rig's recordings.
-    smoke : bool
-        The first data set and the first fold alone.
-    """
-
-    seeds: int
-    machines: int
-    ablation_seeds: int
-    steps: int
-    check_machines: int
-    rig_duration_s: float
-    smoke: bool
-
-
-@dataclass(frozen=True)
-class StudyOptions:
-    """The study; every entry is explained in availability.toml."""
-
-    data: tuple[str, ...]
-    counts: tuple[int, ...]
-    folds: int
-    false_alarm: float
-    criterion: str
-    ablation: tuple[Kind, ...]
-    image: ImageOptions
-    map: MapOptions
-    source: SourceOptions
-    training: InceptionTraining
-    head: HeadOptions
-    profiles: dict[str, StudyProfile]
-
-
-@dataclass(frozen=True)
-class Study:
-    """What came out.
-
-    Parameters
-    ----------
-    options : StudyOptions
-    data : dict[str, Measured]
-    networks : list[Result[NetworkJob]]
-    shallows : list[Result[ShallowJob]]
-    alarms : list[Result[AlarmJob]]
-    checks : list[Result[CheckJob]]
-    tables : dict[str, pandas.DataFrame]
-    """
-
-    options: StudyOptions
-    data: dict[str, Measured]
-    networks: list[Result[NetworkJob]]
-    shallows: list[Result[ShallowJob]]
-    alarms: list[Result[AlarmJob]]
-    checks: list[Result[CheckJob]]
-    tables: dict[str, pd.DataFrame]
-
-    @property
-    def title(self) -> str:
-        """Where the records come from."""
-        return ", ".join(TITLES[name] for name in self.data)
-
-
-def read_study(path: Path = CONFIG) -> StudyOptions:
-    """Read the configuration; errors name file, key, value and what was expected."""
-    options = build(StudyOptions, read_toml(path), path)
-    if options.criterion not in CRITERIA:
-        raise TwingapError(f"criterion = {options.criterion!r}, one of {', '.join(CRITERIA)} expected", where=path)
-    if any(name not in TITLES for name in options.data) or not options.data:
-        raise TwingapError(f"data = {list(options.data)}, some of {', '.join(TITLES)} expected", where=path)
-    if options.folds < 2 or any(count < 1 for count in options.counts):
-        raise TwingapError("two folds or more and counts of 1 or more expected", where=path)
-    if max(options.source.pooled) != options.source.pooled[-1]:
-        raise TwingapError(f"source.pooled = {list(options.source.pooled)}, rising numbers expected", where=path)
-    return options
 
 
 def run(

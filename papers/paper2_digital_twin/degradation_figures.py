@@ -9,21 +9,19 @@ Colours that colour-blind readers tell apart (Okabe and Ito 2008).
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from papers.paper2_digital_twin.degradation_study import HINDSIGHT, Judged, Study
 from papers.paper2_digital_twin.degradation_tables import COMBINED, EXPONENTIALS
 from papers.studies import SIZES
 from twingap.prognosis.degradation_figure import LINES
 from twingap.prognosis.degradation_models import MODELS
 from twingap.prognosis.health_indicator import offline_indicators
 from twingap.prognosis.indicator_criteria import causal_trend
-
-if TYPE_CHECKING:
-    from papers.paper2_digital_twin.degradation import Judged, Study
 
 Array = NDArray[np.float64]
 RECORDS, TREND, MARK = "#AAAAAA", "#0072B2", "#D55E00"
@@ -192,8 +190,6 @@ def errors(study: Study) -> Figure:
 
 def lives(study: Study) -> Figure:
     """RMS as indicator: remaining life predicted at each tenth, limit known in hindsight, with intervals."""
-    from papers.paper2_digital_twin.degradation import HINDSIGHT
-
     table = study.tables["degradation-lives"]
     table = table[(table["indicator"] == "rms") & (table["limit"] == HINDSIGHT)]
     figure, panels = _per_run(study)

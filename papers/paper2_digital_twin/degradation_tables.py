@@ -13,12 +13,12 @@ import pandas as pd
 from numpy.typing import NDArray
 from scipy.stats import spearmanr
 
+from papers.paper2_digital_twin.degradation_study import Judged, Study
 from twingap.prognosis.degradation_models import MODELS
 from twingap.prognosis.health_indicator import judged, offline_indicators, online_indicators
 from twingap.sweep import Result
 
 if TYPE_CHECKING:
-    from papers.paper2_digital_twin.degradation import Judged, Study
     from papers.paper2_digital_twin.degradation_jobs import Coverage
 
 Array = NDArray[np.float64]

@@ -15,19 +15,25 @@ from __future__ import annotations
 import itertools
 import sys
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final, Literal
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 import twingap.twins
-from papers.paper2_digital_twin import reference
+from papers.paper2_digital_twin import dynamics_study, reference
+from papers.paper2_digital_twin.dynamics_study import (
+    CONFIG,
+    Case,
+    Dynamics,
+    DynamicsOptions,
+    DynamicsProfile,
+    read_dynamics,
+)
 from papers.studies import Count, Progress, command, keep_figures, keep_tables, profile_of
-from twingap.bearing import BEARINGS, Bearing
-from twingap.config import build, read_toml
-from twingap.errors import TwingapError
+from twingap.bearing import BEARINGS
 from twingap.provenance import digest_of_code
 from twingap.records import Condition
 from twingap.signal import squared_envelope_spectrum
@@ -38,94 +44,11 @@ from twingap.twins.contact_motion import motions
 from twingap.twins.contact_parameters import PRESETS, ContactParameters
 
 if TYPE_CHECKING:
-    import pandas as pd
-
     from twingap.track import Run
 
 Array = NDArray[np.float64]
-CONFIG: Final = Path(__file__).with_name("dynamics.toml")
 HIGHEST_ORDER: Final = 12.0
 """Up to which a fault's first line is sought: above the inner race's, below second harmonics' crowd."""
-
-
-@dataclass(frozen=True)
-class DynamicsProfile:
-    """Operating points.
-
-    Parameters
-    ----------
-    speeds_rpm, loads_n, clearances_um : tuple[float, ...]
-        Every combination of them; the "paper" preset keeps its own load and clearance.
-    """
-
-    speeds_rpm: tuple[float, ...]
-    loads_n: tuple[float, ...]
-    clearances_um: tuple[float, ...]
-
-
-@dataclass(frozen=True)
-class DynamicsOptions:
-    """The study; every entry is explained in dynamics.toml."""
-
-    settings: tuple[Literal["physical", "paper"], ...]
-    bearing: str
-    faults: tuple[str, ...]
-    fs_hz: float
-    settle_s: float
-    fault_s: float
-    reference_s: float
-    settled_part: float
-    within: float
-    profiles: dict[str, DynamicsProfile]
-
-
-@dataclass(frozen=True)
-class Case:
-    """One bearing at one operating point."""
-
-    setting: str
-    bearing: str
-    fault: str
-    speed_rpm: float
-    load_n: float
-    clearance_um: float
-    fs_hz: float
-    duration_s: float
-    reference_s: float
-    settled_part: float
-    within: float
-
-
-@dataclass(frozen=True)
-class Dynamics:
-    """What came out.
-
-    Parameters
-    ----------
-    options : DynamicsOptions
-    healthy, faulty : list[Result[Case]]
-        The first of each setting is the one that figures show.
-    tables : dict[str, pandas.DataFrame]
-    bearing : Bearing
-    """
-
-    options: DynamicsOptions
-    healthy: list[Result[Case]]
-    faulty: list[Result[Case]]
-    tables: dict[str, pd.DataFrame]
-    bearing: Bearing
-
-
-def read_dynamics(path: Path = CONFIG) -> DynamicsOptions:
-    """Read the configuration; errors name file, key, value and what was expected."""
-    options = build(DynamicsOptions, read_toml(path), path)
-    if options.bearing not in BEARINGS:
-        known = ", ".join(BEARINGS)
-        raise TwingapError(f"unknown bearing {options.bearing!r}", where=f"{path}: bearing", mend=f"use one of {known}")
-    for setting, fault in itertools.product(options.settings, options.faults):
-        if fault not in PRESETS[setting].defect_depth_um:
-            raise TwingapError(f"no contact model for fault {fault!r}", where=f"{path}: faults")
-    return options
 
 
 def parameters_of(case: Case) -> ContactParameters:
@@ -238,7 +161,7 @@ def run(
     sizes = profile_of(options.profiles, profile, config)
     healthy = list(_cases(options, sizes, "healthy", options.settle_s))
     faulty = [c for f in options.faults for c in _cases(options, sizes, f, options.fault_s)]
-    code = digest_of_code(sys.modules[__name__], reference, twingap.twins)
+    code = digest_of_code(sys.modules[__name__], dynamics_study, reference, twingap.twins)
     given: dict[str, Any] = {
         "store": out / "results", "backend": backend, "address": address, "version": code,
         "on_result": Count("dynamics", len(healthy) + len(faulty), progress),

@@ -6,7 +6,7 @@ accuracy over labelled records --> crossing points;  alarms --> severity by reco
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -14,12 +14,10 @@ from matplotlib.figure import Figure
 from papers.paper2_digital_twin.availability_jobs import baseline_of, strips
 from papers.paper2_digital_twin.availability_records import TITLES, Measured
 from papers.paper2_digital_twin.availability_split import ALL, SPLITS
+from papers.paper2_digital_twin.availability_study import Study
 from papers.paper2_digital_twin.tables_availability import METHODS, by_seed, calls, judging
 from papers.paper3_zoa_dann.figures_identification import SIZES as SIZES
 from twingap.adapt.evaluate import t_interval
-
-if TYPE_CHECKING:
-    from papers.paper2_digital_twin.availability import Study
 
 LOOKS: Final = {
     "twin network": ("#0072B2", "o", "-"), "SVM": ("#D55E00", "s", "--"), "SOM-MQE": ("#009E73", "^", ":"),

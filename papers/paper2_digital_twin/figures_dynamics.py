@@ -6,15 +6,13 @@ healthy --> displacement, velocity in x and y; the same against SciPy;  faulty -
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 import numpy as np
 from matplotlib.figure import Figure
 
+from papers.paper2_digital_twin.dynamics_study import Dynamics
 from papers.studies import SIZES
-
-if TYPE_CHECKING:
-    from papers.paper2_digital_twin.dynamics import Dynamics
 
 ALONG, ACROSS, STATIC, MARK = "#0072B2", "#E69F00", "#444444", "#D55E00"
 NAMES: Final = {"outer": "BPFO", "inner": "BPFI", "ball": "2 BSF"}

@@ -6,16 +6,14 @@ first machine --> temperature, errors by arm, stiffness and damping against the 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 import numpy as np
 from matplotlib.figure import Figure
 
+from papers.paper2_digital_twin.live_study import LiveStudy
 from papers.studies import SIZES
 from twingap.rigs.drifting import REFILLED, WEARS
-
-if TYPE_CHECKING:
-    from papers.paper2_digital_twin.live import LiveStudy
 
 LINES: Final = {
     "frozen": ("#444444", "-"),

@@ -14,32 +14,35 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final, Literal
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 import twingap.rigs.drifting
 import twingap.twins
+from papers.paper2_digital_twin import live_study
+from papers.paper2_digital_twin.live_study import (
+    CONFIG,
+    DATA,
+    LiveStudy,
+    LiveStudyOptions,
+    Scenario,
+    read_live,
+)
 from papers.studies import Count, Progress, command, keep_figures, keep_tables, profile_of
 from twingap.bearing import BEARINGS
-from twingap.config import build, read_toml
-from twingap.errors import TwingapError
 from twingap.provenance import digest_of_code
-from twingap.rigs.drifting import COOLED, WEARS, Drifting, arrivals
+from twingap.rigs.drifting import Drifting, arrivals
 from twingap.sweep import Result, sweep
 from twingap.twins.contact_parameters import PRESETS
 from twingap.twins.live import LiveOptions, LiveTwin, Message, OrderOptions, Snapshot, StateMessage
 
 if TYPE_CHECKING:
-    import pandas as pd
-
     from twingap.track import Run
 
 Array = NDArray[np.float64]
-CONFIG: Final = Path(__file__).with_name("live.toml")
 ARMS: Final[dict[str, tuple[bool, bool]]] = {
     "frozen": (False, False),
     "laws alone": (True, False),
@@ -47,99 +50,6 @@ ARMS: Final[dict[str, tuple[bool, bool]]] = {
     "live": (True, True),
 }
 """Name -> whether it follows temperature, whether it is identified anew."""
-DATA: Final = "virtual machine"
-
-
-@dataclass(frozen=True)
-class Line:
-    """How messages arrive; see `twingap.rigs.drifting.arrivals`."""
-
-    delay_s: float
-    late: float
-    late_s: float
-    lost: float
-    repeated: float
-
-
-@dataclass(frozen=True)
-class LiveProfile:
-    """How much is run.
-
-    Parameters
-    ----------
-    seeds, steady : int
-        Machines that drift, and that do not.
-    steady_hours : float
-        How long the latter run.
-    """
-
-    seeds: int
-    steady: int
-    steady_hours: float
-
-
-@dataclass(frozen=True)
-class LiveStudyOptions:
-    """The study; every entry is explained in live.toml."""
-
-    bearing: str
-    preset: Literal["physical", "paper"]
-    hours: float
-    snapshot_period_s: float
-    state_period_s: float
-    snapshot_s: float
-    fs_hz: float
-    lateness_s: float
-    false_alarms: float
-    halved: float
-    most_ms: float
-    poor_line: Line
-    profiles: dict[str, LiveProfile]
-
-
-@dataclass(frozen=True)
-class Scenario:
-    """One machine, and everything that is decided about it."""
-
-    seed: int
-    drift: float
-    hours: float
-    bearing: str
-    preset: str
-    snapshot_period_s: float
-    state_period_s: float
-    snapshot_s: float
-    fs_hz: float
-    lateness_s: float
-    false_alarms: float
-    line: Line
-    arms: tuple[str, ...]
-
-
-@dataclass(frozen=True)
-class LiveStudy:
-    """What came out.
-
-    Parameters
-    ----------
-    options : LiveStudyOptions
-    drifting, steady : list[Result[Scenario]]
-    tables : dict[str, pandas.DataFrame]
-    """
-
-    options: LiveStudyOptions
-    drifting: list[Result[Scenario]]
-    steady: list[Result[Scenario]]
-    tables: dict[str, pd.DataFrame]
-
-
-def read_live(path: Path = CONFIG) -> LiveStudyOptions:
-    """Read the configuration; errors name file, key, value and what was expected."""
-    options = build(LiveStudyOptions, read_toml(path), path)
-    if options.bearing not in BEARINGS:
-        known = ", ".join(BEARINGS)
-        raise TwingapError(f"unknown bearing {options.bearing!r}", where=f"{path}: bearing", mend=f"use one of {known}")
-    return options
 
 
 def machine_of(job: Scenario) -> Drifting:
@@ -209,17 +119,6 @@ def live_through(job: Scenario) -> dict[str, Any]:
     return out
 
 
-def phase_of(time_s: Array, hours: float) -> list[str]:
-    """What the machine goes through at these times, in words."""
-    part = np.asarray(time_s) / (3600 * hours)
-    words = np.full(part.size, "as commissioned", dtype=object)
-    words[part >= WEARS[0]] = "wearing"
-    words[part >= WEARS[1]] = "worn"
-    for on, off in COOLED:
-        words[(part >= on) & (part < off)] = "cooled"
-    return [str(w) for w in words]
-
-
 def run(
     profile: str = "smoke",
     *,
@@ -257,7 +156,7 @@ def run(
     sizes = profile_of(options.profiles, profile, config)
     jobs = [_scenario(options, seed + i, 1.0, options.hours, tuple(ARMS)) for i in range(sizes.seeds)]
     still = [_scenario(options, seed + i, 0.0, sizes.steady_hours, ("live",)) for i in range(sizes.steady)]
-    code = digest_of_code(sys.modules[__name__], twingap.rigs.drifting, twingap.twins)
+    code = digest_of_code(sys.modules[__name__], live_study, twingap.rigs.drifting, twingap.twins)
     given: dict[str, Any] = {
         "store": out / "results", "backend": backend, "address": address, "version": code,
         "on_result": Count("live updating", len(jobs) + len(still), progress),

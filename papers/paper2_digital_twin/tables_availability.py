@@ -6,18 +6,16 @@ jobs --> calls of every recording by seed --> accuracy, crossing points;  alarms
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 import numpy as np
 import pandas as pd
 
 from papers.paper2_digital_twin.availability_records import TITLES, Measured
 from papers.paper2_digital_twin.availability_split import ALL, SPLITS
+from papers.paper2_digital_twin.availability_study import Study
 from papers.paper3_zoa_dann.tables import write as write
 from twingap.adapt.evaluate import t_interval
-
-if TYPE_CHECKING:
-    from papers.paper2_digital_twin.availability import Study
 
 METHODS: Final = ("twin network", "SVM", "SOM-MQE")
 LEVEL: Final = 0.95

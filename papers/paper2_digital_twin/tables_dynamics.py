@@ -6,14 +6,11 @@ healthy bearings --> balance (settled where the static solution is? energy? SciP
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import pandas as pd
 
+from papers.paper2_digital_twin.dynamics_study import Case
 from twingap.sweep import Result
-
-if TYPE_CHECKING:
-    from papers.paper2_digital_twin.dynamics import Case
 
 DATA = "simulated by the contact twin"
 

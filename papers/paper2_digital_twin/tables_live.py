@@ -7,16 +7,14 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import pandas as pd
 
+from papers.paper2_digital_twin.live_study import DATA, LiveStudyOptions, Scenario, phase_of
 from twingap.rigs.drifting import WEARS
 from twingap.sweep import Result
-
-if TYPE_CHECKING:
-    from papers.paper2_digital_twin.live import LiveStudyOptions, Scenario
 
 WHOLE = "after commissioning"
 DRIFT = "under drift"
@@ -41,8 +39,6 @@ def all_tables(
 
 def by_phase(result: Result[Scenario], arm: str, what: str = "error") -> dict[str, float]:
     """Mean error of one machine's twin in each phase, commissioning left out."""
-    from papers.paper2_digital_twin.live import phase_of
-
     value = result.value["arms"][arm]
     skip = int(value["commissioning"])
     time_s, error = (np.asarray(value["judged"][c])[skip:] for c in ("time_s", what))
@@ -59,8 +55,6 @@ def errors(drifting: Sequence[Result[Scenario]]) -> pd.DataFrame:
     ``shape`` is what is left when the prediction may be scaled as a whole. ``chance`` is what a perfect twin would
     show, since a snapshot's own spectrum scatters.
     """
-    from papers.paper2_digital_twin.live import DATA
-
     rows = []
     for arm in drifting[0].value["arms"]:
         found = [by_phase(r, arm) for r in drifting]
@@ -78,8 +72,6 @@ def errors(drifting: Sequence[Result[Scenario]]) -> pd.DataFrame:
 
 def targets(options: LiveStudyOptions, drifting: Sequence[Result[Scenario]]) -> pd.DataFrame:
     """What was promised, and what each came to: the worst machine decides."""
-    from papers.paper2_digital_twin.live import DATA
-
     rows = []
     for phase in (DRIFT, WHOLE):
         for what in ("error", "shape"):
@@ -107,8 +99,6 @@ def false_alarms(options: LiveStudyOptions, steady: Sequence[Result[Scenario]]) 
     """
     from scipy.stats import chi2
 
-    from papers.paper2_digital_twin.live import DATA
-
     alarms = snapshots = 0
     for r in steady:
         value = r.value["arms"]["live"]
@@ -125,8 +115,6 @@ def false_alarms(options: LiveStudyOptions, steady: Sequence[Result[Scenario]]) 
 
 def messages(drifting: Sequence[Result[Scenario]]) -> pd.DataFrame:
     """What became of the messages, summed over machines."""
-    from papers.paper2_digital_twin.live import DATA
-
     total: Counter[tuple[str, str]] = Counter()
     for r in drifting:
         for kind, case, n in r.value["arms"]["live"]["messages"]:
@@ -136,8 +124,6 @@ def messages(drifting: Sequence[Result[Scenario]]) -> pd.DataFrame:
 
 def cost(drifting: Sequence[Result[Scenario]]) -> pd.DataFrame:
     """CPU time that updates took where they were run, by kind: it differs from run to run."""
-    from papers.paper2_digital_twin.live import DATA
-
     rows: list[dict[str, Any]] = []
     for kind in ("law", "commissioning", *REIDENTIFIED, "kept"):
         spent = np.array([s for r in drifting for s in _seconds(r, "live", (kind,))])
@@ -151,8 +137,6 @@ def cost(drifting: Sequence[Result[Scenario]]) -> pd.DataFrame:
 
 def updates(drifting: Sequence[Result[Scenario]]) -> pd.DataFrame:
     """Every update of the first machine's live twin but those by law: when, why, from, to."""
-    from papers.paper2_digital_twin.live import DATA
-
     frame = pd.DataFrame(drifting[0].value["arms"]["live"]["updates"])
     shown = frame[frame["kind"] != "law"].drop(columns="seconds")
     return shown.assign(machine=drifting[0].job.seed, data=DATA).reset_index(drop=True)

@@ -13,6 +13,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
+from papers.paper3_zoa_dann.comparison_study import ComparisonOptions, TaskOutcome
 from papers.paper3_zoa_dann.figures import CLASS_COLOURS, SIZES
 from papers.paper3_zoa_dann.tables_comparison import CLEAN, confusion_counts, trials
 from papers.paper3_zoa_dann.trial import ALL, ANALYST, OWN, noise_words
@@ -21,7 +22,6 @@ from twingap.adapt import t_interval
 if TYPE_CHECKING:
     import pandas as pd
 
-    from papers.paper3_zoa_dann.comparison import ComparisonOptions, TaskOutcome
 
 LOOKS: Final = {
     "VMD+SVM": ("#999999", "v", ":"),

@@ -7,19 +7,17 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from papers.paper3_zoa_dann.agreement import aligned
+from papers.paper3_zoa_dann.identification_study import WORDS, Study
 from twingap import files
 from twingap.records import RecordSet
 from twingap.signal.envelope import squared_envelope_spectrum
-
-if TYPE_CHECKING:
-    from papers.paper3_zoa_dann.identification import Study
 
 Array = NDArray[np.float64]
 LINES: Final = {
@@ -48,8 +46,6 @@ def all_figures(study: Study, judge: RecordSet) -> Iterator[tuple[str, Figure]]:
 
 def convergence(study: Study) -> Figure:
     """Least cost against evaluations, median over seeds and the range of the middle half."""
-    from papers.paper3_zoa_dann.identification import WORDS
-
     options = study.options
     rows, columns = len(options.settings), len(options.faults)
     figure = Figure(figsize=(4.6 * columns, 3.9 * rows + 1.2), layout="constrained")
@@ -82,8 +78,6 @@ def convergence(study: Study) -> Figure:
 
 def signals(study: Study, judge: RecordSet, setting: str) -> Figure:
     """Waveforms and envelope spectra, measured and simulated, with the theoretical fault frequencies."""
-    from papers.paper3_zoa_dann.identification import WORDS
-
     faults = study.options.faults
     wanted = f"identified, {WORDS['differential-evolution']}"
     figure = Figure(figsize=(14.5, 3.9 * len(faults) + 1.2), layout="constrained")

@@ -16,9 +16,9 @@ from __future__ import annotations
 import functools
 import sys
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final, Literal
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,9 +26,19 @@ from numpy.typing import NDArray
 import twingap.identify
 import twingap.twins
 from papers.paper3_zoa_dann import agreement as agreement_module
+from papers.paper3_zoa_dann import identification_study
 from papers.paper3_zoa_dann.agreement import agreement
-from twingap.bearing import BEARINGS, Bearing
-from twingap.config import build, read_toml
+from papers.paper3_zoa_dann.identification_study import (
+    CONFIG,
+    WORDS,
+    Comparison,
+    Recovery,
+    Search,
+    Study,
+    StudyOptions,
+    read_study,
+)
+from twingap.bearing import BEARINGS
 from twingap.errors import TwingapError
 from twingap.identify import identify
 from twingap.identify.contact import BOUNDS
@@ -42,126 +52,9 @@ from twingap.twins.contact_parameters import PRESETS, ContactParameters
 from twingap.twins.twin_file import TwinSpec
 
 if TYPE_CHECKING:
-    import pandas as pd
-
     from twingap.track import Run
 
 Array = NDArray[np.float64]
-CONFIG: Final = Path(__file__).with_name("identification.toml")
-WORDS: Final = {
-    "zoa": "ZOA, R = 0.1",
-    "zoa-ports": "ZOA, R = 0.01",
-    "differential-evolution": "differential evolution",
-    "random": "random search",
-}
-
-
-@dataclass(frozen=True)
-class StudyProfile:
-    """How much is spent.
-
-    Parameters
-    ----------
-    seeds : int
-        Runs of each optimiser.
-    evaluations : int
-        Of the objective, the same for all.
-    machines : int
-        Simulated machines per fault.
-    """
-
-    seeds: int
-    evaluations: int
-    machines: int
-
-
-@dataclass(frozen=True)
-class StudyOptions:
-    """The study; every entry is explained in identification.toml."""
-
-    fault_size_inch: float
-    load_hp: int
-    faults: tuple[str, ...]
-    settings: tuple[Literal["physical", "paper"], ...]
-    empirical: tuple[float, ...]
-    printed: tuple[float, ...]
-    published_drops: tuple[float, ...]
-    window_samples: int
-    snr_db: float
-    machine_stiffness: tuple[float, ...]
-    machine_damping: tuple[float, ...]
-    machine_duration_s: float
-    profiles: dict[str, StudyProfile]
-
-
-def read_study(path: Path = CONFIG) -> StudyOptions:
-    """Read the configuration; errors name file, key, value and what was expected."""
-    options = build(StudyOptions, read_toml(path), path)
-    for setting in options.settings:
-        for fault in options.faults:
-            if fault not in PRESETS[setting].defect_depth_um:
-                raise TwingapError(f"no contact model for fault {fault!r}", where=f"{path}: faults")
-    return options
-
-
-@dataclass(frozen=True)
-class Search:
-    """One run of one optimiser on one recording."""
-
-    fault: str
-    setting: str
-    optimiser: str
-    seed: int
-    evaluations: int
-
-
-@dataclass(frozen=True)
-class Comparison:
-    """One pair of stiffness and damping, simulated and compared."""
-
-    fault: str
-    setting: str
-    twin: str
-    stiffness: float
-    damping: float
-    window_samples: int
-
-
-@dataclass(frozen=True)
-class Recovery:
-    """One simulated machine whose parameters are sought again."""
-
-    fault: str
-    seed: int
-    snr_db: float
-    stiffness: tuple[float, ...]
-    damping: tuple[float, ...]
-    duration_s: float
-
-
-@dataclass(frozen=True)
-class Study:
-    """What came out.
-
-    Parameters
-    ----------
-    data : str
-        Where the records come from.
-    options : StudyOptions
-    searches : list[Result[Search]]
-    comparisons : list[Result[Comparison]]
-    recoveries : list[Result[Recovery]]
-    tables : dict[str, pandas.DataFrame]
-    bearing : Bearing
-    """
-
-    data: str
-    options: StudyOptions
-    searches: list[Result[Search]]
-    comparisons: list[Result[Comparison]]
-    recoveries: list[Result[Recovery]]
-    tables: dict[str, pd.DataFrame]
-    bearing: Bearing
 
 
 def objective_of(fault: str, setting: str, fit: RecordSet) -> SpectrumObjective:
@@ -264,7 +157,9 @@ def run(
     sizes = options.profiles[profile]
     data, (fit, judge) = recordings(options, root)
     assert fit.bearing is not None
-    code = digest_of_code(sys.modules[__name__], agreement_module, twingap.identify, twingap.twins)
+    code = digest_of_code(
+        sys.modules[__name__], identification_study, agreement_module, twingap.identify, twingap.twins
+    )
     searches = [
         Search(fault, setting, optimiser, seed, sizes.evaluations)
         for fault in options.faults

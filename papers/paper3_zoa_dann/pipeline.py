@@ -39,6 +39,8 @@ from papers.paper3_zoa_dann import job as job_module
 from papers.paper3_zoa_dann import options as options_module
 from papers.paper3_zoa_dann import source as source_module
 from papers.paper3_zoa_dann import tables
+from papers.paper3_zoa_dann.comparison_study import read_comparison
+from papers.paper3_zoa_dann.identification_study import read_study
 from papers.paper3_zoa_dann.job import Identification, Job, Measured, identify_twin, train_and_judge, windows_digest
 from papers.paper3_zoa_dann.options import CONFIG, Options, Profile, read_options
 from papers.paper3_zoa_dann.results import Outcome, TaskResult
@@ -127,12 +129,12 @@ def run(
     results: list[TaskResult] = []
     with (tracker or NullTracker()).run("paper3", {"paper": "paper3", "profile": profile, "data": target.title}) as log:
         _log_inputs(log, options, sizes, profile, seed, target, config)
-        if profile in identification_module.read_study().profiles:
+        if profile in read_study().profiles:
             identification_module.run(
                 profile, out=out, root=root, backend=backend, address=address, log=log, progress=progress, draw=draw
             )
         comparison = None
-        if profile in comparison_module.read_comparison().profiles:
+        if profile in read_comparison().profiles:
             comparison = comparison_module.run(
                 profile, out=out, root=root, seed=seed, backend=backend, address=address, log=log, progress=progress,
                 draw=draw,

@@ -5,20 +5,18 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from papers.paper3_zoa_dann.comparison_study import Comparison
 from papers.paper3_zoa_dann.job import Job, Measured
 from papers.paper3_zoa_dann.options import Options
 from papers.paper3_zoa_dann.source import Recipe
 from papers.paper3_zoa_dann.tasks import Target, Task
 from twingap.adapt import Scores
 from twingap.sweep import Result
-
-if TYPE_CHECKING:
-    from papers.paper3_zoa_dann.comparison import Comparison
 
 
 @dataclass(frozen=True)

@@ -15,13 +15,13 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 import pandas as pd
 
+from papers.paper3_zoa_dann.comparison_study import ComparisonOptions, Key, TaskOutcome
 from papers.paper3_zoa_dann.significance import holm, sign_flip
 from papers.paper3_zoa_dann.tables import std
 from papers.paper3_zoa_dann.trial import ALL, ANALYST, OWN, noise_words
 from twingap.adapt import CRITERIA, t_interval
 
 if TYPE_CHECKING:
-    from papers.paper3_zoa_dann.comparison import ComparisonOptions, Key, TaskOutcome
     from papers.paper3_zoa_dann.options import Options
 
 ORDER: Final = ("balanced", "imbalanced", "scarce")

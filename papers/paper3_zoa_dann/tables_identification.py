@@ -7,17 +7,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import pandas as pd
 
 from papers.paper3_zoa_dann.agreement import METRICS
+from papers.paper3_zoa_dann.identification_study import Comparison, Recovery, Search, StudyOptions
 from twingap import files
 from twingap.sweep import Result
-
-if TYPE_CHECKING:
-    from papers.paper3_zoa_dann.identification import Comparison, Recovery, Search, StudyOptions
 
 READINGS = ("contact alone", "with noises")
 KINDS = ("waveform", "spectrum")

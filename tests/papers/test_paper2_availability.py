@@ -9,11 +9,12 @@ import numpy as np
 import pytest
 
 from papers.paper2_digital_twin import availability_jobs
-from papers.paper2_digital_twin.availability import CONFIG, Study, read_study, run
+from papers.paper2_digital_twin.availability import run
 from papers.paper2_digital_twin.availability_jobs import NetworkJob, baseline_of, network
 from papers.paper2_digital_twin.availability_records import Measured, load, measure
 from papers.paper2_digital_twin.availability_source import Background, Plant, SourceOptions, simulate
 from papers.paper2_digital_twin.availability_split import ALL, SPLITS, counts_of, judged, labelled
+from papers.paper2_digital_twin.availability_study import CONFIG, Study, read_study
 from twingap.adapt.inception import InceptionTraining
 from twingap.adapt.residual_head import HeadOptions, ResidualHead, fit_residual_head
 from twingap.adapt.scalograms import ImageOptions

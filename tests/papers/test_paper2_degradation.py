@@ -13,17 +13,7 @@ import pandas as pd
 import pytest
 
 from papers.paper2_digital_twin import degradation, degradation_runs
-from papers.paper2_digital_twin.degradation import (
-    CHOSEN,
-    CONFIG,
-    HINDSIGHT,
-    Study,
-    end_level,
-    judge_all,
-    main,
-    read_study,
-    run,
-)
+from papers.paper2_digital_twin.degradation import end_level, judge_all, main, run
 from papers.paper2_digital_twin.degradation_jobs import TRUTHS, Coverage, cover
 from papers.paper2_digital_twin.degradation_runs import (
     STAND_INS,
@@ -33,6 +23,15 @@ from papers.paper2_digital_twin.degradation_runs import (
     running_time,
     study_runs,
     table_features,
+)
+from papers.paper2_digital_twin.degradation_study import (
+    CHOSEN,
+    CONFIG,
+    HINDSIGHT,
+    OFFLINE,
+    OTHERS,
+    Study,
+    read_study,
 )
 from twingap.errors import TwingapError
 from twingap.prognosis.degradation_models import MODELS, fit_curve
@@ -107,7 +106,7 @@ def test_tables_are_what_the_fits_say(study: Study) -> None:
         assert len(own) == 9
         assert pair[f"rest: {kind} median"] == pytest.approx(own["rest / range"].median())
     lives = study.tables["degradation-lives"]
-    assert lives["true"].between(0, 1).all() and set(lives["limit"]) <= {HINDSIGHT, degradation.OTHERS}
+    assert lives["true"].between(0, 1).all() and set(lives["limit"]) <= {HINDSIGHT, OTHERS}
     at = lives[(lives["share of life"] == 0.5) & (lives["run"] == j.run.name)]["true"]
     assert at.to_numpy() == pytest.approx(0.5, abs=0.02)
 
@@ -139,7 +138,7 @@ def test_a_choice_for_a_run_reads_nothing_of_it() -> None:
     assert found[0].choice == found[1].choice == "c" and found[3].choice is None and CHOSEN not in found[3].series
     other = judge_all([fake("r0", 7), *runs[1:]])
     assert other[0].choice == "c"  # though its own rising feature is now another
-    assert degradation._limits(found[0], CHOSEN, found)[degradation.OTHERS] == pytest.approx(
+    assert degradation._limits(found[0], CHOSEN, found)[OTHERS] == pytest.approx(
         np.median([end_level(found[k].online.values["c"]) for k in (1, 2)])
     )
     assert degradation._limits(found[0], "fusion 9", found).keys() == {HINDSIGHT}
@@ -223,8 +222,8 @@ def test_coverage_is_counted_on_curves_from_one_to_five() -> None:
 
 def test_offline_reading_of_fusion_nine_is_what_the_study_fits(study: Study) -> None:
     for j in study.runs:
-        assert list(j.series) == ["rms", degradation.OFFLINE]
-        assert np.array_equal(j.series[degradation.OFFLINE], offline_indicators(j.run.run).values["fusion 9"])
+        assert list(j.series) == ["rms", OFFLINE]
+        assert np.array_equal(j.series[OFFLINE], offline_indicators(j.run.run).values["fusion 9"])
 
 
 def test_wrong_input_is_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from papers.paper2_digital_twin import reference
-from papers.paper2_digital_twin.dynamics import CONFIG, Case, Dynamics, main, read_dynamics, run, strike
+from papers.paper2_digital_twin.dynamics import main, run, strike
+from papers.paper2_digital_twin.dynamics_study import CONFIG, Case, Dynamics, read_dynamics
 from twingap.bearing import BEARINGS
 from twingap.errors import TwingapError
 from twingap.twins.contact_dynamics import settle, statics

@@ -9,18 +9,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from papers.paper2_digital_twin.live import (
-    ARMS,
-    CONFIG,
-    LiveStudy,
-    live_through,
-    machine_of,
-    main,
-    messages_of,
-    phase_of,
-    read_live,
-    run,
-)
+from papers.paper2_digital_twin.live import ARMS, live_through, machine_of, main, messages_of, run
+from papers.paper2_digital_twin.live_study import CONFIG, LiveStudy, phase_of, read_live
 from papers.paper2_digital_twin.tables_live import DRIFT, WHOLE, by_phase
 from twingap.errors import TwingapError
 from twingap.track import FolderTracker

@@ -17,7 +17,8 @@ import pandas as pd
 import pytest
 
 from papers.paper3_zoa_dann import comparison, tables_comparison
-from papers.paper3_zoa_dann.comparison import CONFIG, Comparison, TaskOutcome, cells, main, read_comparison, run, trials
+from papers.paper3_zoa_dann.comparison import cells, main, run, trials
+from papers.paper3_zoa_dann.comparison_study import CONFIG, Comparison, ComparisonOptions, TaskOutcome, read_comparison
 from papers.paper3_zoa_dann.options import read_options
 from papers.paper3_zoa_dann.significance import holm, sign_flip
 from papers.paper3_zoa_dann.source import Recipe, drawn_effect, simulate
@@ -447,8 +448,9 @@ def test_a_run_is_tracked_and_taken_up_again(tmp_path: Path) -> None:
 def test_every_option_is_explained_and_used() -> None:
     text = CONFIG.read_text(encoding="utf-8")
     folder = Path(str(comparison.__file__)).parent
-    code = "".join((folder / f"{name}.py").read_text(encoding="utf-8") for name in ("comparison", "tables_comparison"))
-    for name in comparison.ComparisonOptions.__dataclass_fields__:
+    files = ("comparison", "comparison_study", "tables_comparison")
+    code = "".join((folder / f"{name}.py").read_text(encoding="utf-8") for name in files)
+    for name in ComparisonOptions.__dataclass_fields__:
         assert f"options.{name}" in code, name
         assert f"[{name}" in text or re.search(rf"(?m)^{name} = .*#", text), name
     for path in FOLDER.glob("*.toml"):

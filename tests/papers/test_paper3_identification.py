@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +10,8 @@ import pytest
 
 from papers.paper3_zoa_dann import identification
 from papers.paper3_zoa_dann.agreement import agreement, aligned, amplitude_spectra, mmd, prd, rmse, windows
-from papers.paper3_zoa_dann.identification import CONFIG, Study, main, read_study, recordings, run
+from papers.paper3_zoa_dann.identification import main, recordings, run
+from papers.paper3_zoa_dann.identification_study import CONFIG, Study, StudyOptions, read_study
 from twingap.errors import TwingapError
 from twingap.identify.optimise import OPTIMISERS
 
@@ -128,8 +128,9 @@ def test_wrong_input_is_one_line(
 
 def test_every_option_is_explained_and_used() -> None:
     text = CONFIG.read_text(encoding="utf-8")
-    code = Path(str(identification.__file__)).read_text(encoding="utf-8")
-    code += Path(sys.modules["papers.paper3_zoa_dann.tables_identification"].__file__ or "").read_text(encoding="utf-8")
-    for name in identification.StudyOptions.__dataclass_fields__:
+    folder = Path(str(identification.__file__)).parent
+    files = ("identification", "identification_study", "tables_identification")
+    code = "".join((folder / f"{name}.py").read_text(encoding="utf-8") for name in files)
+    for name in StudyOptions.__dataclass_fields__:
         assert f"options.{name}" in code, name
         assert name == "profiles" or re.search(rf"(?m)^{name} = .*#", text), name
