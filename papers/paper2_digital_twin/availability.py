@@ -37,7 +37,7 @@ from papers.paper2_digital_twin.availability_jobs import (
 from papers.paper2_digital_twin.availability_records import Measured, load, measure
 from papers.paper2_digital_twin.availability_source import Background, Kind, Plant, simulate
 from papers.paper2_digital_twin.availability_split import ALL, SPLITS, judged
-from papers.paper2_digital_twin.availability_study import CONFIG, RIG, Study, StudyOptions, StudyProfile, read_study
+from papers.paper2_digital_twin.availability_study import CONFIG, Study, StudyOptions, StudyProfile, read_study
 from papers.studies import Count, Progress, command, keep_figures, keep_tables, profile_of
 from twingap.adapt.class_maps import fit_class_maps
 from twingap.adapt.condition_features import window_features
@@ -55,6 +55,7 @@ from twingap.sweep import Result, sweep
 if TYPE_CHECKING:
     from twingap.track import Run
 
+RIG: Final = "virtual_cwru"
 SHORTEST: Final = 4
 """A recording at hand in stretches shorter than so many pieces is no background for the twin."""
 

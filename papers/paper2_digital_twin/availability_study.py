@@ -9,12 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
-from papers.paper2_digital_twin.availability_jobs import (
-    AlarmJob,
-    CheckJob,
-    NetworkJob,
-    ShallowJob,
-)
+from papers.paper2_digital_twin.availability_jobs import AlarmJob, CheckJob, NetworkJob, ShallowJob
 from papers.paper2_digital_twin.availability_records import TITLES, Measured
 from papers.paper2_digital_twin.availability_source import Kind, SourceOptions
 from twingap.adapt.inception import InceptionTraining
@@ -31,7 +26,6 @@ if TYPE_CHECKING:
 
 
 CONFIG: Final = Path(__file__).with_name("availability.toml")
-RIG: Final = "virtual_cwru"
 
 
 @dataclass(frozen=True)

@@ -10,9 +10,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Final, Literal
 
-import numpy as np
-from numpy.typing import NDArray
-
 from twingap.bearing import BEARINGS, Bearing
 from twingap.config import build, read_toml
 from twingap.errors import TwingapError
@@ -23,7 +20,6 @@ if TYPE_CHECKING:
     import pandas as pd
 
 
-Array = NDArray[np.float64]
 CONFIG: Final = Path(__file__).with_name("dynamics.toml")
 
 

@@ -46,7 +46,7 @@ ALPHA_REST: Final = 0.1
 MOST_EFFECTS: Final = 7
 LEVEL: Final = 0.9
 """Joint probability that the sets of a confidence set have together."""
-LIKELIER: Final = 0.75
+NAMED_FROM: Final = 0.75
 """Probability from which an effect is named, where too few searches were learnt from to say."""
 _UNCERTAIN: Final = 0.003
 """Probability from which (and up to whose complement) an effect is held open in confidence sets."""
@@ -197,7 +197,7 @@ def explain(evidence: Evidence, learnt: Learnt, report: Report) -> Explanation:
         for name, outcome in ended.outcomes.items()
     }
     gap = p_value <= level_of_gap(evidence, max(probability.values(), default=0.0))
-    names = to_name(probability, LIKELIER if judge is None else judge.named_from)
+    names = to_name(probability, NAMED_FROM if judge is None else judge.named_from)
     found.keep([name for name in found.values if name in names])
     if gap:
         found.add([name for name in names if name not in found.values])

@@ -13,7 +13,7 @@ it has not named is not as unlikely. Both are learnt from whole searches, on mac
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -31,7 +31,7 @@ _LEAST_P: Final = 0.005
 _MOST_ODDS: Final = 9.0
 FALSE: Final = 0.06
 """Part of what is named that may be false on machines like those learnt from: less than the tenth that is promised, as
-on worlds of other authors up to twice as many were."""
+in blind studies up to twice as many were."""
 _LIMITS: Final = np.arange(0.6, 0.91, 0.025)
 _PARTS: Final = 10
 
@@ -86,33 +86,27 @@ class Judgement:
 
     weights: Array
     offset: float
-    named_from: float = float(_LIMITS[0])
+    named_from: float
 
     def probability(self, outcome: Outcome) -> float:
         """That this effect is missing."""
         return float(1 / (1 + np.exp(-(self.weights @ outcome.features() + self.offset))))
 
 
-def learn_judgement(
-    outcomes: Sequence[Outcome], missing: Sequence[bool], machine: Sequence[int] | None = None
-) -> Judgement | None:
+def learn_judgement(outcomes: Sequence[Outcome], missing: Sequence[bool], machine: Sequence[int]) -> Judgement | None:
     """From outcomes of searches whose truth is known; None where they are too few.
 
     Parameters
     ----------
     outcomes : sequence of Outcome
     missing : sequence of bool
-    machine : sequence of int, optional
+    machine : sequence of int
         Which machine (or which few of them) each outcome is of, so that none is judged by what was learnt from itself.
-        None: the limit from which effects are named is the least one.
     """
     label = np.asarray(missing, bool)
     if min(label.sum(), (~label).sum()) < _FEWEST:
         return None
     table = np.array([outcome.features() for outcome in outcomes])
-    found = Judgement(*_fitted(table, label))
-    if machine is None:
-        return found
     part = np.unique(machine, return_inverse=True)[1] % _PARTS
     probability = np.full(label.size, np.nan)
     for k in np.unique(part):
@@ -120,7 +114,7 @@ def learn_judgement(
         if 0 < label[others].sum() < others.sum():
             weights, offset = _fitted(table[others], label[others])
             probability[~others] = 1 / (1 + np.exp(-(table[~others] @ weights + offset)))
-    return replace(found, named_from=_limit(probability, label))
+    return Judgement(*_fitted(table, label), _limit(probability, label))
 
 
 def _fitted(table: Array, label: Mask) -> tuple[Array, float]:
