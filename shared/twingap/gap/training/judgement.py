@@ -62,7 +62,7 @@ class Outcome(NamedTuple):
     rest_p: float
 
     def features(self) -> Array:
-        """[8] What its probability is worked out from."""
+        """[9] What its probability is worked out from."""
         certainty, first = np.clip((self.certainty, self.first), -_MOST_ODDS, _MOST_ODDS)
         rest, whole = (np.log(max(p, _LEAST_P)) for p in (self.rest_p, self.p_value))
         own, other = float(self.named), float(not self.named)
