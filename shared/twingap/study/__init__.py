@@ -5,6 +5,6 @@ leads either way.
 """
 
 from twingap.study.runner import Study, run_study
-from twingap.study.tables import write_study
+from twingap.study.written import write_study
 
 __all__ = ["Study", "run_study", "write_study"]

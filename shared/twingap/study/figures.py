@@ -14,8 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from twingap import files
-from twingap.study.scores import STRENGTHS
-from twingap.study.tables import COMPARED
+from twingap.study.scores import COMPARED, STRENGTHS
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

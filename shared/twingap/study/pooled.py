@@ -17,7 +17,7 @@ from typing import Any
 
 from twingap.errors import TwingapError
 from twingap.study import scores
-from twingap.study.tables import COMPARED, grid
+from twingap.study.tables import grid
 from twingap.study.verdicts import Found, Row, Was
 
 DIAGNOSIS = "diagnosis"
@@ -92,7 +92,7 @@ def markdown(studies: Sequence[Mapping[str, Any]]) -> str:
     beside = []
     for method in methods:
         together = scores.headline([row for rows in each for row in rows[method]])
-        chosen = {f"{s.name}: {s.among}": _words(s) for s in together if s.name in COMPARED}
+        chosen = {f"{s.name}: {s.among}": _words(s) for s in together if s.name in scores.COMPARED}
         beside.append({"method": method, **chosen})
     count = sum(len(rows[DIAGNOSIS]) for rows in each)
     return (

@@ -23,6 +23,8 @@ STATUSES: Final = ("no_gap", "explained", "partly_explained", "unexplained", "re
 LEAST_CLOSURE: Final = 0.1
 """Part of the gap that the true effects must close for a ratio of closures to mean something."""
 STRENGTHS: Final = ("weak", "medium", "strong")
+COMPARED: Final = ("false alarms", "first-named right", "exact set", "precision", "recall", "outside recognised")
+"""Scores that every method has."""
 
 
 @dataclass(frozen=True)

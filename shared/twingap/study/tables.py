@@ -1,39 +1,12 @@
-"""study.json, study.md and figures of a finished study.
-
-Study --json--> study.json;  --tables--> study.md;  --figures--> *.png
-"""
+"""A finished study as a page of tables: study.md."""
 
 from __future__ import annotations
 
-import json
 import math
-import os
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 from typing import Any
 
-from twingap import files
-from twingap.study.runner import Study
-
-
-def write_study(study: Study, out: str | os.PathLike[str]) -> list[Path]:
-    """Write study.json, study.md and the figures.
-
-    Returns
-    -------
-    list of Path
-        What was written.
-    """
-    from twingap.study.figures import draw_all
-
-    folder = Path(out)
-    text = json.dumps(finite(study.table), indent=1, allow_nan=False) + "\n"
-    written = []
-    for name, content in (("study.json", text), ("study.md", markdown(study.table))):
-        with files.replacing(folder / name) as temporary:
-            temporary.write_text(content, encoding="utf-8")
-        written.append(folder / name)
-    return [*written, *draw_all(study.table, folder)]
+from twingap.study.scores import COMPARED
 
 
 def markdown(table: Mapping[str, Any]) -> str:
@@ -87,10 +60,6 @@ def _rivals(table: Mapping[str, Any]) -> str:
         by = {(s["score"], s["among"]): s for s in scores}
         rows.append({"method": method, **{f"{name}: {among}": _rate(by[name, among]) for name, among in chosen}})
     return grid(rows)
-
-
-COMPARED = ("false alarms", "first-named right", "exact set", "precision", "recall", "outside recognised")
-"""Scores that every method has."""
 
 
 def _by_effect(rows: Sequence[Mapping[str, Any]]) -> str:
