@@ -27,6 +27,7 @@ from twingap.gap.distance import Paired
 from twingap.gap.evidence import level_of
 from twingap.gap.prior import Key, Said, pull, strain
 from twingap.gap.simulator import Simulator, TwinSimulator
+from twingap.gap.starts import WEAKER, weakened
 from twingap.gap.training.parameters import Setting, coordinates, to_effect, to_number
 from twingap.twins.twin_file import flat
 
@@ -148,6 +149,43 @@ def bring_nearest(
     if built is None or not search.holds(*built):
         return Nearest(simulator, tuple(effects), begin, begin)
     return Nearest(*built, begin, search.least)
+
+
+def no_farther(
+    evidence: Evidence,
+    found: Nearest,
+    bare: Nearest,
+    errors: Mapping[Key, float],
+    *,
+    said: Mapping[Key, Said] = MappingProxyType({}),
+    stiff: float = 1.0,
+) -> Nearest:
+    """What was found, or something nearer where it drives records and twin apart.
+
+    Then it lies in another valley than the values that bring them together; a search that begins at the twin without
+    the effects, with a little of each, ends no farther off than that twin.
+
+    Parameters
+    ----------
+    evidence : Evidence
+    found : Nearest
+        With its effects.
+    bare : Nearest
+        Without them.
+    errors, said, stiff
+        As `bring_nearest` has them.
+    """
+    if _left(evidence, found.simulator, found.effects) <= _left(evidence, bare.simulator, ()):
+        return found
+    little = [tuple(weakened(effect, factor) for effect in found.effects) for factor in WEAKER]
+    begin = min(little, key=lambda effects: evidence.misfit(bare.simulator, effects))
+    again = bring_nearest(evidence, bare.simulator, begin, errors, said=said, stiff=stiff)
+    return min(found, again, key=lambda one: _left(evidence, one.simulator, one.effects))
+
+
+def _left(evidence: Evidence, simulator: Simulator, effects: Sequence[Effect]) -> float:
+    """Distance of the fit part by random streams that no value was sought with, all of them together."""
+    return sum(evidence.gap(simulator, effects, replicate) for replicate in _OTHERS)
 
 
 @dataclass
@@ -312,10 +350,7 @@ class _Search:
         """Whether what was found is no farther off than where it began, judged by other random streams."""
         if not isinstance(simulator, TwinSimulator) or self.least == self.begin:
             return True
-        now, then = (
-            sum(self.evidence.gap(s, e, replicate) for replicate in _OTHERS)
-            for s, e in ((simulator, effects), (self.simulator, self.effects))
-        )
+        now, then = (_left(self.evidence, s, e) for s, e in ((simulator, effects), (self.simulator, self.effects)))
         return now <= then
 
     def _here(self) -> tuple[Simulator, tuple[Effect, ...]]:

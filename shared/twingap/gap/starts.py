@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Final, NamedTuple
 
@@ -25,6 +25,7 @@ from twingap.effects import (
     ColouredNoise,
     Effect,
     EntryExit,
+    ForeignBearing,
     ImpulsiveNoise,
     Looseness,
     SecondResonance,
@@ -52,7 +53,7 @@ Array = NDArray[np.float64]
 _DAMPINGS: Final = (0.02, 0.06)
 _GAINS: Final = (0.1, 0.4, 1.6)
 _FINALISTS: Final = 4
-_WEAKER: Final = (0.5, 0.25, 0.12, 0.06)
+WEAKER: Final = (0.5, 0.25, 0.12, 0.06)
 """Factors on an effect's strength where the estimate is too much: with a baseline that makes room for it, no single
 step leads back."""
 _RATES: Final = (0.06, 0.25, 4.0)
@@ -61,12 +62,17 @@ _EVEN_LEVELS: Final = (0.55, 0.8)
 """Factors on the strength of knocks that are as many as estimated, but alike."""
 _MANY: Final = 5
 """Simulations by which rare knocks are judged: by two, none at all may seem nearest."""
-_STRENGTHS: Final = frozenset(
-    ("level", "level_1x", "level_2x", "level_3x", "gain", "sigma", "depth", "exponent", "slip", "rate_per_s", "step")
-)
+_STRENGTHS: Final = frozenset((
+    "level", "level_1x", "level_2x", "level_3x", "gain", "sigma", "depth", "exponent", "exit_ratio", "slip",
+    "rate_per_s", "step",
+))  # fmt: skip
 _LN_10: Final = math.log(10)
 _EVEN: Final = 0.3
 """Spread of knocks of one loose part: their mean is twice what lies above a threshold that hides few of them."""
+_ORDERS: Final = ("lines.comb_order|all", "background.foreign_order|all", "background.foreign_order|healthy")
+"""What names the order of strikes from elsewhere."""
+_SAME_ORDER: Final = 0.003
+"""Part by which two readings of an order differ and are one place to begin at."""
 _DELAYS: Final = (0.06, 0.11, 0.17, 0.24, 0.32, 0.41)
 """Second strikes are tried so many parts of a pass after the first."""
 _BETTER: Final = 0.99
@@ -166,7 +172,9 @@ def places(given: Effect, features: Array, evidence: Evidence) -> Iterator[Effec
     """Where else the effect's values may be."""
     found = dict(zip(feature_names(), features, strict=True))
     for numbers in _read(given.name, found, evidence.frame.bearing):
-        yield _moved(given, numbers, evidence.setting)
+        yield (place := _moved(given, numbers, evidence.setting))
+        if isinstance(given, ForeignBearing):  # at a level that was estimated for another order, none comes nearer
+            yield from weaker(place)
     if isinstance(given, SlipJitter):  # of a random walk, strikes a little apart differ less, and those far apart more
         for factor in (1.0, 0.5, 0.25):
             yield dataclasses.replace(given, sigma=factor * given.sigma, accumulating=not given.accumulating)
@@ -208,11 +216,13 @@ def _knocks(given: Effect, evidence: Evidence) -> Iterator[Effect]:
 
 def weaker(given: Effect) -> list[Effect]:
     """The effect at parts of its strength; none where its strength is not one factor."""
+    return [one for factor in WEAKER if (one := weakened(given, factor)) != given]
+
+
+def weakened(given: Effect, factor: float) -> Effect:
+    """The effect at this part of its strength; as it is where its strength is not one factor."""
     strengths = {f.name: getattr(given, f.name) for f in dataclasses.fields(given) if f.name in _STRENGTHS}  # type: ignore[arg-type]
-    return [
-        make_effect(given.name, values_of(given) | {name: factor * value for name, value in strengths.items()})
-        for factor in (_WEAKER if strengths else ())
-    ]
+    return make_effect(given.name, values_of(given) | {name: factor * value for name, value in strengths.items()})
 
 
 def _read(name: str, found: Mapping[str, float], bearing: Bearing) -> Iterator[dict[str, float]]:
@@ -236,11 +246,20 @@ def _read(name: str, found: Mapping[str, float], bearing: Bearing) -> Iterator[d
         shares = [1.0, 0.0, found["context|slip_rollers"]]
         yield from ({"slip": found["context|slip_seen"], "of_rollers": s} for s in shares if math.isfinite(s))
     if name == "foreign_bearing":
-        orders = [found[f"background.foreign_order|{of}.level"] for of in ("all", "healthy")]
-        yield from ({"order": order} for order in [*orders, math.exp(found["pooled|foreign_order"])] if order > 0)
+        read = [found[f"{place}.level"] for place in _ORDERS]
+        yield from ({"order": order} for order in _apart([*read, math.exp(found["pooled|foreign_order"])]))
     if name == "impulsive_noise":
         for of in ("all", "healthy"):
             yield from _knocks_read(found, of)
+
+
+def _apart(orders: Sequence[float]) -> list[float]:
+    """Those that were read and differ."""
+    kept: list[float] = []
+    for order in orders:
+        if order > 0 and all(abs(order / other - 1) > _SAME_ORDER for other in kept):
+            kept.append(order)
+    return kept
 
 
 def _knocks_read(found: Mapping[str, float], of: str) -> Iterator[dict[str, float]]:

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from twingap.effects import Effect, catalogue
 from twingap.gap.evidence import Compared, Evidence, values_of
-from twingap.gap.nearest import bring_nearest
+from twingap.gap.nearest import bring_nearest, no_farther
 from twingap.gap.own_simulator import OwnSimulator
 from twingap.gap.prior import Key, Said
 from twingap.gap.starts import better_start
@@ -318,6 +318,7 @@ class _Search:
         found = bring_nearest(
             self.evidence, self.now.simulator, self._added(), self.errors, said=self._said(), stiff=self.stiff
         )
+        found = no_farther(self.evidence, found, bare, self.errors, said=self._said(), stiff=self.stiff)
         self._take_over(found.effects)
         return before, Compared(self.evidence, found.effects, found.simulator)
 

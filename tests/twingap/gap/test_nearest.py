@@ -13,7 +13,7 @@ from twingap.gap import evidence
 from twingap.gap.calibrate import calibrate
 from twingap.gap.distance import Paired
 from twingap.gap.evidence import Evidence, simulator_of
-from twingap.gap.nearest import bring_nearest
+from twingap.gap.nearest import Nearest, bring_nearest, no_farther
 from twingap.gap.prior import Said
 from twingap.gap.simulator import Simulator
 from twingap.gap.training.parameters import to_number
@@ -99,6 +99,18 @@ def test_what_other_random_streams_do_not_bear_out_is_not_kept(monkeypatch: pyte
     assert found.simulator is simulator
     assert found.misfit == found.before
     assert set(asked) == {5, 6, 7}
+
+
+def test_what_drives_records_and_twin_apart_is_sought_anew_from_the_twin_without_it() -> None:
+    hum = make_effect("mains_interference", {"level": 0.4})
+    own = evidence_of(machine(hum))
+    bare = Nearest(own.against().simulator, (), 0.0, 0.0)
+    loud = Nearest(bare.simulator, (replace(hum, level=9.0),), 0.0, 0.0)
+    found = no_farther(own, loud, bare, {})
+    gaps = [own.gap(one.simulator, one.effects, 9) for one in (found, bare, loud)]
+    assert gaps[0] < 0.6 * gaps[1] < gaps[2]
+    assert vars(found.effects[0])["level"] == pytest.approx(0.4, rel=0.3)
+    assert no_farther(own, found, bare, {}) is found
 
 
 def test_a_baseline_that_is_off_is_brought_back() -> None:

@@ -208,6 +208,8 @@ def test_a_slope_over_speed_is_an_exponent() -> None:
         ("entry_exit", "events.cycle_rise_part|all.level", 0.3, "arc_deg", 0.3 * 360 / 9),
         ("speed_gain", "trend|speed_alone", -1.3, "exponent", -1.3),
         ("mean_slip", "context|slip_seen", 0.02, "slip", 0.02),
+        ("foreign_bearing", "lines.comb_order|all.level", 5.53, "order", 5.53),
+        ("foreign_bearing", "background.foreign_order|healthy.level", 6.31, "order", 6.31),
     ],
 )
 def test_a_signature_names_a_place(effect: str, feature: str, value: float, parameter: str, expected: float) -> None:
@@ -219,6 +221,17 @@ def test_a_signature_names_a_place(effect: str, feature: str, value: float, para
     found = [vars(place)[parameter] for place in places(make_effect(effect), features, own)]
     assert len(found) > len(without)
     assert min(abs(one - expected) for one in found) < 1e-6 * abs(expected)
+
+
+def test_an_order_of_strikes_from_elsewhere_is_tried_at_every_level_and_once() -> None:
+    own = evidence_of(machine())
+    features = np.full(len(feature_names()), np.nan)
+    for name, order in (("lines.comb_order|all", 5.53), ("background.foreign_order|all", 5.535)):
+        features[feature_names().index(f"{name}.level")] = order
+    given = make_effect("foreign_bearing", {"level": 8.0, "order": 7.55})
+    found = [vars(place) for place in places(given, features, own)]
+    assert [place["level"] for place in found if place["order"] == 5.53] == pytest.approx([8.0, 4.0, 2.0, 0.96, 0.48])
+    assert not [place for place in found if place["order"] == 5.535]
 
 
 def test_growth_is_read_as_a_rate_over_the_run() -> None:
