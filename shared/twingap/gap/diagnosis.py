@@ -10,7 +10,7 @@ import copy
 import math
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -20,6 +20,7 @@ from twingap.errors import TwingapError
 from twingap.gap.calibrate import Calibrated, calibrate
 from twingap.gap.distance import Paired
 from twingap.gap.evidence import THOROUGH, Compared, Evidence, replicates_of, simulator_of
+from twingap.gap.exchange import exchange_p
 from twingap.gap.modelled import completed
 from twingap.gap.overall import overall_tests
 from twingap.gap.own_simulator import OwnSimulator
@@ -30,7 +31,7 @@ from twingap.gap.training import load, quiet, train
 from twingap.gap.training.learn import Learnt
 from twingap.gap.views import Grid, Views
 from twingap.gap.where import locate
-from twingap.gap.which import ALPHA_REST, Estimated, Explanation, estimate, explain
+from twingap.gap.which import ALPHA, ALPHA_REST, SURE, Estimated, Explanation, estimate, explain
 from twingap.provenance import versions
 from twingap.records import Condition, Record, RecordSet
 from twingap.streams import root_entropy
@@ -160,6 +161,9 @@ def _diagnosed(
     root = root_entropy(rng) >> 66
     evidence = Evidence(calibrated, simulator_of(calibrated, sim), spec, root, THOROUGH)
     found = explain(evidence, learnt, lambda what, part: report(what, 0.1 + 0.5 * part))
+    report("exchange of records", 0.6)
+    found, told = _confirmed(found, evidence, learnt)
+    notes += told
     report("places and tests", 0.65)
     trial = _Trial(evidence, found)
     before = trial.replicates(found.before.simulator, found.before.effects, trial.most)
@@ -197,6 +201,25 @@ def _diagnosed(
     )
     report("done", 1.0)
     return Diagnosis(whole, found, calibrated, root)
+
+
+def _confirmed(found: Explanation, evidence: Evidence, learnt: Learnt) -> tuple[Explanation, list[str]]:
+    """What was found; no gap where it is to a simulator of the user's own, no effect is sure to be missing, and the
+    records differ from one another as much."""
+    own = isinstance(found.before.simulator, OwnSimulator)
+    if not own or not found.gap or max(found.probability.values(), default=0.0) >= SURE:
+        return found, []
+    p = exchange_p(evidence, learnt)
+    if p is None or p <= ALPHA:
+        return replace(found, p_value=max(found.p_value, p or 0.0)), []
+    told = (
+        f"machines that were learnt from seldom look like this without a gap (p = {found.p_value:.2g}), but when "
+        f"records and simulated ones change sides at random that is not rare (p = {p:.2g}): recordings differ as much "
+        "from each other"
+    )
+    sets = ((), *(effects for effects in found.confidence_set if effects))
+    nothing = replace(found, gap=False, effects=(), p_value=p, confidence_set=sets, after=found.before)
+    return nothing, [told]
 
 
 class _Trial:

@@ -1,0 +1,84 @@
+"""A simulator of the user's own against a machine whose recordings differ: no gap unless exchanges show one."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from twingap.bearing import BEARINGS
+from twingap.effects import Effect, make_effect
+from twingap.gap.calibrate import calibrate
+from twingap.gap.diagnosis import _confirmed
+from twingap.gap.evidence import Evidence, simulator_of
+from twingap.gap.exchange import EXCHANGES, FEWEST_GROUPS, _rank, exchange_p
+from twingap.gap.which import Explanation
+from twingap.records import Condition, Record, RecordSet
+from twingap.twins.phenomenological import PhenomenologicalParameters, PhenomenologicalTwin
+from twingap.twins.twin_file import TwinSpec
+
+HUM = make_effect("mains_interference", {"level": 1.5})
+
+
+def recordings(seed: int, *effects: Effect, count: int = 16) -> RecordSet:
+    """Each through a path of its own, as if the sensor had been mounted anew, every other one with a hum."""
+    rng = np.random.default_rng(seed)
+    made: list[Record] = []
+    for i in range(count):
+        own = PhenomenologicalParameters(2600.0 * rng.lognormal(0, 0.2), 0.04 * rng.lognormal(0, 0.5), scale=0.3)
+        condition = Condition(f"r{i}", 1500.0, 12000.0, 6000, ("healthy", "outer")[i % 2], group=f"g{i}")
+        chain = (*effects, *([HUM] * (rng.random() < 0.5)))
+        made += PhenomenologicalTwin(BEARINGS["6205"], own, chain, unit="g").simulate([condition], rng)
+    return RecordSet.from_records("machine", "g", BEARINGS["6205"], made)
+
+
+def evidence_of(records: RecordSet, sim: RecordSet) -> Evidence:
+    calibrated = calibrate(records, None, np.random.default_rng(1), sim=sim)
+    return Evidence(calibrated, simulator_of(calibrated, sim), TwinSpec("phenomenological"), 7)
+
+
+def test_the_rank_is_a_p_value_whatever_the_scores_have_in_common() -> None:
+    rng = np.random.default_rng(3)
+    mix = np.array([[1.0, 0.6, 0.0], [0.0, 0.8, 0.3], [0.0, 0.0, 1.0]])
+    draws = [np.round(rng.standard_normal((1 + EXCHANGES, 3)) @ mix, digits) for digits in (1, 6) for _ in range(1500)]
+    p = np.array([_rank(scores) for scores in draws])
+    for level in (0.05, 0.2, 0.5):
+        assert (p <= level).mean() <= level + 3 * np.sqrt(level * (1 - level) / p.size)
+    assert (p <= 0.05).mean() > 0.01
+    plain = draws[0].copy()
+    plain[0, 1] = 9.0  # one score is enough, and no p-value of 0.05 could come of fewer draws
+    assert _rank(plain) <= 0.05
+
+
+def test_recordings_that_differ_among_themselves_are_no_gap_and_what_all_have_is_one(learnt: Any) -> None:
+    sim = recordings(1)
+    assert exchange_p(evidence_of(recordings(2), sim), learnt, draws=39) > 0.1
+    rough = make_effect("quantisation", {"step": 1.5})
+    assert exchange_p(evidence_of(recordings(2, rough), sim), learnt, draws=39) <= 0.075
+
+
+def test_few_groups_cannot_be_exchanged(learnt: Any) -> None:
+    few = recordings(2, count=FEWEST_GROUPS - 2)
+    assert exchange_p(evidence_of(few, recordings(1)), learnt) is None
+
+
+@pytest.mark.parametrize("surest", [0.5, 0.95])
+def test_a_gap_that_nothing_explains_for_sure_has_to_be_borne_out(learnt: Any, surest: float) -> None:
+    evidence = evidence_of(recordings(2), recordings(1))
+    now = evidence.against()
+    sets = (("clipping",), ())
+    found = Explanation(0.01, True, (), {"clipping": surest}, sets, 0.01, now, now, {})
+    told = _confirmed(found, evidence, learnt)
+    if surest > 0.9:
+        assert told == (found, [])
+        return
+    confirmed, (note,) = told
+    assert not confirmed.gap
+    assert confirmed.p_value > 0.05
+    assert confirmed.confidence_set == ((), ("clipping",))
+    assert "recordings differ" in note
+    of_twin: Any = SimpleNamespace(simulator=None)  # a twin has no recordings to exchange
+    assert _confirmed(replace(found, before=of_twin), evidence, learnt)[1] == []
