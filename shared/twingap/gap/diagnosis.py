@@ -162,8 +162,8 @@ def _diagnosed(
     evidence = Evidence(calibrated, simulator_of(calibrated, sim), spec, root, THOROUGH)
     found = explain(evidence, learnt, lambda what, part: report(what, 0.1 + 0.5 * part))
     report("exchange of records", 0.6)
-    found, told = _confirmed(found, evidence, learnt)
-    notes += told
+    found, unlike = _confirmed(found, evidence, learnt)
+    notes += unlike
     report("places and tests", 0.65)
     trial = _Trial(evidence, found)
     before = trial.replicates(found.before.simulator, found.before.effects, trial.most)
