@@ -37,7 +37,7 @@ EXCHANGES: Final = 79
 _FIRST: Final = 19
 """After so many it is looked whether more can change anything."""
 _HOPELESS: Final = 0.4
-"""P-value among the first from which none of 0.05 comes any more."""
+"""P-value among the first from which one of 0.05 hardly comes any more."""
 FEWEST_GROUPS: Final = 6
 """Of fewer groups no more than 32 exchanges can be told apart."""
 

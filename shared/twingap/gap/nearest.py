@@ -162,8 +162,8 @@ def no_farther(
 ) -> Nearest:
     """What was found, or something nearer where it drives records and twin apart.
 
-    Then it lies in another valley than the values that bring them together; a search that begins at the twin without
-    the effects, with a little of each, ends no farther off than that twin.
+    Then it lies in another valley than the values that bring them together. A search that begins at the twin without
+    the effects, with a little of each, begins about as near as that twin, and the nearer of both is kept.
 
     Parameters
     ----------
