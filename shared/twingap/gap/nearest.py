@@ -1,6 +1,6 @@
 """Values that bring a twin nearest to the fit part: of its effects, and of its baseline.
 
-twin, effects at estimated values --far places, steps of each value, steps of all together--> least misfit
+twin, effects at estimated values --steps of all together, far places, steps of each value--> least misfit
 
 Estimates are read off features, which are the same for all machines; here the twin itself is asked. Random streams are
 the same throughout, so that what differs between two trials is their values. What is made small is the squared misfit
@@ -67,6 +67,8 @@ _SHRINKS: Final = 2
 """Times that steps together are tried again, shorter, once they lead no further."""
 _SETTLED: Final = 0.985
 """Factor on the misfit above which nothing much was gained."""
+_BY_CHANCE: Final = frozenset(("dropout", "impulsive_noise"))
+"""Effects whose few moments in a record are where chance puts them."""
 _OTHERS: Final = (5, 6, 7)
 """Replicates that values are not fitted to."""
 
@@ -137,6 +139,7 @@ def bring_nearest(
         search.gather_level()
     begin = search.start()
     if search.at:
+        search.together()  # first: of large records, far places of many values leave no trial for anything else
         search.far_places()
         for _ in range(passes):
             least = search.least
@@ -146,9 +149,16 @@ def bring_nearest(
             if search.least > _SETTLED * least:
                 break
     built = search.built(search.at)
-    if built is None or not search.holds(*built):
+    if built is not None and search.holds(*built):
+        return Nearest(*built, begin, search.least)
+    names = [effect.name for effect in effects if moved is None or effect.name in moved]
+    if not _BY_CHANCE.intersection(names):
         return Nearest(simulator, tuple(effects), begin, begin)
-    return Nearest(*built, begin, search.least)
+    # Values of what comes by chance followed where it came in these simulations; the others may be right all the same.
+    names = [name for name in names if name not in _BY_CHANCE]
+    return bring_nearest(
+        evidence, simulator, effects, errors, moved=names, baseline=baseline, passes=passes, said=said, stiff=stiff
+    )
 
 
 def no_farther(
@@ -175,17 +185,17 @@ def no_farther(
     errors, said, stiff
         As `bring_nearest` has them.
     """
-    if _left(evidence, found.simulator, found.effects) <= _left(evidence, bare.simulator, ()):
+    if left_over(evidence, found.simulator, found.effects) <= left_over(evidence, bare.simulator, ()):
         return found
     little = [tuple(weakened(effect, factor) for effect in found.effects) for factor in WEAKER]
     begin = min(little, key=lambda effects: evidence.misfit(bare.simulator, effects))
     again = bring_nearest(evidence, bare.simulator, begin, errors, said=said, stiff=stiff)
-    return min(found, again, key=lambda one: _left(evidence, one.simulator, one.effects))
+    return min(found, again, key=lambda one: left_over(evidence, one.simulator, one.effects))
 
 
-def _left(evidence: Evidence, simulator: Simulator, effects: Sequence[Effect]) -> float:
-    """Distance of the fit part by random streams that no value was sought with, all of them together."""
-    return sum(evidence.gap(simulator, effects, replicate) for replicate in _OTHERS)
+def left_over(evidence: Evidence, simulator: Simulator, effects: Sequence[Effect]) -> float:
+    """Mean distance of the fit part by random streams that no value was sought with."""
+    return sum(evidence.gap(simulator, effects, replicate) for replicate in _OTHERS) / len(_OTHERS)
 
 
 @dataclass
@@ -350,7 +360,7 @@ class _Search:
         """Whether what was found is no farther off than where it began, judged by other random streams."""
         if not isinstance(simulator, TwinSimulator) or self.least == self.begin:
             return True
-        now, then = (_left(self.evidence, s, e) for s, e in ((simulator, effects), (self.simulator, self.effects)))
+        now, then = (left_over(self.evidence, s, e) for s, e in ((simulator, effects), (self.simulator, self.effects)))
         return now <= then
 
     def _here(self) -> tuple[Simulator, tuple[Effect, ...]]:

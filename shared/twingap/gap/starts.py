@@ -128,13 +128,7 @@ def better_start(
         if evidence.fits(place):
             chain = (*others, place)
             found.append((misfit_of(evidence.matched(chain), chain), len(found), place))
-    finalists = [place for _, _, place in sorted(found)[:_FINALISTS]]
-    if isinstance(given, SensorRolloff):
-        finalists += likeliest_losses(evidence, given)
-    if isinstance(given, ColouredNoise):
-        finalists += likeliest_noises(evidence, given)
-    if isinstance(given, SecondResonance):
-        finalists += likeliest_modes(evidence, given)
+    finalists = [*(place for _, _, place in sorted(found)[:_FINALISTS]), *told_by_spectra(given, evidence)]
     starts = [Start(place, True) for place in finalists]
     if now > misfit_of(evidence.against(others).simulator, others):
         starts += [Start(place, False) for place in weaker(given) if evidence.fits(place)]
@@ -149,6 +143,17 @@ def better_start(
         if misfit < least:
             least, best = misfit, start
     return best
+
+
+def told_by_spectra(given: Effect, evidence: Evidence) -> list[Effect]:
+    """Values that are the likeliest by healthy spectra; none for effects of which those do not tell."""
+    if isinstance(given, SensorRolloff):
+        return list(likeliest_losses(evidence, given))
+    if isinstance(given, ColouredNoise):
+        return list(likeliest_noises(evidence, given))
+    if isinstance(given, SecondResonance):
+        return list(likeliest_modes(evidence, given))
+    return []
 
 
 def _by_many(evidence: Evidence, effects: tuple[Effect, ...]) -> Callable[[Simulator, tuple[Effect, ...]], float]:

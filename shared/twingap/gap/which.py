@@ -248,7 +248,7 @@ class _Search:
         self.first = self.odds(self.now)
         self.values: dict[str, Estimated] = {}
         self.missed: dict[str, float] = {}
-        self.errors = {key: estimator.error for key, estimator in learnt.estimators.items()}
+        self.errors = learnt.errors
         self.tried: set[str] = set()
         self.helped: set[str] = set()
 

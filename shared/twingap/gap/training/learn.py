@@ -176,6 +176,11 @@ class Learnt:
     judgement: Judgement | None = None
     sight: Sight | None = None
 
+    @property
+    def errors(self) -> dict[tuple[str, str], float]:
+        """(effect, parameter) -> how far estimates are off, in comparable numbers (see `parameters`)."""
+        return {key: estimator.error for key, estimator in self.estimators.items()}
+
     def log_odds(self, features: NDArray[Any], *, later: bool = False) -> Array:
         """[examples, effects] Log odds that each effect is missing; what was not learnt is taken as unlikely.
 
