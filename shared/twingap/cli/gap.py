@@ -25,6 +25,7 @@ from twingap.cli.options import Json, Seed, TrackingUri, progress_console, say, 
 from twingap.errors import TwingapError
 
 if TYPE_CHECKING:
+    from twingap.gap.diagnosis import Diagnosis
     from twingap.gap.report import GapReport
     from twingap.records import Record, RecordSet
     from twingap.track import Tracker
@@ -83,6 +84,14 @@ def diagnose(
     export: Annotated[
         bool, typer.Option("--export", help="Write record sets DIR/sim_before and DIR/sim_after too.")
     ] = False,
+    nearest: Annotated[
+        bool,
+        typer.Option(
+            "--nearest",
+            help="Where a rest remains, also look for effects that stand in for it (minutes), and write the nearest "
+            "twin: DIR/nearest.toml; with --export its records too, DIR/sim_nearest.",
+        ),
+    ] = False,
     track: Annotated[
         bool, typer.Option("--track/--no-track", help="Keep the diagnosis as a run for `twingap ui`.")
     ] = True,
@@ -106,31 +115,36 @@ def diagnose(
     # An address that was typed must work; the default one is tried when there is something to keep.
     tracker = _tracker(tracking_uri) if track and tracking_uri is not None else None
     paths = [out / "gap.json", out / "report.html"]
+    if nearest and simulated is None:
+        paths.append(out / "nearest.toml")
+    exports = [*_EXPORTS, *(["sim_nearest"] if nearest else [])] if export else []
     # All places are tried before the work begins, and filled only after it has ended well.
     with ExitStack() as places:
-        data, text = (places.enter_context(replacing(path)) for path in paths)
-        folders = [places.enter_context(replacing_folder(out / name)) for name in _EXPORTS] if export else []
+        data, text, *twins = (places.enter_context(replacing(path)) for path in paths)
+        folders = [places.enter_context(replacing_folder(out / name)) for name in exports]
         with _bar() as report_step:
             from twingap.gap import diagnose as run  # slow to import: what was mistyped is told before
 
-            found = run(records, spec, np.random.default_rng(seed), sim=simulated, report=report_step)
+            rng = np.random.default_rng(seed)
+            found = run(records, spec, rng, sim=simulated, report=report_step, nearest=nearest)
         about = _with_provenance(found.report, records, spec, twin, sim, seed, begin)
         table = about.to_json()
         data.write_text(dumped(table), encoding="utf-8", newline="\n")
         text.write_text(page(about), encoding="utf-8", newline="\n")
-        for folder, name, made in zip(folders, _EXPORTS, (found.sim_before, found.sim_after), strict=False):
-            label = f"{records.name}, {'before' if name == _EXPORTS[0] else 'after'}"
+        for place in twins:
+            _write_nearest(place, found, records, about)
+        for folder, name in zip(folders, exports, strict=True):
+            made, label = getattr(found, name), f"{records.name}, {name.removeprefix('sim_')}"
             bearing = records.bearing or spec.bearing
             total = int(about.provenance.get("n_used", len(records)))
             write_records(folder, label, records.unit, bearing, None, _counted(made(), name, total))
-    paths += [out / name for name in _EXPORTS] if export else []
     if track:
-        _keep(about, paths[:2], tracker)
+        _keep(about, paths, tracker)
     if as_json:
         say_json(table)
     else:
         _tell(about)
-    wrote(*paths, as_json=as_json)
+    wrote(*paths, *(out / name for name in exports), as_json=as_json)
 
 
 @app.command("train")
@@ -178,6 +192,20 @@ def _counted(made: Iterable[Record], name: str, total: int) -> Iterator[Record]:
     yield from steps(made, f"write {name}", total)
 
 
+def _write_nearest(path: Path, found: Diagnosis, records: RecordSet, about: GapReport) -> None:
+    """The nearest twin's file, with where its values come from."""
+    from twingap.twins.twin_file import Provenance, write_twin
+
+    spec = found.nearest_twin()
+    assert spec is not None  # asked for twins alone
+    stated = about.provenance
+    source = Provenance(
+        str(stated["records_sha256"]), records.unit, version=str(stated["version"]), method="twingap gap --nearest",
+        seed=int(stated["seed"]),
+    )  # fmt: skip
+    write_twin(path, dataclasses.replace(spec, bearing=records.bearing or spec.bearing, identified=source))
+
+
 def _with_provenance(
     report: GapReport, records: RecordSet, spec: TwinSpec, twin: Path, sim: Path | None, seed: int, begin: float
 ) -> GapReport:
@@ -220,6 +248,8 @@ def _tell(report: GapReport) -> None:
     from twingap.gap.advice import next_steps, place_words
 
     say(report.sentence)
+    if report.stand_ins is not None:
+        say(report.stand_ins.sentence)
     if report.places:
         rows = [
             {"where": p.domain, "place": place_words(p), "share": f"{p.share:.0%}", "p": f"{p.p_value:.2g}"}
@@ -240,8 +270,12 @@ def _tell(report: GapReport) -> None:
         ]
         show(rows, False, title="Which effect is missing")
     if report.metrics:
+        nearer = {} if report.stand_ins is None else {m.metric: m.after for m in report.stand_ins.metrics}
         measures = [
-            {"measure": m.metric, "before": m.before, "after": m.after, "floor": m.floor} for m in report.metrics
+            {"measure": m.metric, "before": m.before, "after": m.after}
+            | ({"nearest": nearer.get(m.metric)} if nearer else {})
+            | {"floor": m.floor}
+            for m in report.metrics
         ]
         show(measures, False, title="How far the gap shrinks")
     for note in report.notes:

@@ -136,6 +136,16 @@ def next_steps(report: GapReport) -> tuple[str, ...]:
         for domain in dict.fromkeys(p.domain for p in left[:6]):
             at = "; ".join(place_words(p) for p in [p for p in left if p.domain == domain][:3])
             steps.append(f"The {subject} lies in {_WORDS[domain]}: {at}. {_LOOK[domain]}")
+        if report.stand_ins is None:
+            steps.append(
+                "If a twin to train on matters more than names, ask for the nearest one, with effects that stand in "
+                "for the rest: run the diagnosis with `--nearest`."
+            )
+        else:
+            steps.append(
+                f"If a twin to train on matters more than names, use the nearest one, with "
+                f"{listed(report.stand_ins.effects)} standing in for the rest."
+            )
         steps.append(
             "Once you have a suspicion, write it as an effect of your own (five lines, see `twingap.effects`) and "
             "register it: the diagnosis tries it like any other."
@@ -184,7 +194,8 @@ def snippet(report: GapReport) -> str | None:
 def place_words(place: Place) -> str:
     """A place as people say it: "2150 to 2870 Hz (inner)"."""
     unit = "" if place.unit in ("", "1") else f" {place.unit}"
-    lo, hi = (None if v is None else f"{v:.4g}" for v in (place.lo, place.hi))
+    # Of frequencies beyond 10 kHz four digits would be written with an exponent.
+    lo, hi = (None if v is None else f"{v:.0f}" if 1e4 <= v < 1e7 else f"{v:.4g}" for v in (place.lo, place.hi))
     if lo is not None and hi is not None:
         where = f"{lo}{unit}" if lo == hi else f"{lo} to {hi}{unit}"
     elif lo is not None:

@@ -112,7 +112,11 @@ def _shrink(table: Mapping[str, Any]) -> Iterator[str]:
     if not isinstance(shrink, Mapping) or "metrics" not in shrink:
         yield "shrink: a table with metrics expected"
         return
-    for name, metric in _rows(shrink["metrics"], "shrink.metrics"):
+    yield from _metrics(shrink["metrics"], "shrink.metrics")
+
+
+def _metrics(rows: Any, place: str) -> Iterator[str]:
+    for name, metric in _rows(rows, place):
         if isinstance(metric, str):
             yield metric
             continue
@@ -145,6 +149,29 @@ def _extras(table: Mapping[str, Any]) -> Iterator[str]:
             yield from _within_one(test.get("p_value"), f"{name}.p_value")
     if not isinstance(table.get("curves", {}), Mapping):
         yield "curves: a table expected"
+    if "stand_ins" in table:
+        yield from _stand_ins(table["stand_ins"], table["verdict"].get("effects"))
+
+
+def _stand_ins(table: Any, named: Any) -> Iterator[str]:
+    if not isinstance(table, Mapping):
+        yield "stand_ins: a table expected"
+        return
+    yield from _has(table, "stand_ins", ("effects", "parameters", "closure", "closure_ci"))
+    effects, parameters = table.get("effects"), table.get("parameters")
+    if not _are_names(effects) or not effects:
+        yield "stand_ins.effects: a list of different names expected"
+    elif isinstance(named, list) and set(effects) & set(named):
+        yield "stand_ins.effects: one of them is the verdict's"
+    if not _is_number(table.get("closure")):
+        yield "stand_ins.closure: a number expected"
+    yield from _interval(table.get("closure_ci"), "stand_ins.closure_ci")
+    yield from _metrics(table.get("metrics", []), "stand_ins.metrics")
+    if not isinstance(parameters, Mapping):
+        yield "stand_ins.parameters: a table expected"
+        return
+    for effect, values in parameters.items():
+        yield from _parameters(values, f"stand_ins.parameters.{effect}")
 
 
 def _parameters(table: Any, name: str) -> Iterator[str]:

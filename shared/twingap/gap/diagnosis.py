@@ -24,9 +24,10 @@ from twingap.gap.exchange import exchange_p
 from twingap.gap.modelled import completed
 from twingap.gap.overall import overall_tests
 from twingap.gap.own_simulator import OwnSimulator
-from twingap.gap.report import Candidate, GapReport, ParameterValue, Status, Verdict
+from twingap.gap.report import Candidate, GapReport, ParameterValue, StandIns, Status, Verdict
 from twingap.gap.shrink import Closure, Lessons, closure_interval, curves, paired, shrink_metrics
 from twingap.gap.simulator import Simulator, TwinSimulator
+from twingap.gap.stand_ins import nearest_spec, stand_ins
 from twingap.gap.training import load, quiet, train
 from twingap.gap.training.learn import Learnt
 from twingap.gap.views import Grid, Views
@@ -68,12 +69,15 @@ class Diagnosis:
     conditions : tuple of Condition
         Of all records that were looked at, with their true speeds.
     root : int
+    nearest : Compared or None
+        With the verdict's effects and stand-ins, where they were asked for and bring it nearer.
     """
 
     report: GapReport
     explanation: Explanation
     calibrated: Calibrated
     root: int
+    nearest: Compared | None = None
 
     def sim_before(self) -> Iterator[Record]:
         """The twin's records as given, calibrated, under the conditions of all records that were looked at."""
@@ -83,6 +87,19 @@ class Diagnosis:
         """The same once the named effects are added."""
         after = self.explanation.after if self.explanation.gap else self.explanation.before
         return self._made(after.simulator, after.effects)
+
+    def sim_nearest(self) -> Iterator[Record]:
+        """The same with stand-ins too; as `sim_after` where there are none."""
+        return self._made(self._nearest.simulator, self._nearest.effects)
+
+    def nearest_twin(self) -> TwinSpec | None:
+        """The twin with the named effects and stand-ins, all at their fitted values; None for finished records."""
+        return nearest_spec(self._nearest)
+
+    @property
+    def _nearest(self) -> Compared:
+        found = self.explanation
+        return self.nearest or (found.after if found.gap else found.before)
 
     def _made(self, simulator: Simulator, effects: tuple[Effect, ...]) -> Iterator[Record]:
         for part in (self.calibrated.fit, self.calibrated.held_out):
@@ -100,6 +117,7 @@ def diagnose(
     sim: RecordSet | None = None,
     report: Report = quiet,
     learnt: Learnt | None = None,
+    nearest: bool = False,
 ) -> Diagnosis:
     """Where records and twin differ, which effects the twin lacks, and how far the gap shrinks when they are added.
 
@@ -117,6 +135,8 @@ def diagnose(
     learnt : Learnt, optional
         What was learnt beforehand; None looks in the cache, and trains (a third of an hour on two threads) when it
         is not there.
+    nearest : bool
+        Whether to look, where a rest remains, for effects that stand in for it: minutes of further work.
 
     Returns
     -------
@@ -134,7 +154,7 @@ def diagnose(
     # Trees are asked about one row thousands of times: threads would wait for each other longer than they work, on a
     # machine that has other work for minutes.
     with threadpool_limits(1, user_api="openmp"):
-        return _diagnosed(records, spec, rng, sim, report, learnt)
+        return _diagnosed(records, spec, rng, sim, report, learnt, nearest)
 
 
 def _diagnosed(
@@ -144,6 +164,7 @@ def _diagnosed(
     sim: RecordSet | None,
     report: Report,
     learnt: Learnt,
+    nearest: bool,
 ) -> Diagnosis:
     begin = time.monotonic()
     if len(records) < 2:
@@ -187,6 +208,10 @@ def _diagnosed(
         status, found.names if status in ("explained", "partly_explained") else (), found.confidence_set,
         found.p_value, *((closed.closure, closed.ci) if found.after.effects and found.gap else (None, None)),
     )  # fmt: skip
+    closer, told_closer = None, None
+    if nearest and status in ("partly_explained", "unexplained"):
+        told_closer, closer, tried = _nearest(trial, (before, after), learnt, rng, report)
+        notes += tried
     whole = GapReport(
         verdict=verdict,
         places=located.places if found.gap else (),
@@ -198,9 +223,37 @@ def _diagnosed(
         rest=rest,
         tests=tests,
         curves=curves(trial.real, before[:count], after[:count] if after is not before else None),
+        stand_ins=told_closer,
     )
     report("done", 1.0)
-    return Diagnosis(whole, found, calibrated, root)
+    return Diagnosis(whole, found, calibrated, root, closer)
+
+
+def _nearest(
+    trial: _Trial,
+    verdict: tuple[list[Views], list[Views]],
+    learnt: Learnt,
+    rng: np.random.Generator,
+    report: Report,
+) -> tuple[StandIns | None, Compared | None, list[str]]:
+    """What stands in for the rest; nothing where held-out records do not say that it comes nearer for sure."""
+    found = trial.found
+    closer = stand_ins(trial.evidence, found, learnt, lambda what, _: report(what, 0.98))
+    none = ["of the other effects none brings the twin nearer to held-out records for sure"]
+    if closer is None:
+        return None, None, none
+    now = closer.compared
+    views = trial.replicates(now.simulator, now.effects, trial.fewer)
+    count = min(*map(len, verdict), len(views))
+    before, after, views = verdict[0][:count], verdict[1][:count], views[:count]
+    further = paired(trial.real, after, views)
+    if closure_interval(*further, further[1].floor(rng)[0], rng).ci[0] <= 0:
+        return None, None, none
+    pairs = paired(trial.real, before, views)
+    closed = closure_interval(*pairs, pairs[1].floor(rng)[0], rng)
+    metrics = shrink_metrics(trial.real, before, views, rng, more=trial.lessons(now))
+    values = {effect.name: _of_effect(effect, {}) for effect in now.effects}
+    return StandIns(closer.added, values, closed.closure, closed.ci, metrics), now, []
 
 
 def _confirmed(found: Explanation, evidence: Evidence, learnt: Learnt) -> tuple[Explanation, list[str]]:
@@ -242,13 +295,14 @@ class _Trial:
             self.evidence.views(made(simulator, effects, self.part.conditions, 2 + k), self.grid) for k in range(count)
         ]
 
-    def lessons(self) -> Lessons:
+    def lessons(self, after: Compared | None = None) -> Lessons:
         """What a classifier can be trained on besides: of finished records, those of the fit part's conditions too."""
         found = self.found
         if not isinstance(found.before.simulator, OwnSimulator):
             return None, None
         fit = self.evidence.calibrated.fit.conditions
-        return self._lesson(found.before, fit), self._lesson(found.after if found.gap else found.before, fit)
+        after = after or (found.after if found.gap else found.before)
+        return self._lesson(found.before, fit), self._lesson(after, fit)
 
     def _lesson(self, compared: Compared, conditions: Sequence[Condition]) -> tuple[Views, list[str]]:
         made = self.evidence.simulated(compared.simulator, compared.effects, conditions, 2)
@@ -351,13 +405,17 @@ def _thinned(records: RecordSet, notes: list[str]) -> RecordSet:
 
 
 def _values(found: Estimated) -> Mapping[str, ParameterValue]:
+    return _of_effect(found.effect, found.intervals)
+
+
+def _of_effect(effect: Effect, intervals: Mapping[str, tuple[float, float]]) -> Mapping[str, ParameterValue]:
     import dataclasses
 
     return {
         field.name: ParameterValue(
-            float(getattr(found.effect, field.name)), field.metadata["unit"], found.intervals.get(field.name)
+            float(getattr(effect, field.name)), field.metadata["unit"], intervals.get(field.name)
         )
-        for field in dataclasses.fields(found.effect)  # type: ignore[arg-type]
+        for field in dataclasses.fields(effect)  # type: ignore[arg-type]
     }
 
 

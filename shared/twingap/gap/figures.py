@@ -184,7 +184,7 @@ def metrics_figure(metrics: Sequence[Metric]) -> Any:
     )  # fmt: skip
     figure.add_vline(x=0, line={"color": REAL, "width": 2})
     low, high = min(-12.0, *(max(e[0], -60.0) for e in ends)), max(108.0, *(min(e[1], 180.0) for e in ends), *left)
-    figure.update_xaxes(title="gap left (%): 100 is the calibrated twin, 0 the floor, records against records",
+    figure.update_xaxes(title="gap left (%): 100 calibrated twin, 0 records against records",
                         range=[max(low, -100.0) - 3, min(high, 300.0) + 3])  # fmt: skip
     figure.update_yaxes(categoryorder="array", categoryarray=names, autorange="reversed", automargin=True)
     return _styled(figure, height=140 + 38 * len(shown), top=48)

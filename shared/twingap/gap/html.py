@@ -1,6 +1,7 @@
 """report.html: a diagnosis as one page that needs nothing beside it.
 
-GapReport --page--> verdict, where, which, how far, what is left, what to do next; figures by plotly, embedded once
+GapReport --page--> verdict, where, which, how far, what is left, the nearest twin, what to do next; figures by plotly,
+                    embedded once
 
 The page opens offline and asks nothing of the network. Whatever comes from the user's data is escaped. Its bytes
 depend on the report alone; the run time, which differs between equal runs, stands in gap.json only.
@@ -15,7 +16,7 @@ from typing import Any, Final
 from twingap.effects import catalogue
 from twingap.gap.advice import condition_words, contradictions, next_steps, place_words, snippet, undecided
 from twingap.gap.figures import all_figures
-from twingap.gap.report import GapReport, ParameterValue, Place, Verdict, count_words, listed
+from twingap.gap.report import GapReport, Metric, ParameterValue, Place, Verdict, count_words, listed
 
 _TITLES: Final[Mapping[str, tuple[str, str]]] = {
     "no_gap": ("No gap", "#009E73"),
@@ -37,6 +38,8 @@ _DOMAINS: Final[Mapping[str, str]] = {
     "time": "time within the record",
     "condition": "operating condition",
 }
+_MOST_PLACES: Final = 12
+"""Places that are listed at once; others unfold."""
 _MOST_EXPLANATIONS: Final = 8
 """Explanations that are listed at once; others unfold."""
 _CONFIG: Final = {
@@ -59,6 +62,7 @@ def page(report: GapReport) -> str:
         _confidence(report),
         _shrink(report, figures),
         _rest(report),
+        _stand_ins(report),
         _next(report),
         _calibration(report),
         _notes(report),
@@ -182,9 +186,7 @@ def _which(report: GapReport, figures: Mapping[str, str]) -> str:
     )
     first = [cells for i, (named, cells) in enumerate(rows) if named or i < 6]
     others = [cells for i, (named, cells) in enumerate(rows) if not named and i >= 6]
-    folded = (
-        f"<details><summary>{len(others)} more candidates</summary>{_table(head, others)}</details>" if others else ""
-    )
+    folded = _folded(f"{len(others)} more candidates", _table(head, others) if others else "")
     return _section(
         "Which effect is missing",
         "Every effect of the catalogue that the twin does not have yet: probability that the machine has it, and the "
@@ -213,15 +215,45 @@ def _confidence(report: GapReport) -> str:
     items = [f"<li>{html.escape(w)}</li>" for w in words]
     shown, more = items[:_MOST_EXPLANATIONS], items[_MOST_EXPLANATIONS:]
     listing = f"<ol>{''.join(shown)}</ol>"
-    if more:
-        rest = f"<ol start='{len(shown) + 1}'>{''.join(more)}</ol>"
-        listing += f"<details><summary>{len(more)} less probable ones</summary>{rest}</details>"
+    rest = f"<ol start='{len(shown) + 1}'>{''.join(more)}</ol>" if more else ""
+    listing += _folded(f"{len(more)} less probable ones", rest)
     return _section("What the data cannot tell apart", html.escape(text), listing)
 
 
 def _shrink(report: GapReport, figures: Mapping[str, str]) -> str:
     if not report.metrics:
         return ""
+    effects = listed(report.verdict.effects)
+    text = f"Before and after adding {effects}, on held-out records. The floor is records against records."
+    if not report.verdict.effects:
+        text = "On held-out records; nothing was added. The floor is records against records."
+    shown = figures.get("metrics", "") + _metrics(report.metrics)
+    return _section("How far the gap shrinks", html.escape(text), shown)
+
+
+def _stand_ins(report: GapReport) -> str:
+    found = report.stand_ins
+    if found is None:
+        return ""
+    names = dict.fromkeys((*report.verdict.effects, *found.effects))
+    rows = [
+        (
+            f"<b>{_name(name)}</b>{' ◆' if name in report.verdict.effects else ''}",
+            "<br>".join(f"{_quantity(n, p.unit)} = {_value(p)}" for n, p in found.parameters[name].items()),
+        )
+        for name in names
+        if name in found.parameters
+    ]
+    text = (
+        f"{found.sentence} Real machines differ from a twin in much that has no name here; these effects, at these "
+        "values, bring the twin nearest to the records, which is what a model that learns from it needs. Before and "
+        "after, on held-out records." + (" ◆ marks the verdict." if report.verdict.effects else "")
+    )
+    head = ("effect", "values, fitted together")
+    return _section("The nearest twin", html.escape(text), _metrics(found.metrics) + _table(head, rows))
+
+
+def _metrics(metrics: Sequence[Metric]) -> str:
     head = ("measure", "before", "after (90 % interval)", "floor", "gap closed")
     rows = [
         (
@@ -236,13 +268,9 @@ def _shrink(report: GapReport, figures: Mapping[str, str]) -> str:
             _number(m.floor, m.unit),
             "–" if m.closure is None else f"{100 * m.closure:.0f} %",
         )
-        for m in report.metrics
+        for m in metrics
     ]
-    effects = listed(report.verdict.effects)
-    text = f"Before and after adding {effects}, on held-out records. The floor is records against records."
-    if not report.verdict.effects:
-        text = "On held-out records; nothing was added. The floor is records against records."
-    return _section("How far the gap shrinks", html.escape(text), figures.get("metrics", "") + _table(head, rows))
+    return _table(head, rows)
 
 
 def _rest(report: GapReport) -> str:
@@ -299,13 +327,20 @@ def _places(places: Sequence[Place]) -> str:
         )
         for i, p in enumerate(places, 1)
     ]  # fmt: skip
-    return _table(("#", "domain", "place", "conditions", "share", "p (adjusted)"), rows)
+    head = ("#", "domain", "place", "conditions", "share", "p (adjusted)")
+    more = rows[_MOST_PLACES:]
+    return _table(head, rows[:_MOST_PLACES]) + _folded(f"{len(more)} more places", _table(head, more) if more else "")
 
 
 def _section(title: str, text: str, content: str = "", mark: str = "") -> str:
     intro = f"<p>{text}</p>" if text else ""
     kind = f' class="{mark}"' if mark else ""
     return f'<section id="{_anchor(title)}"{kind}><h2>{title}</h2>{intro}{content}</section>'
+
+
+def _folded(summary: str, content: str) -> str:
+    """What unfolds when it is asked for; nothing where there is no more."""
+    return f"<details><summary>{summary}</summary>{content}</details>" if content else ""
 
 
 def _contents(sections: Iterable[str]) -> str:

@@ -208,6 +208,42 @@ class Metric:
 
 
 @dataclass(frozen=True)
+class StandIns:
+    """Effects that bring the twin nearer than the verdict's do, whether or not the machine has them.
+
+    Parameters
+    ----------
+    effects : tuple[str, ...]
+        Beyond the verdict's, in the order in which they were added.
+    parameters : Mapping[str, Mapping[str, ParameterValue]]
+        Of these effects and of the verdict's, as fitted together.
+    closure, closure_ci : float and (float, float)
+        Part of the gap that all of them close, on held-out records, with its 90 % interval.
+    metrics : tuple[Metric, ...]
+        Before and after all of them are added.
+    """
+
+    effects: tuple[str, ...]
+    parameters: Mapping[str, Mapping[str, ParameterValue]]
+    closure: float
+    closure_ci: Interval
+    metrics: tuple[Metric, ...] = ()
+
+    def __post_init__(self) -> None:
+        _set(self, effects=tuple(self.effects), closure_ci=_pair(self.closure_ci), metrics=tuple(self.metrics))
+
+    @property
+    def sentence(self) -> str:
+        """How near the twin comes, and that this names no effect."""
+        ends = "{} to {}".format(*map(_percent, self.closure_ci))
+        has = "has it" if len(self.effects) == 1 else "has them"
+        return (
+            f"With {listed(self.effects)} standing in for what is not known, {_percent(self.closure)} of the gap "
+            f"closes (90 % interval {ends}); that the machine {has} is not shown."
+        )
+
+
+@dataclass(frozen=True)
 class TwoSampleTest:
     """An overall test of records against the calibrated twin; the p-value comes from permutations or simulations."""
 
@@ -293,6 +329,8 @@ class GapReport:
     tests : tuple[TwoSampleTest, ...]
     curves : Mapping[str, Curve]
         For figures; any of "spectrum", "envelope", "order", "amplitude", "time", "condition", or others.
+    stand_ins : StandIns or None
+        What brings the twin nearer beyond the verdict; None where it was not asked for, or nothing does.
     """
 
     verdict: Verdict
@@ -305,6 +343,7 @@ class GapReport:
     rest: tuple[Place, ...] = ()
     tests: tuple[TwoSampleTest, ...] = ()
     curves: Mapping[str, Curve] = field(default_factory=dict)
+    stand_ins: StandIns | None = None
 
     def __post_init__(self) -> None:
         _set(
@@ -381,6 +420,7 @@ class GapReport:
             "notes": list(self.notes),
             "provenance": plain(self.provenance),
             "curves": {name: _nulls(plain(curve)) for name, curve in self.curves.items()},
+            **({} if self.stand_ins is None else {"stand_ins": plain(self.stand_ins)}),
         }
         found = problems(table)
         if found:
@@ -450,6 +490,7 @@ def from_json(table: Mapping[str, Any]) -> GapReport:
         rest=tuple(_made(Place, p) for p in table.get("rest", ())),
         tests=tuple(_made(TwoSampleTest, t) for t in table.get("tests", ())),
         curves={name: _made(Curve, c) for name, c in table.get("curves", {}).items()},
+        stand_ins=_stand_ins(table.get("stand_ins")),
     )
 
 
@@ -498,6 +539,14 @@ def _place(place: Place) -> dict[str, Any]:
 
 def _values(table: Mapping[str, Any] | None) -> dict[str, ParameterValue]:
     return {name: _made(ParameterValue, value) for name, value in (table or {}).items()}
+
+
+def _stand_ins(table: Mapping[str, Any] | None) -> StandIns | None:
+    if table is None:
+        return None
+    values = {effect: _values(parameters) for effect, parameters in table["parameters"].items()}
+    metrics = tuple(_made(Metric, m) for m in table.get("metrics", ()))
+    return _made(StandIns, table, parameters=values, metrics=metrics)  # type: ignore[no-any-return]
 
 
 def _made(kind: type[Any], table: Mapping[str, Any], **given: Any) -> Any:

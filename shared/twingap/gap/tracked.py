@@ -53,6 +53,7 @@ def log_report(run: Run, report: GapReport, files: Iterable[str | os.PathLike[st
         {
             "status": verdict.status,
             "effects": ", ".join(verdict.effects),
+            **({} if report.stand_ins is None else {"stand_ins": ", ".join(report.stand_ins.effects)}),
             "confidence_set": json.dumps([list(effects) for effects in verdict.confidence_set], ensure_ascii=False),
             **{key: value for key, value in report.provenance.items() if key not in _OWN_PLACE},
         }
@@ -84,6 +85,9 @@ def _metrics(report: GapReport) -> dict[str, Any]:
         found |= {f"floor/{metric.metric}": metric.floor, f"closure/{metric.metric}": metric.closure}
     for c in report.candidates:
         found |= {f"probability/{c.effect}": c.probability, f"candidate_closure/{c.effect}": c.closure}
+    if report.stand_ins is not None:
+        found |= {"stand_ins": len(report.stand_ins.effects), "closure_with_stand_ins": report.stand_ins.closure}
+        found |= {f"nearest/{metric.metric}": metric.after for metric in report.stand_ins.metrics}
     found |= {f"test_p/{test.name}": test.p_value for test in report.tests}
     found |= {f"calibration/{name}": p.value for name, p in report.calibration.items()}
     return found

@@ -21,7 +21,7 @@ from twingap.effects import Effect, Stage, apply_to_waveform, catalogue, make_ef
 from twingap.effects.background import Background
 from twingap.errors import TwingapError
 from twingap.gap.advice import place_words
-from twingap.gap.report import GapReport
+from twingap.gap.report import GapReport, Metric, StandIns
 from twingap.records import Record, RecordSet
 from twingap.streams import Streams
 from twingap.study.public_sets import bearing_of, halves, public_set
@@ -153,19 +153,26 @@ def run_job(job: PublicJob, root: str | None = None) -> dict[str, Any]:
     if job.kind == "withheld":
         spec = with_effects(spec, json.loads(job.chain), job.effect)
     left_out = twin_spec(job.twin, records)[1]
-    return {**about, "left_out": list(left_out), "twin_effects": list(spec.effects), **diagnosed(records, spec, rng)}
+    nearest = job.kind == "twin"
+    found = diagnosed(records, spec, rng, nearest=nearest)
+    return {**about, "left_out": list(left_out), "twin_effects": list(spec.effects), **found}
 
 
 def diagnosed(
-    records: RecordSet, spec: TwinSpec, rng: np.random.Generator, sim: RecordSet | None = None
+    records: RecordSet,
+    spec: TwinSpec,
+    rng: np.random.Generator,
+    sim: RecordSet | None = None,
+    *,
+    nearest: bool = False,
 ) -> dict[str, Any]:
-    """The diagnosis in plain values, or why it was refused."""
+    """The diagnosis in plain values, or why it was refused; with what stands in for a rest if `nearest`."""
     from twingap.gap import diagnose
 
     begin = time.perf_counter()
     size = {"records": len(records), "recordings": len(records.groups)}
     try:
-        found = diagnose(records, spec, rng, sim=sim)
+        found = diagnose(records, spec, rng, sim=sim, nearest=nearest)
     except TwingapError as error:
         return {**size, "refused": str(error), "seconds": time.perf_counter() - begin}
     return {**size, "refused": "", "seconds": time.perf_counter() - begin, **summary(found.report)}
@@ -174,13 +181,6 @@ def diagnosed(
 def summary(report: GapReport) -> dict[str, Any]:
     """What tables need of a report."""
     verdict = report.verdict
-    metrics = {m.metric: m for m in report.metrics}
-    gap = next(iter(metrics.values()), None)
-    accuracy = next((m for name, m in metrics.items() if name.startswith(ACCURACY)), None)
-
-    def three(metric: Any) -> dict[str, float] | None:
-        return None if metric is None else {"before": metric.before, "after": metric.after, "floor": metric.floor}
-
     return {
         "status": verdict.status,
         "sentence": verdict.sentence,
@@ -189,8 +189,8 @@ def summary(report: GapReport) -> dict[str, Any]:
         "p_value": verdict.p_value,
         "closure": verdict.closure,
         "closure_ci": None if verdict.closure_ci is None else list(verdict.closure_ci),
-        "gap": three(gap),
-        "accuracy": three(accuracy),
+        **_measures(report.metrics),
+        "nearest": _nearest(report.stand_ins),
         "where": [
             {"place": f"{p.domain}: {place_words(p)}", "share": p.share, "p_value": p.p_value}
             for p in report.places[:5]
@@ -203,6 +203,26 @@ def summary(report: GapReport) -> dict[str, Any]:
             for c in report.candidates if c.effect in verdict.effects or c.probability > 0.1
         ],
         "notes": list(report.notes),
+    }  # fmt: skip
+
+
+def _measures(metrics: Sequence[Metric]) -> dict[str, dict[str, float] | None]:
+    """The overall gap and the accuracy: before, after and floor of each."""
+    accuracy = next((m for m in metrics if m.metric.startswith(ACCURACY)), None)
+    found = {"gap": metrics[0] if metrics else None, "accuracy": accuracy}
+    return {
+        name: None if m is None else {"before": m.before, "after": m.after, "floor": m.floor}
+        for name, m in found.items()
+    }
+
+
+def _nearest(found: StandIns | None) -> dict[str, Any] | None:
+    if found is None:
+        return None
+    values = {effect: {k: v.value for k, v in of.items()} for effect, of in found.parameters.items()}
+    return {
+        "effects": list(found.effects), "closure": found.closure, "closure_ci": list(found.closure_ci),
+        "parameters": values, **_measures(found.metrics),
     }  # fmt: skip
 
 

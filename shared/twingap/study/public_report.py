@@ -50,7 +50,9 @@ def markdown(table: Mapping[str, Any]) -> str:
         ]),
         "## What each paper's twin lacks",
         "Accuracy: of a classifier that learns from the twin's records alone, on held-out real records, before and "
-        "after the verdict's effects are added; in brackets, learning from other real records.",
+        "after the verdict's effects are added; in brackets, learning from other real records. Stand-ins: effects that "
+        "are not named, and bring the twin nearer all the same (`--nearest`); what they close is measured with the "
+        "verdict's, on held-out records.",
         grid(twin_rows(table)),
         *(part for row in table["twins"] for part in _details(row, titles)),
         "## An effect withheld",
@@ -98,8 +100,11 @@ def twin_rows(table: Mapping[str, Any]) -> list[dict[str, str]]:
 def _twin(row: Mapping[str, Any], titles: Mapping[str, str]) -> dict[str, str]:
     first = {"set": titles[row["set"]], "twin": f"{row['twin']} ({TWINS[row['twin']]})"}
     if row["refused"]:
-        return {**first, "verdict": f"refused: {row['refused']}", "lacks": "", "closes": "", "gap": "", "accuracy": ""}
-    gap = row["gap"]
+        empty = dict.fromkeys(
+            ("lacks", "closes", "gap", "accuracy", "stand-ins", "with them", "accuracy with them"), ""
+        )
+        return {**first, "verdict": f"refused: {row['refused']}", **empty}
+    gap, nearest = row["gap"], row.get("nearest")
     return {
         **first,
         "verdict": f"{row['status']} (p {row['p_value']:.2g})",
@@ -107,6 +112,9 @@ def _twin(row: Mapping[str, Any], titles: Mapping[str, str]) -> dict[str, str]:
         "closes": _closure(row),
         "gap": f"{gap['before']:.2f} to {gap['after']:.2f} (floor {gap['floor']:.2f})",
         "accuracy": _accuracy(row["accuracy"]),
+        "stand-ins": ", ".join(nearest["effects"]) if nearest else "none",
+        "with them": _closure(nearest) if nearest else "",
+        "accuracy with them": f"{nearest['accuracy']['after']:.2f}" if nearest and nearest["accuracy"] else "",
     }
 
 
@@ -119,6 +127,10 @@ def _details(row: Mapping[str, Any], titles: Mapping[str, str]) -> list[str]:
          "values": _values(c["parameters"]), "cannot be added": c["cannot"] or ""}
         for c in row["which"]
     ]  # fmt: skip
+    nearest = [
+        {"nearest twin": effect, "values, fitted together": _values(values)}
+        for effect, values in (row.get("nearest") or {"parameters": {}})["parameters"].items()
+    ]
     places = [
         {"where": w["place"], "share": f"{w['share']:.0%}", "p": f"{w['p_value']:.2g}"} for w in row["where"]
     ]  # fmt: skip
@@ -127,6 +139,7 @@ def _details(row: Mapping[str, Any], titles: Mapping[str, str]) -> list[str]:
         f"### {titles[row['set']]}, {row['twin']}",
         row["sentence"],
         grid(named) if named else "",
+        grid(nearest) if nearest else "",
         grid(places) if places else "",
         "\n".join(f"- {note}" for note in notes),
     ]

@@ -24,6 +24,7 @@ from twingap.gap.report import (
     Metric,
     ParameterValue,
     Place,
+    StandIns,
     TwoSampleTest,
     Verdict,
     dumped,
@@ -78,13 +79,23 @@ def curves(draw: st.DrawFn) -> Curve:
     return Curve(x, "Hz", draw(line), draw(line), after, "dB", draw(names), draw(st.sampled_from(DOMAINS)), bands)  # type: ignore[arg-type]
 
 
+stand_ins = st.builds(
+    # Names that no verdict of these reports has: what it names does not stand in.
+    lambda effects, parameters, closure, ci, rows: StandIns(
+        tuple(f"{name}, as a stand-in" for name in effects), parameters, closure, ci, tuple(rows)
+    ),
+    st.lists(names, unique=True, min_size=1, max_size=3), st.dictionaries(names, st.dictionaries(names, values)),
+    numbers, intervals, st.lists(metrics, max_size=2),
+)  # fmt: skip
+
+
 reports = st.builds(
     GapReport, verdicts, st.lists(places, max_size=3).map(tuple), candidates, st.lists(metrics, max_size=2).map(tuple),
     st.just({"seed": 0, "version": "0", "records_sha256": "", "runtime_s": 1.0}),
     st.lists(names, max_size=2).map(tuple),
     st.dictionaries(names, values, max_size=2), st.lists(places, max_size=2).map(tuple),
     st.lists(st.builds(TwoSampleTest, names, numbers, parts), max_size=2).map(tuple),
-    st.dictionaries(names, curves(), max_size=2),
+    st.dictionaries(names, curves(), max_size=2), st.none() | stand_ins,
 )  # fmt: skip
 
 
@@ -120,6 +131,13 @@ def _at(*path: Any, value: Any) -> Callable[[dict[str, Any]], None]:
 
 
 DELETED = object()
+STAND_INS = StandIns(
+    ("load_zone",),
+    {"load_zone": {"depth": ParameterValue(0.3, "")}},
+    0.6,
+    (0.5, 0.7),
+    (Metric("gap", 2.0, 0.8, 0.1, (0.7, 0.9)),),
+)
 BREACHES = {
     "schema": _at("schema", value="twingap.gap/2"),
     "verdict.status": _at("verdict", "status", value="fine"),
@@ -150,12 +168,20 @@ BREACHES = {
     "provenance.seed": _at("provenance", "seed", value=DELETED),
     "provenance: missing": _at("provenance", value=DELETED),
     "tests[0].p_value": _at("tests", 0, "p_value", value=2),
+    "stand_ins: a table": _at("stand_ins", value=3),
+    "stand_ins.effects: a list": _at("stand_ins", "effects", value=[]),
+    "stand_ins.effects: one of them is the verdict's": _at("stand_ins", "effects", value=["slip_jitter"]),
+    "stand_ins.closure: a number": _at("stand_ins", "closure", value="much"),
+    "stand_ins.closure_ci": _at("stand_ins", "closure_ci", value=[0.7, 0.5]),
+    "stand_ins.parameters: a table": _at("stand_ins", "parameters", value=[]),
+    "stand_ins.parameters.load_zone.depth": _at("stand_ins", "parameters", "load_zone", "depth", value=0.3),
+    "stand_ins.metrics[0].after": _at("stand_ins", "metrics", 0, "after", value=DELETED),
 }
 
 
 @pytest.mark.parametrize("says", BREACHES)
 def test_every_breach_of_the_contract_is_found_and_named(make_report: MakeReport, tmp_path: Path, says: str) -> None:
-    table = make_report().to_json()
+    table = dataclasses.replace(make_report(), stand_ins=STAND_INS).to_json()
     assert problems(table) == []
     broken = copy.deepcopy(table)
     BREACHES[says](broken)
@@ -235,6 +261,12 @@ def test_the_sentence_says_what_how_far_and_how_sure(make_report: MakeReport, st
     assert sentence.count("\n") == 0 and sentence.endswith(".")
     for part in parts:
         assert part in sentence
+
+
+def test_stand_ins_are_never_said_to_be_what_the_machine_has() -> None:
+    said = StandIns(("load_zone", "slip_jitter"), {}, 0.584, (0.52, 0.634)).sentence
+    assert said.startswith("With load zone and slip jitter standing in")
+    assert "58 % of the gap closes (90 % interval 52 % to 63 %); that the machine has them is not shown." in said
 
 
 def test_a_verdict_that_widens_the_gap_says_so(make_report: MakeReport) -> None:

@@ -15,7 +15,7 @@ from twingap.effects import make_effect
 from twingap.gap.advice import condition_words, contradictions, next_steps, place_words, snippet, undecided
 from twingap.gap.figures import MOST_POINTS, all_figures, curve_figure
 from twingap.gap.html import page
-from twingap.gap.report import Candidate, Curve, GapReport, ParameterValue, Place, TwoSampleTest, Verdict
+from twingap.gap.report import Candidate, Curve, GapReport, ParameterValue, Place, StandIns, TwoSampleTest, Verdict
 from twingap.twins.twin_file import read_twin
 
 MakeReport = Callable[..., GapReport]
@@ -94,6 +94,25 @@ def test_what_names_close_is_not_claimed_beyond_its_interval(
         "cannot be added to what",
     )
     assert [one for one in every if one in shown] == [says]
+
+
+def test_the_nearest_twin_is_shown_apart_from_the_verdict(make_report: MakeReport) -> None:
+    report = make_report("partly_explained")
+    values = {name: {"depth": ParameterValue(0.3171)} for name in ("second_resonance", "load_zone")}
+    metrics = (dataclasses.replace(report.metrics[0], after=0.7654),)
+    told = dataclasses.replace(report, stand_ins=StandIns(("load_zone",), values, 0.6, (0.5, 0.7), metrics))
+    before, shown = (" ".join(Reader(own(page(one))).words.split()) for one in (report, told))
+    assert "The nearest twin" not in before and "run the diagnosis with --nearest" in before
+    assert "With load zone standing in" in shown and "0.7654" in shown and "0.3171" in shown
+    assert "run the diagnosis with --nearest" not in shown and "use the nearest one, with load zone" in shown
+    assert told.sentence == report.sentence
+
+
+def test_many_places_unfold_and_keep_their_numbers(make_report: MakeReport) -> None:
+    places = tuple(Place("frequency", 10.0 * i, 10.0 * i + 5, "Hz", 0.5 / i, 0.001) for i in range(1, 41))
+    shown, _, folded = page(dataclasses.replace(make_report(), places=places)).partition("28 more places</summary>")
+    assert "<td>12</td>" in shown and "<td>13</td>" not in shown and "130 to 135 Hz" not in shown.rpartition("<h2>")[2]
+    assert "<td>13</td>" in folded and "<td>40</td>" in folded
 
 
 def test_names_from_the_data_are_shown_and_never_run(make_report: MakeReport) -> None:
@@ -216,6 +235,7 @@ def test_advice_names_what_would_decide(make_report: MakeReport) -> None:
     [
         (Place("frequency", 100.0, 250.5, "Hz", 0.1, 0.1), "100 to 250.5 Hz"),
         (Place("frequency", 100.0, None, "Hz", 0.1, 0.1), "above 100 Hz"),
+        (Place("frequency", 9500.0, 25600.0, "Hz", 0.1, 0.1), "9500 to 25600 Hz"),
         (Place("order", None, 3.0, "orders", 0.1, 0.1, {"fault": "inner"}), "below 3 orders (inner)"),
         (Place("condition", None, None, "", 0.1, 0.1, {"speed_rpm": 1797.0, "load_n": 10}), "1797 rpm, 10 N"),
         (Place("amplitude", 0.0, 1.0, "1", 0.1, 0.1), "0 to 1"),

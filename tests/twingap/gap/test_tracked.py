@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from twingap.gap.report import GapReport, read_report
+from twingap.gap.report import GapReport, Metric, StandIns, read_report
 from twingap.gap.tracked import track_report
 from twingap.track import FolderTracker, MlflowTracker
 
@@ -45,6 +45,21 @@ def test_a_diagnosis_is_kept_with_all_that_is_compared(make_report: MakeReport, 
     with (one / "tables" / "where.csv").open(encoding="utf-8") as stream:
         assert json.loads(list(csv.DictReader(stream))[-1]["condition"])["fault"] == "<i>inner</i>"
     assert "\n\nNominal <speeds>" in (one / "verdict.md").read_text(encoding="utf-8")
+
+
+def test_stand_ins_are_kept_apart_from_the_verdict(make_report: MakeReport, tmp_path: Path) -> None:
+    report = make_report("partly_explained")
+    metrics = (Metric("accuracy", 0.61, 0.99, 0.97, (0.9, 1.0), higher_is_better=True),)
+    track_report(
+        FolderTracker(tmp_path),
+        dataclasses.replace(report, stand_ins=StandIns(("a", "b"), {}, 0.6, (0.5, 0.7), metrics)),
+    )
+    (run,) = tmp_path.iterdir()
+    assert json.loads((run / "parameters.json").read_text(encoding="utf-8"))["stand_ins"] == "a, b"
+    with (run / "metrics.csv").open(encoding="utf-8") as stream:
+        found = {row[0]: float(row[2]) for row in csv.reader(stream) if row[0] != "metric"}
+    assert found["closure_with_stand_ins"] == 0.6 and found["nearest/accuracy"] == 0.99
+    assert found["closure"] == 0.93 and found["after/accuracy"] == 0.95
 
 
 def test_an_empty_report_is_tracked_too(make_report: MakeReport, tmp_path: Path) -> None:
