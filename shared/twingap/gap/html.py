@@ -246,8 +246,9 @@ def _stand_ins(report: GapReport) -> str:
     ]
     text = (
         f"{found.sentence} Real machines differ from a twin in much that has no name here; these effects, at these "
-        "values, bring the twin nearest to the records, which is what a model that learns from it needs. Before and "
-        "after, on held-out records." + (" ◆ marks the verdict." if report.verdict.effects else "")
+        "values, bring the twin nearest to the records. Whether a model learns more from it, the accuracy says where "
+        "faults are known. Before and after, on held-out records."
+        + (" ◆ marks the verdict." if report.verdict.effects else "")
     )
     head = ("effect", "values, fitted together")
     return _section("The nearest twin", html.escape(text), _metrics(found.metrics) + _table(head, rows))

@@ -15,7 +15,17 @@ from twingap.effects import make_effect
 from twingap.gap.advice import condition_words, contradictions, next_steps, place_words, snippet, undecided
 from twingap.gap.figures import MOST_POINTS, all_figures, curve_figure
 from twingap.gap.html import page
-from twingap.gap.report import Candidate, Curve, GapReport, ParameterValue, Place, StandIns, TwoSampleTest, Verdict
+from twingap.gap.report import (
+    Candidate,
+    Curve,
+    GapReport,
+    Metric,
+    ParameterValue,
+    Place,
+    StandIns,
+    TwoSampleTest,
+    Verdict,
+)
 from twingap.twins.twin_file import read_twin
 
 MakeReport = Callable[..., GapReport]
@@ -105,6 +115,11 @@ def test_the_nearest_twin_is_shown_apart_from_the_verdict(make_report: MakeRepor
     assert "The nearest twin" not in before and "run the diagnosis with --nearest" in before
     assert "With load zone standing in" in shown and "0.7654" in shown and "0.3171" in shown
     assert "run the diagnosis with --nearest" not in shown and "use the nearest one, with load zone" in shown
+    for after, says in ((0.9, "To train on, use the nearest twin"), (0.5, "teaches a classifier no more")):
+        accuracy = Metric("accuracy", 0.6, after, 1.0, (0.4, 0.95), higher_is_better=True)
+        taught = StandIns(("load_zone",), values, 0.6, (0.5, 0.7), (*metrics, accuracy))
+        (said,) = (step for step in next_steps(dataclasses.replace(report, stand_ins=taught)) if "standing in" in step)
+        assert said.startswith("T") and says in said and f"{after:.0%} of held-out records, 60%" in said
     assert told.sentence == report.sentence
 
 
