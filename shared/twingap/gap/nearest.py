@@ -1,6 +1,6 @@
 """Values that bring a twin nearest to the fit part: of its effects, and of its baseline.
 
-twin, effects at estimated values --steps of all together, far places, steps of each value--> least misfit
+twin, effects at estimated values --far places, steps of each value, steps of all together--> least misfit
 
 Estimates are read off features, which are the same for all machines; here the twin itself is asked. Random streams are
 the same throughout, so that what differs between two trials is their values. What is made small is the squared misfit
@@ -139,7 +139,8 @@ def bring_nearest(
         search.gather_level()
     begin = search.start()
     if search.at:
-        search.together()  # first: of large records, far places of many values leave no trial for anything else
+        if _PLACES * len(search.ends) > search.left / 2:
+            search.together()  # of large records, far places of many values leave no trial for anything else
         search.far_places()
         for _ in range(passes):
             least = search.least

@@ -9,7 +9,7 @@ import pytest
 
 from twingap.bearing import BEARINGS
 from twingap.effects import Effect, make_effect
-from twingap.gap import evidence
+from twingap.gap import evidence, nearest
 from twingap.gap.calibrate import calibrate
 from twingap.gap.distance import Paired
 from twingap.gap.evidence import Evidence, simulator_of
@@ -71,6 +71,33 @@ def test_values_that_make_up_for_each_other_are_moved_together() -> None:
     assert found.before > 1.15 * best
     assert found.misfit < 1.05 * best
     assert vars(found.effects[0])["level"] == pytest.approx(0.8, rel=0.2)
+
+
+def test_few_trials_go_to_values_that_are_moved_together(monkeypatch: pytest.MonkeyPatch) -> None:
+    """One by one, far places of values that are right already would take all of them."""
+    monkeypatch.setattr(evidence, "TRIALS", (40, 40))
+    right = [make_effect("mains_interference", {"level": 0.3}), make_effect("cage_modulation", {"depth": 0.5})]
+    truth = make_effect("coloured_noise", {"level": 0.8, "slope": 0.5, "low_hz": 500.0, "high_hz": 1600.0})
+    own = evidence_of(machine(*right, truth))
+    start = [*right, make_effect("coloured_noise", {"level": 0.4, "slope": 0.0, "low_hz": 350.0, "high_hz": 2100.0})]
+    found = bring_nearest(own, own.against(start).simulator, start, {})
+    best = own.misfit(own.against([*right, truth]).simulator, [*right, truth])
+    assert found.misfit - best < 0.5 * (found.before - best)
+
+
+def test_what_comes_by_chance_stays_where_other_chances_disagree(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The others are sought without it: one fit to chance does not undo them."""
+    gaps = make_effect("dropout", {"rate_hz": 1.0, "length_s": 0.02})
+    own = evidence_of(machine(gaps, make_effect("mains_interference", {"level": 0.9})))
+    start = [replace(gaps, rate_hz=1.5), make_effect("mains_interference", {"level": 0.3})]
+    monkeypatch.setattr(
+        nearest._Search, "holds", lambda self, *built: not any(name == "dropout" for name, _ in self.at)
+    )
+    found = bring_nearest(own, own.against(start).simulator, start, {})
+    by_name = {effect.name: vars(effect) for effect in found.effects}
+    assert by_name["dropout"] == vars(start[0])
+    assert by_name["mains_interference"]["level"] == pytest.approx(0.9, rel=0.35)
+    assert found.misfit < found.before
 
 
 def test_what_is_exact_or_wrong_stays() -> None:
