@@ -156,8 +156,10 @@ def _nearest(report: GapReport) -> str:
     accuracy = next((m for m in found.metrics if m.higher_is_better), None)
     if accuracy is None:
         return f"If a twin to train on matters more than names, use the nearest one, with {added} standing in."
-    right = f"{accuracy.after:.0%} of held-out records, {accuracy.before:.0%} after the twin as calibrated"
-    if accuracy.after > accuracy.before:
+    verdict = next((m.after for m in report.metrics if m.metric == accuracy.metric), accuracy.before)
+    named, as_it_was, by_verdict = (f"{100 * part:.0f} %" for part in (accuracy.after, accuracy.before, verdict))
+    right = f"{named} of held-out records; {as_it_was} after the twin as calibrated, {by_verdict} after the verdict's"
+    if accuracy.after > max(accuracy.before, verdict):
         return f"To train on, use the nearest twin, with {added} standing in: a classifier then names {right}."
     return (
         f"The nearest twin, with {added} standing in, teaches a classifier no more (it names {right}): nearer is not "
