@@ -117,7 +117,7 @@ def diagnose(
     paths = [out / "gap.json", out / "report.html"]
     if nearest and simulated is None:
         paths.append(out / "nearest.toml")
-    exports = [*_EXPORTS, *(["sim_nearest"] if nearest else [])] if export else []
+    exports = _EXPORTS[: 3 if nearest else 2] if export else ()
     # All places are tried before the work begins, and filled only after it has ended well.
     with ExitStack() as places:
         data, text, *twins = (places.enter_context(replacing(path)) for path in paths)
@@ -133,8 +133,9 @@ def diagnose(
         text.write_text(page(about), encoding="utf-8", newline="\n")
         for place in twins:
             _write_nearest(place, found, records, about)
-        for folder, name in zip(folders, exports, strict=True):
-            made, label = getattr(found, name), f"{records.name}, {name.removeprefix('sim_')}"
+        makers = (found.sim_before, found.sim_after, found.sim_nearest)
+        for folder, name, made in zip(folders, exports, makers, strict=False):
+            label = f"{records.name}, {name.removeprefix('sim_')}"
             bearing = records.bearing or spec.bearing
             total = int(about.provenance.get("n_used", len(records)))
             write_records(folder, label, records.unit, bearing, None, _counted(made(), name, total))
@@ -175,7 +176,8 @@ def train(
 app.command("study")(study)
 app.command("public")(public)
 
-_EXPORTS: Final = ("sim_before", "sim_after")
+_EXPORTS: Final = ("sim_before", "sim_after", "sim_nearest")
+"""Record sets of `--export`; the last one with `--nearest` alone."""
 
 
 @contextmanager

@@ -210,7 +210,7 @@ def _diagnosed(
     )  # fmt: skip
     closer, told_closer = None, None
     if nearest and status in ("partly_explained", "unexplained"):
-        told_closer, closer, tried = _nearest(trial, (before, after), learnt, rng, report)
+        told_closer, closer, tried = _with_stand_ins(trial, (before, after), learnt, rng, report)
         notes += tried
     whole = GapReport(
         verdict=verdict,
@@ -229,7 +229,7 @@ def _diagnosed(
     return Diagnosis(whole, found, calibrated, root, closer)
 
 
-def _nearest(
+def _with_stand_ins(
     trial: _Trial,
     verdict: tuple[list[Views], list[Views]],
     learnt: Learnt,

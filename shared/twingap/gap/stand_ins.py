@@ -6,8 +6,8 @@ the verdict's twin --every other effect, at several values--> the few that come 
 
 An effect is named because machines that lack it look like the records. Real machines differ from a twin in much that no
 effect of the catalogue was written for, and what brings both together then stands in for something else: scattered
-strikes for a load that wanders, a noise band for modes that nobody modelled. It is no diagnosis. It is the nearest twin
-to train on, and its distance is measured on held-out records like any other.
+strikes for a load that wanders, a noise band for modes that nobody modelled. It is no diagnosis. It is the nearest
+twin; its distance, and what a classifier learns from it, are measured on held-out records like any other's.
 """
 
 from __future__ import annotations
@@ -25,10 +25,11 @@ from twingap.errors import TwingapError
 from twingap.gap.evidence import Compared, Evidence, values_of
 from twingap.gap.nearest import Nearest, bring_nearest, left_over
 from twingap.gap.prior import Key, Said
+from twingap.gap.simulator import TwinSimulator
 from twingap.gap.starts import places, told_by_spectra, weaker
 from twingap.gap.training.learn import Learnt
 from twingap.gap.which import Explanation, estimate
-from twingap.twins.twin_file import TwinSpec, flat, nested
+from twingap.twins.twin_file import TwinSpec
 
 Array = NDArray[np.float64]
 Report = Callable[[str, float], None]
@@ -88,13 +89,10 @@ def stand_ins(
     while names and len(added) < MOST:
         report(f"stand-ins: {', '.join(added) or 'none yet'}", len(added) / MOST)
         ranked = _ranked(evidence, now, names, learnt)
-        tried = [
-            (left_over(evidence, one.simulator, one.effects), name, one)
-            for name, effect in ranked[:_FINALISTS]
-            for one in [_moved(evidence, now, effect, learnt.errors, said)]
-        ]
-        if not tried:
+        if not ranked:
             break
+        moved = [(name, _moved(evidence, now, effect, learnt.errors, said)) for name, effect in ranked[:_FINALISTS]]
+        tried = [(left_over(evidence, one.simulator, one.effects), name, one) for name, one in moved]
         least, name, one = min(tried, key=lambda row: row[0])
         if least >= WORTH * left:  # a twin at no distance at all gets none
             break
@@ -106,13 +104,13 @@ def stand_ins(
     return Closer(now, added) if added else None
 
 
-def nearest_spec(closer: Compared) -> TwinSpec | None:
+def nearest_spec(compared: Compared) -> TwinSpec | None:
     """The twin file of a twin with these effects at these values; None for a simulator that has no such file."""
-    spec: TwinSpec | None = getattr(closer.simulator, "spec", None)
-    if spec is None:
+    if not isinstance(compared.simulator, TwinSimulator):
         return None
-    names = dict.fromkeys((*spec.effects, *(effect.name for effect in closer.effects)))
-    values = nested(flat(spec.parameters)) | {effect.name: values_of(effect) for effect in closer.effects}
+    spec = compared.simulator.spec
+    names = dict.fromkeys((*spec.effects, *(effect.name for effect in compared.effects)))
+    values = {**spec.parameters, **{effect.name: values_of(effect) for effect in compared.effects}}
     return replace(spec, effects=tuple(names), parameters=values)
 
 
