@@ -50,9 +50,9 @@ def markdown(table: Mapping[str, Any]) -> str:
         ]),
         "## What each paper's twin lacks",
         "Accuracy: of a classifier that learns from the twin's records alone, on held-out real records, before and "
-        "after the verdict's effects are added; in brackets, learning from other real records. Stand-ins: effects that "
-        "are not named, and bring the twin nearer all the same (`--nearest`); what they close is measured with the "
-        "verdict's, on held-out records.",
+        "after the verdict's effects are added; in brackets, learning from other real records. Nearest adds: "
+        "effects that are not named, and bring the twin nearer all the same (`--nearest`); what it closes then is "
+        "measured with the verdict's effects, on held-out records, by fewer simulations.",
         grid(twin_rows(table)),
         *(part for row in table["twins"] for part in _details(row, titles)),
         "## An effect withheld",
@@ -101,7 +101,7 @@ def _twin(row: Mapping[str, Any], titles: Mapping[str, str]) -> dict[str, str]:
     first = {"set": titles[row["set"]], "twin": f"{row['twin']} ({TWINS[row['twin']]})"}
     if row["refused"]:
         empty = dict.fromkeys(
-            ("lacks", "closes", "gap", "accuracy", "stand-ins", "with them", "accuracy with them"), ""
+            ("lacks", "closes", "gap", "accuracy", "nearest adds", "closes then", "accuracy then"), ""
         )
         return {**first, "verdict": f"refused: {row['refused']}", **empty}
     gap, nearest = row["gap"], row.get("nearest")
@@ -112,9 +112,9 @@ def _twin(row: Mapping[str, Any], titles: Mapping[str, str]) -> dict[str, str]:
         "closes": _closure(row),
         "gap": f"{gap['before']:.2f} to {gap['after']:.2f} (floor {gap['floor']:.2f})",
         "accuracy": _accuracy(row["accuracy"]),
-        "stand-ins": ", ".join(nearest["effects"]) if nearest else "none",
-        "with them": _closure(nearest) if nearest else "",
-        "accuracy with them": f"{nearest['accuracy']['after']:.2f}" if nearest and nearest["accuracy"] else "",
+        "nearest adds": ", ".join(nearest["effects"]) if nearest else "none",
+        "closes then": _closure(nearest) if nearest else "",
+        "accuracy then": _accuracy(nearest["accuracy"]) if nearest else "",
     }
 
 

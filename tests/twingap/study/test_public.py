@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import os
 from pathlib import Path
@@ -13,7 +14,7 @@ import pytest
 from twingap.bearing import BEARINGS
 from twingap.effects import make_effect
 from twingap.errors import TwingapError
-from twingap.gap.report import Candidate, GapReport, Metric, ParameterValue, Place, Verdict
+from twingap.gap.report import Candidate, GapReport, Metric, ParameterValue, Place, StandIns, Verdict
 from twingap.records import Condition, Record, RecordSet
 from twingap.study import public, public_jobs, public_looks, public_report, public_sets
 from twingap.study.public_jobs import PublicJob
@@ -131,12 +132,22 @@ def test_a_report_becomes_a_row_and_its_verdict_a_chain_for_the_twin() -> None:
             Metric("accuracy on the records of a classifier", 0.4, 0.6, 0.9, (0.5, 0.7), higher_is_better=True),
         ),
         provenance={},
+        stand_ins=StandIns(
+            ("looseness",),
+            {"looseness": {"level": ParameterValue(0.2)}},
+            0.7,
+            (0.6, 0.8),
+            (Metric("overall gap", 2.1, 0.7, 0.1, (0.6, 0.8)),),
+        ),
     )
     row = public_jobs.summary(report)
     json.dumps(row)
     assert row["gap"] == {"before": 2.0, "after": 1.0, "floor": 0.1}
     assert row["accuracy"] == {"before": 0.4, "after": 0.6, "floor": 0.9}
     assert [one["effect"] for one in row["which"]] == ["clipping", "mean_slip"]
+    assert row["nearest"]["gap"]["after"] == 0.7 and row["nearest"]["accuracy"] is None
+    assert row["nearest"]["effects"] == ["looseness"] and row["nearest"]["parameters"] == {"looseness": {"level": 0.2}}
+    assert public_jobs.summary(dataclasses.replace(report, stand_ins=None))["nearest"] is None
     assert "10 to 20 Hz" in row["where"][0]["place"]
     chain = public_jobs.chain_of(row)
     assert chain == {"clipping": {"rail": 3.0}}
@@ -275,6 +286,9 @@ def table(title: str, real: bool) -> dict[str, Any]:
         "where": [{"place": "frequency: 10 to 20 Hz", "share": 0.3, "p_value": 0.001}], "notes": ["a note"],
         "which": [{"effect": "clipping", "probability": 0.9, "closure": 0.5, "ci": [0.4, 0.6], "cannot": None,
                    "parameters": {"rail": 3.0}}],
+        "nearest": {"effects": ["looseness"], "closure": 0.72, "closure_ci": [0.66, 0.78], "gap": None,
+                    "accuracy": {"before": 0.41, "after": 0.53, "floor": 0.91},
+                    "parameters": {"looseness": {"level": 0.25}}},
     }  # fmt: skip
     looks = [{
         "recording": "118", "fault": "ball", "size_inch": 0.007, "load_hp": 0, "speed_rpm": 1797.0,
@@ -305,7 +319,8 @@ def test_the_page_and_the_numbers_of_real_records(tmp_path: Path) -> None:
     assert held["single"][0]["half_orders"] is None  # NaN is no JSON
     assert held["single"][0]["agrees"] is True and held["single"][0]["said_unclear"]
     page = paths[1].read_text()
-    for part in ("0.40 to 0.50 (0.90)", "Left out: hit_sm (not there).", "clipping", "0 of 1", "a note", "rail 3"):
+    for part in ("0.40 to 0.50 (0.90)", "Left out: hit_sm (not there).", "clipping", "0 of 1", "a note", "rail 3", "72% (66% to 78%)",
+                 "0.41 to 0.53 (0.91)", "level 0.25"):  # fmt: skip
         assert part in page
     assert "virtual" not in page
 
