@@ -183,7 +183,7 @@ def _diagnosed(
     evidence = Evidence(calibrated, simulator_of(calibrated, sim), spec, root, THOROUGH)
     found = explain(evidence, learnt, lambda what, part: report(what, 0.1 + 0.5 * part))
     report("exchange of records", 0.6)
-    found, unlike = _confirmed(found, evidence, learnt)
+    found, unlike = _confirmed(found, evidence)
     notes += unlike
     report("places and tests", 0.65)
     trial = _Trial(evidence, found)
@@ -256,13 +256,13 @@ def _with_stand_ins(
     return StandIns(closer.added, values, closed.closure, closed.ci, metrics), now, []
 
 
-def _confirmed(found: Explanation, evidence: Evidence, learnt: Learnt) -> tuple[Explanation, list[str]]:
+def _confirmed(found: Explanation, evidence: Evidence) -> tuple[Explanation, list[str]]:
     """What was found; no gap where it is to a simulator of the user's own, no effect is sure to be missing, and the
     records differ from one another as much."""
     own = isinstance(found.before.simulator, OwnSimulator)
     if not own or not found.gap or max(found.probability.values(), default=0.0) >= SURE:
         return found, []
-    p = exchange_p(evidence, learnt)
+    p = exchange_p(evidence)
     if p is None or p <= ALPHA:
         return replace(found, p_value=max(found.p_value, p or 0.0)), []
     told = (
