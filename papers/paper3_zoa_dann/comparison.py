@@ -15,7 +15,7 @@ from __future__ import annotations
 import dataclasses
 import functools
 import sys
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -188,7 +188,7 @@ def run(
         progress("comparison", done, total)
 
     swept = functools.partial(
-        sweep, store=out / "results", backend=backend, address=address, version=_version(), on_result=step,
+        sweep, store=out / "results", backend=backend, address=address, version=version(), on_result=step,
         describe=lambda job: job.words,
     )  # fmt: skip
     outcomes = []
@@ -221,27 +221,35 @@ def options_of(options: ComparisonOptions, profile: str) -> dict[str, Any]:
     return {"profile": profile, **dataclasses.asdict(used)}
 
 
-def _run_task(
-    task: TaskFile,
-    target: Target,
-    options: ComparisonOptions,
-    common: Options,
-    size: Size,
-    seed: int,
-    device: str,
-    swept: Callable[..., list[Result[Any]]],
-    out: Path,
-) -> TaskOutcome:
+@dataclass(frozen=True)
+class Prepared:
+    """A cell, ready for trials.
+
+    Parameters
+    ----------
+    cell : Cell
+    material : Material
+    identified : Mapping[str, float]
+    recipe : Recipe
+        Of the simulated records.
+    """
+
+    cell: Cell
+    material: Material
+    identified: Mapping[str, float]
+    recipe: Recipe
+
+
+def prepared(
+    task: TaskFile, target: Target, common: Options, size: Size, seed: int, out: Path, chosen: Iterable[Cell]
+) -> Iterator[Prepared]:
+    """Cells with their windows, the twin identified on what is adapted to, and the recipe of the source."""
     bearing = target.records.bearing
     if bearing is None:
         raise TwingapError("brings no bearing geometry", where=f"record set {target.records.name!r}")
     source = dataclasses.replace(common.source, width_mm=task.width_mm)
-    materials: dict[Key, Material] = {}
-    identified: dict[Key, Mapping[str, float]] = {}
-    results: list[Result[Trial]] = []
-    for cell in cells(task, size, seed):
-        key = (cell.available, cell.unseen)
-        own = materials[key] = material(task, target.records, *key)
+    for cell in chosen:
+        own = material(task, target.records, cell.available, cell.unseen)
         # Identified on what is adapted to and on nothing else; without added noise, as in a quiet hour.
         (identification,) = sweep(
             functools.partial(identify_twin, adapt=own.adapt),
@@ -249,9 +257,8 @@ def _run_task(
             data={"adapt": windows_digest([own.adapt])},
             backend="sequential",
             store=out / "results",
-            version=_version(),
+            version=version(),
         )
-        identified[key] = identification.value
         recipe = Recipe(
             **{name: identification.value[name] for name in FREE},
             # Of the machine to be diagnosed: its speed is known without any label.
@@ -265,17 +272,37 @@ def _run_task(
             window_samples=task.window_samples,
             seed=seed,
         )
+        yield Prepared(cell, own, identification.value, recipe)
+
+
+def _run_task(
+    task: TaskFile,
+    target: Target,
+    options: ComparisonOptions,
+    common: Options,
+    size: Size,
+    seed: int,
+    device: str,
+    swept: Callable[..., list[Result[Any]]],
+    out: Path,
+) -> TaskOutcome:
+    materials: dict[Key, Material] = {}
+    identified: dict[Key, Mapping[str, float]] = {}
+    results: list[Result[Trial]] = []
+    for ready in prepared(task, target, common, size, seed, out, cells(task, size, seed)):
+        key = (ready.cell.available, ready.cell.unseen)
+        materials[key], identified[key] = ready.material, ready.identified
         # The device is bound and no part of the key: what a training is does not depend on where it runs.
         results += swept(
-            functools.partial(run_trial, material=own, device=device),
-            list(trials(task, cell, recipe, options, common, size, seed)),
-            data={"material": own.digest},
+            functools.partial(run_trial, material=ready.material, device=device),
+            list(trials(task, ready.cell, ready.recipe, options, common, size, seed)),
+            data={"material": ready.material.digest},
         )
     return TaskOutcome(task, target.title, materials, identified, results)
 
 
 @functools.cache
-def _version() -> str:
+def version() -> str:
     """Digest of all code that a trial or an identification depends on."""
     return digest_of_code(
         trial_module, task_files, job_module, source_module, options_module, yardsticks, twingap.adapt,

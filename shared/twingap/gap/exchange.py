@@ -102,7 +102,7 @@ def _mean(rows: Array) -> Array:
     known = np.isfinite(rows)
     count = known.sum(axis=0)
     total = np.where(known, rows, 0.0).sum(axis=0)
-    return np.divide(total, count, out=np.full(rows.shape[1], np.nan), where=count > 0)
+    return np.asarray(np.divide(total, count, out=np.full(rows.shape[1], np.nan), where=count > 0))
 
 
 def _made(evidence: Evidence, louder: float = 1.0) -> tuple[Measured, ...]:
