@@ -104,7 +104,7 @@ def diagnose(
 
     from twingap.files import replacing, replacing_folder
     from twingap.gap.html import page
-    from twingap.gap.report import dumped
+    from twingap.gap.report_file import dumped
     from twingap.records.folder import read_record_set, write_records
     from twingap.twins.twin_file import read_twin
 

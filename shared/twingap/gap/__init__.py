@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from twingap.gap.diagnosis import Diagnosis, diagnose
-    from twingap.gap.report import GapReport, read_report
+    from twingap.gap.report import GapReport
+    from twingap.gap.report_file import read_report
 
 
 def __getattr__(name: str) -> Any:
@@ -16,10 +17,14 @@ def __getattr__(name: str) -> Any:
         from twingap.gap import diagnosis
 
         return getattr(diagnosis, name)
-    if name in ("GapReport", "read_report"):
-        from twingap.gap import report
+    if name == "GapReport":
+        from twingap.gap.report import GapReport
 
-        return getattr(report, name)
+        return GapReport
+    if name == "read_report":
+        from twingap.gap.report_file import read_report
+
+        return read_report
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 
 

@@ -1,29 +1,22 @@
-"""What a diagnosis found, as objects, data frames and gap.json.
+"""What a diagnosis found, as objects and data frames.
 
-Verdict, Place, Candidate, Metric, Curve --> GapReport --write--> DIR/gap.json, DIR/report.html
-                                                |    <--read_report--
-                                                +--> .where, .which, .shrink (data frames)
+Verdict, Place, Candidate, Metric, Curve --> GapReport --> .where, .which, .shrink (data frames)
+                                                +--> .write (`twingap.gap.report_file`)
 
-Everything here is immutable and holds plain numbers; nothing is computed but words and closures. What may stand in
-gap.json is settled in `twingap.gap.contract`, how it reads for people in `twingap.gap.html`.
+Everything here is immutable and holds plain numbers; nothing is computed but words and closures.
 """
 
 from __future__ import annotations
 
-import json
 import math
-import os
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, Literal
 
-from twingap.errors import TwingapError
-from twingap.files import replacing
-from twingap.gap.contract import SCHEMA, problems
-from twingap.provenance import plain
-
 if TYPE_CHECKING:
+    import os
+    from pathlib import Path
+
     import pandas as pd
 
 Status = Literal["no_gap", "explained", "partly_explained", "unexplained"]
@@ -400,113 +393,16 @@ class GapReport:
         return _frame(rows, columns)
 
     def to_json(self) -> dict[str, Any]:
-        """The content of gap.json.
+        """The content of gap.json; see `twingap.gap.report_file.to_json`."""
+        from twingap.gap.report_file import to_json
 
-        Raises
-        ------
-        ValueError
-            When the report breaks the contract (`twingap.gap.contract`), naming every breach: a number that is not
-            finite, a probability beyond 1, effects with a status that has none.
-        """
-        table = {
-            "schema": SCHEMA,
-            "verdict": {**plain(self.verdict), "sentence": self.sentence},
-            "where": [_place(p) for p in self.places],
-            "which": [plain(c) for c in self.candidates],
-            "shrink": {"metrics": [plain(m) for m in self.metrics]},
-            "rest": [_place(p) for p in self.rest],
-            "tests": plain(self.tests),
-            "calibration": plain(self.calibration),
-            "notes": list(self.notes),
-            "provenance": plain(self.provenance),
-            "curves": {name: _nulls(plain(curve)) for name, curve in self.curves.items()},
-            **({} if self.stand_ins is None else {"stand_ins": plain(self.stand_ins)}),
-        }
-        found = problems(table)
-        if found:
-            raise ValueError("the report breaks its contract: " + "; ".join(found))
-        return table
+        return to_json(self)
 
     def write(self, folder: str | os.PathLike[str]) -> tuple[Path, Path]:
-        """Write gap.json and report.html into a folder, both or none.
+        """Write gap.json and report.html into a folder, both or none; see `twingap.gap.report_file.write`."""
+        from twingap.gap.report_file import write
 
-        Returns
-        -------
-        (Path, Path)
-            Of gap.json and report.html.
-
-        Raises
-        ------
-        TwingapError
-            When the folder cannot be written.
-        ValueError
-            As `to_json`.
-        """
-        from twingap.gap.html import page
-
-        table = self.to_json()
-        as_json, as_html = Path(folder) / "gap.json", Path(folder) / "report.html"
-        with replacing(as_json) as data, replacing(as_html) as text:
-            data.write_text(dumped(table), encoding="utf-8", newline="\n")
-            text.write_text(page(self), encoding="utf-8", newline="\n")
-        return as_json, as_html
-
-
-def read_report(path: str | os.PathLike[str]) -> GapReport:
-    """Read gap.json, or the folder that holds it, back.
-
-    Raises
-    ------
-    TwingapError
-        When there is none, or it is not a gap report.
-    """
-    place = Path(path)
-    place = place / "gap.json" if place.is_dir() else place
-    mend = "name a gap.json that `twingap gap` wrote"
-    try:
-        table = json.loads(place.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise TwingapError(f"cannot be read: {error.strerror or error}", where=place, mend=mend) from error
-    except ValueError as error:
-        raise TwingapError(f"is not JSON: {error}", where=place, mend=mend) from error
-    if found := problems(table):
-        raise TwingapError(f"is not a gap report: {found[0]}", where=place, mend=mend)
-    try:
-        return from_json(table)
-    except (AttributeError, KeyError, TypeError, ValueError) as error:
-        raise TwingapError(f"is not a gap report: {error!r}", where=place, mend=mend) from error
-
-
-def from_json(table: Mapping[str, Any]) -> GapReport:
-    """A report from the content of a gap.json that keeps its contract; keys of others' making are left out."""
-    return GapReport(
-        verdict=_made(Verdict, table["verdict"]),
-        places=tuple(_made(Place, p) for p in table["where"]),
-        candidates=tuple(_made(Candidate, c, parameters=_values(c.get("parameters"))) for c in table["which"]),
-        metrics=tuple(_made(Metric, m) for m in table["shrink"]["metrics"]),
-        provenance=table["provenance"],
-        notes=tuple(table.get("notes", ())),
-        calibration=_values(table.get("calibration")),
-        rest=tuple(_made(Place, p) for p in table.get("rest", ())),
-        tests=tuple(_made(TwoSampleTest, t) for t in table.get("tests", ())),
-        curves={name: _made(Curve, c) for name, c in table.get("curves", {}).items()},
-        stand_ins=_stand_ins(table.get("stand_ins")),
-    )
-
-
-def dumped(table: Mapping[str, Any]) -> str:
-    """The text of gap.json: indented for people, with lists of numbers on one line."""
-    table = dict(table)
-    curves = table.pop("curves", {})
-    text = json.dumps(table, indent=2, ensure_ascii=False, allow_nan=False)
-    if not curves:
-        return text + "\n"
-    # Curves hold thousands of numbers: a line each would bury the rest.
-    lines = ",\n".join(
-        f"    {json.dumps(n, ensure_ascii=False)}: {json.dumps(c, ensure_ascii=False, allow_nan=False)}"
-        for n, c in curves.items()
-    )
-    return f'{text[:-2]},\n  "curves": {{\n{lines}\n  }}\n}}\n'
+        return write(self, folder)
 
 
 def listed(effects: Iterable[str], last: str = "and") -> str:
@@ -527,31 +423,6 @@ def _percent(part: float) -> str:
 
 def _p_words(p: float) -> str:
     return f"p = {p:.2g}" if p >= 0.001 else "p < 0.001"
-
-
-def _place(place: Place) -> dict[str, Any]:
-    """A place, without the condition when it applies to all."""
-    table = plain(place)
-    if place.condition is None:
-        del table["condition"]
-    return dict(table)
-
-
-def _values(table: Mapping[str, Any] | None) -> dict[str, ParameterValue]:
-    return {name: _made(ParameterValue, value) for name, value in (table or {}).items()}
-
-
-def _stand_ins(table: Mapping[str, Any] | None) -> StandIns | None:
-    if table is None:
-        return None
-    values = {effect: _values(parameters) for effect, parameters in table["parameters"].items()}
-    metrics = tuple(_made(Metric, m) for m in table.get("metrics", ()))
-    return _made(StandIns, table, parameters=values, metrics=metrics)  # type: ignore[no-any-return]
-
-
-def _made(kind: type[Any], table: Mapping[str, Any], **given: Any) -> Any:
-    known = {name: table[name] for name in kind.__dataclass_fields__ if name in table}
-    return kind(**{**known, **given})
 
 
 def _by_share(places: Iterable[Place]) -> tuple[Place, ...]:
@@ -575,17 +446,6 @@ def _numbers(values: Iterable[float | None]) -> Numbers:
     """Floats; whatever is not finite becomes the one NaN, so that equal curves compare equal."""
     floats = (math.nan if v is None else float(v) for v in values)
     return tuple(v if math.isfinite(v) else math.nan for v in floats)
-
-
-def _nulls(value: Any) -> Any:
-    """NaN as null, and numbers to six digits: a figure shows no more."""
-    if isinstance(value, dict):
-        return {key: _nulls(item) for key, item in value.items()}
-    if isinstance(value, list):
-        return [_nulls(item) for item in value]
-    if isinstance(value, float):
-        return None if math.isnan(value) else float(f"{value:.6g}")
-    return value
 
 
 def _set(target: object, **values: Any) -> None:

@@ -13,7 +13,7 @@ import pytest
 from tests.twingap.cli.typed import Run
 from twingap.bearing import BEARINGS
 from twingap.gap.contract import problems
-from twingap.gap.report import from_json, read_report
+from twingap.gap.report_file import from_json, read_report
 from twingap.records import Condition
 from twingap.records.folder import read_record_set, write_records
 from twingap.twins.phenomenological import PhenomenologicalTwin

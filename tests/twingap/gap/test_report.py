@@ -27,10 +27,8 @@ from twingap.gap.report import (
     StandIns,
     TwoSampleTest,
     Verdict,
-    dumped,
-    from_json,
-    read_report,
 )
+from twingap.gap.report_file import dumped, from_json, read_report
 
 MakeReport = Callable[..., GapReport]
 STATUSES = ("no_gap", "explained", "partly_explained", "unexplained")

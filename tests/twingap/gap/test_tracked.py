@@ -10,7 +10,8 @@ from pathlib import Path
 
 import pytest
 
-from twingap.gap.report import GapReport, Metric, StandIns, read_report
+from twingap.gap.report import GapReport, Metric, StandIns
+from twingap.gap.report_file import read_report
 from twingap.gap.tracked import track_report
 from twingap.track import FolderTracker, MlflowTracker
 
