@@ -27,13 +27,14 @@ from papers.paper3_zoa_dann.comparison import Cell, Prepared, cells, prepared, v
 from papers.paper3_zoa_dann.comparison_study import CONFIG, ComparisonOptions, read_comparison
 from papers.paper3_zoa_dann.options import read_options
 from papers.paper3_zoa_dann.significance import sign_flip
-from papers.paper3_zoa_dann.task_files import FOLDER, load_recordings, read_task
+from papers.paper3_zoa_dann.task_files import FOLDER, TaskFile, load_recordings, read_task
 from papers.paper3_zoa_dann.trial import CLOSED, Trial, run_trial
 from papers.studies import Count, Progress, command, keep_tables, profile_of
 from twingap.sweep import Result, sweep
 
 if TYPE_CHECKING:
     from papers.paper3_zoa_dann.options import Options
+    from papers.paper3_zoa_dann.tasks import Target
     from twingap.track import Run
 
 QUANTITIES: Final = ("modes", "envelope_spectrum")
@@ -147,20 +148,19 @@ def run(
     """
     options, common = read_comparison(config), read_options()
     size = profile_of(options.profiles, profile, config)
-    missing: list[str] = []
-    found: list[tuple[str, Result[Trial]]] = []
-    count = Count("networks by what they read", 0, progress)
+    at_hand: list[tuple[TaskFile, Target, list[Cell]]] = []
     for name in size.tasks:
         task = read_task(name, folder)
-        target = load_recordings(task, root, common.target, size.rig_duration_s)
-        if target is None:
-            missing.append(name)
-            continue
-        asked = [cell for cell in cells(task, size, seed) if _asked(cell, task.same_bearings)]
-        for ready in prepared(task, target, common, size, seed, out, asked):
+        if (target := load_recordings(task, root, common.target, size.rig_duration_s)) is not None:
+            at_hand.append((task, target, [c for c in cells(task, size, seed) if _asked(c, task.same_bearings)]))
+    total = sum(len(cell.seeds) for *_, chosen in at_hand for cell in chosen) * len(METHODS) * len(QUANTITIES)
+    count = Count("networks by what they read", total, progress)
+    found: list[tuple[str, Result[Trial]]] = []
+    for task, target, chosen in at_hand:
+        for ready in prepared(task, target, common, size, seed, out, chosen):
             swept = sweep(
                 functools.partial(run_trial, material=ready.material),
-                list(trials(ready, name, options, common, size.steps)),
+                list(trials(ready, task.name, options, common, size.steps)),
                 data={"material": ready.material.digest}, store=out / "results", backend=backend, address=address,
                 version=version(), on_result=count, describe=lambda job: f"{job.words}, {job.inputs.quantity}",
             )  # fmt: skip
@@ -168,7 +168,8 @@ def run(
     rows = table(found)
     made = {"quantities": rows, "quantities-mean": means(rows)} if found else {}
     keep_tables(made, out, log, ", ".join(dict.fromkeys(data for data, _ in found)))
-    return Quantities(made, tuple(missing), sum(bool(own.why) for _, own in found))
+    missing = tuple(name for name in size.tasks if name not in {task.name for task, *_ in at_hand})
+    return Quantities(made, missing, sum(bool(own.why) for _, own in found))
 
 
 def main(arguments: Sequence[str] | None = None) -> None:

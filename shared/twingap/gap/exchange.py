@@ -1,7 +1,7 @@
 """Whether a simulator of the user's own differs from the machine by more than one recording does from the next.
 
-pairs: a record, and what is simulated for it --differences of their signatures, by group--> t of each signature
-signs of whole groups turned at random --> mean of squared t among those --> p-value
+pairs: a record, and what is simulated for it --differences of their signatures, their slopes over speed and time-->
+t of each signature --signs of whole groups turned at random--> mean of squared t among those --> p-value
 
 Machines that the null was learnt from have recordings that are alike but for chance. Real ones were mounted anew, wear
 on, have defects of several sizes: one half of them against the other looks like a gap to whoever has not seen that.
@@ -16,6 +16,7 @@ in a few of them whenever there is no gap.
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -32,6 +33,7 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 EXCHANGES: Final = 999
+"""Of three means (differences, slopes over speed, slopes over time) the rarest counts."""
 FEWEST_GROUPS: Final = 6
 """Of fewer groups no more than 16 exchanges can be told apart, since all groups turned are as good as none."""
 _PLAIN: Final = 6.0
@@ -61,16 +63,21 @@ def exchange_p(evidence: Evidence) -> float | None:
     # What is left of the level after matching it on the fit part is no difference of recordings.
     louder = _mean(_differences(real, _made(evidence)))[signatures.NAMES.index(_LEVEL)]
     differences = _differences(real, _made(evidence, float(np.exp(louder))))
-    return turned_p(differences, groups, np.random.default_rng([evidence.root, len(real)]))
+    courses = np.array([(math.log(c.speed_rpm), c.time_s or 0.0) for part in real for c in part.conditions])
+    return turned_p(differences, courses, groups, np.random.default_rng([evidence.root, len(real)]))
 
 
-def turned_p(differences: Array, groups: NDArray[np.str_], rng: np.random.Generator, draws: int = EXCHANGES) -> float:
+def turned_p(
+    differences: Array, courses: Array, groups: NDArray[np.str_], rng: np.random.Generator, draws: int = EXCHANGES
+) -> float:
     """P-value of differences that are as often negative as positive, all of a group together.
 
     Parameters
     ----------
     differences : Array [pairs, signatures]
         NaN where a signature does not apply.
+    courses : Array [pairs, courses]
+        What differences may change with, such as speed and time.
     groups : NDArray[str] [pairs]
     rng : numpy.random.Generator
     draws : int
@@ -79,22 +86,32 @@ def turned_p(differences: Array, groups: NDArray[np.str_], rng: np.random.Genera
     Returns
     -------
     float
-        Part of all draws, the first among them, whose mean of squared t is at least as large; 1 where no signature
-        applies to half of the groups.
+        Part of all draws, the first among them, that are as rare; 1 where no signature applies to half of the groups.
     """
-    means = np.array([_mean(differences[groups == group]) for group in dict.fromkeys(groups)])
+    names = list(dict.fromkeys(groups))
+    signs = rng.choice([-1.0, 1.0], size=(1 + draws, len(names)))
+    signs[0] = 1.0
+    weights = (np.ones(len(groups)), *(courses - courses.mean(axis=0)).T)
+    told = []
+    for weight in weights:
+        weighed = differences * weight[:, None]
+        told.append(_squared_t(np.array([_mean(weighed[groups == name]) for name in names]), signs))
+    each = np.array(told).T
+    rarity = np.array([(each >= own * (1 - 1e-9)).mean(axis=0) for own in each]).min(axis=1)
+    return float((rarity <= rarity[0]).mean())
+
+
+def _squared_t(means: Array, signs: Array) -> Array:
+    """[draws] Mean over signatures of the squared t of what all groups [groups, signatures] have in common."""
     count = np.isfinite(means).sum(axis=0)
     asked = count >= max(3, len(means) / 2)
     if not asked.any():
-        return 1.0
+        return np.zeros(len(signs))
     count, means = count[asked], np.nan_to_num(means[:, asked])
-    signs = rng.choice([-1.0, 1.0], size=(1 + draws, len(means)))
-    signs[0] = 1.0
     mean, square = signs @ means / count, (means**2).sum(axis=0) / count
     variance = np.maximum(square - mean**2, _CERTAIN * square) / (count - 1)
     t = np.abs(np.divide(mean, np.sqrt(variance), out=np.zeros_like(mean), where=square > 0))
-    told = (np.minimum(t, _PLAIN) ** 2).mean(axis=1)
-    return float((told >= told[0] * (1 - 1e-9)).mean())
+    return np.asarray((np.minimum(t, _PLAIN) ** 2).mean(axis=1))
 
 
 def _mean(rows: Array) -> Array:

@@ -48,20 +48,24 @@ def test_the_p_value_holds_whatever_signatures_have_in_common() -> None:
         common = rng.standard_normal((10, 4)) @ rng.standard_normal((4, 30))
         heavy = np.repeat(rng.standard_t(2, (10, 30)) + common, 2, axis=0)  # of a group alike
         heavy[rng.random(heavy.shape) < 0.1] = np.nan
-        p.append(turned_p(heavy + 0.1 * rng.standard_normal(heavy.shape), groups, rng, draws=199))
+        courses = np.stack([np.arange(20.0) // 7, np.zeros(20)], axis=1)
+        p.append(turned_p(heavy + 0.1 * rng.standard_normal(heavy.shape), courses, groups, rng, draws=199))
     for level in (0.05, 0.2, 0.5):
         assert (np.array(p) <= level).mean() <= level + 3 * np.sqrt(level * (1 - level) / len(p))
     assert (np.array(p) <= 0.05).mean() > 0.02
 
 
-def test_what_all_pairs_have_shows_and_one_signature_alone_does_not() -> None:
+def test_what_all_pairs_have_or_what_grows_shows_and_one_signature_alone_does_not() -> None:
     rng = np.random.default_rng(4)
     groups = np.array([f"g{i}" for i in range(12)])
-    noise = rng.standard_normal((12, 100))
-    assert turned_p(noise + (np.arange(100) < 20), groups, rng) < 0.01
-    assert turned_p(noise + 100.0 * (np.arange(100) == 0), groups, rng) > 0.05
-    assert turned_p(np.full((12, 3), np.nan), groups, rng) == 1.0
-    assert turned_p(np.zeros((12, 3)), groups, rng) == 1.0
+    noise, few = rng.standard_normal((12, 100)), np.arange(100) < 20
+    speed = np.stack([np.arange(12.0) - 5.5, np.zeros(12)], axis=1)
+    assert turned_p(noise + few, speed, groups, rng) < 0.01
+    assert turned_p(noise + 0.4 * few * speed[:, :1], speed, groups, rng) < 0.01
+    assert turned_p(noise + 0.4 * few * speed[:, :1], 0 * speed, groups, rng) > 0.05
+    assert turned_p(noise + 100.0 * (np.arange(100) == 0), speed, groups, rng) > 0.05
+    assert turned_p(np.full((12, 3), np.nan), speed, groups, rng) == 1.0
+    assert turned_p(np.zeros((12, 3)), speed, groups, rng) == 1.0
 
 
 def test_recordings_that_differ_among_themselves_are_no_gap_and_what_all_have_is_one() -> None:
