@@ -57,13 +57,15 @@ def exchange_p(evidence: Evidence) -> float | None:
         None where the records are of fewer than `FEWEST_GROUPS` groups.
     """
     real = evidence.parts
-    groups = np.array([c.group or c.name for part in real for c in part.conditions])
+    conditions = [c for part in real for c in part.conditions]
+    groups = np.array([c.group or c.name for c in conditions])
     if np.unique(groups).size < FEWEST_GROUPS:
         return None
     # What is left of the level after matching it on the fit part is no difference of recordings.
-    louder = _mean(_differences(real, _made(evidence)))[signatures.NAMES.index(_LEVEL)]
+    louder = np.nan_to_num(_mean(_differences(real, _made(evidence)))[signatures.NAMES.index(_LEVEL)])
     differences = _differences(real, _made(evidence, float(np.exp(louder))))
-    courses = np.array([(math.log(c.speed_rpm), c.time_s or 0.0) for part in real for c in part.conditions])
+    timed = all(c.time_s is not None for c in conditions)
+    courses = np.array([(math.log(c.speed_rpm), c.time_s if timed else 0.0) for c in conditions], dtype=float)
     return turned_p(differences, courses, groups, np.random.default_rng([evidence.root, len(real)]))
 
 
