@@ -260,19 +260,33 @@ def _virtual_bearing(recipe: Recipe, fault: str, rng: np.random.Generator) -> Vi
 
 def drawn_effect(name: str, fs_hz: float, rng: np.random.Generator) -> Effect:
     """An effect with parameters from all that is plausible, frequencies no higher than 0.45 of the sampling rate."""
-    values: dict[str, float] = {}
+    for attempt in range(_TRIES):
+        try:
+            return make_effect(name, _drawn_values(name, fs_hz, rng), "closed")
+        except TwingapError:  # a band whose lower edge lies above its upper one: drawn again
+            if attempt == _TRIES - 1:
+                raise
+    raise AssertionError("at least one attempt")
+
+
+def _drawn_values(name: str, fs_hz: float, rng: np.random.Generator) -> dict[str, float | bool]:
+    values: dict[str, float | bool] = {}
     for field in dataclasses.fields(catalogue()[name]):  # type: ignore[arg-type]
         about = field.metadata
         if "plausible" not in about or not about.get("fitted", True):
+            continue
+        if field.type in (bool, "bool"):
+            values[field.name] = bool(rng.random() < 0.5)
             continue
         low, high = (float(end) for end in about["plausible"])
         if about["unit"] == "Hz":
             low, high = min(low, 0.4 * fs_hz), min(high, 0.45 * fs_hz)
         value = _log_uniform((low, high), rng) if about.get("log") else _uniform((low, high), rng)
         values[field.name] = round(value) if field.type in (int, "int") else value
-    return make_effect(name, values, "closed")
+    return values
 
 
+_TRIES: Final = 100
 AT_ONCE: Final = 64
 """Bearings integrated together: lanes of the integrator are full, and memory stays bounded."""
 

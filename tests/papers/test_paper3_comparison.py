@@ -26,6 +26,7 @@ from papers.paper3_zoa_dann.task_files import FOLDER, Material, TaskFile, load_r
 from papers.paper3_zoa_dann.trial import ALL, ANALYST, CLOSED, OWN, Trial, noisy, run_trial
 from twingap.adapt import CRITERIA, METHODS, Windows
 from twingap.bearing import BEARINGS
+from twingap.effects import catalogue
 from twingap.errors import TwingapError
 from twingap.records import Condition, RecordSet
 from twingap.rigs import make_rig
@@ -194,6 +195,19 @@ def test_a_closed_gap_changes_the_source_and_nothing_else() -> None:
         assert of[closed].recipe.closed == read_comparison().closed["A"] and not of[plain].recipe.closed
         bare = dataclasses.replace(of[closed], method=plain, recipe=of[plain].recipe)
         assert dataclasses.replace(bare, embedded=of[plain].embedded) == of[plain]
+
+
+@pytest.mark.parametrize("name", catalogue())
+def test_every_effect_can_be_drawn(name: str) -> None:
+    drawn = [drawn_effect(name, 12000.0, np.random.default_rng(seed)) for seed in range(30)]
+    for field in dataclasses.fields(drawn[0]):
+        if not field.metadata.get("fitted", True) or "plausible" not in field.metadata:
+            continue
+        values = [getattr(effect, field.name) for effect in drawn]
+        low, high = field.metadata["plausible"]
+        assert low <= min(values) < max(values) <= high
+        if field.type in (bool, "bool"):
+            assert set(values) == {True, False}
 
 
 def test_effects_of_a_closed_gap_are_plausible_and_some_bearings_have_them() -> None:
