@@ -61,17 +61,17 @@ class Quantities:
     computed: int
 
 
-def trials(ready: Prepared, task: str, options: ComparisonOptions, common: Options, steps: int) -> Iterator[Trial]:
+def trials(ready: Prepared, task: TaskFile, options: ComparisonOptions, common: Options, steps: int) -> Iterator[Trial]:
     """Each quantity under each method, at each seed of the cell."""
     judging, cell = common.judging, ready.cell
     for seed in cell.seeds:
         for method in METHODS:
-            closed = options.closed[task[0]] if method in CLOSED else ()
+            closed = options.closed[task.family] if method in CLOSED else ()
             for quantity in QUANTITIES:
                 inputs = dataclasses.replace(options.inputs, quantity=quantity)
                 training = dataclasses.replace(options.training, steps=steps, vary=inputs.waveforms)
                 yield Trial(
-                    task, cell.available, cell.unseen, method, seed, None, training, inputs, judging.criterion,
+                    task.name, cell.available, cell.unseen, method, seed, None, training, inputs, judging.criterion,
                     judging.held_out, judging.false_alarm, dataclasses.replace(ready.recipe, closed=closed),
                 )  # fmt: skip
 
@@ -80,7 +80,7 @@ def table(found: Sequence[tuple[str, Result[Trial]]]) -> pd.DataFrame:
     """A row per trial, with the data set's title."""
     return pd.DataFrame(
         {
-            "data": data, "family": own.job.task[0], "task": own.job.task, "method": own.job.method,
+            "data": data, "task": own.job.task, "method": own.job.method,
             "quantity": own.job.inputs.quantity, "seed": own.job.seed, "accuracy": own.value["accuracy"],
             "oracle": own.value["oracle_accuracy"], "source_accuracy": own.value["source_accuracy"],
             "seconds": own.seconds,
@@ -160,7 +160,7 @@ def run(
         for ready in prepared(task, target, common, size, seed, out, chosen):
             swept = sweep(
                 functools.partial(run_trial, material=ready.material),
-                list(trials(ready, task.name, options, common, size.steps)),
+                list(trials(ready, task, options, common, size.steps)),
                 data={"material": ready.material.digest}, store=out / "results", backend=backend, address=address,
                 version=version(), on_result=count, describe=lambda job: f"{job.words}, {job.inputs.quantity}",
             )  # fmt: skip

@@ -17,7 +17,7 @@ from papers.paper3_zoa_dann.comparison_study import CONFIG, read_comparison
 from papers.paper3_zoa_dann.options import read_options
 from papers.paper3_zoa_dann.quantities import METHODS, QUANTITIES, main, means, run, trials
 from papers.paper3_zoa_dann.source import Recipe
-from papers.paper3_zoa_dann.task_files import FOLDER
+from papers.paper3_zoa_dann.task_files import FOLDER, read_task
 from twingap.bearing import BEARINGS
 
 SMALL = """
@@ -43,7 +43,7 @@ def test_trials_differ_in_the_quantity_and_in_what_follows_from_it() -> None:
     )
     material: Any = None
     ready = Prepared(Cell("balanced", None, (0, 1), ()), material, {}, recipe)
-    made = list(trials(ready, "A1", options, common, 5))
+    made = list(trials(ready, read_task("A1"), options, common, 5))
     assert len(made) == len(METHODS) * len(QUANTITIES) * 2
     pairs = [made[i : i + 2] for i in range(0, len(made), 2)]
     for waveforms, spectra in pairs:
@@ -58,7 +58,7 @@ def test_trials_differ_in_the_quantity_and_in_what_follows_from_it() -> None:
 def test_gains_are_by_pairs_of_task_and_seed_in_any_order() -> None:
     rows = [
         {
-            "data": "CWRU", "family": "A", "task": task, "method": "Non-DA", "quantity": quantity, "seed": seed,
+            "data": "CWRU", "task": task, "method": "Non-DA", "quantity": quantity, "seed": seed,
             "accuracy": base + (0.25 if quantity != "modes" else 0.0), "oracle": 1.0, "source_accuracy": 0.9,
             "seconds": 1.0,
         }
