@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 
 from twingap.effects import Effect, catalogue
 from twingap.gap.evidence import Compared, Evidence, values_of
+from twingap.gap.exchange import exchangeable
 from twingap.gap.nearest import bring_nearest, no_farther
 from twingap.gap.own_simulator import OwnSimulator
 from twingap.gap.prior import Key, Said
@@ -36,8 +37,8 @@ ROUNDS: Final = 4
 ALPHA: Final = 0.05
 """Level at which a gap to a twin is called one: of 100 machines without one in studies' worlds one lay below 0.17."""
 CAUTIOUS_ALPHA: Final = 0.03
-"""The same for a simulator of the user's own, of whose 50 machines without a gap two lay between; unless an effect is
-sure to be missing."""
+"""The same for a simulator of the user's own whose records are too few to be exchanged (`exchange`), unless an effect
+is sure to be missing: of 50 such machines without a gap two lay between, and exchanges held both for none."""
 SURE: Final = 0.9
 """Probability from which it is. Between both levels lay three searched machines that lacked nothing of the catalogue,
 none of them above 0.8, and eight that did, three of them above 0.9, all with the right effect."""
@@ -215,8 +216,8 @@ def explain(evidence: Evidence, learnt: Learnt, report: Report) -> Explanation:
 
 def level_of_gap(evidence: Evidence, surest: float = 0.0) -> float:
     """P-value of no gap at and below which one is called, where the likeliest effect is as probable as `surest`."""
-    own = isinstance(evidence.against().simulator, OwnSimulator)
-    return ALPHA if not own or surest >= SURE else CAUTIOUS_ALPHA
+    asked_again = not isinstance(evidence.against().simulator, OwnSimulator) or exchangeable(evidence)
+    return ALPHA if asked_again or surest >= SURE else CAUTIOUS_ALPHA
 
 
 def valued(evidence: Evidence, learnt: Learnt, names: Sequence[str]) -> tuple[Effect, ...]:
