@@ -25,7 +25,7 @@ from twingap.bearing import BEARINGS
 from twingap.data.ims import ims_features
 from twingap.errors import TwingapError
 from twingap.prognosis import health_indicator
-from twingap.prognosis.health_indicator import Run, features_of
+from twingap.prognosis.health_indicator import Run, features_of, running
 from twingap.provenance import digest_of_code
 from twingap.records import Condition, RecordSet
 from twingap.signal.kurtosis import spectral_kurtosis
@@ -210,12 +210,6 @@ def running_time(time_s: Array) -> Array:
         return np.zeros(time_s.size)
     usual = float(np.median(steps))
     return np.concatenate([[0.0], np.cumsum(np.where(steps > 3 * usual, usual, steps))])
-
-
-def running(run: Run, healthy_rows: int, share: float) -> NDArray[np.bool_]:
-    """Which records [rows] are not silent: RMS above a share of the median healthy one."""
-    rms = run.features[:, run.names.index("rms")]
-    return np.asarray(rms >= share * np.median(rms[:healthy_rows]))
 
 
 def table_features(part: pd.DataFrame) -> tuple[tuple[str, ...], Array, tuple[str, ...]]:

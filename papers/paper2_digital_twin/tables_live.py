@@ -87,7 +87,7 @@ def targets(options: LiveStudyOptions, drifting: Sequence[Result[Scenario]]) -> 
             "target": f"{options.most_ms:g} ms over the cost of an update", "at least": 1.0,
             "median": options.most_ms / (1e3 * float(np.median(spent))),
             "worst machine": options.most_ms / (1e3 * float(spent.max())),
-            "met": bool(1e3 * np.median(spent) <= options.most_ms), "data": DATA,
+            "met": bool(1e3 * spent.max() <= options.most_ms), "data": DATA,
         })  # fmt: skip
     return pd.DataFrame(rows)
 

@@ -19,7 +19,6 @@ from papers.paper2_digital_twin.degradation_runs import (
     STAND_INS,
     Reading,
     StudyRun,
-    running,
     running_time,
     study_runs,
     table_features,
@@ -35,7 +34,7 @@ from papers.paper2_digital_twin.degradation_study import (
 )
 from twingap.errors import TwingapError
 from twingap.prognosis.degradation_models import MODELS, fit_curve
-from twingap.prognosis.health_indicator import Run, offline_indicators
+from twingap.prognosis.health_indicator import Run, offline_indicators, running
 
 TINY = """
 [profiles.tiny]

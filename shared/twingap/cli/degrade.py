@@ -54,12 +54,21 @@ def degrade(
     from twingap.prognosis.degradation_models import MODELS
     from twingap.prognosis.degrade import DegradeOptions
     from twingap.prognosis.degrade import degrade as run_all
+    from twingap.prognosis.health_indicator import SILENT, Run, running
 
     options = DegradeOptions(healthy, indicator, limit, robust=robust, level=level)
     # The place is tried before the work begins, and filled only after it has ended well.
     with replacing_folder(out) as folder:
         is_folder = kind_of(source) == "folder"
         run, notes = _from_records(source, group) if is_folder else _from_table(source, group)
+        awake = running(run, healthy)
+        if not awake.all():
+            silent = [f"{t:g} s" for t in run.time_s[~awake][:4]] + ["..."] * (int((~awake).sum()) > 4)
+            notes.append(
+                f"{int((~awake).sum())} of {run.time_s.size} records are silent (RMS under {SILENT:g} of the healthy "
+                f"one: machine stopped, or sensor off) and are left out: {', '.join(silent)}"
+            )
+            run = Run(run.name, run.time_s[awake], run.names, run.features[awake])
         with progress("fitting", len(MODELS)) as step:
             found = run_all(run, options, np.random.default_rng(seed), step=step)
         if found.candidates.constant:

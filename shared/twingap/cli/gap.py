@@ -92,6 +92,9 @@ def diagnose(
             "twin: DIR/nearest.toml; with --export its records too, DIR/sim_nearest.",
         ),
     ] = False,
+    jobs: Annotated[
+        int, typer.Option(metavar="J", help="Processes: with 2, half of the records are simulated in another.", min=1)
+    ] = 2,
     track: Annotated[
         bool, typer.Option("--track/--no-track", help="Keep the diagnosis as a run for `twingap ui`.")
     ] = True,
@@ -126,7 +129,7 @@ def diagnose(
             from twingap.gap import diagnose as run  # slow to import: what was mistyped is told before
 
             rng = np.random.default_rng(seed)
-            found = run(records, spec, rng, sim=simulated, report=report_step, nearest=nearest)
+            found = run(records, spec, rng, sim=simulated, report=report_step, nearest=nearest, jobs=jobs)
         about = _with_provenance(found.report, records, spec, twin, sim, seed, begin)
         table = about.to_json()
         data.write_text(dumped(table), encoding="utf-8", newline="\n")

@@ -25,6 +25,7 @@ from twingap.gap.modelled import completed
 from twingap.gap.overall import overall_tests
 from twingap.gap.own_simulator import OwnSimulator
 from twingap.gap.report import Candidate, GapReport, ParameterValue, StandIns, Status, Verdict
+from twingap.gap.second_process import EvidenceOfTwo, SecondProcess, second_process
 from twingap.gap.shrink import Closure, Lessons, closure_interval, curves, paired, shrink_metrics
 from twingap.gap.simulator import Simulator, TwinSimulator
 from twingap.gap.stand_ins import nearest_spec, stand_ins
@@ -118,6 +119,7 @@ def diagnose(
     report: Report = quiet,
     learnt: Learnt | None = None,
     nearest: bool = False,
+    jobs: int = 1,
 ) -> Diagnosis:
     """Where records and twin differ, which effects the twin lacks, and how far the gap shrinks when they are added.
 
@@ -137,6 +139,9 @@ def diagnose(
         is not there.
     nearest : bool
         Whether to look, where a rest remains, for effects that stand in for it: minutes of further work.
+    jobs : int
+        With 2 or more, half of the simulations are made in a second process where there is a core for it. What is
+        found is the same.
 
     Returns
     -------
@@ -153,8 +158,8 @@ def diagnose(
         learnt = load(train(report=lambda what, part: report(f"training, once: {what}", part)))
     # Trees are asked about one row thousands of times: threads would wait for each other longer than they work, on a
     # machine that has other work for minutes.
-    with threadpool_limits(1, user_api="openmp"):
-        return _diagnosed(records, spec, rng, sim, report, learnt, nearest)
+    with threadpool_limits(1, user_api="openmp"), second_process(jobs > 1) as second:
+        return _diagnosed(records, spec, rng, sim, report, learnt, nearest, second)
 
 
 def _diagnosed(
@@ -165,6 +170,7 @@ def _diagnosed(
     report: Report,
     learnt: Learnt,
     nearest: bool,
+    second: SecondProcess | None,
 ) -> Diagnosis:
     begin = time.monotonic()
     if len(records) < 2:
@@ -180,7 +186,12 @@ def _diagnosed(
         notes += told
     calibrated = calibrate(used, None if sim is not None else spec, rng, sim=sim)
     root = root_entropy(rng) >> 66
-    evidence = Evidence(calibrated, simulator_of(calibrated, sim), spec, root, THOROUGH)
+    simulator = simulator_of(calibrated, sim)
+    evidence = (
+        Evidence(calibrated, simulator, spec, root, THOROUGH)
+        if second is None
+        else EvidenceOfTwo(calibrated, simulator, spec, root, THOROUGH, second)
+    )
     found = explain(evidence, learnt, lambda what, part: report(what, 0.1 + 0.5 * part))
     report("exchange of records", 0.6)
     found, unlike = _confirmed(found, evidence)
@@ -290,10 +301,11 @@ class _Trial:
 
     def replicates(self, simulator: Simulator, effects: tuple[Effect, ...], count: int) -> list[Views]:
         """Views of so many simulations of the held-out part."""
+        numbers = range(2, 2 + count)
+        if isinstance(self.evidence, EvidenceOfTwo):
+            return self.evidence.replicates(simulator, effects, numbers)
         made = self.evidence.simulated
-        return [
-            self.evidence.views(made(simulator, effects, self.part.conditions, 2 + k), self.grid) for k in range(count)
-        ]
+        return [self.evidence.views(made(simulator, effects, self.part.conditions, k), self.grid) for k in numbers]
 
     def lessons(self, after: Compared | None = None) -> Lessons:
         """What a classifier can be trained on besides: of finished records, those of the fit part's conditions too."""

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from twingap.errors import TwingapError
 from twingap.prognosis.health_indicator import Run
+from twingap.records.measurable import MOST
 
 Array = NDArray[np.float64]
 
@@ -154,6 +155,12 @@ def _column(path: Path, rows: list[tuple[int, list[str]]], header: list[str], na
         raise TwingapError(
             f"{found} found, a number expected", where=f"{path}, row {rows[at][0]}, column {name}",
             mend="fill it in, or leave out the row or the column",
+        )  # fmt: skip
+    if not float(np.abs(values).max()) < MOST:
+        at = int(np.argmax(np.abs(values)))
+        raise TwingapError(
+            f"{values[at]:.3g} is too large for what was measured", where=f"{path}, row {rows[at][0]}, column {name}",
+            mend="check the unit and how the table was written",
         )  # fmt: skip
     return values
 

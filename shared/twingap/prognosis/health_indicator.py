@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +25,11 @@ from twingap.records.measurable import refuse_unmeasurable
 from twingap.signal.features import PAPER2_FEATURES, paper2_features
 
 Array = NDArray[np.float64]
+
+WINDOW_SAMPLES: Final = 128
+"""Of the spectral kurtosis."""
+SILENT: Final = 0.2
+"""Share of the healthy RMS below which a record is silent: machine stopped, or sensor off."""
 
 
 @dataclass(frozen=True)
@@ -87,7 +93,7 @@ def features_of(
     records: RecordSet,
     name: str | None = None,
     *,
-    window_samples: int = 128,
+    window_samples: int = WINDOW_SAMPLES,
     step: Callable[[], None] = lambda: None,
 ) -> Run:
     """The 15 features of each record of a run, one record in memory at a time.
@@ -131,13 +137,27 @@ def features_of(
     rows = np.empty((len(records), len(PAPER2_FEATURES)))
     for place, at in enumerate(order):
         record = records[int(at)]
-        refuse_unmeasurable(record.samples, f"record {record.condition.name!r}")
+        where, n_samples = f"record {record.condition.name!r}", record.condition.n_samples
+        refuse_unmeasurable(record.samples, where)
+        if n_samples < window_samples:
+            raise TwingapError(
+                f"{n_samples} samples, at least {window_samples} expected for its spectral kurtosis", where=where,
+                mend="give longer records",
+            )  # fmt: skip
         try:
             rows[place] = paper2_features(record.samples, record.condition.fs_hz, window_samples=window_samples).values
         except TwingapError as error:
-            raise TwingapError(error.what, where=f"record {record.condition.name!r}", mend=error.mend) from error
+            raise TwingapError(error.what, where=where, mend=error.mend) from error
         step()
     return Run(name or records.name, times[order], PAPER2_FEATURES, rows)
+
+
+def running(run: Run, healthy_rows: int, share: float = SILENT) -> NDArray[np.bool_]:
+    """Which records [rows] are not silent: RMS above a share of the median healthy one. All, where no RMS is known."""
+    if "rms" not in run.names:
+        return np.ones(run.time_s.size, dtype=bool)
+    rms = run.features[:, run.names.index("rms")]
+    return np.asarray(rms >= share * np.median(rms[:healthy_rows]))
 
 
 def online_indicators(

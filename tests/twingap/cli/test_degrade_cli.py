@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import json
 from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
@@ -15,7 +16,7 @@ from tests.twingap.cli.typed import Run, refused
 from twingap.bearing import BEARINGS
 from twingap.prognosis.feature_table import read_feature_table
 from twingap.records import Condition, Record
-from twingap.records.folder import write_records
+from twingap.records.folder import read_record_set, write_records
 
 FILES = {"indicator.csv", "candidates.csv", "models.csv", "degradation.json", "degradation.png"}
 Table = Callable[..., Path]
@@ -135,6 +136,28 @@ def test_records_of_one_run(twingap: Run, records: Path, tmp_path: Path) -> None
     assert not (tmp_path / "no").exists()
 
 
+def test_silent_records_are_left_out_and_that_is_said(
+    twingap: Run, table: Table, records: Path, tmp_path: Path
+) -> None:
+    rows = made()
+    gone = [row for k, row in enumerate(rows) if k not in (50, 61)]
+    for row in rows:
+        del row["index"]  # counts rows while none is missing
+    silent = [{**row, "rms": 0.01} if k in (50, 61) else row for k, row in enumerate(rows)]
+    said = twingap(table(silent), "--out", tmp_path / "silent", "--indicator", "rms")
+    assert said.status == 0 and "2 of 80 records are silent" in said.out and "30000 s, 36600 s" in said.out
+    assert twingap(table(gone), "--out", tmp_path / "gone", "--indicator", "rms").status == 0
+    assert (tmp_path / "silent/models.csv").read_bytes() == (tmp_path / "gone/models.csv").read_bytes()
+    set_of = read_record_set(records).select(lambda c: c.group == "ä")
+    dead = [Record(r.condition, 0.0 * r.samples if k == 40 else r.samples) for k, r in enumerate(set_of)]
+    folder = write_records(tmp_path / "dead", "made", "g", BEARINGS["PRONOSTIA"], None, dead)
+    said = twingap(folder, "--out", tmp_path / "out")
+    assert said.status == 0 and "1 of 45 records are silent" in said.out
+    short = [Record(replace(r.condition, n_samples=100), r.samples[:100]) for r in set_of]
+    folder = write_records(tmp_path / "short", "made", "g", BEARINGS["PRONOSTIA"], None, short)
+    refused(twingap(folder, "--out", tmp_path / "no"), "100 samples, at least 128 expected", "longer records")
+
+
 def test_rows_out_of_order_are_sorted_and_that_is_said(twingap: Run, table: Table, tmp_path: Path) -> None:
     rows = made()
     for row in rows:  # counts rows only while they are in order
@@ -165,6 +188,7 @@ def test_mistakes_are_one_line_and_leave_nothing(twingap: Run, table: Table, tmp
     bad: list[tuple[list[dict[str, object]], tuple[str, ...]]] = [
         (changed(7, rms="nan"), ("'nan' found, a number expected", "row 9, column rms")),
         (changed(7, rms="inf"), ("'inf' found", "row 9, column rms")),
+        (changed(7, rms=-1e200), ("-1e+200 is too large", "row 9, column rms")),
         (changed(7, rms=""), ("an empty cell found", "row 9, column rms")),
         (changed(7, rms="high"), ("'high' found, a number expected", "row 9")),
         (changed(7, time_s=""), ("an empty cell", "row 9, column time_s")),
