@@ -26,6 +26,7 @@ from twingap.prognosis import (
     run,
     simulated_lives,
     speed_influence,
+    struck_modes,
     training,
 )
 from twingap.provenance import digest_of_code
@@ -36,6 +37,6 @@ def code_of_training() -> str:
     return digest_of_code(
         cases, job, models, twingap.adapt.dann, twingap.adapt.nets, twingap.adapt.training,
         adaptive_twin, anomaly, architecture, degradation, encoding, healthy, losses, metrics, network, remaining_life,
-        run, simulated_lives, speed_influence, training, twingap.bearing, twingap.effects, twingap.identify,
-        twingap.records, twingap.streams, twingap.twins,
+        run, simulated_lives, speed_influence, struck_modes, training, twingap.bearing, twingap.effects,
+        twingap.identify, twingap.records, twingap.streams, twingap.twins,
     )  # fmt: skip

@@ -42,6 +42,7 @@ from twingap.bearing import BEARINGS
 from twingap.errors import TwingapError
 from twingap.identify import identify
 from twingap.identify.contact import BOUNDS
+from twingap.identify.contact_bottom import NOTHING
 from twingap.identify.contact_objective import SpectrumObjective, states_of
 from twingap.identify.optimise import OPTIMISERS, Traced
 from twingap.provenance import digest_of_code
@@ -86,7 +87,7 @@ def compare(job: Comparison, fit: RecordSet, judge: RecordSet) -> dict[str, Any]
         raise TwingapError("cannot be simulated at this sampling rate", where=f"K = {job.stiffness:g}")
     cost, powers = objective.match(parts)
     # Where the fit leaves nothing to the contact, noise alone through its mode is what was identified.
-    scale = float(np.sqrt(max(powers[0], 1e-12 * powers.sum())))
+    scale = float(np.sqrt(max(powers[0], NOTHING * powers.sum())))
     structure, white = (float(v) / scale for v in np.sqrt(powers[1:]))
     (measured,) = judge.select(lambda c: c.fault == job.fault)
     out: dict[str, Any] = {"cost": cost, "contact share": float(_share(parts, powers))}

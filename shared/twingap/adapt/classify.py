@@ -196,6 +196,8 @@ def classify(
     TwingapError
         For records or a twin that cannot be used: no bearing, several rates, too short, not finite, constant.
     """
+    from twingap.twins.twin_file import overruled
+
     options = options or ClassifyOptions()
     records = records.without_labels()
     bearing = records.bearing or spec.bearing
@@ -207,7 +209,7 @@ def classify(
         )
     length = window_samples(records, bearing)
     _refuse_unreadable(records)
-    notes: list[str] = []
+    notes = [other] if (other := overruled(spec, records.bearing)) else []
     known = stated(spec)
     if options.match and options.method == ORDERS:
         report("reading speeds", 0.0)

@@ -83,7 +83,7 @@ def rul(
     from twingap.prognosis.run_records import read_run
     from twingap.records.table import write_table
 
-    if limit is not None and not limit > 0:
+    if limit is not None and not (math.isfinite(limit) and limit > 0):
         raise TwingapError(f"limit = {limit:g}, a positive amplitude expected", where="--limit")
     if not (math.isfinite(limit_ratio) and limit_ratio > 1):
         raise TwingapError(f"ratio = {limit_ratio:g}, more than 1 expected", where="--limit-ratio")
@@ -151,6 +151,8 @@ def _meaning(options: LifeOptions, unit: str) -> str:
         end = f"{options.limit_ratio:g} times the healthy peak to peak (--limit-ratio; or --limit in the records' unit)"
     rule = options.rule
     return (
-        f"life ends at {end}; an alarm is false in {rule.false_alarm:g} of runs of {rule.horizon_rows} independent "
+        f"the first {options.healthy_rows} rows of the running machine count as healthy (--healthy-rows): amplitude "
+        f"and alarms are relative to them; life ends at {end}; an alarm is false in {rule.false_alarm:g} of runs of "
+        f"{rule.horizon_rows} independent "
         "healthy rows; 90 % intervals are calibrated on simulated runs, and hold for growth that is like one of those"
     )

@@ -37,7 +37,7 @@ from twingap.gap.which import ALPHA, ALPHA_REST, SURE, Estimated, Explanation, e
 from twingap.provenance import versions
 from twingap.records import Condition, Record, RecordSet
 from twingap.streams import root_entropy
-from twingap.twins.twin_file import TwinSpec, flat
+from twingap.twins.twin_file import TwinSpec, flat, overruled
 
 Report = Callable[[str, float], None]
 
@@ -178,12 +178,12 @@ def _diagnosed(
             "holds one record, at least 2 expected: one to calibrate with, one to measure on",
             where=f"record set {records.name!r}", mend="cut longer recordings into records",
         )  # fmt: skip
-    notes: list[str] = []
+    notes = [told] if sim is None and (told := overruled(spec, records.bearing)) else []
     used = _thinned(records, notes)
     report("calibration", 0.02)
     if sim is None:
-        spec, told = completed(used, spec, copy.deepcopy(rng), learnt)
-        notes += told
+        spec, completing = completed(used, spec, copy.deepcopy(rng), learnt)
+        notes += completing
     calibrated = calibrate(used, None if sim is not None else spec, rng, sim=sim)
     root = root_entropy(rng) >> 66
     simulator = simulator_of(calibrated, sim)

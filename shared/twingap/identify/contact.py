@@ -104,8 +104,8 @@ def identify_contact(
     if bottom.scatter is not None and bottom.error > MISFIT:
         notes.append("the twin's spectra are not the records': what it lacks moves values beyond their intervals")
     if bottom.powers[0] == 0:
-        notes.append("no trace of the contact's vibration in the records: scale keeps its value")
-    found = bottom.estimates(twin.parameters.scale, level)
+        notes.append("no trace of the contact's vibration in the records: scale is next to nothing, noise is all")
+    found = bottom.estimates(level)
     fits = tuple(
         Fit(
             f"{state.fault}, {len(state.measured.places)} at {state.measured.fs_hz:g} Hz",

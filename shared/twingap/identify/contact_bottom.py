@@ -37,6 +37,8 @@ RADIUS: Final = np.array([[0.001, 0.02, 0.1], [0.005, 0.07, 0.4]])
 OWN: Final = np.array([0.001, 0.005, 0.005, 0.005, 0.005])
 """Standard deviation, of the logarithms of `NAMES`, of what the descent itself is off by however long the records are:
 a surface that is not quite quadratic, powers that cannot be negative. Seen on simulated machines, added to the rest."""
+NOTHING: Final = 1e-12
+"""Of the contact's power over that of the noises, where records hold no trace of it."""
 NAMES: Final = ("stiffness", "damping", "scale", "structure_noise_rms", "white_noise_rms")
 
 
@@ -64,11 +66,11 @@ class Bottom:
     parts: Parts
     scatter: Spread | None
 
-    def estimates(self, scale: float, level: float) -> dict[str, Estimate]:
-        """Values with intervals at this level; `scale` (record units per m/s^2) serves where none was found."""
+    def estimates(self, level: float) -> dict[str, Estimate]:
+        """Values with intervals at this level; without where noise is all there is, which then is relative to next to
+        nothing."""
         if self.powers[0] == 0:
-            noises = np.sqrt(self.powers[1:]) / scale
-            values = np.array([*np.exp(self.point), scale, *noises])
+            values = _values(self.point, np.array([NOTHING * self.powers.sum(), *self.powers[1:]]))
             return {name: Estimate(float(v)) for name, v in zip(NAMES, values, strict=True)}
         values = _values(self.point, self.powers)
         out = {}

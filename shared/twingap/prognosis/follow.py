@@ -279,10 +279,17 @@ def _row(row: RunRow, e: Estimate) -> dict[str, Any]:
     return dict(zip(COLUMNS, (row.name, int(e.anomaly), *cells), strict=True))
 
 
-def _shortened(notes: Sequence[str], kept: int = 6) -> list[str]:
-    """The first notes, and how many more there are."""
-    more = [f"and {len(notes) - kept} more notes of such kinds"] if len(notes) > kept else []
-    return [*notes[:kept], *more]
+def _shortened(notes: Sequence[str], kept: int = 3) -> list[str]:
+    """The first notes of each kind (by their first words), and how many more of it there are."""
+    kinds: dict[str, list[str]] = {}
+    for note in notes:
+        kinds.setdefault(" ".join(note.split()[:2]), []).append(note)
+    out = []
+    for alike in kinds.values():
+        more = len(alike) - kept
+        out += alike[:kept] if more > 1 else alike  # a line that says "1 more" is no shorter than that one
+        out += [f"and {more} more such notes"] if more > 1 else []
+    return out
 
 
 def _why_none(life: OnlineLife, usable: int) -> str:

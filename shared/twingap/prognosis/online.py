@@ -169,10 +169,13 @@ class OnlineLife:
             if len(self._healthy) >= self.options.healthy_rows:
                 self._learn(row)
             return
-        if self.alarm_row is None and not self._known(speed_rpm):
+        limit = self.options.limit
+        if self.alarm_row is None and limit is not None and peak_to_peak >= limit:
+            self._ended_at_once(row, peak_to_peak)
+        elif self.alarm_row is None and not self._known(speed_rpm):
             self._learn_speed(speed_rpm, peak_to_peak)
-            return
-        self._judge(row, speed_rpm, peak_to_peak)
+        else:
+            self._judge(row, speed_rpm, peak_to_peak)
 
     def estimate(self) -> Estimate:
         """Remaining life after the rows taken so far."""
@@ -331,6 +334,14 @@ class OnlineLife:
             )  # fmt: skip
         self._highest_gain = healthy
 
+    def _ended_at_once(self, row: int, peak_to_peak: float) -> None:
+        """The limit is the owner's: what reaches it is the end, whatever came before."""
+        self.onset_row = self.alarm_row = self.end_row = row
+        self.notes.append(
+            f"{peak_to_peak:.4g} peak to peak in row {row} reach the limit before any anomaly was known; if that is "
+            "how a sound machine vibrates at this speed, raise the limit"
+        )
+
     def _known(self, speed_rpm: float) -> bool:
         assert self._influence is not None
         near = np.abs(self._influence.speeds_rpm / speed_rpm - 1) <= self._same_speed
@@ -353,7 +364,7 @@ class OnlineLife:
             np.concatenate((old.counts, new.counts))[order],
         )
         del self._learning[place]
-        self._check_limit()
+        self._highest_gain = max(self._highest_gain, float(self._influence.amplitude(self._influence.speeds_rpm).max()))
         self.notes.append(
             f"{new.speeds_rpm[0]:.0f} rpm was not among the healthy rows: its healthy amplitude is learnt from its "
             f"first {len(rows)} rows, which are not judged"

@@ -13,6 +13,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path, PurePosixPath, PureWindowsPath
+from typing import Final
 
 import numpy as np
 
@@ -21,6 +22,9 @@ from twingap.records.folder import read_description
 from twingap.records.measurable import refuse_unmeasurable
 from twingap.records.samples import Channel, SampleFile, inspect
 from twingap.records.table import Row, read_table
+
+_LONGEST_S: Final = 1e10
+"""Three hundred years: milliseconds for seconds are found, and what was read wrongly."""
 
 
 @dataclass(frozen=True)
@@ -122,6 +126,11 @@ def read_run(
     if order != list(range(len(found))):
         notes.append("records.csv is not in order of time: rows are taken, and written, by time_s")
     times = [found[place].time_s for place in order]
+    if times and times[-1] - times[0] > _LONGEST_S:
+        raise TwingapError(
+            f"time_s spans {times[-1] - times[0]:.3g} s, more than any run lasts", where=table,
+            mend="give seconds since the start of the run",
+        )  # fmt: skip
     if twice := sum(a == b for a, b in pairwise(times)):
         notes.append(f"{twice} rows have the time of the row before: they are taken as they stand in the table")
     if still := sum(row.speed_rpm == 0 for row in found):

@@ -242,6 +242,21 @@ def build_twin(spec: TwinSpec, bearing: Bearing | None = None, unit: str = "m/s^
     return model.build(model_parameters(spec), bearing, effects, unit)
 
 
+def overruled(spec: TwinSpec, bearing: Bearing | None) -> str | None:
+    """A sentence for people where the records bring another geometry than the spec: theirs is used."""
+    if bearing is None or spec.bearing is None:
+        return None
+    ours, theirs = (
+        (b.n_rollers, b.roller_diameter_mm, b.pitch_diameter_mm, b.contact_angle_deg) for b in (spec.bearing, bearing)
+    )
+    if ours == theirs:
+        return None
+    return (
+        f"the twin file's bearing ({ours[0]} rollers of {ours[1]:g} on {ours[2]:g} mm) is not that of the records "
+        f"({theirs[0]} of {theirs[1]:g} on {theirs[2]:g} mm): the records' is used"
+    )
+
+
 def model_of(spec: TwinSpec) -> Model:
     """The registered model that a spec names.
 

@@ -145,7 +145,15 @@ def test_a_single_record_and_healthy_rows_alone(twingap: Run, folder: Path, tmp_
         return rows[:2]
 
     said = twingap(edited(folder, one), "--out", tmp_path / "a.csv")
-    assert said.status == 0 and "too few" in said.err
+    assert said.status == 0 and "too few" in said.err and "first 60 rows" in said.err
+
+    header = rows_of(folder / "records.csv")[0]
+
+    def at_last(rows: list[list[str]]) -> list[list[str]]:
+        rows[-1][header.index("time_s")] = "1e300"
+        return rows
+
+    refused(twingap(edited(folder, at_last), "--out", tmp_path / "b.csv"), "time_s spans 1e+300 s", "seconds")
     assert rows_of(tmp_path / "a.csv")[1] == ["ä 0", "0", "", "", "", ""]
 
 
@@ -253,7 +261,7 @@ def test_a_description_that_is_wrong_is_refused_in_a_line(
     [
         (("--limit-ratio", "1"), ("--limit-ratio",)), (("--limit", "1e-12"), ("raise the limit",)),
         (("--group", "b"), ("'b'", "rig")), (("--prior", "nowhere"), ("nowhere", "no such run")),
-        (("--gaps", "perhaps"), ("perhaps",)),
+        (("--gaps", "perhaps"), ("perhaps",)), (("--limit", "inf"), ("--limit", "limit = inf, a positive amplitude")),
     ],
 )  # fmt: skip
 def test_impossible_options_are_refused_in_a_line(

@@ -10,6 +10,7 @@ from twingap.bearing import BEARINGS
 from twingap.errors import TwingapError
 from twingap.identify import identify
 from twingap.identify.contact import identify_contact
+from twingap.identify.contact_bottom import Bottom
 from twingap.identify.contact_objective import SpectrumObjective, states_of
 from twingap.identify.optimise import Array, Objective, differential_evolution
 from twingap.records import Condition, Record, RecordSet
@@ -161,6 +162,18 @@ def test_healthy_records_alone_leave_scale_as_it_is() -> None:
     found = identify(spec, records(faults=("healthy",)), np.random.default_rng(0))
     assert "scale" not in flat(found.spec.parameters)
     assert any("scale keeps its value" in note for note in found.notes)
+
+
+def test_where_contact_leaves_no_trace_noise_is_what_is_simulated() -> None:
+    """A contact at its default level would drown it."""
+    powers = np.array([0.0, 0.04, 0.01])
+    found = Bottom(np.log([4e9, 800.0]), 0.6, powers, [], None).estimates(0.9)
+    scale, structure, white = (found[n].value for n in ("scale", "structure_noise_rms", "white_noise_rms"))
+    assert (scale * structure, scale * white) == pytest.approx((0.2, 0.1)) and scale < 1e-6
+    own = ContactParameters(4e9, 800.0, scale=scale, structure_noise_rms=structure, white_noise_rms=white)
+    condition = Condition("i", 1797.0, 12000.0, 24000, "inner")
+    (made,) = ContactTwin(BEARINGS["6205"], own, unit="g").simulate([condition], np.random.default_rng(3))
+    assert made.samples.std() == pytest.approx(np.sqrt(powers.sum()), rel=0.1)
 
 
 def test_states_that_the_model_does_not_know() -> None:

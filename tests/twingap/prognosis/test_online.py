@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from twingap.errors import TwingapError
 from twingap.prognosis.calibration import TERMS, Posterior, calibrated
 from twingap.prognosis.calibration_table import TABLE
+from twingap.prognosis.follow import _shortened
 from twingap.prognosis.interval_study import check_bench, covered, informed, learn, study
 from twingap.prognosis.online import Estimate, LifeOptions, OnlineLife
 from twingap.prognosis.prior import LogNormal, Prior
@@ -227,3 +228,23 @@ def test_a_new_speed_before_any_anomaly_is_learnt_from_its_own_rows() -> None:
         height = (1.0 if row < 100 else 6.0) * (2.5 if row >= 200 else 1.0)
         life.take(float(row), speed, height * float(np.exp(0.05 * rng.normal())))
     assert life.onset_row == 200 and any("1500 rpm was not among" in note for note in life.notes)
+
+
+def test_the_owners_limit_ends_life_before_any_anomaly_too() -> None:
+    """A bearing that breaks within a row or two of its last healthy one; and nothing said before is undone."""
+    rng = np.random.default_rng(13)
+    scatter = np.exp(0.05 * rng.normal(size=130))
+    life = OnlineLife(LifeOptions(limit=15.0))
+    said = [life.update(float(row), 1500.0, 20.0 if row >= 128 else float(scatter[row])) for row in range(130)]
+    assert life.end_row == 128 and [e.anomaly for e in said] == [False] * 128 + [True] * 2
+    assert said[-1].revolutions == 0.0 and any("before any anomaly was known" in note for note in life.notes)
+    life = OnlineLife(LifeOptions(limit=5.0))
+    for row in range(120):
+        life.take(float(row), 1500.0 if row < 100 else 3000.0, float(scatter[row]) * (1.0 if row < 100 else 6.0))
+    assert life.end_row == 100 and any("raise the limit" in note for note in life.notes)
+
+
+def test_notes_of_one_kind_do_not_hide_the_others() -> None:
+    gaps = [f"gap of {n} s before time_s = {n}" for n in range(9)]
+    assert _shortened([*gaps, "no healthy start"]) == [*gaps[:3], "and 6 more such notes", "no healthy start"]
+    assert _shortened(gaps[:4]) == gaps[:4]

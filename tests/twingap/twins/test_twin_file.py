@@ -26,6 +26,7 @@ from twingap.twins.twin_file import (
     TwinSpec,
     build_twin,
     model_parameters,
+    overruled,
     read_twin,
     register_model,
     tables_of,
@@ -252,3 +253,10 @@ def test_simulating_from_a_file_equals_simulating_from_code(tmp_path: Path) -> N
     other = PhenomenologicalTwin(BEARINGS["6205"], own).simulate(conditions, np.random.default_rng(3))
     assert np.array_equal(one[0].samples, other[0].samples)
     assert math.isclose(build_twin(spec, BEARINGS["6205"]).reference_rms, 0.5)
+
+
+def test_another_bearing_than_the_records_is_said_and_a_name_alone_is_none() -> None:
+    spec = TwinSpec("phenomenological", bearing=Bearing("mine", 12, 7.94, 39.04))
+    assert "12 rollers of 7.94 on 39.04 mm" in (overruled(spec, BEARINGS["6205"]) or "")
+    assert overruled(spec, Bearing("theirs", 12, 7.94, 39.04)) is None
+    assert overruled(spec, None) is None and overruled(TwinSpec("contact"), BEARINGS["6205"]) is None
