@@ -137,20 +137,23 @@ def command(
     arguments: Sequence[str] | None = None,
     *,
     takes: Collection[str] = (),
+    told: Callable[[S], Iterable[str]] = lambda study: (),
 ) -> None:
-    """Run a study as its command line says; a mistake of the user's is one line, an interruption another.
+    """Run a study as its command line says, tracked; a mistake of the user's is one line, an interruption another.
 
     Parameters
     ----------
     run : callable
-        ``run(profile, out=, backend=, progress=, ...)``.
+        ``run(profile, out=, backend=, log=, progress=, ...)``.
     description : str
     shown : callable
         Title -> table, of what `run` returned: printed at the end.
     arguments : sequence of str, optional
         The process's own when absent.
-    takes : collection of {"root", "seed"}
+    takes : collection of {"root", "seed", "device"}
         What else `run` takes.
+    told : callable
+        Lines to print below the tables.
 
     Raises
     ------
@@ -158,6 +161,8 @@ def command(
         With status 2 after a mistake, 130 when interrupted.
     """
     import argparse
+
+    from twingap.track import MlflowTracker, NullTracker
 
     parser = argparse.ArgumentParser(description=description)
     parser.add_argument("--profile", default="smoke")
@@ -167,13 +172,22 @@ def command(
         parser.add_argument("--root", type=Path, help="data root; TWINGAP_DATA when absent")
     if "seed" in takes:
         parser.add_argument("--seed", type=int, default=0)
+    if "device" in takes:
+        parser.add_argument("--device", default="auto", choices=("auto", "cpu", "cuda"))
+    parser.add_argument("--tracking-uri", help="of MLflow's store; MLFLOW_TRACKING_URI, or a file in .twingap")
+    parser.add_argument("--no-track", action="store_true", help="keep no run for `twingap ui`")
     given = vars(parser.parse_args(arguments))
+    profile, uri, untracked = (given.pop(name) for name in ("profile", "tracking_uri", "no_track"))
 
     def say(what: str, done: int, total: int) -> None:
         print(f"\r{what}: {done} of {total}", end="" if done < total else "\n", file=sys.stderr, flush=True)
 
+    name = run.__module__.rpartition(".")[2]
     try:
-        study = run(given.pop("profile"), **given, progress=say)
+        tracker = NullTracker() if untracked else MlflowTracker(uri)
+        with tracker.run(name, _tags(run, profile)) as log:
+            log.parameters({"profile": profile} | {key: given[key] for key in ("seed", "device") if key in given})
+            study = run(profile, **given, log=log, progress=say)
     except KeyboardInterrupt:
         print("\ntwingap: interrupted; what was finished is kept, run the same command to go on", file=sys.stderr)
         raise SystemExit(130) from None
@@ -182,4 +196,11 @@ def command(
         raise SystemExit(2) from None
     for title, frame in shown(study).items():
         print(f"\n{title}\n{frame.to_string(index=False, float_format=lambda v: f'{v:.4g}')}")
-    print(given["out"] / "tables", given["out"] / "figures", sep="\n")
+    print(*told(study), given["out"] / "tables", given["out"] / "figures", sep="\n")
+
+
+def _tags(run: Callable[..., Any], profile: str) -> dict[str, str]:
+    """What a run is found by: the paper and the study that its function is of."""
+    *folders, study = run.__module__.split(".")
+    paper = folders[-1].partition("_")[0] if folders else ""
+    return {"paper": paper, "study": study, "profile": profile}

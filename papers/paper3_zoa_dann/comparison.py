@@ -14,7 +14,6 @@ from __future__ import annotations
 
 import dataclasses
 import functools
-import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -49,13 +48,14 @@ from papers.paper3_zoa_dann.source import FREE, Recipe
 from papers.paper3_zoa_dann.task_files import FOLDER, Material, TaskFile, load_recordings, material, read_task
 from papers.paper3_zoa_dann.tasks import Target
 from papers.paper3_zoa_dann.trial import ALL, CLOSED, Trial, noise_words, run_trial
+from papers.studies import command
 from twingap.errors import TwingapError
 from twingap.provenance import digest_of_code, digest_of_path
 from twingap.sweep import Result, sweep
 from twingap.track import NullTracker, Run
 
 if TYPE_CHECKING:
-    pass
+    import pandas as pd
 
 
 @dataclass(frozen=True)
@@ -355,44 +355,25 @@ def _log_trial(log: Run, found: Result[Trial]) -> None:
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """The comparison from the command line."""
-    import argparse
+    command(
+        run, "Paper 3's comparison of methods: tables and figures.", _shown, arguments,
+        takes=("root", "seed", "device"), told=_told,
+    )  # fmt: skip
 
+
+def _shown(made: Comparison) -> dict[str, pd.DataFrame]:
     import pandas as pd
 
-    parser = argparse.ArgumentParser(description="Paper 3's comparison of methods: tables and figures.")
-    parser.add_argument("--profile", default="smoke")
-    parser.add_argument("--out", type=Path, required=True)
-    parser.add_argument("--root", type=Path, help="data root; TWINGAP_DATA when absent")
-    parser.add_argument("--backend", default="loky")
-    parser.add_argument("--device", default="auto", choices=("auto", "cpu", "cuda"))
-    asked = parser.parse_args(arguments)
-
-    def say(what: str, done: int, total: int) -> None:
-        print(f"\r{what}: {done} of {total}", end="" if done < total else "\n", file=sys.stderr, flush=True)
-
-    try:
-        made = run(
-            asked.profile, out=asked.out, root=asked.root, backend=asked.backend, device=asked.device, progress=say
-        )
-    except KeyboardInterrupt:
-        print("\ntwingap: interrupted; what was finished is kept, run the same command to go on", file=sys.stderr)
-        raise SystemExit(130) from None
-    except TwingapError as error:
-        print(f"twingap: {error}", file=sys.stderr)
-        raise SystemExit(2) from None
     from papers.paper3_zoa_dann.tables_comparison import shown
 
-    for table in (pd.DataFrame(shown(made.tables)), made.tables["comparison-published"]):
-        print(f"\n{table.to_string(index=False, float_format=lambda v: f'{v:.4g}')}")
+    return {"accuracy": pd.DataFrame(shown(made.tables)), "published": made.tables["comparison-published"]}
+
+
+def _told(made: Comparison) -> Iterator[str]:
     if made.missing:
-        print(f"no data at hand for {', '.join(made.missing)}: left out")
+        yield f"no data at hand for {', '.join(made.missing)}: left out"
     count = sum(len(outcome.trials) for outcome in made.outcomes)
-    print(
-        f"{count} trials, {made.core_hours:.2f} core hours in all; {made.computed} run now",
-        asked.out / "tables",
-        asked.out / "figures",
-        sep="\n",
-    )
+    yield f"{count} trials, {made.core_hours:.2f} core hours in all; {made.computed} run now"
 
 
 if __name__ == "__main__":

@@ -38,6 +38,7 @@ from papers.paper3_zoa_dann.identification_study import (
     StudyOptions,
     read_study,
 )
+from papers.studies import command
 from twingap.bearing import BEARINGS
 from twingap.errors import TwingapError
 from twingap.identify import identify
@@ -277,22 +278,11 @@ def _share(parts: Sequence[Array], powers: Array) -> float:
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """The study from the command line."""
-    import argparse
-
-    parser = argparse.ArgumentParser(description="Identification of paper 3's twin: tables and figures.")
-    parser.add_argument("--profile", default="smoke")
-    parser.add_argument("--out", type=Path, required=True)
-    parser.add_argument("--root", type=Path, help="data root; TWINGAP_DATA when absent")
-    parser.add_argument("--backend", default="loky")
-    asked = parser.parse_args(arguments)
-    try:
-        study = run(asked.profile, out=asked.out, root=asked.root, backend=asked.backend)
-    except TwingapError as error:
-        print(f"twingap: {error}", file=sys.stderr)
-        raise SystemExit(2) from None
-    for name, frame in study.tables.items():
-        print(f"\n{name} ({study.data})\n{frame.to_string(index=False, float_format=lambda v: f'{v:.4g}')}")
-    print(asked.out / "tables", asked.out / "figures", sep="\n")
+    command(
+        run, "Identification of paper 3's twin: tables and figures.",
+        lambda study: {f"{name} ({study.data})": frame for name, frame in study.tables.items()},
+        arguments, takes=("root",),
+    )  # fmt: skip
 
 
 if __name__ == "__main__":

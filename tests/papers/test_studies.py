@@ -72,12 +72,28 @@ def test_a_command_line_runs_the_study_and_prints_its_tables(
 
     typed = ["--out", str(tmp_path), "--root", "here", "--backend", "sequential"]
     studies.command(run, "A study.", lambda study: study.tables, typed, takes=("root",))
-    given.pop("progress")
+    assert {name: given.pop(name) is not None for name in ("progress", "log")} == {"progress": True, "log": True}
     assert given == {"profile": "smoke", "out": tmp_path, "root": Path("here"), "backend": "sequential"}
     said = capsys.readouterr()
     assert said.out.startswith("\nof-a\n") and "1.235" in said.out
     assert said.out.endswith(f"{tmp_path / 'tables'}\n{tmp_path / 'figures'}\n")
     assert said.err == "\rwork: 1 of 2\rwork: 2 of 2\n"
+
+
+def test_a_study_run_alone_is_tracked_as_the_pipeline_is(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    from mlflow import MlflowClient
+
+    uri = f"sqlite:///{tmp_path / 'runs' / 'mlflow.db'}"
+    typed = ["--out", str(tmp_path / "out"), "--backend", "sequential", "--tracking-uri", uri]
+    dynamics.main(typed)
+    dynamics.main([*typed, "--no-track"])
+    client = MlflowClient(uri)
+    (experiment,) = [e for e in client.search_experiments() if e.name == "twingap"]
+    (kept,) = client.search_runs([experiment.experiment_id])
+    assert kept.info.run_name == "dynamics" and kept.data.params["profile"] == "smoke"
+    assert {name: kept.data.tags[name] for name in ("paper", "study")} == {"paper": "paper2", "study": "dynamics"}
+    assert any("dynamics-balance" in found.path for found in client.list_artifacts(kept.info.run_id, "tables"))
+    assert "dynamics-balance" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize(
@@ -126,7 +142,7 @@ def test_every_study_is_looked_at() -> None:
 
 def test_what_the_command_line_has_finished_the_pipeline_takes_up(tmp_path: Path) -> None:
     module = "papers.paper2_digital_twin.dynamics"
-    typed = [sys.executable, "-m", module, "--out", str(tmp_path), "--backend", "sequential"]
+    typed = [sys.executable, "-m", module, "--out", str(tmp_path), "--backend", "sequential", "--no-track"]
     subprocess.run(typed, check=True, capture_output=True, cwd=FOLDER.parent)
     again = dynamics.run("smoke", out=tmp_path, backend="sequential", draw=False)
     assert not any(result.why for result in (*again.healthy, *again.faulty))
