@@ -14,7 +14,9 @@ from __future__ import annotations
 
 import dataclasses
 import functools
+import shutil
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -275,6 +277,16 @@ def prepared(
         yield Prepared(cell, own, identification.value, recipe)
 
 
+@contextmanager
+def kept_modes(out: Path) -> Iterator[Path]:
+    """A folder for the modes that trials of one cell share, gone with the block: of all cells they are gigabytes."""
+    folder = (out / "modes").absolute()
+    try:
+        yield folder
+    finally:
+        shutil.rmtree(folder, ignore_errors=True)
+
+
 def _run_task(
     task: TaskFile,
     target: Target,
@@ -293,11 +305,12 @@ def _run_task(
         key = (ready.cell.available, ready.cell.unseen)
         materials[key], identified[key] = ready.material, ready.identified
         # The device is bound and no part of the key: what a training is does not depend on where it runs.
-        results += swept(
-            functools.partial(run_trial, material=ready.material, device=device),
-            list(trials(task, ready.cell, ready.recipe, options, common, size, seed)),
-            data={"material": ready.material.digest},
-        )
+        with kept_modes(out) as modes:
+            results += swept(
+                functools.partial(run_trial, material=ready.material, device=device, modes=modes),
+                list(trials(task, ready.cell, ready.recipe, options, common, size, seed)),
+                data={"material": ready.material.digest},
+            )
     return TaskOutcome(task, target.title, materials, identified, results)
 
 

@@ -23,7 +23,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 import pandas as pd
 
-from papers.paper3_zoa_dann.comparison import Cell, Prepared, cells, prepared, version
+from papers.paper3_zoa_dann.comparison import Cell, Prepared, cells, kept_modes, prepared, version
 from papers.paper3_zoa_dann.comparison_study import CONFIG, ComparisonOptions, read_comparison
 from papers.paper3_zoa_dann.options import read_options
 from papers.paper3_zoa_dann.significance import sign_flip
@@ -158,12 +158,13 @@ def run(
     found: list[tuple[str, Result[Trial]]] = []
     for task, target, chosen in at_hand:
         for ready in prepared(task, target, common, size, seed, out, chosen):
-            swept = sweep(
-                functools.partial(run_trial, material=ready.material),
-                list(trials(ready, task, options, common, size.steps)),
-                data={"material": ready.material.digest}, store=out / "results", backend=backend, address=address,
-                version=version(), on_result=count, describe=lambda job: f"{job.words}, {job.inputs.quantity}",
-            )  # fmt: skip
+            with kept_modes(out) as modes:
+                swept = sweep(
+                    functools.partial(run_trial, material=ready.material, modes=modes),
+                    list(trials(ready, task, options, common, size.steps)),
+                    data={"material": ready.material.digest}, store=out / "results", backend=backend, address=address,
+                    version=version(), on_result=count, describe=lambda job: f"{job.words}, {job.inputs.quantity}",
+                )  # fmt: skip
             found += [(target.title, own) for own in swept]
     rows = table(found)
     made = {"quantities": rows, "quantities-mean": means(rows)} if found else {}

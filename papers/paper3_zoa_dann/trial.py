@@ -10,9 +10,11 @@ learn from simulated fleets of the phenomenological twin and compare each judged
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from dataclasses import dataclass
 from functools import lru_cache
+from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
@@ -118,7 +120,7 @@ def noisy(windows: Windows, trial: Trial, stream: int) -> Windows:
     return with_noise(windows, trial.snr_db, np.random.default_rng([trial.seed, stream, level]))
 
 
-def run_trial(trial: Trial, material: Material, device: str = "auto") -> dict[str, Any]:
+def run_trial(trial: Trial, material: Material, device: str = "auto", modes: Path | None = None) -> dict[str, Any]:
     """Train, choose a checkpoint without target labels, judge.
 
     Parameters
@@ -127,6 +129,8 @@ def run_trial(trial: Trial, material: Material, device: str = "auto") -> dict[st
     material : Material
     device : str
         "auto" (a GPU when there is one), "cpu" or "cuda". Where, not what: it is no part of the key.
+    modes : Path, optional
+        Folder in which trials find the modes of windows that another one has decomposed; no part of the key either.
 
     Returns
     -------
@@ -142,9 +146,10 @@ def run_trial(trial: Trial, material: Material, device: str = "auto") -> dict[st
         return _by_orders(trial, evaluate, adapt, material)
     source = simulate(trial.recipe)
     classes = trial.recipe.classes
+    inputs = dataclasses.replace(trial.inputs, cache=modes)
     fitted = fit(
         CLOSED.get(trial.method, trial.method), source, adapt, trial.seed, n_classes=len(classes),
-        settings=trial.training, inputs=trial.inputs, held_out=trial.held_out, criterion=trial.criterion, device=device,
+        settings=trial.training, inputs=inputs, held_out=trial.held_out, criterion=trial.criterion, device=device,
     )  # fmt: skip
     # Only from here on are target labels looked at.
     result = judge(fitted, evaluate).plain()

@@ -18,6 +18,7 @@ from papers.paper3_zoa_dann.options import read_options
 from papers.paper3_zoa_dann.quantities import METHODS, QUANTITIES, main, means, run, trials
 from papers.paper3_zoa_dann.source import Recipe
 from papers.paper3_zoa_dann.task_files import FOLDER, read_task
+from twingap.adapt import ModeInputs, Windows
 from twingap.bearing import BEARINGS
 
 SMALL = """
@@ -89,7 +90,17 @@ def test_a_run_without_records_says_so_and_is_taken_up_again(
     task = re.sub(r"(?m)^(healthy|inner|outer|ball) = \d+", r"\1 = 3", task)
     (tasks / "A3.toml").write_text(task, encoding="utf-8")
     how: dict[str, Any] = {"out": tmp_path, "backend": "sequential", "config": config, "folder": tasks}
+    decomposed: list[str] = []
+    plain = ModeInputs._decomposed
+
+    def counted(self: ModeInputs, windows: Windows) -> Any:
+        decomposed.append(self.key(windows))
+        return plain(self, windows)
+
+    monkeypatch.setattr(ModeInputs, "_decomposed", counted)
     first = run("small", **how)
+    assert len(set(decomposed)) == len(decomposed) < first.computed, "trials of a cell share the modes of their windows"
+    assert not (tmp_path / "modes").exists()
     rows = first.tables["quantities"]
     assert first.missing == ("B1",), "HIT-SM has no stand-in"
     assert first.computed == len(rows) == len(METHODS) * len(QUANTITIES), "balanced data and all bearings alone"
