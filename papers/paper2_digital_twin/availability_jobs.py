@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from papers.paper2_digital_twin.availability_records import WINDOW, Measured
-from papers.paper2_digital_twin.availability_source import Kind, Plant, healthy_recordings
+from papers.paper2_digital_twin.availability_source import Plant, healthy_recordings
 from papers.paper2_digital_twin.availability_split import ALL, SPLITS, counts_of, judged, labelled
 from twingap.adapt.class_maps import fit_class_maps
 from twingap.adapt.condition_features import window_features
@@ -45,7 +45,7 @@ class NetworkJob:
     """One training, and all heads on it."""
 
     data: str
-    kind: Kind
+    kind: str
     fold: int
     folds: int
     seed: int

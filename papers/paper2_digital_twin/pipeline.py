@@ -1,10 +1,10 @@
-"""Paper 2: dynamics, live updating, degradation, diagnosis by data availability: four studies, one run.
+"""Paper 2: dynamics, live updating, degradation, diagnosis by data availability, the gap closed: one run.
 
-dynamics --> live --> degradation --> availability     (each: jobs in OUT/results, tables, figures, a nested run)
-    +----------+---------+---------------+--> headlines: one list of rows --> the caller
+dynamics --> live --> degradation --> availability --> transfer_gap  (each: jobs in OUT/results, tables, a nested run)
+    +----------+---------+---------------+----------------+--> headlines: one list of rows --> the caller
 
 Used in: Paper 2, a bearing fault diagnosis framework based on a digital twin. The studies do not need each other; they
-run one after the other so that each has all cores, the longest last.
+run one after the other so that each has all cores.
 """
 
 from __future__ import annotations
@@ -31,6 +31,7 @@ STUDIES: Final[dict[str, tuple[str, ...]]] = {
     "live": ("live-targets", "live-false-alarms"),
     "degradation": ("degradation-claims",),
     "availability": ("availability-accuracy", "availability-crossings"),
+    "transfer_gap": ("transfer-gap",),
 }
 """Study, in the order of running -> its tables that are headlines."""
 TITLES: Final = {
@@ -38,6 +39,7 @@ TITLES: Final = {
     "live": "live updating: virtual machine",
     "degradation": "degradation curves",
     "availability": "diagnosis by how much labelled data there is",
+    "transfer_gap": "what the paper's twin teaches, with its gap closed and without",
 }
 PROFILES: Final = ("smoke", "full")
 
