@@ -30,7 +30,7 @@ STUDIES: Final[dict[str, tuple[str, ...]]] = {
     "dynamics": ("dynamics-balance", "dynamics-faults"),
     "live": ("live-targets", "live-false-alarms"),
     "degradation": ("degradation-claims",),
-    "availability": ("availability-accuracy", "availability-crossings"),
+    "availability": ("availability-accuracy", "availability-crossings", "availability-choice"),
     "transfer_gap": ("transfer-gap",),
 }
 """Study, in the order of running -> its tables that are headlines."""

@@ -15,10 +15,13 @@ from papers.paper2_digital_twin.availability_records import TITLES, Measured
 from papers.paper2_digital_twin.availability_split import ALL, SPLITS
 from papers.paper2_digital_twin.availability_study import Study
 from papers.paper3_zoa_dann.tables import write as write
+from twingap.adapt.choose import Thresholds, choose
 from twingap.adapt.evaluate import t_interval
 
 METHODS: Final = ("twin network", "SVM", "SOM-MQE")
 LEVEL: Final = 0.95
+MANY: Final = 10**6
+"""Stands for all the labels that there are."""
 AHEAD: Final = (("SVM", "twin network"), ("SOM-MQE", "twin network"), ("SOM-MQE", "SVM"))
 
 
@@ -26,9 +29,11 @@ def all_tables(study: Study) -> dict[str, pd.DataFrame]:
     """Every table by name."""
     called = calls(study)
     found = accuracy(called)
+    crossed = crossings(study, called)
     return {
         "availability-accuracy": found,
-        "availability-crossings": crossings(study, called),
+        "availability-crossings": crossed,
+        "availability-choice": choices(study, crossed),
         "availability-selection": selection(study),
         "availability-head": head(study),
         "availability-sources": sources(study),
@@ -120,6 +125,30 @@ def crossings(study: Study, called: pd.DataFrame) -> pd.DataFrame:
             **{f"gain at {_named([c])}, points": 100 * gains[c].mean() for c in steps},
         })  # fmt: skip
     return pd.DataFrame(rows)
+
+
+def choices(study: Study, crossed: pd.DataFrame) -> pd.DataFrame:
+    """What `choose` says at each number of labels, with the thresholds measured here (better by more than luck)."""
+    rows = []
+    for name, data in study.data.items():
+        windows = max(a.value["healthy windows"] for a in study.alarms if a.job.data == name and not a.job.without)
+        for split in SPLITS:
+            limits = Thresholds(1, *(_sure_from(crossed, data, split, method) for method in METHODS[1:]))
+            for count in (0, *study.options.counts, MANY):
+                made = choose(count, windows, false_alarm=study.options.false_alarm, thresholds=limits)
+                rows.append({
+                    "data": TITLES[name], "labels of": "any recording" if split == SPLITS[0] else "other bearings",
+                    "records a fault": "all" if count == MANY else str(count), "chosen": made.approach,
+                    "alarm": made.alarm, "why": made.why.replace(str(MANY), "all"),
+                })  # fmt: skip
+    return pd.DataFrame(rows)
+
+
+def _sure_from(crossed: pd.DataFrame, data: Measured, split: str, method: str) -> int | None:
+    """Number of labelled records from which a method is better than the network by more than luck."""
+    at = (crossed["data"] == TITLES[data.name]) & (crossed["split by"] == split)
+    (found,) = crossed[at & (crossed["method"] == method) & (crossed["against"] == METHODS[0])]["better from"]
+    return None if found == "" else MANY if found == "all" else int(found)
 
 
 def head(study: Study) -> pd.DataFrame:

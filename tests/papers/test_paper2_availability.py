@@ -153,6 +153,10 @@ def test_the_study_says_what_it_stands_on_and_judges_every_method(study: Study, 
     assert set(found["records a fault"]) == {"0", "1", "2", "all"}
     assert set(found[found["records a fault"] == "0"]["method"]) == {"twin network"}
     assert found["accuracy"].between(0, 1).all()
+    choice = study.tables["availability-choice"].set_index(["labels of", "records a fault"])
+    assert choice.loc[("any recording", "0"), "chosen"] == "twin network"
+    assert choice.loc[("other bearings", "1"), "chosen"] == "corrected network"
+    assert all("healthy windows" in why for why in choice["why"])
     sizes = study.tables["availability-size"]
     assert set(sizes["class"]) == {"inner", "outer", "ball"}
     for name in study.tables:

@@ -101,7 +101,7 @@ def choose(
     scarcest = min(counts, key=lambda fault: counts[fault])
     n = counts[scarcest]
     alarm = n_healthy_windows + 1 >= 1 / false_alarm - 1e-9
-    said = f"{n} labelled records of {scarcest}" + ("" if len(counts) == 1 else ", the scarcest")
+    said = f"{n} labelled record{'s' * (n != 1)} of {scarcest}" + ("" if len(counts) == 1 else ", the scarcest")
     if limits.som is not None and n >= limits.som:
         approach: Approach = "SOM-MQE"
         why = f"{said}: from {limits.som} on, maps of each class are as good as anything and show severity too"
