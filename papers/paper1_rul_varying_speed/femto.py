@@ -251,7 +251,7 @@ def judge(run: Measured, found: dict[str, Any]) -> dict[str, float]:
 
 
 def table(runs: dict[str, Measured], results: Sequence[tuple[Prediction, dict[str, Any]]]) -> pd.DataFrame:
-    """A row per bearing and method; of several seeds, the mean."""
+    """A row per bearing and method; of several seeds, the mean, and how far their RMSE scatters."""
     rows = [
         {"bearing": job.bearing, "method": job.method, "seed": job.seed, "alarm_row": value["alarm"],
          "passed": value["passed"], **{what: value.get(what, np.nan) for what in LEARNT},
@@ -262,7 +262,9 @@ def table(runs: dict[str, Measured], results: Sequence[tuple[Prediction, dict[st
     every = pd.DataFrame(rows)
     every["bearing"] = pd.Categorical(every["bearing"], list(runs))
     every["method"] = pd.Categorical(every["method"], METHODS)
-    return every.drop(columns="seed").groupby(by, sort=True, observed=True, as_index=False).mean()
+    grouped = every.drop(columns="seed").groupby(by, sort=True, observed=True, as_index=False)
+    found = grouped.mean()
+    return found.assign(seeds=grouped.size()["size"], rmse_std_s=grouped["rmse_s"].std(ddof=1)["rmse_s"])
 
 
 def wins(every: pd.DataFrame) -> pd.DataFrame:
@@ -274,8 +276,8 @@ def wins(every: pd.DataFrame) -> pd.DataFrame:
         Against the best rival of each bearing, a yardstick that knows the end, and against each rival throughout.
     """
     better = {
-        "rmse_s": min, "relative_accuracy": max, "within_20": max, "horizon_s": max, "phm2012_after_alarm": max,
-        "phm2012_at_cuts": max,
+        "rmse_s": min, "relative_accuracy": max, "alpha_lambda_half": max, "within_20": max, "horizon_s": max,
+        "phm2012_after_alarm": max, "phm2012_at_cuts": max,
     }  # fmt: skip
     rows = []
     plain = every.astype({"bearing": str, "method": str})

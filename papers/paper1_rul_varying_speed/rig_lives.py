@@ -39,6 +39,12 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
+MEASURED: Final = (
+    "rmse_min", "relative_accuracy", "alpha_lambda_half", "within_20", "horizon_min", "phm2012_after_alarm", "coverage",
+    "width",
+)  # fmt: skip
+ALPHA: Final = 0.2
+"""Half width of the cone of relative error; the horizon's band is half of it, of the whole life."""
 ALONE, TOGETHER = "twingap rul", "twingap rul --prior"
 
 
@@ -124,18 +130,22 @@ def take(run: dict[str, Any], prior: Prior | None = None) -> Taken:
 
 
 def judge(taken: Taken) -> dict[str, float]:
-    """Error in minutes at each row's speed, and coverage, after the alarm."""
+    """Errors in minutes at each row's speed, prognostic metrics and coverage, after the alarm."""
     told = [(e, taken.lived[-1] - at) for e, at in zip(taken.estimates[:-1], taken.lived[:-1], strict=True)]
     told = [(e, left) for e, left in told if e.anomaly and np.isfinite(e.revolutions)]
     if not told:
-        return {"rows": 0, "rmse_min": np.nan, "coverage": np.nan, "width": np.nan}
+        return {"rows": 0, **dict.fromkeys(MEASURED, np.nan)}
     true = np.array([left / e.speed_rpm for e, left in told])
     middle, low, high = (np.array([e.time_s()[k] / 60 for e, _ in told]) for k in range(3))
     inside = metrics.coverage(true, low, high)
-    return {
-        "rows": len(told), "rmse_min": metrics.rmse(true, middle), "coverage": inside.share,
-        "width": inside.mean_width / float(np.mean(true)),
-    }  # fmt: skip
+    whole = float(taken.lived[-1] / np.mean([e.speed_rpm for e, _ in told]))
+    found = (
+        metrics.rmse(true, middle), metrics.cumulative_relative_accuracy(true, middle),
+        float(metrics.alpha_lambda(true, middle, 0.5, ALPHA)), float(metrics.within_alpha(true, middle, ALPHA).mean()),
+        metrics.prognostic_horizon(true, middle, whole, ALPHA / 2), metrics.phm2012_score(true, middle),
+        inside.share, inside.mean_width / float(np.mean(true)),
+    )  # fmt: skip
+    return {"rows": len(told), **dict(zip(MEASURED, found, strict=True))}
 
 
 def table(runs: dict[tuple[int, str], dict[str, Any]]) -> pd.DataFrame:
@@ -151,14 +161,14 @@ def table(runs: dict[tuple[int, str], dict[str, Any]]) -> pd.DataFrame:
         rows.append({**about, "method": ALONE, **judge(alone[seed, bearing]), **dict.fromkeys(LEARNT, 1.0)})
         learnt = {what: getattr(prior, what) for what in LEARNT}
         rows.append({**about, "method": TOGETHER, **judge(take(run, prior)), **learnt})
-    return pd.DataFrame(rows)
+    return pd.DataFrame(rows).assign(data=TITLE)
 
 
 def means(every: pd.DataFrame) -> pd.DataFrame:
     """Mean over bearings, by bench and method, and the least coverage."""
     by = every.groupby(["bench", "method"], sort=False)
-    columns = by[["rmse_min", "coverage", "width", *LEARNT]].mean()
-    return columns.assign(least_coverage=by["coverage"].min(), bearings=by.size()).reset_index()
+    columns = by[[*MEASURED, *LEARNT]].mean()
+    return columns.assign(least_coverage=by["coverage"].min(), bearings=by.size(), data=TITLE).reset_index()
 
 
 @dataclass(frozen=True)
