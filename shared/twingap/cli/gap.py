@@ -248,6 +248,16 @@ def _keep(report: GapReport, paths: list[Path], tracker: Tracker | None) -> None
         print(f"twingap: not tracked: {error}", file=sys.stderr)
 
 
+def _ends(ci: tuple[float, float]) -> str:
+    """An interval of a closure; where it ends at what closures are bounded to, so said."""
+    from twingap.gap.shrink import CLOSURE_BOUNDS
+
+    low, high = (f"{round(100 * end)}%" for end in ci)
+    low += " or less" * (ci[0] <= CLOSURE_BOUNDS[0])
+    high += " or more" * (ci[1] >= CLOSURE_BOUNDS[1])
+    return f"{low} to {high}"
+
+
 def _tell(report: GapReport) -> None:
     """The verdict, the likeliest candidates and the measures, for people."""
     from twingap.gap.advice import next_steps, place_words
@@ -267,8 +277,8 @@ def _tell(report: GapReport) -> None:
             {
                 "effect": c.effect,
                 "probability": f"{c.probability:.0%}",
-                "closes": f"{c.closure:.0%}",
-                "90% interval": "{:.0%} to {:.0%}".format(*c.closure_ci),
+                "closes": "cannot be added" if c.acts is not None else f"{round(100 * c.closure)}%",
+                "90% interval": "" if c.acts is not None else _ends(c.closure_ci),
                 "named": "yes" if c.effect in report.verdict.effects else "",
             }
             for c in shown

@@ -110,10 +110,16 @@ def next_steps(report: GapReport) -> tuple[str, ...]:
     if verdict.effects:
         them = "it" if len(verdict.effects) == 1 else "them"
         added = [c for c in report.candidates if c.effect in verdict.effects and c.acts is None]
-        if added:
+        if added and (verdict.closure or 0.0) > 0:
             steps.append(
                 f"Add {listed(c.effect for c in added)} to your twin: the lines below go into TWIN.toml. Then run "
                 "`twingap identify` and the diagnosis again; the gap should shrink as shown above."
+            )
+        elif added:
+            steps.append(
+                f"{_upper(listed(c.effect for c in added))} show{'s' * (len(added) == 1)} in the records, and at the "
+                f"values found {'it brings' if len(added) == 1 else 'they bring'} records and twin no nearer: look at "
+                "the values below before you add anything to TWIN.toml."
             )
         steps.extend(
             f"{_upper(listed((c.effect,)))} cannot be added to your simulator's records: {c.acts}."
@@ -228,7 +234,8 @@ def condition_words(condition: Mapping[str, Any] | None) -> str:
     parts = []
     for name, value in condition.items():
         ends = value if isinstance(value, (list, tuple)) else (value,)
-        shown = " to ".join(f"{v:.5g}" if isinstance(v, float) else str(v) for v in ends)
+        between = " to " if all(isinstance(v, (int, float)) for v in ends) else ", "
+        shown = between.join(f"{v:.5g}" if isinstance(v, float) else str(v) for v in ends)
         if name == "fault":
             shown = "unknown fault" if value is None else shown
         parts.append(f"{shown} {units[name]}" if name in units else shown if name == "fault" else f"{name} {shown}")

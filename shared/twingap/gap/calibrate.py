@@ -113,7 +113,12 @@ def calibrate(
         )
     _refuse_unreadable(records)
     notes: list[str] = []
+    if sim is not None:
+        _refuse_unreadable(sim, "simulated record")
     known, aside = _known(records, bearing, notes)
+    if sim is not None:
+        known, others = _simulated_too(known, sim, notes)
+        aside = (*aside, *others)
     speeds = estimate_speeds(known, bearing)
     notes += speeds.notes
     known = _with_bearing(speeds.corrected(known), bearing)
@@ -131,9 +136,9 @@ def calibrate(
 # ------------------------------------------------------------------------------------------------------------- records
 
 
-def _refuse_unreadable(records: RecordSet) -> None:
+def _refuse_unreadable(records: RecordSet, what: str = "record") -> None:
     for record in records:
-        where = f"record {record.condition.name!r}"
+        where = f"{what} {record.condition.name!r}"
         if record.samples.size < 256:
             raise TwingapError(
                 f"{record.samples.size} samples found, at least 256 expected", where=where, mend="bring longer records"
@@ -181,6 +186,18 @@ def _known(records: RecordSet, bearing: Bearing, notes: list[str]) -> tuple[Reco
         )
     conditions = [replace(c, fault=fault) for c, fault in zip(records.conditions, found, strict=True)]
     return RecordSet(records.name, records.unit, records.bearing, conditions, lambda i: records[i].samples), ()
+
+
+def _simulated_too(records: RecordSet, sim: RecordSet, notes: list[str]) -> tuple[RecordSet, tuple[str, ...]]:
+    """Records of faults that are simulated too, where there are any, and the names of the others."""
+    made = {c.fault for c in sim.conditions}
+    kept = [i for i, c in enumerate(records.conditions) if c.fault in made]
+    if not kept or len(kept) == len(records):
+        return records, ()
+    left = [c for c in records.conditions if c.fault not in made]
+    faults = ", ".join(dict.fromkeys(str(c.fault) for c in left))
+    notes.append(f"no simulated record of {faults}: {len(left)} real records of it are left aside")
+    return records.take(kept), tuple(c.name for c in left)
 
 
 def split_parts(

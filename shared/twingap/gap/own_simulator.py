@@ -35,6 +35,8 @@ resampling would move its resonances."""
 SAME_GAIN: Final = math.log(1.1)
 """Log ratio of levels below which records in one unit are taken to be of one gain."""
 _OTHER_FAULT = 1e6
+_TOO_SLOW = 1e3
+"""Of a record at a lower rate than the real one's: taken where there is no other, and then refused."""
 _AS_NEAR = 0.01
 """Distance within which simulated records are of one condition."""
 _MOST_REPLICATES: Final = 12
@@ -117,6 +119,15 @@ class OwnSimulator:
             notes.append(
                 f"simulated records were resampled over the shaft angle to the real speeds (by up to "
                 f"{100 * max(off):.1f} %), by which their resonances move too"
+            )
+        longest = {c.fault: 0.0 for c in sim.conditions}
+        for c in sim.conditions:
+            longest[c.fault] = max(longest[c.fault], c.n_samples / c.fs_hz)
+        short = [c for c in slow if c.n_samples / c.fs_hz > 1.01 * longest[c.fault]]
+        if short:
+            notes.append(
+                f"simulated records are shorter than {len(short)} of the real ones and are repeated to their length: "
+                "repetition is a line at its rate and at multiples of it"
             )
         self.notes = tuple(notes)
 
@@ -313,6 +324,7 @@ class _Made:
     def __init__(self, conditions: Sequence[Condition]) -> None:
         self.fault = np.array([c.fault or "" for c in conditions])
         self.speed_rpm = np.array([c.speed_rpm for c in conditions], float)
+        self.fs_hz = np.array([c.fs_hz for c in conditions], float)
         self.load_n = np.array([c.load_n or math.nan for c in conditions], float)
         self.time_s = np.array([math.nan if c.time_s is None else c.time_s for c in conditions], float)
         known = self.time_s[np.isfinite(self.time_s)]
@@ -321,6 +333,7 @@ class _Made:
     def distances(self, real: Condition) -> Array:
         """[simulated records] 1 for a doubling of the speed or for the whole run, 0.3 for a doubling of the load."""
         out = np.where(self.fault == (real.fault or ""), 0.0, _OTHER_FAULT)
+        out += np.where(self.fs_hz < 0.999 * real.fs_hz, _TOO_SLOW, 0.0)
         out += np.abs(np.log2(self.speed_rpm / real.speed_rpm))
         if real.load_n:
             out += np.nan_to_num(0.3 * np.abs(np.log2(self.load_n / real.load_n)))

@@ -69,10 +69,11 @@ class Verdict:
         closes = f"how far adding {it} would shrink the gap could not be measured"
         if self.closure is not None:
             closes = f"adding {it} closes {_percent(self.closure)} of the gap"
-            if self.closure < 0:
+            widens = round(100 * self.closure) < 0  # less than half a per cent is neither
+            if widens:
                 closes = f"adding {it} at the values found widens the gap by {_percent(-self.closure)}"
             if self.closure_ci is not None:
-                ends = self.closure_ci if self.closure >= 0 else (-self.closure_ci[1], -self.closure_ci[0])
+                ends = self.closure_ci if not widens else (-self.closure_ci[1], -self.closure_ci[0])
                 closes += " (90 % interval {} to {})".format(*map(_percent, ends))
         rest = "a significant rest remains" if self.status == "partly_explained" else "no significant rest remains"
         # "Nothing at all" in the confidence set counts as an explanation like any other.
@@ -418,7 +419,7 @@ def count_words(number: int) -> str:
 
 
 def _percent(part: float) -> str:
-    return f"{100 * part:.0f} %"
+    return f"{round(100 * part)} %"
 
 
 def _p_words(p: float) -> str:

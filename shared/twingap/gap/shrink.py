@@ -19,6 +19,7 @@ gap before in 0.61 to 0.85 of these worlds, the gap after in 0.83 to 1).
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -41,7 +42,7 @@ _LESSONLESS: Final[Lessons] = (None, None)
 LEVEL: Final = 0.9
 _MOST_TRAINING: Final = 2000
 _MOST_JUDGED: Final = 1000
-_CLOSURE_BOUNDS: Final = (-10.0, 2.0)
+CLOSURE_BOUNDS: Final = (-10.0, 2.0)
 """Closures beyond are no more informative than these; they come from gaps that are hardly there."""
 
 
@@ -136,6 +137,7 @@ def shrink_metrics(
     draws: int = 400,
     *,
     more: Lessons | None = None,
+    floors: tuple[float, Mapping[Domain, float]] | None = None,
 ) -> tuple[Metric, ...]:
     """The gap before and after, in several measures; the first is the overall gap, of which closures speak.
 
@@ -151,15 +153,17 @@ def shrink_metrics(
         Of each bootstrap.
     more : Lessons, optional
         Further simulated records to train on, where those of the held-out conditions are few.
+    floors : (float, Mapping), optional
+        Of the comparison after, overall and by view, as `Paired.floor` draws them; drawn anew when None.
 
     Returns
     -------
     tuple of Metric
-        Overall gap, gap per view, AUC of the classifier two-sample test, MMD^2, and, with at least two known faults,
-        the accuracy on the records of a classifier trained on the twin alone.
+        Overall gap, gap per view, AUC of the classifier two-sample test, MMD^2, and, with at least two known faults of
+        two records or more each, the accuracy on the records of a classifier trained on the twin alone.
     """
     pairs = paired(real, before, after, conditions)
-    floor, floors = pairs[1].floor(rng)
+    floor, of_views = pairs[1].floor(rng) if floors is None else floors
     signs = pairs[0].draw_residuals(rng, draws)
     (b, views_b), (a, views_a) = (p.over_views(p.squares()) for p in pairs)
     (db, drawn_b), (da, drawn_a) = (p.over_views(p.resampled(signs)) for p in pairs)
@@ -168,7 +172,7 @@ def shrink_metrics(
     for domain in real.domains:
         vb, va = float(views_b[domain][0]), float(views_a[domain][0])
         ci_a, ci_b = _around(drawn_a[domain], va), _around(drawn_b[domain], vb)
-        out.append(Metric(f"gap in {domain}", vb, va, floors[domain], ci_a, ci_b, unit))
+        out.append(Metric(f"gap in {domain}", vb, va, of_views[domain], ci_a, ci_b, unit))
     out = [_plain(metric) for metric in out]
     return (*out, _auc(pairs, rng, draws), _mmd(pairs, rng, draws), *_accuracy(pairs, rng, draws, more))
 
@@ -313,7 +317,9 @@ def _label(conditions: Sequence[Condition]) -> str:
 
 
 def _auc(pairs: tuple[Paired, Paired], rng: np.random.Generator, draws: int) -> Metric:
-    (b, groups_b), (a, groups_a) = (auc_of_records(p, rng) for p in pairs)
+    # The same lots for both, as in `_accuracy`: where nothing was added, nothing differs.
+    lots = int(rng.integers(2**63))
+    (b, groups_b), (a, groups_a) = (auc_of_records(p, np.random.default_rng(lots)) for p in pairs)
     floor = classifier_test(pairs[1], rng, draws=99).null_mean
     name = "AUC of a classifier, records against twin"
     ci_a, ci_b = _mean_interval(a, groups_a, rng, draws), _mean_interval(b, groups_b, rng, draws)
@@ -346,7 +352,8 @@ def _accuracy(
 ) -> Iterator[Metric]:
     faults = [c.fault for c in pairs[0].conditions]
     known = [int(i) for i in np.sort(rng.permutation(len(faults))[:_MOST_JUDGED]) if faults[i] is not None]
-    if len({faults[i] for i in known}) < 2:
+    of_each = Counter(str(faults[i]) for i in known)
+    if len(of_each) < 2 or min(of_each.values()) < 2:  # of one record nothing is learnt that another could be told by
         return
     labels, groups = [str(faults[i]) for i in known], [pairs[0].conditions[i].group for i in known]
     real = pairs[0].real.take(known)
@@ -392,7 +399,7 @@ def _closures(before: Array, after: Array, floor: float) -> Array:
     open_gap = before - floor
     there = open_gap > 1e-9 * max(abs(floor), 1e-9)
     ratio = (before - after) / np.where(there, open_gap, 1.0)
-    return np.clip(np.where(there, ratio, 0.0), *_CLOSURE_BOUNDS)
+    return np.clip(np.where(there, ratio, 0.0), *CLOSURE_BOUNDS)
 
 
 def _around(drawn: Array, value: float) -> Interval:

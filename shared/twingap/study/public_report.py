@@ -122,8 +122,9 @@ def _details(row: Mapping[str, Any], titles: Mapping[str, str]) -> list[str]:
     if row["refused"]:
         return []
     named = [
-        {"effect": c["effect"], "probability": f"{c['probability']:.2f}", "closes": f"{c['closure']:.0%}",
-         "90 % interval": "{:.0%} to {:.0%}".format(*c["ci"]),
+        {"effect": c["effect"], "probability": f"{c['probability']:.2f}",
+         "closes": "" if c["cannot"] else _part(c["closure"]),
+         "90 % interval": "" if c["cannot"] else f"{_part(c['ci'][0])} to {_part(c['ci'][1])}",
          "values": _values(c["parameters"]), "cannot be added": c["cannot"] or ""}
         for c in row["which"]
     ]  # fmt: skip
@@ -210,7 +211,12 @@ def _closure(row: Mapping[str, Any]) -> str:
     if row["closure"] is None:
         return ""
     ci = row["closure_ci"]
-    return f"{row['closure']:.0%}" + (f" ({ci[0]:.0%} to {ci[1]:.0%})" if ci else "")
+    return _part(row["closure"]) + (f" ({_part(ci[0])} to {_part(ci[1])})" if ci else "")
+
+
+def _part(value: float) -> str:
+    """A closure in per cent, without a sign where it is nothing."""
+    return f"{round(100 * value) + 0:d}%"
 
 
 def _accuracy(metric: Mapping[str, float] | None) -> str:

@@ -83,19 +83,31 @@ class CallableTwin(Twin):
     def excite(self, draft: Draft, streams: Streams) -> None:
         """Ask the function for the waveform."""
         condition = draft.condition
-        made = self.function([condition], streams("simulator"))
         where = f"model {self.model!r}, record {condition.name!r}"
         try:
+            made = self.function([condition], streams("simulator"))
+        except TwingapError as error:
+            raise TwingapError(error.what, where=where, mend=error.mend) from error
+        except Exception as error:
+            what = f"the function failed: {type(error).__name__}: {error}"
+            raise TwingapError(what, where=where, mend="its traceback is this error's cause") from error
+        try:
+            if np.iscomplexobj(made[0]):
+                raise TypeError("complex")
             x = np.array(made[0], dtype=float)
         except (TypeError, ValueError, IndexError, KeyError) as error:
             raise TwingapError(
                 "the function gave no array of numbers per condition", where=where, mend="return a list of arrays"
             ) from error
-        if x.shape != (condition.n_samples,) or not np.isfinite(x).all():
+        if x.shape != (condition.n_samples,):
             raise TwingapError(
-                f"the function gave samples of shape {x.shape}, ({condition.n_samples},) finite ones expected",
+                f"the function gave samples of shape {x.shape}, ({condition.n_samples},) expected",
                 where=where, mend="make condition.n_samples samples at condition.fs_hz",
             )  # fmt: skip
+        if not np.isfinite(x).all():
+            raise TwingapError("the function gave samples that are not finite numbers", where=where)
+        if not np.ptp(x) > 0:
+            raise TwingapError("the function gave samples that are all equal", where=where)
         draft.x = self.parameters.scale * x
 
     def respond(self, drafts: Sequence[Draft]) -> None:

@@ -242,7 +242,7 @@ def build_twin(spec: TwinSpec, bearing: Bearing | None = None, unit: str = "m/s^
     return model.build(model_parameters(spec), bearing, effects, unit)
 
 
-def overruled(spec: TwinSpec, bearing: Bearing | None) -> str | None:
+def overruled(spec: TwinSpec, bearing: Bearing | None, whose: str = "twin file") -> str | None:
     """A sentence for people where the records bring another geometry than the spec: theirs is used."""
     if bearing is None or spec.bearing is None:
         return None
@@ -252,7 +252,7 @@ def overruled(spec: TwinSpec, bearing: Bearing | None) -> str | None:
     if ours == theirs:
         return None
     return (
-        f"the twin file's bearing ({ours[0]} rollers of {ours[1]:g} on {ours[2]:g} mm) is not that of the records "
+        f"the {whose}'s bearing ({ours[0]} rollers of {ours[1]:g} on {ours[2]:g} mm) is not that of the records "
         f"({theirs[0]} of {theirs[1]:g} on {theirs[2]:g} mm): the records' is used"
     )
 

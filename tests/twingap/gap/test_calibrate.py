@@ -306,3 +306,18 @@ def test_one_fault_is_fitted_at_two_speeds_where_groups_are_few(count: int) -> N
         assert speeds["inner"][1] - speeds["inner"][0] == 400.0
         assert {c.fault for c in held_out.conditions} == set(kinds)
         assert fit.common_groups(held_out) == ()
+
+
+def test_records_of_a_fault_that_is_not_simulated_are_left_aside_and_simulated_ones_are_read_as_well() -> None:
+    records, sim = machine(seed=1), machine(seed=2)
+    faults = {c.fault for c in records.conditions}
+    assert len(faults) > 2
+    some = sim.select(lambda c: c.fault != "outer")
+    calibrated = calibrate(records, None, np.random.default_rng(0), sim=some)
+    assert {c.fault for c in calibrated.held_out.conditions} == faults - {"outer"}
+    assert any("no simulated record of outer" in note for note in calibrated.notes)
+    silent = RecordSet.from_records(
+        "silent", sim.unit, sim.bearing, [Record(r.condition, 0.0 * r.samples) for r in sim]
+    )
+    with pytest.raises(TwingapError, match=r"simulated record .*all samples are equal"):
+        calibrate(records, None, np.random.default_rng(0), sim=silent)

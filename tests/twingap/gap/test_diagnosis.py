@@ -14,6 +14,7 @@ from twingap.errors import TwingapError
 from twingap.gap import diagnose
 from twingap.gap.contract import problems
 from twingap.gap.diagnosis import _status, _told
+from twingap.gap.report import Place
 from twingap.gap.shrink import Closure
 from twingap.records import Condition, RecordSet
 from twingap.twins.phenomenological import PhenomenologicalParameters, PhenomenologicalTwin
@@ -59,12 +60,16 @@ def test_a_plain_effect_is_named_and_adding_it_closes_the_gap(clipped):
 def test_explained_is_said_only_where_the_distance_reaches_its_floor(clipped):
     quiet = replace(clipped.explanation, rest_p=0.5)
     reached = Closure(1.0, 0.15, 0.1, 0.94, (0.85, 1.0), (0.9, 1.1), (0.05, 0.3))
-    assert _status(quiet, reached) == "explained"
-    assert _status(quiet, replace(reached, ci=(0.3, 0.5))) == "partly_explained"
-    assert _status(quiet, replace(reached, after_ci=(0.14, 0.3))) == "partly_explained"
-    assert _status(replace(quiet, rest_p=0.001), reached) == "partly_explained"
-    assert _status(replace(quiet, effects=()), reached) == "unexplained"
-    assert _status(replace(quiet, gap=False), reached) == "no_gap"
+    assert _status(quiet, reached, ()) == "explained"
+    assert _status(quiet, replace(reached, ci=(0.3, 0.5)), ()) == "partly_explained"
+    assert _status(quiet, replace(reached, after_ci=(0.14, 0.3)), ()) == "partly_explained"
+    assert _status(replace(quiet, rest_p=0.001), reached, ()) == "partly_explained"
+    assert _status(replace(quiet, effects=()), reached, ()) == "unexplained"
+    assert _status(replace(quiet, gap=False), reached, ()) == "no_gap"
+    # Wide intervals reach everything: a place of the rest that is plain says that something is left all the same.
+    tones = Place("order", 1.9, 2.1, "orders", 0.1, 0.002)
+    assert _status(quiet, reached, (tones,)) == "partly_explained"
+    assert _status(quiet, reached, (replace(tones, p_value=0.04),)) == "explained"
 
 
 def test_the_report_keeps_the_contract(clipped):

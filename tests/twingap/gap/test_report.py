@@ -271,6 +271,8 @@ def test_a_verdict_that_widens_the_gap_says_so(make_report: MakeReport) -> None:
     verdict = dataclasses.replace(make_report("partly_explained").verdict, closure=-0.33, closure_ci=(-0.39, -0.28))
     assert "at the values found widens the gap by 33 % (90 % interval 28 % to 39 %)" in verdict.sentence
     assert "closes" not in verdict.sentence
+    hardly = dataclasses.replace(verdict, closure=-0.002, closure_ci=(-0.012, 0.011)).sentence
+    assert "closes 0 % of the gap (90 % interval -1 % to 1 %)" in hardly
 
 
 def test_without_a_closure_of_its_own_the_verdict_takes_the_first_metric(make_report: MakeReport) -> None:

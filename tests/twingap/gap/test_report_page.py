@@ -232,6 +232,20 @@ def test_without_effects_to_add_there_is_no_snippet(make_report: MakeReport) -> 
     assert any("cannot be added to your simulator" in step for step in next_steps(stuck))
 
 
+def test_what_brings_records_and_twin_no_nearer_is_not_advised_to_be_added(make_report: MakeReport) -> None:
+    report = make_report()
+    worse = dataclasses.replace(report.verdict, closure=-0.32, closure_ci=(-0.4, -0.2))
+    steps = next_steps(dataclasses.replace(report, verdict=worse))
+    assert "no nearer" in steps[0] and not any("should shrink" in step for step in steps)
+    assert any("should shrink" in step for step in next_steps(report))
+
+
+def test_faults_of_a_place_are_no_range() -> None:
+    assert condition_words({"fault": ["outer", "ball"], "speed_rpm": [1500.0, 1800.0]}) == (
+        "outer, ball, 1500 to 1800 rpm"
+    )
+
+
 def test_advice_names_what_would_decide(make_report: MakeReport) -> None:
     open_ones = make_report("explained")
     assert undecided(open_ones) == ("slip_jitter", "speed_fluctuation")

@@ -94,6 +94,23 @@ def test_metrics_fall_to_their_floors_when_what_is_missing_is_added() -> None:
     assert accuracy.before < 0.2 and accuracy.after > 0.9 and accuracy.floor > 0.7
 
 
+def test_where_nothing_is_added_no_measure_moves() -> None:
+    rng = np.random.default_rng(8)
+    conditions = conditions_of(16)
+    sims = many(conditions, rng, 0.0, 4)
+    for metric in shrink_metrics(views_of(conditions, rng, MISSING), sims, sims, rng):
+        assert metric.before == metric.after, metric.metric
+
+
+def test_accuracy_is_left_out_where_one_record_of_a_fault_has_no_other_to_be_learnt_from() -> None:
+    rng = np.random.default_rng(9)
+    for each, told in ((1, False), (2, True)):
+        few = tuple(c for c in conditions_of(16) if c.fault in ("inner", "outer"))
+        kept = [c for fault in ("inner", "outer") for c in [c for c in few if c.fault == fault][:each]]
+        metrics = shrink_metrics(views_of(kept, rng), many(kept, rng, 0.0, 3), many(kept, rng, 0.0, 3), rng)
+        assert any(m.higher_is_better for m in metrics) == told
+
+
 def test_accuracy_is_left_out_where_faults_are_unknown() -> None:
     rng = np.random.default_rng(4)
     hidden = tuple(replace(c, fault=None) for c in conditions_of(8))

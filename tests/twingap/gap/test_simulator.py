@@ -165,6 +165,22 @@ def test_another_unit_is_calibrated_away() -> None:
     assert any("multiplied" in note for note in own.notes)
 
 
+def test_of_simulated_records_at_several_rates_those_that_reach_the_real_one_are_taken() -> None:
+    slow = [replace(c, name=f"slow {c.name}", fs_hz=8_000.0, n_samples=4000) for c in CONDITIONS]
+    both = RecordSet.from_records("both", "m/s^2", BEARING, [*sim(slow), *sim()])
+    own = OwnSimulator(both, sim(seed=1), BEARING, 1.0)
+    assert {r.condition.fs_hz for r in own.simulate((), CONDITIONS, 5, 0)} == {10_000.0}
+    with pytest.raises(TwingapError, match="is sampled at 8000 Hz"):
+        OwnSimulator(sim(slow), sim(seed=1), BEARING, 1.0)
+
+
+def test_short_simulated_records_are_repeated_and_that_is_said() -> None:
+    short = [replace(c, n_samples=500) for c in CONDITIONS]
+    own = OwnSimulator(sim(short), sim(seed=1), BEARING, 1.0)
+    assert any("repeated to their length" in note for note in own.notes)
+    assert not any("repeated" in note for note in OwnSimulator(sim(), sim(seed=1), BEARING, 1.0).notes)
+
+
 def test_a_record_of_nearly_the_real_speed_is_left_alone() -> None:
     wanted = Condition("x", 1560.0, 10_000.0, 10_000, "inner")
     own = OwnSimulator(sim([Condition("m", 1500.0, 10_000.0, 10_000, "inner")], 1), sim([wanted], 2), BEARING, 1.0)
@@ -354,6 +370,9 @@ def test_a_functions_level_is_calibrated() -> None:
     [
         (lambda conditions, rng: [np.zeros(3)], "samples of shape"),
         (lambda conditions, rng: [np.full(c.n_samples, np.nan) for c in conditions], "finite"),
+        (lambda conditions, rng: [np.zeros(c.n_samples) for c in conditions], "all equal"),
+        (lambda conditions, rng: [1j * rng.standard_normal(c.n_samples) for c in conditions], "no array of numbers"),
+        (lambda conditions, rng: 1 / 0, "record 'r0': the function failed: ZeroDivisionError"),
         (lambda conditions, rng: None, "no array of numbers"),
         (lambda conditions, rng: ["text"], "no array of numbers"),
     ],
