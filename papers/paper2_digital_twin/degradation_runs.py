@@ -43,6 +43,8 @@ TIME_COLUMNS: Final = {
 is the excess, to which 3 is added."""
 STAND_INS: Final = ("spectral_entropy", "high_freq_ratio", "psd_std", "env_kurtosis")
 """What the tables have of the spectrum, in place of the four of spectral kurtosis, which they lack. Not those."""
+SURROGATES: Final = " (surrogates for spectral kurtosis)"
+"""Said wherever runs with such stand-ins are named."""
 IMS_SAMPLES: Final = 20_480
 SHOWN_COLUMNS: Final = 300
 """Columns of the map of spectral kurtosis kept for the figure."""
@@ -170,7 +172,10 @@ def study_runs(
         there = [name for name in femto if name in records.groups]
         found += _measured(records, there, "FEMTO", reading, "FEMTO", swept)
     if found:
-        return "IMS and FEMTO" if len({r.family for r in found}) > 1 else found[0].family, found
+        families = dict.fromkeys(
+            r.family + (SURROGATES if any(o.stand_ins for o in found if o.family == r.family) else "") for r in found
+        )
+        return " and ".join(families), found
     if root is not None and missing:  # who names data wants those used
         raise TwingapError(f"no run to failure is at hand: {missing[0]}", where=root)
     simulated = simulated_runs()
@@ -246,8 +251,9 @@ def _ims_run(name: str, reading: Reading, root: Path | None, swept: Callable[...
         raise TwingapError(f"no bearing {bearing} in test {test}", where="IMS feature table")
     names, values, stand_ins = table_features(part)
     whole = Run(title, running_time(part["time_s"].to_numpy(float)), names, values)
+    source = "feature table" + (SURROGATES if stand_ins else "")
     return StudyRun(
-        _turning(whole, reading.healthy_rows_ims, reading.silent_share), whole, "feature table", "IMS",
+        _turning(whole, reading.healthy_rows_ims, reading.silent_share), whole, source, "IMS",
         reading.healthy_rows_ims, reading.trend_rows_ims, stand_ins,
     )  # fmt: skip
 
