@@ -44,6 +44,9 @@ TRIALS: Final = (24, 320)
 """Fewest and most trials of one search for values."""
 THOROUGH: Final = (0.012, 0.04, 0.12)
 """Dampings at which a mode is tried first in diagnoses; machines to learn from are given the middle one alone."""
+FEWEST_GROUPS: Final = 6
+"""That can be exchanged with simulated ones: of fewer no more than 16 exchanges can be told apart, since all groups
+turned are as good as none."""
 CONTACT_COSTS: Final = 13
 """A sample of the contact twin takes about so many times as long as one of the phenomenological twin."""
 
@@ -164,6 +167,16 @@ class Evidence:
     def modelled(self) -> tuple[str, ...]:
         """Effects that the twin has as given."""
         return tuple(dict.fromkeys((*self.spec.effects, *self._simulator.has)))
+
+    @cached_property
+    def groups(self) -> NDArray[np.str_]:
+        """[records of both parts] Which records belong together; one without a group is alone."""
+        return np.array([c.group or c.name for part in self.parts for c in part.conditions])
+
+    @property
+    def exchangeable(self) -> bool:
+        """Whether records are of enough groups for exchanges of these with simulated ones to be rare."""
+        return int(np.unique(self.groups).size) >= FEWEST_GROUPS
 
     def can_add(self, name: str) -> str | None:
         """Why the simulator cannot have this effect, or None."""

@@ -34,8 +34,6 @@ Array = NDArray[np.float64]
 
 EXCHANGES: Final = 999
 """Of three means (differences, slopes over speed, slopes over time) the rarest counts."""
-FEWEST_GROUPS: Final = 6
-"""Of fewer groups no more than 16 exchanges can be told apart, since all groups turned are as good as none."""
 _PLAIN: Final = 6.0
 """A t beyond counts as this one: no signature decides by itself."""
 _CERTAIN: Final = 1e-12
@@ -54,23 +52,18 @@ def exchange_p(evidence: Evidence) -> float | None:
     Returns
     -------
     float or None
-        None where the records are of fewer than `FEWEST_GROUPS` groups.
+        None where the records are of too few groups, see `Evidence.exchangeable`.
     """
     real = evidence.parts
     conditions = [c for part in real for c in part.conditions]
-    if not exchangeable(evidence):
+    if not evidence.exchangeable:
         return None
     # What is left of the level after matching it on the fit part is no difference of recordings.
     louder = np.nan_to_num(_mean(_differences(real, _made(evidence)))[signatures.NAMES.index(_LEVEL)])
     differences = _differences(real, _made(evidence, float(np.exp(louder))))
     timed = all(c.time_s is not None for c in conditions)
     courses = np.array([(math.log(c.speed_rpm), c.time_s if timed else 0.0) for c in conditions], dtype=float)
-    return turned_p(differences, courses, _groups(evidence), np.random.default_rng([evidence.root, len(real)]))
-
-
-def exchangeable(evidence: Evidence) -> bool:
-    """Whether records are of enough groups for exchanges of these to be rare."""
-    return int(np.unique(_groups(evidence)).size) >= FEWEST_GROUPS
+    return turned_p(differences, courses, evidence.groups, np.random.default_rng([evidence.root, len(real)]))
 
 
 def turned_p(
@@ -105,11 +98,6 @@ def turned_p(
     each = np.array(told).T
     rarity = np.array([(each >= own * (1 - 1e-9)).mean(axis=0) for own in each]).min(axis=1)
     return float((rarity <= rarity[0]).mean())
-
-
-def _groups(evidence: Evidence) -> NDArray[np.str_]:
-    """Of every record of both parts; those without one are groups of their own."""
-    return np.array([c.group or c.name for part in evidence.parts for c in part.conditions])
 
 
 def _squared_t(means: Array, signs: Array) -> Array:

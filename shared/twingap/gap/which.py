@@ -21,7 +21,6 @@ from numpy.typing import NDArray
 
 from twingap.effects import Effect, catalogue
 from twingap.gap.evidence import Compared, Evidence, values_of
-from twingap.gap.exchange import exchangeable
 from twingap.gap.nearest import bring_nearest, no_farther
 from twingap.gap.own_simulator import OwnSimulator
 from twingap.gap.prior import Key, Said
@@ -216,7 +215,7 @@ def explain(evidence: Evidence, learnt: Learnt, report: Report) -> Explanation:
 
 def level_of_gap(evidence: Evidence, surest: float = 0.0) -> float:
     """P-value of no gap at and below which one is called, where the likeliest effect is as probable as `surest`."""
-    asked_again = not isinstance(evidence.against().simulator, OwnSimulator) or exchangeable(evidence)
+    asked_again = not isinstance(evidence.against().simulator, OwnSimulator) or evidence.exchangeable
     return ALPHA if asked_again or surest >= SURE else CAUTIOUS_ALPHA
 
 

@@ -13,8 +13,8 @@ from twingap.bearing import BEARINGS
 from twingap.effects import Effect, make_effect
 from twingap.gap.calibrate import calibrate
 from twingap.gap.diagnosis import _confirmed
-from twingap.gap.evidence import Evidence, simulator_of
-from twingap.gap.exchange import FEWEST_GROUPS, exchange_p, turned_p
+from twingap.gap.evidence import FEWEST_GROUPS, Evidence, simulator_of
+from twingap.gap.exchange import exchange_p, turned_p
 from twingap.gap.which import Explanation
 from twingap.records import Condition, Record, RecordSet
 from twingap.twins.phenomenological import PhenomenologicalParameters, PhenomenologicalTwin
