@@ -167,7 +167,8 @@ def test_another_unit_is_calibrated_away() -> None:
 
 def test_of_simulated_records_at_several_rates_those_that_reach_the_real_one_are_taken() -> None:
     slow = [replace(c, name=f"slow {c.name}", fs_hz=8_000.0, n_samples=4000) for c in CONDITIONS]
-    both = RecordSet.from_records("both", "m/s^2", BEARING, [*sim(slow), *sim()])
+    fast = [replace(c, name=f"fast {c.name}") for c in CONDITIONS]
+    both = RecordSet.from_records("both", "m/s^2", BEARING, [*sim(slow), *sim(fast)])
     own = OwnSimulator(both, sim(seed=1), BEARING, 1.0)
     assert {r.condition.fs_hz for r in own.simulate((), CONDITIONS, 5, 0)} == {10_000.0}
     with pytest.raises(TwingapError, match="is sampled at 8000 Hz"):
