@@ -94,7 +94,7 @@ def diagnose(
     ] = False,
     jobs: Annotated[
         int, typer.Option(metavar="J", help="Processes: with 2, half of the records are simulated in another.", min=1)
-    ] = 2,
+    ] = 1,
     track: Annotated[
         bool, typer.Option("--track/--no-track", help="Keep the diagnosis as a run for `twingap ui`.")
     ] = True,

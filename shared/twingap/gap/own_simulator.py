@@ -105,9 +105,7 @@ class OwnSimulator:
         self._made = _Made(sim.conditions)
         self._quiet: dict[tuple[float, ...], Background | None] = {}
         self._known_still: dict[tuple[object, ...], NDArray[np.float32]] = {}
-        notes = []
-        if missing := sorted(wanted - faults):
-            notes.append(f"no simulated record of {', '.join(missing)}: real records of it are left aside")
+        notes: list[str] = []
         self.missing = frozenset(wanted - faults)
         self._first, self._alike = self._shared_out([*real.conditions, *others])
         self.gain = self._calibrated(real, notes)

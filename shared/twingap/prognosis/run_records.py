@@ -24,7 +24,7 @@ from twingap.records.samples import Channel, SampleFile, inspect
 from twingap.records.table import Row, read_table
 
 _LONGEST_S: Final = 1e10
-"""Three hundred years: milliseconds for seconds are found, and what was read wrongly."""
+"""Three hundred years: what lies beyond was read wrongly."""
 
 
 @dataclass(frozen=True)
