@@ -98,7 +98,7 @@ def test_where_nothing_is_added_no_measure_moves() -> None:
     rng = np.random.default_rng(8)
     conditions = conditions_of(16)
     sims = many(conditions, rng, 0.0, 4)
-    for metric in shrink_metrics(views_of(conditions, rng, MISSING), sims, sims, rng):
+    for metric in shrink_metrics(views_of(conditions, rng, 0.1 * MISSING), sims, sims, rng):
         assert metric.before == metric.after, metric.metric
 
 
