@@ -32,28 +32,27 @@ SIZES: Final[Any] = {"font.size": 12, "axes.titlesize": 12, "axes.labelsize": 12
 
 
 def all_figures(results: Sequence[CaseResult], options: Options, data: str) -> Iterator[tuple[str, Figure]]:
-    """Every figure with its name; those of one bearing are of the paper's where it was run, else of the first."""
+    """Every figure of every bearing with its name; the network is the same for all."""
     import matplotlib as mpl
 
-    def of(name: str) -> CaseResult:
-        return next((r for r in own if r.case.name == name), own[0])
-
     with mpl.rc_context(SIZES):
-        own = [r for r in results if r.variant == results[0].variant]
-        yield "figure03_04-speed", speed(of("A148"), options, data)
-        yield "figure05_10-anomaly", anomaly(of("A156"), options, data)
-        yield "figure07-remaining", remaining(of("A148"), data)
-        yield "figure08-network", network(of("A148"), data)
-        yield "figure09-run", run(of("A148"), options, data)
+        yield "figure08-network", network(results[0], data)
+        for result in (r for r in results if r.variant == results[0].variant):
+            name = result.case.name
+            yield f"figure03_04-{name}-speed", speed(result, options, data)
+            yield f"figure05_10-{name}-anomaly", anomaly(result, options, data)
+            yield f"figure07-{name}-remaining", remaining(result, data)
+            yield f"figure09-{name}-run", run(result, options, data)
         for twin in dict.fromkeys(r.variant for r in results):
             own = [r for r in results if r.variant == twin]
             about = f"{data}; {twin} twin"
-            yield f"figure06_12-trajectories-{twin}", trajectories(of("A148"), options, about)
-            yield f"figure11-signals-{twin}", signals(of("A148"), data)
-            if "embedding" in of("A156").trainings[0].value:
-                yield f"figure13-tsne-{twin}", embedding(of("A156"), about)
             for result in own:
-                yield f"figure14-{result.case.name}-{twin}", predicted(result, about)
+                name = result.case.name
+                yield f"figure06_12-{name}-trajectories-{twin}", trajectories(result, options, about)
+                yield f"figure11-{name}-signals-{twin}", signals(result, data)
+                if "embedding" in result.trainings[0].value:
+                    yield f"figure13-{name}-tsne-{twin}", embedding(result, about)
+                yield f"figure14-{name}-{twin}", predicted(result, about)
             yield f"table5-{twin}", table5(own, about)
 
 

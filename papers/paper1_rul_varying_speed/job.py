@@ -100,7 +100,8 @@ def simulate(job: Job, known: Known, digest: str = "") -> tuple[Snapshots, Snaps
     digest : str
         Of the run; with it the records may be taken from those made last.
     """
-    key = repr((digest, known.name, job.seed, job.signal, job.copies, job.most_records, job.added))
+    rates = tuple(life.rate for life in (*known.twin.lives, *known.twin.held_out))
+    key = repr((digest, known.name, rates, job.seed, job.signal, job.copies, job.most_records, job.added))
     if not digest or key not in _held:
         rng = np.random.default_rng([job.seed, 2])
         twin, n_samples = known.twin, known.real.samples.shape[1]

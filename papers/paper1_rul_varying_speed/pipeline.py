@@ -3,7 +3,7 @@
 Smart Maintenance set, or virtual rig --> cases --> twin, up to now --> simulated lives --> five models x seeds
                                                                                                     |
                      tables, figures, MLflow runs <-- judged on the run to its end <-- chosen without labels
-                                    ^---------------- femto, rig_lives, life_gap: studies of the full profile
+                                    ^--------- femto, rig_lives, ablation, life_gap: studies of the full profile
 
 Used in: Simulation-based remaining useful life prediction of rolling element bearings under varying operating
 conditions. The method is in `twingap.prognosis`; here is the study.
@@ -19,7 +19,7 @@ from typing import Any
 
 import numpy as np
 
-from papers.paper1_rul_varying_speed import femto, life_gap, rig_lives, tables
+from papers.paper1_rul_varying_speed import ablation, femto, life_gap, rig_lives, tables
 from papers.paper1_rul_varying_speed.cases import Case, Target, load_target, read_case
 from papers.paper1_rul_varying_speed.job import Job, train_and_judge
 from papers.paper1_rul_varying_speed.models import architecture_of
@@ -159,6 +159,7 @@ def beside(log: Run, profile: str, config: Path, given: Mapping[str, Any]) -> tu
         return ()
     studies: dict[str, Callable[..., Any]] = {
         "rig_lives": rig_lives.run,
+        "ablation": functools.partial(ablation.run, config=config),
         "life_gap": functools.partial(life_gap.run, config=config),
     }
     missing: tuple[str, ...] = ("femto",)

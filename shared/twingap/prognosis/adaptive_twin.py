@@ -160,6 +160,37 @@ def adapt(run: Run, mode: HealthyFit, options: Adaptation | None = None) -> Adap
         raise TwingapError("no anomaly up to now", where="run", mend="wait for more measurements")
     now, onset = run.time_s.size - 1, anomaly.onset_row
     damage = fit_damage(np.arange(now + 1), normalised, onset, level=options.level)
+    lives, held_out, period = lives_that_may_follow(run, influence, damage, options)
+    return AdaptiveTwin(mode, influence, anomaly, damage, lives, held_out, period, now)
+
+
+def lives_that_may_follow(
+    run: Run, influence: SpeedInfluence, damage: DamageFit, options: Adaptation
+) -> tuple[tuple[Trajectory, ...], tuple[Trajectory, ...], int]:
+    """Lives about the end that a rate of growth foretells.
+
+    Parameters
+    ----------
+    run : Run
+        Up to now: none of them ends before.
+    influence : SpeedInfluence
+    damage : DamageFit
+        In rows.
+    options : Adaptation
+
+    Returns
+    -------
+    lives, held_out : tuple of Trajectory
+        Shortest first; those held out lie between the others.
+    period_rows : int
+        Of the speed profile, which is taken to go on as it was.
+
+    Raises
+    ------
+    TwingapError
+        When no life could follow.
+    """
+    now, onset = run.time_s.size - 1, round(damage.onset)
     # The period is read where the machine still ran as usual; at least as many rows as it needs are there.
     period = period_rows(run.speed_rpm[: onset + 1])
     wanted = onset + 1 + int(60 * options.horizon_min / run.dt_s)
@@ -171,12 +202,11 @@ def adapt(run: Run, mode: HealthyFit, options: Adaptation | None = None) -> Adap
     )  # fmt: skip
     # Held-out lives lie evenly between the others: never the shortest nor the longest.
     held = {round((i + 1) * total / (options.held_out_lives + 1) - 0.5) for i in range(options.held_out_lives)}
-    return AdaptiveTwin(
-        mode, influence, anomaly, damage,
+    return (
         tuple(life for place, life in enumerate(lives) if place not in held),
         tuple(life for place, life in enumerate(lives) if place in held),
-        period, now,
-    )  # fmt: skip
+        period,
+    )
 
 
 def adapt_when_possible(
