@@ -196,10 +196,10 @@ def classify(
     TwingapError
         For records or a twin that cannot be used: no bearing, several rates, too short, not finite, constant.
     """
-    from twingap.twins.twin_file import overruled
+    from twingap.twins.twin_file import in_unit, overruled
 
     options = options or ClassifyOptions()
-    records = records.without_labels()
+    records, spec = records.without_labels(), in_unit(spec, records.unit)
     bearing = records.bearing or spec.bearing
     if bearing is None:
         raise TwingapError(

@@ -42,9 +42,10 @@ def identify(
     from twingap.twins.twin_file import read_twin, write_twin
 
     spec = read_twin(twin)
-    refuse_overwriting(out, twin, recordset)
-    records = read_record_set(recordset)
     figure = (out.parent if figures is None else figures) / f"{out.stem}_fit.png"
+    for path in (out, figure):
+        refuse_overwriting(path, twin, recordset)
+    records = read_record_set(recordset)
     # Both places are tried before the work begins, and filled only after it has ended well.
     with replacing(out) as text, replacing(figure) as drawing:
         with Progress(console=progress_console, transient=True, disable=not progress_console.is_terminal) as progress:
@@ -64,7 +65,10 @@ def identify(
             write_twin(text, replace(found.spec, bearing=records.bearing or found.spec.bearing))
         except TwingapError as error:  # which names the temporary file
             raise TwingapError(error.what, where=out, mend=error.mend) from error
-        write_figure(drawing, found.fits)
+        try:
+            write_figure(drawing, found.fits)
+        except TwingapError as error:
+            raise TwingapError(error.what, where=figure, mend=error.mend) from error
     if as_json:
         about = {
             "parameters": {

@@ -80,16 +80,31 @@ def say_json(value: Any) -> None:
 
 
 def refuse_overwriting(out: Path, *read: Path) -> None:
-    """Refuse to write over what the command reads: a file, or the tables of a record set's folder.
+    """Refuse to write over what the command reads: a file, or the tables and samples of a record set's folder.
 
     Raises
     ------
     TwingapError
     """
+    if not out.is_file():
+        return
     for path in read:
-        for file in (path, path / "records.csv", path / "recordset.toml"):
-            if out.is_file() and file.is_file() and out.samefile(file):
+        for file in (path, path / "records.csv", path / "recordset.toml", *_samples(path)):
+            if file.is_file() and out.samefile(file):
                 raise TwingapError("is read by this command", where=out, mend="name another file with --out")
+
+
+def _samples(folder: Path) -> Iterator[Path]:
+    """Files of samples that a record set's folder names; whether its table is right is found out when it is read."""
+    import csv
+
+    table = folder / "records.csv"
+    if not table.is_file():
+        return
+    with table.open(encoding="utf-8-sig", errors="replace", newline="") as lines, contextlib.suppress(csv.Error):
+        for row in csv.DictReader(lines):
+            if row.get("file"):
+                yield folder / str(row["file"]).strip()
 
 
 def wrote(*paths: Path, as_json: bool = False) -> None:

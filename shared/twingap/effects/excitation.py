@@ -293,8 +293,9 @@ class DistributedRoughness(Effect):
         _RANDALL,
     )
     level: float = parameter(
-        0.7, unit="healthy rms", plausible=(0.1, 5.0), log=True, doc="rms of the response after the path"
-    )
+        0.7, unit="healthy rms", plausible=(0.1, 5.0), log=True,
+        doc="rms of the response through the twin's own mode, before what else lies on its path",
+    )  # fmt: skip
     depth: float = parameter(0.7, unit="", plausible=(0.1, 1.0), allowed=(0, 1), doc="half the swing over a turn")
 
     def apply(self, draft: Draft, rng: np.random.Generator) -> None:

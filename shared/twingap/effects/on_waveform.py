@@ -66,7 +66,7 @@ def apply_to_waveform(
     t = np.arange(condition.n_samples) / condition.fs_hz
     evenly = t * (condition.speed_rpm / 60)
     x = np.array(record.samples, dtype=float)
-    draft = Draft(condition, bearing, reference_rms, t, evenly, excitation="waveform", x=x)
+    draft = Draft(condition, bearing, reference_rms, t, evenly.copy(), excitation="waveform", x=x)
     chain = in_order(tuple(effects))
     for stage in Stage:
         if stage is Stage.EXCITATION and still is not None and draft.faulty:
@@ -76,7 +76,7 @@ def apply_to_waveform(
                 if reason := effect.cannot_act_on(draft):
                     raise TwingapError(reason, where=f"record {condition.name!r}, effect {effect.name}")
                 effect.apply(draft, streams(effect.name))
-        if stage is Stage.SHAFT and draft.turns is not evenly:
+        if stage is Stage.SHAFT and not np.array_equal(draft.turns, evenly):
             draft.x = at_angles(draft.x, evenly, draft.turns)
             still = None if still is None else at_angles(still, evenly, draft.turns)
         elif stage is Stage.EXCITATION:

@@ -31,7 +31,7 @@ from twingap.gap.view import Frame
 from twingap.identify.phenomenological import quick_identify
 from twingap.records import RecordSet
 from twingap.streams import root_entropy
-from twingap.twins.twin_file import TwinSpec, build_twin, flat, nested
+from twingap.twins.twin_file import TwinSpec, build_twin, flat, in_unit, nested
 
 Array = NDArray[np.float64]
 
@@ -112,6 +112,7 @@ def calibrate(
             "neither a twin nor simulated records are given", mend="give a twin file, or records to --sim"
         )
     _refuse_unreadable(records)
+    spec = spec if spec is None else in_unit(spec, records.unit)
     notes: list[str] = []
     if sim is not None:
         _refuse_unreadable(sim, "simulated record")

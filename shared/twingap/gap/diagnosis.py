@@ -29,7 +29,7 @@ from twingap.gap.second_process import EvidenceOfTwo, SecondProcess, second_proc
 from twingap.gap.shrink import Closure, Lessons, closure_interval, curves, paired, shrink_metrics
 from twingap.gap.simulator import Simulator, TwinSimulator
 from twingap.gap.stand_ins import nearest_spec, stand_ins
-from twingap.gap.training import load, quiet, train
+from twingap.gap.training import is_trained, load, quiet, train
 from twingap.gap.training.learn import Learnt
 from twingap.gap.views import Grid, Views
 from twingap.gap.where import locate
@@ -157,7 +157,10 @@ def diagnose(
     """
     from threadpoolctl import threadpool_limits
 
+    _two_or_more(records)
     if learnt is None:
+        if not is_trained():  # what cannot be diagnosed is told before half an hour's work
+            calibrate(_thinned(records, []), None if sim is not None else spec, copy.deepcopy(rng), sim=sim)
         learnt = load(train(report=lambda what, part: report(f"training, once: {what}", part)))
     # Trees are asked about one row thousands of times: threads would wait for each other longer than they work, on a
     # machine that has other work for minutes.
@@ -176,11 +179,6 @@ def _diagnosed(
     second: SecondProcess | None,
 ) -> Diagnosis:
     begin = time.monotonic()
-    if len(records) < 2:
-        raise TwingapError(
-            "holds one record, at least 2 expected: one to calibrate with, one to measure on",
-            where=f"record set {records.name!r}", mend="cut longer recordings into records",
-        )  # fmt: skip
     brought = spec if sim is None else replace(spec, bearing=sim.bearing)
     notes = [told] if (told := overruled(brought, records.bearing, "twin file" if sim is None else sim.name)) else []
     used = _thinned(records, notes)
@@ -403,6 +401,14 @@ def _status(found: Explanation, closed: Closure, rest: Sequence[Place]) -> Statu
     reached = found.rest_p > ALPHA_REST and closed.ci[1] >= AT_FLOOR and closed.after_ci[0] <= closed.floor
     plain = any(place.p_value <= PLAIN_REST for place in rest)
     return "explained" if reached and not plain else "partly_explained"
+
+
+def _two_or_more(records: RecordSet) -> None:
+    if len(records) < 2:
+        raise TwingapError(
+            "holds one record, at least 2 expected: one to calibrate with, one to measure on",
+            where=f"record set {records.name!r}", mend="cut longer recordings into records",
+        )  # fmt: skip
 
 
 def _thinned(records: RecordSet, notes: list[str]) -> RecordSet:

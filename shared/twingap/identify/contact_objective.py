@@ -34,6 +34,8 @@ SEGMENT_S = 0.02
 """Length of a segment, s: lines of a fault merge, so that a slightly wrong speed does not look like a misfit."""
 LENGTH_S = 0.25
 """Length of a simulated trajectory, s."""
+PICKED = 12
+"""Most records of a state whose conditions are simulated: harmonics of a defect lie elsewhere at each speed."""
 BLOCKS = 10
 """Stretches into which the records of a state are cut to see how they scatter."""
 FEWEST_GROUPS = 4
@@ -196,7 +198,7 @@ def states_of(records: RecordSet, notes: list[str], most: int = 40) -> list[Stat
         same = records.take(chosen)
         for s in spectra(same, SEGMENT_S):
             own = [same.conditions[p] for p in s.places]
-            picked = [own[i] for i in np.unique(np.linspace(0, len(own) - 1, 3).round().astype(int))]
+            picked = [own[i] for i in np.unique(np.linspace(0, len(own) - 1, PICKED).round().astype(int))]
             length = max(s.segment, round(LENGTH_S * s.fs_hz))
             conditions = tuple(replace(c, n_samples=length) for c in picked)
             out.append(State(fault, s, s.mean(lines=True)[0], conditions, _without(same, s)))
@@ -227,11 +229,11 @@ def _without(records: RecordSet, own: Spectra) -> Array:
         rows: list[Array] = []
         lengths: list[float] = []
         numbers: list[int] = []
-        wanted = -(-BLOCKS // len(own.places))
-        for place in own.places:
-            samples = records[int(place)].samples
-            count = max(1, min(wanted, samples.size // (4 * own.segment)))
-            for stretch in np.array_split(samples, count):
+        # Where records are long enough, a block is a stretch of each, so that all speeds keep their share without it.
+        most = [records.conditions[int(place)].n_samples // (4 * own.segment) for place in own.places]
+        wanted = BLOCKS if min(most) >= BLOCKS else -(-BLOCKS // len(own.places))
+        for place, fits in zip(own.places, most, strict=True):
+            for stretch in np.array_split(records[int(place)].samples, max(1, min(wanted, fits))):
                 rows.append(power_density(stretch, own.fs_hz, own.segment))
                 lengths.append(float(stretch.size))
                 numbers.append(len(numbers) % BLOCKS)

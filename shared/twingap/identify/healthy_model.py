@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from scipy.special import expit, logit
 
 from twingap.bearing import FAULTS
+from twingap.identify.impacts import actual_speed, fault_order, silent_twin
 from twingap.identify.resonance import Fixed, HealthyFit, equation_8, whittle
 from twingap.identify.spectra import Spectra
 from twingap.identify.unstruck import MOST, noise_share
@@ -39,6 +40,8 @@ ADDED_DAMPING = 0.003, 0.25
 """Dampings between which what defects add is taken for a mode: sharper is a tone, broader some other noise."""
 ELSEWHERE = 0.3
 """Of what a mode explains of what defects add: the healthy records' own explains less where another one rings."""
+LINE_REACH = 4
+"""Bins on either side of a defect's harmonics that are not taken for noise: Hann's lobe, and speeds a little off."""
 
 
 @dataclass(frozen=True)
@@ -93,6 +96,29 @@ class HealthyModel:
             if not one.clean[:, np.abs(one.f_hz - fit.resonance_hz) < reach].all():
                 return True
         return False
+
+    def between_lines(self) -> HealthyModel:
+        """The same, taking no harmonic of the records' own defects for noise, where no record is healthy.
+
+        A short record's spectrum is one average: what stands a few times above its floor may be chance, unless it is
+        where a known defect strikes.
+        """
+        fit = whittle(self.measured, fixed=self.fixed)
+        silent = silent_twin(self.twin, fit)
+        masked = []
+        for one in self.measured:
+            clean = one.clean.copy()
+            for row, place in zip(clean, one.places, strict=True):
+                record = self.records[int(place)]
+                if record.condition.fault not in FAULTS[1:]:
+                    continue
+                rate_hz = fault_order(silent, record.condition) * actual_speed(silent, fit, record) / 60
+                apart = rate_hz * one.segment / one.fs_hz
+                reach = min(LINE_REACH, int(apart / 4))  # half of the bins stay at least
+                for line in np.arange(apart, row.size, apart) if reach else ():
+                    row[max(0, round(line) - reach) : round(line) + reach + 1] = False
+            masked.append(replace(one, clean=clean))
+        return replace(self, measured=masked)
 
     def begin(self, baseline: Mask, notes: list[str]) -> tuple[HealthyModel, HealthyFit]:
         """Settle where the mode is read, and fit from a grid; `notes` grows by what could not be found."""
@@ -242,7 +268,7 @@ class HealthyModel:
         """The same on scales where errors are nearly normal: logarithms, and the logit of a share of power."""
         tied = ("structure_noise_rms", "white_noise_rms") if self.conventional else ()
         return {
-            name: float(logit(np.clip(value**2, 1e-12, 1 - 1e-12)) if name in tied else np.log(max(value, 1e-12)))
+            name: float(logit(np.clip(value**2, 1e-12, 1 - 1e-12)) if name in tied else np.log(max(value, 1e-300)))
             for name, value in self.values(fit).items()
         }
 
@@ -250,8 +276,8 @@ class HealthyModel:
         """Back from coordinates."""
         if self.conventional and name in ("structure_noise_rms", "white_noise_rms"):
             return float(np.sqrt(expit(lo))), float(np.sqrt(expit(hi)))
-        # Beyond e^40 an interval says "unknown" as well.
-        low, high = (float(np.exp(np.clip(v, -40, 40))) for v in (lo, hi))
+        # Beyond e^40 an interval says "unknown" as well; scale may be in any unit.
+        low, high = (float(np.exp(np.clip(v, -690, 40))) for v in (lo, hi))
         return low, min(high, 1.0) if name == "damping_ratio" else high
 
 

@@ -13,7 +13,7 @@ from twingap import __version__
 from twingap.errors import TwingapError
 from twingap.identify.result import Identified, Outcome, Report
 from twingap.records import RecordSet
-from twingap.twins.twin_file import Provenance, TwinSpec, model_of
+from twingap.twins.twin_file import Provenance, TwinSpec, in_unit, model_of
 
 LEVEL = 0.9
 """Coverage that intervals claim unless asked for another."""
@@ -112,7 +112,11 @@ def identify(
                 f"optimiser {optimiser!r} is for the contact twin", where="identification", mend="leave it out"
             )
         chosen["optimiser"] = optimiser
+    spec = in_unit(spec, records.unit)
     outcome = IDENTIFICATIONS[spec.model]()(spec, records, rng, level=level, method=method, report=report, **chosen)
+    if not outcome.estimates:
+        told = "the twin file gives every parameter that records could tell: nothing was identified, it stays as it is"
+        return Identified(spec, {}, outcome.fits, (*outcome.notes, told))
     provenance = Provenance(records.digest, records.unit, level, __version__, method, seed, outcome.notes)
     values = {name: estimate.value for name, estimate in outcome.estimates.items()}
     intervals = {name: e.interval for name, e in outcome.estimates.items() if e.interval is not None}

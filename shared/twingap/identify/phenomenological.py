@@ -38,6 +38,8 @@ NO_HEALTHY = (
 )
 QUICK_SEGMENT_S = 0.08
 """Aimed length of a segment where intervals are not asked for, s: half of the usual one, at a third of its time."""
+SLOW_RPM = 60.0
+"""Speed below which a table may well hold turns per second, or another column's numbers."""
 SURE_SHARE = 0.9
 """Part of the fitted structure noise below which what was taken away is more than scatter of the fit."""
 MOST_RECORDS = 300
@@ -59,13 +61,18 @@ def identify_phenomenological(
     baseline = healthy if healthy.any() else everything
     if not healthy.any():
         notes.append(NO_HEALTHY)
+    if (slowest := min(c.speed_rpm for c in records.conditions)) < SLOW_RPM:
+        notes.append(f"speed_rpm is {slowest:g} at least: impacts are sought at that speed, in turns per minute")
     if len(_groups(records, baseline)) == 1:
         notes.append(
             "all records that the noise was fitted to are of one group: intervals hold the scatter within it only"
         )
     for name in COLOURING:
         if name in spec.effects:
-            notes.append(f"the twin's {name} was not undone: resonance, damping and noise levels describe the records")
+            notes.append(
+                f"the twin's {name} was not undone: what records have of it is in resonance, damping, noises, scale "
+                "and impact amplitudes, so that the twin with it has it twice; values without intervals"
+            )
     if silent := [name for name in spec.effects if not spec.parameters.get(name)]:
         notes.append(
             f"{', '.join(silent)}: the twin file gives no value, and spectra alone do not tell it: defaults were kept "
@@ -74,6 +81,7 @@ def identify_phenomenological(
     report("spectra", 0.0)
     problem = HealthyModel(spec, records, spectra(records), method, ~everything)
     report("resonance and noise", 0.0)
+    problem = problem if healthy.any() else problem.between_lines()
     problem, fit = problem.begin(baseline, notes)
     if not healthy.any():
         problem, fit = problem.between_impacts(fit, root)
@@ -99,6 +107,8 @@ def identify_phenomenological(
             estimates[name] = Estimate(float(np.sqrt(max(power, 0.0))))
     else:
         estimates = _with_intervals(problem, fit, healthy, baseline, amplitudes, estimate, at, level, notes, report)
+    if any(name in spec.effects for name in COLOURING):
+        estimates = {name: Estimate(estimated.value) for name, estimated in estimates.items()}
     for fault in FAULTS[1:]:
         if fault not in faults and f"impact_amplitude.{fault}" not in problem.given:
             notes.append(f"no record of fault {fault!r}: its impact amplitude keeps the default")
@@ -144,7 +154,8 @@ def _with_intervals(
     out = {}
     values = problem.values(fit)
     for name, (lo, hi) in zip(values, spread.interval(at, level), strict=False):
-        out[name] = Estimate(values[name], problem.interval(name, lo, hi))
+        low, high = problem.interval(name, lo, hi)
+        out[name] = Estimate(values[name], (low, high) if low <= values[name] <= high else None)
     if problem.mode_from.any():
         # A mode read off lines is biased by where they lie, by more than its scatter; what rests on it is, too.
         notes.append("a resonance read off the faults' lines has no interval, nor has what rests on it")
@@ -200,6 +211,7 @@ def quick_identify(
     if not healthy.any():
         notes.append(NO_HEALTHY)
     problem = HealthyModel(spec, records, spectra(records, QUICK_SEGMENT_S), "whittle", ~everything)
+    problem = problem if healthy.any() else problem.between_lines()
     problem, fit = problem.begin(baseline, notes)
     if not healthy.any():
         problem, fit = problem.between_impacts(fit, root)

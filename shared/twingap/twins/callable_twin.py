@@ -109,13 +109,14 @@ class CallableTwin(Twin):
         if not np.ptp(x) > 0:
             raise TwingapError("the function gave samples that are all equal", where=where)
         draft.x = self.parameters.scale * x
+        # Before anything else acts: what follows the angle finds its places in the resampled waveform.
+        evenly = draft.t * draft.shaft_hz
+        if any(e.stage == Stage.SHAFT for e in self.effects) and not np.array_equal(draft.turns, evenly):
+            draft.x = at_angles(draft.x, evenly, draft.turns)
 
     def respond(self, drafts: Sequence[Draft]) -> None:
         """Delay, gain and filters on the waveform, as `effects.apply_to_waveform` has them."""
         for draft in drafts:
-            evenly = draft.t * draft.shaft_hz
-            if any(e.stage == Stage.SHAFT for e in self.effects) and not np.array_equal(draft.turns, evenly):
-                draft.x = at_angles(draft.x, evenly, draft.turns)
             if draft.cage_lag is not None:
                 draft.x = at_angles(draft.x, draft.turns, draft.turns - draft.cage_lag)
             if draft.gain is not None:

@@ -33,7 +33,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any
+from typing import Any, Final
 
 from twingap.bearing import Bearing
 from twingap.config import build, read_toml, to_toml
@@ -240,6 +240,34 @@ def build_twin(spec: TwinSpec, bearing: Bearing | None = None, unit: str = "m/s^
     model = model_of(spec)
     effects = tuple(make_effect(name, spec.parameters.get(name), "twin") for name in spec.effects)
     return model.build(model_parameters(spec), bearing, effects, unit)
+
+
+STANDARD_GRAVITY: Final = 9.80665
+"""m/s^2."""
+_IN_M_S2: Final = MappingProxyType({"m/s^2": 1.0, "g": STANDARD_GRAVITY})
+
+
+def in_unit(spec: TwinSpec, unit: str) -> TwinSpec:
+    """The spec of a twin that was identified in one unit, for records in another: `scale` and its interval converted.
+
+    Parameters
+    ----------
+    spec : TwinSpec
+        As it is returned where nothing was identified, where the units agree, or where either is not known.
+    unit : str
+        Of the records.
+    """
+    own = None if spec.identified is None else spec.identified.unit
+    if own is None or own == unit or not {own, unit} <= _IN_M_S2.keys():
+        return spec
+    factor = _IN_M_S2[own] / _IN_M_S2[unit]
+    values, intervals = flat(spec.parameters), dict(spec.intervals)
+    if "scale" in values:
+        values["scale"] *= factor
+    if "scale" in intervals:
+        intervals["scale"] = (intervals["scale"][0] * factor, intervals["scale"][1] * factor)
+    assert spec.identified is not None
+    return spec.with_values(values, intervals, dataclasses.replace(spec.identified, unit=unit))
 
 
 def overruled(spec: TwinSpec, bearing: Bearing | None, whose: str = "twin file") -> str | None:

@@ -10,11 +10,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tests.twingap.cli.typed import Run
+from tests.twingap.cli.typed import Run, refused
 from twingap.bearing import BEARINGS
 from twingap.gap.contract import problems
 from twingap.gap.report_file import from_json, read_report
-from twingap.records import Condition
+from twingap.records import Condition, Record
 from twingap.records.folder import read_record_set, write_records
 from twingap.twins.phenomenological import PhenomenologicalTwin
 from twingap.twins.twin_file import read_twin
@@ -175,3 +175,25 @@ def test_records_of_another_simulator_take_the_twins_place(
     report = read_report(tmp_path / "out")
     assert report.verdict.status == "no_gap"
     assert report.provenance["simulator"] == "made"
+
+
+def test_what_cannot_be_diagnosed_is_told_before_half_an_hour_of_learning(
+    typed_gap: Run, twin: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from twingap.gap import diagnosis
+
+    def unwanted(**_: Any) -> None:
+        raise AssertionError("learns before it has looked at the records")
+
+    monkeypatch.setattr(diagnosis, "train", unwanted)
+    monkeypatch.setenv("TWINGAP_HOME", str(tmp_path / "home"))
+    made = PhenomenologicalTwin(BEARINGS["6205"]).simulate(
+        [Condition(f"r{i}", 1797.0, 12000.0, 6000, "healthy") for i in range(4)], np.random.default_rng(0)
+    )
+    still = [Record(r.condition, np.ones(6000)) for r in made]
+    for name, kept, words in (
+        ("one", made.take([0]), "at least 2 expected"),
+        ("still", still, "all samples are equal"),
+    ):
+        folder = write_records(tmp_path / name, "made", "g", BEARINGS["6205"], None, kept)
+        refused(typed_gap(folder, "--twin", twin, "--out", tmp_path / "out"), words)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
 import sys
 from functools import partial
 from pathlib import Path
@@ -161,3 +162,17 @@ def test_the_contact_twin_by_an_optimiser_of_choice(twingap: Run, records: Path,
 
 def test_no_optimiser_for_a_twin_that_needs_none(twingap: Run, twin: Path, records: Path, tmp_path: Path) -> None:
     refused(twingap(twin, records, "--out", tmp_path / "x.toml", "--optimiser", "zoa"), "zoa", "contact twin")
+
+
+def test_no_sample_file_is_written_over(twingap: Run, twin: Path, records: Path, tmp_path: Path) -> None:
+    own = shutil.copytree(records, tmp_path / "own")
+    (sample, *_) = sorted(own.rglob("*.npy"))
+    before = sample.read_bytes()
+    said = twingap(twin, own, "--out", sample)
+    assert said.status == 2 and "is read by this command" in said.err and sample.read_bytes() == before
+    drawn = sample.with_name("x_fit.png")
+    sample.rename(drawn)
+    table = own / "records.csv"
+    table.write_text(table.read_text().replace(sample.relative_to(own).as_posix(), drawn.relative_to(own).as_posix()))
+    said = twingap(twin, own, "--out", tmp_path / "x.toml", "--figures", drawn.parent)
+    assert said.status == 2 and "is read by this command" in said.err and drawn.read_bytes() == before

@@ -119,3 +119,14 @@ def test_one_sample_and_constant_records_survive(lab: Any) -> None:
                     [make_effect(name)], Record(condition, np.ones(n)), lab.bearing, 1.0, Streams(7, 0)
                 )
                 assert np.isfinite(x.samples).all()
+
+
+def test_an_angle_changed_in_place_is_followed(lab: Any) -> None:
+    class Swing(SpeedFluctuation):
+        def apply(self, draft: Any, rng: np.random.Generator) -> None:
+            draft.turns += 0.05 * np.sin(4 * np.pi * draft.t)
+
+    (condition,) = lab.conditions("inner", 1)
+    record = Record(condition, lab.make([], "inner")[0])
+    done = apply_to_waveform([Swing()], record, lab.bearing, lab.parameters.reference_rms, Streams(7, 0))
+    assert np.abs(done.samples - record.samples).std() > 0.3 * record.samples.std()

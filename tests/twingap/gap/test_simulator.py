@@ -349,7 +349,8 @@ def test_effects_act_on_a_functions_output_as_on_any_waveform() -> None:
     register_callable("tones", tones)
     own = TwinSimulator(TwinSpec("tones"), BEARING)
     chain = tuple(
-        make_effect(n) for n in ("speed_fluctuation", "slip_jitter", "load_zone", "sensor_rolloff", "quantisation")
+        make_effect(n)
+        for n in ("speed_fluctuation", "slip_jitter", "entry_exit", "load_zone", "sensor_rolloff", "quantisation")
     )
     (got,) = own.simulate(chain, CONDITIONS[1:2], 4, 0)
     (plain,) = own.simulate((), CONDITIONS[1:2], 4, 0)

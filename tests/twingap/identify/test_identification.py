@@ -247,3 +247,47 @@ def test_groups_are_left_out_whole() -> None:
     assert list(clusters(["a", "a", "a"])) == [0, 1, 2]
     many = clusters([f"g{i // 2}" for i in range(60)])
     assert len(set(many)) == 12 and (many[::2] == many[1::2]).all()
+
+
+def test_without_healthy_records_the_harmonics_of_the_defects_are_no_noise() -> None:
+    """A second's spectrum is one average: what stood a few times above its floor was taken for noise, 13 % of it."""
+    made = records(healthy=0, faulty=5, faults=("inner", "outer", "ball"), seed=3)
+    found = identified(made).estimates
+    white = found["white_noise_rms"].value * found["scale"].value
+    assert white == pytest.approx(OWN.white_noise_rms * OWN.scale, rel=0.03)
+    assert found["scale"].value == pytest.approx(OWN.scale, rel=0.03)
+
+
+def test_of_a_twin_whose_effects_colour_the_spectrum_no_interval_is_given() -> None:
+    spec = TwinSpec("phenomenological", ("sensor_rolloff",))
+    found = identified(records(effects=("sensor_rolloff",)), spec)
+    assert any("has it twice" in note for note in found.notes)
+    assert found.estimates and all(e.interval is None for e in found.estimates.values())
+
+
+def test_an_identified_twin_keeps_where_its_values_come_from_and_follows_the_unit() -> None:
+    made = records()
+    spec = identified(made).spec
+    in_m_s2 = RecordSet.from_records(
+        "other", "m/s^2", made.bearing, [replace(r, samples=9.80665 * r.samples) for r in made]
+    )
+    again = identified(in_m_s2, spec)
+    assert not again.estimates and any("nothing was identified" in note for note in again.notes)
+    assert again.spec.parameters["scale"] == pytest.approx(9.80665 * spec.parameters["scale"])
+    assert spec.identified is not None and again.spec.identified == replace(spec.identified, unit="m/s^2")
+    assert again.spec.intervals.keys() == spec.intervals.keys()
+
+
+def test_intervals_hold_their_values_in_any_unit() -> None:
+    made = records()
+    tiny = RecordSet.from_records("tiny", "g", made.bearing, [replace(r, samples=1e-14 * r.samples) for r in made])
+    for name, estimate in identified(tiny).estimates.items():
+        assert estimate.interval is not None, name
+        assert estimate.interval[0] <= estimate.value <= estimate.interval[1], name
+
+
+def test_a_speed_that_may_be_of_another_column_is_said() -> None:
+    made = records()
+    slow = [replace(r, condition=replace(r.condition, speed_rpm=29.95)) for r in made]
+    notes = identified(RecordSet.from_records("slow", "g", made.bearing, slow)).notes
+    assert any("speed_rpm is 29.95" in note for note in notes)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass, fields
@@ -25,6 +26,7 @@ from twingap.twins.twin_file import (
     Provenance,
     TwinSpec,
     build_twin,
+    in_unit,
     model_parameters,
     overruled,
     read_twin,
@@ -260,3 +262,16 @@ def test_another_bearing_than_the_records_is_said_and_a_name_alone_is_none() -> 
     assert "12 rollers of 7.94 on 39.04 mm" in (overruled(spec, BEARINGS["6205"]) or "")
     assert overruled(spec, Bearing("theirs", 12, 7.94, 39.04)) is None
     assert overruled(spec, None) is None and overruled(TwinSpec("contact"), BEARINGS["6205"]) is None
+
+
+def test_a_scale_that_was_identified_in_one_unit_is_converted_for_records_in_another() -> None:
+    known = TwinSpec(
+        "phenomenological", parameters={"scale": 2.0, "damping_ratio": 0.03}, intervals={"scale": (1.0, 3.0)},
+        identified=Provenance(unit="g"),
+    )  # fmt: skip
+    there = in_unit(known, "m/s^2")
+    assert there.parameters == {"scale": pytest.approx(2 * 9.80665), "damping_ratio": 0.03}
+    assert there.intervals["scale"] == pytest.approx((9.80665, 3 * 9.80665)) and there.identified is not None
+    assert there.identified.unit == "m/s^2" and in_unit(there, "g").parameters["scale"] == pytest.approx(2.0)
+    for spec, unit in ((known, "g"), (known, ""), (dataclasses.replace(known, identified=None), "m/s^2")):
+        assert in_unit(spec, unit) is spec

@@ -148,6 +148,11 @@ def key(machines: int, seed: int = SEED, among: Sequence[str] = ()) -> str:
     return digest_of_value(about)[:16]
 
 
+def is_trained() -> bool:
+    """Whether what a diagnosis asks for is in the cache."""
+    return _whole(cache_folder() / f"learnt-{key(default_machines(), SEED, default_among())}.gz")
+
+
 def train(
     cache: Path | None = None,
     seed: int = SEED,

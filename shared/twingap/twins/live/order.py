@@ -72,6 +72,7 @@ class Reorder:
         self._ahead: float | None = None
         self._seen: OrderedDict[tuple[str, float, int | None], None] = OrderedDict()
         self._expected: dict[str, int] = {}
+        self._first: dict[str, int] = {}
 
     @property
     def watermark_s(self) -> float | None:
@@ -102,8 +103,8 @@ class Reorder:
         if self._let_go is not None and message.time_s < self._let_go:
             self.counts[kind, "late"] += 1
             self._remember(key)
-            if message.number is not None and message.number < self._expected.get(kind, 0):
-                self.counts[kind, "missing"] -= 1  # it was not lost after all
+            if message.number is not None and self._first.get(kind, 0) < message.number < self._expected.get(kind, 0):
+                self.counts[kind, "missing"] -= 1  # it was not lost after all; one before the first was never missed
             return []
         self._remember(key)
         self.counts[kind, "accepted"] += 1
@@ -130,6 +131,7 @@ class Reorder:
         self._let_go = time_s
         if message.number is not None:
             kind = kind_of(message)
+            self._first.setdefault(kind, message.number)
             if kind in self._expected and message.number > self._expected[kind]:
                 self.counts[kind, "missing"] += message.number - self._expected[kind]
             self._expected[kind] = max(message.number + 1, self._expected.get(kind, 0))

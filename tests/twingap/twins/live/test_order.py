@@ -92,3 +92,10 @@ def test_a_torn_cable_is_no_snapshot(samples: np.ndarray) -> None:
 def test_impossible_patience_is_refused() -> None:
     with pytest.raises(TwingapError, match="capacity = 0, at least 1 expected"):
         OrderOptions(capacity=0)
+
+
+def test_what_came_before_the_first_message_was_never_missing() -> None:
+    buffer = Reorder(OrderOptions(lateness_s=10.0))
+    for number, t in ((5, 1000.0), (6, 1060.0), (7, 1300.0), (3, 900.0), (4, 950.0)):
+        buffer.push(state(t, number))
+    assert buffer.counts["state", "late"] == 2 and buffer.counts["state", "missing"] == 0
