@@ -141,8 +141,8 @@ def descend(
         centre[free] += radius * np.clip(place, -1.5, 1.5)
         radius = np.minimum(wanted, 3 * radius)
     notes.append("no intervals: around the best point found the error of the spectra has no smooth minimum")
-    found = [_must(_at(objective, sets, point)) for point in (start, best)]
-    return min(found, key=lambda bottom: bottom.error)
+    ends = [_must(_at(objective, sets, point)) for point in (start, best)]
+    return min(ends, key=lambda bottom: bottom.error)
 
 
 class _Surface:
