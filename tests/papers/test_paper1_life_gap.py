@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from papers.paper1_rul_varying_speed import life_gap, pipeline
+from papers.paper1_rul_varying_speed import ablation, life_gap, pipeline, rig_lives
 from papers.paper1_rul_varying_speed import life_gap_diagnoses as diagnoses
 from papers.paper1_rul_varying_speed.cases import Case
 from papers.paper1_rul_varying_speed.job import Added, simulate, train_and_judge
@@ -118,9 +118,11 @@ def test_the_figure_has_a_panel_per_set_and_a_mark_per_diagnosis_of_all_bearings
 
 
 def smaller(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Every profile of the study with one run, stage and speed."""
+    """Every profile of the studies with one run, stage and speed."""
     for profile in life_gap.PROFILES:
         monkeypatch.setitem(life_gap.PROFILES, profile, life_gap.Size(("A148",), 1, 4, 40))
+        monkeypatch.setitem(rig_lives.SIZES, profile, rig_lives.Size((3,), ("A148", "A154", "A150"), 60.0, 0.05))
+        monkeypatch.setitem(ablation.PROFILES, profile, ablation.Size(("A148",), 1, 4, 1, 40))
     monkeypatch.setattr(life_gap, "STAGES", (SEEN,))
     monkeypatch.setattr(life_gap, "SPEEDS", {"slow": SPEEDS["slow"]})
 
@@ -154,5 +156,6 @@ def test_the_full_profile_of_the_paper_logs_the_study_in_a_run_of_its_own(
         assert pipeline.beside(log, "smoke", config, given) == ()
         assert not (tmp_path / "out").exists()
         assert pipeline.beside(log, "full", config, given) == ("femto",), "its data are not under this root"
-    assert [path.name for path in (tmp_path / "runs").rglob("life_gap_rmse*")]
+    for table in ("life_gap_rmse", "ablation_summary", "rig_lives"):
+        assert [path.name for path in (tmp_path / "runs").rglob(f"{table}*")], table
     assert len(pd.read_csv(tmp_path / "out" / "tables" / "life_gap.csv")) == 2

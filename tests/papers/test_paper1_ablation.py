@@ -1,0 +1,86 @@
+"""Why DANN is not beaten everywhere: lives about the true end, an encoding at a time, tables beside DANN."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from papers.paper1_rul_varying_speed import ablation
+from papers.paper1_rul_varying_speed.ablation import ADVERSARIAL, DANN, SIMULATED, TRUE, Size, tables, with_true_lives
+from papers.paper1_rul_varying_speed.cases import Case
+from papers.paper1_rul_varying_speed.job import simulate
+from papers.paper1_rul_varying_speed.models import MODELS
+from papers.paper1_rul_varying_speed.options import Options, read_options
+from tests.papers import test_paper1
+from twingap.prognosis.metrics import rmse
+
+records, root, config, case = test_paper1.records, test_paper1.root, test_paper1.config, test_paper1.case
+
+
+@pytest.fixture(scope="module")
+def options(config: Path) -> Options:
+    return read_options(config)
+
+
+def error(case: Case) -> float:
+    return rmse(case.true_min, case.minutes(case.mean_of_lives()))
+
+
+def test_true_lives_are_nearer_to_the_truth_and_still_know_nothing_of_later_records(
+    case: Case, options: Options
+) -> None:
+    true = with_true_lives(case, options.adaptation)
+    assert error(true) < error(case)
+    assert true.known.real is case.known.real and true.known.twin.now_row == case.known.twin.now_row
+    assert all(life.end_row > case.known.twin.now_row for life in true.known.twin.lives)
+    assert len(true.known.twin.lives) == len(case.known.twin.lives)
+
+
+def test_records_of_other_lives_are_made_anew(case: Case, options: Options) -> None:
+    (job, *_) = ablation.trainings_of(case, options, Size(("A148",), 1, 4, 1, 60), 0)
+    other = with_true_lives(case, options.adaptation)
+    made = simulate(job, case.known, case.digest)[0]
+    changed = simulate(job, other.known, other.digest)[0]
+    assert case.digest == other.digest
+    assert made.revolutions is not None and changed.revolutions is not None
+    assert made.revolutions.max() != changed.revolutions.max()
+
+
+def test_models_differ_by_an_encoding_at_a_time() -> None:
+    assert ADVERSARIAL[DANN] == MODELS[DANN] and ADVERSARIAL["Proposed model 3"] == MODELS["Proposed model 3"]
+    assert {(a.sequence, a.speed) for a in ADVERSARIAL.values()} == {(s, v) for s in (0, 1) for v in (0, 1)}
+    assert all(a.adversarial for a in ADVERSARIAL.values())
+
+
+def test_tables_stand_beside_dann() -> None:
+    rows = [
+        {"data": "d", "lives": SIMULATED, "bearing": b, "model": m, "seed": s, "rmse_min": v, "bias_min": 0.0,
+         "lives_rmse_min": 2.0, "lives_bias_min": 1.0}
+        for m, errors in ((DANN, (4.0, 8.0)), ("Proposed model 3", (2.0, 9.0)))
+        for b, v in zip("AB", errors, strict=True)
+        for s in (0, 1)
+    ]  # fmt: skip
+    made = tables(rows)["ablation_summary"].set_index("model")
+    assert made.loc[DANN, "over_dann"] == 1 and made.loc[DANN, "better_than_dann"] == 0
+    best = made.loc["Proposed model 3"]
+    assert best["over_dann"] == pytest.approx(11 / 12) and best["better_than_dann"] == 1 and best["bearings"] == 2
+    assert best["low_90"] == best["high_90"] == pytest.approx(11 / 12)
+
+
+def test_the_study_goes_on_from_its_store(
+    root: Path, config: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(ablation.PROFILES, "smoke", Size(("A148",), 1, 4, 1, 60))
+    given = {"out": tmp_path, "root": root, "backend": "sequential", "config": config}
+    first = ablation.run("smoke", **given)
+    every = first.tables["ablation"]
+    assert set(every["lives"]) == {SIMULATED, TRUE} and len(every) == 8 and first.computed == 8
+    assert every.groupby("lives")["lives_rmse_min"].first()[TRUE] < every["lives_rmse_min"].max()
+    assert np.isfinite(every["rmse_min"]).all()
+    again = ablation.run("smoke", **given)
+    assert not again.computed
+    pd.testing.assert_frame_equal(every, again.tables["ablation"])
+    assert len(pd.read_csv(tmp_path / "tables" / "ablation_summary.csv")) == 8
