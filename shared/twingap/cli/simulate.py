@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from twingap.cli.options import Json, Seed, say_json, show, steps, wrote
+from twingap.cli.options import Json, Seed, say, say_json, show, steps, wrote
 
 if TYPE_CHECKING:
     from twingap.records import Condition
@@ -21,8 +21,12 @@ def simulate(
         typer.Option(metavar="RECORDSET_OR_CSV", help="Conditions to simulate: a record set, or a table of them."),
     ],
     out: Annotated[Path, typer.Option(metavar="DIR", help="New folder for the record set.")],
-    fs_hz: Annotated[float | None, typer.Option("--fs-hz", help="Sampling rate of rows that state none, Hz.")] = None,
-    duration_s: Annotated[float | None, typer.Option("--duration-s", help="Length of rows that state none, s.")] = None,
+    fs_hz: Annotated[
+        float | None, typer.Option("--fs-hz", help="Sampling rate of rows of a CSV that state none, Hz.")
+    ] = None,
+    duration_s: Annotated[
+        float | None, typer.Option("--duration-s", help="Length of rows of a CSV that state none, s.")
+    ] = None,
     seed: Seed = 0,
     as_json: Json = False,
 ) -> None:
@@ -31,7 +35,7 @@ def simulate(
 
     from twingap.records.conditions import read_conditions
     from twingap.records.folder import write_records
-    from twingap.twins.twin_file import build_twin, read_twin
+    from twingap.twins.twin_file import build_twin, overruled, read_twin
 
     spec = read_twin(twin)
     asked = read_conditions(records, fs_hz=fs_hz, duration_s=duration_s)
@@ -43,6 +47,7 @@ def simulate(
     bearing = asked.bearing or spec.bearing
     if bearing is None:
         raise _no_bearing(twin, records)
+    notes = [told] if (told := overruled(spec, asked.bearing)) else []
     model = build_twin(spec, bearing, unit)
     made = model.stream(conditions, np.random.default_rng(seed))
     write_records(out, f"{spec.model} twin", unit, bearing, None, steps(made, "simulate", len(conditions)))
@@ -51,10 +56,14 @@ def simulate(
         for fault in dict.fromkeys(c.fault for c in conditions)
     ]
     if as_json:
-        about = {"out": str(out), "records": len(conditions), "unit": unit, "seed": seed, "faults": rows}
+        about = {
+            "out": str(out), "records": len(conditions), "unit": unit, "seed": seed, "faults": rows, "notes": notes,
+        }  # fmt: skip
         say_json(about)
     else:
         show(rows, False, title=f"{len(conditions)} records of the {spec.model} twin")
+        for note in notes:
+            say(f"note: {note}")
     wrote(out, as_json=as_json)
 
 

@@ -8,6 +8,7 @@ Used by `twingap simulate TWIN.toml --records RECORDSET_OR_CSV`.
 
 from __future__ import annotations
 
+import math
 import os
 from pathlib import Path
 from typing import Final, NamedTuple
@@ -20,7 +21,6 @@ from twingap.records.table import COLUMNS, Row, extras, read_table
 
 _MOST_SAMPLES: Final = 5 * 10**7
 """Of one record, which is made whole: a quarter of an hour at 51.2 kHz takes some gigabytes on the way."""
-"""8 GB: a longer record is a slip of the pen (milliseconds for seconds, say)."""
 
 
 class Conditions(NamedTuple):
@@ -53,9 +53,9 @@ def read_conditions(
         `n_samples` or `duration_s`, and any others, which are handed on. Columns `file` and `channel` say nothing
         about records that are still to be made and are left out.
     fs_hz : float, optional
-        Sampling rate of rows that state none, Hz. (A record set's records have their own.)
+        Sampling rate of rows that state none, Hz. A record set's records have their own: refused with one.
     duration_s : float, optional
-        Length of rows that state none, s; rounded to whole samples.
+        Length of rows that state none, s; rounded to whole samples. Refused with a record set, too.
 
     Returns
     -------
@@ -64,14 +64,23 @@ def read_conditions(
     Raises
     ------
     TwingapError
-        Naming file, row, column and reason.
+        Naming file, row, column and reason; or the option that is at fault.
     """
     path = Path(path)
+    options = {"--fs-hz": fs_hz, "--duration-s": duration_s}
+    given = {name: value for name, value in options.items() if value is not None}
+    for name, value in given.items():
+        if not math.isfinite(value) or value <= 0:
+            raise TwingapError(f"{value:g} found, a positive number expected", where=name)
     kind = kind_of(path)
-    if kind == "folder":
-        return _of_set(path)
-    if path.name in ("records.csv", "recordset.toml") and kind_of(path.parent / "recordset.toml") == "file":
-        return _of_set(path.parent)
+    inside = path.name in ("records.csv", "recordset.toml") and kind_of(path.parent / "recordset.toml") == "file"
+    if kind == "folder" or inside:
+        records = _of_set(path.parent if inside else path)
+        if given:
+            what = f"the records of {path} have rates and lengths of their own"
+            mend = "leave this out, or name a table of conditions (a copy of records.csv elsewhere)"
+            raise TwingapError(what, where=" and ".join(given), mend=mend)
+        return records
     if kind == "missing":
         raise TwingapError("no such file or folder", where=path, mend="name a record set or a CSV of conditions")
     if path.suffix.lower() != ".csv" or kind != "file":
@@ -104,12 +113,14 @@ def _length(row: Row, rate: float, duration_s: float | None) -> int:
             raise TwingapError(what, where=row.where("duration_s"), mend="give one of the two")
         column = "n_samples"
     else:
-        seconds, column = seconds or duration_s, "duration_s"
+        seconds, column = (duration_s, "--duration-s") if seconds is None else (seconds, "duration_s")
         if seconds is None:
             mend = "add a column n_samples or duration_s, or give one length for all (--duration-s)"
             raise TwingapError("no length is given", where=row.where(), mend=mend)
         n_samples = seconds * rate
     if not 0.5 <= n_samples <= _MOST_SAMPLES:
         what = f"{n_samples:.10g} samples, 1 to {_MOST_SAMPLES} expected"
+        if column == "--duration-s":
+            raise TwingapError(f"{seconds:g} s at {rate:g} Hz are {what}", where=column, mend="check the unit")
         raise TwingapError(what, where=row.where(column), mend="check the unit")
     return max(1, round(n_samples))

@@ -8,12 +8,14 @@ from __future__ import annotations
 import csv
 import math
 import os
+import re
 import struct
 import warnings
 import zipfile
 import zlib
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
+from itertools import islice
 from pathlib import Path
 from typing import IO, Any, Final, Literal, NamedTuple
 
@@ -83,8 +85,6 @@ def _length(shape: Iterable[int]) -> tuple[int, str | None]:
 
 # --- .npy and .npz -------------------------------------------------------------------------------------------------
 
-_MOST_COLUMNS: Final = 10_000
-
 
 def _npy_header(stream: IO[bytes]) -> tuple[tuple[int, ...], np.dtype[Any]]:
     """Shape and dtype of the .npy data that begins here; the stream is left at its first value."""
@@ -116,9 +116,11 @@ def _inspect_npy(path: Path) -> Contents:
         raise TwingapError(f"is truncated: {missing} bytes are missing", mend="copy or write it again")
     problem = not_real(dtype)
     if _has_columns(shape):
-        if shape[1] > _MOST_COLUMNS:
-            mend = "save it with samples along the first axis"
-            raise TwingapError(f"has {shape[1]} columns of {shape[0]} samples", mend=mend)
+        if shape[1] > shape[0]:
+            raise TwingapError(
+                f"has {shape[1]} columns of {shape[0]} samples, a column per channel expected",
+                mend="transpose it, so that samples run along the first axis",
+            )
         return Contents(tuple(Entry(str(i), shape[0], problem) for i in range(shape[1])))
     length, odd = _length(shape)
     return Contents((Entry("0", length, problem or odd),))
@@ -240,6 +242,14 @@ _MAT_DATA_TYPES: Final = (1, 2, 3, 4, 5, 6, 7, 9, 12, 13)
 # --- .csv ----------------------------------------------------------------------------------------------------------
 
 
+_LOOK: Final = 1000
+"""Rows of data that are looked at where a first row of numbers may be column names."""
+_NO_NAME: Final = re.compile(
+    r"[+\-\u2212\u2013]?\s*[.,]?\d|[+-](nan|inf)|(n/?a|#n/a|null|none|nan\(.*)$", re.IGNORECASE
+)
+"""How text begins that was meant as a number (a decimal comma, a minus sign of typesetters, a date), or as none."""
+
+
 def _csv_layout(path: Path) -> tuple[list[str], int, int]:
     """Column names (indices where there is no header row), lines before the data, rows of data."""
     # utf-8-sig: spreadsheets begin UTF-8 files with a byte-order mark.
@@ -250,11 +260,77 @@ def _csv_layout(path: Path) -> tuple[list[str], int, int]:
                 first = line
                 break
             skipped += 1
-        rows = int(first != "") + sum(line != "\n" for line in stream)
-    fields = next(csv.reader([first]), [])
-    if any(field.strip() and not _is_number(field) for field in fields):
-        return [field.strip() for field in fields], skipped + 1, rows - 1
-    return [str(i) for i in range(len(fields))], skipped, rows
+        filled = (line for line in stream if line != "\n")
+        below = list(islice(filled, _LOOK))
+        rows = int(first != "") + len(below) + sum(1 for _ in filled)
+    cells = _csv_cells(first)
+    try:
+        named = _names_columns(cells, below)
+    except TwingapError as error:
+        raise TwingapError(error.what, where=f"{path}, line {skipped + 1}", mend=error.mend) from error
+    if named:
+        return cells, skipped + 1, rows - 1
+    return [str(i) for i in range(len(cells))], skipped, rows
+
+
+def _csv_cells(line: str) -> list[str]:
+    return [cell.strip() for cell in next(csv.reader([line]), [])]
+
+
+def _names_columns(cells: list[str], below: list[str]) -> bool:
+    """Whether the first row of a CSV is a header, by it and the lines below; what may be either is refused.
+
+    pandas heads columns without names 0, 1, 2, ..., and then writes every sample with a decimal point.
+    """
+    filled = [cell for cell in cells if cell]
+    texts = [cell for cell in filled if not _is_number(cell)]
+    numbers = [cell for cell in filled if _is_number(cell)]
+    second = _csv_cells(below[0]) if below else []
+    counted = numbers == [str(i) for i in range(len(numbers))]
+    if texts:
+        if cells[0].startswith("# "):  # as NumPy writes a header
+            return True
+        for text in texts:
+            if _NO_NAME.match(text) or not any(c.isalpha() for c in text):
+                raise TwingapError(
+                    f"{text[:80]!r} is neither a number nor the name of a column",
+                    mend="separate fields by commas and write decimal points, or put a row of column names first",
+                )
+        if numbers and not (counted and second and all(map(_is_number, second))):
+            raise TwingapError(
+                f"mixes numbers ({numbers[0][:80]!r}) and text ({texts[0][:80]!r})",
+                mend="put a row of column names first, none of them a number",
+            )
+        return True
+    if filled and not cells[0] and second and second[0]:  # the corner above an index
+        if counted:
+            return True
+    elif not counted or not 0 < len(filled) == len(cells):
+        return False
+    elif len(cells) == 1:
+        if not _all_pointed(below):
+            return False
+    elif _all_pointed(below) and not _counts_on(below):
+        return True
+    raise TwingapError(
+        f"{','.join(cells)[:80]!r} may be the names of columns or samples",
+        mend="put a row of names first that are no numbers, or write all samples with decimal points (0.0)",
+    )
+
+
+def _all_pointed(below: list[str]) -> bool:
+    """Whether no sample is written as a whole number, though some are there."""
+    rows = map(_csv_cells, below)
+    return bool(below) and not any(cell.lstrip("+-").isdecimal() for row in rows for cell in row)
+
+
+def _counts_on(below: list[str]) -> bool:
+    """Whether the first column goes on as a time would that began at 0 in the row above."""
+    try:
+        one, two = (float(_csv_cells(line)[0]) for line in below[:2])
+    except (ValueError, IndexError):
+        return False
+    return one > 0 and math.isclose(two, 2 * one, rel_tol=1e-3)
 
 
 def _inspect_csv(path: Path) -> Contents:
@@ -344,10 +420,7 @@ def _load_parquet(path: Path, name: str, place: int) -> Any:
 def _read_wav(path: Path) -> tuple[int, NDArray[Any]]:
     from scipy.io import wavfile
 
-    with path.open("rb") as stream:
-        head = stream.read(8)
-    if head[:4] == b"RIFF" and int.from_bytes(head[4:], "little") + 8 > path.stat().st_size:
-        raise TwingapError("is truncated", mend="copy or write it again")
+    _check_wav(path)
     with warnings.catch_warnings():
         # Recorders add chunks of their own; they are of no concern here.
         warnings.simplefilter("ignore", wavfile.WavFileWarning)
@@ -355,6 +428,52 @@ def _read_wav(path: Path) -> tuple[int, NDArray[Any]]:
             return wavfile.read(path, mmap=True)
         except ValueError:
             return wavfile.read(path)  # 24-bit samples cannot be mapped
+
+
+def _check_wav(path: Path) -> None:
+    """Refuse a file whose samples are not all there, or whose header does not say how many there are.
+
+    SciPy reads as many as it finds, and nothing where a recorder left the sizes at 0.
+    """
+    with path.open("rb") as stream:
+        head = stream.read(12)
+        if head[:4] not in (b"RIFF", b"RIFX", b"RF64") or head[8:] != b"WAVE":
+            return  # SciPy says what it is not
+        order: Literal["little", "big"] = "big" if head[:4] == b"RIFX" else "little"
+        there = stream.seek(0, os.SEEK_END)
+        stated = there if head[:4] == b"RF64" else int.from_bytes(head[4:8], order) + 8
+        if stated == 2**32 + 7:
+            raise _open_wav()
+        at, long = 12, 0
+        while at < min(stated, there):
+            stream.seek(at)
+            chunk = stream.read(32)
+            size = int.from_bytes(chunk[4:8], order)
+            if chunk[:4] == b"ds64":
+                long = int.from_bytes(chunk[16:24], "little")
+            if chunk[:4] == b"data":
+                size = long if head[:4] == b"RF64" else size
+                if size == 2**32 - 1 or (size == 0 and stated < there):
+                    raise _open_wav()
+            if at + 8 + size > there:
+                missing = at + 8 + size - there
+                raise TwingapError(f"is truncated: {missing} bytes are missing", mend="copy or write it again")
+            if chunk[:4] == b"data":
+                break
+            at += 8 + size + size % 2
+        else:
+            if stated < there:
+                raise _open_wav()
+            raise TwingapError("ends before its samples begin", mend="copy or write it again")
+        if stated > there:
+            raise TwingapError(f"is truncated: {stated - there} bytes are missing", mend="copy or write it again")
+
+
+def _open_wav() -> TwingapError:
+    return TwingapError(
+        "does not say how many samples it holds, as recorders leave it that crash or write to a pipe",
+        mend="save it again with an audio tool that counts them",
+    )
 
 
 def _inspect_wav(path: Path) -> Contents:

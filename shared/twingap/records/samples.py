@@ -2,10 +2,11 @@
 
 file --inspect--> SampleFile: names, lengths, types, by the header --find--> Channel --load--> float64 [samples]
 
-.npy      one vector; a 2-D array has a channel per column, known by its index
+.npy      one vector; a 2-D array has a channel per column, known by its index, and no more of them than samples
 .npz      a channel per key
 .mat      a channel per variable (MATLAB 5 to 7; version 7.3 is refused, with the way out)
-.csv      comma-separated, decimal points, UTF-8, with or without a header row; channels by name or index
+.csv      comma-separated, decimal points, UTF-8, with or without a header row (of names, or 0, 1, 2, ... where
+          samples have decimal points; what may be a header or samples is refused); channels by name or index
 .parquet  channels by column name or index
 .wav      channels by index; integers are scaled to full scale = 1
 

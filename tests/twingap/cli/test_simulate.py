@@ -76,6 +76,22 @@ def test_a_record_set_gives_conditions_bearing_and_unit(twingap: Run, twin: Path
     assert two.bearing == BEARINGS["6205"] and two.unit == "g"  # the records' bearing, the twin's unit
 
 
+def test_another_bearing_than_the_record_sets_is_said(twingap: Run, twin: Path, table: Path, tmp_path: Path) -> None:
+    said = simulate(twingap, twin, table, tmp_path / "a")
+    assert said.status == 0 and "note:" not in said.out
+    other = tmp_path / "other.toml"
+    write_twin(other, TwinSpec("phenomenological", bearing=BEARINGS["6203"]))
+    said = twingap("simulate", other, "--records", tmp_path / "a", "--out", tmp_path / "b")
+    assert said.status == 0, said.err
+    notes = [line for line in said.out.splitlines() if line.startswith("note: ")]
+    assert len(notes) == 1 and "the twin file's bearing (8 rollers" in notes[0] and "the records' is used" in notes[0]
+    said = twingap("simulate", other, "--records", tmp_path / "a", "--out", tmp_path / "c", "--json")
+    assert [f"note: {note}" for note in json.loads(said.out)["notes"]] == notes
+    said = twingap("simulate", twin, "--records", tmp_path / "a", "--out", tmp_path / "d", "--json")
+    assert json.loads(said.out)["notes"] == []
+    assert RecordSet.read(tmp_path / "b").bearing == BEARINGS["6205"]
+
+
 @pytest.mark.parametrize("inside", ["", "records.csv", "recordset.toml"])
 def test_the_unit_is_the_record_sets_however_it_is_named(
     twingap: Run, twin: Path, table: Path, tmp_path: Path, inside: str
@@ -93,6 +109,12 @@ def test_a_speed_of_another_unit_is_refused_before_memory_runs_out(twingap: Run,
     table.write_text("record,speed_rpm,fault\na,1e12,inner\n", encoding="utf-8")
     refused(simulate(twingap, twin, table, tmp_path / "out"), "'a'", "turns 1.39e+06 times per sample", "speed_rpm")
     assert not (tmp_path / "out").exists()
+
+
+def test_a_record_set_takes_no_rate_or_length(twingap: Run, twin: Path, table: Path, tmp_path: Path) -> None:
+    assert simulate(twingap, twin, table, tmp_path / "a").status == 0
+    refused(simulate(twingap, twin, tmp_path / "a", tmp_path / "b"), "--fs-hz and --duration-s", "of their own")
+    assert not (tmp_path / "b").exists()
 
 
 def test_contact_twin(twingap: Run, table: Path, tmp_path: Path) -> None:
@@ -115,7 +137,9 @@ def test_mistakes_are_one_line_and_leave_nothing(twingap: Run, twin: Path, table
     refused(simulate(twingap, twin, unknown, out), "unknown.csv", "'b'", "fault")
     refused(twingap("simulate", twin, "--records", table, "--out", out), "fs_hz")
     refused(twingap("simulate", twin, "--records", table, "--out", out, "--fs-hz", 12000), "n_samples or duration_s")
-    refused(twingap("simulate", twin, "--records", table, "--out", out, "--fs-hz", -5, "--duration-s", 1), "-5")
+    refused(simulate(twingap, twin, table, out, "--fs-hz", -5), "twingap: --fs-hz: -5")
+    refused(simulate(twingap, twin, table, out, "--fs-hz", "nan"), "twingap: --fs-hz: nan")
+    refused(simulate(twingap, twin, table, out, "--duration-s", -1), "twingap: --duration-s: -1")
     refused(
         twingap("simulate", twin, "--records", table, "--out", out, "--fs-hz", 4000, "--duration-s", 1), "resonance"
     )

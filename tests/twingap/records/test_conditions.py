@@ -62,6 +62,34 @@ def test_rate_and_length_of_a_row_come_before_those_for_all(tmp_path: Path) -> N
     assert [(c.fs_hz, c.n_samples) for c in got] == [(100.0, 200), (10.0, 10)]
 
 
+@pytest.mark.parametrize("value", [-5.0, 0.0, float("nan"), float("inf")])
+@pytest.mark.parametrize("option", ["fs_hz", "duration_s"])
+def test_options_that_are_no_size_are_named(tmp_path: Path, option: str, value: float) -> None:
+    path = _csv(tmp_path / "c.csv", "record,speed_rpm,fs_hz,duration_s\na,60,100,1\n")  # has them all: used or not
+    with pytest.raises(TwingapError) as caught:
+        read_conditions(path, **{option: value})
+    assert str(caught.value) == f"--{option.replace('_', '-')}: {value:g} found, a positive number expected"
+
+
+def test_a_length_for_all_that_is_out_of_reach_is_named(tmp_path: Path) -> None:
+    path = _csv(tmp_path / "c.csv", "record,speed_rpm\na,60\n")
+    with pytest.raises(TwingapError, match=r"^--duration-s: 1e\+09 s at 100 Hz are 1e\+11 samples, 1 to"):
+        read_conditions(path, fs_hz=100.0, duration_s=1e9)
+
+
+@pytest.mark.parametrize("inside", ["", "records.csv"])
+def test_a_record_set_takes_no_rate_or_length(tmp_path: Path, inside: str) -> None:
+    folder = _records().write(tmp_path / "a set")
+    for options, named in (
+        ({"fs_hz": 48000.0}, "--fs-hz"),
+        ({"duration_s": 0.1}, "--duration-s"),
+        ({"fs_hz": 48000.0, "duration_s": 0.1}, "--fs-hz and --duration-s"),
+    ):
+        with pytest.raises(TwingapError) as caught:
+            read_conditions(folder / inside, **options)
+        assert str(caught.value).startswith(f"{named}: the records of {folder / inside} have rates and lengths of")
+
+
 HEAD = "record,speed_rpm,fault,fs_hz,n_samples,duration_s\n"
 
 

@@ -117,6 +117,11 @@ def test_columns_are_read_by_name_or_index(tmp_path: Path) -> None:
     np.testing.assert_array_equal(load(tmp_path / "a.npy", "2"), 3 * X)
     with pytest.raises(TwingapError, match="name one of 0, 1, 2"):
         load(tmp_path / "a.npy")
+    np.save(tmp_path / "a.npy", np.column_stack([X, 2 * X, 3 * X])[:3])  # short, but not on its side
+    np.testing.assert_array_equal(load(tmp_path / "a.npy", "2"), 3 * X[:3])
+    np.save(tmp_path / "a.npy", np.column_stack([X, 2 * X, 3 * X]).T)
+    with pytest.raises(TwingapError, match="has 200 columns of 3 samples"):
+        load(tmp_path / "a.npy", "0")
     wavfile.write(tmp_path / "a.wav", 8000, np.column_stack([X, 2 * X]))
     np.testing.assert_array_equal(load(tmp_path / "a.wav", "1"), 2 * X)
 
@@ -147,6 +152,40 @@ def test_csv_dialects(tmp_path: Path, text: str) -> None:
 
 
 @pytest.mark.parametrize(
+    ("text", "channel", "samples"),
+    [
+        ("0,1\n0.0,-1.5\n1e-05,2.5\n", "1", [-1.5, 2.5]),  # as pandas writes columns without names
+        ("0,1,2\n,-1.5,1.0\nnan,2.5,2.0\n", "1", [-1.5, 2.5]),
+        (",0\n0,-1.5\n1,2.5\n", "0", [-1.5, 2.5]),  # and with its index
+        ("t,0,1\n0.0,3.0,-1.5\n0.1,4.0,2.5\n", "1", [-1.5, 2.5]),
+        ("# 0,1\n0,-1.5\n1,2.5\n", "1", [-1.5, 2.5]),  # as NumPy writes a header
+        ("-x,+y (m/s^2)\n0,-1.5\n1,2.5\n", "1", [-1.5, 2.5]),
+        ("0,-1.5\n1,2.5\n", "1", [-1.5, 2.5]),
+        ("0.0,1.0\n0.5,2.5\n", "1", [1.0, 2.5]),
+        ("0\n1\n2.5\n", None, [0.0, 1.0, 2.5]),
+        ("0\n", None, [0.0]),
+        ("0.0\n2.5\n", None, [0.0, 2.5]),
+        (",0\n,2.5\n", "1", [0.0, 2.5]),
+        ("1.5,\n2.5,\n", "0", [1.5, 2.5]),
+    ],
+)
+def test_a_csv_neither_loses_nor_gains_a_row(
+    tmp_path: Path, text: str, channel: str | None, samples: list[float]
+) -> None:
+    (tmp_path / "x.csv").write_text(text, encoding="utf-8")
+    np.testing.assert_array_equal(load(tmp_path / "x.csv", channel), samples)
+
+
+@pytest.mark.parametrize("columns", [2, 3])
+@pytest.mark.parametrize("index", [False, True])
+def test_tables_without_names_come_back_from_pandas(tmp_path: Path, columns: int, index: bool) -> None:
+    whole = np.random.default_rng(columns).normal(size=(3000, columns))
+    pd.DataFrame(whole).to_csv(tmp_path / "x.csv", index=index)
+    for i in range(columns):
+        np.testing.assert_array_equal(load(tmp_path / "x.csv", str(i)), whole[:, i])
+
+
+@pytest.mark.parametrize(
     ("text", "channel", "reason"),
     [
         ("x\n1\ntwo\n", None, "line 3, column x: 'two' found, a number expected"),
@@ -161,10 +200,27 @@ def test_csv_dialects(tmp_path: Path, text: str) -> None:
         ("x\n", None, "is empty, at least 1 sample expected"),
         ("", None, "holds no samples"),
         ("\n\n", None, "holds no samples"),
+        ("1,5;2,5\n3,5;4,5\n", "0", "line 1: '5;2' is neither a number nor the name of a column; separate fields by"),
+        ("\n2024-01-01 00:00:00,1.5\n2024-01-01 00:00:01,2.5\n", "1", "line 2: '2024-01-01 00:00:00' is neither"),
+        ("ok,1.5\nok,2.5\n", "1", "line 1: mixes numbers ('1.5') and text ('ok'); put a row of column names first"),
+        ("ok,0\nok,1\n", "1", "line 1: mixes numbers ('0') and text ('ok')"),
+        ("1_000\n2\n", None, "line 1: '1_000' is neither"),
+        ("\u22121.5\n2\n", None, "line 1: '\u22121.5' is neither"),
+        ('"1,234.5"\n2\n', None, "line 1: '1,234.5' is neither"),
+        (".5V\n.6V\n", None, "line 1: '.5V' is neither"),
+        ("- 1.5\n2\n", None, "line 1: '- 1.5' is neither"),
+        ("-nan(ind)\n2\n", None, "line 1: '-nan(ind)' is neither"),
+        ("NA\n2\n", None, "line 1: 'NA' is neither"),
+        ("--\n2\n", None, "line 1: '--' is neither"),
+        ("0,1\n5,7\n6,8\n", "1", "line 1: '0,1' may be the names of columns or samples; put a row of names first"),
+        ("0,1\n0.001,0.99\n0.002,0.98\n", "1", "line 1: '0,1' may be"),  # cosine over time, as %g writes them
+        ("0,1,2\n", "1", "line 1: '0,1,2' may be"),
+        ("0\n1.25\n2.25\n", None, "line 1: '0' may be"),
+        (",10\n0,1.5\n1,2.5\n", "1", "line 1: ',10' may be"),
     ],
 )
 def test_csv_faults_name_their_line(tmp_path: Path, text: str, channel: str | None, reason: str) -> None:
-    (tmp_path / "x.csv").write_text(text)
+    (tmp_path / "x.csv").write_text(text, encoding="utf-8")
     with pytest.raises(TwingapError) as caught:
         load(tmp_path / "x.csv", channel)
     assert str(tmp_path / "x.csv") in str(caught.value)
@@ -188,6 +244,48 @@ def test_integer_wav_is_scaled_to_full_scale_one(tmp_path: Path) -> None:
     for width in (8, 16, 24, 32):
         assert inspect(tmp_path / f"{width}.wav").fs_hz == 12000
         np.testing.assert_array_equal(load(tmp_path / f"{width}.wav"), x)
+
+
+def _resized(path: Path, form: int | None = None, data: int | None = None, cut: int = 0) -> None:
+    """A recording of 200 samples, less the last bytes, whose header states other sizes."""
+    _wav(path, bytes(400), 2)
+    raw = bytearray(path.read_bytes()[: 444 - cut])
+    raw[4:8] = (len(raw) - 8 if form is None else form).to_bytes(4, "little")
+    if data is not None:
+        raw[40:44] = data.to_bytes(4, "little")
+    path.write_bytes(raw)
+
+
+@pytest.mark.parametrize(
+    ("sizes", "reason"),
+    [
+        ({"cut": 100}, "is truncated: 100 bytes are missing; copy or write it again"),
+        ({"cut": 100, "form": 436}, "is truncated: 100 bytes are missing"),
+        ({"data": 402}, "is truncated: 2 bytes are missing"),
+        ({"form": 0, "data": 0}, "does not say how many samples it holds, as recorders leave it that crash"),
+        ({"form": 36, "data": 0}, "does not say how many samples it holds"),
+        ({"form": 2**32 - 1, "data": 2**32 - 1}, "does not say how many samples it holds"),
+        ({"data": 2**32 - 1}, "does not say how many samples it holds"),
+        ({"cut": 408}, "ends before its samples begin"),
+        ({"cut": 400, "data": 0}, "is empty, at least 1 sample expected"),
+    ],
+)
+def test_a_wav_that_does_not_hold_what_it_states_is_refused(tmp_path: Path, sizes: dict[str, int], reason: str) -> None:
+    _resized(tmp_path / "x.wav", **sizes)
+    with pytest.raises(TwingapError) as caught:
+        load(tmp_path / "x.wav")
+    assert str(caught.value).startswith(f"{tmp_path / 'x.wav'}")
+    assert reason in str(caught.value)
+
+
+@pytest.mark.parametrize("tail", [b"LIST\x04\0\0\0abcd", b"bext\x03\0\0\0abc\0", b"ab"])
+def test_what_recorders_add_to_a_wav_is_of_no_concern(tmp_path: Path, tail: bytes) -> None:
+    for stated in (436, 436 + len(tail)):
+        _resized(tmp_path / "x.wav", form=436)
+        raw = bytearray((tmp_path / "x.wav").read_bytes() + tail)
+        raw[4:8] = stated.to_bytes(4, "little")
+        (tmp_path / "x.wav").write_bytes(raw)
+        assert load(tmp_path / "x.wav").size == 200
 
 
 def _truncated(suffix: str, keep: float) -> Callable[[Path], None]:
@@ -244,7 +342,11 @@ FAULTS: dict[str, tuple[str, Callable[[Path], None], str]] = {
         "channel x: sample 1 is missing",
     ),
     "list": ("x.parquet", lambda path: pq.write_table(pa.table({"x": [[1.0]]}), path), "holds values of type list"),
-    "wide": ("x.npy", lambda path: np.save(path, np.zeros((2, 20_000))), "save it with samples along the first axis"),
+    "rows": (
+        "x.npy",
+        lambda path: np.save(path, np.zeros((2, 1000))),
+        "has 1000 columns of 2 samples, a column per channel expected; transpose it, so that samples run along the",
+    ),
 }
 
 
