@@ -54,13 +54,17 @@ def degrade(
     from twingap.prognosis.degradation_models import MODELS
     from twingap.prognosis.degrade import DegradeOptions
     from twingap.prognosis.degrade import degrade as run_all
-    from twingap.prognosis.health_indicator import SILENT, Run, running
+    from twingap.prognosis.health_indicator import SILENT, Run, negative_rms, running
 
     options = DegradeOptions(healthy, indicator, limit, robust=robust, level=level)
     # The place is tried before the work begins, and filled only after it has ended well.
     with replacing_folder(out) as folder:
         is_folder = kind_of(source) == "folder"
         run, notes = _from_records(source, group) if is_folder else _from_table(source, group)
+        if (below := negative_rms(run)) is not None:
+            notes.append(
+                f"rms is below 0 in {below} of {run.time_s.size} records (decibels?): none is left out as silent"
+            )
         awake = running(run, healthy)
         if not awake.all():
             silent = [f"{t:g} s" for t in run.time_s[~awake][:4]] + ["..."] * (int((~awake).sum()) > 4)
@@ -77,6 +81,7 @@ def degrade(
             notes.append(f"{found.indicator!r} was chosen on the whole of this run; name it to watch later records")
         if limit is None:
             notes.append("no remaining life without --limit, the level at which life ends")
+        notes += found.notes
         tables = {
             "indicator": found.indicator_rows(), "candidates": found.candidate_rows(), "models": found.model_rows(),
         }  # fmt: skip

@@ -78,7 +78,7 @@ def rul(
     from twingap.errors import TwingapError
     from twingap.files import replacing
     from twingap.prognosis.anomaly import AnomalyRule
-    from twingap.prognosis.follow import COLUMNS, follow, prior_from, usual_end
+    from twingap.prognosis.follow import COLUMNS, follow, prior_from, refuse_repeats, usual_end
     from twingap.prognosis.online import LifeOptions
     from twingap.prognosis.run_records import read_run
     from twingap.records.table import write_table
@@ -90,15 +90,21 @@ def rul(
     refuse_overwriting(out, recordset, *(prior or ()))
     options = LifeOptions(limit, limit_ratio, healthy_rows, AnomalyRule(false_alarm), gaps.value)
     run = read_run(recordset, group)
+    taken: list[str] = []
     with replacing(out) as table:
-        before = [outcome for path in prior or () for outcome in _outcomes(path, options)]
+        ended: list[tuple[str, Outcome]] = []
+        for path in prior or ():
+            ended += [(f"--prior {path}", outcome) for outcome in _outcomes(path, options, recordset, run.unit, taken)]
+            refuse_repeats(ended)
+        before = [outcome for _, outcome in ended]
         learnt = prior_from(before) if before else None
         found = follow(
             run, options, learnt, report=lambda rows: steps(rows, f"{run.name}: remaining life", len(run.rows))
         )
+        refuse_repeats(ended, found.outcome)
         rows = found.rows()
         write_table(table, rows, COLUMNS)
-    notes = [*found.notes, _meaning(options, run.unit)]
+    notes = [*found.notes, _meaning(options, run.unit), *taken]
     if (usual := usual_end(before)) is not None:
         notes.append(f"the runs given by --prior ended at {usual:.3g} times their healthy peak to peak (median)")
     if learnt is not None and learnt.widening != 1:
@@ -126,17 +132,36 @@ def rul(
     wrote(out, as_json=as_json)
 
 
-def _outcomes(path: Path, options: LifeOptions) -> list[Outcome]:
-    """What runs that ended say: a table of them, or one as a record set."""
+def _outcomes(path: Path, options: LifeOptions, recordset: Path, unit: str, notes: list[str]) -> list[Outcome]:
+    """What runs that ended say: a table of them, or one as a record set, whose unit may be another; that is noted."""
+    from dataclasses import replace
+
     from twingap.errors import TwingapError
     from twingap.prognosis.follow import follow, read_outcomes
-    from twingap.prognosis.run_records import read_run
+    from twingap.prognosis.run_records import in_unit, read_run
 
     if not path.is_dir():
         if not path.is_file():
             raise TwingapError("no such run", where=path, mend="name a record set or a table of runs")
         return read_outcomes(path)
     run = read_run(path, several="give each run to --prior as a record set of its own")
+    if path.samefile(recordset):
+        raise TwingapError(
+            "is the run that is asked about, which would answer from its own future",
+            where=f"--prior {path}", mend="leave it out of --prior",
+        )  # fmt: skip
+    if options.limit is not None:
+        limit = in_unit(options.limit, unit, run.unit)
+        if limit is None:
+            raise TwingapError(
+                f'records are in unit "{run.unit}", --limit in "{unit}": an unknown unit cannot be converted',
+                where=f"--prior {path}", mend="state the unit in its recordset.toml, or use --limit-ratio",
+            )  # fmt: skip
+        if unit != run.unit:
+            notes.append(f"--limit {options.limit:g} {unit} is {limit:.4g} {run.unit} in the records of {path}")
+        elif not unit:
+            notes.append(f"units are unknown: those of {path} are taken to be in the unit of --limit")
+        options = replace(options, limit=limit)
     return [follow(run, options, report=lambda rows: steps(rows, f"{run.name}: prior", len(run.rows))).outcome]
 
 

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,6 +30,10 @@ Array = NDArray[np.float64]
 
 FEWEST_LATER = 10
 """Rows after the healthy start without which there is nothing to fit a curve to."""
+_TOGETHER: Final = 5
+"""Rows whose median says where an indicator has gone: a spike is none of its ways."""
+_CLEAR: Final = 5.0
+"""Healthy standard deviations that it has gone by the end, where its way is clear."""
 
 
 @dataclass(frozen=True)
@@ -97,6 +101,9 @@ class Degradation:
     limit : float or None
         In the indicator's unit.
     rising : bool
+        Whether the limit is reached from below.
+    notes : tuple of str
+        How the limit was taken, where the run does not say.
     """
 
     run: Run
@@ -109,6 +116,7 @@ class Degradation:
     models: dict[str, Model]
     limit: float | None
     rising: bool
+    notes: tuple[str, ...] = ()
 
     @property
     def preferred(self) -> str:
@@ -182,7 +190,8 @@ def degrade(
     Raises
     ------
     TwingapError
-        For too few rows, features that are all constant, an unknown indicator, a limit that is no number.
+        For too few rows, features that are all constant, an unknown indicator, a limit that is no number or that the
+        indicator moves away from.
     """
     rows, needed = run.time_s.size, options.healthy_rows + FEWEST_LATER
     if rows < needed:
@@ -201,11 +210,11 @@ def degrade(
     limit = options.limit
     if limit is not None and not np.isfinite(limit):
         raise TwingapError(f"limit {limit!r}, a finite number expected", where="--limit")
-    varying = [n for n in run.names if n not in candidates.constant]
-    if limit is not None and name in varying:
-        place = varying.index(name)
-        limit = float((limit - candidates.fusion.centre[place]) / candidates.fusion.scale[place])
-    rising = limit is None or limit >= float(np.mean(values[: options.healthy_rows]))
+    rising, notes = True, tuple[str, ...]()
+    if limit is not None:
+        centre, scale, unit = _unit_of(name, run, candidates)
+        rising, notes = _way(name, centre + scale * values, limit, options.healthy_rows, unit)
+        limit = float((limit - centre) / scale)
     models: dict[str, Model] = {}
     for title, model in MODELS.items():
         fit = fit_curve(model, run.time_s, values, robust=options.robust)
@@ -215,9 +224,60 @@ def degrade(
         models[title] = Model(fit, criteria(fit), errors, curves, life)
         step(title)
     ordered = dict(sorted(models.items(), key=lambda item: item[1].criteria.bic_ar1))
-    return Degradation(
-        run, options, candidates, found, name, values, causal_trend(values, options.trend_rows), ordered, limit, rising
-    )
+    trend = causal_trend(values, options.trend_rows)
+    return Degradation(run, options, candidates, found, name, values, trend, ordered, limit, rising, notes)
+
+
+def _unit_of(name: str, run: Run, candidates: Indicators) -> tuple[float, float, str]:
+    """Centre and scale by which an indicator becomes the feature that it is, 0 and 1 where it is none; of whom both."""
+    varying = [n for n in run.names if n not in candidates.constant]
+    if name not in varying:
+        return 0.0, 1.0, "healthy standard deviations"
+    place = varying.index(name)
+    return float(candidates.fusion.centre[place]), float(candidates.fusion.scale[place]), "the feature"
+
+
+def _way(name: str, values: Array, limit: float, healthy_rows: int, unit: str) -> tuple[bool, tuple[str, ...]]:
+    """Whether the indicator reaches the limit from below, as it moves in this run; a note where that is not clear.
+
+    Parameters
+    ----------
+    name : str
+    values : Array [rows]
+        In the limit's unit.
+    limit : float
+    healthy_rows : int
+    unit : str
+        Whose, for the message.
+
+    Raises
+    ------
+    TwingapError
+        When the limit lies on the side that the indicator has left: healthy rows are beyond it already.
+    """
+    healthy, later = values[:healthy_rows], values[healthy_rows:]
+    level = float(healthy.mean())
+    moves = np.median(np.lib.stride_tricks.sliding_window_view(later, _TOGETHER), axis=-1) - level
+    end, above = float(moves[-1]), limit > level
+    clear = abs(end) > _CLEAR * float(healthy.std(ddof=1)) and not (np.sign(end) * moves < -abs(end)).any()
+    if not clear:
+        side, way = ("above", "rises") if above else ("below", "falls")
+        return above, (
+            f"{name} does not move clearly away from its healthy {level:.4g} in this run: the limit {limit:g} lies "
+            f"{side} that, so life is taken to end where it {way} to it",
+        )
+    rising = end > 0
+    if rising != above or limit == level:
+        way, mend = (
+            ("rises", "raise the limit")
+            if rising
+            else ("falls", "count rows of running in as healthy ones (--healthy) or lower the limit")
+        )
+        raise TwingapError(
+            f"healthy rows have {name} {level:.4g} already, and it {way} from there, to {level + end:.4g}",
+            where=f"limit {limit:g}", mend=f"{mend}, in the unit of {unit}",
+        )  # fmt: skip
+    return rising, ()
 
 
 def _difference(value: float, least: float) -> float | None:

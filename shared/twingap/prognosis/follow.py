@@ -26,6 +26,13 @@ COLUMNS: Final = (
 )  # fmt: skip
 WEIGHTS: Final = (0.0, 0.25, 0.5, 0.75, 0.9, 1.0)
 """Of growth in `prognosis.prior`, among which runs that ended choose."""
+_NEARLY: Final = 0.9
+"""Share of the length of the healthy records that a shorter one may have: a tenth less lowers peak to peak of noise by
+less than 2 %."""
+_OUTLIER: Final = 0.5
+"""Share of their median length below which a healthy record does not set how much is taken of all."""
+_SHARED: Final = 0.1
+"""Share of the records of the shorter of two runs that makes them the same one."""
 FEWEST_TOLD: Final = 3
 """Runs with estimates of their own that it takes to choose, and to say how wide joined intervals have to be."""
 _IMPULSIVE: Final = 6.0
@@ -49,6 +56,9 @@ class Outcome:
         Amplitude at the end over the healthy one.
     told : Told or None
         Its own estimates after the alarm, made without other runs.
+    signs : frozenset
+        Of its records, by which they are known again; see `run_records.Amplitude`. Empty when the run is a row of a
+        table.
     """
 
     name: str
@@ -56,6 +66,14 @@ class Outcome:
     after_onset: float | None
     end_ratio: float | None
     told: Told | None = None
+    signs: frozenset[tuple[float, float]] = frozenset()
+
+    def same_as(self, other: Outcome) -> bool:
+        """Whether both are of one run, or of parts of it that overlap."""
+        if self.signs and other.signs:
+            shared = len(self.signs & other.signs)
+            return shared >= _SHARED * min(len(self.signs), len(other.signs))
+        return self.name == other.name and bool(np.isclose(self.life, other.life, rtol=1e-3, atol=0))
 
 
 @dataclass(frozen=True)
@@ -107,22 +125,37 @@ def follow(
     ------
     TwingapError
         Naming the run: when its healthy rows do not scatter at all, or lie above the limit already.
+
+    Notes
+    -----
+    Peak to peak grows with a record's length. Where lengths differ it is that of the first samples of every record, as
+    many as the shortest healthy one has: an average over stretches would scatter less in longer records, and be no
+    measure for shorter ones. Only healthy rows say how many, so that no row depends on later ones.
     """
     life = OnlineLife(options, prior)
+    taken = _taken(run, life.options.healthy_rows)
     estimates: list[Estimate] = []
     lived: list[float] = []
     skipped: list[str] = []
+    short: list[str] = []
     kurtosis: list[float] = []
-    usable = 0
+    signs: set[tuple[float, float]] = set()
+    usable = timeless = 0
     for row in report(run.rows):
         try:
-            height, shape = row.amplitude()
+            amplitude = row.amplitude(taken)
         except TwingapError as error:
             skipped.append(str(error))
             height, shape = float("nan"), float("nan")
         else:
+            height, shape = amplitude.peak_to_peak, amplitude.kurtosis
+            if (sign := amplitude.sign(run.unit)) is not None:
+                signs.add(sign)
             if row.speed_rpm > 0 and not height > 0:
                 skipped.append(f"record {row.name!r} does not vibrate at all")
+            elif row.speed_rpm > 0 and row.channel and taken and row.channel.n_samples < _NEARLY * taken:
+                short.append(row.name)
+                height, shape = float("nan"), float("nan")
         if len(kurtosis) < life.options.healthy_rows and np.isfinite(shape):
             kurtosis.append(shape)
         usable += row.speed_rpm > 0 and height > 0
@@ -131,7 +164,24 @@ def follow(
         except TwingapError as error:
             raise TwingapError(error.what, where=f"run {run.name!r}, {error.where}", mend=error.mend) from error
         lived.append(life.revolutions)
+        timeless += life.timeless
     notes = [*run.notes, *_shortened(life.notes)]
+    lengths = {row.channel.n_samples for row in run.rows if row.channel is not None and row.speed_rpm > 0}
+    if taken is not None and len(lengths) > 1:
+        notes.append(
+            f"records have {min(lengths)} to {max(lengths)} samples, and peak to peak grows with length: it is that of "
+            f"the first {taken} of each, as many as the shortest healthy record has"
+        )
+    if short:
+        them = f"record {short[0]!r} has" if len(short) == 1 else f"{len(short)} records, the first {short[0]!r}, have"
+        notes.append(
+            f"{them} too few samples to be compared with healthy ones: left out, and no anomaly can be seen there"
+        )
+    if timeless:
+        notes.append(
+            f"by time_s nothing has turned since the anomaly began in {timeless} rows: growth says nothing of what "
+            "remains there"
+        )
     if skipped:
         more = f", and {len(skipped) - 1} more" if len(skipped) > 1 else ""
         notes.append(f"left out, with the estimate carried on from the row before: {skipped[0]}{more}")
@@ -148,10 +198,49 @@ def follow(
         run.name, life.revolutions,
         None if life.onset_row is None else max(life.revolutions - life.revolutions_at_onset, 0.0),
         None if not np.isfinite(life.level) else float(np.exp(life.level)),
-        told_of(estimates, lived, life.revolutions_at_onset),
+        told_of(estimates, lived, life.revolutions_at_onset), frozenset(signs),
     )  # fmt: skip
     names = [None if place is None else run.rows[place].name for place in (life.alarm_row, life.onset_row)]
     return Followed(run, tuple(estimates), tuple(notes), outcome, names[0], names[1])
+
+
+def _taken(run: Run, healthy_rows: int) -> int | None:
+    """How many samples of every record peak to peak is taken of; None for a run without records.
+
+    By the lengths of the first records of the running machine, before the last of which nothing is judged. One that is
+    cut off by far does not count.
+    """
+    lengths = [row.channel.n_samples for row in run.rows if row.channel is not None and row.speed_rpm > 0]
+    healthy = np.array(lengths[:healthy_rows])
+    return int(healthy[healthy >= _OUTLIER * np.median(healthy)].min()) if healthy.size else None
+
+
+def refuse_repeats(ended: Sequence[tuple[str, Outcome]], run: Outcome | None = None) -> None:
+    """Refuse runs that are given twice, or that are the run itself: it would be told its own future.
+
+    Parameters
+    ----------
+    ended : sequence of (str, Outcome)
+        Where each was read from, and what it says.
+    run : Outcome, optional
+        The run that is asked about.
+
+    Raises
+    ------
+    TwingapError
+    """
+    for place, (where, outcome) in enumerate(ended):
+        if run is not None and outcome.same_as(run):
+            raise TwingapError(
+                f"run {outcome.name!r} is the run that is asked about, which would answer from its own future",
+                where=where, mend="leave it out of --prior",
+            )  # fmt: skip
+        for before, other in ended[:place]:
+            if outcome.same_as(other):
+                raise TwingapError(
+                    f"run {outcome.name!r} is given already by {before}, and would count twice",
+                    where=where, mend="give each run to --prior once",
+                )  # fmt: skip
 
 
 def prior_from(outcomes: Sequence[Outcome]) -> Prior:

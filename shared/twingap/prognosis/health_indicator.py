@@ -153,11 +153,22 @@ def features_of(
 
 
 def running(run: Run, healthy_rows: int, share: float = SILENT) -> NDArray[np.bool_]:
-    """Which records [rows] are not silent: RMS above a share of the median healthy one. All, where no RMS is known."""
-    if "rms" not in run.names:
+    """Which records [rows] are not silent: RMS above a share of the median healthy one.
+
+    All of them where no RMS is known, or where a column of that name is none: decibels have no zero to be near.
+    """
+    if "rms" not in run.names or negative_rms(run) is not None:
         return np.ones(run.time_s.size, dtype=bool)
     rms = run.features[:, run.names.index("rms")]
     return np.asarray(rms >= share * np.median(rms[:healthy_rows]))
+
+
+def negative_rms(run: Run) -> int | None:
+    """How many rows have an `rms` below 0, which no root of a mean square is; None for none."""
+    if "rms" not in run.names:
+        return None
+    below = int(np.count_nonzero(run.features[:, run.names.index("rms")] < 0))
+    return below or None
 
 
 def online_indicators(

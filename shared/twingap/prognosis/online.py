@@ -11,7 +11,7 @@ the posterior, stretched by what simulated runs showed (see `calibration`).
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from typing import Final, Literal
 
@@ -184,6 +184,8 @@ class OnlineLife:
             return Estimate(True, 0.0, 0.0, 0.0, speed)
         if self.alarm_row is None:
             return self._before(speed)
+        if self.timeless:
+            return replace(self._before(speed), anomaly=True)
         if self._log and (self._last is None or self._last[0] != self._log[-1][1]):
             self._last = self._after()
         if self._last is None:
@@ -211,6 +213,13 @@ class OnlineLife:
     def together(self) -> int:
         """How many of them make an anomaly."""
         return self._together
+
+    @property
+    def timeless(self) -> bool:
+        """Whether an anomaly is known within which nothing has turned yet, by its times: growth without a rate."""
+        if self.alarm_row is None or self.end_row is not None or not self._log:
+            return False
+        return not self._log[-1][1] > self.revolutions_at_onset
 
     @property
     def amplitudes(self) -> tuple[NDArray[np.int64], Array, Array]:
@@ -447,7 +456,7 @@ class OnlineLife:
         return float(np.log(self.options.limit_ratio)) - self._reference[0]
 
     def _before(self, speed: float) -> Estimate:
-        """Before the anomaly: the lives of other runs, given that this one lives still."""
+        """Without growth: the lives of other runs, given that this one lives still."""
         if self.prior is None:
             return Estimate(False, speed_rpm=speed)
         low, middle, high = self.prior.before(self.revolutions)

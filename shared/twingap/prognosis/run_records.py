@@ -1,19 +1,19 @@
 """The rows of one run to failure on disk, in order of time, samples read one record at a time.
 
-record set folder --> records.csv, sorted by time_s --> RunRow, ... --load--> peak to peak, kurtosis
+record set folder --> records.csv, sorted by time_s --> RunRow, ... --load--> peak to peak, kurtosis, rms
 
 Unlike `records.read_record_set`, a row may say that the machine stood still (speed_rpm 0), and then needs no file; and
-a record whose samples are not all finite does not end the reading.
+a record whose samples are not all finite does not end the reading. What else a row says is held to the same.
 """
 
 from __future__ import annotations
 
 import os
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path, PurePosixPath, PureWindowsPath
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 
@@ -25,6 +25,34 @@ from twingap.records.table import Row, read_table
 
 _LONGEST_S: Final = 1e10
 """Three hundred years: what lies beyond was read wrongly."""
+_M_S2: Final = {"m/s^2": 1.0, "g": 9.80665}
+"""Units whose size is known, in m/s^2."""
+_DIGITS: Final = 6
+"""Of an amplitude's `sign`: as many as survive single precision and a change of unit."""
+
+
+class Amplitude(NamedTuple):
+    """How much a record vibrates, and how.
+
+    Parameters
+    ----------
+    peak_to_peak : float
+        In the records' unit, of as many samples as were asked for.
+    kurtosis : float
+        3 for Gaussian noise.
+    rms : float
+        About the mean. NaN, as all of them, when the machine stands still.
+    """
+
+    peak_to_peak: float
+    kurtosis: float
+    rms: float
+
+    def sign(self, unit: str) -> tuple[float, float] | None:
+        """By which the same record is known again, whatever its file, name and unit; None where nothing vibrates."""
+        if not (self.rms > 0 and np.isfinite(self.kurtosis)):
+            return None
+        return _rounded(self.rms * _M_S2.get(unit, 1.0)), _rounded(self.kurtosis)
 
 
 @dataclass(frozen=True)
@@ -45,8 +73,13 @@ class RunRow:
     speed_rpm: float
     channel: Channel | None
 
-    def amplitude(self) -> tuple[float, float]:
-        """Peak to peak in the records' unit, and kurtosis (3 for Gaussian noise); NaN when standing still.
+    def amplitude(self, n_samples: int | None = None) -> Amplitude:
+        """Peak to peak, kurtosis and rms.
+
+        Parameters
+        ----------
+        n_samples : int, optional
+            Of which peak to peak is taken, the record's first ones; all when absent.
 
         Raises
         ------
@@ -54,12 +87,13 @@ class RunRow:
             When the samples cannot be read, one is not finite, or they are nothing that an accelerometer measures.
         """
         if self.channel is None or self.speed_rpm == 0:
-            return float("nan"), float("nan")
+            return Amplitude(float("nan"), float("nan"), float("nan"))
         x = self.channel.load()
         refuse_unmeasurable(x, f"record {self.name!r}")
         centred = x - x.mean()
         power = float(np.mean(centred**2))
-        return float(np.ptp(x)), float(np.mean(centred**4)) / power**2 if power > 0 else float("nan")
+        kurtosis = float(np.mean(centred**4)) / power**2 if power > 0 else float("nan")
+        return Amplitude(float(np.ptp(x[:n_samples])), kurtosis, float(np.sqrt(power)))
 
 
 @dataclass(frozen=True)
@@ -106,7 +140,8 @@ def read_run(
     Raises
     ------
     TwingapError
-        Naming file, row, column and reason: a row without time_s, two runs side by side, a file that is not there.
+        Naming file, row, column and reason: a row without time_s, two runs side by side, a file that is not there, rows
+        of a single time, a cell that no record set may have.
     """
     folder = Path(folder)
     about = read_description(folder).recordset
@@ -115,12 +150,21 @@ def read_run(
     rows = _one_run(rows, table, group, several)
     opened: dict[str, SampleFile] = {}
     found = []
+    rates = set[float]()
     for row in rows:
         time_s = row.number_in("time_s", needed=True)
         speed_rpm = row.number_in("speed_rpm", needed=True, least=0)
         name = row.text("record", needed=True)
         assert time_s is not None and speed_rpm is not None and name is not None
-        found.append(RunRow(name, time_s, speed_rpm, _channel(folder, row, opened, needed=speed_rpm > 0)))
+        turning = speed_rpm > 0
+        rate = row.rate(about.fs_hz if turning else about.fs_hz or 1.0)
+        channel = _channel(folder, row, rate, opened, needed=turning)
+        # A machine at rest has no condition to be in, but its other cells are held to the same.
+        checked = row if turning else replace(row, cells={**row.cells, "speed_rpm": "1"})
+        checked.condition(rate, 1 if channel is None else channel.n_samples, {})
+        if turning:
+            rates.add(rate)
+        found.append(RunRow(name, time_s, speed_rpm, channel))
     order = sorted(range(len(found)), key=lambda place: found[place].time_s)
     notes = []
     if order != list(range(len(found))):
@@ -131,6 +175,13 @@ def read_run(
             f"time_s spans {times[-1] - times[0]:.3g} s, more than any run lasts", where=table,
             mend="give seconds since the start of the run",
         )  # fmt: skip
+    if len(times) > 1 and times[0] == times[-1]:
+        raise TwingapError(
+            f"all {len(times)} rows have time_s = {times[0]:g}: no time passes, so nothing can be said to remain",
+            where=table, mend="give seconds since the start of the run",
+        )  # fmt: skip
+    if len(rates) > 1:
+        notes.append(f"fs_hz varies ({min(rates):g} to {max(rates):g} Hz): amplitude may vary with it")
     if twice := sum(a == b for a, b in pairwise(times)):
         notes.append(f"{twice} rows have the time of the row before: they are taken as they stand in the table")
     if still := sum(row.speed_rpm == 0 for row in found):
@@ -163,7 +214,18 @@ def _one_run(rows: tuple[Row, ...], table: Path, group: str | None, several: str
     return rows
 
 
-def _channel(folder: Path, row: Row, opened: dict[str, SampleFile], *, needed: bool) -> Channel | None:
+def in_unit(limit: float, unit: str, wanted: str) -> float | None:
+    """An amplitude in another unit; None when the two cannot be compared."""
+    if unit == wanted:
+        return limit
+    return limit * _M_S2[unit] / _M_S2[wanted] if unit in _M_S2 and wanted in _M_S2 else None
+
+
+def _rounded(value: float) -> float:
+    return float(f"{value:.{_DIGITS - 1}e}")
+
+
+def _channel(folder: Path, row: Row, rate: float, opened: dict[str, SampleFile], *, needed: bool) -> Channel | None:
     name = row.text("file", needed=needed)
     if name is None:
         return None
@@ -173,8 +235,14 @@ def _channel(folder: Path, row: Row, opened: dict[str, SampleFile], *, needed: b
     try:
         if name not in opened:
             opened[name] = inspect(folder / name)
-        return opened[name].find(row.text("channel"))
+        found = opened[name].find(row.text("channel"))
     except TwingapError as error:
         if not needed:
             return None
         raise TwingapError(str(error), where=row.where("file")) from error
+    stated = opened[name].fs_hz
+    if needed and stated is not None and abs(stated - rate) > 0.5:  # .wav files state whole numbers
+        what = f"{folder / name} states {stated:g} Hz but the record set {rate:g} Hz"
+        mend = "correct fs_hz there or in recordset.toml"
+        raise TwingapError(what, where=row.where("fs_hz"), mend=mend)
+    return found

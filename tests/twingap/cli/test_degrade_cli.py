@@ -158,6 +158,57 @@ def test_silent_records_are_left_out_and_that_is_said(
     refused(twingap(folder, "--out", tmp_path / "no"), "100 samples, at least 128 expected", "longer records")
 
 
+@pytest.mark.parametrize(
+    ("options", "parts"),
+    [
+        (
+            ("--indicator", "rms", "--limit", 0.5),
+            ("limit 0.5", "have rms 0.99", "rises from there, to 4.", "raise the"),
+        ),
+        (("--indicator", "rms", "--limit", -8), ("limit -8", "raise the limit, in the unit of the feature")),
+        (
+            ("--indicator", "health", "--limit", 1.5),
+            ("limit 1.5", "have health -0.99", "falls from there", "lower the"),
+        ),
+        (("--indicator", "fusion 1", "--limit", -5), ("limit -5", "have fusion 1", "healthy standard deviations")),
+    ],
+)
+def test_a_limit_on_the_side_that_the_run_has_left_is_refused(
+    twingap: Run, table: Table, tmp_path: Path, options: tuple[object, ...], parts: tuple[str, ...]
+) -> None:
+    """A limit in g for features in m/s^2: that it is not reached would be said of a machine far past its end."""
+    source = table([{**row, "health": -float(str(row["rms"]))} for row in made()])
+    refused(twingap(source, "--out", tmp_path / "out", *options), *parts)
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_limit_below_is_reached_by_what_falls_and_said_where_nothing_moves(
+    twingap: Run, table: Table, tmp_path: Path
+) -> None:
+    source = table([{**row, "health": 10 - float(str(row["rms"]))} for row in made()])
+    said = twingap(source, "--out", tmp_path / "falls", "--indicator", "health", "--limit", 2.0)
+    assert said.status == 0 and "move clearly" not in said.out
+    models = {r["model"]: r for r in rows_of(tmp_path / "falls/models.csv")}
+    assert float(models["combined power 3"]["remaining_time_s"]) == pytest.approx(4637, rel=0.15)  # as 8 of rms
+    for limit, words in ((8.0, "lies above that, so life is taken to end where it rises"), (0.5, "where it falls")):
+        out = tmp_path / str(limit)
+        said = twingap(source, "--out", out, "--indicator", "kurtosis", "--limit", limit)
+        assert said.status == 0 and "kurtosis does not move clearly" in said.out and words in said.out
+
+
+def test_decibels_are_not_silent(twingap: Run, table: Table, tmp_path: Path) -> None:
+    """Levels in dB lie about 0: a share of the healthy one is no bound to them."""
+    rows = made()
+    level = [{**row, "rms": 20 * np.log10(float(str(row["rms"])))} for row in rows]
+    said = twingap(table(level), "--out", tmp_path / "dB", "--indicator", "rms", "--json")
+    about = json.loads(said.out)
+    below = sum(float(str(row["rms"])) < 0 for row in level)
+    assert said.status == 0 and about["records"] == 80
+    assert any(f"rms is below 0 in {below} of 80 records" in note for note in about["notes"])
+    said = twingap(table([{**row, "rms": -float(str(row["rms"]))} for row in rows]), "--out", tmp_path / "minus")
+    assert said.status == 0 and "below 0 in 80 of 80 records" in said.out and "are silent" not in said.out
+
+
 def test_rows_out_of_order_are_sorted_and_that_is_said(twingap: Run, table: Table, tmp_path: Path) -> None:
     rows = made()
     for row in rows:  # counts rows only while they are in order

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.io import wavfile
 
 from tests.twingap.cli.typed import Run, refused
 from twingap.prognosis.simulated_runs import SimulatedRun, simulate_run
@@ -31,7 +32,7 @@ def simulated(seed: int = 0, law: str = "exponential") -> SimulatedRun:
     return simulate_run(np.random.default_rng(seed), law, rows=60, varying=True)
 
 
-def write(folder: Path, run: SimulatedRun) -> Path:
+def write(folder: Path, run: SimulatedRun, unit: str = "g", scale: float = 1.0) -> Path:
     """Its amplitudes as short records, in a folder whose name is not ASCII."""
     rng = np.random.default_rng(1)
 
@@ -40,10 +41,10 @@ def write(folder: Path, run: SimulatedRun) -> Path:
         for row, (time_s, speed, p) in enumerate(zip(run.time_s, run.speed_rpm, run.peak_to_peak, strict=True)):
             x = rng.normal(size=256)
             condition = Condition(f"ä {row}", float(speed), 10000.0, 256, time_s=float(time_s), group="rig")
-            made.append(Record(condition, x * p / np.ptp(x)))
+            made.append(Record(condition, scale * (x * p / np.ptp(x))))
         return made
 
-    return write_records(folder / "Lauf, 1", "Lauf", "g", None, None, records())
+    return write_records(folder / "Lauf, 1", "Lauf", unit, None, None, records())
 
 
 @pytest.fixture(scope="module")
@@ -198,6 +199,153 @@ def test_other_runs_fill_the_rows_before_the_anomaly(twingap: Run, folder: Path,
     for row in rows_of(tmp_path / "a.csv")[1:]:
         low, high = float(row[4]), float(row[5])
         assert low <= float(row[3]) <= high
+
+
+def test_the_limit_is_converted_to_the_unit_of_other_runs(twingap: Run, folder: Path, tmp_path: Path) -> None:
+    """15 g are no 15 m/s^2: the same run says the same in either unit, and an unknown one is refused."""
+    run, other = simulated(), simulated(5, "bent")
+    limit = 0.7 * float(min(run.peak_to_peak.max(), other.peak_to_peak.max()))
+    g = write(tmp_path / "g", other)
+    si = write(tmp_path / "si", other, "m/s^2", 9.80665)
+    unknown = write(tmp_path / "unknown", other, "")
+    ask = ("--limit", limit)
+    one = twingap(folder, "--out", tmp_path / "g.csv", *ask, "--prior", g)
+    two = twingap(folder, "--out", tmp_path / "si.csv", *ask, "--prior", si)
+    assert one.status == two.status == 0
+    assert f"{9.80665 * limit:.4g} m/s^2 in the records of {si}" in two.err and "m/s^2" not in one.err
+    for a, b in zip(rows_of(tmp_path / "g.csv")[1:], rows_of(tmp_path / "si.csv")[1:], strict=True):
+        assert a[:2] == b[:2]
+        assert [float(v) for v in a[2:] if v] == pytest.approx([float(v) for v in b[2:] if v], rel=1e-6)
+    refused(twingap(folder, "--out", tmp_path / "no.csv", *ask, "--prior", unknown), str(unknown), "state the unit")
+    said = twingap(folder, "--out", tmp_path / "ratio.csv", "--prior", unknown)  # a ratio has no unit
+    assert said.status == 0
+    said = twingap(unknown, "--out", tmp_path / "both.csv", *ask, "--prior", write(tmp_path / "too", run, ""))
+    assert said.status == 0 and "units are unknown" in said.err
+
+
+def test_a_run_is_not_told_its_own_future(twingap: Run, folder: Path, tmp_path: Path) -> None:
+    def copied(rows: list[list[str]]) -> list[list[str]]:
+        place = rows[0].index("record")
+        return [rows[0], *([*row[:place], f"other {row[place]}", *row[place + 1 :]] for row in rows[1:])]
+
+    def begun(rows: list[list[str]]) -> list[list[str]]:
+        return rows[:40]
+
+    run, part = simulated(), edited(folder, begun)
+    out = tmp_path / "a.csv"
+    refused(twingap(folder, "--out", out, "--prior", folder / "."), "its own future")
+    refused(twingap(folder, "--out", out, "--prior", edited(folder, copied)), "copied", "its own future")
+    refused(twingap(part, "--out", out, "--prior", folder), "its own future")  # as known so far, and as it ended
+    refused(twingap(folder, "--out", out, "--prior", write(tmp_path / "si", run, "m/s^2", 9.80665)), "its own future")
+    assert not out.exists()
+
+
+def test_a_run_counts_once_among_others(twingap: Run, folder: Path, tmp_path: Path) -> None:
+    other = simulated(5, "bent")
+    first, again = write(tmp_path / "first", other), write(tmp_path / "again", other)
+    table = tmp_path / "runs.csv"
+    table.write_text("record,life_revolutions\na,200000\nb,200000\n", "utf-8")
+    out = tmp_path / "a.csv"
+    for twice in ((first, first), (first, again), (table, first, table)):
+        given = [part for path in twice for part in ("--prior", path)]
+        refused(twingap(folder, "--out", out, *given), str(twice[-1]), "given already", "once")
+    assert not out.exists()
+    assert twingap(folder, "--out", out, "--prior", table, "--prior", first).status == 0
+
+
+def of_lengths(folder: Path, lengths: list[int], growth: float = 1.0) -> Path:
+    """Noise in records of these lengths, louder by a factor from the last third on."""
+    rng = np.random.default_rng(9)
+    made = [
+        Record(
+            Condition(f"r{k}", 1500.0, 5000.0, n, time_s=600.0 * k),
+            rng.normal(size=n) * (growth if 3 * k > 2 * len(lengths) else 1.0),
+        )
+        for k, n in enumerate(lengths)
+    ]
+    return write_records(folder, "noise", "g", None, None, made)
+
+
+def test_longer_records_of_the_same_noise_are_no_anomaly(twingap: Run, tmp_path: Path) -> None:
+    """Peak to peak of noise grows with length; what is found must come from the machine."""
+
+    def alarm(name: str, lengths: list[int], growth: float = 1.0) -> tuple[str | None, str]:
+        folder = of_lengths(tmp_path / name, lengths, growth)
+        said = twingap(folder, "--out", tmp_path / f"{name}.csv", "--json")
+        assert said.status == 0
+        about = json.loads(said.out)
+        return about["alarm"], "; ".join(about["notes"])
+
+    found, notes = alarm("longer", [500] * 100 + [20000] * 60)
+    assert found is None and "500 to 20000 samples" in notes and "first 500 of each" in notes
+    assert alarm("louder", [500] * 100 + [20000] * 60, 3.0)[0] is not None
+    assert alarm("mixed", [500, 3000] * 80)[0] is None
+    found, notes = alarm("cut off", [500] * 30 + [7] + [500] * 69 + [530] * 60, 3.0)
+    assert found is not None and "record 'r30' has too few samples" in notes  # and is not what all are judged by
+    found, notes = alarm("shorter", [5000] * 100 + [500] * 60, 3.0)
+    assert found is None and "60 records, the first 'r100', have too few samples" in notes
+    assert "samples" not in alarm("equal", [500] * 160)[1]
+
+
+def test_how_much_of_a_record_is_taken_depends_on_no_later_one(twingap: Run, tmp_path: Path) -> None:
+    lengths = [600] * 40 + [500] * 60 + [20000] * 40 + [550] * 20
+    whole, head = of_lengths(tmp_path / "whole", lengths, 3.0), tmp_path / "head"
+    for name, rows in (("head", 130), ("start", 50)):
+        head = of_lengths(tmp_path / name, lengths, 3.0)
+        table = (head / "records.csv").read_text("utf-8").splitlines(keepends=True)
+        (head / "records.csv").write_text("".join(table[: rows + 1]), "utf-8")
+        for folder in (whole, head):
+            assert twingap(folder, "--out", tmp_path / f"{folder.name}.csv").status == 0
+        lines = [(tmp_path / f"{folder.name}.csv").read_bytes().splitlines() for folder in (whole, head)]
+        assert lines[1] == lines[0][: rows + 1]
+
+
+def test_cells_that_no_record_set_may_have_are_refused_here_too(twingap: Run, folder: Path, tmp_path: Path) -> None:
+    def changed(number: int, **cells: str) -> Path:
+        def cell(rows: list[list[str]]) -> list[list[str]]:
+            for name, text in cells.items():
+                if name not in rows[0]:
+                    rows = [[*rows[0], name], *([*row, ""] for row in rows[1:])]
+                rows[number][rows[0].index(name)] = text
+            return rows
+
+        cell.__name__ = f"cell {len(list(folder.parent.iterdir()))}"
+        return edited(folder, cell)
+
+    out = tmp_path / "a.csv"
+    for cells, parts in (
+        ({"fs_hz": "-5000"}, ("row 8, column fs_hz", "'-5000'")), ({"fault": "broken"}, ("row 8, column fault",)),
+        ({"load_n": "-1"}, ("row 8, column load_n",)), ({"load_n": "much"}, ("row 8, column load_n", "'much'")),
+        ({"speed_rpm": "0", "file": "", "fs_hz": "0"}, ("row 8, column fs_hz",)),
+        ({"speed_rpm": "0", "fault": "broken"}, ("row 8, column fault",)),
+    ):  # fmt: skip
+        refused(twingap(changed(7, **cells), "--out", out), *parts)
+    wavfile.write(folder.parent / "rate.wav", 8000, np.zeros(256, np.int16))
+    refused(twingap(changed(7, file="../rate.wav"), "--out", out), "row 8, column fs_hz", "8000 Hz", "10000 Hz")
+    assert twingap(changed(7, file="../rate.wav", fs_hz="8000"), "--out", out).status == 0
+    assert twingap(changed(7, speed_rpm="0", file="../rate.wav"), "--out", out).status == 0
+    unstated = changed(7)
+    text = (unstated / "recordset.toml").read_text("utf-8").replace("fs_hz", "# fs_hz")
+    (unstated / "recordset.toml").write_text(text, "utf-8")
+    refused(twingap(unstated, "--out", out), "row 2, column fs_hz", "no sampling rate")
+
+
+def test_nothing_remains_to_be_said_where_no_time_passes(twingap: Run, folder: Path, tmp_path: Path) -> None:
+    def at_once(rows: list[list[str]]) -> list[list[str]]:
+        place = rows[0].index("time_s")
+        return [rows[0], *([*row[:place], "5", *row[place + 1 :]] for row in rows[1:])]
+
+    def at_first(rows: list[list[str]]) -> list[list[str]]:
+        count = simulated().onset_row + 25
+        return [*at_once(rows[: count + 1]), *rows[count + 1 :]]
+
+    refused(twingap(edited(folder, at_once), "--out", tmp_path / "a.csv"), "time_s = 5", "no time passes")
+    said = twingap(edited(folder, at_first), "--out", tmp_path / "a.csv", "--limit-ratio", simulated().limit_ratio)
+    assert said.status == 0 and "nothing has turned since the anomaly began" in said.err
+    rows = rows_of(tmp_path / "a.csv")[1:]
+    timeless = rows[: simulated().onset_row + 25]
+    assert any(row[1] == "1" for row in timeless) and all(row[2:] == [""] * 4 for row in timeless)
+    assert all(row[2] for row in rows[len(timeless) + 1 :])
 
 
 def no_time(rows: list[list[str]]) -> list[list[str]]:
