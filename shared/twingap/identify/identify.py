@@ -62,7 +62,7 @@ def identify(
     (simulated). Modes so sharp that a record does not resolve them (zeta 0.004 at 1.5 kHz: records under 0.5 s) may be
     taken for lines and left out: bring longer records.
 
-    Of the contact twin: 90 % intervals have held stiffness and damping of 20 of 20 and 18 of 20 simulated machines with a
+    Of the contact twin: 90 % intervals have held stiffness of 20 and damping of 18 of 20 simulated machines with a
     ball defect, whose records of 10 s stood 10 dB above white noise. Damping below some 150 N s/m, a mode narrower than
     its spectra resolve, may be off by a tenth and more, mostly without an interval. Records of four groups and more at
     speeds of their own give none: what one of them less changes is the mixture of speeds. Mass, load and the defect's
