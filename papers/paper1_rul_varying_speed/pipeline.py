@@ -1,4 +1,4 @@
-"""Paper 1: five models on every run, five seeds each; tables 3 and 5 and figures 3 to 14; two studies beside it.
+"""Paper 1: five models on every run, five seeds each; tables 3 and 5 and figures 3 to 14; four studies beside it.
 
 Smart Maintenance set, or virtual rig --> cases --> twin, up to now --> simulated lives --> five models x seeds
                                                                                                     |
