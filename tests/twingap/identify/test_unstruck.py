@@ -35,8 +35,9 @@ def test_noise_and_impacts_are_told_apart_by_time(sigma):
     jitter = (make_effect("slip_jitter", {"sigma": sigma, "accumulating": True}),) if sigma else ()
     values, notes = found(jitter)
     assert values["resonance_hz"] == pytest.approx(3000.0, rel=0.02)
-    assert values["damping_ratio"] == pytest.approx(0.05, rel=0.2)
-    assert values["scale"] == pytest.approx(2.0, rel=0.12)
+    # Jitter that the twin does not have is in the spectra between lines: at 3 %, 8 % of the damping.
+    assert values["damping_ratio"] == pytest.approx(0.05, rel=0.15 if sigma == 0.03 else 0.06)
+    assert values["scale"] == pytest.approx(2.0, rel=0.05)
     for fault, amplitude in (("inner", 6.0), ("outer", 8.0), ("ball", 5.0)):
         assert values[f"impact_amplitude.{fault}"] == pytest.approx(amplitude, rel=0.15)
     assert any("no healthy record" in note for note in notes)
