@@ -1,7 +1,8 @@
 """Paper 2: dynamics, live updating, degradation, diagnosis by data availability, the gap closed: one run.
 
-dynamics --> live --> degradation --> availability --> transfer_gap  (each: jobs in OUT/results, tables, a nested run)
-    +----------+---------+---------------+----------------+--> headlines: one list of rows --> the caller
+dynamics --> live --> degradation --> lines --> availability --> transfer_gap
+    +----------+---------+--------------+------------+----------------+--> headlines: one list of rows --> the caller
+(each: jobs in OUT/results, tables, a nested run)
 
 Used in: Paper 2, a bearing fault diagnosis framework based on a digital twin. The studies do not need each other; they
 run one after the other so that each has all cores.
@@ -30,6 +31,7 @@ STUDIES: Final[dict[str, tuple[str, ...]]] = {
     "dynamics": ("dynamics-balance", "dynamics-faults"),
     "live": ("live-targets", "live-false-alarms"),
     "degradation": ("degradation-claims",),
+    "lines": ("lines-told",),
     "availability": ("availability-accuracy", "availability-crossings", "availability-choice"),
     "transfer_gap": ("transfer-gap",),
 }
@@ -38,6 +40,7 @@ TITLES: Final = {
     "dynamics": "contact dynamics: simulated",
     "live": "live updating: virtual machine",
     "degradation": "degradation curves",
+    "lines": "recordings that show the line of their own fault",
     "availability": "diagnosis by how much labelled data there is",
     "transfer_gap": "what the paper's twin teaches, with its gap closed and without",
 }

@@ -136,7 +136,7 @@ def test_a_study_run_alone_starts_under_its_own_name(path: Path) -> None:
 def test_every_study_is_looked_at() -> None:
     assert {p.stem for p in RUN_ALONE} == {
         "ablation", "availability", "comparison", "degradation", "dynamics", "femto", "identification", "life_gap",
-        "live", "quantities", "rig_lives", "transfer_gap",
+        "lines", "live", "quantities", "rig_lives", "transfer_gap",
     }  # fmt: skip
 
 
