@@ -28,6 +28,8 @@ LACKS = (
     make_effect("impact_scatter", {"sigma": 0.7}),
 )
 """More than the small training of tests has learnt to name."""
+PLAIN = (*LACKS, make_effect("looseness", {}))
+"""A gap that its few machines without one leave no doubt of."""
 OWN = PhenomenologicalParameters(2400.0, 0.05, {"inner": 5.0, "outer": 6.0}, 0.7, 0.6, 1.5)
 SPEC = TwinSpec("phenomenological", bearing=BEARINGS["6205"])
 
@@ -103,7 +105,7 @@ def test_a_twin_as_near_as_chance_allows_gets_nothing(learnt: Any) -> None:
 
 
 def test_a_diagnosis_tells_of_them_beside_the_verdict_and_changes_nothing_else(learnt: Any) -> None:
-    records = machine(*LACKS)
+    records = machine(*PLAIN)
     plain, asked = (
         diagnose(records, SPEC, np.random.default_rng(0), learnt=learnt, nearest=nearest) for nearest in (False, True)
     )
