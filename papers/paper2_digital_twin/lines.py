@@ -1,20 +1,19 @@
-"""Which recordings show the line of their own fault: what any diagnosis by lines can reach without a label.
+"""Which recordings show the line of their own fault, held against recordings that do not have the fault.
 
-recording, sensor --five bands--> squared-envelope spectra --lines at fault orders--> own line above noise, above others
-white noise --------------------------------------------------------------------------------^
-                                                            by recording --> by class and sensor
+recording, sensor --five bands--> squared-envelope spectra --orders--> prominence of each fault's line, highest band
+                                                                                                |
+        by data set, sensor and fault: recordings with it, against healthy ones and all without it --> counts
 
-Used in: Paper 2, section 3, diagnosis without fault data. A network that learns from simulated bearings expects each
-fault at its own order; a recording that shows another fault's line misleads it, whatever it has learnt. Labels are read
-here to say which: this judges recordings, and nothing learns from it. Run as part of the paper, or alone:
-python -m papers.paper2_digital_twin.lines --profile full --out DIR
+Used in: Paper 2, section 3, diagnosis without fault data. Lines at the orders of faults stand out of healthy records
+too, and an inner line out of those of outer races, so that a floor says little: what a line is worth is seen beside
+recordings that lack the fault. Healthy ones are few, and other faults have lines of their own at this one's order, so
+both references are given. Labels are read here: this judges recordings, and nothing learns from it. Run as part of the
+paper, or alone: python -m papers.paper2_digital_twin.lines --profile full --out DIR
 """
 
 from __future__ import annotations
 
-import functools
-import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
@@ -23,18 +22,15 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-import twingap.signal
 from papers.paper2_digital_twin.availability_records import RATE_HZ, TITLES
-from papers.studies import Count, Progress, command, keep_tables, profile_of
+from papers.studies import Progress, command, keep_tables, profile_of
 from twingap import data as datasets
 from twingap.bearing import Bearing
 from twingap.config import build, read_toml
 from twingap.errors import TwingapError
-from twingap.provenance import digest_of_code
 from twingap.records import RecordSet
 from twingap.signal.envelope import lines_at, squared_envelope_spectrum
 from twingap.signal.spectrum import Spectrum
-from twingap.sweep import sweep
 
 if TYPE_CHECKING:
     from twingap.track import Run
@@ -43,16 +39,17 @@ Array = NDArray[np.float64]
 CONFIG: Final = Path(__file__).with_name("lines.toml")
 RIG: Final = "virtual_cwru"
 FAULTS: Final = ("inner", "outer", "ball")
+HEALTHY: Final = "healthy"
 ONLY: Final = "one"
 """Name of the sensor where there is one alone."""
-ANY: Final = "any"
+ANY: Final = "at least one"
+"""In place of a sensor: counts of recordings of which something holds at one of their sensors or more."""
 
 
 @dataclass(frozen=True)
 class Size:
     """How much is run; explained in lines.toml."""
 
-    noises: int
     rig_duration_s: float
     smoke: bool
 
@@ -65,7 +62,8 @@ class Options:
     bands: tuple[tuple[float, float], ...]
     harmonics: int
     tolerance: float
-    false_alarm: float
+    shortest_s: float
+    longest_s: float
     sensors: dict[str, tuple[str, ...]]
     profiles: dict[str, Size]
 
@@ -86,19 +84,6 @@ class Reading:
     bands: tuple[tuple[float, float], ...]
     harmonics: int
     tolerance: float
-
-
-@dataclass(frozen=True)
-class Limit:
-    """White noise like a recording: its length, rate, shaft and bearing, and how often a limit may be passed."""
-
-    samples: int
-    fs_hz: float
-    turn_hz: float
-    bearing: Bearing
-    reading: Reading
-    noises: int
-    false_alarm: float
 
 
 @dataclass(frozen=True)
@@ -145,55 +130,92 @@ def prominences(x: Array, fs_hz: float, turn_hz: float, bearing: Bearing, readin
     return np.array(rows)
 
 
-def limit_of(noise: Limit) -> float:
-    """What the most prominent line of white noise, over bands and faults, stays below but for the false alarms."""
-    rng = np.random.default_rng(noise.samples)
-    largest = [
-        prominences(rng.standard_normal(noise.samples), noise.fs_hz, noise.turn_hz, noise.bearing, noise.reading).max()
-        for _ in range(noise.noises)
-    ]
-    return float(np.quantile(largest, 1 - noise.false_alarm))
+def read(records: RecordSet, sensor: str, options: Options) -> pd.DataFrame:
+    """A row for each recording of a sensor, healthy ones too, that is long enough.
 
+    Parameters
+    ----------
+    records : RecordSet
+        With a bearing.
+    sensor : str
+        What to call it.
+    options : Options
 
-def read(records: RecordSet, sensor: str, options: Options, limits: Mapping[str, float]) -> pd.DataFrame:
-    """A row for each faulty recording of a sensor."""
-    reading, bearing, rows = _reading(options), _bearing(records), []
-    for record in records:
-        about = record.condition
-        if about.fault not in FAULTS:
+    Returns
+    -------
+    DataFrame
+        Columns ``inner``, ``outer``, ``ball``: prominence in the band where it is highest.
+    """
+    if records.bearing is None:
+        raise TwingapError(f"{records.name} names no bearing, and so no order of a fault")
+    reading, rows = Reading(options.bands, options.harmonics, options.tolerance), []
+    for i, about in enumerate(records.conditions):
+        if about.fault not in (HEALTHY, *FAULTS) or about.n_samples < options.shortest_s * about.fs_hz:
             continue
-        found = prominences(record.samples, about.fs_hz, about.speed_rpm / 60, bearing, reading)
-        own, largest = FAULTS.index(about.fault), found.max(axis=0)
+        x = records[i].samples[: round(options.longest_s * about.fs_hz)]
+        found = prominences(x, about.fs_hz, about.speed_rpm / 60, records.bearing, reading)
+        largest = found.max(axis=0)
+        own = FAULTS.index(about.fault) if about.fault in FAULTS else None
         rows.append({
             "recording": about.group or about.name, "bearing": about.extra.get("bearing_id", ""),
-            "speed_rpm": about.speed_rpm, "class": about.fault, "sensor": sensor,
-            **dict(zip(FAULTS, largest, strict=True)), "limit": limits[about.name],
-            "bands where the own line is the highest": int((found.argmax(axis=1) == own).sum()),
+            "speed_rpm": about.speed_rpm, "length_s": x.size / about.fs_hz, "class": about.fault, "sensor": sensor,
+            **dict(zip(FAULTS, largest, strict=True)),
+            "bands where the own line is the highest":
+                np.nan if own is None else float((found.argmax(axis=1) == own).sum()),
             "highest": FAULTS[int(largest.argmax())],
         })  # fmt: skip
+    if not rows:
+        raise TwingapError(f"{records.name} has no recording of {options.shortest_s:g} s", mend="lower shortest_s")
     return pd.DataFrame(rows)
 
 
 def told(rows: pd.DataFrame) -> pd.DataFrame:
-    """By data set, sensor and class: recordings whose own line passes noise, and those where no other stands higher.
+    """By data set, sensor and class: how far the own line stands out, and out of what.
 
-    The sensor "any" takes a recording's sensors together: lines of the highest of all of them.
+    Parameters
+    ----------
+    rows : DataFrame
+        Of `read`, with a column ``data``.
+
+    Returns
+    -------
+    DataFrame
+        ``healthy, highest`` and ``without the fault, highest`` are prominences of the class's line in recordings that
+        lack the fault, at the same sensor; ``above one without it`` is the share of pairs of a recording with the fault
+        and one without in which the former's line stands higher (luck: 0.5). What has no healthy recording is NaN. The
+        sensor "at least one" counts recordings of which a statement holds at one sensor or more, each sensor judged by
+        its own references (one without healthy recordings adds nothing to ``above healthy``); it stands where there are
+        several.
     """
-    own = rows.assign(own=[row[row["class"]] for _, row in rows.iterrows()])
-    each = own.groupby(["data", "recording"], sort=False)["own"].transform("idxmax")
-    together = own.loc[each.drop_duplicates()].assign(sensor=ANY)
-    best = rows.groupby(["data", "recording"], sort=False)[list(FAULTS)].max()
-    together["highest"] = [best.loc[(r["data"], r["recording"])].idxmax() for _, r in together.iterrows()]
-    several = rows.groupby("data")["sensor"].nunique()
-    together = together[together["data"].map(several) > 1]
+    parts = []
+    for (data, sensor, fault), own in rows[rows["class"] != HEALTHY].groupby(["data", "sensor", "class"], sort=False):
+        others = rows[(rows["data"] == data) & (rows["sensor"] == sensor) & (rows["class"] != fault)]
+        healthy, line = others[others["class"] == HEALTHY][fault].max(), own[fault]
+        parts.append(pd.DataFrame({
+            "data": data, "sensor": sensor, "class": fault, "recording": own["recording"], "line": line,
+            "healthy": healthy, "without": others[fault].max(),
+            "share": (line.to_numpy()[:, None] > others[fault].to_numpy()).mean(axis=1),
+            "over healthy": line > healthy, "over all": line > others[fault].max(), "first": own["highest"] == fault,
+        }))  # fmt: skip
+    judged = pd.concat(parts, ignore_index=True)
     found = []
-    for (data, sensor, fault), part in pd.concat([own, together]).groupby(["data", "sensor", "class"], sort=False):
-        above = part["own"] > part["limit"]
+    for (data, sensor, fault), part in judged.groupby(["data", "sensor", "class"], sort=False):
         found.append({
             "data": data, "sensor": sensor, "class": fault, "recordings": len(part),
-            "own line above noise": above.sum(),
-            "and no other higher": (above & (part["highest"] == fault)).sum(),
-            "another higher": (part["highest"] != fault).sum(),
+            "own line, lowest": part["line"].min(), "own line, highest": part["line"].max(),
+            "healthy, highest": part["healthy"].max(), "without the fault, highest": part["without"].max(),
+            "above healthy": np.nan if part["healthy"].isna().all() else float(part["over healthy"].sum()),
+            "above all without it": part["over all"].sum(), "above one without it": part["share"].mean(),
+            "highest of its recording": part["first"].sum(),
+        })  # fmt: skip
+    for (data, fault), part in judged.groupby(["data", "class"], sort=False):
+        if part["sensor"].nunique() == 1:
+            continue
+        once = part.groupby("recording")[["over healthy", "over all", "first"]].any()
+        found.append({
+            "data": data, "sensor": ANY, "class": fault, "recordings": len(once),
+            "above healthy": float(once["over healthy"].sum()), "above all without it": once["over all"].sum(),
+            "highest of its recording": once["first"].sum(),
         })  # fmt: skip
     return pd.DataFrame(found)
 
@@ -217,13 +239,11 @@ def run(
     ----------
     profile : {"smoke", "full"}
     out : Path
-        Folder for ``tables/`` and ``results/``, where limits of noise are kept.
+        Folder for ``tables/``.
     root : Path or None
         Data root; TWINGAP_DATA when None. Without records the virtual rig is taken, and every table says so.
-    seed, draw
-        Taken as by every study of the paper; nothing is drawn by lot but noise, and there is no figure.
-    backend, address
-        See `twingap.sweep`.
+    seed, backend, address, draw
+        Taken as by every study of the paper; nothing is drawn by lot, a minute needs no workers, there is no figure.
     log : Run or None
         Of a tracker: tables go there as well.
     progress : callable
@@ -236,23 +256,13 @@ def run(
     Raises
     ------
     TwingapError
-        For a configuration, profile, backend or folder that cannot be used, or records that cannot be read.
+        For a configuration, profile or folder that cannot be used, or records that cannot be read.
     """
     options = build(Options, read_toml(config), config)
     size = profile_of(options.profiles, profile, config)
-    sets = _load(options, size, root)
-    noises = {(name, sensor): _noises(records, options, size) for (name, sensor), records in sets.items()}
-    asked = list(dict.fromkeys(noise for of_set in noises.values() for noise in of_set.values()))
-    found = sweep(
-        limit_of, asked, version=digest_of_code(twingap.signal, sys.modules[__name__]), store=out / "results",
-        on_result=Count("limits of noise", len(asked), progress), backend=backend, address=address,
-        describe=lambda noise: f"white noise of {noise.samples} samples",
-    )  # fmt: skip
-    known = {result.job: float(result.value) for result in found}
-    parts = []
+    sets, parts = _load(options, size, root), []
     for done, ((name, sensor), records) in enumerate(sets.items(), 1):
-        limits = {recording: known[noise] for recording, noise in noises[name, sensor].items()}
-        parts.append(read(records, sensor, options, limits).assign(data=TITLES[name]))
+        parts.append(read(records, sensor, options).assign(data=TITLES[name]))
         progress("sensors read", done, len(sets))
     rows = pd.concat(parts, ignore_index=True)
     rows.insert(0, "data", rows.pop("data"))
@@ -263,6 +273,7 @@ def run(
 
 
 def _load(options: Options, size: Size, root: Path | None) -> dict[tuple[str, str], RecordSet]:
+    """Sensors of the data sets that are at hand; the virtual rig when none is."""
     sets: dict[tuple[str, str], RecordSet] = {}
     for name in options.data[:1] if size.smoke else options.data:
         sensors = options.sensors.get(name, (ONLY,))
@@ -271,40 +282,11 @@ def _load(options: Options, size: Size, root: Path | None) -> dict[tuple[str, st
             try:
                 sets[name, sensor] = datasets.load(name, root, fs_hz=RATE_HZ[name], **channel)
             except TwingapError:
-                if root is not None:
+                # Without its first sensor a data set is not at hand; one that is must have all that are asked for.
+                if root is not None or sensor != sensors[0]:
                     raise
-                break  # not at hand
+                break
     return sets or {(RIG, ONLY): datasets.load(RIG, duration_s=size.rig_duration_s)}
-
-
-def _noises(records: RecordSet, options: Options, size: Size) -> dict[str, Limit]:
-    """Recording -> the noise that it is held against; lengths and shafts that hardly differ share one."""
-    reading, bearing = _reading(options), _bearing(records)
-
-    @functools.cache
-    def noise(samples: int, fs_hz: float, turn_hz: float) -> Limit:
-        return Limit(samples, fs_hz, turn_hz, bearing, reading, size.noises, options.false_alarm)
-
-    return {
-        c.name: noise(int(_roughly(c.n_samples)), c.fs_hz, _roughly(c.speed_rpm / 60))
-        for c in records.conditions
-        if c.fault in FAULTS
-    }
-
-
-def _roughly(value: float) -> float:
-    """One digit of it."""
-    return float(f"{value:.0e}")
-
-
-def _reading(options: Options) -> Reading:
-    return Reading(options.bands, options.harmonics, options.tolerance)
-
-
-def _bearing(records: RecordSet) -> Bearing:
-    if records.bearing is None:
-        raise TwingapError(f"{records.name} names no bearing, and so no order of a fault")
-    return records.bearing
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -317,7 +299,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
 
 if __name__ == "__main__":
-    # Under its own name, so that results are the same jobs as those of the pipeline.
+    # Under its own name, which runs are tracked by.
     from papers.paper2_digital_twin.lines import main as run_main
 
     run_main()

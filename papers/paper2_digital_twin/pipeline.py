@@ -2,7 +2,7 @@
 
 dynamics --> live --> degradation --> lines --> availability --> transfer_gap
     +----------+---------+--------------+------------+----------------+--> headlines: one list of rows --> the caller
-(each: jobs in OUT/results, tables, a nested run)
+(each: jobs in OUT/results but for lines, tables, a nested run)
 
 Used in: Paper 2, a bearing fault diagnosis framework based on a digital twin. The studies do not need each other; they
 run one after the other so that each has all cores.

@@ -8,9 +8,13 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from papers.paper2_digital_twin.lines import CONFIG, Limit, Reading, limit_of, prominences, run, told
+from papers.paper2_digital_twin import lines
+from papers.paper2_digital_twin.lines import CONFIG, Options, Reading, prominences, read, run, told
 from papers.paper2_digital_twin.lines import main as start
 from twingap.bearing import BEARINGS
+from twingap.config import build, read_toml
+from twingap.errors import TwingapError
+from twingap.records import Condition, Record, RecordSet
 
 BEARING, FS_HZ, TURN_HZ = BEARINGS["6205"], 12_000.0, 30.0
 READING = Reading(((0.04, 0.12), (0.20, 0.28)), 2, 0.01)
@@ -33,47 +37,120 @@ def test_a_fault_stands_out_at_its_own_order_in_the_band_of_its_carrier(place: i
     assert found[0].max() < 4
 
 
-def test_noise_passes_its_limit_as_often_as_stated() -> None:
-    noise = Limit(6000, FS_HZ, TURN_HZ, BEARING, READING, 200, 0.1)
-    limit, rng = limit_of(noise), np.random.default_rng(9)
-    passed = sum(
-        prominences(rng.standard_normal(6000), FS_HZ, TURN_HZ, BEARING, READING).max() > limit for _ in range(200)
-    )
-    assert 5 <= passed <= 42
+def recording(name: str, fault: str, shown: str | None, samples: int = 48_000) -> Record:
+    """Said to have one fault; another's line, or none, is what its samples show."""
+    x = modulated(shown, 2880.0, samples) if shown else np.random.default_rng(4).standard_normal(samples)
+    return Record(Condition(name, 60 * TURN_HZ, FS_HZ, samples, fault), x)
 
 
-def test_recordings_are_counted_by_sensor_and_over_all_of_them() -> None:
-    columns = ["data", "recording", "class", "sensor", "inner", "outer", "ball", "limit", "highest"]
-    rows = pd.DataFrame(
-        [
-            ["set", "a", "outer", "DE", 9.0, 5.0, 2.0, 3.0, "inner"],
-            ["set", "a", "outer", "FE", 4.0, 12.0, 2.0, 3.0, "outer"],
-            ["set", "b", "outer", "DE", 9.0, 2.0, 2.0, 3.0, "inner"],
-            ["set", "b", "outer", "FE", 8.0, 2.5, 2.0, 3.0, "inner"],
-            ["other", "a", "ball", "one", 1.0, 2.0, 2.5, 3.0, "ball"],
-        ],
-        columns=columns,
-    )
-    found = told(rows).set_index(["data", "sensor"])
-    counts = ["recordings", "own line above noise", "and no other higher", "another higher"]
-    assert found.loc[("set", "DE"), counts].tolist() == [2, 1, 0, 2]
-    assert found.loc[("set", "FE"), counts].tolist() == [2, 1, 1, 1]
-    assert found.loc[("set", "any"), counts].tolist() == [2, 1, 1, 1]
-    assert found.loc[("other", "one"), counts].tolist() == [1, 0, 0, 0]
-    assert ("other", "any") not in found.index
+def options(shortest_s: float = 4.0, longest_s: float = 20.0) -> Options:
+    given = {**read_toml(CONFIG), "shortest_s": shortest_s, "longest_s": longest_s}
+    return build(Options, given, "test")
+
+
+def test_healthy_recordings_are_read_and_short_ones_left_out() -> None:
+    records = RecordSet.from_records("set", "g", BEARING, [
+        recording("sound", "healthy", None), recording("misled", "ball", "inner"), recording("plain", "outer", "outer"),
+        recording("short", "healthy", None, 47_999),
+    ])  # fmt: skip
+    found = read(records, "one", options()).set_index("recording")
+    assert list(found.index) == ["sound", "misled", "plain"]
+    assert found["class"].tolist() == ["healthy", "ball", "outer"]
+    assert found.loc["sound", ["inner", "outer", "ball"]].max() < 5
+    assert found.loc[["misled", "plain"], "highest"].tolist() == ["inner", "outer"]
+    bands = found["bands where the own line is the highest"]
+    assert np.isnan(bands["sound"]) and bands["plain"] >= 1
+    cut = read(records, "one", options(longest_s=2.0)).set_index("recording")
+    assert (found["length_s"] == 4.0).all() and (cut["length_s"] == 2.0).all()
+    assert 1.2 < found.loc["plain", "outer"] / cut.loc["plain", "outer"] < 1.7  # the root of the length
+    with pytest.raises(TwingapError, match="no recording of 5 s"):
+        read(records, "one", options(shortest_s=5.0))
+
+
+def told_of(rows: list[list[object]]) -> pd.DataFrame:
+    columns = ["data", "recording", "class", "sensor", "inner", "outer", "ball", "highest"]
+    return told(pd.DataFrame(rows, columns=columns)).set_index(["data", "sensor", "class"])
+
+
+COUNTS = ["recordings", "above healthy", "above all without it", "highest of its recording"]
+REFERENCES = ["own line, lowest", "own line, highest", "healthy, highest", "without the fault, highest"]
+
+
+def test_an_own_line_is_held_against_healthy_recordings_and_against_all_without_the_fault() -> None:
+    found = told_of([
+        ["set", "sound", "healthy", "DE", 3.0, 4.0, 2.0, "outer"],
+        ["set", "sounder", "healthy", "DE", 2.0, 3.0, 2.5, "outer"],
+        ["set", "a", "outer", "DE", 6.0, 9.0, 2.0, "outer"],  # above everything
+        ["set", "b", "outer", "DE", 9.0, 5.0, 2.0, "inner"],  # above healthy, not above the inner race's
+        ["set", "c", "outer", "DE", 2.5, 3.5, 2.0, "outer"],  # the highest it has, yet a healthy one's is higher
+        ["set", "d", "inner", "DE", 8.0, 7.0, 1.0, "inner"],  # above healthy, not above an outer race's
+    ])  # fmt: skip
+    assert found.loc[("set", "DE", "outer"), COUNTS].tolist() == [3, 2, 1, 2]
+    assert found.loc[("set", "DE", "outer"), REFERENCES].tolist() == [3.5, 9.0, 4.0, 7.0]
+    assert found.loc[("set", "DE", "outer"), "above one without it"] == pytest.approx((3 + 2 + 1) / 9)
+    assert found.loc[("set", "DE", "inner"), COUNTS].tolist() == [1, 1, 0, 1]
+    assert found.loc[("set", "DE", "inner"), REFERENCES].tolist() == [8.0, 8.0, 3.0, 9.0]
+    assert len(found) == 2, "healthy recordings have no line of their own, and one sensor is not several"
+
+
+def test_one_sensor_is_enough_and_each_is_judged_by_its_own_references() -> None:
+    found = told_of([
+        ["set", "sound", "healthy", "DE", 3.0, 3.0, 3.0, "inner"],
+        ["set", "a", "ball", "DE", 30.0, 2.0, 4.0, "inner"],  # its own line is the highest at FE alone, lower than 30
+        ["set", "a", "ball", "FE", 1.0, 2.0, 5.0, "ball"],
+        ["set", "b", "ball", "DE", 9.0, 2.0, 2.0, "inner"],  # nowhere
+        ["set", "b", "ball", "FE", 9.0, 2.0, 2.0, "inner"],
+        ["set", "c", "outer", "DE", 1.0, 9.0, 5.0, "outer"],
+        ["set", "c", "outer", "FE", 1.0, 9.0, 4.0, "outer"],
+        ["other", "a", "ball", "one", 1.0, 2.0, 2.5, "ball"],
+        ["other", "b", "healthy", "one", 1.0, 2.0, 2.0, "outer"],
+    ])  # fmt: skip
+    assert found.loc[("set", "DE", "ball"), COUNTS].tolist() == [2, 1, 0, 0]
+    no_healthy = found.loc[("set", "FE", "ball")]
+    assert np.isnan(no_healthy["above healthy"]) and np.isnan(no_healthy["healthy, highest"])
+    assert no_healthy[["above all without it", "highest of its recording"]].tolist() == [1, 1]
+    joint = found.loc[("set", "at least one", "ball")]
+    assert joint[COUNTS].tolist() == [2, 1, 1, 1] and joint[REFERENCES].isna().all()
+    assert found.loc[("set", "at least one", "outer"), COUNTS].tolist() == [1, 1, 1, 1]
+    assert found.loc[("other", "one", "ball"), COUNTS].tolist() == [1, 1, 1, 1]
+    assert "at least one" not in found.loc["other"].index
+
+
+def test_a_sensor_that_is_missing_is_an_error_unless_the_data_set_is(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    sound = RecordSet.from_records("set", "g", BEARING, [recording("sound", "healthy", None)])
+    missing = {"FE"}
+
+    def load(name: str, root: Path | None = None, channel: str = "one", **given: float) -> RecordSet:
+        if channel in missing:
+            raise TwingapError(f"{channel} is not at hand")
+        return sound
+
+    monkeypatch.setattr(lines.datasets, "load", load)
+    size = options().profiles["full"]
+    with pytest.raises(TwingapError, match="FE is not at hand"):
+        lines._load(options(), size, None)
+    missing.add("DE")
+    assert set(lines._load(options(), size, None)) == {("hit_sm", "one")}
+    with pytest.raises(TwingapError, match="DE is not at hand"):
+        lines._load(options(), size, tmp_path)
+    missing.clear()
+    assert set(lines._load(options(), size, None)) == {
+        ("cwru", "DE"), ("cwru", "FE"), ("cwru", "BA"), ("hit_sm", "one"),
+    }  # fmt: skip
 
 
 def test_without_records_the_virtual_rig_is_read_and_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delenv("TWINGAP_DATA", raising=False)
     monkeypatch.chdir(tmp_path)
-    config = tmp_path / "lines.toml"
-    text = CONFIG.read_text(encoding="utf-8")
-    assert "noises = 100 " in text
-    config.write_text(text.replace("noises = 100 ", "noises = 8 "), encoding="utf-8")
-    study = run(out=tmp_path / "out", config=config, backend="sequential")
+    study = run(out=tmp_path / "out", backend="sequential")
     assert study.title == "virtual rig, not CWRU"
     found = study.tables["lines-told"].set_index("class")
-    assert (found["another higher"] == 0).all() and found["recordings"].sum() > 20
+    assert found["recordings"].sum() > 20 and "healthy" not in found.index
+    assert (found["highest of its recording"] == found["recordings"]).all()
+    assert (found["above healthy"] == found["recordings"]).all()
+    assert (study.tables["lines-recordings"]["class"] == "healthy").sum() == 4
     assert (
         (tmp_path / "out" / "tables" / "lines-told.md")
         .read_text(encoding="utf-8")
