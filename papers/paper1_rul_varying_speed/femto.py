@@ -147,7 +147,8 @@ def predict(job: Prediction, *, runs: dict[str, Measured]) -> dict[str, Any]:
     if job.method == ALONE:
         life = OnlineLife()
         rows = zip(run.time_s, run.speed_rpm, run.features[:, 0], strict=True)
-        estimates = [life.update(float(t), float(s), float(p)).time_s() for t, s, p in rows]
+        # Lower ends as growth gives them, also for a run without a healthy start, where `twingap rul` leaves them open.
+        estimates = [life.update(float(t), float(s), float(p)).closed().time_s() for t, s, p in rows]
         predicted, low, high = np.array(estimates).T
     elif job.method == "random forest":
         train = [(_inputs(other), _revolutions(other)[-1] - _revolutions(other)) for other in others.values()]

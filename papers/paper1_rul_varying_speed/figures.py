@@ -245,12 +245,14 @@ def signals(result: CaseResult, data: str) -> Figure:
 def embedding(result: CaseResult, data: str) -> Figure:
     """Figure 13: t-SNE of the regressor's second layer, first seed: colour is speed, size remaining life."""
     found = {t.job.model: t.value["embedding"] for t in result.trainings if "embedding" in t.value}
-    shown = [m for m in ("CNN", "DANN", "Proposed model 3") if m in found] or list(found)[:1]
     case = result.case
-    figure = Figure(figsize=(4.6 * len(shown) + 1, 4.8), layout="constrained")
-    panels = np.array(figure.subplots(1, len(shown), squeeze=False))[0]
-    for panel, model in zip(panels, shown, strict=True):
-        points = np.asarray(found[model])
+    across, down = _grid(len(found))
+    figure = Figure(figsize=(4.6 * across + 1, 4.4 * down + 0.4), layout="constrained")
+    panels = np.array(figure.subplots(down, across, squeeze=False)).ravel()
+    for unused in panels[len(found) :]:
+        unused.set_axis_off()
+    for panel, (model, embedded) in zip(panels, found.items(), strict=False):
+        points = np.asarray(embedded)
         size = 12 + 200 * case.true_min / case.true_min.max()
         image = panel.scatter(*points.T, s=size, c=case.judged.speed_rpm, cmap="cividis", alpha=0.8, edgecolors="0.3",
                               linewidths=0.4)  # fmt: skip
@@ -265,15 +267,18 @@ def embedding(result: CaseResult, data: str) -> Figure:
 def predicted(result: CaseResult, data: str) -> Figure:
     """Figure 14: remaining time over the run by each model: mean over seeds and their range; speed below."""
     case, models = result.case, result.models
-    shown = [m for m in ("CNN", "DANN", "Proposed model 3") if m in models] or models
     at = (case.known.twin.onset_row + case.judged.position) * case.run.dt_s / 60
-    figure = Figure(figsize=(4.8 * len(shown), 6), layout="constrained")
+    across, down = _grid(len(models))
+    figure = Figure(figsize=(4.8 * across, 5.2 * down + 0.8), layout="constrained")
     panels = np.array(
-        figure.subplots(2, len(shown), sharex=True, sharey="row", squeeze=False, height_ratios=[3, 1])
-    )  # fmt: skip
+        figure.subplots(2 * down, across, sharex=True, squeeze=False, height_ratios=[3, 1] * down)
+    ).reshape(down, 2, across)  # fmt: skip
+    lives, speeds = (panels[:, line].ravel() for line in (0, 1))
+    for unused in (*lives[len(models) :], *speeds[len(models) :]):
+        unused.set_axis_off()
     now = case.known.twin.now_row * case.run.dt_s / 60
-    for place, model in enumerate(shown):
-        panel, each = panels[0, place], np.array([result.predicted_min(t) for t in result.of(model)])
+    for panel, below, model in zip(lives, speeds, models, strict=False):
+        each = np.array([result.predicted_min(t) for t in result.of(model)])
         panel.plot(at, case.true_min, color=TRUE, lw=1.4, label="true")
         panel.fill_between(at, each.min(axis=0), each.max(axis=0), color=COLOURS[model], alpha=0.3, lw=0)
         panel.plot(at, each.mean(axis=0), color=COLOURS[model], lw=1.4, label="predicted: mean and range of seeds")
@@ -281,13 +286,25 @@ def predicted(result: CaseResult, data: str) -> Figure:
         panel.axvline(now, color="0.5", ls=":", label="now: later records were never seen")
         error = np.mean([rmse(case.true_min, e) for e in each])
         panel.set_title(f"{model}: RMSE {error:.1f} min")
-        panels[1, place].step(at, case.judged.speed_rpm, color="0.3", lw=0.9, where="mid")
-        panels[1, place].set_xlabel("time (min)")
-    panels[0, 0].set_ylabel("remaining time at\nthe present speed (min)")
-    panels[1, 0].set_ylabel("speed (rpm)")
-    figure.legend(*panels[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=4)
+        below.step(at, case.judged.speed_rpm, color="0.3", lw=0.9, where="mid")
+        below.tick_params(labelbottom=True)
+        below.set_xlabel("time (min)")
+    for line in (lives, speeds):
+        for panel in line[1 : len(models)]:
+            panel.sharey(line[0])
+        line[0].autoscale()
+    for left in range(0, len(models), across):
+        lives[left].set_ylabel("remaining time at\nthe present speed (min)")
+        speeds[left].set_ylabel("speed (rpm)")
+    figure.legend(*lives[0].get_legend_handles_labels(), loc="outside lower center", ncols=2)
     figure.suptitle(f"{case.name}, {data}")
     return figure
+
+
+def _grid(panels: int) -> tuple[int, int]:
+    """Panels across and down: three across at most, so that they can be read at half size."""
+    across = min(panels, 3)
+    return across, -(-panels // across)
 
 
 def table5(results: Sequence[CaseResult], data: str) -> Figure:

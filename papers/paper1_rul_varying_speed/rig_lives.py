@@ -43,6 +43,8 @@ MEASURED: Final = (
     "rmse_min", "relative_accuracy", "alpha_lambda_half", "within_20", "horizon_min", "phm2012_after_alarm", "coverage",
     "width",
 )  # fmt: skip
+LATENESS: Final = ("onset_late_percent", "alarm_late_percent")
+"""Of the run's length, after the rig's own onset; negative where before it."""
 ALPHA: Final = 0.2
 """Half width of the cone of relative error; the horizon's band is half of it, of the whole life."""
 ALONE, TOGETHER = "twingap rul", "twingap rul --prior"
@@ -94,11 +96,14 @@ class Taken:
         Revolutions since the first row.
     life : OnlineLife
         As it was after the last row.
+    alarm : (int, int) or None
+        Rows of the first alarm's onset and of that alarm, also of one that was taken back.
     """
 
     estimates: tuple[Estimate, ...]
     lived: Array
     life: OnlineLife
+    alarm: tuple[int, int] | None
 
     def outcome(self, name: str) -> Outcome:
         """What it says of others, now that it has ended."""
@@ -123,10 +128,20 @@ def amplitudes(job: Bench) -> dict[str, Any]:
 def take(run: dict[str, Any], prior: Prior | None = None) -> Taken:
     """A run row by row, each estimate from the rows up to it."""
     life, estimates, lived = OnlineLife(LifeOptions(limit=END_OF_LIFE_G), prior), [], []
+    alarm = None
     for row in zip(run["time_s"], run["speed_rpm"], run["peak_to_peak_g"], strict=True):
         estimates.append(life.update(*(float(v) for v in row)))
         lived.append(life.revolutions)
-    return Taken(tuple(estimates), np.array(lived), life)
+        if alarm is None and life.onset_row is not None and life.alarm_row is not None:
+            alarm = life.onset_row, life.alarm_row
+    return Taken(tuple(estimates), np.array(lived), life, alarm)
+
+
+def lateness(alarm: tuple[int, int] | None, time_s: Array, onset_s: float) -> dict[str, float]:
+    """How long after the true onset the first anomaly is dated, and known, in percent of the run; NaN without one."""
+    rows = (None, None) if alarm is None else alarm
+    late = [np.nan if row is None else 100 * (float(time_s[row]) - onset_s) / float(time_s[-1]) for row in rows]
+    return dict(zip(LATENESS, late, strict=True))
 
 
 def judge(taken: Taken) -> dict[str, float]:
@@ -158,17 +173,24 @@ def table(runs: dict[tuple[int, str], dict[str, Any]]) -> pd.DataFrame:
         ]  # of the same bench: another is another machine
         prior = prior_from(others)
         about = {"bench": seed, "bearing": bearing}
-        rows.append({**about, "method": ALONE, **judge(alone[seed, bearing]), **dict.fromkeys(LEARNT, 1.0)})
         learnt = {what: getattr(prior, what) for what in LEARNT}
-        rows.append({**about, "method": TOGETHER, **judge(take(run, prior)), **learnt})
+        for method, taken, told in (
+            (ALONE, alone[seed, bearing], dict.fromkeys(LEARNT, 1.0)), (TOGETHER, take(run, prior), learnt),
+        ):  # fmt: skip
+            late = lateness(taken.alarm, run["time_s"], 60 * RUNS[bearing].onset_min)
+            rows.append({**about, "method": method, **judge(taken), **late, **told})
     return pd.DataFrame(rows).assign(data=TITLE)
 
 
 def means(every: pd.DataFrame) -> pd.DataFrame:
-    """Mean over bearings, by bench and method, and the least coverage."""
+    """Mean over bearings, by bench and method; the least coverage, the first and the last alarms after the onset."""
     by = every.groupby(["bench", "method"], sort=False)
     columns = by[[*MEASURED, *LEARNT]].mean()
-    return columns.assign(least_coverage=by["coverage"].min(), bearings=by.size(), data=TITLE).reset_index()
+    onset, alarm = (by[what] for what in LATENESS)
+    return columns.assign(
+        least_coverage=by["coverage"].min(), latest_onset_percent=onset.max(), latest_alarm_percent=alarm.max(),
+        earliest_onset_percent=onset.min(), earliest_alarm_percent=alarm.min(), bearings=by.size(), data=TITLE,
+    ).reset_index()  # fmt: skip
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ import pytest
 from papers.paper1_rul_varying_speed import rig_lives
 from papers.paper1_rul_varying_speed.rig_lives import ALONE, TOGETHER, Bench, Size
 from twingap.errors import TwingapError
-from twingap.rigs.smart_maintenance import END_OF_LIFE_G
+from twingap.rigs.smart_maintenance import END_OF_LIFE_G, RUNS, SmartMaintenanceRig, truth
 
 Runs = dict[tuple[int, str], dict[str, np.ndarray]]
 SMALL = Size((3,), ("A148", "A154", "A150"), 60.0, 0.05)
@@ -35,6 +35,9 @@ def test_tables_are_whole_and_a_second_run_takes_them_from_the_store(
     alone = every[every["method"] == ALONE]
     assert mean.loc[0, "coverage"] == pytest.approx(alone["coverage"].mean())
     assert mean.loc[0, "least_coverage"] == alone["coverage"].min()
+    assert (every["onset_late_percent"] > 0).all() and (every["onset_late_percent"] < every["alarm_late_percent"]).all()
+    assert mean.loc[0, "latest_alarm_percent"] == alone["alarm_late_percent"].max()
+    assert mean.loc[0, "earliest_onset_percent"] == alone["onset_late_percent"].min()
     again = rig_lives.run("smoke", out=tmp_path, backend="sequential")
     pd.testing.assert_frame_equal(every, again.tables["rig_lives"])
     assert first.computed == 3 and not again.computed
@@ -52,6 +55,27 @@ def test_runs_end_at_the_limit_and_estimates_need_no_later_rows(runs: Runs) -> N
     np.testing.assert_array_equal(
         [e.revolutions for e in whole.estimates[:kept]], [e.revolutions for e in part.estimates]
     )
+
+
+def test_lateness_is_of_the_first_alarm_against_the_rigs_own_onset(runs: Runs) -> None:
+    time_s = np.arange(0.0, 1001.0, 10.0)
+    late = rig_lives.lateness((62, 66), time_s, 600.0)
+    assert late == {"onset_late_percent": pytest.approx(2.0), "alarm_late_percent": pytest.approx(6.0)}
+    assert rig_lives.lateness((55, 59), time_s, 600.0)["alarm_late_percent"] == pytest.approx(-1.0)
+    assert all(np.isnan(v) for v in rig_lives.lateness(None, time_s, 600.0).values())
+    run = runs[3, "A148"]
+    taken = rig_lives.take(run)
+    true = truth(SmartMaintenanceRig(SMALL.interval_s, SMALL.duration_s, bearings=("A148",)), 3)["A148"]
+    assert true.onset_s == 60 * RUNS["A148"].onset_min
+    row = next(row for row, e in enumerate(taken.estimates) if e.anomaly)
+    expected = 100 * (run["time_s"][row] - true.onset_s) / run["time_s"][-1]
+    found = rig_lives.table({(3, "A148"): run, (3, "A154"): runs[3, "A154"]})
+    assert found.loc[0, "alarm_late_percent"] == pytest.approx(expected)
+    # One that was taken back counts: healthy rows, shaken for a while, long before the onset.
+    shaken = dict(run)
+    shaken["peak_to_peak_g"] = run["peak_to_peak_g"].copy()
+    shaken["peak_to_peak_g"][61:67] *= 3
+    assert rig_lives.take(shaken).alarm == (61, 65)
 
 
 def test_the_run_judged_has_no_part_in_its_own_width(runs: Runs) -> None:

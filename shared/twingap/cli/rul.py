@@ -46,7 +46,9 @@ def rul(
     false_alarm: Annotated[
         float, typer.Option(help="Chance of a false alarm within 2000 healthy rows.", min=1e-6, max=0.49)
     ] = 0.01,
-    gaps: Annotated[Gaps, typer.Option(help="Whether the machine ran while rows are missing.")] = Gaps.running,
+    gaps: Annotated[
+        Gaps, typer.Option(help="Whether the machine ran while rows are missing: for more than three times the usual.")
+    ] = Gaps.running,
     prior: Annotated[
         list[Path] | None,
         typer.Option(
@@ -67,7 +69,8 @@ def rul(
     Each row uses only the records up to its own time. Peak to peak is divided by its healthy value at the same speed,
     learnt from the first rows; an alarm is given when it stays above what healthy rows show; from then on laws of
     growth are weighed by what was seen. Remaining time is what the remaining revolutions take at the row's own speed.
-    Intervals are calibrated on simulated runs of many growth laws.
+    Intervals are calibrated on simulated runs of many growth laws. Where the first rows are not shown to be healthy and
+    no --limit is given, that is said, and the lower end of the interval is 0.
 
     rul.csv has the columns record, anomaly (0 or 1), remaining_revolutions, remaining_time_s, remaining_time_s_lo and
     remaining_time_s_hi, rows in order of time; estimates are empty before the anomaly unless --prior is given.
@@ -173,7 +176,10 @@ def _meaning(options: LifeOptions, unit: str) -> str:
             + " peak to peak, reached first at the speed of the greatest healthy amplitude (--limit)"
         )
     else:
-        end = f"{options.limit_ratio:g} times the healthy peak to peak (--limit-ratio; or --limit in the records' unit)"
+        end = (
+            f"{options.limit_ratio:g} times the healthy peak to peak (--limit-ratio; or --limit in the records' unit), "
+            "and sooner than is said here if they were damaged: amplitude cannot tell damage that rests from health"
+        )
     rule = options.rule
     return (
         f"the first {options.healthy_rows} rows of the running machine count as healthy (--healthy-rows): amplitude "

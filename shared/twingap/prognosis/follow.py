@@ -321,7 +321,7 @@ def told_of(estimates: Sequence[Estimate], lived: Sequence[float], at_onset: flo
     rows = [row for row, e in enumerate(estimates[:-1]) if e.anomaly and np.isfinite(e.revolutions)]
     if not rows:
         return None
-    said = [estimates[row] for row in rows]
+    said = [estimates[row].closed() for row in rows]
     turns = np.array([lived[row] for row in rows])
     growth = np.array([(e.revolutions_lo, e.revolutions, e.revolutions_hi) for e in said])
     per_row = lived[-1] / (len(lived) - 1)

@@ -6,14 +6,15 @@ row: time, speed, peak to peak --> S(k), eqs. 9-11 --> alarm? --yes--> growth la
                                                   prior of other runs, if any             / speed, eq. 14 --> time
 
 A row's estimate is made when the row is taken and never again: it cannot depend on later ones. Intervals are those of
-the posterior, stretched by what simulated runs showed (see `calibration`).
+the posterior, stretched by what simulated runs showed (see `calibration`). Where the healthy rows are not shown to have
+been healthy (see `healthy_start`) and the end is a ratio to them, intervals have no lower end but 0.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
-from typing import Final, Literal
+from typing import Final, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,13 +23,20 @@ from twingap.errors import TwingapError
 from twingap.prognosis.anomaly import AnomalyRule, detect_anomaly, rank
 from twingap.prognosis.calibration import Posterior, calibrated
 from twingap.prognosis.growth import Seen, lives
+from twingap.prognosis.healthy_start import rises, shown_healthy
 from twingap.prognosis.prior import Prior
 from twingap.prognosis.speed_influence import SAME_SPEED, SpeedInfluence, fit_speed_influence
 
 Array = NDArray[np.float64]
 
-GAP: Final = 10.0
-"""A row that comes after this many times the usual spacing comes after a gap."""
+GAP: Final = 3.0
+"""A row that comes after more than this many times the usual spacing comes after a gap."""
+_IRREGULAR: Final = 10.0
+"""The most that irregular sampling makes of it."""
+_SPACINGS: Final = 20
+"""Last ones that say what is usual."""
+_FIRST_ROWS: Final = 8
+"""Rows whose spacings are looked at again while it is learnt what is usual: before any of them can be judged."""
 _PER_SPEED: Final = 4
 _RUN_IN: Final = 0.15
 """Fall of healthy log amplitude with which it is learnt again."""
@@ -71,6 +79,15 @@ class LifeOptions:
             raise TwingapError(f"{self.healthy_rows} healthy rows, at least 8 expected", where="healthy rows")
 
 
+class _Spacing(NamedTuple):
+    """From a row to the next one, at `time_s`: turns counted, at a mean speed."""
+
+    time_s: float
+    dt_s: float
+    turns: float
+    speed_rpm: float
+
+
 @dataclass(frozen=True)
 class Estimate:
     """Remaining life as known at a row; NaN where nothing can be said.
@@ -82,6 +99,8 @@ class Estimate:
         Median and 90 % interval.
     speed_rpm : float
         Of the row.
+    closed_lo : float or None
+        Where the lower end is left open, at 0: what it would be after a healthy start. See `OnlineLife.open_below`.
     """
 
     anomaly: bool
@@ -89,6 +108,13 @@ class Estimate:
     revolutions_lo: float = float("nan")
     revolutions_hi: float = float("nan")
     speed_rpm: float = 0.0
+    closed_lo: float | None = None
+
+    def closed(self) -> Estimate:
+        """The same with the lower end that growth gives, by which runs tell of others."""
+        if self.closed_lo is None:
+            return self
+        return replace(self, revolutions_lo=self.closed_lo, closed_lo=None)
 
     def time_s(self) -> tuple[float, float, float]:
         """Median, lower and upper remaining time at the row's own speed (eq. 14), s; NaN while it stands still."""
@@ -128,12 +154,17 @@ class OnlineLife:
         self._rows = 0
         self._time: float | None = None
         self._speed = 0.0
-        self._spacings: list[float] = []
+        self._spacings: list[_Spacing] = []
+        self._unsure: list[_Spacing] = []
         self._influence: SpeedInfluence | None = None
         self._same_speed = SAME_SPEED
         self._limit = float("nan")
         self._healthy: list[tuple[float, float]] = []
         self._learning: dict[int, list[tuple[float, float]]] = {}
+        # Speed and amplitude of every row since the first healthy one, and how many of them count as healthy.
+        self._seen_rows: list[tuple[float, float]] = []
+        self._reference_rows = 0
+        self._shown_healthy = True
         self._reference = (0.0, 0.1, 0.0)  # mean, standard deviation, memory of log amplitude
         self._run: list[int] = []
         self._together = 1
@@ -164,6 +195,7 @@ class OnlineLife:
         self._count(time_s, speed_rpm)
         if not (speed_rpm > 0 and np.isfinite(peak_to_peak) and peak_to_peak > 0):
             return
+        self._seen_rows.append((speed_rpm, peak_to_peak))
         if self._influence is None:
             self._healthy.append((speed_rpm, peak_to_peak))
             if len(self._healthy) >= self.options.healthy_rows:
@@ -192,6 +224,8 @@ class OnlineLife:
             return Estimate(True, speed_rpm=speed)
         since = self.revolutions - self._last[0]
         middle, low, high = (max(v - since, 0.0) for v in self._last[1:])
+        if self.open_below:
+            return Estimate(True, middle, 0.0, high, speed, closed_lo=low)
         return Estimate(True, middle, low, high, speed)
 
     def update(self, time_s: float, speed_rpm: float, peak_to_peak: float) -> Estimate:
@@ -213,6 +247,11 @@ class OnlineLife:
     def together(self) -> int:
         """How many of them make an anomaly."""
         return self._together
+
+    @property
+    def open_below(self) -> bool:
+        """Whether intervals have no lower end but 0: the end is reckoned from rows that may have been damaged."""
+        return self.alarm_row is not None and self.options.limit is None and not self._shown_healthy
 
     @property
     def timeless(self) -> bool:
@@ -253,18 +292,39 @@ class OnlineLife:
         """Revolutions since the last row, and whether rows are missing."""
         speed = max(speed_rpm, 0.0) if np.isfinite(speed_rpm) else self._speed
         if self._time is not None:
-            dt_s = time_s - self._time
-            usual = float(np.median(self._spacings[-50:])) if len(self._spacings) >= 3 else float("inf")
-            gap = dt_s > GAP * usual and usual > 0
-            if not gap:
-                self._spacings.append(dt_s)
-            running = min(speed, self._speed) > 0 and not (gap and self.options.gaps == "stopped")
-            if running:
-                self.revolutions += (speed + self._speed) / 2 * dt_s / 60
-            if gap:
-                how = "not counted" if not running else f"counted at {(speed + self._speed) / 2:.0f} rpm"
-                self.notes.append(f"gap of {dt_s:.6g} s before time_s = {time_s:.6g}: its revolutions are {how}")
+            dt_s, mean = time_s - self._time, (speed + self._speed) / 2
+            turns = mean * dt_s / 60 if min(speed, self._speed) > 0 else 0.0
+            spacing = _Spacing(time_s, dt_s, turns, mean)
+            self._spacings = [*self._spacings[1 - _SPACINGS :], spacing]
+            longest = self._longest_spacing()
+            # What is usual is not known at first: a gap among the first rows shows with the ones that follow.
+            for earlier in (s for s in self._unsure if s.dt_s > longest):
+                self.revolutions -= self._gap(earlier)
+            self.revolutions += turns - (self._gap(spacing) if dt_s > longest else 0.0)
+            unsure = [s for s in (*self._unsure, spacing) if s.dt_s <= longest]
+            self._unsure = unsure if self._rows < _FIRST_ROWS else []
         self._time, self._speed = time_s, speed
+
+    def _longest_spacing(self) -> float:
+        """The longest time between rows that is no gap, s; infinite as long as nothing is usual.
+
+        Gaps only lengthen spacings: how irregular these are is read off the shorter half, by the median over the
+        shortest tenth.
+        """
+        lengths = sorted(s.dt_s for s in self._spacings if s.dt_s > 0)
+        if len(lengths) < 3:
+            return float("inf")
+        usual, short = lengths[len(lengths) // 2], lengths[(len(lengths) - 1) // 10]
+        return usual * min(max(GAP, usual / short), _IRREGULAR)
+
+    def _gap(self, spacing: _Spacing) -> float:
+        """Say so; the revolutions of it that are not to be counted."""
+        counted = self.options.gaps == "running" and spacing.turns > 0
+        how = f"counted at {spacing.speed_rpm:.0f} rpm" if counted else "not counted"
+        self.notes.append(
+            f"gap of {spacing.dt_s:.6g} s before time_s = {spacing.time_s:.6g}: its revolutions are {how}"
+        )
+        return 0.0 if counted else spacing.turns
 
     def _learn(self, row: int) -> None:
         """S(k), the limit of the anomaly and the scatter, from the healthy rows."""
@@ -274,7 +334,7 @@ class OnlineLife:
             if influence.speeds_rpm.size == 1 or np.median(influence.counts) >= _PER_SPEED:
                 break
         normalised = p / influence.amplitude(speed)
-        if (start := _rises(normalised)) is not None:
+        if (start := rises(normalised)) is not None:
             self._without_healthy_start(row, start)
             return
         speeds = int(influence.speeds_rpm.size)
@@ -299,6 +359,7 @@ class OnlineLife:
             )
         self._together, self._used_rule = used.consecutive, used
         self._influence, self._same_speed, self._limit = influence, max(same_speed, SAME_SPEED), found.limit
+        self._reference_rows = len(self._healthy)
         self._set_reference(normalised)
         self._check_limit()
 
@@ -310,10 +371,10 @@ class OnlineLife:
         self._same_speed = 1e9
         self._set_reference(p / self._influence.amplitude(speed))
         self._check_limit()
+        self._reference_rows, self._shown_healthy = first, False
         self.notes.append(
             f"no healthy start: amplitude rises within the first {len(self._healthy)} rows, so the anomaly is put at "
-            f"the first row and amplitude is relative to the first {first}; end of life by ratio comes late by what "
-            "had grown before"
+            f"the first row and amplitude is relative to the first {first}" + self._late_end()
         )
         self.onset_row, self.alarm_row = 0, row
         # Their place in the run is not kept while they count as healthy: they are spread evenly.
@@ -322,6 +383,33 @@ class OnlineLife:
             relative = float(np.log(a / self._influence.amplitude(s))) - self._reference[0]
             self._log.append((place, float(u), relative))
             self._highest_gain = max(self._highest_gain, float(self._influence.amplitude(s)))
+
+    def _check_start(self) -> None:
+        """At an alarm: whether what counts as healthy can have been so. An end in absolute amplitude does not ask."""
+        if self.options.limit is not None:
+            return
+        assert self._influence is not None
+        speed, p = (np.array(v) for v in zip(*self._seen_rows, strict=True))
+        logs = np.log(p / self._influence.amplitude(speed)) - self._reference[0]
+        _, scatter, memory = self._reference
+        self._shown_healthy = shown_healthy(
+            logs, speed, self._reference_rows, len(self._seen_rows) - self._together, scatter=scatter, memory=memory
+        )
+        if not self._shown_healthy:
+            self.notes.append(
+                f"the start is not shown to be healthy: growth from the first row explains amplitude up to row "
+                f"{self.alarm_row} about as well as growth after the {self._reference_rows} rows that count as healthy"
+                + self._late_end()
+            )
+
+    def _late_end(self) -> str:
+        """What damage in the first rows does to the end of life."""
+        if self.options.limit is not None:
+            return ""
+        return (
+            "; relative to damaged rows the end of life by ratio comes late by what had grown before, and the "
+            "lower ends of what remains are left open, at 0 (--limit does not depend on them)"
+        )
 
     def _set_reference(self, normalised: Array) -> None:
         x = np.log(normalised)
@@ -392,6 +480,7 @@ class OnlineLife:
             self._run = [*self._run, row] if normalised > self._limit else []
             if len(self._run) >= self._together:
                 self.onset_row, self.alarm_row = self._run[0], row
+                self._check_start()
         elif self.end_row is None and self._calm(row):
             self.notes.append(
                 f"the anomaly of row {self.onset_row} has passed by row {row}: amplitude is healthy again"
@@ -433,6 +522,7 @@ class OnlineLife:
         self._limit = found.limit
         self._set_reference(normalised)
         self._run, self._log, self._settled_at = [], [], 0
+        self._seen_rows, self._reference_rows = self._seen_rows[-count:], count
         self._check_limit()
         self.notes.append(
             f"amplitude has fallen to {np.exp(fallen):.2f} of that of the first rows by row {self._rows - 1} (running "
@@ -510,15 +600,3 @@ class OnlineLife:
         variance = std**2 * np.minimum(np.pi / 2, 1 + 0.57 * (size > 1)) / np.maximum(size * worth, 1.0)
         began = np.logical_and.reduceat(after, cuts[:-1])
         return Seen(now - place, middle, variance, began, since, std, max(per_row, 1e-9)), since_rows
-
-
-def _rises(normalised: Array) -> int | None:
-    """Rows at the beginning to be taken as reference instead, when the healthy rows themselves rise; else None."""
-    from scipy.stats import kendalltau, theilslopes
-
-    x = np.log(normalised)
-    found = kendalltau(np.arange(x.size), x)
-    if not (found.pvalue < 1e-4 and found.statistic > 0):
-        return None
-    rise = float(theilslopes(x).slope) * x.size
-    return max(x.size // 6, 4) if rise > 0.2 else None

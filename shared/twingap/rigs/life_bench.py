@@ -4,8 +4,9 @@ rough surfaces (spectrum in space, swept by speed) --+
 waviness and changing stiffness (ball-pass orders) --+--> structure's modes --> + tones, background --> sensor [g]
 balls striking a spall (`twingap.rigs.spall`) -------+
 
-No law says how amplitude depends on speed: surfaces are swept faster, balls strike harder and shorter, and ball-pass
-orders move through the structure's modes, so that some speeds resonate.
+Strikes are forces that Hertz's law gives for their speed; the modes are linear and do not act back on the contact,
+whose equation of motion is not integrated. No law says how amplitude depends on speed: surfaces are swept faster, balls
+strike harder and shorter, and ball-pass orders move through the structure's modes, so that some speeds resonate.
 """
 
 from __future__ import annotations

@@ -12,11 +12,14 @@ conditions): bearings, durations, times of the first anomaly, FAG 6205-C-TVH wit
 
 Chosen here, since the paper does not say:
 - how often a snapshot is taken: every 20 s, three a step; the last one is the one that ends the test;
-- that the profile is a saw-tooth, dropping from 2000 to 1000 rpm at once. With it A156 sees the two abrupt drops that
-  the paper tells of after its anomaly, at 231 and 242 min, and lives end at 1500 rpm or more. A triangle would have
-  A148 and A150 end at 1200 and 1300 rpm, minutes after higher speeds had shaken harder;
+- that the profile is a saw-tooth, dropping from 2000 to 1000 rpm at once, every 11 min and alike for all bearings. Two
+  of its edges, at 231 and 242 min, are the abrupt drops that the paper tells of after A156's anomaly; the others have
+  such drops after theirs too, and whoever takes the profile to go on as it was foresees them. Lives end at 1500 rpm or
+  more. A triangle would have A148 and A150 end at 1200 and 1300 rpm, minutes after higher speeds had shaken harder;
 - that the published times are when a spall begins to grow. They are when an anomaly showed in peak to peak, so the
   first flakes here, broken out within minutes, are of a size that shows: 1.3 to 1.5 of the healthy level at 1500 rpm;
+- how balls strike: each strike is a force pulse with the peak and duration of a Hertzian impact (`spall.impact`), on
+  linear modes that do not act back. No equation of motion of the contact is integrated;
 - mounting, growth and noise are drawn anew until 15 g is first reached by the last snapshot: durations are the paper's.
 """
 

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import csv
 import json
+import zlib
 from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
@@ -139,6 +141,27 @@ def test_stops_gaps_and_records_that_are_not_numbers_are_said(twingap: Run, fold
     still, unusable = rows[f"ä {count - 10}"], rows[f"ä {count - 8}"]
     assert still[1] == "1" and still[2] and still[3:] == ["", "", ""]
     assert unusable[1] == "1" and all(unusable[2:])
+
+
+def test_a_run_that_begins_damaged_is_said_and_has_no_lower_end(twingap: Run, tmp_path: Path) -> None:
+    """At varying speed, where S takes up what grows within the first rows; a --limit needs no note."""
+    whole = simulate_run(np.random.default_rng([74, zlib.crc32(b"exponential")]), "exponential", rows=400, varying=True)
+    first = (whole.onset_row + whole.time_s.size) // 2
+    run = replace(
+        whole, time_s=whole.time_s[first:], speed_rpm=whole.speed_rpm[first:], peak_to_peak=whole.peak_to_peak[first:]
+    )
+    late, out = write(tmp_path, run), tmp_path / "a.csv"
+    healthy = twingap(write(tmp_path / "whole", whole), "--out", out, "--limit-ratio", whole.limit_ratio)
+    assert (
+        "not shown to be healthy" not in healthy.err and "sooner than is said here if they were damaged" in healthy.err
+    )
+    said = twingap(late, "--out", out, "--limit-ratio", whole.limit_ratio)
+    assert said.status == 0 and "the start is not shown to be healthy" in said.err and "lower ends" in said.err
+    rows = [row for row in rows_of(out)[1:] if row[1] == "1"]
+    assert len(rows) > 20 and all(float(row[4]) == 0 <= float(row[3]) <= float(row[5]) for row in rows)
+    limited = twingap(late, "--out", out, "--limit", 1.01 * float(whole.peak_to_peak.max()))
+    assert "healthy start" not in limited.err and "shown to be healthy" not in limited.err
+    assert any(float(row[4]) > 0 for row in rows_of(out)[1:] if row[1] == "1")
 
 
 def test_a_single_record_and_healthy_rows_alone(twingap: Run, folder: Path, tmp_path: Path) -> None:

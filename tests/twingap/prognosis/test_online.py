@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from twingap.errors import TwingapError
 from twingap.prognosis.calibration import TERMS, Posterior, calibrated
 from twingap.prognosis.calibration_table import TABLE
-from twingap.prognosis.follow import _shortened
+from twingap.prognosis.follow import _shortened, told_of
 from twingap.prognosis.interval_study import check_bench, covered, informed, learn, study
 from twingap.prognosis.online import Estimate, LifeOptions, OnlineLife
 from twingap.prognosis.prior import LogNormal, Prior
@@ -113,13 +113,100 @@ def test_a_gap_is_said_and_counted_as_asked(gaps: str, counted: bool) -> None:
     assert len(life.notes) == 1 and "gap of 1000 s" in life.notes[0]
 
 
-def test_a_run_without_a_healthy_start_is_said_and_followed() -> None:
+def gaps_of(spacings: list[float], gaps: str = "stopped") -> OnlineLife:
+    """A turn a second, rows that many seconds apart."""
+    life = OnlineLife(LifeOptions(gaps=gaps))  # type: ignore[arg-type]
+    for t in np.cumsum([0.0, *spacings]):
+        life.take(float(t), 60.0, float("nan"))
+    return life
+
+
+@pytest.mark.parametrize("times", [3.5, 8.0, 9.9])
+def test_a_short_gap_is_one_too(times: float) -> None:
+    life = gaps_of([10.0] * 30 + [10 * times] + [10.0] * 5)
+    assert len(life.notes) == 1 and f"gap of {10 * times:.6g} s before time_s" in life.notes[0]
+    assert life.revolutions == pytest.approx(350.0)
+
+
+@pytest.mark.parametrize("place", [0, 1, 2, 4])
+def test_a_gap_among_the_first_rows_is_said_once_it_shows(place: int) -> None:
+    spacings = [10.0] * 12
+    spacings[place] = 4980.0
+    for gaps, counted in (("stopped", 110.0), ("running", 5090.0)):
+        life = gaps_of(spacings, gaps)
+        assert len(life.notes) == 1 and "gap of 4980 s before time_s" in life.notes[0]
+        assert life.revolutions == pytest.approx(counted)
+    # What was told before it showed stays as it was told, and later rows change nothing of it.
+    prior = Prior(LogNormal(np.log(1e5), 0.5))
+    times = np.cumsum([0.0, *spacings])
+    whole, cut = (OnlineLife(LifeOptions(gaps="stopped"), prior) for _ in range(2))
+    told = [whole.update(float(t), 60.0, 1.0) for t in times]
+    assert repr([cut.update(float(t), 60.0, 1.0) for t in times[:4]]) == repr(told[:4])
+
+
+def test_irregular_sampling_is_no_gap_and_a_new_schedule_becomes_usual() -> None:
+    spacings = np.random.default_rng(14).exponential(10.0, 1000).tolist()
+    assert len(gaps_of(spacings).notes) <= 40  # of 120 longer than three times the usual one
+    assert len(gaps_of([0.01, 20.0] * 100).notes) <= 3  # records in pairs, until that shows
+    assert 0 < len(gaps_of([20.0] * 50 + [120.0] * 50).notes) <= 10
+    assert len(gaps_of(([60.0] * 7 + [960.0]) * 20).notes) == 20  # shifts of eight rows, machine off at night
+
+
+@pytest.mark.parametrize("limited", [False, True])
+def test_a_run_without_a_healthy_start_is_said_and_followed(limited: bool) -> None:
     run = drawn("exponential", 7, rows=200, varying=False)
-    life = OnlineLife(LifeOptions(limit_ratio=run.limit_ratio))
+    limit = 1.5 * float(run.peak_to_peak[-1]) if limited else None
+    life = OnlineLife(LifeOptions(limit, run.limit_ratio))
     for row in range(run.onset_row + 20, run.onset_row + 120):
         life.take(float(run.time_s[row]), float(run.speed_rpm[row]), float(run.peak_to_peak[row]))
-    assert life.onset_row == 0 and any("no healthy start" in note for note in life.notes)
-    assert life.estimate().revolutions > 0
+    note = next(note for note in life.notes if "no healthy start" in note)
+    found = life.estimate()
+    assert life.onset_row == 0 and found.revolutions > 0
+    # An end in absolute amplitude needs no healthy start.
+    assert ("lower ends" not in note) == limited and (found.revolutions_lo > 0) == limited
+
+
+def begun_late(law: str, seed: int, share: float | None, varying: bool) -> tuple[SimulatedRun, OnlineLife]:
+    """A run from its beginning, or from this share of its damage life on, up to its alarm."""
+    run = drawn(law, seed, rows=400, varying=varying)
+    first = 0 if share is None else run.onset_row + int(share * (run.time_s.size - run.onset_row))
+    life = OnlineLife(LifeOptions(limit_ratio=run.limit_ratio))
+    for row in range(first, run.time_s.size - 1):
+        life.take(float(run.time_s[row]), float(run.speed_rpm[row]), float(run.peak_to_peak[row]))
+        if life.alarm_row is not None:
+            break
+    return run, life
+
+
+@pytest.mark.parametrize("varying", [True, False])
+def test_a_start_that_is_not_shown_to_be_healthy_is_said(varying: bool) -> None:
+    """Of runs begun at half of their damage life most, also where speed varies; of those begun healthy few."""
+    laws = [law for law in LAWS if law != "plateau"]  # which rests at its damage: nothing shows
+    late = [begun_late(law, seed, 0.5, varying)[1] for law in laws for seed in range(71, 74)]
+    sound = [begun_late(law, seed, None, varying)[1] for law in LAWS for seed in range(71, 76)]
+    alarmed = [life for life in late if life.alarm_row is not None]
+    assert len(alarmed) >= 15 and np.mean([life.open_below for life in alarmed]) >= 0.75
+    assert sum(life.open_below for life in sound) <= 3 and sum(life.alarm_row is not None for life in sound) >= 38
+    for life in (*alarmed, *sound):
+        said = [note for note in life.notes if "healthy" in note and "lower ends" in note]
+        assert len(said) == life.open_below
+
+
+def test_without_a_healthy_start_what_remains_has_no_lower_end_and_tells_others_as_before() -> None:
+    run = drawn("exponential", 72, rows=400, varying=True)
+    first = (run.onset_row + run.time_s.size) // 2
+    life = OnlineLife(LifeOptions(limit_ratio=run.limit_ratio))
+    found = [
+        life.update(float(run.time_s[row]), float(run.speed_rpm[row]), float(run.peak_to_peak[row]))
+        for row in range(first, run.time_s.size - 1)
+    ]
+    assert life.open_below and life.onset_row
+    said = [e for e in found if e.anomaly]
+    assert all(e.revolutions_lo == 0 and e.closed_lo is not None for e in said)
+    assert said[0].closed().revolutions_lo == said[0].closed_lo and said[0].time_s()[1] == 0
+    lived = np.cumsum(np.ones(len(found)))
+    told = told_of(found, lived.tolist(), lived[life.onset_row])
+    assert told is not None and (told.growth[:, 0] > 0).any()
 
 
 def test_running_in_is_learnt_again_and_a_passing_anomaly_taken_back() -> None:
