@@ -27,7 +27,7 @@ def learnt_home(tmp_path_factory: pytest.TempPathFactory) -> Path:
     shared = shared.parent if "PYTEST_XDIST_WORKER" in os.environ else shared
     home = shared / "learnt"
     with filelock.FileLock(shared / "learnt.lock"):  # workers share one training
-        train(home / "gap", machines=FEW_MACHINES, jobs=1, among=PLAIN)
+        train(home / "gap", machines=FEW_MACHINES, jobs=2, among=PLAIN)
     return home
 
 
@@ -36,7 +36,7 @@ def learnt(learnt_home: Path) -> Any:
     """What was learnt there."""
     from twingap.gap.training import load, train
 
-    return load(train(learnt_home / "gap", machines=FEW_MACHINES, jobs=1, among=PLAIN))
+    return load(train(learnt_home / "gap", machines=FEW_MACHINES, jobs=2, among=PLAIN))
 
 
 @pytest.fixture

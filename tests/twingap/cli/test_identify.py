@@ -17,6 +17,7 @@ from twingap.bearing import BEARINGS
 from twingap.cli import main
 from twingap.records import Condition
 from twingap.records.folder import write_records
+from twingap.twins.contact import ContactTwin
 from twingap.twins.phenomenological import PhenomenologicalTwin
 from twingap.twins.twin_file import TwinSpec, flat, read_twin, write_twin
 
@@ -151,8 +152,12 @@ def test_a_folder_without_permission(twingap: Run, twin: Path, records: Path, tm
     refused(twingap(twin, records, "--out", shut / "out.toml"), "cannot be written")
 
 
-def test_the_contact_twin_by_an_optimiser_of_choice(twingap: Run, records: Path, tmp_path: Path) -> None:
+def test_the_contact_twin_by_an_optimiser_of_choice(twingap: Run, tmp_path: Path) -> None:
     twin, out = tmp_path / "contact.toml", tmp_path / "found.toml"
+    made = ContactTwin(BEARINGS["6205"], unit="g").stream(
+        [Condition("inner0", 1797.0, 12000.0, 6000, "inner")], np.random.default_rng(0)
+    )
+    records = write_records(tmp_path / "made", "made", "g", BEARINGS["6205"], None, made)
     twin.write_text('[twin]\nmodel = "contact"\n[parameters]\nload_n = 400.0\n', encoding="utf-8")
     said = twingap(twin, records, "--out", out, "--optimiser", "zoa")
     assert said.status == 0 and said.err == ""

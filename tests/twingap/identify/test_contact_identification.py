@@ -111,9 +111,9 @@ def coverage(fault: str, machines: int) -> dict[str, float]:
 @pytest.mark.slow
 @pytest.mark.parametrize("fault", ["inner", "outer", "ball"])
 def test_intervals_keep_their_level(fault: str) -> None:
-    """90 % intervals over 25 machines: two and a half standard errors of 0.06 below."""
-    for name, share in coverage(fault, 25).items():
-        assert share >= 0.75, name
+    """90 % intervals over eight machines: fewer than six inside is a matter of 4 %, of less than one that holds half."""
+    for name, share in coverage(fault, 8).items():
+        assert share >= 6 / 8, name
 
 
 def test_any_optimiser_will_do_and_only_sees_what_is_free() -> None:
