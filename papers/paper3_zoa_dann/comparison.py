@@ -69,14 +69,16 @@ class Cell:
     available : str
     unseen : float or None
         Size left out of adaptation.
-    seeds, noise_seeds : tuple[int, ...]
-        Of the trials without and with noise.
+    seeds : tuple[int, ...]
+        Of the trials without noise.
+    noise_seeds : tuple[tuple[int, ...], ...]
+        Of those at each noise level.
     """
 
     available: str
     unseen: float | None
     seeds: tuple[int, ...]
-    noise_seeds: tuple[int, ...]
+    noise_seeds: tuple[tuple[int, ...], ...]
 
 
 def cells(task: TaskFile, size: Size, seed: int) -> Iterator[Cell]:
@@ -86,14 +88,15 @@ def cells(task: TaskFile, size: Size, seed: int) -> Iterator[Cell]:
         return tuple(s for s in range(seed, seed + count) if unseen is None or task.unseen(s) == unseen)
 
     for available in size.available:
-        noise = size.noise_seeds if available == "balanced" else 0
+        balanced = available == "balanced"
         for unseen in (None,) if task.same_bearings else task.sizes:
-            if own := seeds(size.seeds, unseen):
-                yield Cell(available, unseen, own, seeds(noise, unseen))
+            if own := seeds(size.seeds if balanced else size.state_seeds, unseen):
+                noisy = tuple(seeds(count if balanced else 0, unseen) for count in size.noise_seeds)
+                yield Cell(available, unseen, own, noisy)
     if task.same_bearings:
         for unseen in task.sizes:
             if own := seeds(size.strict_seeds, unseen):
-                yield Cell("balanced", unseen, own, ())
+                yield Cell("balanced", unseen, own, ((),) * len(size.snr_db))
 
 
 def trials(
@@ -103,9 +106,9 @@ def trials(
     training = dataclasses.replace(options.training, steps=size.steps)
     judging = common.judging
     main = cell.available == "balanced" and (cell.unseen is None) == task.same_bearings
-    for snr_db in (None, *size.snr_db):
+    for snr_db, chosen in zip((None, *size.snr_db), (cell.seeds, *cell.noise_seeds), strict=True):
         drawn = main and snr_db in (None, options.high_noise_db)
-        for one in cell.seeds if snr_db is None else cell.noise_seeds:
+        for one in chosen:
             for method in ALL:
                 own = dataclasses.replace(recipe, closed=options.closed[task.family]) if method in CLOSED else recipe
                 yield Trial(
@@ -178,7 +181,7 @@ def run(
     log.data("comparison.toml", digest_of_path(config), role="configuration")
     log.data("tasks", digest_of_path(folder), role="configuration")
     total = sum(
-        len(ALL) * (len(cell.seeds) + len(size.snr_db) * len(cell.noise_seeds))
+        len(ALL) * sum(len(own) for own in (cell.seeds, *cell.noise_seeds))
         for task, _ in found
         for cell in cells(task, size, seed)
     )

@@ -54,11 +54,13 @@ class Size:
     available : tuple[str, ...]
         States of the unlabelled data.
     seeds : int
-        Trainings per task, state and method, without noise.
+        Trainings per task and method with balanced data, without noise.
+    state_seeds : int
+        The same with imbalanced or scarce data.
     strict_seeds : int
         Of those that leave bearings out where the task itself does not; a seed leaves out one size, in turn.
-    noise_seeds : int
-        At each noise level, balanced data alone: fewer than without noise.
+    noise_seeds : tuple[int, ...]
+        At each noise level, balanced data alone: no more than without noise.
     snr_db : tuple[float, ...]
         Noise levels.
     steps : int
@@ -74,8 +76,9 @@ class Size:
     tasks: tuple[str, ...]
     available: tuple[str, ...]
     seeds: int
+    state_seeds: int
     strict_seeds: int
-    noise_seeds: int
+    noise_seeds: tuple[int, ...]
     snr_db: tuple[float, ...]
     steps: int
     bearings_per_class: int
@@ -116,8 +119,9 @@ def read_comparison(path: Path = CONFIG) -> ComparisonOptions:
         where = f"{path}: profiles.{name}"
         if min(size.seeds, size.steps, size.bearings_per_class, size.records_per_bearing) < 1:
             raise TwingapError("seeds, steps, bearings and records are at least 1", where=where)
-        if size.noise_seeds > size.seeds:
-            raise TwingapError(f"noise_seeds = {size.noise_seeds}, at most seeds = {size.seeds} expected", where=where)
+        if len(size.noise_seeds) != len(size.snr_db) or not all(0 <= count <= size.seeds for count in size.noise_seeds):
+            found = f"noise_seeds = {list(size.noise_seeds)}"
+            raise TwingapError(f"{found}, one of 0 to seeds = {size.seeds} for each of snr_db expected", where=where)
     return options
 
 

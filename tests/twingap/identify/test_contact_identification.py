@@ -111,7 +111,7 @@ def coverage(fault: str, machines: int) -> dict[str, float]:
 @pytest.mark.slow
 @pytest.mark.parametrize("fault", ["inner", "outer", "ball"])
 def test_intervals_keep_their_level(fault: str) -> None:
-    """90 % intervals over eight machines: fewer than six inside is a matter of 4 %, of less than one that holds half."""
+    """Fewer than six of eight machines inside: a chance of 4 % for 90 % intervals, of 86 % for such as hold half."""
     for name, share in coverage(fault, 8).items():
         assert share >= 6 / 8, name
 
