@@ -6,18 +6,18 @@ accuracy over labelled records --> crossing points;  alarms --> severity by reco
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
+import pandas as pd
 from matplotlib.figure import Figure
 
 from papers.paper2_digital_twin.availability_jobs import baseline_of, strips
 from papers.paper2_digital_twin.availability_records import TITLES, Measured
-from papers.paper2_digital_twin.availability_split import ALL, SPLITS
+from papers.paper2_digital_twin.availability_split import SPLITS
 from papers.paper2_digital_twin.availability_study import Study
-from papers.paper2_digital_twin.tables_availability import METHODS, by_seed, calls, judging
+from papers.paper2_digital_twin.tables_availability import METHODS, judging
 from papers.paper3_zoa_dann.figures_identification import SIZES as SIZES
-from twingap.adapt.evaluate import t_interval
 
 LOOKS: Final = {
     "twin network": ("#0072B2", "o", "-"), "SVM": ("#D55E00", "s", "--"), "SOM-MQE": ("#009E73", "^", ":"),
@@ -30,51 +30,70 @@ def all_figures(study: Study) -> Iterator[tuple[str, Figure]]:
     import matplotlib as mpl
 
     with mpl.rc_context(SIZES):
-        yield "availability-crossings", crossings(study)
+        yield (
+            "availability-crossings",
+            crossings(study.tables["availability-accuracy"], study.tables["availability-crossings"]),
+        )
         yield "availability-severity", severity(study)
         for name, data in study.data.items():
             yield f"availability-images-{name}", what_is_seen(study, data)
 
 
-def crossings(study: Study) -> Figure:
-    """Accuracy over labelled records of each fault: mean over seeds and its 95 % interval."""
-    found = by_seed(calls(study))
-    rows = len(study.data)
-    figure = Figure(figsize=(12, 4.4 * rows + 0.8), layout="constrained")
-    panels = figure.subplots(rows, len(SPLITS), squeeze=False, sharey=True, sharex=True)
-    steps = [0, *study.options.counts, ALL]
-    for row, name in enumerate(study.data):
+def crossings(accuracy: pd.DataFrame, crossed: pd.DataFrame) -> Figure:
+    """Accuracy over labelled records of each fault, with 95 % intervals over seeds; rings where methods cross.
+
+    Parameters
+    ----------
+    accuracy, crossed : DataFrame
+        Tables ``availability-accuracy`` and ``availability-crossings``, as made or as read back from their files.
+    """
+    accuracy = accuracy.assign(records=accuracy["records a fault"].astype(str))
+    crossed = crossed.assign(start=crossed["at least as good from"].fillna("").astype(str))
+    steps, titles = list(dict.fromkeys(accuracy["records"])), list(dict.fromkeys(accuracy["data"]))
+    figure = Figure(figsize=(12, 4.4 * len(titles) + 0.8), layout="constrained")
+    panels = figure.subplots(len(titles), len(SPLITS), squeeze=False, sharey=True, sharex=True)
+    for row, title in enumerate(titles):
         for column, split in enumerate(SPLITS):
             panel = panels[row, column]
-            here = found[(found["data"] == name) & (found["split"] == split)]
+            here = accuracy[(accuracy["data"] == title) & (accuracy["split by"] == split)]
             for number, method in enumerate(METHODS):
                 colour, marker, line = LOOKS[method]
                 mine = here[here["method"] == method]
-                places, middle, low, high = [], [], [], []
-                for place, count in enumerate(steps):
-                    values = list(mine[mine["records"] == count]["accuracy"])
-                    if not values:
-                        continue
-                    places.append(place + 0.08 * (number - 1))
-                    middle.append(100 * float(np.mean(values)))
-                    ends = t_interval(values, 0.95) if len(values) > 1 else (np.nan, np.nan)
-                    low.append(middle[-1] - 100 * ends[0])
-                    high.append(100 * ends[1] - middle[-1])
-                spread = np.nan_to_num(np.maximum([low, high], 0))
+                places = [steps.index(count) + 0.08 * (number - 1) for count in mine["records"]]
+                middle, low, high = (100 * mine[name].to_numpy(dtype=float) for name in ("accuracy", "low", "high"))
                 panel.errorbar(
-                    places, middle, yerr=spread, color=colour, marker=marker, linestyle=line, capsize=3,
-                    label="network from the twin" if method == METHODS[0] else method,
+                    places, middle, yerr=np.nan_to_num(np.maximum([middle - low, high - middle], 0)), color=colour,
+                    marker=marker, linestyle=line, capsize=3, label=_shown(method),
                 )  # fmt: skip
-            panel.set_xticks(range(len(steps)), ["all" if c == ALL else str(c) for c in steps])
-            panel.set_title(f"{TITLES[name]}, split by {split}")
+            _mark(panel, here, crossed[(crossed["data"] == title) & (crossed["split by"] == split)], steps)
+            panel.set_xticks(range(len(steps)), steps)
+            panel.set_title(f"{title}, split by {split}")
             panel.grid(alpha=0.3)
             panel.set_ylim(20, 103)
-            if row == rows - 1:
+            if row == len(titles) - 1:
                 panel.set_xlabel("labelled records of each fault")
             if column == 0:
                 panel.set_ylabel("recordings called right, %")
     panels[0, 0].legend(loc="lower right")
     return figure
+
+
+def _shown(method: str) -> str:
+    return "network from the twin" if method == METHODS[0] else method
+
+
+def _mark(panel: Any, accuracy: pd.DataFrame, crossed: pd.DataFrame, steps: list[str]) -> None:
+    """Rings where a method is at least as good as the network from there on, and what crosses in words."""
+    said = []
+    for row in crossed[crossed["against"] == METHODS[0]].to_dict("records"):
+        at = accuracy[(accuracy["method"] == row["method"]) & (accuracy["records"] == row["start"])]
+        if at.empty:
+            said.append(f"{row['method']} stays below")
+            continue
+        place = steps.index(row["start"]) + 0.08 * (METHODS.index(row["method"]) - 1)
+        panel.plot(place, 100 * at["accuracy"].iloc[0], "o", markersize=16, fillstyle="none", color="black")
+        said.append(f"{row['method']} level from {row['start']}")
+    panel.text(0.02, 0.03, "\n".join(said), transform=panel.transAxes, va="bottom", fontsize="small")
 
 
 def severity(study: Study) -> Figure:
