@@ -90,7 +90,7 @@ def cells(task: TaskFile, size: Size, seed: int) -> Iterator[Cell]:
     for available in size.available:
         balanced = available == "balanced"
         for unseen in (None,) if task.same_bearings else task.sizes:
-            if own := seeds(size.seeds if balanced else size.state_seeds, unseen):
+            if own := seeds(size.seeds, unseen):
                 noisy = tuple(seeds(count if balanced else 0, unseen) for count in size.noise_seeds)
                 yield Cell(available, unseen, own, noisy)
     if task.same_bearings:
@@ -137,8 +137,8 @@ def run(
 
     Parameters
     ----------
-    profile : {"smoke", "noise", "lean", "broad", "core", "full"}
-        "noise" is a part of "broad", and "core" of "full".
+    profile : {"smoke", "noise", "lean", "balanced", "broad", "core", "full"}
+        "noise" is a part of "balanced" and of "broad", and "core" of "full".
     out : Path
         Folder for ``tables/``, ``figures/`` and ``results/``.
     root : Path or None

@@ -54,9 +54,7 @@ class Size:
     available : tuple[str, ...]
         States of the unlabelled data.
     seeds : int
-        Trainings per task and method with balanced data, without noise.
-    state_seeds : int
-        The same with imbalanced or scarce data.
+        Trainings per task, state and method, without noise.
     strict_seeds : int
         Of those that leave bearings out where the task itself does not; a seed leaves out one size, in turn.
     noise_seeds : tuple[int, ...]
@@ -76,7 +74,6 @@ class Size:
     tasks: tuple[str, ...]
     available: tuple[str, ...]
     seeds: int
-    state_seeds: int
     strict_seeds: int
     noise_seeds: tuple[int, ...]
     snr_db: tuple[float, ...]

@@ -26,7 +26,6 @@ SMALL = """
 tasks = ["A3", "B1"]
 available = ["balanced", "scarce"]
 seeds = 1
-state_seeds = 1
 strict_seeds = 1
 noise_seeds = []
 snr_db = []
