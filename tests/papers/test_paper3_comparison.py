@@ -456,6 +456,22 @@ def test_a_run_is_tracked_and_taken_up_again(tmp_path: Path) -> None:
     }  # fmt: skip
 
 
+def test_scarce_data_alone_and_no_noise_make_tables_and_figures(tmp_path: Path) -> None:
+    config, _ = tiny(tmp_path)
+    text = config.read_text(encoding="utf-8")
+    kept, own = text.split("[profiles.tiny]")
+    for old, new in (('["balanced"]', '["scarce"]'), ("[1]", "[]"), ("[-5.0]", "[]")):
+        assert own.count(old) == 1
+        own = own.replace(old, new)
+    config.write_text(kept + "[profiles.tiny]" + own, encoding="utf-8")
+    made = tiny_run(tmp_path, tmp_path / "out")
+    trials_run = [t.job for o in made.outcomes for t in o.trials]
+    assert len(trials_run) == len(ALL) and {(t.available, t.snr_db) for t in trials_run} == {("scarce", None)}
+    means = made.tables["comparison-mean"]
+    assert set(means["method"]) == set(ALL) and set(means["available"]) == {"all"}
+    assert {p.stem for p in (tmp_path / "out" / "figures").iterdir()} == {"comparison-accuracy-scarce"}
+
+
 # -- configuration and command line -----------------------------------------------------------------------------------
 
 
