@@ -85,9 +85,7 @@ def run(
     sizes = options.profile(profile)
     if backend not in BACKENDS:
         raise TwingapError(f"unknown backend {backend!r}", mend=f"use one of {', '.join(BACKENDS)}")
-    with files.replacing(out / ".writable") as probe:  # a folder that cannot be written is told before the work
-        probe.touch()
-    (out / ".writable").unlink()
+    files.try_folder(out)
     total = len(sizes.bearings) * len(sizes.variants) * len(sizes.models) * sizes.seeds
     done = 0
 

@@ -131,9 +131,7 @@ def run(
         raise TwingapError(f"unknown study {unknown[0]!r}", mend=f"use one of {', '.join(STUDIES)}")
     if backend not in BACKENDS:
         raise TwingapError(f"unknown backend {backend!r}", mend=f"use one of {', '.join(BACKENDS)}")
-    with files.replacing(out / ".writable") as probe:  # a folder that cannot be written is told before the work
-        probe.touch()
-    (out / ".writable").unlink()
+    files.try_folder(out)
     there = {name: _module(name) for name in STUDIES if name in only}
     missing = tuple(name for name, module in there.items() if module is None)
     studies: dict[str, Any] = {}

@@ -109,9 +109,7 @@ def run(
     sizes = options.profile(profile)
     if backend not in BACKENDS:
         raise TwingapError(f"unknown backend {backend!r}", mend=f"use one of {', '.join(BACKENDS)}")
-    with files.replacing(out / ".writable") as probe:  # a folder that cannot be written is told before the work
-        probe.touch()
-    (out / ".writable").unlink()
+    files.try_folder(out)
     target = load_target(options.target, root, sizes.rig_duration_s)
     bearing = target.records.bearing
     if bearing is None:

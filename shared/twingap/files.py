@@ -91,6 +91,19 @@ def replacing_folder(path: str | os.PathLike[str]) -> Iterator[Path]:
                 shutil.rmtree(temporary, ignore_errors=True)
 
 
+def try_folder(folder: str | os.PathLike[str]) -> None:
+    """Write a file into a folder and remove it again: what cannot be written is told before the work, not after it.
+
+    Raises
+    ------
+    TwingapError
+    """
+    probe = Path(folder) / ".writable"
+    with replacing(probe) as temporary:
+        temporary.touch()
+    probe.unlink()
+
+
 def kind_of(path: str | os.PathLike[str]) -> Literal["file", "folder", "other", "missing"]:
     """What lies at a path; "other" are devices and pipes.
 

@@ -124,21 +124,31 @@ def _from_records(source: Path, group: str | None) -> tuple[Run, list[str]]:
     """Features of a record set's records."""
     from twingap.errors import TwingapError
     from twingap.prognosis.health_indicator import features_of
+    from twingap.prognosis.one_run import listed, side_by_side
     from twingap.records.folder import read_record_set
+    from twingap.records.table import read_table
 
-    records = read_record_set(source)
-    groups = records.groups
-    if groups != tuple(c.name for c in records.conditions):  # without a column, each record is a group of its own
-        shown = ", ".join(groups[:8]) + (", ..." if len(groups) > 8 else "")
-        if group is not None and group not in groups:
-            raise TwingapError(f"no group {group!r}", where=source, mend=f"use one of {shown}")
-        if group is None and len(groups) > 1:
-            raise TwingapError(f"holds {len(groups)} runs: {shown}", where=source, mend="name one with --group")
-        records = records.select(lambda c: group is None or c.group == group)
-    elif group is not None:
-        raise TwingapError(f"no column group to find {group!r} in", where=source, mend="leave out --group")
+    records = read_record_set(source, turning=True)
+    notes = []
+    if still := len(read_table(source / "records.csv", ("record",))) - len(records):
+        notes.append(f"the machine stands still in {still} rows (speed_rpm 0), which are left out")
+    conditions = records.conditions
+    # Without a column, each record is a group of its own.
+    named = [str(c.group) for c in conditions] if any(c.group != c.name for c in conditions) else []
+    if group is not None:
+        if not named:
+            raise TwingapError(f"no column group to find {group!r} in", where=source, mend="leave out --group")
+        if group not in named:
+            raise TwingapError(f"no group {group!r}", where=source, mend=f"use one of {listed(named)}")
+        records = records.select(lambda c: c.group == group)
+    elif named and side_by_side((c.group for c in conditions), (c.time_s for c in conditions)):
+        what = f"holds {len(set(named))} runs side by side: {listed(named)}"
+        raise TwingapError(what, where=source, mend="name one with --group")
+    elif (count := len(set(named))) > 1:
+        notes.append(f"{count} groups that follow one another in time: taken for recordings of one run")
     speeds = {round(c.speed_rpm, -1) for c in records.conditions}
-    notes = [f"speed varies ({min(speeds):g} to {max(speeds):g} rpm), and features with it"] if len(speeds) > 1 else []
+    if len(speeds) > 1:
+        notes.append(f"speed varies ({min(speeds):g} to {max(speeds):g} rpm), and features with it")
     with progress("features", len(records)) as step:
         return features_of(records, group or records.name, step=step), notes
 

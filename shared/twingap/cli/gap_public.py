@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from twingap.cli.options import Json, Seed, progress_console, say_json, show, wrote
+from twingap.cli.options import Json, Seed, progress_console, say, say_json, show, wrote
 
 
 def public(
@@ -69,4 +69,5 @@ def public(
         say_json(table["twins"])
     else:
         show(twin_rows(table), False, "what each twin lacks")
+        say(*(f"note: {name} is left out: {why}" for name, why in table["skipped"].items()))
     wrote(*paths, as_json=json)

@@ -74,6 +74,7 @@ def fetch(facts: Manifest, root: str | os.PathLike[str], *, progress: Progress |
     downloaded: list[Path] = []
     kept: list[Path] = []
     unpacked = 0
+    root_was_there = Path(root).exists()
     try:
         for file in wanted:
             place = Path(root) / file.path
@@ -100,6 +101,10 @@ def fetch(facts: Manifest, root: str | os.PathLike[str], *, progress: Progress |
             where=folder,
             mend="choose a root with space and permission",
         ) from error
+    finally:
+        if not root_was_there:  # nothing is left where nothing arrived
+            with contextlib.suppress(OSError):
+                Path(root).rmdir()
     return Fetched(tuple(downloaded), tuple(kept), unpacked)
 
 

@@ -40,6 +40,9 @@ ADDED_DAMPING = 0.003, 0.25
 """Dampings between which what defects add is taken for a mode: sharper is a tone, broader some other noise."""
 ELSEWHERE = 0.3
 """Of what a mode explains of what defects add: the healthy records' own explains less where another one rings."""
+NOISES = "structure_noise_rms", "white_noise_rms"
+LEAST_SHOWN = 0.003
+"""Part of the healthy RMS below which a noise is not told from none: 50 dB below the other one."""
 LINE_REACH = 4
 """Bins on either side of a defect's harmonics that are not taken for noise: Hann's lobe, and speeds a little off."""
 
@@ -253,6 +256,16 @@ class HealthyModel:
         ]
         return {"structure_noise_rms": relative[0], "white_noise_rms": relative[1], "scale": float(scale)}
 
+    def no_scale(self, fit: HealthyFit) -> str | None:
+        """Why scale does not follow from the one noise level that is fixed (records show none of it), or None."""
+        asked = [name for name in NOISES if self.given.get(name)]
+        if "scale" in self.given or len(asked) != 1:
+            return None
+        shown = getattr(fit, asked[0]) / math.hypot(fit.structure_noise_rms, fit.white_noise_rms)
+        if shown >= LEAST_SHOWN:
+            return None
+        return f"the records show no {asked[0].removesuffix('_rms').replace('_', ' ')}, from which scale would follow"
+
     @property
     def conventional(self) -> bool:
         """Whether the two relative noise levels are tied by structure^2 + white^2 = 1."""
@@ -278,7 +291,8 @@ class HealthyModel:
             return float(np.sqrt(expit(lo))), float(np.sqrt(expit(hi)))
         # Beyond e^40 an interval says "unknown" as well; scale may be in any unit.
         low, high = (float(np.exp(np.clip(v, -690, 40))) for v in (lo, hi))
-        return low, min(high, 1.0) if name == "damping_ratio" else high
+        most = {"damping_ratio": 1.0, "resonance_hz": max(c.fs_hz for c in self.records.conditions) / 2}
+        return low, min(high, most.get(name, math.inf))
 
 
 def is_of(records: RecordSet, fault: str) -> Mask:

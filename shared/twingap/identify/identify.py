@@ -118,7 +118,11 @@ def identify(
     if not outcome.estimates:
         told = "the twin file gives every parameter that records could tell: nothing was identified, it stays as it is"
         return Identified(spec, {}, outcome.fits, (*outcome.notes, told))
-    provenance = Provenance(records.digest, records.unit, level, __version__, method, seed, outcome.notes)
+    notes = outcome.notes
+    if spec.identified is not None and (earlier := sorted(spec.intervals.keys() - outcome.estimates.keys())):
+        told = f"{', '.join(earlier)}: as identified before, from records {spec.identified.records_sha256[:12]}"
+        notes = (*notes, told)
+    provenance = Provenance(records.digest, records.unit, level, __version__, method, seed, notes)
     values = {name: estimate.value for name, estimate in outcome.estimates.items()}
     intervals = {name: e.interval for name, e in outcome.estimates.items() if e.interval is not None}
-    return Identified(spec.with_values(values, intervals, provenance), outcome.estimates, outcome.fits, outcome.notes)
+    return Identified(spec.with_values(values, intervals, provenance), outcome.estimates, outcome.fits, notes)

@@ -45,6 +45,8 @@ SLOW_RPM = 60.0
 """Speed below which a table may well hold turns per second, or another column's numbers."""
 SURE_SHARE = 0.9
 """Part of the fitted structure noise below which what was taken away is more than scatter of the fit."""
+MOST_UNEQUAL = 1000.0
+"""Ratio of the loudest to the quietest record of a state beyond which one of them has another unit."""
 MOST_RECORDS = 300
 """Records used of each state: beyond this the intervals hardly shrink."""
 
@@ -86,7 +88,10 @@ def identify_phenomenological(
     problem = HealthyModel(spec, records, spectra(records, segment_s), method, ~everything)
     report("resonance and noise", 0.0)
     problem = problem if healthy.any() else problem.between_lines()
+    notes += _unequal(problem)
     problem, fit = problem.begin(baseline, notes)
+    if (why := problem.no_scale(fit)) is not None:
+        raise TwingapError(why, where="[parameters]", mend="give scale, or leave the noise level out")
     if not healthy.any():
         problem, fit = problem.between_impacts(fit, root)
     amplitudes = {
@@ -234,6 +239,24 @@ def quick_identify(
         values[name] = math.sqrt(max(power, 0.0))
     whole = flat(dataclasses.asdict(model_parameters(spec))) | values
     return replace(spec, parameters=nested(flat(spec.parameters) | {k: float(v) for k, v in whole.items()})), notes
+
+
+def _unequal(problem: HealthyModel) -> list[str]:
+    """Records of one state of which one is louder than any speed or load makes it: of another unit, or gain."""
+    loud: dict[str | None, list[tuple[float, str]]] = {}
+    for one in problem.measured:
+        for power, place in zip(one.psd.sum(axis=1) * one.fs_hz / one.segment, one.places, strict=True):
+            condition = problem.records.conditions[int(place)]
+            loud.setdefault(condition.fault, []).append((math.sqrt(power), condition.name))
+    notes = []
+    for own in loud.values():
+        (low, quiet), (high, loudest) = min(own), max(own)
+        if high > MOST_UNEQUAL * low:
+            notes.append(
+                f"record {loudest!r} is {high / low:.2g} times as loud as {quiet!r}, which is of the same state: check "
+                "their units"
+            )
+    return notes
 
 
 def _groups(records: RecordSet, keep: Mask) -> set[str]:

@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 
 from twingap.errors import TwingapError
 from twingap.prognosis.health_indicator import Run
-from twingap.records.measurable import MOST
+from twingap.prognosis.one_run import listed, side_by_side
+from twingap.records.measurable import LEAST, MOST
 
 Array = NDArray[np.float64]
 
@@ -56,14 +57,18 @@ def read_feature_table(path: str | os.PathLike[str], *, group: str | None = None
         raise TwingapError(
             f"column {TIME!r} is missing", where=path, mend="add the time of each record, s from the start of the run"
         )
-    if GROUP in header:
-        rows = _of_group(path, rows, header.index(GROUP), group)
-    elif group is not None:
+    if group is not None and GROUP not in header:
         raise TwingapError(f"no column {GROUP!r} to find {group!r} in", where=path, mend="leave out --group")
+    if GROUP in header and group is not None:
+        rows = _of_group(path, rows, header.index(GROUP), group)
     notes: list[str] = []
     time_s = _column(path, rows, header, TIME)
     if time_s is None:
         raise TwingapError("holds no numbers", where=f"{path}, column {TIME}", mend="give times in s")
+    if GROUP in header:
+        count = _refuse_several(path, rows, header.index(GROUP), time_s)
+        if count > 1:
+            notes.append(f"{count} groups that follow one another in time: taken for recordings of one run")
     features: dict[str, Array] = {}
     text: list[str] = []
     for name in header:
@@ -128,17 +133,23 @@ def _rows(path: Path) -> tuple[list[str], list[tuple[int, list[str]]]]:
     return header, lines[1:]
 
 
-def _of_group(
-    path: Path, rows: list[tuple[int, list[str]]], column: int, group: str | None
-) -> list[tuple[int, list[str]]]:
-    """The rows of one run."""
-    groups = list(dict.fromkeys(row[column].strip() for _, row in rows))
-    shown = ", ".join(groups[:8]) + (", ..." if len(groups) > 8 else "")
-    if group is None and len(groups) > 1:
-        raise TwingapError(f"holds {len(groups)} runs: {shown}", where=path, mend="name one with --group")
-    if group is not None and group not in groups:
+def _of_group(path: Path, rows: list[tuple[int, list[str]]], column: int, group: str) -> list[tuple[int, list[str]]]:
+    """The rows of a group."""
+    kept = [(n, row) for n, row in rows if row[column].strip() == group]
+    if not kept:
+        shown = listed([row[column].strip() for _, row in rows])
         raise TwingapError(f"no group {group!r}", where=path, mend=f"use one of {shown}")
-    return [(n, row) for n, row in rows if group is None or row[column].strip() == group]
+    return kept
+
+
+def _refuse_several(path: Path, rows: list[tuple[int, list[str]]], column: int, time_s: Array) -> int:
+    """Refuse runs side by side; how many groups there are otherwise."""
+    groups = [row[column].strip() or None for _, row in rows]
+    if side_by_side(groups, time_s.tolist()):
+        shown = listed([group for group in groups if group])
+        what = f"holds {len(set(groups) - {None})} runs side by side: {shown}"
+        raise TwingapError(what, where=path, mend="name one with --group")
+    return len(set(groups) - {None})
 
 
 def _column(path: Path, rows: list[tuple[int, list[str]]], header: list[str], name: str) -> Array | None:
@@ -156,10 +167,12 @@ def _column(path: Path, rows: list[tuple[int, list[str]]], header: list[str], na
             f"{found} found, a number expected", where=f"{path}, row {rows[at][0]}, column {name}",
             mend="fill it in, or leave out the row or the column",
         )  # fmt: skip
-    if not float(np.abs(values).max()) < MOST:
+    largest = float(np.abs(values).max())
+    if largest and not LEAST < largest < MOST:
         at = int(np.argmax(np.abs(values)))
+        size = "large" if largest >= MOST else "small"
         raise TwingapError(
-            f"{values[at]:.3g} is too large for what was measured", where=f"{path}, row {rows[at][0]}, column {name}",
+            f"{values[at]:.3g} is too {size} for what was measured", where=f"{path}, row {rows[at][0]}, column {name}",
             mend="check the unit and how the table was written",
         )  # fmt: skip
     return values

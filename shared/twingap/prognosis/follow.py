@@ -35,6 +35,9 @@ _SHARED: Final = 0.1
 """Share of the records of the shorter of two runs that makes them the same one."""
 FEWEST_TOLD: Final = 3
 """Runs with estimates of their own that it takes to choose, and to say how wide joined intervals have to be."""
+_SHORTEST: Final = 1.0
+_LONGEST: Final = 1e14
+"""Revolutions: a million rpm for two centuries."""
 _IMPULSIVE: Final = 6.0
 _USUAL_SPREAD: Final = 0.7
 """Standard deviation of log life over bearings of one kind, taken for as much as two runs would say: a Weibull life of
@@ -165,6 +168,9 @@ def follow(
             raise TwingapError(error.what, where=f"run {run.name!r}, {error.where}", mend=error.mend) from error
         lived.append(life.revolutions)
         timeless += life.timeless
+    if skipped and not usable:
+        more = f", and {len(skipped) - 1} more" if len(skipped) > 1 else ""
+        raise TwingapError(f"no record can be used: {skipped[0]}{more}", where=f"run {run.name!r}")
     notes = [*run.notes, *_shortened(life.notes)]
     lengths = {row.channel.n_samples for row in run.rows if row.channel is not None and row.speed_rpm > 0}
     if taken is not None and len(lengths) > 1:
@@ -343,12 +349,18 @@ def read_outcomes(path: str | os.PathLike[str]) -> list[Outcome]:
     for row in read_table(Path(path), ("record", "life_revolutions")):
         life = row.number_in("life_revolutions", needed=True, positive=True)
         assert life is not None
-        found.append(
-            Outcome(
-                row.text("record", needed=True) or "", life,
-                row.number_in("after_anomaly_revolutions", positive=True), row.number_in("end_ratio", positive=True),
+        after = row.number_in("after_anomaly_revolutions", positive=True)
+        if not _SHORTEST <= life <= _LONGEST:
+            mend = "give revolutions from the first record to the last"
+            raise TwingapError(f"{life:g} revolutions are no life", where=row.where("life_revolutions"), mend=mend)
+        if after is not None and after > life * (1 + 1e-9):
+            raise TwingapError(
+                f"{after:g} revolutions after the anomaly of {life:g} in all",
+                where=row.where("after_anomaly_revolutions"),
             )
-        )  # fmt: skip
+        found.append(
+            Outcome(row.text("record", needed=True) or "", life, after, row.number_in("end_ratio", positive=True))
+        )
     return found
 
 

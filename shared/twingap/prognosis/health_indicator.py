@@ -153,14 +153,18 @@ def features_of(
 
 
 def running(run: Run, healthy_rows: int, share: float = SILENT) -> NDArray[np.bool_]:
-    """Which records [rows] are not silent: RMS above a share of the median healthy one.
+    """Which records [rows] are not silent: RMS above a share of the healthy one.
 
-    All of them where no RMS is known, or where a column of that name is none: decibels have no zero to be near.
+    All of them where no RMS is known, or where a column of that name is none: decibels have no zero to be near. The
+    healthy one is the upper quartile of the first rows that vibrate at all: a machine may stand still at first.
     """
     if "rms" not in run.names or negative_rms(run) is not None:
         return np.ones(run.time_s.size, dtype=bool)
     rms = run.features[:, run.names.index("rms")]
-    return np.asarray(rms >= share * np.median(rms[:healthy_rows]))
+    first = rms[rms > 0][:healthy_rows]
+    if not first.size:  # nothing vibrates, or all of it is something else
+        return np.ones(rms.size, dtype=bool)
+    return np.asarray((rms > 0) & (rms >= share * np.quantile(first, 0.75)))
 
 
 def negative_rms(run: Run) -> int | None:
@@ -212,6 +216,10 @@ def _indicators(run: Run, learnt_from: Array, scaling: Scaling, order: Order) ->
             mend="give measured features, or more healthy rows",
         )  # fmt: skip
     names = [name for name, is_flat in zip(run.names, flat, strict=True) if not is_flat]
+    if taken := [name for name in names if name in {f"fusion {k + 1}" for k in range(len(names))}]:
+        raise TwingapError(
+            f"has a feature called {taken[0]!r}, as fusion features are", where=run.name, mend="rename it"
+        )
     fusion = learn_fusion(learnt_from[:, ~flat], scaling=scaling, order=order)
     kept = run.features[:, ~flat]
     values: dict[str, Array] = dict(zip(names, fusion.normalised(kept).T, strict=True))

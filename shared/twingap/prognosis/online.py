@@ -43,6 +43,8 @@ _RUN_IN: Final = 0.15
 _CALM: Final = 40
 """Rows within the healthy limit, but for a tenth of them, with which an anomaly counts as passed."""
 _BINS: Final = 36
+_HIGHEST_RATIO: Final = 1e6
+"""No accelerometer spans more between its noise and its end."""
 
 
 @dataclass(frozen=True)
@@ -73,8 +75,9 @@ class LifeOptions:
     def __post_init__(self) -> None:
         if self.limit is not None and not (np.isfinite(self.limit) and self.limit > 0):
             raise TwingapError(f"limit = {self.limit!r}, a positive amplitude expected", where="end of life")
-        if not (np.isfinite(self.limit_ratio) and self.limit_ratio > 1):
-            raise TwingapError(f"limit ratio = {self.limit_ratio!r}, more than 1 expected", where="end of life")
+        if not 1 < self.limit_ratio <= _HIGHEST_RATIO:
+            wanted = f"more than 1 and at most {_HIGHEST_RATIO:g} expected"
+            raise TwingapError(f"limit ratio = {self.limit_ratio!r}, {wanted}", where="end of life")
         if self.healthy_rows < 8:
             raise TwingapError(f"{self.healthy_rows} healthy rows, at least 8 expected", where="healthy rows")
 
@@ -151,6 +154,7 @@ class OnlineLife:
         self.alarm_row: int | None = None
         self.end_row: int | None = None
         self.revolutions = 0.0
+        self._turns_at_end = 0.0
         self._rows = 0
         self._time: float | None = None
         self._speed = 0.0
@@ -188,6 +192,8 @@ class OnlineLife:
         peak_to_peak : float
             NaN when the record cannot be used.
         """
+        if not np.isfinite(time_s):
+            raise TwingapError(f"time_s = {time_s!r}, a finite number expected", where=f"row {self._rows}")
         if self._time is not None and time_s < self._time:
             raise TwingapError("is before the row taken last", where=f"time_s = {time_s:g}", mend="sort rows by time")
         row = self._rows
@@ -196,18 +202,30 @@ class OnlineLife:
         if not (speed_rpm > 0 and np.isfinite(peak_to_peak) and peak_to_peak > 0):
             return
         self._seen_rows.append((speed_rpm, peak_to_peak))
-        if self._influence is None:
-            self._healthy.append((speed_rpm, peak_to_peak))
-            if len(self._healthy) >= self.options.healthy_rows:
-                self._learn(row)
-            return
         limit = self.options.limit
-        if self.alarm_row is None and limit is not None and peak_to_peak >= limit:
+        at_limit = limit is not None and peak_to_peak >= limit
+        if self._influence is None:
+            if self.end_row is None:
+                self._take_healthy(row, speed_rpm, peak_to_peak, at_limit)
+            return
+        if self.alarm_row is None and at_limit:
             self._ended_at_once(row, peak_to_peak)
         elif self.alarm_row is None and not self._known(speed_rpm):
             self._learn_speed(speed_rpm, peak_to_peak)
         else:
             self._judge(row, speed_rpm, peak_to_peak)
+
+    def _take_healthy(self, row: int, speed_rpm: float, peak_to_peak: float, at_limit: bool) -> None:
+        """One of the first rows; it ends the life if it reaches the limit and others have been below.
+
+        Whether a machine that begins at the limit is broken, or the limit wrong, is for its owner to say.
+        """
+        if at_limit and any(p < (self.options.limit or 0.0) for _, p in self._healthy):
+            self._ended_at_once(row, peak_to_peak)
+            return
+        self._healthy.append((speed_rpm, peak_to_peak))
+        if len(self._healthy) >= self.options.healthy_rows:
+            self._learn(row)
 
     def estimate(self) -> Estimate:
         """Remaining life after the rows taken so far."""
@@ -286,7 +304,7 @@ class OnlineLife:
         """Revolutions since the first row at which the anomaly began; NaN without one."""
         if self.onset_row is None:
             return float("nan")
-        return next((u for row, u, _ in self._log if row >= self.onset_row), self.revolutions)
+        return next((u for row, u, _ in self._log if row >= self.onset_row), self._turns_at_end or self.revolutions)
 
     def _count(self, time_s: float, speed_rpm: float) -> None:
         """Revolutions since the last row, and whether rows are missing."""
@@ -434,6 +452,7 @@ class OnlineLife:
     def _ended_at_once(self, row: int, peak_to_peak: float) -> None:
         """The limit is the owner's: what reaches it is the end, whatever came before."""
         self.onset_row = self.alarm_row = self.end_row = row
+        self._turns_at_end = self.revolutions
         self.notes.append(
             f"{peak_to_peak:.4g} peak to peak in row {row} reach the limit before any anomaly was known; if that is "
             "how a sound machine vibrates at this speed, raise the limit"

@@ -18,6 +18,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from twingap.errors import TwingapError
+from twingap.prognosis.one_run import side_by_side
 from twingap.records.folder import read_description
 from twingap.records.measurable import refuse_unmeasurable
 from twingap.records.samples import Channel, SampleFile, inspect
@@ -25,6 +26,8 @@ from twingap.records.table import Row, read_table
 
 _LONGEST_S: Final = 1e10
 """Three hundred years: what lies beyond was read wrongly."""
+_FASTEST_RPM: Final = 3e6
+"""The fastest turbines turn a million times a minute."""
 _M_S2: Final = {"m/s^2": 1.0, "g": 9.80665}
 """Units whose size is known, in m/s^2."""
 _DIGITS: Final = 6
@@ -156,6 +159,9 @@ def read_run(
         speed_rpm = row.number_in("speed_rpm", needed=True, least=0)
         name = row.text("record", needed=True)
         assert time_s is not None and speed_rpm is not None and name is not None
+        if speed_rpm > _FASTEST_RPM:
+            mend = "give revolutions per minute"
+            raise TwingapError(f"{speed_rpm:g} rpm: no machine turns so fast", where=row.where("speed_rpm"), mend=mend)
         turning = speed_rpm > 0
         rate = row.rate(about.fs_hz if turning else about.fs_hz or 1.0)
         channel = _channel(folder, row, rate, opened, needed=turning)
@@ -199,16 +205,11 @@ def _one_run(rows: tuple[Row, ...], table: Path, group: str | None, several: str
             mend = f"groups found: {known:.200}" if known else "leave --group out"
             raise TwingapError(f"holds no group {group!r}", where=table, mend=mend)
         return kept
-    spans: dict[str, list[float]] = {}
-    for row in rows:
-        if (name := row.text("group")) is not None and (time_s := row.number_in("time_s")) is not None:
-            spans.setdefault(name, []).append(time_s)
-    # Recordings of one run follow one another; runs of several bearings each begin at their own start.
-    from_to = sorted((min(times), max(times)) for times in spans.values() if len(times) > 1)
-    if any(later[0] < earlier[1] for earlier, later in pairwise(from_to)):
-        first = ", ".join(list(spans)[:6])
+    groups = [row.text("group") for row in rows]
+    if side_by_side(groups, (row.number_in("time_s") for row in rows)):
+        names = [name for name in dict.fromkeys(groups) if name is not None]
         raise TwingapError(
-            f"holds {len(spans)} groups that overlap in time ({first}): not one run", where=table,
+            f"holds {len(names)} groups that overlap in time ({', '.join(names[:6])}): not one run", where=table,
             mend=several,
         )  # fmt: skip
     return rows

@@ -57,7 +57,7 @@ class _OnDisk:
             raise _in_row(where, error) from error
 
 
-def read_record_set(folder: str | os.PathLike[str], *, labelled: bool = True) -> RecordSet:
+def read_record_set(folder: str | os.PathLike[str], *, labelled: bool = True, turning: bool = False) -> RecordSet:
     """Read a record set; its samples stay on disk until asked for.
 
     Parameters
@@ -67,6 +67,9 @@ def read_record_set(folder: str | os.PathLike[str], *, labelled: bool = True) ->
         since a folder that names them cannot be moved ("../" and links may lead to samples that lie elsewhere).
     labelled : bool
         False = column fault is not looked at, whatever it holds, and every fault is unknown.
+    turning : bool
+        True = rows of a machine that stands still (speed_rpm 0), which are no records of one that runs, are left out
+        instead of refused.
 
     Returns
     -------
@@ -82,6 +85,8 @@ def read_record_set(folder: str | os.PathLike[str], *, labelled: bool = True) ->
     folder = Path(folder)
     about = read_description(folder)
     rows = read_table(folder / "records.csv", ("record", "file", "speed_rpm"))
+    if turning and not (rows := tuple(row for row in rows if row.number_in("speed_rpm") != 0)):
+        raise TwingapError("holds no record of a machine that turns", where=folder / "records.csv")
     opened: dict[str, SampleFile] = {}
     conditions, places = [], []
     for row, extra in zip(rows, extras(rows), strict=True):

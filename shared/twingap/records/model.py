@@ -11,6 +11,7 @@ import os
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from numbers import Integral, Real
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, overload
 
@@ -68,11 +69,13 @@ class Condition:
 
     def __post_init__(self) -> None:
         where = f"record {self.name!r}"
+        if not (isinstance(self.name, str) and self.name):
+            raise TwingapError(f"name = {self.name!r}, text expected", where="record")
         for key, value in (("speed_rpm", self.speed_rpm), ("fs_hz", self.fs_hz)):
-            if not (np.isfinite(value) and value > 0):
+            if not (isinstance(value, Real) and np.isfinite(value) and value > 0):
                 raise TwingapError(f"{key} = {value!r}, a positive number expected", where=where)
-        if self.n_samples < 1:
-            raise TwingapError(f"n_samples = {self.n_samples}, at least 1 expected", where=where)
+        if not (isinstance(self.n_samples, Integral) and self.n_samples >= 1):
+            raise TwingapError(f"n_samples = {self.n_samples!r}, a whole number of at least 1 expected", where=where)
         if self.fault is not None and self.fault not in FAULTS:
             raise TwingapError(f"unknown fault {self.fault!r}", where=where, mend=f"use one of {', '.join(FAULTS)}")
         if self.load_n is not None and not (np.isfinite(self.load_n) and self.load_n >= 0):

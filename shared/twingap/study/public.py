@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from twingap import files
+from twingap.data.registry import reader
 from twingap.errors import TwingapError
 from twingap.provenance import digest_of_code, plain, versions
 from twingap.study.intervals import of_rate
@@ -91,10 +92,14 @@ def run_public(
     Raises
     ------
     TwingapError
-        When none of the sets is at hand and nothing stands in.
+        For an unknown set or a folder that cannot be written, and when none of the sets is at hand and nothing stands
+        in.
     """
     begin = time.perf_counter()
+    for name in plan.sets:
+        reader(name)  # a name that is none is told, not skipped
     held, skipped = _at_hand(plan, root)
+    files.try_folder(out)
     code, data = _digests(held, report)
     run = functools.partial(
         _swept, store=Path(out) / "work", code=code, data=data, root=root, workers=jobs, report=report

@@ -157,9 +157,10 @@ class TwinSpec:
     def with_values(
         self, values: Mapping[str, float], intervals: Mapping[str, tuple[float, float]], identified: Provenance
     ) -> TwinSpec:
-        """The same twin with these parameters (dotted names) set."""
+        """The same twin with these parameters (dotted names) set; intervals of others stay."""
         merged = nested({**flat(self.parameters), **values})
-        return dataclasses.replace(self, parameters=merged, intervals=dict(intervals), identified=identified)
+        kept = {name: ends for name, ends in self.intervals.items() if name not in values}
+        return dataclasses.replace(self, parameters=merged, intervals=kept | dict(intervals), identified=identified)
 
 
 @dataclass(frozen=True)

@@ -124,7 +124,7 @@ def test_an_indicator_named_reads_no_later_row(twingap: Run, table: Table, tmp_p
 
 
 def test_records_of_one_run(twingap: Run, records: Path, tmp_path: Path) -> None:
-    refused(twingap(records, "--out", tmp_path / "no"), "holds 2 runs: ä, b", "--group")
+    refused(twingap(records, "--out", tmp_path / "no"), "holds 2 runs side by side: ä, b", "--group")
     refused(twingap(records, "--out", tmp_path / "no", "--group", "c"), "no group 'c'")
     refused(twingap(records, "--out", tmp_path / "no", "--group", "b"), "3 records, at least 40 expected")
     said = twingap(records, "--out", tmp_path / "out", "--group", "ä", "--json")
@@ -240,6 +240,8 @@ def test_mistakes_are_one_line_and_leave_nothing(twingap: Run, table: Table, tmp
         (changed(7, rms="nan"), ("'nan' found, a number expected", "row 9, column rms")),
         (changed(7, rms="inf"), ("'inf' found", "row 9, column rms")),
         (changed(7, rms=-1e200), ("-1e+200 is too large", "row 9, column rms")),
+        ([{**row, "rms": 1e-170} for row in rows], ("1e-170 is too small", "row 2, column rms")),
+        ([{**row, "fusion 1": row["rms"]} for row in rows], ("a feature called 'fusion 1'", "rename it")),
         (changed(7, rms=""), ("an empty cell found", "row 9, column rms")),
         (changed(7, rms="high"), ("'high' found, a number expected", "row 9")),
         (changed(7, time_s=""), ("an empty cell", "row 9, column time_s")),
@@ -277,10 +279,44 @@ def test_mistakes_are_one_line_and_leave_nothing(twingap: Run, table: Table, tmp
 def test_a_table_of_several_runs(twingap: Run, table: Table, tmp_path: Path) -> None:
     rows = [{**row, "group": g} for g in ("b1", "b2") for row in made()]
     source = table(rows)
-    refused(twingap(source, "--out", tmp_path / "out"), "holds 2 runs: b1, b2", "--group")
+    refused(twingap(source, "--out", tmp_path / "out"), "holds 2 runs side by side: b1, b2", "--group")
     refused(twingap(source, "--out", tmp_path / "out", "--group", "b3"), "no group 'b3'")
     run, notes = read_feature_table(source, group="b2")
     assert run.name == "b2" and run.names == ("rms", "kurtosis") and run.time_s.size == 80 and len(notes) == 2
+
+
+def test_recordings_that_follow_one_another_are_one_run(twingap: Run, table: Table, tmp_path: Path) -> None:
+    rows = [{**row, "group": f"recording {k // 2}"} for k, row in enumerate(made())]
+    run, notes = read_feature_table(table(rows))
+    assert run.time_s.size == 80 and any("40 groups that follow one another" in note for note in notes)
+    rng = np.random.default_rng(0)
+    given = [
+        Record(Condition(f"r{k}", 1800.0, 25600.0, 512, time_s=10.0 * k, group=f"g{k // 2}"), rng.standard_normal(512))
+        for k in range(45)
+    ]
+    folder = write_records(tmp_path / "set", "made", "g", BEARINGS["PRONOSTIA"], None, given)
+    text = (folder / "records.csv").read_text(encoding="utf-8").splitlines()
+    speed = text[0].split(",").index("speed_rpm")
+    for still in (11, 12):
+        cells = text[still].split(",")
+        cells[speed] = "0"
+        text[still] = ",".join(cells)
+    (folder / "records.csv").write_text("\n".join(text) + "\n", encoding="utf-8")
+    said = twingap(folder, "--out", tmp_path / "out", "--healthy", 10)
+    assert said.status == 0 and "stands still in 2 rows" in said.out and "groups that follow one another" in said.out
+    assert len(rows_of(tmp_path / "out/indicator.csv")) == 43
+
+
+def test_a_machine_that_stands_still_at_first_is_not_what_is_healthy(
+    twingap: Run, table: Table, tmp_path: Path
+) -> None:
+    rows = [{**row, "rms": 0.0 if k < 20 else row["rms"]} for k, row in enumerate(made())]
+    for row in rows:
+        del row["index"]
+    said = twingap(table(rows), "--out", tmp_path / "out", "--indicator", "rms")
+    assert said.status == 0 and "20 of 80 records are silent" in said.out
+    quiet = [{**row, "rms": 0.01 if k < 20 else row["rms"]} for k, row in enumerate(rows)]
+    assert "20 of 80 records are silent" in twingap(table(quiet, "q.csv"), "--out", tmp_path / "two").out
 
 
 @pytest.mark.parametrize("scale", [1e200, 1e-200])

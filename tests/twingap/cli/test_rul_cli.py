@@ -392,9 +392,15 @@ def no_file(rows: list[list[str]]) -> list[list[str]]:
     return rows
 
 
+def too_fast(rows: list[list[str]]) -> list[list[str]]:
+    rows[7][rows[0].index("speed_rpm")] = "1e300"
+    return rows
+
+
 @pytest.mark.parametrize(
     ("change", "parts"),
     [
+        (too_fast, ("row 8, column speed_rpm", "no machine turns so fast")),
         (no_time, ("'time_s' is missing",)), (empty_time, ("row 4, column time_s", "fill it in")),
         (two_bearings, ("a, b", "--group")), (no_file, ("row 6, column file", "no such file")),
     ],
@@ -431,6 +437,7 @@ def test_a_description_that_is_wrong_is_refused_in_a_line(
     ("options", "parts"),
     [
         (("--limit-ratio", "1"), ("--limit-ratio",)), (("--limit", "1e-12"), ("raise the limit",)),
+        (("--limit-ratio", "1e308"), ("--limit-ratio", "at most 1e+06")),
         (("--group", "b"), ("'b'", "rig")), (("--prior", "nowhere"), ("nowhere", "no such run")),
         (("--gaps", "perhaps"), ("perhaps",)), (("--limit", "inf"), ("--limit", "limit = inf, a positive amplitude")),
     ],
@@ -440,6 +447,28 @@ def test_impossible_options_are_refused_in_a_line(
 ) -> None:
     refused(twingap(folder, "--out", tmp_path / "a.csv", *options), *parts)
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    ("row", "parts"),
+    [
+        ("a,1e5,2e5", ("after the anomaly", "row 2, column after_anomaly_revolutions")),
+        ("a,1e300,", ("no life", "row 2, column life_revolutions")), ("a,1e-300,", ("no life",)),
+    ],
+)  # fmt: skip
+def test_lives_that_no_run_has_are_refused(
+    twingap: Run, folder: Path, tmp_path: Path, row: str, parts: tuple[str, ...]
+) -> None:
+    (tmp_path / "runs.csv").write_text(f"record,life_revolutions,after_anomaly_revolutions\n{row}\n", "utf-8")
+    refused(twingap(folder, "--out", tmp_path / "a.csv", "--prior", tmp_path / "runs.csv"), *parts)
+    assert not (tmp_path / "a.csv").exists()
+
+
+def test_a_run_without_any_usable_record_is_refused(twingap: Run, tmp_path: Path) -> None:
+    run = simulated()
+    dead = write(tmp_path, replace(run, peak_to_peak=0.0 * run.peak_to_peak))
+    refused(twingap(dead, "--out", tmp_path / "a.csv"), "no record can be used", "does not vibrate at all", "more")
+    assert not (tmp_path / "a.csv").exists()
 
 
 def test_what_is_read_is_not_written_over(twingap: Run, folder: Path, tmp_path: Path) -> None:

@@ -162,7 +162,7 @@ def test_offline_is_one_line_and_leaves_nothing(small_set: Make, tmp_path: Path)
     assert "\n" not in str(caught.value)
     assert "again" in str(caught.value)
     assert left_in(tmp_path / "root") == []
-    assert not (tmp_path / "root" / "small").exists()
+    assert not (tmp_path / "root").exists()
 
 
 def zipped(contents: dict[str, bytes]) -> bytes:

@@ -16,7 +16,7 @@ from twingap.identify.figures import figure_of_fit, write_figure
 from twingap.identify.intervals import Spread, clusters, jackknife
 from twingap.records import Condition, Record, RecordSet
 from twingap.twins.phenomenological import PhenomenologicalParameters, PhenomenologicalTwin
-from twingap.twins.twin_file import TwinSpec, build_twin, flat
+from twingap.twins.twin_file import TwinSpec, build_twin, flat, nested
 
 FREE = TwinSpec("phenomenological")
 OWN = PhenomenologicalParameters()
@@ -291,3 +291,37 @@ def test_a_speed_that_may_be_of_another_column_is_said() -> None:
     slow = [replace(r, condition=replace(r.condition, speed_rpm=29.95)) for r in made]
     notes = identified(RecordSet.from_records("slow", "g", made.bearing, slow)).notes
     assert any("speed_rpm is 29.95" in note for note in notes)
+
+
+def test_scale_does_not_follow_from_a_noise_that_is_not_there() -> None:
+    rng = np.random.default_rng(0)
+    faults = ("healthy", "healthy", "inner", "inner")
+    white = [
+        Record(Condition(f"r{i}", 1750.0, 12000.0, 6000, fault), rng.standard_normal(6000))
+        for i, fault in enumerate(faults)
+    ]
+    of = RecordSet.from_records("white", "g", BEARINGS["6205"], white)
+    with pytest.raises(TwingapError, match="no structure noise, from which scale would follow"):
+        identified(of, TwinSpec("phenomenological", parameters={"structure_noise_rms": 0.8}))
+    assert identified(of, TwinSpec("phenomenological", parameters={"white_noise_rms": 0.8})).estimates
+
+
+def test_a_record_in_another_unit_is_said() -> None:
+    given = list(records())
+    given[0] = Record(given[0].condition, 1e6 * given[0].samples)
+    found = identified(RecordSet.from_records("made", "g", BEARINGS["6205"], given))
+    assert any("record 'healthy0'" in note and "check their units" in note for note in found.notes)
+    low, high = found.estimates["resonance_hz"].interval or (0.0, 6000.0)
+    assert 0 <= low <= high <= 6000
+    assert not any("check their units" in note for note in identified(records()).notes)
+
+
+def test_what_was_identified_before_keeps_its_interval() -> None:
+    first = identified(records(faults=("inner", "outer"))).spec
+    left = {k: v for k, v in flat(first.parameters).items() if k != "impact_amplitude.inner"}
+    again = identified(records(seed=1), replace(first, parameters=nested(left)))
+    assert set(again.spec.intervals) == set(first.intervals)
+    assert again.spec.intervals["scale"] == first.intervals["scale"]
+    assert again.spec.intervals["impact_amplitude.inner"] != first.intervals["impact_amplitude.inner"]
+    assert first.identified is not None
+    assert any("as identified before" in n and first.identified.records_sha256[:12] in n for n in again.notes)

@@ -331,6 +331,30 @@ def test_the_owners_limit_ends_life_before_any_anomaly_too() -> None:
     assert life.end_row == 100 and any("raise the limit" in note for note in life.notes)
 
 
+def test_a_life_that_ends_among_its_first_rows_is_no_healthy_one() -> None:
+    rng = np.random.default_rng(14)
+    scatter = np.exp(0.05 * rng.normal(size=120))
+    for first, last in ((50, 60), (40, 50), (40, 120)):
+        life = OnlineLife(LifeOptions(limit=15.0))
+        amplitude = [40.0 if first <= row < last else float(scatter[row]) for row in range(max(last, 60))]
+        said = [life.update(float(row), 1500.0, p) for row, p in enumerate(amplitude)]
+        assert life.end_row == first and [e.anomaly for e in said] == [row >= first for row in range(len(said))]
+        assert said[-1].revolutions == 0.0 and life.revolutions_at_onset == 25.0 * first
+        assert sum("reach the limit" in note for note in life.notes) == 1
+    with pytest.raises(TwingapError, match="raise the limit"):  # a machine that begins there: the unit is wrong
+        told(drawn("exponential", 3, rows=80, varying=False), OnlineLife(LifeOptions(limit=1e-6)), 80)
+
+
+def test_a_time_that_is_no_number_is_refused() -> None:
+    life = OnlineLife()
+    for wrong in (float("nan"), float("inf")):
+        with pytest.raises(TwingapError, match="time_s"):
+            life.take(wrong, 1800.0, 1.0)
+    life.take(0.0, 1800.0, 1.0)
+    life.take(60.0, 1800.0, 1.0)
+    assert life.revolutions == 1800.0
+
+
 def test_notes_of_one_kind_do_not_hide_the_others() -> None:
     gaps = [f"gap of {n} s before time_s = {n}" for n in range(9)]
     assert _shortened([*gaps, "no healthy start"]) == [*gaps[:3], "and 6 more such notes", "no healthy start"]

@@ -151,3 +151,16 @@ def test_any_text_is_conditions_or_one_line(text: str) -> None:
         except TwingapError as error:
             assert "\n" not in str(error)
             assert str(path) in str(error)
+
+
+@pytest.mark.parametrize(
+    ("wrong", "says"),
+    [
+        ({"name": ""}, "text expected"), ({"n_samples": 1.5}, "whole number"), ({"n_samples": 0}, "whole number"),
+        ({"speed_rpm": "1797"}, "positive number"), ({"fs_hz": None}, "positive number"),
+    ],
+)  # fmt: skip
+def test_what_no_record_can_have_is_refused(wrong: dict[str, object], says: str) -> None:
+    with pytest.raises(TwingapError, match=says):
+        Condition(**{"name": "a", "speed_rpm": 1797.0, "fs_hz": 12000.0, "n_samples": 50} | wrong)  # type: ignore[arg-type]
+    assert Condition("a", np.float32(1797), np.int64(12000), np.int32(50)).n_samples == 50

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 from twingap.errors import TwingapError
-from twingap.files import replacing, sha256
+from twingap.files import replacing, sha256, try_folder
 from twingap.provenance import digest_of_value
 
 if TYPE_CHECKING:
@@ -197,6 +197,7 @@ def train(
     target = folder / f"learnt-{own}.gz"
     if _whole(target):
         return target
+    try_folder(folder)
     chunks = [range(start, min(start + CHUNK, machines)) for start in range(0, machines, CHUNK)]
     # A chunk is the same whatever the number of machines, but for the last one of an odd number.
     kept = folder / f"examples-{examples_key(seed, among)}"

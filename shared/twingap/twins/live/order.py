@@ -6,7 +6,8 @@ arriving messages --> usable? --> new? --> not behind the watermark? --> heap, a
 
 The watermark is the latest time seen less the lateness allowed (Akidau et al. 2015, doi:10.14778/2824032.2824076): what
 is older than it has been let go, and whatever comes from before that is too late. A message far ahead of all others
-would carry the watermark with it and make the rest late; it is held back until another one agrees with it.
+would carry the watermark with it and make the rest late; it is left out, unless the last one that was left out agrees
+with it: then a machine is heard of again after a long time. So is the very first one when the second lies far behind.
 """
 
 from __future__ import annotations
@@ -33,7 +34,7 @@ class OrderOptions:
     capacity : int
         Most messages held.
     ahead_s : float
-        A message further ahead of all others than this is held back until a second one agrees.
+        A message further ahead of all others than this is left out, until a second one agrees with it.
     remembered : int
         Most messages of which it is remembered that they were seen.
     """
@@ -100,6 +101,10 @@ class Reorder:
             if not agreed:
                 self.counts[kind, "from the future"] += 1
                 return []
+        if self._first_was_ahead(message):
+            (_, _, _, first), self._latest = self._heap.pop(), None
+            self.counts[kind_of(first), "accepted"] -= 1
+            self.counts[kind_of(first), "from the future"] += 1
         if self._let_go is not None and message.time_s < self._let_go:
             self.counts[kind, "late"] += 1
             self._remember(key)
@@ -121,6 +126,12 @@ class Reorder:
             self.counts[kind_of(self._heap[0][-1]), "overflowed"] += 1
             out.append(self._pop())
         return out
+
+    def _first_was_ahead(self, message: Message) -> bool:
+        """Whether the only message so far lies so far ahead of this one that its clock was wrong."""
+        ahead_s = max(self.options.ahead_s, self.options.lateness_s)
+        alone = self._entered == 1 and len(self._heap) == 1
+        return alone and self._latest is not None and message.time_s < self._latest - ahead_s
 
     def flush(self) -> list[Message]:
         """Let go of everything: the stream has ended."""

@@ -74,6 +74,15 @@ def test_one_clock_gone_mad_does_not_carry_the_watermark_away_but_two_that_agree
     assert buffer.watermark_s == 50_000
 
 
+def test_a_first_message_with_a_wrong_clock_does_not_make_the_rest_late() -> None:
+    buffer = Reorder(OrderOptions(lateness_s=10.0, ahead_s=1000.0))
+    out = [m.time_s for t in (4e9, 0.0, 20.0, 15.0, 40.0) for m in buffer.push(state(t))]
+    out += [m.time_s for m in buffer.flush()]
+    assert out == [0.0, 15.0, 20.0, 40.0]
+    counts = {case: n for (_, case), n in buffer.counts.items() if n}
+    assert counts == {"accepted": 4, "out of order": 1, "from the future": 1}
+
+
 def test_states_come_before_the_snapshot_of_the_same_moment() -> None:
     buffer = Reorder()
     samples = np.random.default_rng(0).standard_normal(4096)
