@@ -85,7 +85,7 @@ def classify(
         }  # fmt: skip
         say_json(about)
     else:
-        show(rows, False, title=f"{len(rows)} records by {method}")
+        show(rows, False, title=f"{len(rows)} {'record' if len(rows) == 1 else 'records'} by {method}")
         for note in (*found.notes, meaning):
             say(f"note: {note}")
     wrote(out, as_json=as_json)
