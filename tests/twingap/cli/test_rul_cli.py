@@ -437,7 +437,7 @@ def test_a_description_that_is_wrong_is_refused_in_a_line(
     ("options", "parts"),
     [
         (("--limit-ratio", "1"), ("--limit-ratio",)), (("--limit", "1e-12"), ("raise the limit",)),
-        (("--limit-ratio", "1e308"), ("--limit-ratio", "at most 1e+06")),
+        (("--limit-ratio", "1e308"), ("limit ratio = 1e+308", "at most 1e+06")),
         (("--group", "b"), ("'b'", "rig")), (("--prior", "nowhere"), ("nowhere", "no such run")),
         (("--gaps", "perhaps"), ("perhaps",)), (("--limit", "inf"), ("--limit", "limit = inf, a positive amplitude")),
     ],
