@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from twingap.errors import TwingapError
-from twingap.files import kind_of, replacing, replacing_folder, save_npy, sha256
+from twingap.files import kind_of, replacing, replacing_folder, save_npy, sha256, try_folder
 
 BOTH = pytest.mark.parametrize("place", [replacing, replacing_folder])
 
@@ -215,3 +215,12 @@ def test_arrays_are_written_as_numpy_writes_them(tmp_path: Path, shape: tuple[in
 def test_sha256(tmp_path: Path) -> None:
     (tmp_path / "x").write_bytes(b"abc")
     assert sha256(tmp_path / "x") == "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad"  # FIPS 180-2
+
+
+def test_a_folder_is_tried_and_left_as_it_was(tmp_path: Path) -> None:
+    try_folder(tmp_path / "new")
+    assert _tree(tmp_path) == ["new"]
+    (tmp_path / "file").write_text("kept")
+    with pytest.raises(TwingapError, match="a folder expected"):
+        try_folder(tmp_path / "file")
+    assert (tmp_path / "file").read_text() == "kept"

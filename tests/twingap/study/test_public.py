@@ -15,6 +15,7 @@ from twingap.bearing import BEARINGS
 from twingap.effects import make_effect
 from twingap.errors import TwingapError
 from twingap.gap.report import Candidate, GapReport, Metric, ParameterValue, Place, StandIns, Verdict
+from twingap.gap.training import train
 from twingap.records import Condition, Record, RecordSet
 from twingap.study import public, public_jobs, public_looks, public_report, public_sets
 from twingap.study.public_jobs import PublicJob
@@ -394,3 +395,17 @@ def test_what_was_answered_is_taken_from_the_folder(
         "partly_explained",
         "unexplained",
     )
+
+
+def test_what_cannot_be_answered_or_written_is_told_before_the_work(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("TWINGAP_HOME", str(tmp_path / "home"))  # where nothing is learnt yet
+    with pytest.raises(TwingapError, match="no data set 'hitsm'"):
+        public.run_public(tmp_path / "out", public.Plan(("cwru", "hitsm")))
+    (tmp_path / "out").write_text("a file", encoding="utf-8")
+    with pytest.raises(TwingapError, match="a folder expected"):
+        public.run_public(tmp_path / "out", public.Plan(("cwru",)))
+    with pytest.raises(TwingapError, match="a folder expected"):
+        train(tmp_path / "out")
+    assert not (tmp_path / "home").exists()
