@@ -137,7 +137,7 @@ def run(
 
     Parameters
     ----------
-    profile : {"smoke", "noise", "lean", "balanced", "broad", "core", "full"}
+    profile : {"smoke", "noise", "lean", "balanced", "states", "broad", "core", "full"}
         "noise" is a part of "balanced" and of "broad", and "core" of "full".
     out : Path
         Folder for ``tables/``, ``figures/`` and ``results/``.

@@ -89,10 +89,11 @@ def accuracy(runs: pd.DataFrame, available: str) -> Figure:
         panel.set_ylim(-3, 103)  # markers at 0 and at 100 stay whole
         panel.grid(axis="y", color="0.9")
         panel.set_xticks(range(len(ALL)), ALL, rotation=90, fontsize=11)
-    for lowest in panels.flat[max(len(names) - columns, 0) : len(names)]:
-        lowest.tick_params(labelbottom=True)
-    for name in panels[rows - 2, -1].get_xticklabels() if rows > 1 else ():
-        name.set_in_layout(False)  # it hangs into the empty place below
+    for place in range(max(len(names) - columns, 0), len(names)):
+        panels.flat[place].tick_params(labelbottom=True)
+        if place < (rows - 1) * columns:
+            for label in panels.flat[place].get_xticklabels():
+                label.set_in_layout(False)  # it hangs into the empty place below
     for panel in panels[:, 0]:
         panel.set_ylabel("windows right (%)")
     figure.suptitle(f"{available} target data: mean, seeds (dots), 95 % interval over seeds (bars)")

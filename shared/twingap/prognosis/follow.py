@@ -168,9 +168,9 @@ def follow(
             raise TwingapError(error.what, where=f"run {run.name!r}, {error.where}", mend=error.mend) from error
         lived.append(life.revolutions)
         timeless += life.timeless
-    if skipped and not usable:
-        more = f", and {len(skipped) - 1} more" if len(skipped) > 1 else ""
-        raise TwingapError(f"no record can be used: {skipped[0]}{more}", where=f"run {run.name!r}")
+    left_out = skipped[0] + (f", and {len(skipped) - 1} more" if len(skipped) > 1 else "") if skipped else None
+    if left_out and not usable:
+        raise TwingapError(f"no record can be used: {left_out}", where=f"run {run.name!r}")
     notes = [*run.notes, *_shortened(life.notes)]
     lengths = {row.channel.n_samples for row in run.rows if row.channel is not None and row.speed_rpm > 0}
     if taken is not None and len(lengths) > 1:
@@ -188,9 +188,8 @@ def follow(
             f"by time_s nothing has turned since the anomaly began in {timeless} rows: growth says nothing of what "
             "remains there"
         )
-    if skipped:
-        more = f", and {len(skipped) - 1} more" if len(skipped) > 1 else ""
-        notes.append(f"left out, with the estimate carried on from the row before: {skipped[0]}{more}")
+    if left_out:
+        notes.append(f"left out, with the estimate carried on from the row before: {left_out}")
     if kurtosis and float(np.median(kurtosis)) > _IMPULSIVE:
         notes.append(
             f"the first rows are impulsive (kurtosis {np.median(kurtosis):.1f}; Gaussian noise has 3): the bearing may "

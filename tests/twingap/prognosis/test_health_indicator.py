@@ -18,6 +18,7 @@ from twingap.prognosis.health_indicator import (
     judged,
     offline_indicators,
     online_indicators,
+    running,
 )
 from twingap.prognosis.indicator_criteria import IndicatorCriteria, causal_trend, judge
 from twingap.records import Condition, Record, RecordSet
@@ -168,3 +169,11 @@ def test_records_that_are_no_run_are_refused(times: list[float | None], said: st
 def test_a_run_is_checked(time_s: list[float], value: float, said: str) -> None:
     with pytest.raises(TwingapError, match=said):
         Run("x", np.array(time_s), ("a",), np.array([[1.0], [value]]))
+
+
+@pytest.mark.parametrize(("still", "level"), [(20, 0.0), (20, 0.01), (40, 0.0)])
+def test_rows_before_the_machine_runs_are_silent(still: int, level: float) -> None:
+    rms = np.where(np.arange(90) < still, level, 1.0)
+    found = running(Run("late", np.arange(90.0), ("rms",), rms[:, None]), 30)
+    assert found.tolist() == (np.arange(90) >= still).tolist()
+    assert running(Run("never", np.arange(90.0), ("rms",), np.zeros((90, 1))), 30).all(), "then it is no rms"
