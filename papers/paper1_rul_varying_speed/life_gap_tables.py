@@ -53,12 +53,23 @@ def summary(every: pd.DataFrame) -> pd.DataFrame:
     for model, own in every.groupby("model", sort=False):
         before = own[own["added"] == ""].pivot(index="bearing", columns="seed", values="rmse_min")
         after = own[own["added"] != ""].pivot(index="bearing", columns="seed", values="rmse_min")
-        after = after.reindex(index=before.index, columns=before.columns).fillna(before)
-        ratios = (after.mean() / before.mean()).to_numpy()
-        low, high = t_interval(list(ratios), 0.9)
-        out.append({
-            "data": own["data"].iloc[0], "model": model, "runs": len(before), "seeds": ratios.size,
-            "before_min": before.to_numpy().mean(), "after_min": after.to_numpy().mean(), "ratio": ratios.mean(),
-            "low_90": low, "high_90": high, "runs_better": int((after.mean(axis=1) < before.mean(axis=1)).sum()),
-        })  # fmt: skip
+        out.append({"data": own["data"].iloc[0], "model": model, **compared(before, after)})
     return pd.DataFrame(out)
+
+
+def compared(before: pd.DataFrame, after: pd.DataFrame) -> dict[str, float]:
+    """Errors before and after, their ratio with its 90 % interval over seeds, and on how many runs it is below 1.
+
+    Parameters
+    ----------
+    before, after : DataFrame [runs, seeds]
+        RMSE, min; runs that `after` lacks count as unchanged.
+    """
+    after = after.reindex(index=before.index, columns=before.columns).fillna(before)
+    ratios = (after.mean() / before.mean()).to_numpy()
+    low, high = t_interval(list(ratios), 0.9)
+    return {
+        "runs": len(before), "seeds": ratios.size,
+        "before_min": before.to_numpy().mean(), "after_min": after.to_numpy().mean(), "ratio": ratios.mean(),
+        "low_90": low, "high_90": high, "runs_better": int((after.mean(axis=1) < before.mean(axis=1)).sum()),
+    }  # fmt: skip

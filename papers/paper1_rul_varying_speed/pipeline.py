@@ -1,9 +1,9 @@
-"""Paper 1: five models on every run, five seeds each; tables 3 and 5 and figures 3 to 14; four studies beside it.
+"""Paper 1: five models on every run, five seeds each; tables 3 and 5 and figures 3 to 14; five studies beside it.
 
 Smart Maintenance set, or virtual rig --> cases --> twin, up to now --> simulated lives --> five models x seeds
                                                                                                     |
                      tables, figures, MLflow runs <-- judged on the run to its end <-- chosen without labels
-                                    ^--------- femto, rig_lives, ablation, life_gap: studies of the full profile
+                                    ^--- femto, rig_lives, ablation, life_gap, femto_lives: studies of full
 
 Used in: Simulation-based remaining useful life prediction of rolling element bearings under varying operating
 conditions. The method is in `twingap.prognosis`; here is the study.
@@ -19,7 +19,7 @@ from typing import Any
 
 import numpy as np
 
-from papers.paper1_rul_varying_speed import ablation, femto, life_gap, rig_lives, tables
+from papers.paper1_rul_varying_speed import ablation, femto, femto_lives, life_gap, rig_lives, tables
 from papers.paper1_rul_varying_speed.cases import Case, Target, load_target, read_case
 from papers.paper1_rul_varying_speed.job import Job, train_and_judge
 from papers.paper1_rul_varying_speed.models import architecture_of
@@ -160,9 +160,10 @@ def beside(log: Run, profile: str, config: Path, given: Mapping[str, Any]) -> tu
         "ablation": functools.partial(ablation.run, config=config),
         "life_gap": functools.partial(life_gap.run, config=config),
     }
-    missing: tuple[str, ...] = ("femto",)
+    missing: tuple[str, ...] = ("femto", "femto_lives")
     if femto.at_hand(given["root"]):
-        studies, missing = {"femto": femto.run, **studies}, ()
+        on_lives = functools.partial(femto_lives.run, config=config)
+        studies, missing = {"femto": femto.run, **studies, "femto_lives": on_lives}, ()
     for name, study in studies.items():
         with log.run(name, {"paper": "paper1", "study": name, "profile": profile}) as of_study:
             of_study.parameters({"profile": profile, "seed": given["seed"]})

@@ -155,7 +155,9 @@ def test_the_full_profile_of_the_paper_logs_the_study_in_a_run_of_its_own(
     with FolderTracker(tmp_path / "runs").run("paper1") as log:
         assert pipeline.beside(log, "smoke", config, given) == ()
         assert not (tmp_path / "out").exists()
-        assert pipeline.beside(log, "full", config, given) == ("femto",), "its data are not under this root"
+        assert pipeline.beside(log, "full", config, given) == ("femto", "femto_lives"), (
+            "its data are not under this root"
+        )
     for table in ("life_gap_rmse", "ablation_summary", "rig_lives"):
         assert [path.name for path in (tmp_path / "runs").rglob(f"{table}*")], table
     assert len(pd.read_csv(tmp_path / "out" / "tables" / "life_gap.csv")) == 2
