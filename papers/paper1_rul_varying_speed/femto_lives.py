@@ -19,6 +19,7 @@ from __future__ import annotations
 
 import dataclasses
 import functools
+import sys
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -272,7 +273,7 @@ def run(
     given: dict[str, Any] = {"store": out / "results", "backend": backend, "address": address}
     answers = sweep(
         functools.partial(diagnosed, root=where, config=str(config)), list(cases),
-        version=code_of_training() + digest_of_code(twingap.gap, femto_lives_code(), life_gap_diagnoses),
+        version=code_of_training() + digest_of_code(twingap.gap, sys.modules[__name__], life_gap_diagnoses),
         data={"learnt": files.sha256(learnt), "femto": digest_of_path(data_root(where) / "femto")},
         describe=lambda job: job.words, on_result=Count("diagnoses", len(cases), progress), **given,
     )  # fmt: skip
@@ -286,7 +287,7 @@ def run(
             functools.partial(train_and_judge, case=case), jobs[one],
             data={"run": case.digest, "adaptation": repr((options.adaptation, one.wait_min, REFERENCE_MIN, END_RATIO))},
             version=code_of_training(), on_result=count,
-            describe=lambda j, one=one: f"{one.words}, {j.variant} twin, {j.model}, seed {j.seed}, {j.added}", **given,
+            describe=functools.partial(_words, one), **given,
         )  # fmt: skip
         computed += sum(bool(r.why) for r in results)
         trained += [(one, r.job, dict(r.value)) for r in results]
@@ -304,11 +305,8 @@ def run(
     return FemtoLives(made, computed)
 
 
-def femto_lives_code() -> Any:
-    """This module, for keys of results."""
-    import papers.paper1_rul_varying_speed.femto_lives as own
-
-    return own
+def _words(wanted: Wanted, job: Job) -> str:
+    return f"{wanted.words}, {job.variant} twin, {job.model}, seed {job.seed}, {job.added}"
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
