@@ -95,7 +95,7 @@ def fusion_features(j: Judged) -> Figure:
     for panel, (name, x), part in zip(panels, fused.items(), share, strict=False):
         panel.plot(hours, x, ".", ms=2, color=RECORDS)
         panel.plot(hours, causal_trend(x, j.run.trend_rows), color=MARK if name == "fusion 9" else TREND, lw=1.5)
-        panel.set_title(f"{name}: {100 * part:.1g} %")
+        panel.set_title(f"{name}: {100 * part:.2g} %")
     for panel in panels[max(len(fused) - columns, 0) : len(fused)]:
         panel.set_xlabel("running time (h)")
     for panel in panels[len(fused) :]:
@@ -215,7 +215,7 @@ def lives(study: Study) -> Figure:
         panel.grid(color="0.9")
     level = f"{study.options.interval_level:.0%}"
     figure.suptitle(
-        f"Remaining life, indicator: RMS, limit: its own end, known in hindsight ({study.data}); "
+        f"Remaining life, indicator: RMS, limit: its own end, known in hindsight ({study.data})\n"
         f"bars: {level} intervals; at {highest:g}: later or never"
     )
     figure.legend(*panels[0].get_legend_handles_labels(), loc="outside lower center", ncols=4)
