@@ -42,7 +42,7 @@ def lives(every: pd.DataFrame, runs: pd.DataFrame) -> Figure:
                     axes.vlines(at + aside, least, most, color=colour, lw=2)
                     axes.plot(at + aside, mean, mark, color=colour, ms=8, label=twin)
                 axes.plot(
-                    at, known["lives_rmse_min"], "_", color="0.2", ms=34, mew=2, label="simulated lives, no network"
+                    at, known["lives_rmse_min"], "_", color="0.2", ms=26, mew=2, label="simulated lives, no network"
                 )
                 axes.set_xticks(at, [name.removeprefix("Bearing") for name in known["bearing"]])
                 axes.set_xlim(-0.6, len(known) - 0.4)
@@ -54,5 +54,5 @@ def lives(every: pd.DataFrame, runs: pd.DataFrame) -> Figure:
         for axes in panels[-1]:
             axes.set_xlabel("FEMTO bearing")
         handles, labels = panels[0, 0].get_legend_handles_labels()
-        figure.legend(handles, labels, loc="outside lower center", ncols=4)
+        figure.legend(handles, labels, loc="outside lower center", ncols=4, handlelength=2.4)
     return figure
