@@ -80,8 +80,8 @@ PROFILES: Final = {
     "smoke": Size(("A154",), 1, 200, 1, 800),
     "full": Size(("A148", "A150", "A153", "A154", "A155", "A156"), 5, 1500, 2, 3000),
 }
-"""full trains as the paper's table 5 does: 240 networks, 200 minutes of one core, or 3
-of an H100 shared by 16 processes."""
+"""full trains as the paper's table 5 does: 240 networks, 200 minutes of one core, or 3 of an
+H100 shared by 16 processes."""
 
 
 @dataclass(frozen=True)

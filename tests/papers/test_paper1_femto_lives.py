@@ -40,8 +40,9 @@ def case(records: RecordSet, options: Options) -> Case:
     return femto_lives.read_case(records, RUN, 2.0, options)
 
 
+@pytest.mark.parametrize("later_peaks", [77.0, 0.01])
 def test_the_twin_knows_no_row_after_now_and_the_judge_the_time_to_the_last(
-    case: Case, records: RecordSet, options: Options, monkeypatch: pytest.MonkeyPatch
+    case: Case, records: RecordSet, options: Options, monkeypatch: pytest.MonkeyPatch, later_peaks: float
 ) -> None:
     twin, rows = case.known.twin, test_paper1_femto.RUNS[RUN]
     assert 0.6 * rows <= twin.onset_row <= 0.75 * rows and twin.now_row == twin.anomaly.alarm_row + 12
@@ -52,7 +53,7 @@ def test_the_twin_knows_no_row_after_now_and_the_judge_the_time_to_the_last(
     def spoilt(own: RecordSet) -> object:
         run = real(own)
         later = np.arange(run.time_s.size) > twin.now_row
-        return dataclasses.replace(run, peak_to_peak=np.where(later, 77.0, run.peak_to_peak))
+        return dataclasses.replace(run, peak_to_peak=np.where(later, later_peaks, run.peak_to_peak))
 
     monkeypatch.setattr(femto_lives, "read_run", spoilt)
     other = femto_lives.read_case(records, RUN, 2.0, options).known.twin
@@ -129,8 +130,6 @@ def test_the_figure_has_a_panel_per_wait_and_model_and_a_mark_per_run() -> None:
     panels = lives(pd.DataFrame(rows), pd.DataFrame(runs)).axes
     assert len(panels) == 4
     assert [len(axes.get_lines()[0].get_ydata()) for axes in panels] == [1, 1, 2, 2]
-    assert list(panels[2].get_lines()[0].get_ydata()) == [1.5, 1.5] and list(panels[2].get_lines()[3].get_ydata()) == [
-        3,
-        5,
-    ]
+    assert list(panels[2].get_lines()[0].get_ydata()) == [1.5, 1.5]
+    assert list(panels[2].get_lines()[3].get_ydata()) == [3, 5]
     assert errors([]).empty
