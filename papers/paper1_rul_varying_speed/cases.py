@@ -221,24 +221,68 @@ def read_case(target: Target, name: str, options: TargetOptions, adaptation: Ada
     if records.bearing is None:
         raise TwingapError("brings no bearing geometry", where=f"record set {records.name!r}")
     run = read_run(records)
-    mode = read_mode(records, run, adaptation)
-    waited: list[str] = []
-    try:
-        twin = adapt_when_possible(run, mode, adaptation, waited.append)
-    except TwingapError as error:
-        raise TwingapError(str(error), where=f"run {name}") from error
+    twin, waited = adapted(records, run, name, adaptation)
     # From here on the end of the run is looked at: for labels that only the judge gets.
-    onset, n = twin.onset_row, options.window_samples
-    beyond = end_row(run.peak_to_peak[onset:], adaptation.limit)
+    beyond = end_row(run.peak_to_peak[twin.onset_row :], adaptation.limit)
     if beyond is None:
         raise TwingapError(f"never reaches {adaptation.limit:g}", where=f"run {name}", mend="lower adaptation.limit")
-    end = onset + beyond
-    judged = measured_snapshots(records, onset, range(onset + 1, end + 1), n)
+    end = twin.onset_row + beyond
+    healthy = run.rows_in(adaptation.reference_min)
+    read = Reading(name, options.fault, options.window_samples, healthy, target.onsets_s.get(name), waited)
+    return case_of(records, run, twin, end, read)
+
+
+def adapted(records: RecordSet, run: Run, name: str, adaptation: Adaptation) -> tuple[AdaptiveTwin, tuple[str, ...]]:
+    """The twin at the first moment at which it can be had, and why not earlier.
+
+    Raises
+    ------
+    TwingapError
+        When nothing can be predicted of the run; with its name.
+    """
+    waited: list[str] = []
+    try:
+        twin = adapt_when_possible(run, read_mode(records, run, adaptation), adaptation, waited.append)
+    except TwingapError as error:
+        raise TwingapError(str(error), where=f"run {name}") from error
+    return twin, tuple(waited)
+
+
+@dataclass(frozen=True)
+class Reading:
+    """How the records of a run are cut.
+
+    Parameters
+    ----------
+    name : str
+        Of the bearing.
+    fault : str
+    n_samples : int
+        From the beginning of each record.
+    healthy_rows : int
+    onset_s : float or None
+        When damage really began, where that is known.
+    waited : tuple of str
+    """
+
+    name: str
+    fault: str
+    n_samples: int
+    healthy_rows: int
+    onset_s: float | None
+    waited: tuple[str, ...]
+
+
+def case_of(records: RecordSet, run: Run, twin: AdaptiveTwin, end: int, read: Reading) -> Case:
+    """Records up to now for the training, unlabelled; those to the end, with labels, for the judge alone."""
+    assert records.bearing is not None
+    onset, first = twin.onset_row, records.conditions[0]
+    judged = measured_snapshots(records, onset, range(onset + 1, end + 1), read.n_samples)
     left = remaining_revolutions(run.speed_rpm[onset : end + 1], run.dt_s)[1:]
     seen = judged.take(judged.position <= twin.now_row - onset)
-    healthy = measured_snapshots(records, onset, range(run.rows_in(adaptation.reference_min)), n)
+    healthy = measured_snapshots(records, onset, range(read.healthy_rows), read.n_samples)
     known = Known(
-        name, records.bearing, options.fault, records.conditions[0].fs_hz, records.unit, run.dt_s, twin, healthy, seen
+        read.name, records.bearing, read.fault, first.fs_hz, records.unit, run.dt_s, twin, healthy, seen
     )  # fmt: skip
     labelled = Snapshots(judged.samples, judged.speed_rpm, judged.position, judged.life, left)
-    return Case(known, run.until(end), labelled, target.onsets_s.get(name), tuple(waited))
+    return Case(known, run.until(end), labelled, read.onset_s, read.waited)

@@ -28,7 +28,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 from papers.paper1_rul_varying_speed import life_gap_diagnoses
-from papers.paper1_rul_varying_speed.cases import Case, Known
+from papers.paper1_rul_varying_speed.cases import Case, Reading, adapted, case_of
 from papers.paper1_rul_varying_speed.femto_lives_tables import errors, of_runs, summary
 from papers.paper1_rul_varying_speed.job import Added, Job, train_and_judge
 from papers.paper1_rul_varying_speed.life_gap import MODELS, added
@@ -40,10 +40,7 @@ from papers.studies import Count, Progress, command, keep_figures, keep_tables, 
 from twingap import files
 from twingap.data import load
 from twingap.errors import TwingapError
-from twingap.prognosis.adaptive_twin import adapt_when_possible, read_mode
-from twingap.prognosis.remaining_life import remaining_revolutions
 from twingap.prognosis.run import read_run
-from twingap.prognosis.simulated_lives import Snapshots, measured_snapshots
 from twingap.provenance import digest_of_code, digest_of_path
 from twingap.records import RecordSet
 from twingap.sweep import sweep
@@ -160,20 +157,10 @@ def read_case(records: RecordSet, name: str, wait_min: float, options: Options) 
         options.adaptation, reference_min=REFERENCE_MIN, after_alarm_min=wait_min,
         limit=END_RATIO * float(np.median(run.peak_to_peak[: run.rows_in(REFERENCE_MIN)])),
     )  # fmt: skip
-    waited: list[str] = []
-    try:
-        twin = adapt_when_possible(run, read_mode(own, run, adaptation), adaptation, waited.append)
-    except TwingapError as error:
-        raise TwingapError(str(error), where=f"run {name}") from error
+    twin, waited = adapted(own, run, name, adaptation)
     # From here on the end of the run is looked at: for labels that only the judge gets.
-    onset, end, length = twin.onset_row, run.time_s.size - 1, own.conditions[0].n_samples
-    judged = measured_snapshots(own, onset, range(onset + 1, end + 1), length)
-    left = remaining_revolutions(run.speed_rpm[onset:], run.dt_s)[1:]
-    seen = judged.take(judged.position <= twin.now_row - onset)
-    healthy = measured_snapshots(own, onset, range(run.rows_in(REFERENCE_MIN)), length)
-    known = Known(name, own.bearing, FAULT, own.conditions[0].fs_hz, own.unit, run.dt_s, twin, healthy, seen)
-    labelled = Snapshots(judged.samples, judged.speed_rpm, judged.position, judged.life, left)
-    return Case(known, run, labelled, None, tuple(waited))
+    length, healthy = own.conditions[0].n_samples, run.rows_in(REFERENCE_MIN)
+    return case_of(own, run, twin, run.time_s.size - 1, Reading(name, FAULT, length, healthy, None, waited))
 
 
 @functools.lru_cache(maxsize=12)
