@@ -14,7 +14,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
-from typing import Final, Literal, NamedTuple
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,21 +22,15 @@ from numpy.typing import NDArray
 from twingap.errors import TwingapError
 from twingap.prognosis.anomaly import AnomalyRule, detect_anomaly, rank
 from twingap.prognosis.calibration import Posterior, calibrated
+from twingap.prognosis.columns import Columns
 from twingap.prognosis.growth import Seen, lives
 from twingap.prognosis.healthy_start import rises, shown_healthy
 from twingap.prognosis.prior import Prior
+from twingap.prognosis.revolutions import Gaps, RevolutionCount
 from twingap.prognosis.speed_influence import SAME_SPEED, SpeedInfluence, fit_speed_influence
 
 Array = NDArray[np.float64]
 
-GAP: Final = 3.0
-"""A row that comes after more than this many times the usual spacing comes after a gap."""
-_IRREGULAR: Final = 10.0
-"""The most that irregular sampling makes of it."""
-_SPACINGS: Final = 20
-"""Last ones that say what is usual."""
-_FIRST_ROWS: Final = 8
-"""Rows whose spacings are looked at again while it is learnt what is usual: before any of them can be judged."""
 _PER_SPEED: Final = 4
 _RUN_IN: Final = 0.15
 """Fall of healthy log amplitude with which it is learnt again."""
@@ -70,7 +64,7 @@ class LifeOptions:
     limit_ratio: float = 10.0
     healthy_rows: int = 60
     rule: AnomalyRule = field(default_factory=AnomalyRule)
-    gaps: Literal["running", "stopped"] = "running"
+    gaps: Gaps = "running"
 
     def __post_init__(self) -> None:
         if self.limit is not None and not (np.isfinite(self.limit) and self.limit > 0):
@@ -80,15 +74,6 @@ class LifeOptions:
             raise TwingapError(f"limit ratio = {self.limit_ratio!r}, {wanted}", where="end of life")
         if self.healthy_rows < 8:
             raise TwingapError(f"{self.healthy_rows} healthy rows, at least 8 expected", where="healthy rows")
-
-
-class _Spacing(NamedTuple):
-    """From a row to the next one, at `time_s`: turns counted, at a mean speed."""
-
-    time_s: float
-    dt_s: float
-    turns: float
-    speed_rpm: float
 
 
 @dataclass(frozen=True)
@@ -142,8 +127,6 @@ class OnlineLife:
         What was unusual about the run so far, and how it was taken.
     onset_row, alarm_row : int or None
         First row of the anomaly, and the row with which it was known, counted in rows taken.
-    revolutions : float
-        Since the first row.
     """
 
     def __init__(self, options: LifeOptions | None = None, prior: Prior | None = None) -> None:
@@ -153,20 +136,15 @@ class OnlineLife:
         self.onset_row: int | None = None
         self.alarm_row: int | None = None
         self.end_row: int | None = None
-        self.revolutions = 0.0
+        self._turned = RevolutionCount(self.options.gaps)
         self._turns_at_end = 0.0
-        self._rows = 0
-        self._time: float | None = None
-        self._speed = 0.0
-        self._spacings: list[_Spacing] = []
-        self._unsure: list[_Spacing] = []
         self._influence: SpeedInfluence | None = None
         self._same_speed = SAME_SPEED
         self._limit = float("nan")
         self._healthy: list[tuple[float, float]] = []
         self._learning: dict[int, list[tuple[float, float]]] = {}
-        # Speed and amplitude of every row since the first healthy one, and how many of them count as healthy.
-        self._seen_rows: list[tuple[float, float]] = []
+        # Every row since the first healthy one, and how many of them count as healthy.
+        self._seen_rows = Columns("speed_rpm", "peak_to_peak")
         self._reference_rows = 0
         self._shown_healthy = True
         self._reference = (0.0, 0.1, 0.0)  # mean, standard deviation, memory of log amplitude
@@ -175,8 +153,7 @@ class OnlineLife:
         self._used_rule = self.options.rule
         self._settled_at = 0
         self._beyond = False
-        # Judged rows: number of the row, revolutions, log normalised amplitude.
-        self._log: list[tuple[int, float, float]] = []
+        self._log = _no_judged_rows()
         self._last: tuple[float, float, float, float] | None = None
         self._highest_gain = 0.0
 
@@ -192,16 +169,15 @@ class OnlineLife:
         peak_to_peak : float
             NaN when the record cannot be used.
         """
+        row, before_s = self._turned.rows, self._turned.time_s
         if not np.isfinite(time_s):
-            raise TwingapError(f"time_s = {time_s!r}, a finite number expected", where=f"row {self._rows}")
-        if self._time is not None and time_s < self._time:
+            raise TwingapError(f"time_s = {time_s!r}, a finite number expected", where=f"row {row}")
+        if before_s is not None and time_s < before_s:
             raise TwingapError("is before the row taken last", where=f"time_s = {time_s:g}", mend="sort rows by time")
-        row = self._rows
-        self._rows += 1
-        self._count(time_s, speed_rpm)
+        self.notes += self._turned.take(time_s, speed_rpm)
         if not (speed_rpm > 0 and np.isfinite(peak_to_peak) and peak_to_peak > 0):
             return
-        self._seen_rows.append((speed_rpm, peak_to_peak))
+        self._seen_rows.append(speed_rpm, peak_to_peak)
         limit = self.options.limit
         at_limit = limit is not None and peak_to_peak >= limit
         if self._influence is None:
@@ -229,14 +205,14 @@ class OnlineLife:
 
     def estimate(self) -> Estimate:
         """Remaining life after the rows taken so far."""
-        speed = self._speed
+        speed = self._turned.speed_rpm
         if self.end_row is not None:
             return Estimate(True, 0.0, 0.0, 0.0, speed)
         if self.alarm_row is None:
             return self._before(speed)
         if self.timeless:
             return replace(self._before(speed), anomaly=True)
-        if self._log and (self._last is None or self._last[0] != self._log[-1][1]):
+        if len(self._log) and (self._last is None or self._last[0] != self._log["turns"][-1]):
             self._last = self._after()
         if self._last is None:
             return Estimate(True, speed_rpm=speed)
@@ -252,9 +228,14 @@ class OnlineLife:
         return self.estimate()
 
     @property
+    def revolutions(self) -> float:
+        """Since the first row."""
+        return self._turned.revolutions
+
+    @property
     def judged(self) -> bool:
         """Whether any row has been judged: the healthy rows are over."""
-        return bool(self._log)
+        return len(self._log) > 0
 
     @property
     def above(self) -> int:
@@ -274,15 +255,14 @@ class OnlineLife:
     @property
     def timeless(self) -> bool:
         """Whether an anomaly is known within which nothing has turned yet, by its times: growth without a rate."""
-        if self.alarm_row is None or self.end_row is not None or not self._log:
+        if self.alarm_row is None or self.end_row is not None or not self.judged:
             return False
-        return not self._log[-1][1] > self.revolutions_at_onset
+        return not self._log["turns"][-1] > self.revolutions_at_onset
 
     @property
     def amplitudes(self) -> tuple[NDArray[np.int64], Array, Array]:
         """Judged rows: number, revolutions since the first row, log normalised amplitude [rows each]."""
-        rows, turns, logs = zip(*self._log, strict=True) if self._log else ((), (), ())
-        return np.array(rows, np.int64), np.array(turns, float), np.array(logs, float)
+        return self._log["row"].astype(np.int64), self._log["turns"].copy(), self._log["log"].copy()
 
     @property
     def end_level(self) -> float:
@@ -297,52 +277,17 @@ class OnlineLife:
     @property
     def level(self) -> float:
         """Median log normalised amplitude of the last five judged rows; NaN before any."""
-        return float(np.median([x for _, _, x in self._log[-5:]])) if self._log else float("nan")
+        return float(np.median(self._log["log"][-5:])) if self.judged else float("nan")
 
     @property
     def revolutions_at_onset(self) -> float:
         """Revolutions since the first row at which the anomaly began; NaN without one."""
         if self.onset_row is None:
             return float("nan")
-        return next((u for row, u, _ in self._log if row >= self.onset_row), self._turns_at_end or self.revolutions)
-
-    def _count(self, time_s: float, speed_rpm: float) -> None:
-        """Revolutions since the last row, and whether rows are missing."""
-        speed = max(speed_rpm, 0.0) if np.isfinite(speed_rpm) else self._speed
-        if self._time is not None:
-            dt_s, mean = time_s - self._time, (speed + self._speed) / 2
-            turns = mean * dt_s / 60 if min(speed, self._speed) > 0 else 0.0
-            spacing = _Spacing(time_s, dt_s, turns, mean)
-            self._spacings = [*self._spacings[1 - _SPACINGS :], spacing]
-            longest = self._longest_spacing()
-            # What is usual is not known at first: a gap among the first rows shows with the ones that follow.
-            for earlier in (s for s in self._unsure if s.dt_s > longest):
-                self.revolutions -= self._gap(earlier)
-            self.revolutions += turns - (self._gap(spacing) if dt_s > longest else 0.0)
-            unsure = [s for s in (*self._unsure, spacing) if s.dt_s <= longest]
-            self._unsure = unsure if self._rows < _FIRST_ROWS else []
-        self._time, self._speed = time_s, speed
-
-    def _longest_spacing(self) -> float:
-        """The longest time between rows that is no gap, s; infinite as long as nothing is usual.
-
-        Gaps only lengthen spacings: how irregular these are is read off the shorter half, by the median over the
-        shortest tenth.
-        """
-        lengths = sorted(s.dt_s for s in self._spacings if s.dt_s > 0)
-        if len(lengths) < 3:
-            return float("inf")
-        usual, short = lengths[len(lengths) // 2], lengths[(len(lengths) - 1) // 10]
-        return usual * min(max(GAP, usual / short), _IRREGULAR)
-
-    def _gap(self, spacing: _Spacing) -> float:
-        """Say so; the revolutions of it that are not to be counted."""
-        counted = self.options.gaps == "running" and spacing.turns > 0
-        how = f"counted at {spacing.speed_rpm:.0f} rpm" if counted else "not counted"
-        self.notes.append(
-            f"gap of {spacing.dt_s:.6g} s before time_s = {spacing.time_s:.6g}: its revolutions are {how}"
-        )
-        return 0.0 if counted else spacing.turns
+        place = int(np.searchsorted(self._log["row"], self.onset_row))
+        if place == len(self._log):
+            return self._turns_at_end or self.revolutions
+        return float(self._log["turns"][place])
 
     def _learn(self, row: int) -> None:
         """S(k), the limit of the anomaly and the scatter, from the healthy rows."""
@@ -399,7 +344,7 @@ class OnlineLife:
         turns = np.linspace(0, self.revolutions, len(self._healthy))
         for place, (u, (s, a)) in enumerate(zip(turns, self._healthy, strict=True)):
             relative = float(np.log(a / self._influence.amplitude(s))) - self._reference[0]
-            self._log.append((place, float(u), relative))
+            self._log.append(place, float(u), relative)
             self._highest_gain = max(self._highest_gain, float(self._influence.amplitude(s)))
 
     def _check_start(self) -> None:
@@ -407,7 +352,7 @@ class OnlineLife:
         if self.options.limit is not None:
             return
         assert self._influence is not None
-        speed, p = (np.array(v) for v in zip(*self._seen_rows, strict=True))
+        speed, p = self._seen_rows["speed_rpm"], self._seen_rows["peak_to_peak"]
         logs = np.log(p / self._influence.amplitude(speed)) - self._reference[0]
         _, scatter, memory = self._reference
         self._shown_healthy = shown_healthy(
@@ -491,7 +436,7 @@ class OnlineLife:
         assert self._influence is not None
         gain = float(self._influence.amplitude(speed_rpm))
         normalised = peak_to_peak / gain
-        self._log.append((row, self.revolutions, float(np.log(normalised)) - self._reference[0]))
+        self._log.append(row, self.revolutions, float(np.log(normalised)) - self._reference[0])
         if self.alarm_row is None and self._settled():
             return
         self._highest_gain = max(self._highest_gain, gain)
@@ -515,7 +460,7 @@ class OnlineLife:
             ended = (
                 peak_to_peak >= self.options.limit
                 if self.options.limit is not None
-                else self._log[-1][2] >= self._end()
+                else self._log["log"][-1] >= self._end()
             )
             if ended:
                 self.end_row = row
@@ -527,7 +472,7 @@ class OnlineLife:
         if len(self._log) - self._settled_at < count:
             return False
         self._settled_at = len(self._log)
-        last = np.array([x for _, _, x in self._log[-count:]])
+        last = self._log["log"][-count:]
         fallen = float(np.median(last))
         if fallen > -_RUN_IN:
             return False
@@ -540,22 +485,23 @@ class OnlineLife:
         self._influence = SpeedInfluence(old.speeds_rpm, old.c * np.exp(fallen + self._reference[0]), old.counts)
         self._limit = found.limit
         self._set_reference(normalised)
-        self._run, self._log, self._settled_at = [], [], 0
-        self._seen_rows, self._reference_rows = self._seen_rows[-count:], count
+        self._run, self._log, self._settled_at = [], _no_judged_rows(), 0
+        self._seen_rows.keep_last(count)
+        self._reference_rows = count
         self._check_limit()
         self.notes.append(
-            f"amplitude has fallen to {np.exp(fallen):.2f} of that of the first rows by row {self._rows - 1} (running "
-            f"in): the last {count} rows count as the healthy ones from there on"
+            f"amplitude has fallen to {np.exp(fallen):.2f} of that of the first rows by row {self._turned.rows - 1} "
+            f"(running in): the last {count} rows count as the healthy ones from there on"
         )
         return True
 
     def _calm(self, row: int) -> bool:
         """Whether amplitude has come back to within its healthy scatter."""
         assert self.alarm_row is not None
-        last = [x for _, _, x in self._log[-_CALM:]]
-        if len(last) < _CALM or row - self.alarm_row < _CALM or not np.isfinite(self._limit):
+        last = self._log["log"][-_CALM:]
+        if last.size < _CALM or row - self.alarm_row < _CALM or not np.isfinite(self._limit):
             return False
-        return float(np.mean(np.array(last) > np.log(self._limit) - self._reference[0])) <= 0.1
+        return float(np.mean(last > np.log(self._limit) - self._reference[0])) <= 0.1
 
     def _end(self) -> float:
         """Log normalised amplitude at the end of life."""
@@ -573,7 +519,7 @@ class OnlineLife:
 
     def posterior(self) -> Posterior | None:
         """What the growth laws say at the last judged row, before calibration; None before the anomaly."""
-        if self.alarm_row is None or not self._log:
+        if self.alarm_row is None or not self.judged:
             return None
         seen, rows = self._seen()
         end = self._end()
@@ -589,20 +535,19 @@ class OnlineLife:
         if self.prior is not None:
             since = self.revolutions - self.revolutions_at_onset
             low, middle, high = self.prior.joined((low, middle, high), self.revolutions, since, found.per_row)
-        return self._log[-1][1], middle, low, high
+        return float(self._log["turns"][-1]), middle, low, high
 
     def _seen(self) -> tuple[Seen, int]:
         """The rows since the onset, and as many revolutions before it, in bins."""
         assert self.onset_row is not None
-        now = self._log[-1][1]
-        rows = np.array([r for r, _, _ in self._log])
+        rows, turns, logs = (self._log[name] for name in ("row", "turns", "log"))
+        now = float(turns[-1])
         first = int(np.searchsorted(rows, self.onset_row))
         since_rows = rows.size - first
         begin = max(first - since_rows, 0)
-        u = np.array([v for _, v, _ in self._log[begin:]])
-        x = np.array([v for _, _, v in self._log[begin:]])
+        u, x = turns[begin:], logs[begin:]
         after = np.arange(begin, rows.size) >= first
-        since = max(now - self._log[first][1], 1e-9)
+        since = max(now - float(turns[first]), 1e-9)
         per_row = since / max(since_rows - 1, 1)
         _, std, memory = self._reference
         recent = np.diff(x[-60:])
@@ -619,3 +564,8 @@ class OnlineLife:
         variance = std**2 * np.minimum(np.pi / 2, 1 + 0.57 * (size > 1)) / np.maximum(size * worth, 1.0)
         began = np.logical_and.reduceat(after, cuts[:-1])
         return Seen(now - place, middle, variance, began, since, std, max(per_row, 1e-9)), since_rows
+
+
+def _no_judged_rows() -> Columns:
+    """Of a judged row: its number, revolutions since the first row, log normalised amplitude."""
+    return Columns("row", "turns", "log")

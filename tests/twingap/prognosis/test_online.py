@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tracemalloc
 import zlib
 
 import numpy as np
@@ -359,3 +360,19 @@ def test_notes_of_one_kind_do_not_hide_the_others() -> None:
     gaps = [f"gap of {n} s before time_s = {n}" for n in range(9)]
     assert _shortened([*gaps, "no healthy start"]) == [*gaps[:3], "and 6 more such notes", "no healthy start"]
     assert _shortened(gaps[:4]) == gaps[:4]
+
+
+def test_a_row_is_held_in_a_few_numbers() -> None:
+    """A year of a row every ten seconds is three million rows."""
+    rng, rows = np.random.default_rng(0), 20_000
+    life = OnlineLife(LifeOptions(limit_ratio=1e6))
+    peaks = np.exp(0.05 * rng.standard_normal(rows))
+    tracemalloc.start()
+    try:
+        for row, height in enumerate(peaks):
+            life.take(10.0 * row, 1500.0, float(height))
+        held = tracemalloc.get_traced_memory()[0]
+    finally:
+        tracemalloc.stop()
+    # Five numbers a row, and at most as much room again.
+    assert life.amplitudes[0].size > 0.99 * rows and held / rows < 100
