@@ -35,8 +35,8 @@ from twingap.data import load
 from twingap.data.root import data_root
 from twingap.errors import TwingapError
 from twingap.prognosis import metrics, rivals
-from twingap.prognosis.follow import Outcome, prior_from
 from twingap.prognosis.online import OnlineLife
+from twingap.prognosis.outcomes import Outcome, prior_from
 from twingap.prognosis.past_errors import Told
 from twingap.prognosis.prior import LEARNT, Prior
 from twingap.prognosis.remaining_life import remaining_time_s

@@ -26,8 +26,8 @@ from numpy.typing import NDArray
 import twingap.rigs
 from papers.studies import Count, Progress, command, keep_tables, profile_of
 from twingap.prognosis import metrics
-from twingap.prognosis.follow import Outcome, prior_from, told_of
 from twingap.prognosis.online import Estimate, LifeOptions, OnlineLife
+from twingap.prognosis.outcomes import Outcome, outcome_of, prior_from
 from twingap.prognosis.prior import LEARNT, Prior
 from twingap.provenance import digest_of_code
 from twingap.rigs import SmartMaintenanceRig
@@ -107,11 +107,7 @@ class Taken:
 
     def outcome(self, name: str) -> Outcome:
         """What it says of others, now that it has ended."""
-        begun = None if self.life.onset_row is None else self.life.revolutions_at_onset
-        after = None if begun is None else float(self.lived[-1]) - begun
-        told = told_of(self.estimates, self.lived.tolist(), self.life.revolutions_at_onset)
-        end = float(np.exp(self.life.level)) if np.isfinite(self.life.level) else None
-        return Outcome(name, float(self.lived[-1]), after, end, told)
+        return outcome_of(name, self.life, self.estimates, self.lived.tolist())
 
 
 def amplitudes(job: Bench) -> dict[str, Any]:
@@ -145,18 +141,23 @@ def lateness(alarm: tuple[int, int] | None, time_s: Array, onset_s: float) -> di
 
 
 def judge(taken: Taken) -> dict[str, float]:
-    """Errors in minutes at each row's speed, prognostic metrics and coverage, after the alarm."""
+    """Errors in minutes at each row's speed, prognostic metrics and coverage, after the alarm.
+
+    Half of what remained at the first estimate is half of its revolutions: time at the row's own speed jumps with it.
+    """
     told = [(e, taken.lived[-1] - at) for e, at in zip(taken.estimates[:-1], taken.lived[:-1], strict=True)]
     told = [(e, left) for e, left in told if e.anomaly and np.isfinite(e.revolutions)]
     if not told:
         return {"rows": 0, **dict.fromkeys(MEASURED, np.nan)}
-    true = np.array([left / e.speed_rpm for e, left in told])
+    remaining, predicted = np.array([left for _, left in told]), np.array([e.revolutions for e, _ in told])
+    true = remaining / np.array([e.speed_rpm for e, _ in told])
     middle, low, high = (np.array([e.time_s()[k] / 60 for e, _ in told]) for k in range(3))
     inside = metrics.coverage(true, low, high)
     whole = float(taken.lived[-1] / np.mean([e.speed_rpm for e, _ in told]))
     found = (
         metrics.rmse(true, middle), metrics.cumulative_relative_accuracy(true, middle),
-        float(metrics.alpha_lambda(true, middle, 0.5, ALPHA)), float(metrics.within_alpha(true, middle, ALPHA).mean()),
+        float(metrics.alpha_lambda(remaining, predicted, 0.5, ALPHA)),
+        float(metrics.within_alpha(remaining, predicted, ALPHA).mean()),
         metrics.prognostic_horizon(true, middle, whole, ALPHA / 2), metrics.phm2012_score(true, middle),
         inside.share, inside.mean_width / float(np.mean(true)),
     )  # fmt: skip

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from pathlib import Path
 
 import numpy as np
@@ -55,6 +56,24 @@ def test_runs_end_at_the_limit_and_estimates_need_no_later_rows(runs: Runs) -> N
     np.testing.assert_array_equal(
         [e.revolutions for e in whole.estimates[:kept]], [e.revolutions for e in part.estimates]
     )
+
+
+def test_half_of_what_remains_is_half_of_the_revolutions(runs: Runs) -> None:
+    """At the row's own speed the time that remains jumps, and the last row above its half is none at half."""
+    run = runs[3, "A148"]
+    taken = rig_lives.take(run)
+    told = [row for row, e in enumerate(taken.estimates[:-1]) if e.anomaly and np.isfinite(e.revolutions)]
+    left = taken.lived[-1] - taken.lived[told]
+    half = told[int(np.flatnonzero(left >= left[0] / 2)[-1])]
+    error = taken.estimates[half].revolutions / (taken.lived[-1] - taken.lived[half]) - 1
+    assert rig_lives.judge(taken)["alpha_lambda_half"] == float(abs(error) <= rig_lives.ALPHA)
+    spoilt = list(taken.estimates)
+    for wrong in (False, True):
+        spoilt[half] = dataclasses.replace(
+            spoilt[half], revolutions=(3.0 if wrong else 1.0) * float(taken.lived[-1] - taken.lived[half])
+        )
+        judged = rig_lives.judge(dataclasses.replace(taken, estimates=tuple(spoilt)))
+        assert judged["alpha_lambda_half"] == float(not wrong)
 
 
 def test_lateness_is_of_the_first_alarm_against_the_rigs_own_onset(runs: Runs) -> None:

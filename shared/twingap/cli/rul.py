@@ -11,8 +11,8 @@ import typer
 from twingap.cli.options import AnySeed, Json, refuse_overwriting, say_json, show, steps, wrote
 
 if TYPE_CHECKING:
-    from twingap.prognosis.follow import Outcome
     from twingap.prognosis.online import LifeOptions
+    from twingap.prognosis.outcomes import Outcome
 
 
 class Gaps(StrEnum):
@@ -81,8 +81,9 @@ def rul(
     from twingap.errors import TwingapError
     from twingap.files import replacing
     from twingap.prognosis.anomaly import AnomalyRule
-    from twingap.prognosis.follow import COLUMNS, follow, prior_from, refuse_repeats, usual_end
+    from twingap.prognosis.follow import COLUMNS, follow
     from twingap.prognosis.online import LifeOptions
+    from twingap.prognosis.outcomes import prior_from, refuse_repeats, usual_end
     from twingap.prognosis.run_records import read_run
     from twingap.records.table import write_table
 
@@ -140,7 +141,8 @@ def _outcomes(path: Path, options: LifeOptions, recordset: Path, unit: str, note
     from dataclasses import replace
 
     from twingap.errors import TwingapError
-    from twingap.prognosis.follow import follow, read_outcomes
+    from twingap.prognosis.follow import REACHED, follow
+    from twingap.prognosis.outcomes import read_outcomes
     from twingap.prognosis.run_records import in_unit, read_run
 
     if not path.is_dir():
@@ -165,7 +167,10 @@ def _outcomes(path: Path, options: LifeOptions, recordset: Path, unit: str, note
         elif not unit:
             notes.append(f"units are unknown: those of {path} are taken to be in the unit of --limit")
         options = replace(options, limit=limit)
-    return [follow(run, options, report=lambda rows: steps(rows, f"{run.name}: prior", len(run.rows))).outcome]
+    found = follow(run, options, report=lambda rows: steps(rows, f"{run.name}: prior", len(run.rows)))
+    told = [*run.notes, *(note for note in found.notes if note.startswith(REACHED))]
+    notes += [f"--prior {path}: {note}" for note in told]
+    return [found.outcome]
 
 
 def _meaning(options: LifeOptions, unit: str) -> str:

@@ -26,10 +26,11 @@ from twingap.prognosis.degradation_models import MODELS, CurveFit, CurveModel, f
 from twingap.prognosis.degrade import Degradation, DegradeOptions, degrade
 from twingap.prognosis.encoding import D_MODEL, positional_encoding, sequence_position, speed_position
 from twingap.prognosis.feature_table import read_feature_table
-from twingap.prognosis.follow import Followed, Outcome, follow, prior_from, read_outcomes
+from twingap.prognosis.follow import Followed, follow
 from twingap.prognosis.health_indicator import Indicators, features_of, offline_indicators, online_indicators
 from twingap.prognosis.healthy import healthy_mode, logarithmic_decrement_damping
 from twingap.prognosis.online import Estimate, LifeOptions, OnlineLife
+from twingap.prognosis.outcomes import Outcome, prior_from, read_outcomes
 from twingap.prognosis.prior import LogNormal, Prior
 from twingap.prognosis.remaining_life import remaining_revolutions, remaining_time_s, revolutions_in, time_along
 from twingap.prognosis.simulated_lives import LifeSimulator, SignalModel

@@ -33,7 +33,7 @@ def degradation_figure(found: Degradation) -> Figure:
         unit, per = ("h", 3600.0) if found.run.time_s[-1] - found.run.time_s[0] > 7200 else ("s", 1.0)
         _run(upper, found, per)
         upper.set_xlabel(f"time ({unit})")
-        upper.set_ylabel(f"{found.indicator} (healthy standard deviations)")
+        upper.set_ylabel(f"{found.indicator} (features in healthy standard deviations)")
         upper.set_title(f"{found.run.name}: {found.preferred} has the lowest BIC with AR(1) residuals")
         _errors(lower, found)
         figure.legend(*upper.get_legend_handles_labels(), loc="outside lower center", ncols=4)

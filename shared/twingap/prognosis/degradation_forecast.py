@@ -349,10 +349,24 @@ def _about(centre: Array, factors: tuple[float, ...]) -> list[tuple[float, ...]]
 
 def _local_spread(off: Array) -> Array:
     """Root mean square about zero of the fifth of the rows about each row."""
-    n = off.size
-    kernel = np.ones(min(max(30, n // 5), n))
-    mean = np.convolve(off**2, kernel, "same") / np.convolve(np.ones(n), kernel, "same")
-    return np.sqrt(np.maximum(mean, 0.0))
+    length = min(max(30, off.size // 5), off.size)
+    return np.sqrt(_moving_sum(off**2, length) / _moving_sum(np.ones(off.size), length))
+
+
+def _moving_sum(x: Array, length: int) -> Array:
+    """Sum of the rows about each row, as many as there are of this length, as `np.convolve` centres them.
+
+    A window is the rest of one block and the beginning of the next: two sums a row whatever its length, and unlike
+    differences of one running sum nothing cancels.
+    """
+    whole = -(-(x.size + length) // length) * length
+    padded = np.zeros(whole)
+    padded[length // 2 : length // 2 + x.size] = x
+    blocks = padded.reshape(-1, length)
+    until = np.cumsum(blocks, axis=1).ravel()
+    since = np.cumsum(blocks[:, ::-1], axis=1)[:, ::-1].ravel()
+    first = np.arange(x.size)
+    return np.where(first % length == 0, 0.0, since[first]) + until[first + length - 1]
 
 
 def _thinned(fit: CurveFit) -> tuple[Array, Array, Array]:

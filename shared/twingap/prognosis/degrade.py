@@ -229,10 +229,14 @@ def degrade(
 
 
 def _unit_of(name: str, run: Run, candidates: Indicators) -> tuple[float, float, str]:
-    """Centre and scale by which an indicator becomes the feature that it is, 0 and 1 where it is none; of whom both."""
+    """Centre and scale by which an indicator becomes what its limit is given in, and the name of that.
+
+    A feature's own values; of a fusion feature, whose axis mixes features in their standard deviations, its own ones.
+    """
     varying = [n for n in run.names if n not in candidates.constant]
     if name not in varying:
-        return 0.0, 1.0, "healthy standard deviations"
+        own = float(candidates.fusion.variance[int(name.removeprefix("fusion ")) - 1])
+        return 0.0, 1 / np.sqrt(own), "healthy standard deviations"
     place = varying.index(name)
     return float(candidates.fusion.centre[place]), float(candidates.fusion.scale[place]), "the feature"
 

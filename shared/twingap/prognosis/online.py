@@ -32,6 +32,7 @@ from twingap.prognosis.speed_influence import SAME_SPEED, SpeedInfluence, fit_sp
 Array = NDArray[np.float64]
 
 _PER_SPEED: Final = 4
+"""Rows by which a speed is known: fewer may be readings of the speed that are wrong."""
 _RUN_IN: Final = 0.15
 """Fall of healthy log amplitude with which it is learnt again."""
 _CALM: Final = 40
@@ -156,8 +157,10 @@ class OnlineLife:
         self._log = _no_judged_rows()
         self._last: tuple[float, float, float, float] | None = None
         self._highest_gain = 0.0
+        self._gains_beyond: list[float] = []
+        self._been_below = False
 
-    def take(self, time_s: float, speed_rpm: float, peak_to_peak: float) -> None:
+    def take(self, time_s: float, speed_rpm: float, peak_to_peak: float, *, whole: float | None = None) -> None:
         """Take the next row without asking for an estimate.
 
         Parameters
@@ -168,6 +171,9 @@ class OnlineLife:
             0 while the machine stands still.
         peak_to_peak : float
             NaN when the record cannot be used.
+        whole : float, optional
+            That of the whole record, where `peak_to_peak` is of a part whose length was learnt from the healthy rows:
+            among these it says whether the limit is reached, so that no later one does.
         """
         row, before_s = self._turned.rows, self._turned.time_s
         if not np.isfinite(time_s):
@@ -175,30 +181,38 @@ class OnlineLife:
         if before_s is not None and time_s < before_s:
             raise TwingapError("is before the row taken last", where=f"time_s = {time_s:g}", mend="sort rows by time")
         self.notes += self._turned.take(time_s, speed_rpm)
+        learning = self._influence is None
+        if learning and speed_rpm > 0 and self._reaches_limit(row, peak_to_peak if whole is None else whole):
+            return
         if not (speed_rpm > 0 and np.isfinite(peak_to_peak) and peak_to_peak > 0):
             return
         self._seen_rows.append(speed_rpm, peak_to_peak)
-        limit = self.options.limit
-        at_limit = limit is not None and peak_to_peak >= limit
-        if self._influence is None:
+        if learning:
             if self.end_row is None:
-                self._take_healthy(row, speed_rpm, peak_to_peak, at_limit)
-            return
-        if self.alarm_row is None and at_limit:
+                self._take_healthy(row, speed_rpm, peak_to_peak)
+        elif self.alarm_row is None and self.options.limit is not None and peak_to_peak >= self.options.limit:
             self._ended_at_once(row, peak_to_peak)
         elif self.alarm_row is None and not self._known(speed_rpm):
             self._learn_speed(speed_rpm, peak_to_peak)
         else:
             self._judge(row, speed_rpm, peak_to_peak)
 
-    def _take_healthy(self, row: int, speed_rpm: float, peak_to_peak: float, at_limit: bool) -> None:
-        """One of the first rows; it ends the life if it reaches the limit and others have been below.
+    def _reaches_limit(self, row: int, peak_to_peak: float) -> bool:
+        """Whether one of the first rows ends the life: it reaches the limit, and others have been below.
 
         Whether a machine that begins at the limit is broken, or the limit wrong, is for its owner to say.
         """
-        if at_limit and any(p < (self.options.limit or 0.0) for _, p in self._healthy):
+        limit = self.options.limit
+        if limit is None or self.end_row is not None:
+            return False
+        if peak_to_peak >= limit and self._been_below:
             self._ended_at_once(row, peak_to_peak)
-            return
+            return True
+        self._been_below |= peak_to_peak < limit
+        return False
+
+    def _take_healthy(self, row: int, speed_rpm: float, peak_to_peak: float) -> None:
+        """One of the first rows."""
         self._healthy.append((speed_rpm, peak_to_peak))
         if len(self._healthy) >= self.options.healthy_rows:
             self._learn(row)
@@ -222,9 +236,9 @@ class OnlineLife:
             return Estimate(True, middle, 0.0, high, speed, closed_lo=low)
         return Estimate(True, middle, low, high, speed)
 
-    def update(self, time_s: float, speed_rpm: float, peak_to_peak: float) -> Estimate:
+    def update(self, time_s: float, speed_rpm: float, peak_to_peak: float, *, whole: float | None = None) -> Estimate:
         """`take` and then `estimate`."""
-        self.take(time_s, speed_rpm, peak_to_peak)
+        self.take(time_s, speed_rpm, peak_to_peak, whole=whole)
         return self.estimate()
 
     @property
@@ -439,7 +453,7 @@ class OnlineLife:
         self._log.append(row, self.revolutions, float(np.log(normalised)) - self._reference[0])
         if self.alarm_row is None and self._settled():
             return
-        self._highest_gain = max(self._highest_gain, gain)
+        self._raise_highest_gain(speed_rpm, gain)
         if self.alarm_row is None:
             self._run = [*self._run, row] if normalised > self._limit else []
             if len(self._run) >= self._together:
@@ -464,6 +478,16 @@ class OnlineLife:
             )
             if ended:
                 self.end_row = row
+
+    def _raise_highest_gain(self, speed_rpm: float, gain: float) -> None:
+        """Speeds beyond those seen while healthy count once the run keeps to them: one reading may be wrong."""
+        assert self._influence is not None
+        if not self._influence.covers(speed_rpm):
+            self._gains_beyond = [*self._gains_beyond[1 - _PER_SPEED :], gain]
+            if len(self._gains_beyond) < _PER_SPEED:
+                return
+            gain = min(self._gains_beyond)
+        self._highest_gain = max(self._highest_gain, gain)
 
     def _settled(self) -> bool:
         """Learn the healthy amplitude again when it has fallen since: a bearing that runs in."""
@@ -505,6 +529,8 @@ class OnlineLife:
 
     def _end(self) -> float:
         """Log normalised amplitude at the end of life."""
+        if self.options.limit is not None and not self._highest_gain > 0:
+            return float("nan")
         if self.options.limit is not None:
             # It is reached first at the speed at which the structure answers most, of those that the run uses.
             return float(np.log(self.options.limit / self._highest_gain)) - self._reference[0]

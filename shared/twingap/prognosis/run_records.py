@@ -45,11 +45,14 @@ class Amplitude(NamedTuple):
         3 for Gaussian noise.
     rms : float
         About the mean. NaN, as all of them, when the machine stands still.
+    whole : float
+        Peak to peak of all samples.
     """
 
     peak_to_peak: float
     kurtosis: float
     rms: float
+    whole: float
 
     def sign(self, unit: str) -> tuple[float, float] | None:
         """By which the same record is known again, whatever its file, name and unit; None where nothing vibrates."""
@@ -77,7 +80,7 @@ class RunRow:
     channel: Channel | None
 
     def amplitude(self, n_samples: int | None = None) -> Amplitude:
-        """Peak to peak, kurtosis and rms.
+        """Peak to peak, kurtosis and rms of the record.
 
         Parameters
         ----------
@@ -90,13 +93,15 @@ class RunRow:
             When the samples cannot be read, one is not finite, or they are nothing that an accelerometer measures.
         """
         if self.channel is None or self.speed_rpm == 0:
-            return Amplitude(float("nan"), float("nan"), float("nan"))
+            return Amplitude(*(float("nan"),) * 4)
         x = self.channel.load()
         refuse_unmeasurable(x, f"record {self.name!r}")
         centred = x - x.mean()
         power = float(np.mean(centred**2))
         kurtosis = float(np.mean(centred**4)) / power**2 if power > 0 else float("nan")
-        return Amplitude(float(np.ptp(x[:n_samples])), kurtosis, float(np.sqrt(power)))
+        whole = float(np.ptp(x))
+        part = whole if n_samples is None else float(np.ptp(x[:n_samples]))
+        return Amplitude(part, kurtosis, float(np.sqrt(power)), whole)
 
 
 @dataclass(frozen=True)
@@ -150,7 +155,7 @@ def read_run(
     about = read_description(folder).recordset
     table = folder / "records.csv"
     rows = read_table(table, ("record", "file", "speed_rpm", "time_s"))
-    rows = _one_run(rows, table, group, several)
+    rows, notes = _one_run(rows, table, group, several)
     opened: dict[str, SampleFile] = {}
     found = []
     rates = set[float]()
@@ -172,7 +177,6 @@ def read_run(
             rates.add(rate)
         found.append(RunRow(name, time_s, speed_rpm, channel))
     order = sorted(range(len(found)), key=lambda place: found[place].time_s)
-    notes = []
     if order != list(range(len(found))):
         notes.append("records.csv is not in order of time: rows are taken, and written, by time_s")
     times = [found[place].time_s for place in order]
@@ -196,15 +200,15 @@ def read_run(
     return Run(name, about.unit, tuple(found[place] for place in order), tuple(notes))
 
 
-def _one_run(rows: tuple[Row, ...], table: Path, group: str | None, several: str) -> tuple[Row, ...]:
-    """The rows of one bearing."""
+def _one_run(rows: tuple[Row, ...], table: Path, group: str | None, several: str) -> tuple[tuple[Row, ...], list[str]]:
+    """The rows of one bearing, and a note where several follow one another."""
     if group is not None:
         kept = tuple(row for row in rows if row.text("group") == group)
         if not kept:
             known = ", ".join(dict.fromkeys(row.text("group") or "" for row in rows if row.text("group")))
             mend = f"groups found: {known:.200}" if known else "leave --group out"
             raise TwingapError(f"holds no group {group!r}", where=table, mend=mend)
-        return kept
+        return kept, []
     groups = [row.text("group") for row in rows]
     if side_by_side(groups, (row.number_in("time_s") for row in rows)):
         names = [name for name in dict.fromkeys(groups) if name is not None]
@@ -212,7 +216,13 @@ def _one_run(rows: tuple[Row, ...], table: Path, group: str | None, several: str
             f"holds {len(names)} groups that overlap in time ({', '.join(names[:6])}): not one run", where=table,
             mend=several,
         )  # fmt: skip
-    return rows
+    named = {name for name in groups if name is not None}
+    if len(named) < 2:
+        return rows, []
+    return rows, [
+        f"{len(named)} groups that follow one another in time ({', '.join(sorted(named)[:6])}): taken for recordings "
+        f"of one run; if they are not, {several}"
+    ]
 
 
 def in_unit(limit: float, unit: str, wanted: str) -> float | None:

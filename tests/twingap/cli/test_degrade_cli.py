@@ -158,6 +158,20 @@ def test_silent_records_are_left_out_and_that_is_said(
     refused(twingap(folder, "--out", tmp_path / "no"), "100 samples, at least 128 expected", "longer records")
 
 
+def test_the_limit_of_a_fusion_feature_is_in_its_own_healthy_standard_deviations(
+    twingap: Run, table: Table, tmp_path: Path
+) -> None:
+    """Features that scatter together: what they fuse to first has a deviation of sqrt 2, not of 1."""
+    rng = np.random.default_rng(5)
+    source = table([{**row, "peak": 3 * float(str(row["rms"])) + 0.01 * rng.standard_normal()} for row in made()])
+    out = tmp_path / "out"
+    typed = ("--indicator", "fusion 1", "--limit", 10, "--healthy", 30, "--json")
+    about = json.loads(twingap(source, "--out", out, *typed).out)
+    healthy = np.std([float(row["indicator"]) for row in rows_of(out / "indicator.csv")[:30]], ddof=1)
+    assert healthy == pytest.approx(np.sqrt(2), rel=0.1)
+    assert about["limit_in_indicator"] == pytest.approx(10 * healthy, rel=1e-3)
+
+
 @pytest.mark.parametrize(
     ("options", "parts"),
     [

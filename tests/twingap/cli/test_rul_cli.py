@@ -323,6 +323,52 @@ def test_how_much_of_a_record_is_taken_depends_on_no_later_one(twingap: Run, tmp
         assert lines[1] == lines[0][: rows + 1]
 
 
+def test_the_limit_among_the_healthy_rows_is_reached_whatever_is_recorded_later(twingap: Run, tmp_path: Path) -> None:
+    """Row 20 reaches it as a whole, and not with its first 400 samples, which is all that row 40 would leave of it."""
+    made = []
+    for row in range(60):
+        x = 0.1 * np.random.default_rng(row).normal(size=400 if row == 40 else 2000)
+        if row == 20:
+            x[1500] = 30.0
+        made.append(Record(Condition(f"r{row}", 1500.0, 5000.0, x.size, time_s=600.0 * row), x))
+    said = []
+    for rows in (60, 30):
+        folder = write_records(tmp_path / f"{rows}", "noise", "g", None, None, made[:rows])
+        assert twingap(folder, "--out", tmp_path / f"{rows}.csv", "--limit", 15).status == 0
+        said.append((tmp_path / f"{rows}.csv").read_bytes().splitlines())
+    assert said[1] == said[0][:31] and said[0][21].startswith(b"r20,1,0") and said[0][20].startswith(b"r19,0,")
+
+
+def test_groups_that_follow_one_another_are_said_to_be_taken_for_one_run(twingap: Run, tmp_path: Path) -> None:
+    rng = np.random.default_rng(3)
+    made = [
+        Record(
+            Condition(f"r{row}", 1500.0, 5000.0, 256, time_s=600.0 * row, group="AB"[row // 40]), rng.normal(size=256)
+        )
+        for row in range(80)
+    ]
+    folder = write_records(tmp_path / "two", "noise", "g", None, None, made)
+    said = twingap(folder, "--out", tmp_path / "a.csv")
+    assert said.status == 0 and "2 groups that follow one another in time (A, B): taken for recordings" in said.err
+    said = twingap(folder, "--out", tmp_path / "b.csv", "--group", "A")
+    assert said.status == 0 and "groups" not in said.err
+
+
+def test_a_prior_run_recorded_beyond_the_limit_ended_there(twingap: Run, folder: Path, tmp_path: Path) -> None:
+    """What came after it teaches nothing, and where it lay is said."""
+    run = simulated(3)
+    limit = 25.0
+    first = int(np.flatnonzero(run.peak_to_peak >= limit)[0])
+    answers = []
+    for rows in (run.time_s.size, first + 1):
+        part = replace(run, **{k: getattr(run, k)[:rows] for k in ("time_s", "speed_rpm", "peak_to_peak")})
+        ended, out = write(tmp_path / f"{rows}", part), tmp_path / f"{rows}.csv"
+        said = twingap(folder, "--out", out, "--limit", limit, "--prior", ended)
+        assert said.status == 0 and f"--prior {ended}: end of life is reached at record 'ä {first}'" in said.err
+        answers.append(out.read_bytes())
+    assert first + 1 < run.time_s.size and answers[0] == answers[1]
+
+
 def test_cells_that_no_record_set_may_have_are_refused_here_too(twingap: Run, folder: Path, tmp_path: Path) -> None:
     def changed(number: int, **cells: str) -> Path:
         def cell(rows: list[list[str]]) -> list[list[str]]:

@@ -9,6 +9,7 @@ from scipy.signal import lfilter
 
 from twingap.errors import TwingapError
 from twingap.prognosis.degradation_forecast import (
+    _local_spread,
     out_of_sample,
     redrawn,
     refitted,
@@ -232,3 +233,15 @@ def test_what_no_curve_can_be_laid_through_is_refused(time_s: list[float], value
         checked(time_s, values, at_least=3)
     with pytest.raises(TwingapError, match="between 0 and 1"):
         out_of_sample(MODELS["constant"], T, U, shares=(1.0,))
+
+
+@pytest.mark.parametrize("rows", [1, 2, 29, 30, 31, 150, 153, 300, 1000])
+def test_local_spread_is_that_of_a_convolution_without_its_cost(rows: int) -> None:
+    """As NumPy centres it; a spike of a million leaves no rounding behind it."""
+    off = np.random.default_rng(rows).standard_normal(rows)
+    kernel = np.ones(min(max(30, rows // 5), rows))
+    expected = np.sqrt(np.convolve(off**2, kernel, "same") / np.convolve(np.ones(rows), kernel, "same"))
+    np.testing.assert_allclose(_local_spread(off), expected, rtol=1e-12)
+    if rows > 500:
+        off[10] = 1e9
+        np.testing.assert_allclose(_local_spread(off)[300:], expected[300:], rtol=1e-12)

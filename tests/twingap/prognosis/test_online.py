@@ -12,9 +12,10 @@ from numpy.typing import NDArray
 from twingap.errors import TwingapError
 from twingap.prognosis.calibration import TERMS, Posterior, calibrated
 from twingap.prognosis.calibration_table import TABLE
-from twingap.prognosis.follow import _shortened, told_of
+from twingap.prognosis.follow import _shortened
 from twingap.prognosis.interval_study import check_bench, covered, informed, learn, study
 from twingap.prognosis.online import Estimate, LifeOptions, OnlineLife
+from twingap.prognosis.outcomes import told_of
 from twingap.prognosis.prior import LogNormal, Prior
 from twingap.prognosis.simulated_runs import LAWS, SimulatedRun, simulate_run
 
@@ -63,26 +64,27 @@ def test_nothing_is_said_before_the_anomaly_and_zero_from_the_end_on() -> None:
 
 
 def test_speed_does_not_look_like_damage() -> None:
-    """Healthy amplitude that doubles at a resonance within the speed range gives no alarm; a sevenfold one would."""
+    """Healthy amplitude that is sevenfold at a resonance within the speed range gives no alarm in any row."""
     rng = np.random.default_rng(4)
     speed = 1000.0 + 100 * (np.arange(900) // 3 % 11)
     gain = speed / 1000 * (1 + 6 / (1 + ((speed - 1500) / 60) ** 2))
     life = OnlineLife()
     for row, (s, p) in enumerate(zip(speed, gain * np.exp(0.08 * rng.normal(size=900)), strict=True)):
         life.take(float(row), s, p)
-    assert life.alarm_row is None
+        assert life.alarm_row is None
 
 
 def test_stated_rate_of_false_alarms() -> None:
-    """1 % of runs of 2000 healthy rows whose amplitude has a long tail: of 100 runs hardly 5."""
+    """1 % of runs of 2000 healthy rows whose amplitude has a long tail, also alarms that would pass: of 40 hardly 3."""
     rng = np.random.default_rng(5)
     alarms = 0
-    for _ in range(100):
-        life = OnlineLife()
-        for row, p in enumerate(np.exp(0.1 * rng.gumbel(size=600))):
+    for _ in range(40):
+        life, any_row = OnlineLife(), False
+        for row, p in enumerate(np.exp(0.1 * rng.gumbel(size=2060))):
             life.take(float(row), 1500.0, float(p))
-        alarms += life.alarm_row is not None
-    assert alarms <= 4
+            any_row |= life.alarm_row is not None
+        alarms += any_row
+    assert alarms <= 2
 
 
 def test_time_is_revolutions_at_the_rows_own_speed() -> None:
@@ -235,6 +237,21 @@ def test_an_absolute_limit_is_reached_at_the_speed_that_answers_most() -> None:
     assert estimates[300].revolutions_lo < turns < estimates[300].revolutions_hi
     with pytest.raises(TwingapError, match="raise the limit"):
         told(drawn("exponential", 3, rows=50, varying=False), OnlineLife(LifeOptions(limit=1e-9)), 100)
+
+
+def test_one_wrong_reading_of_the_speed_does_not_lower_the_end_for_good() -> None:
+    """Amplitude beyond the known speeds is extrapolated: it counts when the run keeps to them."""
+
+    def end_level(fast: range) -> float:
+        rng, life = np.random.default_rng(9), OnlineLife(LifeOptions(limit=30.0))
+        for row in range(200):
+            height = np.exp(max(row - 100, 0) * 0.01 + 0.03 * rng.normal())
+            life.take(float(row), 20_000.0 if row in fast else 1000.0, float(height))
+        assert life.alarm_row is not None and life.end_row is None
+        return life.end_level
+
+    assert end_level(range(150, 151)) == end_level(range(0)) == pytest.approx(np.log(30), abs=0.05)
+    assert end_level(range(150, 154)) == pytest.approx(np.log(30 / 20), abs=0.05)
 
 
 def test_other_runs_speak_before_the_anomaly_and_are_pooled_after_it() -> None:

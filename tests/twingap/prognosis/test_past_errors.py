@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from twingap.prognosis.follow import Outcome, prior_from, told_of
 from twingap.prognosis.online import Estimate
+from twingap.prognosis.outcomes import Outcome, prior_from, told_of
 from twingap.prognosis.past_errors import ROWS, Told, errors, widened, widening
 from twingap.prognosis.prior import LogNormal, Prior
 
@@ -80,6 +80,17 @@ def test_a_run_that_ended_tells_how_far_off_it_was() -> None:
     assert prior_from([Outcome("t", 40.0, None, None)]).widening == 1.0
     long = replace(told, growth=np.ones((500, 3)), lived=np.ones(500), since_onset=np.ones(500), left=np.ones(500))
     assert long.thinned().growth.shape == (ROWS, 3)
+
+
+def test_an_anomaly_that_passed_tells_nothing() -> None:
+    """Of two the last one counts; with none left at the end there is nothing to tell, and no NaN either."""
+    said = [Estimate(False), Estimate(True, 9.0, 5.0, 15.0), Estimate(False), *(Estimate(True, 20.0, 10.0, 30.0),) * 2]
+    lived = [0.0, 10.0, 20.0, 30.0, 40.0]
+    told = told_of(said, lived, 25.0)
+    assert told is not None
+    np.testing.assert_array_equal(told.lived, [30.0])
+    np.testing.assert_array_equal(told.since_onset, [5.0])
+    assert told_of(said, lived, float("nan")) is None
 
 
 def _ended(rng: np.random.Generator, spread: float, off: float, rows: int = 16) -> Outcome:
