@@ -351,7 +351,8 @@ class OnlineLife:
         self._reference_rows, self._shown_healthy = first, False
         self.notes.append(
             f"no healthy start: amplitude rises within the first {len(self._healthy)} rows, so the anomaly is put at "
-            f"the first row and amplitude is relative to the first {first}" + self._late_end()
+            f"the first row and amplitude is relative to the first {first} (if the machine was warming up, leave those "
+            "rows out of the run)" + self._late_end()
         )
         self.onset_row, self.alarm_row = 0, row
         # Their place in the run is not kept while they count as healthy: they are spread evenly.
