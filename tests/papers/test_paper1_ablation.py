@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -10,10 +11,10 @@ import pytest
 
 from papers.paper1_rul_varying_speed import ablation
 from papers.paper1_rul_varying_speed.ablation import ADVERSARIAL, DANN, SIMULATED, TRUE, Size, tables, with_true_lives
-from papers.paper1_rul_varying_speed.cases import Case
+from papers.paper1_rul_varying_speed.cases import Case, Target, load_target
 from papers.paper1_rul_varying_speed.job import simulate
 from papers.paper1_rul_varying_speed.models import MODELS
-from papers.paper1_rul_varying_speed.options import Options, read_options
+from papers.paper1_rul_varying_speed.options import Options, TargetOptions, read_options
 from tests.papers import test_paper1
 from twingap.prognosis.metrics import rmse
 
@@ -84,3 +85,24 @@ def test_the_study_goes_on_from_its_store(
     assert not again.computed
     pd.testing.assert_frame_equal(every, again.tables["ablation"])
     assert len(pd.read_csv(tmp_path / "tables" / "ablation_summary.csv")) == 8
+
+
+def test_a_question_may_be_asked_of_some_models_and_lives_on_another_bench(
+    root: Path, config: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Two models, lives as simulated; which bench is asked for is seen where the rig is made."""
+    asked: list[int] = []
+
+    def watched(options: TargetOptions, *rest: Any, **more: Any) -> Target:
+        asked.append(options.stand_in_seed)
+        return load_target(options, *rest, **more)
+
+    monkeypatch.setattr(ablation, "load_target", watched)
+    models = (DANN, "DANN + speed")
+    monkeypatch.setitem(ablation.PROFILES, "smoke", Size(("A148",), 1, 4, 1, 60, models, (SIMULATED,), bench=5))
+    made = ablation.run("smoke", out=tmp_path, root=root, backend="sequential", config=config)
+    every, summary = made.tables["ablation"], made.tables["ablation_summary"]
+    assert list(every["model"]) == list(models) == list(summary["model"]) and set(every["lives"]) == {SIMULATED}
+    assert asked == [5] and made.computed == 2
+    confirm = ablation.PROFILES["confirm"]
+    assert confirm.bench not in (None, read_options().target.stand_in_seed) and DANN in confirm.models
