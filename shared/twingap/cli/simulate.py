@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -35,7 +36,7 @@ def simulate(
 
     from twingap.records.conditions import read_conditions
     from twingap.records.folder import write_records
-    from twingap.twins.twin_file import build_twin, overruled, read_twin
+    from twingap.twins.twin_file import build_twin, overruled, read_twin, scaled_for
 
     spec = read_twin(twin)
     asked = read_conditions(records, fs_hz=fs_hz, duration_s=duration_s)
@@ -48,6 +49,7 @@ def simulate(
     if bearing is None:
         raise _no_bearing(twin, records)
     notes = [told] if (told := overruled(spec, asked.bearing)) else []
+    spec, of_scale = scaled_for(spec, unit)
     model = build_twin(spec, bearing, unit)
     made = model.stream(conditions, np.random.default_rng(seed))
     write_records(out, f"{spec.model} twin", unit, bearing, None, steps(made, "simulate", len(conditions)))
@@ -57,13 +59,16 @@ def simulate(
     ]
     if as_json:
         about = {
-            "out": str(out), "records": len(conditions), "unit": unit, "seed": seed, "faults": rows, "notes": notes,
+            "out": str(out), "records": len(conditions), "unit": unit, "seed": seed, "faults": rows,
+            "notes": [*notes, *([of_scale] if of_scale else [])],
         }  # fmt: skip
         say_json(about)
     else:
         show(rows, False, title=f"{len(conditions)} records of the {spec.model} twin")
         for note in notes:
             say(f"note: {note}")
+    if of_scale:
+        print(f"note: {of_scale}", file=sys.stderr)
     wrote(out, as_json=as_json)
 
 

@@ -10,6 +10,7 @@ Parallel work never races on the database, because workers do not log: they retu
 
 from __future__ import annotations
 
+import contextlib
 import json
 import math
 import os
@@ -187,14 +188,20 @@ class Run(ABC):
 
 @contextmanager
 def ending(run: Run) -> Iterator[Run]:
-    """End the run as its block ended."""
+    """End the run as its block ended.
+
+    Where a failed or interrupted run cannot be ended either (a full disk, a server that is gone), the block's own
+    exception goes on.
+    """
     try:
         yield run
     except KeyboardInterrupt:
-        run._end("KILLED")
+        with contextlib.suppress(Exception):
+            run._end("KILLED")
         raise
     except BaseException:
-        run._end("FAILED")
+        with contextlib.suppress(Exception):
+            run._end("FAILED")
         raise
     run._end("FINISHED")
 

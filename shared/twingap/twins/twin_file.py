@@ -63,12 +63,15 @@ class Model:
         ``build(parameters, bearing, effects, unit) -> Twin``.
     presets : Mapping[str, parameters]
         Named starting points for ``[twin] preset``.
+    unit : {"m/s^2", "g", ""}
+        Of its samples at a `scale` of 1; "" where the model knows no amplitude of its own.
     """
 
     name: str
     parameters: type[Any]
     build: Callable[[Any, Bearing, tuple[Effect, ...], str], Twin]
     presets: Mapping[str, Any] = field(default_factory=lambda: EMPTY)
+    unit: str = ""
 
 
 MODELS: dict[str, Model] = {}
@@ -220,7 +223,8 @@ def build_twin(spec: TwinSpec, bearing: Bearing | None = None, unit: str = "m/s^
     bearing : Bearing or None
         Geometry from the records; it comes before the spec's own.
     unit : {"m/s^2", "g", ""}
-        Unit of the samples it is to make.
+        Unit of the samples it is to make. Where `scale` is left open it has its default whatever the unit;
+        `scaled_for` sees to that.
 
     Returns
     -------
@@ -269,6 +273,33 @@ def in_unit(spec: TwinSpec, unit: str) -> TwinSpec:
         intervals["scale"] = (intervals["scale"][0] * factor, intervals["scale"][1] * factor)
     assert spec.identified is not None
     return spec.with_values(values, intervals, dataclasses.replace(spec.identified, unit=unit))
+
+
+def scaled_for(spec: TwinSpec, unit: str) -> tuple[TwinSpec, str | None]:
+    """The spec of a twin that leaves its scale open, with the scale that leads to a unit; and a sentence about it.
+
+    Parameters
+    ----------
+    spec : TwinSpec
+        As it is returned where it gives `scale`, where it was identified (in a unit, see `in_unit`), and where its
+        model knows no amplitude of its own.
+    unit : {"m/s^2", "g", ""}
+        Of the samples wanted.
+
+    Returns
+    -------
+    TwinSpec
+    str or None
+        For people; None where nothing is to be said.
+    """
+    own = model_of(spec).unit
+    if own == unit or not own or spec.identified is not None or spec.given("scale"):
+        return spec, None
+    if unit not in _IN_M_S2:
+        return spec, f"the unit of the records is not known: the samples of this {spec.model} twin are in {own}"
+    scale = model_parameters(spec).scale * _IN_M_S2[own] / _IN_M_S2[unit]
+    told = f"the twin gives no scale: {scale:.4g} leads from its {own} to the records' {unit}"
+    return dataclasses.replace(spec, parameters={**spec.parameters, "scale": scale}), told
 
 
 def overruled(spec: TwinSpec, bearing: Bearing | None, whose: str = "twin file") -> str | None:
@@ -476,5 +507,6 @@ def _load_own_models() -> None:
                 ContactParameters,
                 lambda parameters, bearing, effects, unit: ContactTwin(bearing, parameters, effects, unit),
                 PRESETS,
+                "m/s^2",
             )
         )

@@ -123,6 +123,26 @@ def test_contact_twin(twingap: Run, table: Path, tmp_path: Path) -> None:
     assert len(RecordSet.read(tmp_path / "out")) == 6
 
 
+@pytest.mark.parametrize(("unit", "factor"), [("g", 9.80665), ("", 1.0), ("m/s^2", 1.0)])
+def test_a_contact_twin_without_a_scale_makes_samples_in_the_record_sets_unit(
+    twingap: Run, table: Path, tmp_path: Path, unit: str, factor: float
+) -> None:
+    own = tmp_path / "c.toml"
+    write_twin(own, TwinSpec("contact", (), "physical", bearing=BEARINGS["6205"]))
+    said = simulate(twingap, own, table, tmp_path / "a")
+    assert said.status == 0 and said.err == ""  # a table states no unit: m/s^2, which needs no word
+    about = tmp_path / "a" / "recordset.toml"
+    about.write_text(about.read_text(encoding="utf-8").replace('"m/s^2"', f'"{unit}"'), encoding="utf-8")
+    said = twingap("simulate", own, "--records", tmp_path / "a", "--out", tmp_path / "b", "--json")
+    assert said.status == 0, said.err
+    plain, made = RecordSet.read(tmp_path / "a"), RecordSet.read(tmp_path / "b")
+    assert made.unit == unit
+    assert all(np.allclose(x.samples, factor * y.samples, rtol=1e-4) for x, y in zip(plain, made, strict=True))
+    notes = [line.removeprefix("note: ") for line in said.err.splitlines() if line.startswith("note: ")]
+    assert notes == json.loads(said.out)["notes"] and len(notes) == (unit != "m/s^2")
+    assert {"g": "0.102 leads", "": "are in m/s^2", "m/s^2": ""}[unit] in "".join(notes)
+
+
 def test_mistakes_are_one_line_and_leave_nothing(twingap: Run, twin: Path, table: Path, tmp_path: Path) -> None:
     out = tmp_path / "out"
     no_bearing = tmp_path / "no bearing.toml"

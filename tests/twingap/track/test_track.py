@@ -153,6 +153,25 @@ def test_a_run_says_how_it_ended(tmp_path: Path, error: type[BaseException], sta
         assert set(database.execute("SELECT name, status FROM runs")) == {("outer", status), ("inner", status)}
 
 
+@pytest.mark.parametrize("error", [ValueError, KeyboardInterrupt, SystemExit, None])
+def test_what_ended_a_run_goes_on_where_the_run_cannot_be_ended(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, error: type[BaseException] | None
+) -> None:
+    tried = []
+
+    def full(run: object, status: str) -> None:
+        tried.append(status)
+        raise OSError("no space left on device")
+
+    monkeypatch.setattr("twingap.track.folder._FolderRun._end", full)
+    # A run that finished did not where its end cannot be kept: that is told.
+    with pytest.raises(error or OSError), FolderTracker(tmp_path).run("outer") as run, run.run("inner"):
+        if error is not None:
+            raise error
+    ended = {None: "FINISHED", KeyboardInterrupt: "KILLED"}.get(error, "FAILED")
+    assert tried[0] == ended and len(tried) == 2
+
+
 def test_parallel_work_logs_through_the_parent(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.syspath_prepend(str(SWEEP_JOBS))
     import sweep_jobs

@@ -31,6 +31,7 @@ from twingap.twins.twin_file import (
     overruled,
     read_twin,
     register_model,
+    scaled_for,
     tables_of,
     write_twin,
 )
@@ -275,3 +276,20 @@ def test_a_scale_that_was_identified_in_one_unit_is_converted_for_records_in_ano
     assert there.identified.unit == "m/s^2" and in_unit(there, "g").parameters["scale"] == pytest.approx(2.0)
     for spec, unit in ((known, "g"), (known, ""), (dataclasses.replace(known, identified=None), "m/s^2")):
         assert in_unit(spec, unit) is spec
+
+
+def test_a_contact_twin_that_leaves_its_scale_open_is_scaled_for_the_unit_wanted() -> None:
+    spec, conditions = TwinSpec("contact", (), "physical"), [Condition("a", 1797.0, 12000.0, 512, "inner")]
+    scaled, told = scaled_for(spec, "g")
+    assert told is not None and "0.102 leads from its m/s^2 to the records' g" in told
+    in_m_s2, in_g = (
+        build_twin(each, BEARINGS["6205"], unit).simulate(conditions, np.random.default_rng(3))[0].samples
+        for each, unit in ((spec, "m/s^2"), (scaled, "g"))
+    )
+    assert np.allclose(in_m_s2, 9.80665 * in_g)
+    same, told = scaled_for(spec, "")
+    assert same is spec and told is not None and "in m/s^2" in told
+    given = dataclasses.replace(spec, parameters={"scale": 0.5})
+    known = dataclasses.replace(spec, identified=Provenance(unit="g"))
+    for each, unit in ((spec, "m/s^2"), (given, "g"), (known, "g"), (TwinSpec("phenomenological"), "g")):
+        assert scaled_for(each, unit) == (each, None)

@@ -11,6 +11,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from twingap.twins.contact_parameters import DEFECTS
+
 Array = NDArray[np.float64]
 
 
@@ -25,6 +27,7 @@ class StateMessage:
     temperature_c : float
         Of the bearing's outer ring.
     speed_rpm : float
+        0 while the machine stands still.
     load_n : float or None
         Radial load; None where there is no load cell: the twin's own holds.
     number : int or None
@@ -43,7 +46,7 @@ class StateMessage:
         values = [self.time_s, self.temperature_c, self.speed_rpm, 0.0 if self.load_n is None else self.load_n]
         if not np.isfinite(values).all():
             return False
-        return self.speed_rpm > 0 and -273.15 < self.temperature_c < 1000 and values[3] >= 0
+        return self.speed_rpm >= 0 and -273.15 < self.temperature_c < 1000 and values[3] >= 0
 
 
 @dataclass(frozen=True)
@@ -70,7 +73,11 @@ class Snapshot:
 
     @property
     def usable(self) -> bool:
-        """Whether a spectrum can be taken: finite, long enough, not constant (a torn cable)."""
+        """Whether a spectrum can be taken and compared: finite, long enough, not constant (a torn cable), a fault that
+        the contact model knows.
+        """
+        if self.fault not in ("healthy", *DEFECTS):
+            return False
         if not (np.isfinite(self.time_s) and np.isfinite(self.fs_hz) and self.fs_hz > 0 and self.samples.size >= 2048):
             return False
         return bool(np.isfinite(self.samples).all() and np.ptp(self.samples) > 0)

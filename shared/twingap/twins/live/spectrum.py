@@ -179,7 +179,7 @@ class SpectrumModel:
         self.reference_rpm = reference_rpm
 
     def start(self, state: MachineState, fs_hz: float) -> Array:
-        """ln of `FREE` that reproduce the parameters' own noise levels in this state [4]."""
+        """ln of `FREE` that reproduce the parameters' own noise levels in this state, of a running machine [4]."""
         own = self.parameters
         theta = np.log([own.stiffness, own.damping, 1.0, max(own.scale * own.white_noise_rms, 1e-12)])
         unit = self.at(theta, state, fs_hz).structure_noise_rms
@@ -268,8 +268,11 @@ class SpectrumModel:
         """RMS of the white force's samples for a level of 1.
 
         A force of density G^(1/2) on mass m makes an acceleration whose resonant part rings with w G^(1/2): the impulse
-        response of unit gain is multiplied by w. White samples of RMS s have the density s^2 2 / fs.
+        response of unit gain is multiplied by w. White samples of RMS s have the density s^2 2 / fs. Nothing pushes a
+        machine that stands still, whatever the power of speed.
         """
+        if not state.speed_rpm > 0:
+            return 0.0
         speed = (state.speed_rpm / self.reference_rpm) ** self.laws.speed_power
         return float(2 * math.pi * mode.frequency_hz * speed / math.sqrt(2 * fs_hz))
 

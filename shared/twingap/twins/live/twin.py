@@ -8,7 +8,8 @@ messages --> Reorder --> state ------> temperature moved? --> clearance, damping
 
 The first snapshots commission the twin: they are fitted together and show how much deviations scatter. An alarm then
 names the parameter that drifts and since when. What is fitted grows with each further snapshot until `window` of them
-stand behind the new values; then the detector watches again.
+stand behind the new values; then the detector watches again. A machine that stands still says nothing about them: its
+snapshots are counted and left out.
 
 Used in: Paper 2, figure 7 (simple state signals update the model, complex ones are simulated by it and compared).
 """
@@ -17,6 +18,7 @@ from __future__ import annotations
 
 import time
 from collections import deque
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from typing import Final
 
@@ -27,10 +29,10 @@ from twingap.bearing import Bearing
 from twingap.errors import TwingapError
 from twingap.twins.contact import ContactTwin
 from twingap.twins.contact_parameters import ContactParameters
-from twingap.twins.live.drift import Alarm, DriftDetector
+from twingap.twins.live.drift import Alarm, DriftDetector, threshold_for
 from twingap.twins.live.journal import Journal, Judgement, Kind, Update
 from twingap.twins.live.laws import Laws
-from twingap.twins.live.messages import Message, Snapshot, StateMessage
+from twingap.twins.live.messages import Message, Snapshot, StateMessage, kind_of
 from twingap.twins.live.order import OrderOptions, Reorder
 from twingap.twins.live.refit import Fit, deviation, refit, relative_error
 from twingap.twins.live.spectrum import FREE, Band, MachineState, Prediction, SpectrumModel
@@ -138,6 +140,11 @@ class LiveTwin:
     journal : Journal
         What it did and why.
 
+    Raises
+    ------
+    TwingapError
+        For a band that is too narrow, and for a rate and an allowance that no threshold of the detector goes with.
+
     Notes
     -----
     Draws nothing by lot: the same messages in the same order make the same twin.
@@ -161,6 +168,9 @@ class LiveTwin:
                 f"only {int(self.band.inside.sum())} bins between lowest_hz and 0.42 fs, at least 32 expected",
                 where="live twin", mend="lower lowest_hz, or sample faster",
             )  # fmt: skip
+        for baseline in (self.options.commissioning, self.options.window):
+            # Refused now what would fail at every snapshot once there are enough; and found outside any update.
+            threshold_for(self.options.rate, self.options.allowance, len(WATCHED), baseline)
         self.model = SpectrumModel(bearing, parameters, laws or Laws(), follow=self.options.follow_temperature)
         self.journal = Journal()
         self._buffer = Reorder(order)
@@ -185,15 +195,15 @@ class LiveTwin:
 
     @property
     def parameters(self) -> ContactParameters:
-        """Of the contact twin, now.
+        """Of the contact twin, now: without structure noise while the machine stands still.
 
         Raises
         ------
         TwingapError
-            Before the first state.
+            Before the first state of a running machine.
         """
         if self._state is None or self._theta is None:
-            raise TwingapError("no state has been received yet", where="live twin")
+            raise self._not_started()
         return self.model.at(self._theta, self._state, self.band.fs_hz)
 
     def twin(self) -> ContactTwin:
@@ -203,7 +213,7 @@ class LiveTwin:
     def predict(self, state: MachineState) -> Array:
         """Amplitude spectrum (root of the PSD) in the band that a snapshot in this state should have [bins]."""
         if self._theta is None:
-            raise TwingapError("no state has been received yet", where="live twin")
+            raise self._not_started()
         return self.model.predict(self._theta, [state], self.band, slopes=False)[0].amplitude
 
     def receive(self, message: Message) -> list[Update]:
@@ -213,12 +223,32 @@ class LiveTwin:
         -------
         list of Update
             What it led to; most messages lead to nothing.
+
+        Raises
+        ------
+        TwingapError
+            When a message that the buffer let go could not be acted on. Those let go with it have been, and what they
+            led to is in the journal.
         """
-        return [update for ready in self._buffer.push(message) for update in self._act(ready)]
+        return self._act_on(self._buffer.push(message))
 
     def flush(self) -> list[Update]:
-        """Act on all messages that still wait for earlier ones: the stream has ended."""
-        return [update for ready in self._buffer.flush() for update in self._act(ready)]
+        """Act on all messages that still wait for earlier ones: the stream has ended. Raises as `receive` does."""
+        return self._act_on(self._buffer.flush())
+
+    def _act_on(self, released: Iterable[Message]) -> list[Update]:
+        """One after another; the first error is raised when all have had their turn."""
+        made: list[Update] = []
+        failed: Exception | None = None
+        for message in released:
+            try:
+                made += self._act(message)
+            except Exception as error:
+                self.journal.counts[kind_of(message), "failed"] += 1
+                failed = failed or error
+        if failed is not None:
+            raise failed
+        return made
 
     def _act(self, message: Message) -> list[Update]:
         made = self._told(message) if isinstance(message, StateMessage) else self._shown(message)
@@ -231,7 +261,9 @@ class LiveTwin:
         before = self._state
         now = MachineState(message.time_s, message.temperature_c, message.speed_rpm, load)
         if before is None or self._theta is None:
-            self._state, self._theta = now, self.model.start(now, self.band.fs_hz)
+            if now.speed_rpm > 0:  # levels are those at a speed, which a machine that stands still does not have
+                self._theta = self.model.start(now, self.band.fs_hz)
+            self._state = now
             return []
         if abs(now.temperature_c - before.temperature_c) < self.options.temperature_step_k:
             self._state = replace(now, temperature_c=before.temperature_c)
@@ -248,8 +280,12 @@ class LiveTwin:
     def _shown(self, snapshot: Snapshot) -> list[Update]:
         """A snapshot: judged, and reacted to."""
         counts, began = self.journal.counts, time.process_time()
-        if self._state is None or snapshot.time_s - self._state.time_s > self.options.stale_s:
+        # Where the buffer began anew, the last state may be of a clock that ran ahead.
+        if self._state is None or not 0 <= snapshot.time_s - self._state.time_s <= self.options.stale_s:
             counts["snapshot", "without a fresh state"] += 1
+            return []
+        if not self._state.speed_rpm > 0:
+            counts["snapshot", "at standstill"] += 1
             return []
         if snapshot.fs_hz != self.band.fs_hz or snapshot.samples.size < 2 * self.band.segment:
             counts["snapshot", "of another rate or too short"] += 1
@@ -300,7 +336,6 @@ class LiveTwin:
         room = np.log([self.options.spread] * len(WATCHED) + [1e4])
         self._bounds = (self._theta - room, self._theta + room)
         self._detector = self._new_detector(len(seen))
-        self._new_detector(self.options.window)  # finds the threshold of every later one now, outside its update
         return update
 
     def _best_start(self, seen: list[_Seen]) -> Array:
@@ -404,6 +439,10 @@ class LiveTwin:
             "stiffness": own.stiffness, "damping": own.damping, "clearance_um": own.clearance_um, "force_level": level,
             "white_noise": white, "temperature_c": state.temperature_c,
         }  # fmt: skip
+
+    def _not_started(self) -> TwingapError:
+        what = "no state has been received yet" if self._state is None else "the machine has stood still so far"
+        return TwingapError(what, where="live twin")
 
     def _new_detector(self, baseline: int) -> DriftDetector:
         return DriftDetector(WATCHED, self.options.rate, self.options.allowance, baseline)

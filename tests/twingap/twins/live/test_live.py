@@ -24,6 +24,7 @@ from twingap.twins.live import (
     LiveTwin,
     MachineState,
     Message,
+    OrderOptions,
     Snapshot,
     SpectrumModel,
     StateMessage,
@@ -285,3 +286,75 @@ def test_a_defective_bearing_is_followed_as_well_as_with_all_integrated_anew(mon
     assert carried.stiffness == pytest.approx(7e9, rel=0.01)
     assert carried.stiffness == pytest.approx(anew.stiffness, rel=2e-3)
     assert carried.damping == pytest.approx(anew.damping, rel=0.02)
+
+
+def with_standstill(messages: Sequence[Message], after: int) -> list[Message]:
+    """The same with a stop after so many snapshots, of which the machine tells and is recorded in: silence."""
+    at = messages[2 * after].time_s - 300
+    rng = np.random.default_rng(9)
+    silence = [Snapshot(at + 10 + i, 1e-3 * rng.standard_normal(12000), FS_HZ) for i in range(6)]
+    return [*messages[: 2 * after], StateMessage(at, 40.0, 0.0, 500.0), *silence, *messages[2 * after :]]
+
+
+@pytest.mark.parametrize("after", [3, 9, 14])
+def test_a_machine_that_stands_still_is_neither_judged_nor_fitted(worn: list[Message], after: int) -> None:
+    """While the twin is commissioned, watches, or follows a drift."""
+    plain = told(LiveTwin(BEARING, OWN, FS_HZ, options=OPTIONS), worn)
+    twin = told(LiveTwin(BEARING, OWN, FS_HZ, options=OPTIONS), with_standstill(worn, after))
+    assert twin.journal.counts["snapshot", "at standstill"] == 6
+    assert list(twin.journal.judgements) == list(plain.journal.judgements)
+    assert twin.parameters == plain.parameters
+    assert len(twin.journal.updates) == len(plain.journal.updates)
+
+
+def test_temperature_is_followed_at_standstill_and_a_stop_at_first_changes_nothing() -> None:
+    cold, warm = StateMessage(0.0, 20.0, 1500.0), StateMessage(600.0, 40.0, 0.0)
+    laws = replace(Laws(), speed_power=-1.0)
+    twin = told(LiveTwin(BEARING, OWN, FS_HZ, options=OPTIONS, laws=laws), [cold, warm])
+    assert [u.kind for u in twin.journal.updates] == ["law"]
+    assert twin.parameters.damping == pytest.approx(450.0) and twin.parameters.structure_noise_rms == 0
+    twin = LiveTwin(BEARING, OWN, FS_HZ, options=OPTIONS)
+    told(twin, [StateMessage(0.0, 20.0, 0.0), StateMessage(60.0, 30.0, 0.0)])
+    assert twin.state is not None and twin.state.temperature_c == 30.0
+    with pytest.raises(TwingapError, match="stood still so far"):
+        _ = twin.parameters
+    told(twin, [replace(cold, time_s=600.0)])
+    assert twin.parameters == told(LiveTwin(BEARING, OWN, FS_HZ, options=OPTIONS), [cold]).parameters
+
+
+def test_a_state_of_a_clock_that_ran_ahead_is_not_fresh() -> None:
+    twin = LiveTwin(BEARING, OWN, FS_HZ, options=OPTIONS)
+    spectra = records(OWN, COLD, 7)
+    told(twin, [StateMessage(4e9 + 600 * i, 40.0, 1800.0) for i in range(2)])
+    told(twin, [Snapshot(600.0 * i, samples, FS_HZ) for i, samples in enumerate(spectra[:6])])
+    assert twin.journal.counts["snapshot", "begun anew"] == 1
+    assert twin.journal.counts["snapshot", "without a fresh state"] == 6 and not twin.journal.judgements
+    told(twin, [StateMessage(4200.0, 40.0, 1800.0), Snapshot(4200.0, spectra[6], FS_HZ)])
+    assert len(twin.journal.judgements) == 1
+
+
+@pytest.mark.parametrize("wrong", [{"allowance": 0.1, "rate": 1e-6}, {"rate": 0.0}, {"rate": float("nan")}])
+def test_a_detector_that_cannot_be_is_refused_before_the_first_message(wrong: dict[str, float]) -> None:
+    with pytest.raises(TwingapError, match="drift detector") as caught:
+        LiveTwin(BEARING, OWN, FS_HZ, options=replace(OPTIONS, **wrong))  # type: ignore[arg-type]
+    assert "\n" not in str(caught.value)
+
+
+def test_an_error_in_one_message_does_not_lose_the_others_let_go_with_it(
+    worn: list[Message], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    twin = LiveTwin(BEARING, OWN, FS_HZ, options=OPTIONS, order=OrderOptions(lateness_s=1e4))
+    predict = twin.model.predict
+
+    def failing(theta: Array, states: Sequence[MachineState], *more: Band, **options: bool) -> object:
+        if states[0].time_s == 630.0:
+            raise TwingapError("too fast")
+        return predict(theta, states, *more, **options)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(twin.model, "predict", failing)
+    for message in worn[:10]:
+        assert not twin.receive(message)
+    with pytest.raises(TwingapError, match="too fast"):
+        twin.receive(StateMessage(4e4, 40.0, 1800.0))  # lets go of all before it
+    assert len(twin.journal.judgements) == 4 and twin.journal.counts["snapshot", "failed"] == 1
+    assert twin.state is not None and twin.state.time_s == 2400.0
