@@ -178,17 +178,19 @@ def load_target(
     Raises
     ------
     TwingapError
-        When `root` is given and does not hold what is needed: who names data wants those used.
+        When `root` is given and does not hold what is needed: who names data wants those used. Without it when runs are
+        at hand and are not all there, or cannot be read.
     """
     try:
         records = data.load(options.data_set, root)
+    except data.NotAtHandError:
+        if root is not None:
+            raise
+    else:
         missing = [b for b in bearings if b not in records.groups]
         if missing:
             raise TwingapError(f"holds no run of {', '.join(missing)}", where=f"data set {records.name}")
         return Target(records, "Smart Maintenance", real=True, onsets_s={})
-    except TwingapError:
-        if root is not None:
-            raise
     rig = SmartMaintenanceRig(
         interval_s=options.interval_s, profile=options.profile, bearings=tuple(bearings)
     )  # fmt: skip

@@ -31,7 +31,7 @@ from numpy.typing import NDArray
 
 import twingap.prognosis
 from papers.studies import Count, Progress, command, keep_figures, keep_tables, profile_of
-from twingap.data import load
+from twingap.data import NotAtHandError, load
 from twingap.data.root import data_root
 from twingap.errors import TwingapError
 from twingap.prognosis import metrics, rivals
@@ -322,7 +322,7 @@ def at_hand(root: Path | None = None) -> bool:
     """Whether the data root holds FEMTO's runs, as many as it takes to leave one out."""
     try:
         return len(load("femto", root).groups) >= FEWEST
-    except TwingapError:
+    except NotAtHandError:
         return False
 
 

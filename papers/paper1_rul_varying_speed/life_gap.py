@@ -43,7 +43,6 @@ from papers.paper1_rul_varying_speed.training_code import code_of_training
 from papers.studies import Count, Progress, command, keep_figures, keep_tables, profile_of
 from twingap import files
 from twingap.data import load
-from twingap.errors import TwingapError
 from twingap.provenance import digest_of_code, digest_of_path
 from twingap.sweep import sweep
 
@@ -213,11 +212,11 @@ def run(
 
 def _femto(root: str | None) -> tuple[tuple[str, ...], dict[str, str]]:
     """FEMTO's runs at hand, and the digest of their files."""
-    from twingap.data.root import data_root
+    from twingap.data.root import NotAtHandError, data_root
 
     try:
         return load("femto", root).groups, {"femto": digest_of_path(data_root(root) / "femto")}
-    except TwingapError:
+    except NotAtHandError:
         return (), {}
 
 

@@ -19,7 +19,7 @@ import numpy as np
 from papers.paper1_rul_varying_speed import femto
 from papers.paper1_rul_varying_speed.cases import Case, Target, load_target, read_case
 from papers.paper1_rul_varying_speed.options import Options, read_options
-from twingap.data import load
+from twingap.data import NotAtHandError, load
 from twingap.errors import TwingapError
 from twingap.prognosis.online import OnlineLife
 from twingap.prognosis.simulated_lives import LifeSimulator, SignalModel, Snapshots
@@ -203,7 +203,7 @@ def target_of(options: Options, root: str | None, names: Sequence[str]) -> Targe
     """The paper's own set where the root holds it, else the virtual rig: the root may be there for FEMTO alone."""
     try:
         return load_target(options.target, None if root is None else Path(root), names)
-    except TwingapError:
+    except NotAtHandError:
         if root is None:
             raise
     return load_target(options.target, None, names)

@@ -17,8 +17,11 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
+import twingap.adapt.training
+import twingap.bearing
 import twingap.effects
 import twingap.signal
+import twingap.streams
 import twingap.twins
 from papers.paper2_digital_twin import availability_jobs as jobs_module
 from papers.paper2_digital_twin import availability_records as records_module
@@ -47,6 +50,7 @@ from twingap.adapt.residual_head import HeadOptions
 from twingap.adapt.scalograms import ImageOptions
 from twingap.adapt.selection import select
 from twingap.adapt.severity import MapOptions
+from twingap.data import NotAtHandError
 from twingap.errors import TwingapError
 from twingap.provenance import digest_of_code, digest_of_value
 from twingap.records import RecordSet
@@ -102,9 +106,9 @@ def run(
     healthy = {name: _backgrounds(found, data[name], options.image) for name, found in records.items()}
     # A class or function stands for its module: the rest of `twingap.adapt` may change without a new run.
     code = digest_of_code(
-        records_module, source_module, split_module, jobs_module, twingap.effects, twingap.signal, twingap.twins,
-        ImageOptions, MapOptions, InceptionTraining, HeadOptions, fit_class_maps, fit_few_labels, window_features,
-        select,
+        records_module, source_module, split_module, jobs_module, twingap.bearing, twingap.effects, twingap.signal,
+        twingap.streams, twingap.twins, ImageOptions, MapOptions, InceptionTraining, HeadOptions, fit_class_maps,
+        fit_few_labels, window_features, select, twingap.adapt.training,
     )  # fmt: skip
     folds = range(1 if sizes.smoke else options.folds)
     seeds = range(seed, seed + sizes.seeds)
@@ -180,7 +184,7 @@ def _record_sets(options: StudyOptions, root: Path | None, sizes: StudyProfile) 
     for name in options.data[:1] if sizes.smoke else options.data:
         try:
             found[name] = load(name, root, sizes.rig_duration_s)
-        except TwingapError:
+        except NotAtHandError:
             if root is not None:  # who names data wants those used
                 raise
     return found or {RIG: load(RIG, root, sizes.rig_duration_s)}

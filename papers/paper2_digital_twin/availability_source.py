@@ -328,9 +328,10 @@ def _log(bounds: tuple[float, ...], rng: Rng) -> float:
 
 
 def healthy_recordings(plant: Plant, seed: int, count: int, seconds: float) -> list[Array]:
-    """Recordings of one simulated machine in good order, at the speeds of the plant in turn, mounted once each.
+    """Recordings of one simulated machine in good order, all at one speed, which is drawn from those of the plant.
 
-    For counting false alarms: nobody has many healthy recordings of a real machine.
+    Nothing is mounted anew between them: their levels differ by a quarter of `remount_db` (standard deviation). For
+    counting false alarms: nobody has many healthy recordings of a real machine.
     """
     rng = np.random.default_rng([plant.seed, seed, 17])
     own = _machine(plant, rng)

@@ -162,11 +162,11 @@ def study_runs(
     for name in ims:
         try:
             found.append(_ims_run(name, reading, root, swept))
-        except TwingapError as error:
+        except data.NotAtHandError as error:
             missing.append(str(error))
     try:
         records = data.load("femto", root)
-    except TwingapError as error:
+    except data.NotAtHandError as error:
         missing.append(str(error))
     else:
         there = [name for name in femto if name in records.groups]
@@ -240,7 +240,7 @@ def _ims_run(name: str, reading: Reading, root: Path | None, swept: Callable[...
         records = data.load("ims", root, test=test).select(
             lambda c: c.extra["bearing"] == bearing and c.extra["accelerometer"] == 1
         )
-    except TwingapError:
+    except data.NotAtHandError:
         records = None
     if records is not None and len(records):
         (found,) = _measured(records, list(records.groups), "IMS", reading, "IMS", swept)

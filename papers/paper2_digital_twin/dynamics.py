@@ -22,6 +22,10 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+import twingap.bearing
+import twingap.effects
+import twingap.signal
+import twingap.streams
 import twingap.twins
 from papers.paper2_digital_twin import dynamics_study, reference
 from papers.paper2_digital_twin.dynamics_study import (
@@ -70,20 +74,18 @@ def settle(case: Case) -> dict[str, Any]:
     bearing, own = BEARINGS[case.bearing], parameters_of(case)
     (motion,) = motions([job_of(case, case.duration_s)])
     state = np.array([motion.x_m, motion.y_m, motion.vx_m_s, motion.vy_m_s])
-    late = slice(round((1 - case.settled_part) * motion.t_s.size), None)
+    judged = round((1 - case.settled_part) * motion.t_s.size)
+    late = slice(judged, None)
     # Some two hundred cage angles are enough: the static solution changes slowly and smoothly with it.
     every = max(1, motion.t_s.size // 400)
     thin = np.arange(0, motion.t_s.size, every)
     still = np.array([reference.rest(bearing, own, case.load_n, float(motion.cage_turns[i])) for i in thin]).T
     off = np.hypot(*(state[:2, thin] - still))
     size = float(np.hypot(*still.mean(axis=1)))
-    away = np.flatnonzero(off > case.within * size)
-    settled = 0.0 if away.size == 0 else float(motion.t_s[thin[min(away[-1] + 1, thin.size - 1)]])
-    settled_at_all = not (away.size and away[-1] == thin.size - 1)
     cage_hz = bearing.ftf * case.speed_rpm / 60
     total, power = reference.energy(bearing, own, case.load_n, state, motion.cage_turns, cage_hz)
     work = np.concatenate([[0.0], np.cumsum(0.5 * (power[1:] + power[:-1])) / case.fs_hz])
-    inside = thin >= (late.start or 0)
+    inside = thin >= judged
     short = round(case.reference_s * case.fs_hz)
     theirs = reference.integrated(bearing, own, case.load_n, motion.t_s[:short], cage_hz)
     apart = np.sqrt(((state[:, :short] - theirs) ** 2).sum(axis=1) / (theirs**2).sum(axis=1))
@@ -92,11 +94,35 @@ def settle(case: Case) -> dict[str, Any]:
         "mean_x_um": 1e6 * float(state[0, late].mean()), "mean_y_um": 1e6 * float(state[1, late].mean()),
         "still_x_um": 1e6 * float(still[0, inside].mean()), "still_y_um": 1e6 * float(still[1, inside].mean()),
         "most_off_percent": 100 * float(off[inside].max()) / size,
-        "settled_s": settled if settled_at_all else None,
+        "settled_s": settled_at(motion.t_s[thin], off, case.within * size, float(motion.t_s[judged])),
         "energy_residual_percent": 100 * float(np.abs(total - total[0] - work).max() / np.abs(total - total[0]).max()),
         "speed_rms_mm_s": [1e3 * float(state[i, late].std()) for i in (2, 3)],
         "apart_percent": [100 * float(v) for v in apart],
     }  # fmt: skip
+
+
+def settled_at(t_s: Array, off: Array, limit: float, judged_s: float) -> float | None:
+    """From when on a ring stays where it should be.
+
+    Parameters
+    ----------
+    t_s : Array [points]
+    off : Array [points]
+        Distance to the static solution.
+    limit : float
+        Beyond it the ring is away.
+    judged_s : float
+        Where the judged part begins; it lasts to the end.
+
+    Returns
+    -------
+    float or None
+        None where the ring is away anywhere in the judged part: few points near the end say little.
+    """
+    away = np.flatnonzero(off > limit)
+    if away.size and t_s[away[-1]] >= judged_s:
+        return None
+    return float(t_s[away[-1] + 1 if away.size else 0])
 
 
 def strike(case: Case) -> dict[str, Any]:
@@ -161,7 +187,10 @@ def run(
     sizes = profile_of(options.profiles, profile, config)
     healthy = list(_cases(options, sizes, "healthy", options.settle_s))
     faulty = [c for f in options.faults for c in _cases(options, sizes, f, options.fault_s)]
-    code = digest_of_code(sys.modules[__name__], dynamics_study, reference, twingap.twins)
+    code = digest_of_code(
+        sys.modules[__name__], dynamics_study, reference, twingap.bearing, twingap.effects, twingap.signal,
+        twingap.streams, twingap.twins,
+    )  # fmt: skip
     given: dict[str, Any] = {
         "store": out / "results", "backend": backend, "address": address, "version": code,
         "on_result": Count("dynamics", len(healthy) + len(faulty), progress),

@@ -281,7 +281,7 @@ def _load(options: Options, size: Size, root: Path | None) -> dict[tuple[str, st
             channel = {} if sensor == ONLY else {"channel": sensor}
             try:
                 sets[name, sensor] = datasets.load(name, root, fs_hz=RATE_HZ[name], **channel)
-            except TwingapError:
+            except datasets.NotAtHandError:
                 # Without its first sensor a data set is not at hand; one that is must have all that are asked for.
                 if root is not None or sensor != sensors[0]:
                     raise

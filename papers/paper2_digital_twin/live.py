@@ -20,7 +20,11 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+import twingap.bearing
+import twingap.effects
 import twingap.rigs.drifting
+import twingap.signal
+import twingap.streams
 import twingap.twins
 from papers.paper2_digital_twin import live_study
 from papers.paper2_digital_twin.live_study import (
@@ -156,7 +160,10 @@ def run(
     sizes = profile_of(options.profiles, profile, config)
     jobs = [_scenario(options, seed + i, 1.0, options.hours, tuple(ARMS)) for i in range(sizes.seeds)]
     still = [_scenario(options, seed + i, 0.0, sizes.steady_hours, ("live",)) for i in range(sizes.steady)]
-    code = digest_of_code(sys.modules[__name__], live_study, twingap.rigs.drifting, twingap.twins)
+    code = digest_of_code(
+        sys.modules[__name__], live_study, twingap.bearing, twingap.effects, twingap.rigs.drifting, twingap.signal,
+        twingap.streams, twingap.twins,
+    )  # fmt: skip
     given: dict[str, Any] = {
         "store": out / "results", "backend": backend, "address": address, "version": code,
         "on_result": Count("live updating", len(jobs) + len(still), progress),

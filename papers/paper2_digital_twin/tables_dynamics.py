@@ -23,9 +23,9 @@ def all_tables(healthy: Sequence[Result[Case]], faulty: Sequence[Result[Case]]) 
 def balance(healthy: Sequence[Result[Case]]) -> pd.DataFrame:
     """Where each normal bearing settles against the static Hertz solution, and the rest of the checks.
 
-    ``settled s`` is empty where the ring never stays within the stated part of the static displacement: a ring that is
-    still ringing when the record ends, or moved by its own rollers. ``apart`` is the RMS difference to SciPy's DOP853
-    of displacement and velocity, relative, worst of x and y.
+    ``settled s`` is the time from which the ring stays within the stated part of the static displacement. It is empty
+    where the ring leaves that in the judged part: it still rings, or is moved by its own rollers. ``apart`` is the RMS
+    difference to SciPy's DOP853 of displacement and velocity, relative, worst of x and y.
     """
     rows = []
     for r in healthy:

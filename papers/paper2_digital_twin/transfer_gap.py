@@ -22,11 +22,15 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+import twingap.adapt.training
+import twingap.bearing
 import twingap.effects
 import twingap.signal
+import twingap.streams
 import twingap.twins
 from papers.paper2_digital_twin import availability_jobs as jobs_module
 from papers.paper2_digital_twin import availability_records as records_module
+from papers.paper2_digital_twin import availability_source as source_module
 from papers.paper2_digital_twin import availability_split as split_module
 from papers.paper2_digital_twin import availability_study
 from papers.paper2_digital_twin.availability_jobs import NetworkJob, network
@@ -40,8 +44,8 @@ from twingap.adapt.scalograms import ImageOptions, Modulation, images, modulatio
 from twingap.adapt.selection import select
 from twingap.bearing import Bearing
 from twingap.config import build, read_toml
+from twingap.data import NotAtHandError
 from twingap.effects import Effect, make_effect
-from twingap.errors import TwingapError
 from twingap.provenance import digest_of_code, digest_of_value
 from twingap.records import Condition
 from twingap.sweep import Result, sweep
@@ -227,7 +231,7 @@ def run(
     for name in options.data[:1] if size.smoke else options.data:
         try:
             records = load(name, root, size.rig_duration_s)
-        except TwingapError:
+        except NotAtHandError:
             if root is not None:  # who names data wants those used
                 raise
             continue
@@ -236,8 +240,8 @@ def run(
         records = load(RIG, root, size.rig_duration_s)
         data[RIG], digests[RIG] = measure(records, RIG, common.image), records.digest
     code = digest_of_code(
-        records_module, split_module, jobs_module, twingap.effects, twingap.signal, twingap.twins, ImageOptions,
-        InceptionTraining, select, simulate,
+        records_module, source_module, split_module, jobs_module, twingap.bearing, twingap.effects, twingap.signal,
+        twingap.streams, twingap.twins, ImageOptions, InceptionTraining, select, twingap.adapt.training, simulate,
     )  # fmt: skip
     populations = {
         f"{name} {kind}": _population(options, common, own, kind, size.machines, seed)

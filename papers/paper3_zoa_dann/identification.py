@@ -218,7 +218,7 @@ def recordings(options: StudyOptions, root: Path | None) -> tuple[str, tuple[Rec
 
     try:
         records, title = data.load("cwru", root), "CWRU"
-    except TwingapError:
+    except data.NotAtHandError:
         if root is not None:  # who names data wants those used
             raise
         records, title = make_rig("virtual_cwru", duration_s=4.0).records(0), "virtual rig, not CWRU"

@@ -179,13 +179,14 @@ def load_recordings(task: TaskFile, root: Path | None, stand_in: TargetOptions, 
     Raises
     ------
     TwingapError
-        When `root` is given and what is needed is there in part, or has a stand-in: who names data wants those used.
+        When what is needed is there in part or cannot be read, or has a stand-in and `root` is given without it: who
+        names data wants those used.
     """
     try:
         records = data.load(task.data_set, root, fs_hz=task.fs_hz)
         _check(task, records)
         return Target(records, TITLES.get(task.data_set, task.data_set), real=True)
-    except TwingapError:
+    except data.NotAtHandError:
         if root is not None and (task.data_set == stand_in.data_set or (root / task.data_set).exists()):
             raise
     if task.data_set != stand_in.data_set:

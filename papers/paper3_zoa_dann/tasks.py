@@ -82,12 +82,13 @@ def load_target(options: TargetOptions, root: Path | None, rig_duration_s: float
     Raises
     ------
     TwingapError
-        When `root` is given and does not hold what is needed: who names data wants those used.
+        When the records are there in part or cannot be read, or `root` is given and does not hold them: who names data
+        wants those used.
     """
     try:
         records = _wanted(data.load(options.data_set, root), options)
         return Target(records, options.data_set.upper(), real=True)
-    except TwingapError:
+    except data.NotAtHandError:
         if root is not None:
             raise
     rig = make_rig(options.stand_in, duration_s=rig_duration_s)

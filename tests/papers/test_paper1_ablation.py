@@ -16,6 +16,7 @@ from papers.paper1_rul_varying_speed.job import simulate
 from papers.paper1_rul_varying_speed.models import MODELS
 from papers.paper1_rul_varying_speed.options import Options, TargetOptions, read_options
 from tests.papers import test_paper1
+from twingap.errors import TwingapError
 from twingap.prognosis.metrics import rmse
 
 records, root, config, case = test_paper1.records, test_paper1.root, test_paper1.config, test_paper1.case
@@ -85,6 +86,31 @@ def test_the_study_goes_on_from_its_store(
     assert not again.computed
     pd.testing.assert_frame_equal(every, again.tables["ablation"])
     assert len(pd.read_csv(tmp_path / "tables" / "ablation_summary.csv")) == 8
+
+
+def test_a_run_for_which_no_life_can_be_simulated_is_left_out_and_named(
+    root: Path, config: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    real = ablation.read_case
+
+    def of_one(target: Target, name: str, *rest: Any) -> Case:
+        if name == "A150":
+            raise TwingapError("no life could be simulated before the run's end", where=f"run {name}")
+        return real(target, "A148", *rest)
+
+    monkeypatch.setattr(ablation, "read_case", of_one)
+    monkeypatch.setattr(ablation, "load_target", lambda options, where, names: load_target(options, where, ["A148"]))
+    for bearings in (("A148", "A150"), ("A150",)):
+        monkeypatch.setitem(ablation.PROFILES, "smoke", Size(bearings, 1, 4, 1, 60, (DANN,), (SIMULATED,)))
+        given = {"out": tmp_path, "root": root, "backend": "sequential", "config": config}
+        if len(bearings) == 1:
+            with pytest.raises(TwingapError, match="no run can be trained for: run A150: no life"):
+                ablation.run("smoke", **given)
+            continue
+        made = ablation.run("smoke", **given).tables
+        assert list(made["ablation"]["bearing"]) == ["A148"] and made["ablation_summary"]["bearings"].eq(1).all()
+        (row,) = made["ablation_left_out"].to_dict("records")
+        assert row["bearing"] == "A150" and "no life could be simulated" in row["why"]
 
 
 def test_a_question_may_be_asked_of_some_models_and_lives_on_another_bench(

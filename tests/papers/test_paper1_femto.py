@@ -84,6 +84,10 @@ def test_too_few_runs_are_refused(root: Path, tmp_path: Path) -> None:
 
 def test_data_at_hand_or_not(root: Path, tmp_path: Path) -> None:
     assert femto.at_hand(root) and not femto.at_hand(tmp_path)
+    (tmp_path / "femto").mkdir()
+    (tmp_path / "femto" / "Bearing1_1.npz").write_bytes(b"cut short")
+    with pytest.raises(TwingapError, match="Bearing1_1"):  # there, and not to be read
+        femto.at_hand(tmp_path)
 
 
 def test_the_figure_shows_every_method_on_every_bearing() -> None:

@@ -2,17 +2,24 @@
 
 from __future__ import annotations
 
+import dataclasses
 import re
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from papers.paper2_digital_twin import availability_jobs
+from papers.paper2_digital_twin import availability, availability_jobs
 from papers.paper2_digital_twin.availability import run
 from papers.paper2_digital_twin.availability_jobs import NetworkJob, baseline_of, network
 from papers.paper2_digital_twin.availability_records import Measured, load, measure
-from papers.paper2_digital_twin.availability_source import Background, Plant, SourceOptions, simulate
+from papers.paper2_digital_twin.availability_source import (
+    Background,
+    Plant,
+    SourceOptions,
+    healthy_recordings,
+    simulate,
+)
 from papers.paper2_digital_twin.availability_split import ALL, SPLITS, counts_of, judged, labelled
 from papers.paper2_digital_twin.availability_study import CONFIG, Study, read_study
 from twingap.adapt.inception import InceptionTraining
@@ -144,6 +151,28 @@ def test_a_population_stands_on_its_own_backgrounds_alone() -> None:
     first = simulate(plant("grafted", ("a",)), {"a": kept, "judged": Background(np.ones(12_000), 1800.0)})
     second = simulate(plant("grafted", ("a",)), {"a": kept, "judged": Background(np.full(12_000, np.nan), 1.0)})
     assert (first["images"] == second["images"]).all()
+
+
+def test_healthy_recordings_are_one_machine_at_one_speed_whose_level_alone_wanders() -> None:
+    own = dataclasses.replace(plant("effects"), speeds_rpm=(900.0, 1800.0))
+    still = dataclasses.replace(own, options=dataclasses.replace(own.options, remount_db=0.0))
+    made, alike = (healthy_recordings(one, 3, 60, 0.5) for one in (own, still))
+    assert len({x.size for x in made}) == 1
+    change = [20 * np.log10(x.std() / y.std()) for x, y in zip(made, alike, strict=True)]
+    assert np.std(change) == pytest.approx(0.25 * own.options.remount_db, rel=0.25)
+
+
+def test_records_that_cannot_be_read_are_not_taken_for_absent(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "cwru").mkdir()
+    monkeypatch.setenv("TWINGAP_DATA", str(tmp_path))
+    options = read_study()
+    sizes = options.profiles["smoke"]
+    assert set(availability._record_sets(options, None, sizes)) == {availability.RIG}
+    with pytest.raises(TwingapError, match="no CWRU recording"):
+        availability._record_sets(options, tmp_path, sizes)
+    (tmp_path / "cwru" / "105.mat").write_bytes(b"cut short")
+    with pytest.raises(TwingapError, match=r"105\.mat"):
+        availability._record_sets(options, None, sizes)
 
 
 def test_the_study_says_what_it_stands_on_and_judges_every_method(study: Study, folder: Path) -> None:

@@ -209,6 +209,30 @@ def test_ims_is_read_from_tables_or_from_raw_snapshots_when_they_are_there(tmp_p
     assert raw.kurtosis_map is not None and [len(raw.kurtosis_map[k]) for k in range(2)] == [6, 65]
 
 
+@pytest.mark.parametrize(
+    ("name", "content", "said"),
+    [
+        ("femto/Bearing1_1.npz", "cut short", "Bearing1_1"),
+        ("ims/set2_time_features.csv", "file_index\n0\n", "'filename' is missing"),
+        ("ims/set2_shape_spectral_features.csv", "file_index\n0\n", "set2_time_features.csv: does not exist"),
+        ("ims/2nd_test/2004.02.12.10.32.39", "cut short", "2004.02.12.10.32.39"),
+    ],
+)
+def test_runs_that_cannot_be_read_are_not_taken_for_absent(
+    name: str, content: str, said: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """One run is there, whose error would be kept quiet."""
+    path = tmp_path / name
+    path.parent.mkdir(parents=True)
+    path.write_text(content, encoding="utf-8")
+    monkeypatch.setenv("TWINGAP_DATA", str(tmp_path))
+    with pytest.raises(TwingapError, match=re.escape(said)):
+        study_runs(
+            ["2 bearing 1"], ["Bearing1_1"], reading(), None, store=tmp_path / "store", backend="sequential",
+            address=None, on_result=no_result,
+        )  # fmt: skip
+
+
 def test_coverage_is_counted_on_curves_from_one_to_five() -> None:
     for name in TRUTHS:
         curve: Callable[[Any], Any] = TRUTHS[name]

@@ -9,11 +9,12 @@ import numpy as np
 import pytest
 
 from papers.paper2_digital_twin import reference
-from papers.paper2_digital_twin.dynamics import main, run, strike
+from papers.paper2_digital_twin.dynamics import main, run, settle, settled_at, strike
 from papers.paper2_digital_twin.dynamics_study import CONFIG, Case, Dynamics, read_dynamics
 from twingap.bearing import BEARINGS
 from twingap.errors import TwingapError
-from twingap.twins.contact_dynamics import settle, statics
+from twingap.twins.contact_dynamics import settle as at_rest
+from twingap.twins.contact_dynamics import statics
 from twingap.twins.contact_parameters import ContactParameters
 
 TINY = """
@@ -51,6 +52,27 @@ def test_a_normal_bearing_settles_where_the_root_finder_says(study: Dynamics) ->
     assert row["energy residual %"] < 1 and row["displacement apart %"] < 0.2 and row["velocity apart %"] < 0.2
 
 
+@pytest.mark.parametrize(
+    ("off", "settled"),
+    [
+        ([0, 0, 0, 0, 0, 0], 0.0),
+        ([9, 0, 0, 0, 0, 0], 1.0),
+        ([9, 0, 9, 0, 0, 0], 3.0),
+        ([9, 0, 0, 9, 0, 0], None),
+        ([9, 0, 0, 0, 9, 0], None),  # only the very last point lies inside
+        ([0, 0, 0, 0, 0, 9], None),
+    ],
+)
+def test_settled_is_inside_for_the_whole_judged_part(off: list[float], settled: float | None) -> None:
+    assert settled_at(np.arange(6.0), np.array(off, dtype=float), 2.0, 3.0) == settled
+
+
+def test_a_ring_that_is_off_in_the_judged_half_has_not_settled() -> None:
+    """At 6000 rpm rollers pass too fast for a ring with 15 um of clearance; its last point happens to lie inside."""
+    found = settle(Case("physical", "6205", "healthy", 6000.0, 500.0, 15.0, 20000.0, 0.12, 0.002, 0.5, 0.02))
+    assert found["most_off_percent"] > 4 and found["settled_s"] is None
+
+
 def test_every_fault_strikes_on_time(study: Dynamics) -> None:
     found = study.tables["dynamics-faults"]
     assert list(found["fault"]) == ["inner", "outer", "ball"] and found["on time"].all()
@@ -70,7 +92,7 @@ def test_a_line_elsewhere_is_not_called_on_time() -> None:
 def test_two_static_solutions_agree(cage: float) -> None:
     """Newton on the energy (the twin's own) and Powell's method on the forces."""
     own = ContactParameters(load_x_n=50.0)
-    xy, _, _ = settle(9, statics(own, 500.0), np.array([cage]))
+    xy, _, _ = at_rest(9, statics(own, 500.0), np.array([cage]))
     np.testing.assert_allclose(reference.rest(BEARINGS["6205"], own, 500.0, cage), xy[0], rtol=1e-7, atol=1e-13)
 
 

@@ -13,6 +13,7 @@ from papers.paper2_digital_twin.lines import CONFIG, Options, Reading, prominenc
 from papers.paper2_digital_twin.lines import main as start
 from twingap.bearing import BEARINGS
 from twingap.config import build, read_toml
+from twingap.data import NotAtHandError
 from twingap.errors import TwingapError
 from twingap.records import Condition, Record, RecordSet
 
@@ -124,7 +125,7 @@ def test_a_sensor_that_is_missing_is_an_error_unless_the_data_set_is(
 
     def load(name: str, root: Path | None = None, channel: str = "one", **given: float) -> RecordSet:
         if channel in missing:
-            raise TwingapError(f"{channel} is not at hand")
+            raise NotAtHandError(f"{channel} is not at hand")
         return sound
 
     monkeypatch.setattr(lines.datasets, "load", load)
@@ -139,6 +140,14 @@ def test_a_sensor_that_is_missing_is_an_error_unless_the_data_set_is(
     assert set(lines._load(options(), size, None)) == {
         ("cwru", "DE"), ("cwru", "FE"), ("cwru", "BA"), ("hit_sm", "one"),
     }  # fmt: skip
+
+
+def test_records_that_cannot_be_read_are_not_taken_for_absent(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "hit_sm").mkdir()
+    (tmp_path / "hit_sm" / "IR2_600.mat").write_bytes(b"cut short")
+    monkeypatch.setenv("TWINGAP_DATA", str(tmp_path))
+    with pytest.raises(TwingapError, match=r"IR2_600\.mat"):
+        lines._load(options(), options().profiles["full"], None)
 
 
 def test_without_records_the_virtual_rig_is_read_and_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -2,19 +2,25 @@
 
 from __future__ import annotations
 
+import dataclasses
 import re
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
 import pytest
 
+from papers.paper2_digital_twin import tables_live
 from papers.paper2_digital_twin.live import ARMS, live_through, machine_of, main, messages_of, run
-from papers.paper2_digital_twin.live_study import CONFIG, LiveStudy, phase_of, read_live
+from papers.paper2_digital_twin.live_study import CONFIG, LiveStudy, Scenario, phase_of, read_live
 from papers.paper2_digital_twin.tables_live import DRIFT, WHOLE, by_phase
 from twingap.errors import TwingapError
+from twingap.sweep import Result
 from twingap.track import FolderTracker
-from twingap.twins.live import Snapshot
+from twingap.twins.live import Snapshot, twin
+from twingap.twins.live.drift import Alarm, DriftDetector
+from twingap.twins.live.refit import Fit, refit
 
 TINY = """
 [profiles.tiny]
@@ -76,6 +82,46 @@ def test_tables_name_the_virtual_machine_and_say_what_was_missed(study: LiveStud
     assert alarms["low_95"] <= alarms["rate"] <= alarms["high_95"] and alarms["stated"] == 0.002
     cases = set(study.tables["live-messages"]["case"])
     assert {"accepted", "out of order", "repeated", "missing"} <= cases
+
+
+@pytest.mark.parametrize("refused", [True, False])
+def test_an_alarm_counts_also_where_nothing_better_is_found(
+    study: LiveStudy, refused: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Every fit made one that finds nothing, or fails once the twin is commissioned: all updates are "kept"."""
+    alarms: list[Alarm] = []
+    push = DriftDetector.push
+
+    def told(own: DriftDetector, z: np.ndarray) -> Alarm | None:
+        found = push(own, z)
+        alarms.extend([found] if found else [])
+        return found
+
+    def in_vain(*given: Any, **more: Any) -> Fit:
+        if refused and alarms:
+            raise TwingapError("cannot be simulated")
+        found = refit(*given, **more)
+        return dataclasses.replace(found, after=found.before)
+
+    monkeypatch.setattr(DriftDetector, "push", told)
+    monkeypatch.setattr(twin, "refit", in_vain)
+    job = dataclasses.replace(study.drifting[0].job, arms=("live",))
+    value = live_through(job)
+    updates = value["arms"]["live"]["updates"]
+    assert set(updates["kind"]) == {"law", "kept"} and alarms
+    result = dataclasses.replace(study.drifting[0], job=job, value=value)
+    assert tables_live.false_alarms(study.options, [result])["alarms"].item() == len(alarms)
+    # Every update but the commissioning costs what the target is about.
+    spent = [s for s, kind in zip(updates["seconds"], updates["kind"], strict=True) if kind == "kept"][1:]
+    tight = dataclasses.replace(study.options, most_ms=1e3 * max(spent) * 0.99)
+    assert "cost of an update" in tables_live.targets(study.options, [_beside_frozen(result)])["target"].iloc[-1]
+    assert not tables_live.targets(tight, [_beside_frozen(result)])["met"].iloc[-1]
+
+
+def _beside_frozen(result: Result[Scenario]) -> Result[Scenario]:
+    """With the other arm that targets compare with."""
+    arms = {"frozen": result.value["arms"]["live"], **result.value["arms"]}
+    return dataclasses.replace(result, value=result.value | {"arms": arms})
 
 
 def test_ratios_by_hand(study: LiveStudy) -> None:

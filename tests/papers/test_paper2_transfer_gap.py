@@ -18,12 +18,14 @@ from papers.paper2_digital_twin.transfer_gap import (
     Population,
     machine_of,
     means,
+    run,
     simulate,
 )
 from papers.paper2_digital_twin.transfer_gap import main as start
 from twingap.bearing import BEARINGS
 from twingap.config import build, read_toml
 from twingap.effects import make_effect
+from twingap.errors import TwingapError
 from twingap.twins.contact_parameters import PRESETS
 
 HUM = make_effect("mains_interference", {"level": 2.0, "mains_hz": 60.0})
@@ -84,6 +86,14 @@ def test_every_named_effect_can_be_had_by_the_twin() -> None:
             fs_hz={"cwru": 12000.0, "hit_sm": 12800.0}[name],
         )  # fmt: skip
         assert np.isfinite(simulate(dataclasses.replace(own, machines=1))["images"]).all()
+
+
+def test_records_that_cannot_be_read_are_not_taken_for_absent(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "cwru").mkdir()
+    (tmp_path / "cwru" / "105.mat").write_bytes(b"cut short")
+    monkeypatch.setenv("TWINGAP_DATA", str(tmp_path))
+    with pytest.raises(TwingapError, match=r"105\.mat"):
+        run(out=tmp_path / "out", backend="sequential")
 
 
 def test_a_run_without_records_says_so(

@@ -202,6 +202,16 @@ def test_majority() -> None:
     assert majority(np.array([0, 1, 1, 3]), 4) == 0.5
 
 
+def test_records_that_cannot_be_read_are_not_taken_for_absent(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "cwru").mkdir()
+    (tmp_path / "cwru" / "105.mat").write_bytes(b"cut short")
+    monkeypatch.setenv("TWINGAP_DATA", str(tmp_path))
+    with pytest.raises(TwingapError, match=r"105\.mat"):
+        load_target(read_options().target, None, 0.3)
+    (tmp_path / "cwru" / "105.mat").unlink()
+    assert not load_target(read_options().target, None, 0.3).real
+
+
 # -- the whole ---------------------------------------------------------------------------------------------------------
 
 

@@ -490,6 +490,14 @@ def test_every_option_is_explained_and_used() -> None:
         assert name in (TaskFile.__doc__ or ""), name
 
 
+def test_records_that_cannot_be_read_are_not_taken_for_absent(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "cwru").mkdir()
+    (tmp_path / "cwru" / "105.mat").write_bytes(b"cut short")
+    monkeypatch.setenv("TWINGAP_DATA", str(tmp_path))
+    with pytest.raises(TwingapError, match=r"105\.mat"):
+        load_recordings(TASKS["A1"], None, read_options().target, 0.5)
+
+
 def test_wrong_input_is_one_line(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

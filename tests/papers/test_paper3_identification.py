@@ -113,6 +113,14 @@ def test_the_half_that_is_judged_on_is_not_the_half_that_is_fitted(monkeypatch: 
         assert not np.array_equal(first.samples, second.samples)
 
 
+def test_records_that_cannot_be_read_are_not_taken_for_absent(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "cwru").mkdir()
+    (tmp_path / "cwru" / "105.mat").write_bytes(b"cut short")
+    monkeypatch.setenv("TWINGAP_DATA", str(tmp_path))
+    with pytest.raises(TwingapError, match=r"105\.mat"):
+        recordings(read_study(), None)
+
+
 def test_wrong_input_is_one_line(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

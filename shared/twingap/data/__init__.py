@@ -7,13 +7,14 @@ from twingap.data.cut import cut
 from twingap.data.manifest import DataFile, Manifest, manifest_names, manifest_of
 from twingap.data.registry import READERS, load
 from twingap.data.resample import resampled
-from twingap.data.root import data_root
+from twingap.data.root import NotAtHandError, data_root
 from twingap.data.where import where
 
 __all__ = [
     "READERS",
     "DataFile",
     "Manifest",
+    "NotAtHandError",
     "cut",
     "data_root",
     "load",

@@ -54,8 +54,10 @@ def load_cwru(
 
     Raises
     ------
+    NotAtHandError
+        When no recording with this channel is at hand.
     TwingapError
-        When no recording with this channel is at hand, or a file cannot be read.
+        When a file cannot be read.
     """
     if channel not in ("DE", "FE", "BA"):
         raise TwingapError(f"unknown channel {channel!r}", mend="use DE (drive end), FE (fan end) or BA (base)")

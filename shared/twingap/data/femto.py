@@ -54,8 +54,10 @@ def load_femto(
 
     Raises
     ------
+    NotAtHandError
+        When no run is at hand.
     TwingapError
-        When no run is at hand, or a file cannot be read.
+        When a file cannot be read.
     """
     if axis not in _COLUMN:
         raise TwingapError(f"unknown axis {axis!r}", mend="use horizontal or vertical")

@@ -35,8 +35,10 @@ def load_hit_sm(root: str | os.PathLike[str] | None = None, *, fs_hz: float | No
 
     Raises
     ------
+    NotAtHandError
+        When no recording is at hand.
     TwingapError
-        When no recording is at hand, or a file cannot be read or holds more than one vector.
+        When a file cannot be read or holds more than one vector.
     """
     folder, facts = data_root(root), manifest_of("hit_sm")
     at_hand = [row for row in facts.recordings if (folder / row["file"]).is_file()]

@@ -21,7 +21,7 @@ from twingap.bearing import BEARINGS
 from twingap.data.lazy import Each, Latest
 from twingap.data.manifest import manifest_of
 from twingap.data.resample import resampled
-from twingap.data.root import data_root, not_at_hand
+from twingap.data.root import NotAtHandError, data_root, not_at_hand
 from twingap.data.tables import columns
 from twingap.errors import TwingapError
 from twingap.records import Array, Condition, RecordSet
@@ -60,9 +60,10 @@ def load_ims(
 
     Raises
     ------
+    NotAtHandError
+        When no raw snapshot is at hand; the feature tables are read by `ims_features`.
     TwingapError
-        When no raw snapshot is at hand (the feature tables are read by `ims_features`); on access, when a snapshot is
-        not as the owner describes.
+        On access, when a snapshot is not as the owner describes.
     """
     tests = (_known(test),) if test is not None else tuple(_FOLDERS)
     folder, facts = data_root(root), manifest_of("ims")
@@ -104,18 +105,21 @@ def ims_features(root: str | os.PathLike[str] | None = None, *, test: int = 2) -
 
     Raises
     ------
+    NotAtHandError
+        When no table of the test is at hand.
     TwingapError
-        When the table is not at hand or not as described.
+        When the second table is there without the first, or one is not as described.
     """
     folder, facts = data_root(root), manifest_of("ims")
     path = folder / "ims" / f"set{_known(test)}_time_features.csv"
+    more = folder / "ims" / f"set{test}_shape_spectral_features.csv"
     if not path.is_file():
-        raise TwingapError("does not exist", where=path, mend="compute features from the raw snapshots instead")
+        error = TwingapError if more.is_file() else NotAtHandError  # half a set is not an absent one
+        raise error("does not exist", where=path, mend="compute features from the raw snapshots instead")
     wide = _table(path)
     for column in ("file_index", "filename"):
         if column not in wide:
             raise TwingapError(f"column {column!r} is missing", where=path, mend="verify the data set")
-    more = folder / "ims" / f"set{test}_shape_spectral_features.csv"
     try:
         if more.is_file():
             wide = wide.merge(_table(more), on="file_index", how="left", validate="one_to_one")

@@ -55,8 +55,10 @@ def load(name: str, root: str | os.PathLike[str] | None = None, **options: Any) 
 
     Raises
     ------
+    NotAtHandError
+        When nothing of the data set is at hand.
     TwingapError
-        For an unknown name or option, and when the data are not at hand or cannot be read.
+        For an unknown name or option, and when files that are there cannot be read.
     """
     read = reader(name)
     given = {key: value for key, value in options.items() if value is not None}

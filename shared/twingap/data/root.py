@@ -11,27 +11,36 @@ from twingap.errors import TwingapError
 VARIABLE = "TWINGAP_DATA"
 
 
+class NotAtHandError(TwingapError):
+    """Nothing of a data set lies under the data root, or there is no root: only then may a caller do without it.
+
+    Files that are there and cannot be read are another error.
+    """
+
+
 def data_root(root: str | os.PathLike[str] | None = None, *, must_exist: bool = True) -> Path:
     """The data root: `root` if given, else the environment variable TWINGAP_DATA.
 
     Raises
     ------
-    TwingapError
+    NotAtHandError
         When neither is set, or the folder does not exist and `must_exist`.
+    TwingapError
+        When it is a file.
     """
     text = os.fspath(root) if root is not None else os.environ.get(VARIABLE, "")
     mend = f"let {VARIABLE} or --root name the folder that holds the data sets"
     if not text:
-        raise TwingapError("no data root is set", mend=mend)
+        raise NotAtHandError("no data root is set", mend=mend)
     path = Path(text).expanduser()
     if path.exists() and not path.is_dir():
         raise TwingapError("is a file, a folder expected", where=path, mend=mend)
     if must_exist and not path.exists():
-        raise TwingapError("does not exist", where=path, mend=mend)
+        raise NotAtHandError("does not exist", where=path, mend=mend)
     return path
 
 
-def not_at_hand(facts: Manifest, root: Path, what: str) -> TwingapError:
+def not_at_hand(facts: Manifest, root: Path, what: str) -> NotAtHandError:
     """The error for a data set of which nothing that was asked for lies under the root."""
     mend = facts.how_to_get or f"run `twingap data fetch {facts.name}`, or take the files from {facts.url}"
-    return TwingapError(f"holds {what}", where=root / facts.name, mend=mend)
+    return NotAtHandError(f"holds {what}", where=root / facts.name, mend=mend)

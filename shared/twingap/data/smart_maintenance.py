@@ -48,8 +48,10 @@ def load_smart_maintenance(root: str | os.PathLike[str] | None = None, *, fs_hz:
 
     Raises
     ------
+    NotAtHandError
+        When no run is at hand.
     TwingapError
-        When no run is at hand, or one is not laid out as above; names file, row and column.
+        When a run is not laid out as above; names file, row and column.
     """
     folder, facts = data_root(root), manifest_of("smart_maintenance")
     conditions: list[Condition] = []

@@ -47,8 +47,10 @@ def load_xjtu_sy(
 
     Raises
     ------
+    NotAtHandError
+        When no run is at hand.
     TwingapError
-        When no run is at hand; on access, when a file is not as the authors describe.
+        On access, when a file is not as the authors describe.
     """
     if axis not in _COLUMN:
         raise TwingapError(f"unknown axis {axis!r}", mend="use horizontal or vertical")

@@ -13,7 +13,7 @@ from typing import Final
 
 import numpy as np
 
-from twingap.data import cut, load
+from twingap.data import NotAtHandError, cut, load
 from twingap.errors import TwingapError
 from twingap.records import Condition, RecordSet
 
@@ -60,7 +60,7 @@ def public_set(name: str, root: str | None, pieces: int) -> PublicSet:
     Raises
     ------
     TwingapError
-        When the records are not at hand and nothing stands in, or `root` is given and does not hold them.
+        When the records cannot be read, are not at hand and nothing stands in, or `root` is given without them.
     """
     return _read(name, root, os.environ.get("TWINGAP_DATA"), pieces)
 
@@ -70,7 +70,7 @@ def _read(name: str, root: str | None, default_root: str | None, pieces: int) ->
     """`public_set`, once for each place where the records may lie."""
     try:
         records, title, real = load(name, root), name.upper().replace("_", "-"), True
-    except TwingapError:
+    except NotAtHandError:
         if root is not None or name not in STAND_INS:
             raise
         records, real = load(STAND_INS[name]), False

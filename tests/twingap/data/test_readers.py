@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from scipy.io import savemat
 
-from twingap.data import load, manifest_of
+from twingap.data import NotAtHandError, load, manifest_of
 from twingap.data.ims import ims_features
 from twingap.errors import TwingapError
 from twingap.records import Array, RecordSet
@@ -340,7 +340,7 @@ def test_samples_are_read_on_access_in_any_process(tmp_path: Path, name: str) ->
 
 @pytest.mark.parametrize("name", WRITERS)
 def test_without_files_one_line_says_what_to_do(tmp_path: Path, name: str) -> None:
-    with pytest.raises(TwingapError) as caught:
+    with pytest.raises(NotAtHandError) as caught:
         load(name, tmp_path)
     said = str(caught.value)
     assert "\n" not in said
@@ -354,8 +354,9 @@ def test_a_broken_matlab_file_is_one_line(tmp_path: Path, content: bytes) -> Non
     for name, file in (("cwru", "105.mat"), ("hit_sm", "IR2_600.mat")):
         (tmp_path / name).mkdir()
         (tmp_path / name / file).write_bytes(content)
-        with pytest.raises(TwingapError, match=file.replace(".", r"\.")):
+        with pytest.raises(TwingapError, match=file.replace(".", r"\.")) as caught:
             load(name, tmp_path)
+        assert not isinstance(caught.value, NotAtHandError)  # it is there
 
 
 @pytest.mark.parametrize("content", [b"", b"PK\x03\x04 cut short", b"not a zip at all"])
@@ -396,13 +397,14 @@ def test_wrong_options_are_one_line(tmp_path: Path, name: str, options: dict[str
 
 def test_the_data_root_is_asked_for_in_one_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delenv("TWINGAP_DATA", raising=False)
-    with pytest.raises(TwingapError, match="TWINGAP_DATA or --root"):
+    with pytest.raises(NotAtHandError, match="TWINGAP_DATA or --root"):
         load("cwru")
-    with pytest.raises(TwingapError, match="does not exist"):
+    with pytest.raises(NotAtHandError, match="does not exist"):
         load("cwru", tmp_path / "absent")
     (tmp_path / "file").write_text("", encoding="utf-8")
-    with pytest.raises(TwingapError, match="a folder expected"):
+    with pytest.raises(TwingapError, match="a folder expected") as caught:
         load("cwru", tmp_path / "file")
+    assert not isinstance(caught.value, NotAtHandError)
     write_cwru(tmp_path, 105, {"X105_DE_time": noise(240, 1)})
     monkeypatch.setenv("TWINGAP_DATA", str(tmp_path))
     assert len(load("cwru")) == 1
