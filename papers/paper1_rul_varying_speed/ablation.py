@@ -97,8 +97,8 @@ PROFILES: Final = {
     "full": Size(BEARINGS, 5, 1500, 2, 3000),
     "confirm": Size(BEARINGS, 3, 1500, 2, 3000, (DANN, "DANN + speed"), (SIMULATED,), bench=11),
 }
-"""full trains as the paper's table 5 does: 240 networks, two hours of one core (30 of ``confirm`` took 28 s each), or three
-minutes of an H100 shared by 16 processes."""
+"""full trains as the paper's table 5 does: 240 networks, two hours of one core (30 of ``confirm`` took 28 s each), or
+three minutes of an H100 shared by 16 processes."""
 
 
 @dataclass(frozen=True)
