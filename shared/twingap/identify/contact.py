@@ -16,11 +16,11 @@ from twingap.errors import TwingapError
 from twingap.identify.contact_bottom import descend
 from twingap.identify.contact_objective import SpectrumObjective, states_of
 from twingap.identify.optimise import DEFAULT, Optimiser, optimiser_of
-from twingap.identify.result import Fit, Outcome, Report
+from twingap.identify.result import Estimate, Fit, Outcome, Report
 from twingap.records import RecordSet
 from twingap.twins.contact import ContactTwin
 from twingap.twins.contact_parameters import DEFECTS
-from twingap.twins.twin_file import TwinSpec, build_twin, flat
+from twingap.twins.twin_file import TwinSpec, build_twin, flat, scaled_for
 
 Array = NDArray[np.float64]
 
@@ -56,8 +56,8 @@ def identify_contact(
         raise TwingapError('method "eq8" is for the phenomenological twin', where="identification", mend="leave it out")
     search = optimiser_of(optimiser) if isinstance(optimiser, str) else optimiser
     notes: list[str] = []
-    twin = build_twin(spec, records.bearing, records.unit)
-    assert isinstance(twin, ContactTwin)
+    unfitted: dict[str, Estimate] = {}
+    twin = _built(spec, records)
     given = flat(spec.parameters)
     if acting := [effect.name for effect in twin.effects if effect.name not in twin.inherent_effects]:
         notes.append(f"effects of the twin took no part in matching spectra: {', '.join(acting)}")
@@ -68,7 +68,13 @@ def identify_contact(
     if not any(state.fault in DEFECTS for state in states):
         # Healthy trajectories hardly move: scale and structure noise would be traded for each other.
         notes.append("no record of a fault in inner race, outer race or ball: scale keeps its value")
-        given = {"scale": twin.parameters.scale, **given}
+        if "scale" not in given:
+            # It is found all the same, as what leads to the records' unit: without it the file would say nothing of it.
+            spec, told = scaled_for(spec, records.unit)
+            notes += [told] if told else []
+            twin = _built(spec, records)
+            unfitted["scale"] = Estimate(twin.parameters.scale)
+            given = {"scale": twin.parameters.scale, **given}
     starts = rng.random((sum(len(state.conditions) for state in states), 3))
     fixed_levels: dict[str, float] = {
         n: given[n] for n in ("scale", "structure_noise_rms", "white_noise_rms") if n in given
@@ -114,4 +120,10 @@ def identify_contact(
         )
         for state, part in zip(states, bottom.parts, strict=True)
     )  # fmt: skip
-    return Outcome({n: e for n, e in found.items() if n not in given}, fits, tuple(notes))
+    return Outcome({n: e for n, e in found.items() if n not in given} | unfitted, fits, tuple(notes))
+
+
+def _built(spec: TwinSpec, records: RecordSet) -> ContactTwin:
+    twin = build_twin(spec, records.bearing, records.unit)
+    assert isinstance(twin, ContactTwin)
+    return twin

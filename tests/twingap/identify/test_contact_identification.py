@@ -16,7 +16,7 @@ from twingap.identify.optimise import Array, Objective, differential_evolution
 from twingap.records import Condition, Record, RecordSet
 from twingap.twins.contact import ContactTwin
 from twingap.twins.contact_parameters import ContactParameters
-from twingap.twins.twin_file import TwinSpec, flat
+from twingap.twins.twin_file import STANDARD_GRAVITY, TwinSpec, flat, in_unit
 
 TRUE = ContactParameters(stiffness=4e9, damping=800.0, scale=0.1)
 
@@ -160,8 +160,15 @@ def test_differential_evolution_finds_a_valley_with_holes() -> None:
 def test_healthy_records_alone_leave_scale_as_it_is() -> None:
     spec = TwinSpec("contact", parameters={"stiffness": 4e9, "damping": 800.0})
     found = identify(spec, records(faults=("healthy",)), np.random.default_rng(0))
-    assert "scale" not in flat(found.spec.parameters)
     assert any("scale keeps its value" in note for note in found.notes)
+    # What it keeps leads from the twin's m/s^2 to the records' g, and is in the file, so that units can be converted.
+    values = flat(found.spec.parameters)
+    assert values["scale"] == pytest.approx(1 / STANDARD_GRAVITY) and "scale" not in found.spec.intervals
+    assert flat(in_unit(found.spec, "m/s^2").parameters)["scale"] == pytest.approx(1.0)
+    assert values["scale"] * values["structure_noise_rms"] == pytest.approx(0.1 * TRUE.structure_noise_rms, rel=0.2)
+    given = TwinSpec("contact", parameters={**spec.parameters, "scale": 0.1})
+    kept = identify(given, records(faults=("healthy",)), np.random.default_rng(0))
+    assert flat(kept.spec.parameters)["scale"] == 0.1 and not any("leads from" in note for note in kept.notes)
 
 
 def test_where_contact_leaves_no_trace_noise_is_what_is_simulated() -> None:
