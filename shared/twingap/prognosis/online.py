@@ -157,6 +157,7 @@ class OnlineLife:
         self._log = _no_judged_rows()
         self._last: tuple[float, float, float, float] | None = None
         self._highest_gain = 0.0
+        self._ended_at = 0
         self._gains_beyond: list[float] = []
         self._been_below = False
 
@@ -478,7 +479,22 @@ class OnlineLife:
                 else self._log["log"][-1] >= self._end()
             )
             if ended:
-                self.end_row = row
+                self.end_row, self._ended_at = row, len(self._log)
+        elif self.end_row is not None and self.options.limit is None:
+            self._take_end_back(row)
+
+    def _take_end_back(self, row: int) -> None:
+        """An end by ratio is one row's amplitude, and a knock is one too: where the next ones lie below, life goes on.
+
+        As many rows as make an anomaly say so. A limit in absolute amplitude is the owner's, and stands.
+        """
+        since = self._log["log"][self._ended_at :]
+        if since.size < self._together or (since[-self._together :] >= self._end()).any():
+            return
+        self.notes.append(
+            f"the end of row {self.end_row} is taken back in row {row}: the last {self._together} rows lie below it"
+        )
+        self.end_row = self._last = None
 
     def _raise_highest_gain(self, speed_rpm: float, gain: float) -> None:
         """Speeds beyond those seen while healthy count once the run keeps to them: one reading may be wrong."""

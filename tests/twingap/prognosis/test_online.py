@@ -239,6 +239,26 @@ def test_an_absolute_limit_is_reached_at_the_speed_that_answers_most() -> None:
         told(drawn("exponential", 3, rows=50, varying=False), OnlineLife(LifeOptions(limit=1e-9)), 100)
 
 
+@pytest.mark.parametrize("limit", [None, 10.0])
+def test_a_knock_within_an_anomaly_ends_life_for_a_few_rows_only(limit: float | None) -> None:
+    """By ratio; the owner's limit is reached by whatever reaches it."""
+    rng = np.random.default_rng(15)
+    life, said = OnlineLife(LifeOptions(limit=limit)), []
+    for row in range(260):
+        height = (2.5 if row >= 100 else 1.0) * np.exp(0.05 * rng.normal())
+        said.append(life.update(float(row), 1500.0, 30.0 if row in (180, 230) else float(height)))
+    over = [row for row, e in enumerate(said) if e.revolutions == 0.0]
+    if limit is None:
+        assert over == [180, 181, 182, 183, 184, 230, 231, 232, 233, 234] and life.end_row is None
+        assert [note[:24] for note in life.notes if "taken back" in note] == [
+            "the end of row 180 is ta",
+            "the end of row 230 is ta",
+        ]
+        assert said[185].revolutions > 0 and life.alarm_row is not None
+    else:
+        assert over == list(range(180, 260)) and life.end_row == 180
+
+
 def test_one_wrong_reading_of_the_speed_does_not_lower_the_end_for_good() -> None:
     """Amplitude beyond the known speeds is extrapolated: it counts when the run keeps to them."""
 
