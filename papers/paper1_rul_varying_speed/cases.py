@@ -246,7 +246,8 @@ def adapted(records: RecordSet, run: Run, name: str, adaptation: Adaptation) -> 
     try:
         twin = adapt_when_possible(run, read_mode(records, run, adaptation), adaptation, waited.append)
     except TwingapError as error:
-        raise TwingapError(str(error), where=f"run {name}") from error
+        place = f"run {name}" if error.where in (None, "run") else f"run {name}, {error.where}"
+        raise TwingapError(error.what, where=place, mend=error.mend) from error
     return twin, tuple(waited)
 
 

@@ -14,7 +14,7 @@ from scipy.signal import lfilter
 
 import papers.paper1_rul_varying_speed as paper
 from papers.paper1_rul_varying_speed import options as options_module
-from papers.paper1_rul_varying_speed import pipeline, tables
+from papers.paper1_rul_varying_speed import cases, pipeline, tables
 from papers.paper1_rul_varying_speed.cases import Case, Known, Target, load_target, read_case
 from papers.paper1_rul_varying_speed.job import fit
 from papers.paper1_rul_varying_speed.models import MODELS
@@ -250,3 +250,21 @@ def test_the_smoke_run_has_all_models_and_the_full_one_all_runs() -> None:
     options = read_options()
     assert list(options.profile("smoke").models) == list(options.profile("full").models) == list(MODELS)
     assert set(options.profile("full").bearings) == set(tables.PUBLISHED) and options.profile("full").seeds == 5
+
+
+@pytest.mark.parametrize(
+    ("where", "said"),
+    [("run", "run A1: what; mend"), (None, "run A1: what; mend"), ("rule", "run A1, rule: what; mend")],
+)
+def test_a_run_of_which_nothing_can_be_predicted_is_named_once(
+    where: str | None, said: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refuse(*given: object) -> None:
+        raise TwingapError("what", where=where, mend="mend")
+
+    monkeypatch.setattr(cases, "read_mode", lambda *given: None)
+    monkeypatch.setattr(cases, "adapt_when_possible", refuse)
+    nothing: Any = None
+    with pytest.raises(TwingapError) as told:
+        cases.adapted(nothing, nothing, "A1", nothing)
+    assert str(told.value) == said
