@@ -13,8 +13,8 @@ import torch
 from scipy.signal import lfilter
 
 import papers.paper1_rul_varying_speed as paper
-from papers.paper1_rul_varying_speed import options as options_module
 from papers.paper1_rul_varying_speed import cases, pipeline, tables
+from papers.paper1_rul_varying_speed import options as options_module
 from papers.paper1_rul_varying_speed.cases import Case, Known, Target, load_target, read_case
 from papers.paper1_rul_varying_speed.job import fit
 from papers.paper1_rul_varying_speed.models import MODELS
