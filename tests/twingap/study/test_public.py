@@ -409,3 +409,13 @@ def test_what_cannot_be_answered_or_written_is_told_before_the_work(
     with pytest.raises(TwingapError, match="a folder expected"):
         train(tmp_path / "out")
     assert not (tmp_path / "home").exists()
+
+
+def test_nothing_stands_in_for_records_that_cannot_be_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "cwru").mkdir()
+    (tmp_path / "cwru" / "97.mat").write_bytes(b"cut short")
+    monkeypatch.setenv("TWINGAP_DATA", str(tmp_path))
+    with pytest.raises(TwingapError, match=r"97\.mat"):
+        public_sets.public_set("cwru", None, 1)
+    monkeypatch.setenv("TWINGAP_DATA", str(tmp_path / "nowhere"))
+    assert not public_sets.public_set("cwru", None, 1).real
