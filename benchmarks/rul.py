@@ -13,7 +13,8 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.harness import Measurement, Target
-from twingap.prognosis.online import LifeOptions, OnlineLife
+from twingap.prognosis.estimate import LifeOptions
+from twingap.prognosis.online import OnlineLife
 from twingap.prognosis.rivals import Growth, particle_filter
 from twingap.prognosis.simulated_runs import SimulatedRun, simulate_run
 from twingap.records import Condition, Record

@@ -26,7 +26,8 @@ from numpy.typing import NDArray
 import twingap.rigs
 from papers.studies import Count, Progress, command, keep_tables, profile_of
 from twingap.prognosis import metrics
-from twingap.prognosis.online import Estimate, LifeOptions, OnlineLife
+from twingap.prognosis.estimate import Estimate, LifeOptions
+from twingap.prognosis.online import OnlineLife
 from twingap.prognosis.outcomes import Outcome, outcome_of, prior_from
 from twingap.prognosis.prior import LEARNT, Prior
 from twingap.provenance import digest_of_code

@@ -11,7 +11,7 @@ import typer
 from twingap.cli.options import AnySeed, Json, refuse_overwriting, say_json, show, steps, wrote
 
 if TYPE_CHECKING:
-    from twingap.prognosis.online import LifeOptions
+    from twingap.prognosis.estimate import LifeOptions
     from twingap.prognosis.outcomes import Outcome
 
 
@@ -81,8 +81,8 @@ def rul(
     from twingap.errors import TwingapError
     from twingap.files import replacing
     from twingap.prognosis.anomaly import AnomalyRule
+    from twingap.prognosis.estimate import LifeOptions
     from twingap.prognosis.follow import COLUMNS, follow
-    from twingap.prognosis.online import LifeOptions
     from twingap.prognosis.outcomes import prior_from, refuse_repeats, usual_end
     from twingap.prognosis.run_records import read_run
     from twingap.records.table import write_table

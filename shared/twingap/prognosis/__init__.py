@@ -25,11 +25,12 @@ from twingap.prognosis.degradation import DamageFit, Trajectory, damage, end_row
 from twingap.prognosis.degradation_models import MODELS, CurveFit, CurveModel, fit_curve
 from twingap.prognosis.degrade import Degradation, DegradeOptions, degrade
 from twingap.prognosis.encoding import D_MODEL, positional_encoding, sequence_position, speed_position
+from twingap.prognosis.estimate import Estimate, LifeOptions
 from twingap.prognosis.feature_table import read_feature_table
 from twingap.prognosis.follow import Followed, follow
 from twingap.prognosis.health_indicator import Indicators, features_of, offline_indicators, online_indicators
 from twingap.prognosis.healthy import healthy_mode, logarithmic_decrement_damping
-from twingap.prognosis.online import Estimate, LifeOptions, OnlineLife
+from twingap.prognosis.online import OnlineLife
 from twingap.prognosis.outcomes import Outcome, prior_from, read_outcomes
 from twingap.prognosis.prior import LogNormal, Prior
 from twingap.prognosis.remaining_life import remaining_revolutions, remaining_time_s, revolutions_in, time_along

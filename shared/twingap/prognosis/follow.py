@@ -12,7 +12,8 @@ from typing import Any, Final
 import numpy as np
 
 from twingap.errors import TwingapError
-from twingap.prognosis.online import Estimate, LifeOptions, OnlineLife
+from twingap.prognosis.estimate import Estimate, LifeOptions
+from twingap.prognosis.online import OnlineLife
 from twingap.prognosis.outcomes import Outcome, outcome_of
 from twingap.prognosis.prior import Prior
 from twingap.prognosis.run_records import Run, RunRow

@@ -19,7 +19,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twingap.prognosis.calibration import TERMS, Posterior, calibrated
-from twingap.prognosis.online import LifeOptions, OnlineLife
+from twingap.prognosis.estimate import LifeOptions
+from twingap.prognosis.online import OnlineLife
 from twingap.prognosis.outcomes import Outcome, prior_from
 from twingap.prognosis.past_errors import Told
 from twingap.prognosis.simulated_runs import CALIBRATION_LAWS, LAWS, SimulatedRun, simulate_bench, simulate_run

@@ -15,7 +15,8 @@ from typing import Final
 import numpy as np
 
 from twingap.errors import TwingapError
-from twingap.prognosis.online import Estimate, OnlineLife
+from twingap.prognosis.estimate import Estimate
+from twingap.prognosis.online import OnlineLife
 from twingap.prognosis.past_errors import Array, Told, widening
 from twingap.prognosis.prior import LogNormal, Prior
 from twingap.records.table import read_table

@@ -12,9 +12,10 @@ from numpy.typing import NDArray
 from twingap.errors import TwingapError
 from twingap.prognosis.calibration import TERMS, Posterior, calibrated
 from twingap.prognosis.calibration_table import TABLE
+from twingap.prognosis.estimate import Estimate, LifeOptions
 from twingap.prognosis.follow import _shortened
 from twingap.prognosis.interval_study import check_bench, covered, informed, learn, study
-from twingap.prognosis.online import Estimate, LifeOptions, OnlineLife
+from twingap.prognosis.online import OnlineLife
 from twingap.prognosis.outcomes import told_of
 from twingap.prognosis.prior import LogNormal, Prior
 from twingap.prognosis.simulated_runs import LAWS, SimulatedRun, simulate_run

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from twingap.prognosis.online import Estimate
+from twingap.prognosis.estimate import Estimate
 from twingap.prognosis.outcomes import Outcome, prior_from, told_of
 from twingap.prognosis.past_errors import ROWS, Told, errors, widened, widening
 from twingap.prognosis.prior import LogNormal, Prior
