@@ -34,7 +34,7 @@ from papers.paper1_rul_varying_speed.options import CONFIG, Options, read_option
 from papers.paper1_rul_varying_speed.training_code import code_of_training
 from papers.studies import Count, Progress, command, keep_tables, profile_of
 from twingap.errors import TwingapError
-from twingap.prognosis.adaptive_twin import Adaptation, lives_that_may_follow
+from twingap.prognosis.adaptive_twin import Adaptation, NoLifeError, lives_that_may_follow
 from twingap.prognosis.architecture import PRINTED_STRIDES, LifeArchitecture
 from twingap.prognosis.metrics import rmse
 from twingap.sweep import sweep
@@ -210,7 +210,7 @@ def run(
     for name in size.bearings:
         try:
             simulated = read_case(target, name, options.target, options.adaptation)
-        except TwingapError as error:  # growth after ten minutes may be so slow that no life ends in sight
+        except NoLifeError as error:  # growth after ten minutes may be so slow that no life ends in sight
             left_out[name] = str(error)
             continue
         for what in size.lives:

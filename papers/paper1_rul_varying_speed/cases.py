@@ -19,7 +19,7 @@ from twingap import data
 from twingap.bearing import Bearing
 from twingap.errors import TwingapError
 from twingap.prognosis import end_row, normalised_peak_to_peak
-from twingap.prognosis.adaptive_twin import Adaptation, AdaptiveTwin, adapt_when_possible, read_mode
+from twingap.prognosis.adaptive_twin import Adaptation, AdaptiveTwin, NoLifeError, adapt_when_possible, read_mode
 from twingap.prognosis.remaining_life import remaining_revolutions, remaining_time_s
 from twingap.prognosis.run import Run, read_run
 from twingap.prognosis.simulated_lives import Snapshots, measured_snapshots
@@ -247,7 +247,8 @@ def adapted(records: RecordSet, run: Run, name: str, adaptation: Adaptation) -> 
         twin = adapt_when_possible(run, read_mode(records, run, adaptation), adaptation, waited.append)
     except TwingapError as error:
         place = f"run {name}" if error.where in (None, "run") else f"run {name}, {error.where}"
-        raise TwingapError(error.what, where=place, mend=error.mend) from error
+        kind = NoLifeError if isinstance(error, NoLifeError) else TwingapError
+        raise kind(error.what, where=place, mend=error.mend) from error
     return twin, tuple(waited)
 
 

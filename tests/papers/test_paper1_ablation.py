@@ -17,6 +17,7 @@ from papers.paper1_rul_varying_speed.models import MODELS
 from papers.paper1_rul_varying_speed.options import Options, TargetOptions, read_options
 from tests.papers import test_paper1
 from twingap.errors import TwingapError
+from twingap.prognosis.adaptive_twin import NoLifeError
 from twingap.prognosis.metrics import rmse
 
 records, root, config, case = test_paper1.records, test_paper1.root, test_paper1.config, test_paper1.case
@@ -92,10 +93,11 @@ def test_a_run_for_which_no_life_can_be_simulated_is_left_out_and_named(
     root: Path, config: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     real = ablation.read_case
+    kind: type[TwingapError] = NoLifeError
 
     def of_one(target: Target, name: str, *rest: Any) -> Case:
         if name == "A150":
-            raise TwingapError("no life could be simulated before the run's end", where=f"run {name}")
+            raise kind("no life could be simulated before the run's end", where=f"run {name}")
         return real(target, "A148", *rest)
 
     monkeypatch.setattr(ablation, "read_case", of_one)
@@ -109,6 +111,10 @@ def test_a_run_for_which_no_life_can_be_simulated_is_left_out_and_named(
             continue
         made = ablation.run("smoke", **given).tables
         assert list(made["ablation"]["bearing"]) == ["A148"] and made["ablation_summary"]["bearings"].eq(1).all()
+        kind = TwingapError  # what cannot be read is not left out
+        with pytest.raises(TwingapError, match=r"^run A150: no life"):
+            ablation.run("smoke", **given)
+        kind = NoLifeError
         (row,) = made["ablation_left_out"].to_dict("records")
         assert row["bearing"] == "A150" and "no life could be simulated" in row["why"]
 

@@ -26,6 +26,10 @@ from twingap.prognosis.speed_influence import SpeedInfluence, fit_speed_influenc
 from twingap.records import RecordSet
 
 
+class NoLifeError(TwingapError):
+    """No simulated life ends within the run's: nothing can be predicted of it, though all of it can be read."""
+
+
 @dataclass(frozen=True)
 class Adaptation:
     """How a run is read.
@@ -228,8 +232,10 @@ def adapt_when_possible(
 
     Raises
     ------
+    NoLifeError
+        When the run is over before an attempt succeeds.
     TwingapError
-        When there is no anomaly, or the run is over before an attempt succeeds.
+        When there is no anomaly.
     """
     _, _, anomaly = find_anomaly(run, options)
     if anomaly.alarm_row is None:
@@ -244,4 +250,4 @@ def adapt_when_possible(
             why = str(error)
             tell(f"row {now}: {why}")
         now += step
-    raise TwingapError(f"no life could be simulated before the run's end: {why}", where="run")
+    raise NoLifeError(f"no life could be simulated before the run's end: {why}", where="run")

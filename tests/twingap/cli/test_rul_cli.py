@@ -324,10 +324,10 @@ def test_how_much_of_a_record_is_taken_depends_on_no_later_one(twingap: Run, tmp
 
 
 def test_the_limit_among_the_healthy_rows_is_reached_whatever_is_recorded_later(twingap: Run, tmp_path: Path) -> None:
-    """Row 20 reaches it as a whole, and not with its first 400 samples, which is all that row 40 would leave of it."""
+    """Row 20 reaches it as a whole, and not with its first 1200 samples, which is all that row 40 would leave of it."""
     made = []
     for row in range(60):
-        x = 0.1 * np.random.default_rng(row).normal(size=400 if row == 40 else 2000)
+        x = 0.1 * np.random.default_rng(row).normal(size=1200 if row == 40 else 2000)
         if row == 20:
             x[1500] = 30.0
         made.append(Record(Condition(f"r{row}", 1500.0, 5000.0, x.size, time_s=600.0 * row), x))
