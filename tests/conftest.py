@@ -21,7 +21,7 @@ if threading.current_thread() is threading.main_thread() and signal.getsignal(si
 @pytest.fixture(scope="session")
 def learnt_home(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A TWINGAP_HOME in which the diagnosis has learnt a few plain effects from few machines: it runs."""
-    from twingap.gap.training import train
+    from twingap.gap.knowledge import train
 
     shared = tmp_path_factory.getbasetemp()
     shared = shared.parent if "PYTEST_XDIST_WORKER" in os.environ else shared
@@ -34,7 +34,7 @@ def learnt_home(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="session")
 def learnt(learnt_home: Path) -> Any:
     """What was learnt there."""
-    from twingap.gap.training import load, train
+    from twingap.gap.knowledge import load, train
 
     return load(train(learnt_home / "gap", machines=FEW_MACHINES, jobs=2, among=PLAIN))
 

@@ -240,7 +240,7 @@ def run(
     """
     import twingap.gap
     from twingap.data.root import data_root
-    from twingap.gap.training import train
+    from twingap.gap.knowledge import train
 
     options, size = read_options(config), profile_of(PROFILES, profile, Path(__file__))
     where = None if root is None else str(root)

@@ -171,7 +171,7 @@ def run(
         Make the figure.
     """
     import twingap.gap
-    from twingap.gap.training import train
+    from twingap.gap.knowledge import train
 
     options, size = read_options(config), profile_of(PROFILES, profile, Path(__file__))
     where = None if root is None else str(root)

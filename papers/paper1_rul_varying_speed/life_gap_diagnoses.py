@@ -181,7 +181,7 @@ def diagnosed(asked: Asked, *, root: str | None, config: str) -> dict[str, Any]:
 
 def row_of(found: Diagnosis) -> dict[str, Any]:
     """What a table and a training need of a diagnosis."""
-    from twingap.gap.evidence import values_of
+    from twingap.gap.search.evidence import values_of
 
     report, verdict = found.report, found.report.verdict
     after = found.explanation.after.effects if verdict.effects else ()

@@ -349,7 +349,7 @@ def _at_true_speeds(records: RecordSet, bearing: Bearing, notes: list[str]) -> R
     A mode is not identified for the trees: on real records, whose several modes one mode cannot stand for, drawing it
     from all that can be did better than holding on to the one found.
     """
-    from twingap.gap.speed import estimate_speeds
+    from twingap.identify.speed import estimate_speeds
 
     try:
         speeds = estimate_speeds(records, bearing)
@@ -365,8 +365,8 @@ def _matched(
 ) -> tuple[RecordSet, TwinSpec, frozenset[str]]:
     """Records with true speeds, and the twin with the mode and noises that they show; impacts stay open.
 
-    States are read off combs in the envelopes for this (`twingap.gap.calibrate`). That is good enough for a mode; an
-    impact's amplitude it would only give where the comb is plain, so amplitudes are drawn instead.
+    States are read off combs in the envelopes for this (`twingap.identify.calibrate`). That is good enough for a mode;
+    an impact's amplitude it would only give where the comb is plain, so amplitudes are drawn instead.
     """
     known = stated(spec)
     if spec.model != "phenomenological":
@@ -374,7 +374,7 @@ def _matched(
             f"the {spec.model} twin was taken as it is: `twingap identify` matches it to records of known state"
         )
         return records, spec, known
-    from twingap.gap.calibrate import calibrate
+    from twingap.identify.calibrate import calibrate
     from twingap.twins.twin_file import flat, nested
 
     try:

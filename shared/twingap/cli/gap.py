@@ -25,8 +25,8 @@ from twingap.cli.options import Json, Seed, TrackingUri, progress_console, say, 
 from twingap.errors import TwingapError
 
 if TYPE_CHECKING:
-    from twingap.gap.diagnosis import Diagnosis
-    from twingap.gap.report import GapReport
+    from twingap.gap.api import Diagnosis
+    from twingap.gap.report.model import GapReport
     from twingap.records import Record, RecordSet
     from twingap.track import Tracker
     from twingap.twins.twin_file import TwinSpec
@@ -92,9 +92,6 @@ def diagnose(
             "twin: DIR/nearest.toml; with --export its records too, DIR/sim_nearest.",
         ),
     ] = False,
-    jobs: Annotated[
-        int, typer.Option(metavar="J", help="Processes: with 2, half of the records are simulated in another.", min=1)
-    ] = 1,
     track: Annotated[
         bool, typer.Option("--track/--no-track", help="Keep the diagnosis as a run for `twingap ui`.")
     ] = True,
@@ -106,8 +103,8 @@ def diagnose(
     import numpy as np
 
     from twingap.files import replacing, replacing_folder
-    from twingap.gap.html import page
-    from twingap.gap.report_file import dumped
+    from twingap.gap.report.files import dumped
+    from twingap.gap.report.page import page
     from twingap.records.folder import read_record_set, write_records
     from twingap.twins.twin_file import read_twin
 
@@ -129,7 +126,7 @@ def diagnose(
             from twingap.gap import diagnose as run  # slow to import: what was mistyped is told before
 
             rng = np.random.default_rng(seed)
-            found = run(records, spec, rng, sim=simulated, report=report_step, nearest=nearest, jobs=jobs)
+            found = run(records, spec, rng, sim=simulated, report=report_step, nearest=nearest)
         about = _with_provenance(found.report, records, spec, twin, sim, seed, begin)
         table = about.to_json()
         data.write_text(dumped(table), encoding="utf-8", newline="\n")
@@ -163,8 +160,8 @@ def train(
     as_json: Json = False,
 ) -> None:
     """Train beforehand what the diagnosis learns from simulated gaps; a diagnosis that finds nothing does it itself."""
-    from twingap.gap.training import SEED
-    from twingap.gap.training import train as run
+    from twingap.gap.knowledge import SEED
+    from twingap.gap.knowledge import train as run
 
     seed = SEED if seed is None else seed
     with _bar() as report_step:
@@ -240,7 +237,7 @@ def _tracker(uri: str | None) -> Tracker:
 
 def _keep(report: GapReport, paths: list[Path], tracker: Tracker | None) -> None:
     """Track the diagnosis. It is done and written: a store that cannot be used is worth a line, no more."""
-    from twingap.gap.tracked import track_report
+    from twingap.gap.report.tracking import track_report
 
     try:
         track_report(tracker or _tracker(None), report, paths)
@@ -250,7 +247,7 @@ def _keep(report: GapReport, paths: list[Path], tracker: Tracker | None) -> None
 
 def _ends(ci: tuple[float, float]) -> str:
     """An interval of a closure; where it ends at what closures are bounded to, so said."""
-    from twingap.gap.shrink import CLOSURE_BOUNDS
+    from twingap.gap.distance.closure import CLOSURE_BOUNDS
 
     low, high = (f"{round(100 * end)}%" for end in ci)
     low += " or less" * (ci[0] <= CLOSURE_BOUNDS[0])
@@ -260,7 +257,7 @@ def _ends(ci: tuple[float, float]) -> str:
 
 def _tell(report: GapReport) -> None:
     """The verdict, the likeliest candidates and the measures, for people."""
-    from twingap.gap.advice import next_steps, place_words
+    from twingap.gap.report.advice import next_steps, place_words
 
     say(report.sentence)
     if report.stand_ins is not None:

@@ -6,23 +6,23 @@ records + twin --calibrate--> --measure--> --where--> --which--> --how far--> Ga
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from twingap.gap.diagnosis import Diagnosis, diagnose
-    from twingap.gap.report import GapReport
-    from twingap.gap.report_file import read_report
+    from twingap.gap.api import Diagnosis, diagnose
+    from twingap.gap.report.files import read_report
+    from twingap.gap.report.model import GapReport
 
 
 def __getattr__(name: str) -> Any:
     """Public names, imported when they are asked for: a report is read without what diagnoses."""
     if name in ("Diagnosis", "diagnose"):
-        from twingap.gap import diagnosis
+        from twingap.gap import api as diagnosis
 
         return getattr(diagnosis, name)
     if name == "GapReport":
-        from twingap.gap.report import GapReport
+        from twingap.gap.report.model import GapReport
 
         return GapReport
     if name == "read_report":
-        from twingap.gap.report_file import read_report
+        from twingap.gap.report.files import read_report
 
         return read_report
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

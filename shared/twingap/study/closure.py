@@ -45,10 +45,10 @@ def true_closure(world: Any, seed: int) -> float | None:
     float or None
         None where there is no effect to add, or no gap to close.
     """
-    from twingap.gap.distance import Paired
-    from twingap.gap.view import Frame
-    from twingap.gap.views import Grid
+    from twingap.gap.distance.feature_vectors import Grid
+    from twingap.gap.distance.paired import Paired
     from twingap.rigs.worlds import replay
+    from twingap.signal.record_transforms import Frame
 
     truth = world.truth
     if not truth.effects:
@@ -92,7 +92,7 @@ def left_without_effects(world: Any, seed: int) -> float | None:
         Overall gap on the held-out part, standard deviations. None where the twin cannot be calibrated, or names
         effects of its own without values, which only a diagnosis could find.
     """
-    from twingap.gap.modelled import without_values
+    from twingap.gap.search.modelled_effects import without_values
     from twingap.rigs.worlds import replay
     from twingap.study.blind import blinded
 
@@ -106,11 +106,11 @@ def left_without_effects(world: Any, seed: int) -> float | None:
 
 
 def _left(bare: Blind, rng: np.random.Generator) -> float:
-    from twingap.gap.calibrate import calibrate
-    from twingap.gap.distance import Paired
-    from twingap.gap.evidence import THOROUGH, Evidence, replicates_of, simulator_of
-    from twingap.gap.nearest import bring_nearest
-    from twingap.gap.views import Grid
+    from twingap.gap.distance.feature_vectors import Grid
+    from twingap.gap.distance.paired import Paired
+    from twingap.gap.search.evidence import THOROUGH, Evidence, replicates_of, simulator_of
+    from twingap.gap.search.optimise import bring_nearest
+    from twingap.identify.calibrate import calibrate
 
     calibrated = calibrate(bare.records, None if bare.sim is not None else bare.twin, rng, sim=bare.sim)
     evidence = Evidence(calibrated, simulator_of(calibrated, bare.sim), bare.twin, int(rng.integers(2**62)), THOROUGH)
@@ -126,7 +126,7 @@ def _left(bare: Blind, rng: np.random.Generator) -> float:
 
 
 def _views(records: RecordSet, conditions: Sequence[Condition], frame: Any, grid: Any) -> Any:
-    from twingap.gap.view import RecordView
-    from twingap.gap.views import measure
+    from twingap.gap.distance.feature_vectors import measure
+    from twingap.signal.record_transforms import RecordView
 
     return measure((RecordView(r.samples, c, frame) for r, c in zip(records, conditions, strict=True)), grid)

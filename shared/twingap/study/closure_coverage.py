@@ -18,18 +18,18 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from twingap.errors import TwingapError
-from twingap.gap.calibrate import calibrate
-from twingap.gap.distance import Paired
-from twingap.gap.evidence import THOROUGH, Evidence, simulator_of
-from twingap.gap.shrink import closure, closure_interval, paired
-from twingap.gap.view import RecordView
-from twingap.gap.views import Grid, Views
-from twingap.gap.views import measure as measure_views
-from twingap.gap.which import explain
+from twingap.gap.distance.closure import closure, closure_interval, paired
+from twingap.gap.distance.feature_vectors import Grid, Views
+from twingap.gap.distance.feature_vectors import measure as measure_views
+from twingap.gap.distance.paired import Paired
+from twingap.gap.search.effect_search import explain
+from twingap.gap.search.evidence import THOROUGH, Evidence, simulator_of
+from twingap.identify.calibrate import calibrate
+from twingap.signal.record_transforms import RecordView
 from twingap.study.blind import anonymous, blinded
 
 if TYPE_CHECKING:
-    from twingap.gap.training.learn import Learnt
+    from twingap.gap.knowledge.learn import Learnt
     from twingap.rigs.worlds import Case
 
 RUNS = 8
@@ -114,7 +114,7 @@ def check(case: Case, seed: int, learnt: Learnt) -> Checked | None:
 
 def main() -> None:
     """Worlds with one to five effects of a seed that no study used."""
-    from twingap.gap.training import load, train
+    from twingap.gap.knowledge import load, train
     from twingap.rigs.worlds.plan import cases
 
     asked = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else "")

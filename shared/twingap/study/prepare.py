@@ -27,8 +27,8 @@ def prepared(
     TwingapError
         When the twin cannot be calibrated.
     """
-    from twingap.gap.calibrate import calibrate
-    from twingap.gap.evidence import simulator_of
+    from twingap.gap.search.evidence import simulator_of
+    from twingap.identify.calibrate import calibrate
 
     calibrated = calibrate(records, None if sim is not None else spec, rng, sim=sim)
     kept = {r.condition.name: r for part in (calibrated.fit, calibrated.held_out) for r in part}
@@ -46,7 +46,7 @@ def training_worlds(n: int, rng: np.random.Generator) -> Iterator[tuple[RecordSe
     ------
     (records, simulated records, effects missing)
     """
-    from twingap.gap.training.gaps import draw_gap
+    from twingap.gap.knowledge.simulated_gaps import draw_gap
 
     made = 0
     while made < n:

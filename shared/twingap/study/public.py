@@ -156,7 +156,7 @@ def _digests(held: Mapping[str, PublicSet], report: Report) -> tuple[str, dict[s
     import twingap.identify
     import twingap.signal
     import twingap.twins
-    from twingap.gap.training import train
+    from twingap.gap.knowledge import train
     from twingap.study import public_jobs, public_looks, public_sets
 
     code = digest_of_code(

@@ -20,8 +20,8 @@ from twingap.bearing import Bearing
 from twingap.effects import Effect, Stage, apply_to_waveform, catalogue, make_effect
 from twingap.effects.background import Background
 from twingap.errors import TwingapError
-from twingap.gap.advice import place_words
-from twingap.gap.report import GapReport, Metric, StandIns
+from twingap.gap.report.advice import place_words
+from twingap.gap.report.model import GapReport, Metric, StandIns
 from twingap.records import Record, RecordSet
 from twingap.streams import Streams
 from twingap.study.public_sets import bearing_of, halves, public_set

@@ -11,11 +11,11 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from twingap.gap.calibrate import CLEAR_COMB, calibrate
-from twingap.gap.signatures import NAMES, measure
-from twingap.gap.speed_reading import comb_heights
-from twingap.gap.view import RecordView
+from twingap.gap.features import NAMES, measure
+from twingap.identify.calibrate import CLEAR_COMB, calibrate
+from twingap.identify.speed_reading import comb_heights
 from twingap.records import RecordSet
+from twingap.signal.record_transforms import RecordView
 from twingap.twins.twin_file import TwinSpec
 
 Array = NDArray[np.float64]

@@ -351,7 +351,13 @@ def digest_of_worlds() -> str:
 
 def _digest_of_yardsticks() -> str:
     """What a world's gap is measured with, and what calibrates a twin of it."""
-    from twingap.gap import baseline, calibrate, distance, evidence, nearest, simulator, view, views
+    from twingap.gap.distance import feature_vectors as views
+    from twingap.gap.distance import paired as distance
+    from twingap.gap.search import evidence
+    from twingap.gap.search import optimise as nearest
+    from twingap.identify import baseline, calibrate
+    from twingap.signal import record_transforms as view
+    from twingap.twins import simulator
 
     return digest_of_code(baseline, calibrate, distance, evidence, nearest, simulator, view, views)
 
@@ -365,7 +371,7 @@ def made_ready(
     """
     if not diagnose.__module__.startswith("twingap.gap"):
         return ""
-    from twingap.gap import training
+    from twingap.gap import knowledge as training
 
     path = training.train(report=lambda what, part: report(f"training, once: {what}", round(100 * part), 100),
                           jobs=jobs or 0)  # fmt: skip

@@ -17,12 +17,12 @@ import numpy as np
 
 from twingap.effects import Effect, catalogue
 from twingap.errors import TwingapError
-from twingap.gap.calibrate import calibrate
-from twingap.gap.comparison import feature_names
-from twingap.gap.evidence import THOROUGH, Evidence, simulator_of
-from twingap.gap.training.gaps import draw_effects, simulated
-from twingap.gap.training.machines import Machine, draw_machine
-from twingap.gap.training.null import DISTANCE
+from twingap.gap.features.comparison import feature_names
+from twingap.gap.knowledge.machines import Machine, draw_machine
+from twingap.gap.knowledge.null import DISTANCE
+from twingap.gap.knowledge.simulated_gaps import draw_effects, simulated
+from twingap.gap.search.evidence import THOROUGH, Evidence, simulator_of
+from twingap.identify.calibrate import calibrate
 from twingap.records import Record, RecordSet
 from twingap.twins.twin_file import TwinSpec
 

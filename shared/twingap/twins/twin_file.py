@@ -510,3 +510,8 @@ def _load_own_models() -> None:
                 "m/s^2",
             )
         )
+
+
+def all_parameters(spec: TwinSpec) -> dict[str, Any]:
+    """The model's parameters, defaults included."""
+    return dataclasses.asdict(model_parameters(spec))

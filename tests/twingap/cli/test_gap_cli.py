@@ -12,8 +12,8 @@ import pytest
 
 from tests.twingap.cli.typed import Run, refused
 from twingap.bearing import BEARINGS
-from twingap.gap.contract import problems
-from twingap.gap.report_file import from_json, read_report
+from twingap.gap.report.files import from_json, read_report
+from twingap.gap.report.schema import problems
 from twingap.records import Condition, Record
 from twingap.records.folder import read_record_set, write_records
 from twingap.twins.phenomenological import PhenomenologicalTwin
@@ -180,7 +180,7 @@ def test_records_of_another_simulator_take_the_twins_place(
 def test_what_cannot_be_diagnosed_is_told_before_half_an_hour_of_learning(
     typed_gap: Run, twin: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from twingap.gap import diagnosis
+    from twingap.gap import api as diagnosis
 
     def unwanted(**_: Any) -> None:
         raise AssertionError("learns before it has looked at the records")

@@ -7,7 +7,7 @@ from collections.abc import Callable
 
 import pytest
 
-from twingap.gap.report import (
+from twingap.gap.report.model import (
     Candidate,
     Curve,
     GapReport,

@@ -14,8 +14,8 @@ import pytest
 from twingap.bearing import BEARINGS
 from twingap.effects import make_effect
 from twingap.errors import TwingapError
-from twingap.gap.report import Candidate, GapReport, Metric, ParameterValue, Place, StandIns, Verdict
-from twingap.gap.training import train
+from twingap.gap.knowledge import train
+from twingap.gap.report.model import Candidate, GapReport, Metric, ParameterValue, Place, StandIns, Verdict
 from twingap.records import Condition, Record, RecordSet
 from twingap.study import public, public_jobs, public_looks, public_report, public_sets
 from twingap.study.public_jobs import PublicJob

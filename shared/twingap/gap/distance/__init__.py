@@ -1,0 +1,1 @@
+"""Distances between records and twin: feature vectors, tests, localisation, closure."""

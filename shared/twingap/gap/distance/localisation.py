@@ -1,0 +1,361 @@
+"""Where the gap lies: bins in which records and twin differ, with a family-wise error rate, and the share of each.
+
+Paired --deviation of record and of each replicate, per bin--> means over all records, and over those of each fault
+       --deviation of few scalars--> contrasts between conditions (fault against the rest, trends over speed, ...)
+all of them --exchange of record and replicate within conditions--> step-down max-T --> Places, with shares
+
+Who plays the record is exchanged within each condition as in `two_sample_tests`: the null is exact when the twin
+equals the machine, whatever the dependence between bins. Step-down (Westfall and Young, Resampling-based multiple
+testing, 1993) takes out what is found, so that a loud place does not hide a faint one.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import norm
+
+from twingap.gap.distance.feature_vectors import Views
+from twingap.gap.distance.paired import Paired
+from twingap.gap.distance.two_sample_tests import Choice, Exchange, exchanges
+from twingap.gap.report.model import Domain, Place
+from twingap.records import Condition
+
+Array = NDArray[np.float64]
+Single = NDArray[np.float32]
+
+_CLIP: Final = 4.0
+"""Standardised deviations count at most this much: a bin with rare outliers must not set the threshold of all."""
+_LEAST_SPREAD: Final = 0.03
+_VARIES: Final = 0.05
+_FEWEST_EXCHANGES: Final = 1000
+_NUMBERS: Final = ("speed_rpm", "load_n", "time_s")
+
+
+@dataclass(frozen=True)
+class Located:
+    """Where a gap lies.
+
+    Parameters
+    ----------
+    places : tuple of Place
+        Significant at the family-wise level, largest share first.
+    remainder : float
+        Part of the whole gap that lies in no significant place, 0 to 1; places and remainder add up to 1.
+    p_value : float
+        Of no difference anywhere: the smallest adjusted one.
+    """
+
+    places: tuple[Place, ...]
+    remainder: float
+    p_value: float
+
+
+def localise(
+    real: Views,
+    sims: Sequence[Views],
+    conditions: Sequence[Condition],
+    rng: np.random.Generator,
+    alpha: float = 0.05,
+) -> tuple[Place, ...]:
+    """Places in which records and twin differ. See `locate`."""
+    return locate(Paired(real, sims, conditions), rng, alpha).places
+
+
+def locate(
+    pair: Paired,
+    rng: np.random.Generator,
+    alpha: float = 0.05,
+    draws: int = 999,
+    exchange: Exchange = "record",
+) -> Located:
+    """Find the places in which records and twin differ.
+
+    Parameters
+    ----------
+    pair : Paired
+        Records and replicates, of any number of either; with m replicates of n records no p-value is below about
+        (m + 1)^-n, nor below 1 / (1 + draws).
+    rng : numpy.random.Generator
+    alpha : float
+        Probability that any place is named when the twin equals the machine.
+    draws : int
+    exchange : {"record", "group", "world"}
+        See `twingap.gap.distance.two_sample_tests`.
+
+    Returns
+    -------
+    Located
+        A place names its `condition` when it was found for some faults only; places of the domain "condition" say
+        between which conditions the level, impulsiveness, band power or lines differ unequally.
+    """
+    groups = [c.group for c in pair.conditions]
+    choices = exchanges(groups, pair.m, draws, rng, exchange)
+    deviations = _standardised(pair)
+    condition = pair.real.columns("condition") if "condition" in pair.real.domains else slice(0, 0)
+    plain = np.ones(deviations.shape[2], bool)
+    plain[condition] = False
+
+    # Too few records cannot be significant however they are exchanged, and would only set the others' threshold.
+    fewest = math.ceil(math.log(_FEWEST_EXCHANGES) / math.log(pair.m + 1)) if exchange != "world" else 1
+    if exchange == "group":
+        fewest *= max(round(pair.n / len(set(groups))), 1)
+    subsets = _subsets(pair.conditions, fewest)
+    per_bin = _subset_statistics(deviations[:, :, plain], choices, list(subsets.values()))
+    contrasts = _contrasts(pair.conditions, fewest)
+    scalars = _contrast_statistics(deviations[:, :, condition], choices, [c.weights for c in contrasts])
+
+    family = np.concatenate((per_bin.reshape(len(choices), -1), scalars.reshape(len(choices), -1)), axis=1)
+    if not family.shape[1]:
+        return Located((), 1.0, 1.0)
+    p = adjusted(family)
+    p_bins = np.ones((len(subsets), plain.size))
+    p_bins[:, plain] = p[: per_bin[0].size].reshape(per_bin[0].shape)
+    p_contrasts = p[per_bin[0].size :].reshape(scalars[0].shape)
+
+    part = pair.real.weight * pair.over_strata(pair.squares())[0]
+    found = _Found(pair, alpha, np.maximum(part, 0.0), p_bins, tuple(subsets), np.abs(per_bin[0]), plain)
+    places = [*found.bins(), *found.conditions(contrasts, p_contrasts)]
+    # Bins without a gap are as often below zero as above: the sum is the unbiased whole, unless places exceed it.
+    whole = max(float(part.sum()), sum(place.share for place in places), 1e-300)
+    shared = tuple(_with_share(place, place.share / whole) for place in places)
+    ordered = tuple(sorted(shared, key=lambda place: (-place.share, place.p_value)))
+    return Located(ordered, max(1.0 - sum(place.share for place in ordered), 0.0), float(p.min()))
+
+
+def adjusted(statistics: Single) -> Array:
+    """Step-down max-T p-values.
+
+    Parameters
+    ----------
+    statistics : array [1 + draws, hypotheses]
+        Large speaks against the null; the first row is the observed.
+
+    Returns
+    -------
+    Array [hypotheses]
+        Adjusted for all, at least 1 / (1 + draws).
+    """
+    order = np.argsort(-statistics[0], kind="stable")
+    ranked = statistics[:, order]
+    largest = np.maximum.accumulate(ranked[:, ::-1], axis=1)[:, ::-1]
+    raw = np.mean(largest >= ranked[0] * (1 - 1e-5) - 1e-6, axis=0)
+    out = np.empty(order.size)
+    out[order] = np.maximum.accumulate(raw)
+    return out
+
+
+def _standardised(pair: Paired) -> Single:
+    """[records, members, bins] How far each member lies from the mean of the others, in robust standard deviations.
+
+    The spread is taken over all members alike, so that exchanging them changes nothing.
+    """
+    stacked = pair.stacked
+    m = pair.m
+    deviations = ((m + 1) * stacked - stacked.sum(axis=1, keepdims=True)) / m
+    flat = np.abs(deviations).reshape(-1, deviations.shape[2])
+    if m == 1:  # the record's deviation is its replicate's: only their size is common to both exchanges
+        spread = np.sqrt((flat**2).mean(axis=0))
+    else:  # a quantile that the record itself, one of m + 1, does not reach
+        level = min(0.8, 1 - 1.5 / (m + 1))
+        spread = np.quantile(flat, level, axis=0) / norm.ppf(0.5 + level / 2)
+    for domain in pair.real.domains:
+        columns = pair.real.columns(domain)
+        kinds, part = np.array(pair.real.axes[domain].kind), spread[columns]
+        usual = np.array([np.median(part[kinds == kind]) for kind in kinds])
+        spread[columns] = np.hypot(part, 0.2 * usual)
+    scaled = deviations / np.maximum(spread, _LEAST_SPREAD)
+    return np.asarray(np.clip(scaled, -_CLIP, _CLIP), dtype=np.float32)
+
+
+def _subsets(conditions: Sequence[Condition], fewest: int) -> dict[str | None, NDArray[np.int64]]:
+    """All records (None), and those of each fault where there are several faults of enough records."""
+    faults = np.array([c.fault or "" for c in conditions])
+    names = list(dict.fromkeys(faults))
+    out: dict[str | None, NDArray[np.int64]] = {None: np.arange(len(conditions))}
+    by_fault = {str(f): np.flatnonzero(faults == f) for f in names} if len(names) > 1 else {}
+    return out | {f: places for f, places in by_fault.items() if len(places) >= fewest}
+
+
+def _subset_statistics(deviations: Single, choices: Choice, subsets: Sequence[NDArray[np.int64]]) -> Single:
+    """[draws, subsets, bins] |sum| / sqrt(count) of the deviations of who plays the record."""
+    members, bins = deviations.shape[1:]
+    sums = np.zeros((len(choices), len(subsets), bins), dtype=np.float32)
+    # The sum over all is that over the faults, unless some fault has too few records for a subset of its own.
+    parted = sum(len(p) for p in subsets[1:]) == len(subsets[0])
+    own = list(subsets[1:] if parted else subsets)
+    first = len(subsets) - len(own)
+    block = max(4096 // members, 1)
+    for s, places in enumerate(own):
+        for start in range(0, len(places), block):
+            part = places[start : start + block]
+            chosen = np.zeros((len(choices), len(part), members), dtype=np.float32)
+            np.put_along_axis(chosen, choices[:, part, None], np.float32(1), axis=2)
+            sums[:, first + s] += chosen.reshape(len(choices), -1) @ deviations[part].reshape(-1, bins)
+    if first:
+        sums[:, 0] = sums[:, 1:].sum(axis=1)
+    counts = np.sqrt(np.array([len(p) for p in subsets], dtype=np.float32))
+    return np.asarray(np.abs(sums) / counts[:, None], dtype=np.float32)
+
+
+@dataclass(frozen=True)
+class _Contrast:
+    """A comparison between conditions: weights [records] that sum to 0, and what it is about."""
+
+    variable: str
+    weights: Array
+    fault: str | None
+
+
+def _contrasts(conditions: Sequence[Condition], fewest: int) -> list[_Contrast]:
+    """Each fault against the rest; trends over speed, load and time, within faults and in each."""
+    faults = np.array([c.fault or "" for c in conditions])
+    names = list(dict.fromkeys(faults))
+    out = []
+    for name in names if len(names) > 1 else []:
+        inside = faults == name
+        out.append(_Contrast("fault", np.where(inside, 1 / inside.sum(), -1 / (~inside).sum()), str(name)))
+    for variable in _NUMBERS:
+        given = [getattr(c, variable) for c in conditions]
+        if any(v is None for v in given):
+            continue
+        values = np.array(given, float)
+        if np.ptp(values) <= _VARIES * max(float(np.abs(values).mean()), 1e-12):
+            continue
+        weights = values - values.mean()
+        for name in names:
+            weights[faults == name] = values[faults == name] - values[faults == name].mean()
+        out.append(_Contrast(variable, weights, None))
+        for name in names if len(names) > 1 else []:
+            own = np.where(faults == name, weights, 0.0)
+            # A trend through two records is none.
+            if np.count_nonzero(own) >= max(fewest, 3):
+                out.append(_Contrast(variable, own, str(name)))
+    return [c for c in out if np.abs(c.weights).max() > 1e-9]
+
+
+def _contrast_statistics(deviations: Single, choices: Choice, weights: Sequence[Array]) -> Single:
+    """[draws, contrasts, scalars] |weighted sum| over the root of the sum of squared weights."""
+    n, _, scalars = deviations.shape
+    out = np.zeros((len(choices), len(weights), scalars), dtype=np.float32)
+    if not weights or not scalars:
+        return out
+    table = np.stack([w / np.sqrt(np.sum(w**2)) for w in weights]).astype(np.float32)
+    for start in range(0, len(choices), 100):
+        some = choices[start : start + 100]
+        out[start : start + 100] = np.einsum("cn,dns->dcs", table, deviations[np.arange(n), some])
+    return np.abs(out)
+
+
+class _Found:
+    """Turns significant bins and contrasts into places whose `share` is still in units of the squared gap."""
+
+    def __init__(
+        self,
+        pair: Paired,
+        alpha: float,
+        part: Array,
+        p_bins: Array,
+        subsets: tuple[str | None, ...],
+        statistic: Single,
+        plain: NDArray[np.bool_],
+    ) -> None:
+        self.pair, self.alpha, self.part, self.p, self.subsets = pair, alpha, part, p_bins, subsets
+        self.statistic = np.zeros(p_bins.shape)
+        self.statistic[:, plain] = statistic
+
+    def bins(self) -> list[Place]:
+        """One place for each run of significant bins of a kind; equal stretches of a domain are one place."""
+        out: dict[tuple[Any, ...], Place] = {}
+        for domain in self.pair.real.domains:
+            if domain == "condition":
+                continue
+            axis, first = self.pair.real.axes[domain], self.pair.real.columns(domain).start
+            significant = np.asarray(self.p[:, first : first + len(axis.kind)].min(axis=0) <= self.alpha)
+            for run in _runs(significant, axis.kind):
+                place = self._place(domain, axis.lo[run[0]], axis.hi[run[-1]], axis.unit, first + run)
+                key = (domain, place.lo, place.hi, str(place.condition))
+                if key in out:
+                    known = out[key]
+                    place = Place(
+                        domain, place.lo, place.hi, place.unit, known.share + place.share,
+                        min(known.p_value, place.p_value), place.condition,
+                    )  # fmt: skip
+                out[key] = place
+        return list(out.values())
+
+    def _place(self, domain: Domain, lo: float, hi: float, unit: str, columns: NDArray[np.int64]) -> Place:
+        p = self.p[:, columns]
+        condition = self._only_some_faults(columns)
+        return Place(domain, float(lo), float(hi), unit, float(self.part[columns].sum()), float(p.min()), condition)
+
+    def _only_some_faults(self, columns: NDArray[np.int64]) -> Mapping[str, Any] | None:
+        """The faults for which a place was found, when there is no sign of it for any of the others."""
+        if len(self.subsets) < 2:
+            return None
+        with_it = [
+            fault
+            for k, fault in enumerate(self.subsets)
+            if fault is not None and (self.p[k, columns] <= self.alpha).any()
+        ]
+        without = [k for k, fault in enumerate(self.subsets) if fault is not None and fault not in with_it]
+        if not with_it or not without or self.statistic[without][:, columns].max() > 2.5:
+            return None
+        return {"fault": with_it[0] if len(with_it) == 1 else with_it}
+
+    def conditions(self, contrasts: Sequence[_Contrast], p: Array) -> list[Place]:
+        """The clearest significant contrast of each variable; a scalar's part is divided between them evenly."""
+        best: dict[str, int] = {}
+        for k in np.argsort(p.min(axis=1, initial=1.0), kind="stable"):
+            if p[k].min(initial=1.0) <= self.alpha:
+                best.setdefault(contrasts[k].variable, int(k))
+        if not best:
+            return []
+        columns = self.pair.real.columns("condition")
+        significant = p[list(best.values())] <= self.alpha
+        parts = (significant / np.maximum(significant.sum(axis=0), 1)) @ self.part[columns]
+        return [
+            Place("condition", None, None, "", float(part), float(p[k].min()), self._named(contrasts[k], p[k]))
+            for part, k in zip(parts, best.values(), strict=True)
+        ]
+
+    def _named(self, contrast: _Contrast, p: Array) -> Mapping[str, Any]:
+        """The side of a contrast on which the gap of its clearest scalar is larger."""
+        column = self.pair.real.columns("condition").start + int(p.argmin())
+        gap = self.pair.difference[:, column]
+        faults = np.array([c.fault or "" for c in self.pair.conditions])
+        if contrast.variable == "fault":
+            own = faults == contrast.fault
+            if abs(gap[own].mean()) >= abs(gap[~own].mean()):
+                return {"fault": contrast.fault or None}
+            others = list(dict.fromkeys(map(str, faults[~own])))  # the gap spares this one fault
+            return {"fault": others if len(others) > 1 else others[0]}
+        inside = np.flatnonzero((faults == contrast.fault) if contrast.fault is not None else np.ones(gap.size, bool))
+        values = np.array([getattr(c, contrast.variable) for c in self.pair.conditions], float)
+        low = inside[values[inside] <= np.median(values[inside])]
+        high = inside[values[inside] > np.median(values[inside])]
+        if not high.size:  # more than half share the largest value
+            high, low = low[values[low] == values[low].max()], low[values[low] < values[low].max()]
+        side = high if not low.size or abs(gap[high].mean()) >= abs(gap[low].mean()) else low
+        named: dict[str, Any] = {contrast.variable: [float(values[side].min()), float(values[side].max())]}
+        return named if contrast.fault in (None, "") else named | {"fault": contrast.fault}
+
+
+def _runs(significant: NDArray[np.bool_], kinds: Sequence[str]) -> list[NDArray[np.int64]]:
+    """Places of neighbouring significant bins of one kind."""
+    out: list[list[int]] = []
+    for i in map(int, np.flatnonzero(significant)):
+        if out and out[-1][-1] == i - 1 and kinds[i] == kinds[i - 1]:
+            out[-1].append(i)
+        else:
+            out.append([i])
+    return [np.array(run) for run in out]
+
+
+def _with_share(place: Place, share: float) -> Place:
+    return Place(place.domain, place.lo, place.hi, place.unit, share, place.p_value, place.condition)

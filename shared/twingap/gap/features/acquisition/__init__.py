@@ -1,0 +1,1 @@
+"""Features of the converter and the amplitude distribution."""

@@ -1,0 +1,237 @@
+"""The comb over harmonics of the impact rate that a second strike makes, asked of all records of a set together.
+
+power around each harmonic (answer.Struck), measured and simulated, of every record
+    --mean over the records of a fault, the clearest first--> ratio over harmonics
+    --less what is slow, and what noise on the same path shows too-->
+    against |1 + r exp(i k a)|^2 --> how much of it each comb explains, its delay and ratio
+
+A second strike that follows at a fixed angle is a comb over harmonics at any speed, while paths stand still in Hz. How
+much a comb explains of a few harmonics by chance falls with their number: `score` counts in roots of it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from typing import Final, NamedTuple
+
+import numpy as np
+import scipy.fft
+from numpy.typing import NDArray
+
+from twingap.bearing import Bearing
+from twingap.gap.features.impacts.impulse_response import Struck, standing_out
+from twingap.gap.features.impacts.smooth_path import likelier
+from twingap.gap.features.tones.peaks import highest
+
+Array = NDArray[np.float64]
+
+_KINDS: Final = ("clear", "faint")
+NAMES: Final[tuple[str, ...]] = tuple(
+    f"{kind}_{name}"
+    for kind in _KINDS
+    for name in ("known", "gain", "score", "same", "opposed", "arc_log", "ratio", "likelier", "likelier_ratio")
+)  # fmt: skip
+"""Keys of `compare`: of harmonics that stand out clearly each by itself, and of all in stretches that do."""
+
+_LEAST_PART: Final = 0.01
+"""Of a pass, from one strike to the next: at more than half of one, the comb is that of what is left of it."""
+_GRID: Final = 8
+"""Delays that are looked at per harmonic: combs of many harmonics are as sharp as there are harmonics."""
+_CANDIDATES: Final = 12
+"""Delays of either sign that whole combs are held against: where the comb's own first term is strongest."""
+_RATIOS: Final = (0.1, 0.2, 0.35, 0.6, 0.9)
+_NOISE: Final = 0.01
+"""Variance of a log ratio that no fit goes below: what jitter leaves."""
+_LEAST_SCORE: Final = 1.5
+"""From which a comb has a delay: one more mode scores as much, where healthy records do not show it exactly."""
+_DROWNED: Final = 2.0
+"""Errors of the power of all harmonics that a record is at least as loud as."""
+_STANDING: Final = 4.0
+"""Standard deviations of the noise by which a stretch of harmonics has to stand out to count in full."""
+_COUNTED: Final = 0.15
+"""Weight below which a harmonic is left out: its logarithm is of noise."""
+_JITTER: Final = (0.02, 0.01)
+"""Part of a harmonic's power that fills the gaps of a comb whatever the noise: of clear harmonics, of faint ones."""
+_FEWEST: Final = 6.0
+"""Harmonics, by weight, below which nothing is said."""
+
+
+class _Ratio(NamedTuple):
+    """[harmonics] ln of measured over simulated power; its weight; noise over power, which fills a comb's gaps; and ln
+    of measured over simulated noise at the same frequencies, 0 where nobody knows."""
+
+    log: Array
+    weight: Array
+    noise: Array
+    path: Array
+
+
+def compare(
+    real: Sequence[Struck], simulated: Sequence[Struck], bearing: Bearing, noise: Array | None = None
+) -> dict[str, float]:
+    """What combs over harmonics tell measured strikes from simulated ones.
+
+    Parameters
+    ----------
+    real, simulated : sequence of Struck
+        Of all records that there are.
+    bearing : Bearing
+    noise : Array [answer.PLACES], optional
+        ln of the measured over the simulated spectrum of noise, which comes the same way: what is alike in the ratio of
+        strikes is of the path.
+
+    Returns
+    -------
+    dict[str, float]
+        `NAMES` -> value, NaN where nobody knows. `known` ln of the number of harmonics; `gain` ln of what is left
+        without a comb over what the best one leaves; `score` ln(1 + gain root of known); `same`, `opposed` the gain
+        where the second strike goes the way of the first or the other; `arc_log` ln deg, `ratio` signed. `likelier`
+        ln(1 + log likelihood ratio) of the best comb where the path may be any curve, `likelier_ratio` its ratio.
+    """
+    out = dict.fromkeys(NAMES, math.nan)
+    faults = sorted({s.fault for s in real} & {s.fault for s in simulated})
+    for kind in _KINDS:
+        ratios = [(fault, _over_harmonics(real, simulated, noise, fault, faint=kind == "faint")) for fault in faults]
+        found = _comb([(fault, ratio) for fault, ratio in ratios if ratio.weight.sum() >= _FEWEST], bearing)
+        out |= {f"{kind}_{name}": value for name, value in found.items()}
+    return out
+
+
+def _comb(ratios: Iterable[tuple[str, _Ratio]], bearing: Bearing) -> dict[str, float]:
+    """Of the comb |1 + r exp(i k a)|^2 over harmonics k that a second strike, r times the first, would make.
+
+    Faults share r, but each is a defect of its own, as long as it is.
+    """
+    before = known = 0.0
+    after, over_path = np.zeros((2, 2, len(_RATIOS)))
+    found: list[tuple[str, _Explained]] = []
+    for fault, ratio in ratios:
+        own = _explained(ratio)
+        known += float(ratio.weight.sum())
+        before += own.energy
+        after += own.left
+        over_path += likelier(*ratio, np.array(_RATIOS), _LEAST_PART)
+        found.append((fault, own))
+    if not found:
+        return {}
+    rest = _NOISE * known
+    gain = np.log((before + rest) / (after + rest))
+    i, j = (int(v) for v in np.unravel_index(int(np.argmax(gain)), gain.shape))
+    best = float(gain[i, j])
+    out = {
+        "known": math.log(known), "gain": best, "score": math.log1p(max(best, 0.0) * math.sqrt(known)),
+        "same": float(gain[0].max()), "opposed": float(gain[1].max()),
+    }  # fmt: skip
+    way, size = (int(v) for v in np.unravel_index(int(np.argmax(over_path)), over_path.shape))
+    out["likelier"] = math.log1p(max(float(over_path[way, size]), 0.0))
+    out["likelier_ratio"] = (1.0 if way == 0 else -1.0) * _RATIOS[size]
+    if out["score"] > _LEAST_SCORE:
+        # Of the fault whose comb is plainest. A ball is struck twice a turn.
+        fault, plainest = max(found, key=lambda of: of[1].energy - of[1].left[i, j])
+        per_pass = 180.0 if fault == "ball" else 360 / bearing.n_rollers
+        out["arc_log"] = math.log(plainest.part[i, j] * per_pass)
+        out["ratio"] = (1.0 if i == 0 else -1.0) * _RATIOS[j]
+    return out
+
+
+class _Explained(NamedTuple):
+    """Weighted squares without a comb; [signs, ratios] with the best one of each kind, and its delay in passes."""
+
+    energy: float
+    left: Array
+    part: Array
+
+
+def _explained(ratio: _Ratio) -> _Explained:
+    """How much of one fault's ratio combs explain, the path and what is slow over harmonics taken out of both."""
+    seen = np.flatnonzero(ratio.weight)
+    root, place = np.sqrt(ratio.weight[seen]), (seen + 1) / ratio.weight.size
+    smooth = [np.ones(seen.size), place, place**2]
+    if np.ptp(ratio.path[seen]) > 0:
+        smooth.append(ratio.path[seen])
+    basis, _ = np.linalg.qr((np.stack(smooth) * root).T)
+    target = root * ratio.log[seen]
+    target = target - basis @ (basis.T @ target)
+    energy = float(target @ target)
+    # ln |1 + r exp(i k a)|^2 = 2 r cos(k a) - r^2 cos(2 k a) + ...: delays where the first term is strong.
+    size = scipy.fft.next_fast_len(_GRID * ratio.weight.size)
+    weighted = np.zeros(size)
+    weighted[seen + 1] = root * target
+    first = scipy.fft.rfft(weighted).real[: size // 2 + 1]
+    least = max(int(np.ceil(_LEAST_PART * size)), 1)
+    left, part = np.zeros((2, 2, len(_RATIOS)))
+    for row, sign in enumerate((1.0, -1.0)):
+        at = least + highest(sign * first[least:], _CANDIDATES)
+        phase = np.exp(2j * np.pi * np.outer(at / size, seen + 1))
+        combs = np.array([np.abs(1 + sign * r * phase) ** 2 for r in _RATIOS])
+        combs = root * np.log(combs + ratio.noise[seen])
+        slow = combs @ basis
+        rest = energy - 2 * combs @ target + (combs**2).sum(axis=-1) - (slow**2).sum(axis=-1)
+        best = rest.argmin(axis=1)
+        left[row], part[row] = rest[np.arange(len(_RATIOS)), best], at[best] / size
+    return _Explained(energy, left, part)
+
+
+def _over_harmonics(
+    real: Sequence[Struck], simulated: Sequence[Struck], noise: Array | None, fault: str, *, faint: bool
+) -> _Ratio:
+    """Of the mean power around the harmonics of one fault.
+
+    With `faint`, a harmonic counts where those about it stand out: in the gaps of a comb there is only noise, and that
+    is what tells a comb.
+    """
+    logs, weights, noises = [], [], []
+    for own in (real, simulated):
+        power, error = _mean([s for s in own if s.fault == fault])
+        about = _smooth(np.maximum(power, 0.0))
+        noises.append(np.clip(error / np.maximum(about, 0.1 * error + 1e-300), 0.0, 3.0))
+        if faint:
+            logs.append(np.log(np.maximum(np.maximum(power, error), 1e-12)))
+            weights.append(standing_out(about, error, clear=_STANDING))
+        else:
+            logs.append(np.log(np.maximum(power, 1e-12)))
+            weights.append(standing_out(power, error))
+    both = min(log.size for log in logs)
+    path = np.zeros(both) if noise is None else _on_path([s for s in simulated if s.fault == fault], noise)[:both]
+    weight = np.minimum(*(w[:both] for w in weights))
+    filled = _JITTER[1] + noises[0][:both] if faint else np.full(both, _JITTER[0])
+    return _Ratio(logs[0][:both] - logs[1][:both], np.where(weight > _COUNTED, weight, 0.0), filled, path)
+
+
+def _mean(kept: Sequence[Struck]) -> tuple[Array, Array]:
+    """[harmonics] Mean power of records as loud as one another, and its error; as far as half of the records reach.
+
+    Records weigh by the inverse of their variance: one whose strikes drown must not drown those of the others.
+    """
+    most = max(s.power.size for s in kept)
+    power, squares, weights, count = np.zeros((4, most))
+    for s in kept:
+        loud = max(float(s.power.sum()), _DROWNED * float(np.sqrt((s.error**2).sum())), 1e-300)
+        weight = 1 / max(float(np.mean((s.error / loud) ** 2)), 1e-12)
+        own = slice(0, s.power.size)
+        power[own] += weight * s.power / loud
+        squares[own] += (weight * s.error / loud) ** 2
+        weights[own] += weight
+        count[own] += 1
+    reached = int((count >= 0.5 * len(kept)).sum())
+    return power[:reached] / weights[:reached], np.sqrt(squares[:reached]) / weights[:reached]
+
+
+def _on_path(simulated: Sequence[Struck], noise: Array) -> Array:
+    """[harmonics] ln of what the mean power of simulated strikes would be over what it is, were the path the noise's.
+
+    One harmonic lies at another frequency at every speed: where it is loud is where the path counts.
+    """
+    most = max(s.power.size for s in simulated)
+    before, after = np.full((2, most), 1e-300)
+    for s in simulated:
+        loud = np.maximum(s.power, s.error) / max(float(np.maximum(s.power, s.error).sum()), 1e-300)
+        before[: loud.size] += loud
+        after[: loud.size] += loud * np.exp(noise[s.places])
+    return np.asarray(np.log(after / before))
+
+
+def _smooth(power: Array) -> Array:
+    """Mean of five neighbours."""
+    return np.convolve(np.pad(power, 2, mode="edge"), np.full(5, 0.2), "valid")

@@ -1,0 +1,106 @@
+"""Combs over harmonics where the path may be any curve: what is left of a comb once all that is smooth is explained.
+
+ln of measured over simulated power of harmonics --covariance of a path that wanders, most likely length and size-->
+    whitened, straight lines taken out --each comb |1 + r exp(i k a)|^2 whitened alike--> log likelihood ratio
+
+A twin whose mode was placed beside the machine's leaves a ratio that bends for some harmonics, as a comb of few teeth
+does. The covariance of an Ornstein-Uhlenbeck process says how much of that is usual here; a comb that goes on over all
+harmonics stands out of it. Generalised least squares (Aitken 1935, doi:10.1017/S0370164600014346).
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import solve_triangular
+
+from twingap.gap.features.tones.peaks import highest
+
+Array = NDArray[np.float64]
+
+_LENGTHS: Final = (1.5, 4.0, 10.0)
+"""Harmonics over which a path forgets where it was."""
+_SIZES: Final = (0.2, 1.0, 4.0, 16.0, 64.0)
+"""Variance of the path over that of a harmonic known in full."""
+_GRID: Final = 8
+_FINEST: Final = 200
+"""Delays looked at: eight per harmonic, of two hundred at most."""
+_CANDIDATES: Final = 12
+"""Delays of either sign that whole combs are held against."""
+_LEAST: Final = 1e-3
+"""Mean square that no fit goes below."""
+
+
+def likelier(log: Array, weight: Array, noise: Array, path: Array, ratios: Array, least_part: float) -> Array:
+    """How much likelier a fault's harmonics are with a comb than without.
+
+    Parameters
+    ----------
+    log : Array [harmonics]
+        ln of measured over simulated power.
+    weight : Array [harmonics]
+        Of each, 0 to 1; 0 leaves it out.
+    noise : Array [harmonics]
+        Over power: fills the gaps of a comb.
+    path : Array [harmonics]
+        ln of what the path of the noise would make of them; all alike where nobody knows.
+    ratios : Array [ratios]
+        Second strike over first.
+    least_part : float
+        Shortest delay, parts of a pass; the longest is half of one.
+
+    Returns
+    -------
+    Array [2, ratios]
+        Log likelihood ratio of the best comb of each kind over none, the second strike the way of the first and the
+        other.
+    """
+    seen = np.flatnonzero(weight)
+    harmonic = np.asarray(seen + 1.0, float)
+    smooth = [np.ones(seen.size), harmonic / weight.size]
+    if np.ptp(path[seen]) > 0:
+        smooth.append(path[seen])
+    root, basis, target = _whitened(
+        np.column_stack((log[seen], *smooth)), np.asarray(1 / weight[seen], float), harmonic
+    )
+    rest = float(target @ target) + _LEAST * seen.size
+
+    def held(curves: Array) -> Array:
+        """[harmonics, curves] Whitened, what is smooth taken out."""
+        white = solve_triangular(root, curves, lower=True, check_finite=False)
+        return np.asarray(white - basis @ (basis.T @ white))
+
+    parts = np.arange(least_part, 0.5, 1 / (_GRID * min(weight.size, _FINEST)))
+    # ln |1 + r exp(i k a)|^2 = 2 r cos(k a) - ...: delays where the first term is strong.
+    first = held(np.cos(2 * np.pi * np.outer(harmonic, parts)))
+    strong = (target @ first) / np.sqrt(np.maximum((first**2).sum(axis=0), 1e-12))
+    out = np.zeros((2, ratios.size))
+    for row, sign in enumerate((1.0, -1.0)):
+        at = parts[highest(sign * strong, _CANDIDATES)]
+        phase = np.exp(2j * np.pi * np.outer(harmonic, at))
+        for column, ratio in enumerate(ratios):
+            combs = held(np.log(np.abs(1 + sign * ratio * phase) ** 2 + noise[seen, None]))
+            left = ((target[:, None] - combs) ** 2).sum(axis=0) + _LEAST * seen.size
+            out[row, column] = 0.5 * seen.size * math.log(rest / float(left.min()))
+    return out
+
+
+def _whitened(columns: Array, variance: Array, harmonic: Array) -> tuple[Array, Array, Array]:
+    """Root of the most likely covariance, an orthogonal basis of what is smooth, and what is left of the first column,
+    both whitened by it."""
+    apart = np.abs(harmonic[:, None] - harmonic)
+    best: tuple[float, Array, Array, Array] | None = None
+    for length, size in ((1.0, 0.0), *((a, s) for a in _LENGTHS for s in _SIZES)):
+        root = np.linalg.cholesky(np.diag(variance) + size * np.exp(-apart / length))
+        white = solve_triangular(root, columns, lower=True, check_finite=False)
+        basis, _ = np.linalg.qr(white[:, 1:])
+        target = white[:, 0] - basis @ (basis.T @ white[:, 0])
+        mean = float(target @ target) / target.size + _LEAST
+        likelihood = -0.5 * target.size * math.log(mean) - float(np.log(np.diag(root)).sum())
+        if best is None or likelihood > best[0]:
+            best = likelihood, np.asarray(root), np.asarray(basis), np.asarray(target)
+    assert best is not None
+    return best[1:]

@@ -1,0 +1,1 @@
+"""Features of the smooth spectrum and the background."""

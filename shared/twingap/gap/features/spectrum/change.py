@@ -1,0 +1,441 @@
+"""What was done to the simulated spectra to give the measured ones: one change at a time, by likelihood.
+
+pairs of records, measured and simulated, same condition
+    --mean log ratio with its error: noise of healthy records, all power of struck ones-->
+    levels and sampling alone | one more mode | noise in a band | noise of a power law | loss of the sensor
+    | a mode in parallel --> how much likelier each change is, by how much it leads, its values
+
+A mode adds to what strikes leave as it adds to the noise, each in its own proportion; in parallel with the path that is
+there, it takes away on one side of its peak, too; noise adds the same power to both; a loss takes from both alike, but
+for the white noise behind it. Against `path`, which models each side by itself,
+a simulator may have any number of modes: what both sides have cancels.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Final, NamedTuple
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from twingap.gap.features.impacts.parallel_mode import Path
+from twingap.gap.features.impacts.response_sampling import continuous
+from twingap.gap.features.spectrum.record_summary import Outline
+from twingap.signal.record_transforms import SMOOTH_SEGMENTS
+
+Array = NDArray[np.float64]
+
+QUIET_BANDS: Final = 128
+STRUCK_BANDS: Final = 64
+"""Bands of `answer.Struck.density`."""
+BANDS: Final = QUIET_BANDS + STRUCK_BANDS
+_LEAST_ERROR: Final = 0.04
+"""Error of a mean log ratio (0.17 dB) that no number of records goes below: what calibration leaves."""
+_ALONE: Final = 0.15
+"""Error of a log ratio known from one pair of records."""
+_ROBUST: Final = 4.0
+"""Errors beyond which a band counts in proportion, no longer as the square."""
+_TILT: Final = 2.5
+"""Power of the frequency with which laboratories' responses differ near half the sampling rate."""
+
+_SETTLED: Final = np.array([1e-6, 1e-6, 1 / 0.3**2, 1 / 0.008**2, 1 / 0.06**2, 1 / 0.7**2])
+"""Precision with which levels (quiet, struck), tilt, place of the spectrum (ln Hz), white noise and how continuous the
+response is are known: what calibration and laboratories leave open is no change."""
+_OF_SAMPLING: Final = np.array([False, False, True, False, False, True])
+"""Those of them that are of how a response is sampled: tilt, and how continuous it is."""
+_CERTAIN: Final = 1e9
+"""Precision of what is the same on both sides."""
+_WHITE: Final = 0.95
+"""Part of a spectrum's lowest density that is white noise, and no skirt of a mode."""
+
+CHANGES: Final = ("mode", "band", "law", "loss")
+NAMES: Final = (
+    "still", "tilt", "continuous", "tilt_gain",
+    *(f"{c}_gain" for c in CHANGES), *(f"{c}_lead" for c in CHANGES), "left",
+    "mode_fs", "mode_damping", "mode_quiet", "mode_struck", "mode_same",
+    "band_low", "band_high", "band_level", "band_quiet", "band_struck",
+    "law_power", "law_level", "law_quiet",
+    "loss_corner", "loss_order", "loss_struck", "loss_quiet",
+    "parallel_gain", "parallel_lead", "parallel_over_mode", "parallel_left", "parallel_fs", "parallel_damping",
+    "parallel_strength", "parallel_quiet", "parallel_struck", "parallel_quiet_low", "parallel_struck_low",
+)  # fmt: skip
+"""Keys of `compare`."""
+
+
+class _Best(NamedTuple):
+    cost: float
+    at: tuple[float, ...]
+    curve: Array
+
+
+def compare(real: Sequence[Outline], simulated: Sequence[Outline], *, own: bool = False) -> dict[str, float]:
+    """Which one change turns the simulated spectra into the measured ones.
+
+    Parameters
+    ----------
+    real, simulated : sequence of Outline
+        Of the same conditions, in the same order.
+    own : bool
+        Whether both come of one structure, as where a user's simulator is of the machine itself: then they are
+        sampled alike.
+
+    Returns
+    -------
+    dict[str, float]
+        `NAMES` -> value; NaN without pairs. `still`: log misfit per band with levels and sampling alone; `left`: with
+        the best change; `tilt`, `continuous`: how else the measured ones are sampled. Gains are ln(1 + misfit taken
+        away), leads a gain less that of the best rival. Frequencies are logarithms of parts of the sampling rate,
+        heights natural logarithms of a power ratio.
+    """
+    out = dict.fromkeys(NAMES, math.nan)
+    pairs = _Pairs.of(real, simulated, own)
+    if pairs is None:
+        return out
+    (level, _), (still, at) = pairs.settled(tilted=False), pairs.settled(tilted=True)
+    found = {"mode": pairs.mode(), "band": pairs.band(), "law": pairs.law(), "loss": pairs.loss()}
+    gains = {name: math.log1p(max(still - best.cost, 0.0)) for name, best in found.items()}
+    out["still"] = math.log(still / pairs.count + 1e-3)
+    out["tilt"], out["continuous"] = (float(value) for value in at[_OF_SAMPLING])
+    out["tilt_gain"] = math.log1p(max(level - still, 0.0))
+    for name, gain in gains.items():
+        out[f"{name}_gain"] = gain
+        out[f"{name}_lead"] = gain - max(g for n, g in gains.items() if n != name)
+    out["left"] = math.log(min(best.cost for best in found.values()) / pairs.count + 1e-3)
+    place, damping, quiet, struck = found["mode"].at
+    out["mode_fs"], out["mode_damping"] = math.log(place), math.log(damping)
+    out["mode_quiet"], out["mode_struck"] = _heights(found["mode"].curve)
+    out["mode_same"] = pairs.proportion(quiet, struck)
+    low, high, level_of = found["band"].at
+    out["band_low"], out["band_high"] = math.log(max(low, 1e-3)), math.log(high)
+    out["band_level"] = 0.5 * math.log(max(level_of * (high - low), 1e-8))
+    out["band_quiet"], out["band_struck"] = _heights(found["band"].curve)
+    out["law_power"], level_of = found["law"].at
+    out["law_level"] = 0.5 * math.log(max(level_of, 1e-8))
+    out["law_quiet"] = _heights(found["law"].curve)[0]
+    out["loss_corner"], out["loss_order"] = math.log(found["loss"].at[0]), found["loss"].at[1]
+    out["loss_quiet"], out["loss_struck"] = (float(v) for v in _lows(found["loss"].curve))
+    parallel = pairs.parallel()
+    gain = math.log1p(max(still - parallel.cost, 0.0))
+    out["parallel_gain"] = gain
+    out["parallel_lead"] = gain - max(g for name, g in gains.items() if name != "mode")
+    out["parallel_over_mode"] = gain - gains["mode"]
+    out["parallel_left"] = math.log(parallel.cost / pairs.count + 1e-3)
+    place, damping, out["parallel_strength"] = parallel.at
+    out["parallel_fs"], out["parallel_damping"] = math.log(place), math.log(damping)
+    out["parallel_quiet"], out["parallel_struck"] = _heights(parallel.curve)
+    out["parallel_quiet_low"], out["parallel_struck_low"] = _lows(parallel.curve)
+    return {name: value if math.isfinite(value) else math.nan for name, value in out.items()}
+
+
+def _heights(curve: Array) -> tuple[float, float]:
+    return float(curve[:QUIET_BANDS].max()), float(curve[QUIET_BANDS:].max())
+
+
+def _lows(curve: Array) -> tuple[float, float]:
+    return float(curve[:QUIET_BANDS].min()), float(curve[QUIET_BANDS:].min())
+
+
+_SIDES: Final = (slice(0, QUIET_BANDS), slice(QUIET_BANDS, BANDS))
+_PARALLEL: Final = tuple(sign * level for sign in (1.0, -1.0) for level in (0.05, 0.2, 0.6, 1.8, 6.0, 20.0, 80.0))
+"""Levels of a mode in parallel that are tried first."""
+
+
+class _Pairs:
+    """Mean log ratio of measured and simulated spectra, its error, and the simulated spectra themselves."""
+
+    def __init__(self, ratio: Array, error: Array, base: Array, own: bool) -> None:
+        self.ratio, self.error, self.base = ratio, error, base
+        self.open = np.append(_SETTLED[:-1], _CERTAIN if own else _SETTLED[-1])
+        self.known = error < np.inf
+        self.count = int(self.known.sum())
+        self.f = np.concatenate([(np.arange(n) + 0.5) / (2 * n) for n in (QUIET_BANDS, STRUCK_BANDS)])
+        weight = np.where(self.known, 1 / error, 0.0)
+        quiet = np.arange(BANDS) < QUIET_BANDS
+        self.white = np.where(
+            quiet, np.quantile(base[:QUIET_BANDS], 0.03), np.quantile(base[QUIET_BANDS:], 0.03)
+        ).astype(float)
+        log = np.log(base)
+        slope = np.concatenate([np.gradient(log[side], np.log(self.f[side])) for side in (quiet, ~quiet)])
+        behind = np.minimum(self.white / base, 1.0)
+        sampling = np.stack([(2 * self.f) ** _TILT, continuous(self.f, self._mode())]) * (1 - _WHITE * behind)
+        basis = np.stack([quiet, ~quiet, sampling[0], -slope, self.white / base, sampling[1]]).astype(float)
+        self.weight, self.basis = weight, basis * weight
+
+    @classmethod
+    def of(cls, real: Sequence[Outline], simulated: Sequence[Outline], own: bool) -> _Pairs | None:
+        """None when the sets are no pairs, or hold neither healthy records nor struck ones."""
+        if len(real) != len(simulated):
+            return None
+        healthy = any(o.condition.fault == "healthy" for o in real)
+        quiet, struck = [], []
+        for ours, theirs in zip(real, simulated, strict=True):
+            # Without healthy records, what lies between the lines of the others is noise too.
+            if not healthy or ours.condition.fault == "healthy":
+                quiet.append((_bands(ours), _bands(theirs)))
+            if ours.struck is not None and theirs.struck is not None:
+                struck.append((_log(ours.struck.density), _log(theirs.struck.density)))
+        if not quiet and not struck:
+            return None
+        parts = [_mean(quiet, QUIET_BANDS), _mean(struck, STRUCK_BANDS)]
+        ratio, error, base = (np.concatenate(column) for column in zip(*parts, strict=True))
+        return cls(ratio, error, base, own)
+
+    def _mode(self) -> float:
+        """Where the simulated spectrum is strongest, part of the sampling rate."""
+        quiet = slice(0, QUIET_BANDS) if self.known[:QUIET_BANDS].any() else slice(QUIET_BANDS, BANDS)
+        return float(np.clip(self.f[quiet][np.argmax(self.base[quiet])], 0.01, 0.49))
+
+    def settled(self, *, tilted: bool) -> tuple[float, Array]:
+        """Misfit once levels and small errors of calibration are taken out, how it is sampled among them or not,
+        and [basis] how much of each there is."""
+        settled = self.open if tilted else np.where(_OF_SAMPLING, _CERTAIN, self.open)
+        costs, best = _costs(np.zeros((1, BANDS)), self.ratio * self.weight, self.weight, self.basis, settled)
+        return float(costs[0]), best[0]
+
+    def mode(self) -> _Best:
+        """One more mode: heights over the noise and over what strikes leave, each by itself."""
+        best = self._mode_at(np.geomspace(0.012, 0.49, 72), (0.01, 0.022, 0.05, 0.11))
+        place, damping = best.at[:2]
+        return min(best, self._mode_at(
+            place * np.exp(np.linspace(-0.04, 0.04, 9)), tuple(damping * np.array([0.7, 1.0, 1.4]))
+        ), key=lambda b: b.cost)  # fmt: skip
+
+    def _mode_at(self, places: Array, dampings: Sequence[float]) -> _Best:
+        grid = [(f0, d) for d in dampings for f0 in np.minimum(places, 0.495)]
+        f0, d = np.array(grid).T[:, :, None]
+        shape = (2 * d * f0**2) ** 2 / ((f0**2 - self.f**2) ** 2 + (2 * d * self.f * f0) ** 2)
+        shape = np.maximum(shape, 1e-6)
+        sizes = np.zeros((len(grid), 2))
+        curves = np.zeros((len(grid), BANDS))
+        for column, side in enumerate(_SIDES):
+            if not self.known[side].any():
+                continue
+            about = self.ratio[side] - np.median(self.ratio[side][self.known[side]])
+            own = shape[:, side] / self.base[side]
+            sizes[:, column] = _size(own, about, self.weight[side])
+            curves[:, side] = np.log1p(sizes[:, column, None] * own)
+        place, cost = self._least(curves)
+        return _Best(cost, (*grid[place], *sizes[place]), curves[place])
+
+    def parallel(self) -> _Best:
+        """One more mode that the sensor feels together with all else on the path: frequency, damping, signed gain."""
+        path = Path(
+            [self.base[side] for side in _SIDES], [_WHITE * float(self.white[side][0]) for side in _SIDES],
+            [bool(self.known[side].any()) for side in _SIDES],
+        )  # fmt: skip
+        best, level = self._parallel_at(path, np.geomspace(0.012, 0.49, 36), (0.015, 0.04, 0.11), _PARALLEL)
+        for part in (1.0, 0.4):
+            place, damping, _ = best.at
+            places = np.minimum(place * np.exp(part * np.linspace(-0.05, 0.05, 7)), 0.495)
+            dampings = [damping * math.exp(part * by) for by in (-0.4, 0.0, 0.4)]
+            levels = [level * math.exp(part * by) for by in (-0.7, -0.3, 0.0, 0.3, 0.7)]
+            finer = self._parallel_at(path, places, dampings, levels)
+            best, level = min((best, level), finer, key=lambda found: found[0].cost)
+        return best
+
+    def _parallel_at(
+        self, path: Path, places: Array, dampings: Sequence[float], levels: Sequence[float]
+    ) -> tuple[_Best, float]:
+        curves, values, asked = path.curves(places, dampings, levels)
+        place, cost = self._least(curves)
+        return _Best(cost, values[place], curves[place]), asked[place]
+
+    def band(self) -> _Best:
+        """Flat noise between two frequencies, the same power on both."""
+        unit = 1 / (2 * STRUCK_BANDS)
+        lows = np.arange(0, STRUCK_BANDS, 2) * unit
+        best = self._band_at(
+            [(low, low + w * unit) for low in lows for w in (2, 4, 7, 12, 20) if low + w * unit < 0.51]
+        )
+        for step in (unit, 0.5 * unit, 0.25 * unit):
+            low, high = best.at[:2]
+            moves = [(low + i * step, high + j * step) for i in (-1, 0, 1) for j in (-1, 0, 1)]
+            better = self._band_at([(a, b) for a, b in moves if a >= 0 and b - a >= unit])
+            best = min(best, better, key=lambda found: found.cost)
+        return best
+
+    def _band_at(self, grid: Sequence[tuple[float, float]]) -> _Best:
+        low, high = np.array(grid).T[:, :, None]
+        half = np.where(np.arange(BANDS) < QUIET_BANDS, 0.25 / QUIET_BANDS, 0.25 / STRUCK_BANDS)
+        inside = np.minimum(self.f + half, high) - np.maximum(self.f - half, low)
+        return self._added(np.clip(inside / (2 * half), 1e-9, 1.0), grid)
+
+    def law(self) -> _Best:
+        """Noise of a power law, the same power on both."""
+        powers = (-1.0, 0.4, 0.7, 1.0, 1.4, 1.8, 2.3, 3.0)
+        return self._added(self.f ** -np.array(powers)[:, None], [(p,) for p in powers])
+
+    def _added(self, shape: Array, grid: Sequence[tuple[float, ...]]) -> _Best:
+        about = self.ratio.copy()
+        quiet = np.arange(BANDS) < QUIET_BANDS
+        for side in (quiet, ~quiet):
+            if (side & self.known).any():
+                about[side] -= np.quantile(about[side & self.known], 0.3)
+        own = shape / self.base
+        size = _size(own, about, self.weight)
+        curves = np.log1p(size[:, None] * own)
+        place, cost = self._least(curves)
+        mean = float(shape[place, :QUIET_BANDS].mean()) if len(grid[place]) == 1 else 1.0
+        return _Best(cost, (*grid[place], float(size[place]) * mean), curves[place])
+
+    def loss(self) -> _Best:
+        """A Butterworth loss, white noise behind it left alone."""
+        grid = [
+            (corner, float(order), white)
+            for corner in np.geomspace(0.015, 0.9, 44) for order in (1, 2, 3, 5) for white in (0.0, 0.6, 0.95)
+        ]  # fmt: skip
+        corner, order, white = np.array(grid).T[:, :, None]
+        kept = 1 / (1 + (self.f / corner) ** (2 * order))
+        floor = np.minimum(white * self.white, self.base)
+        curves = np.log((kept * (self.base - floor) + floor) / self.base)
+        place, cost = self._least(curves)
+        return _Best(cost, grid[place], curves[place])
+
+    def _least(self, curves: Array) -> tuple[int, float]:
+        costs, _ = _costs(curves, self.ratio * self.weight, self.weight, self.basis, self.open)
+        place = int(np.argmin(costs))
+        return place, float(costs[place])
+
+    def proportion(self, quiet: float, struck: float) -> float:
+        """ln of how a mode's strengths in struck and quiet records compare with those of all else there is."""
+        if not self.known[:QUIET_BANDS].any() or not self.known[QUIET_BANDS:].any():
+            return math.nan
+        others = float(self.base[QUIET_BANDS:].max() / self.base[:QUIET_BANDS].max())
+        return math.log((struck + 1e-6) / (quiet + 1e-6) / max(others, 1e-9))
+
+
+def _log(density: Array) -> Array:
+    return np.asarray(np.log(np.maximum(density, 1e-30)))
+
+
+def _bands(outline: Outline) -> Array:
+    unit = outline.fs_hz / max(outline.frame.scale, 1e-300) ** 2
+    logs = _log(outline.smooth * unit)
+    return np.asarray(logs.reshape(QUIET_BANDS, SMOOTH_SEGMENTS // QUIET_BANDS).mean(axis=1))
+
+
+def _mean(pairs: Sequence[tuple[Array, Array]], bands: int) -> tuple[Array, Array, Array]:
+    """Mean log ratio, its error (infinite where nothing is known), and the mean simulated spectrum."""
+    if not pairs:
+        return np.zeros(bands), np.full(bands, np.inf), np.ones(bands)
+    ours, theirs = (np.array(side) for side in zip(*pairs, strict=True))
+    ratio = ours - theirs
+    mean = ratio.mean(axis=0)
+    # Levels differ from record to record; how each band scatters about its record's own level is its error.
+    about = ratio - np.median(ratio, axis=1, keepdims=True)
+    if len(pairs) > 2:
+        variance = np.convolve(np.pad(about.var(axis=0, ddof=1), 2, mode="edge"), np.full(5, 0.2), "valid")
+    else:
+        variance = np.full(bands, _ALONE**2)
+    error = np.sqrt(variance / len(pairs) + _LEAST_ERROR**2)
+    return mean, error, np.mean(np.exp(theirs), axis=0)
+
+
+@njit(cache=True, nogil=True)
+def _size(own, about, weight):  # type: ignore[no-untyped-def]  # pragma: no cover
+    """[candidates] Non-negative s that brings ln(1 + s own) nearest to `about`, by Gauss-Newton on ln s."""
+    out = np.zeros(own.shape[0])
+    for c in range(own.shape[0]):
+        # Start: where the candidate is strongest.
+        top = np.argmax(own[c] * (weight > 0))
+        s = max(math.expm1(min(max(about[top], 0.02), 12.0)), 1e-3) / own[c, top]
+        for _ in range(8):
+            a, b = 1e-9, 0.0
+            for i in range(own.shape[1]):
+                x = s * own[c, i]
+                slope = x / (1 + x)  # by ln s
+                off = about[i] - math.log1p(x)
+                w = weight[i] * weight[i]
+                size = abs(off) * weight[i]
+                if size > _ROBUST:
+                    w *= _ROBUST / size
+                a += w * slope * slope
+                b += w * slope * off
+            s *= math.exp(min(max(b / a, -1.5), 1.5))
+            s = max(s, 1e-6 / own[c, top])
+        out[c] = s
+    return out
+
+
+@njit(cache=True, nogil=True, fastmath={"reassoc", "contract", "nsz"})
+def _costs(curves, target, weight, basis, settled):  # type: ignore[no-untyped-def]  # pragma: no cover
+    """[candidates] Robust misfit once what is left open is settled, and [candidates, basis] how it was."""
+    count, bands = curves.shape
+    k = basis.shape[0]
+    costs, found = np.zeros(count), np.zeros((count, k))
+    off, rest, robust = np.empty(bands), np.empty(bands), np.empty(bands)
+    products, plain = np.empty((k * (k + 1) // 2, bands)), np.zeros(k * (k + 1) // 2)
+    row = 0
+    for p in range(k):
+        for q in range(p + 1):
+            for i in range(bands):
+                products[row, i] = basis[p, i] * basis[q, i]
+                plain[row] += products[row, i]
+            row += 1
+    gram, w = np.empty((k, k)), np.empty(k)
+    for c in range(count):
+        for i in range(bands):
+            off[i] = target[i] - curves[c, i] * weight[i]
+            robust[i] = 1.0
+        for turn in range(4):
+            row = 0
+            for p in range(k):
+                total = 0.0
+                for i in range(bands):
+                    total += robust[i] * basis[p, i] * off[i]
+                w[p] = total
+                for q in range(p + 1):
+                    total = plain[row]
+                    if turn:
+                        total = 0.0
+                        for i in range(bands):
+                            total += robust[i] * products[row, i]
+                    gram[p, q] = total
+                    row += 1
+                gram[p, p] += settled[p]
+            _solve(gram, w)
+            for i in range(bands):
+                rest[i] = off[i]
+            for p in range(k):
+                for i in range(bands):
+                    rest[i] -= w[p] * basis[p, i]
+            same = True
+            for i in range(bands):
+                size = abs(rest[i])
+                own = 1.0 if size <= _ROBUST else _ROBUST / size
+                same = same and own == robust[i]
+                robust[i] = own
+            if same:
+                break
+        cost = 0.0
+        for p in range(k):
+            cost += settled[p] * w[p] * w[p]
+            found[c, p] = w[p]
+        for i in range(bands):
+            size = abs(rest[i])
+            cost += size * size if size <= _ROBUST else _ROBUST * (2 * size - _ROBUST)
+        costs[c] = cost
+    return costs, found
+
+
+@njit(cache=True, nogil=True)
+def _solve(gram, w):  # type: ignore[no-untyped-def]  # pragma: no cover
+    """Make w the solution of gram x = w, by Cholesky, in place; of `gram` the lower half is read."""
+    k = len(w)
+    for p in range(k):
+        for q in range(p + 1):
+            total = gram[p, q]
+            for r in range(q):
+                total -= gram[p, r] * gram[q, r]
+            gram[p, q] = total / gram[q, q] if q < p else math.sqrt(total)
+    for p in range(k):
+        for r in range(p):
+            w[p] -= gram[p, r] * w[r]
+        w[p] /= gram[p, p]
+    for p in range(k - 1, -1, -1):
+        for r in range(p + 1, k):
+            w[p] -= gram[r, p] * w[r]
+        w[p] /= gram[p, p]

@@ -1,0 +1,233 @@
+"""What sets two mean spectra apart: real records against simulated ones, fitted with the shapes that effects give.
+
+mean log smooth spectra, real - simulated --> bump, dip, slope
+        |--> one more mode | loss of the sensor | added noise in a band --> share explained, parameters
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Final
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from twingap.gap.features.spectrum.smooth_shape import bump, mode_shape, slope_of
+from twingap.signal.record_transforms import RecordView, medians
+
+Array = NDArray[np.float64]
+
+_CENTRES, _DAMPINGS, _GAINS = np.geomspace(0.015, 0.48, 40), np.geomspace(0.01, 0.2, 5), np.geomspace(0.03, 100, 10)
+_CORNERS, _ORDERS = np.geomspace(0.02, 0.8, 40), np.arange(1, 7)
+_SLOPES = np.linspace(-1.0, 2.5, 8)
+_EDGES = np.array([0, 2, 4, 8, 12, 16, 24, 32, 48, 64, 80, 96, 112, 128])
+_FACTORS = np.array([0.5, 0.7, 1.0, 1.4])
+_AMOUNTS: Final = (0.003**2, 30.0**2)
+_SETS: Final = ("healthy", "faulty", "all")
+_OF_SET: Final = (
+    "rms",
+    "offset",
+    "low",
+    "middle",
+    "high",
+    "slope",
+    "bump",
+    "bump_fs",
+    "bump_width",
+    "dip",
+    "dip_fs",
+    "mode_gain",
+    "mode_share",
+    "mode_fs",
+    "mode_damping_log",
+    "loss_share",
+    "loss_corner_fs",
+    "loss_order",
+    "added_share",
+    "added_level",
+    "added_slope",
+    "added_low_fs",
+    "added_high_fs",
+    "rest_share",
+)
+COMPARED: Final[tuple[str, ...]] = (
+    *(f"{of}_{what}" for of in _SETS for what in _OF_SET),
+    "added_level_change",
+    "mode_gain_change",
+)
+"""Keys of `compare`."""
+
+
+def compare(real: Sequence[RecordView], simulated: Sequence[RecordView], points: int = 128) -> dict[str, float]:
+    """Shape of the difference of mean log smooth spectra, real less simulated.
+
+    Parameters
+    ----------
+    real, simulated : sequence of RecordView
+        Of comparable conditions. Sampling rates may differ between records: places are fractions of them.
+    points : int
+        Bands that curves are held in.
+
+    Returns
+    -------
+    dict[str, float]
+        `COMPARED` -> value, once for healthy, for faulty and for all records. Per set: rms, mean and the means of
+        thirds of the curve in log10 of power; highest and lowest place; and three models, each with its share of the
+        curve explained (1 all) and its parameters: one more mode (added in proportion to the simulated level), a
+        Butterworth loss before the white noise, and added noise of a power law in a band. Frequencies over fs.
+    """
+    out = dict.fromkeys(COMPARED, math.nan)
+    for of in _SETS:
+        curves = [_mean_log(views, of, points) for views in (real, simulated)]
+        if curves[0] is not None and curves[1] is not None:
+            for what, value in _difference(curves[0], curves[1]).items():
+                out[f"{of}_{what}"] = value if math.isfinite(value) else math.nan
+    out["added_level_change"] = out["faulty_added_level"] - out["healthy_added_level"]
+    out["mode_gain_change"] = out["faulty_mode_gain"] - out["healthy_mode_gain"]
+    return out
+
+
+def _mean_log(views: Sequence[RecordView], of: str, points: int) -> Array | None:
+    """[points] Mean over records of ln of density times fs / scale^2."""
+    own = [view for view in views if of == "all" or (view.condition.fault == "healthy") == (of == "healthy")]
+    if not own:
+        return None
+    logs = []
+    for view in own:
+        unit = view.fs_hz / max(view.frame.scale, 1e-300) ** 2
+        logs.append(np.log(np.maximum(view.smooth * unit, 1e-30)).reshape(points, -1).mean(axis=1))
+    return np.asarray(np.mean(logs, axis=0))
+
+
+def _difference(real: Array, simulated: Array) -> dict[str, float]:
+    """What one pair of mean log spectra shows."""
+    f = (np.arange(real.size) + 0.5) / (2 * real.size)
+    curve = real - simulated
+    ten = curve / math.log(10)
+    third = real.size // 3
+    out = {
+        "rms": float(np.sqrt(np.mean(ten**2))),
+        "offset": float(np.median(ten)),
+        "low": float(ten[:third].mean()),
+        "middle": float(ten[third : 2 * third].mean()),
+        "high": float(ten[2 * third :].mean()),
+        "slope": slope_of(np.log10(f), ten),
+    }
+    wide = np.convolve(ten, [0.25, 0.5, 0.25], mode="same") - out["offset"]
+    height, place, width = bump(wide)
+    out |= {"bump": height, "bump_fs": float(f[place]), "bump_width": width / real.size}
+    depth, place, _ = bump(-wide)
+    out |= {"dip": depth, "dip_fs": float(f[place])}
+    power, shapes = np.exp(simulated), _shapes(real.size)
+    total = float((curve**2).mean()) + 1e-4
+
+    def share_of(left: float) -> float:
+        """Share of the curve that is explained when so much of its square is left."""
+        return 1 - left / real.size / total
+
+    # Heights over the simulated level at the centre.
+    level = np.interp(shapes.centre, f, power)[:, None]
+    whole = np.zeros(len(level), np.int64), np.full(len(level), f.size)
+    left, mode, gain = _nearest(curve, shapes.mode * level / power, np.tile(_GAINS, (len(level), 1)), *whole)
+    out |= {"mode_share": share_of(left), "mode_gain": math.log10(_GAINS[gain]), "mode_fs": float(shapes.centre[mode])}
+    out["mode_damping_log"] = math.log10(shapes.damping[mode])
+
+    # White noise comes after the sensor; the least density bounds it from above.
+    whites = float(np.quantile(power, 0.05)) * np.array([0.0, 0.5, 0.9])[:, None, None]
+    kept = (shapes.loss * np.maximum(power - whites, 0.0) + np.minimum(whites, power)) / power
+    apart = ((curve - np.log(np.maximum(kept, 1e-12)).reshape(-1, f.size)) ** 2).sum(axis=1)
+    at = int(np.argmin(apart))
+    corner, order = divmod(at % len(shapes.loss), _ORDERS.size)
+    out |= {"loss_share": share_of(float(apart[at])), "loss_corner_fs": float(_CORNERS[corner])}
+    out["loss_order"] = float(_ORDERS[order])
+
+    # The level by its best match at the middle of the band first, then a search about it: few candidates remain.
+    wanted = np.log(np.maximum(np.expm1(np.minimum(curve, 30.0)), 1e-3) * power) - shapes.log_law
+    start = np.empty(shapes.law.shape[:2])
+    for place, (low, high) in enumerate(shapes.bands):
+        start[:, place] = np.exp(medians(wanted[:, low:high]) + shapes.log_mean[:, place])
+    low, high = np.tile(shapes.bands, (_SLOPES.size, 1)).T
+    candidates = start.reshape(-1, 1) * _FACTORS
+    ratio = (shapes.law / power).reshape(-1, f.size)
+    left, law, factor = _nearest(curve, ratio, candidates, low, high)
+    amount = float(np.clip(candidates[law, factor], *_AMOUNTS))
+    # Densities are in scale^2 / fs: the mean of a law is 2, so that half the amount is a mean square.
+    slope = float(_SLOPES[law // len(shapes.bands)])
+    out |= {"added_share": share_of(left), "added_level": 0.5 * math.log10(amount), "added_slope": slope}
+    out |= {"added_low_fs": low[law] / real.size / 2, "added_high_fs": high[law] / real.size / 2}
+    out["rest_share"] = 1 - max(out["mode_share"], out["loss_share"], out["added_share"])
+    return out
+
+
+@dataclass(frozen=True)
+class _Shapes:
+    """What every pair of spectra is fitted with, over its bands.
+
+    Parameters
+    ----------
+    centre, damping : Array [modes]
+    mode : Array [modes, points]
+        1 at resonance.
+    loss : Array [corners x orders, points]
+        Of power.
+    bands : Places [bands, 2]
+        First point and one beyond the last.
+    law : Array [slopes, bands, points]
+        Of mean 2 over all points, 0 outside the band.
+    log_law : Array [slopes, points]
+        ln of the power law, and `log_mean` [slopes, bands] ln of what brings it to that mean, its sign turned.
+    """
+
+    centre: Array
+    damping: Array
+    mode: Array
+    loss: Array
+    bands: NDArray[np.int64]
+    law: Array
+    log_law: Array
+    log_mean: Array
+
+
+@lru_cache(maxsize=4)
+def _shapes(points: int) -> _Shapes:
+    f = (np.arange(points) + 0.5) / (2 * points)
+    centre, damping = np.repeat(_CENTRES, _DAMPINGS.size), np.tile(_DAMPINGS, _CENTRES.size)
+    loss = 1 / (1 + (f / _CORNERS[:, None, None]) ** (2 * _ORDERS[:, None]))
+    edges = _EDGES * points // 128
+    bands = np.array([(low, high) for i, low in enumerate(edges[:-1]) for high in edges[i + 1 :]])
+    power_law = f ** -_SLOPES[:, None]
+    law = np.zeros((_SLOPES.size, len(bands), points))
+    size = np.empty(law.shape[:2])
+    for place, (low, high) in enumerate(bands):
+        size[:, place] = power_law[:, low:high].sum(axis=1) / (2 * points)
+        law[:, place, low:high] = power_law[:, low:high] / size[:, place, None]
+    mode = mode_shape(f, centre[:, None], damping[:, None])
+    return _Shapes(centre, damping, mode, loss.reshape(-1, points), bands, law, np.log(power_law), np.log(size))
+
+
+@njit(cache=True, nogil=True)
+def _nearest(curve, ratio, factor, low, high):  # type: ignore[no-untyped-def]  # pragma: no cover
+    """Least square of `curve` less ln(1 + ratio [candidate] factor [candidate, choice]), the candidate, the choice.
+
+    A candidate's ratio is 0 outside low:high; sums that exceed the least so far are not finished.
+    """
+    before = np.zeros(curve.size + 1)
+    for i in range(curve.size):
+        before[i + 1] = before[i] + curve[i] * curve[i]
+    least, best, choice = np.inf, 0, 0
+    for c in range(len(ratio)):
+        outside = before[low[c]] + before[curve.size] - before[high[c]]
+        for k in range(factor.shape[1]):
+            total = outside
+            for i in range(low[c], high[c]):
+                off = curve[i] - np.log1p(ratio[c, i] * factor[c, k])
+                total += off * off
+                if total >= least:
+                    break
+            if total < least:
+                least, best, choice = total, c, k
+    return least, best, choice

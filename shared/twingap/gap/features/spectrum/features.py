@@ -1,0 +1,120 @@
+"""Signatures of what lies beneath the lines: shape of the spectrum, roughness, knocks, another bearing, drifts.
+
+smooth spectrum (shape.py), amplitudes (amplitudes.py)
+tones taken out (quiet.py) --> envelope at 1x (roughness.py); whitened --> knocks (knocks.py)
+envelopes of four bands (envelope_lines.py) --> comb of a foreign order (foreign.py)
+changes within the record (drifts.py), ripple of the spectrum (cepstrum.py)
+
+`compare` (difference.py) sets mean log spectra of real records against simulated ones.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+import numpy as np
+
+from twingap.gap.features.acquisition.amplitudes import measure_amplitudes
+from twingap.gap.features.spectrum.cepstrum import measure_ripple
+from twingap.gap.features.spectrum.difference import COMPARED, compare
+from twingap.gap.features.spectrum.drifts import measure_drifts
+from twingap.gap.features.spectrum.impulsive_noise import measure_knocks
+from twingap.gap.features.spectrum.roughness import measure_roughness
+from twingap.gap.features.spectrum.smooth_shape import BANDS, measure_shape
+from twingap.gap.features.tones.foreign_bearing import REGIONS, measure_foreign
+from twingap.signal.record_transforms import RecordView
+
+NAMES: Final[tuple[str, ...]] = (
+    *(f"band_{i:02d}" for i in range(BANDS)),
+    "mode_fs",
+    "mode_damping_log",
+    "mode_over_white_log",
+    "white_level",
+    "rest_rms",
+    "rest_low",
+    "rest_low_slope",
+    "rest_high",
+    "rest_high_slope",
+    "rest_bump",
+    "rest_bump_fs",
+    "rest_bump_hz_log",
+    "rest_bump_width",
+    "rest_dip",
+    "rest_dip_fs",
+    "edge_step",
+    "edge_hz_log",
+    "rms_log",
+    "kurtosis_log",
+    "skewness",
+    "crest_log",
+    "quantile_50",
+    "quantile_90_50",
+    "quantile_99_90",
+    "quantile_999_99",
+    "rough_1x",
+    "rough_2x",
+    "rough_depth",
+    "rough_1x_full",
+    "rough_ratio_log",
+    "envelope_1x",
+    "knock_rate_log",
+    "knock_count_log",
+    "knock_level",
+    "knock_peak_log",
+    "knock_hz_log",
+    "knock_fs",
+    "knock_damping_log",
+    "white_kurtosis_log",
+    "foreign_score",
+    *(f"foreign_score_{i}" for i in range(len(REGIONS))),
+    "foreign_order",
+    "foreign_excess",
+    "foreign_depth",
+    "foreign_fs",
+    "segment_spread",
+    "segment_slope",
+    "segment_jump",
+    "segment_mean_spread",
+    "spectral_drift",
+    "time_asymmetry",
+    "half_wave_asymmetry",
+    "low_skewness",
+    "level_coupling",
+    "echo_peak",
+    "echo_lag_log",
+    "modulation_free",
+    "modulation_free_hz_log",
+    "modulation_slow",
+)
+"""Keys of `measure`."""
+
+
+def measure(view: RecordView) -> dict[str, float]:
+    """Signatures of the background.
+
+    Parameters
+    ----------
+    view : RecordView
+
+    Returns
+    -------
+    dict[str, float]
+        `NAMES` -> value, NaN where it does not apply. Levels are log10 of amplitudes over the healthy RMS, excesses
+        log10 over what noise shows, frequencies over the sampling rate or log10 of Hz.
+    """
+    out = dict.fromkeys(NAMES, math.nan)
+    if view.x.size < 256 or not np.isfinite(view.mean_square) or view.mean_square <= 0:
+        return out
+    smooth = view.smooth
+    measure_shape(view, smooth, out)
+    measure_amplitudes(view, out)
+    measure_roughness(view, out)
+    measure_knocks(view, smooth, out)
+    measure_foreign(view, out)
+    measure_drifts(view, out)
+    measure_ripple(view, out)
+    return {name: value if math.isfinite(value) else math.nan for name, value in out.items()}
+
+
+__all__ = ["BANDS", "COMPARED", "NAMES", "compare", "measure"]

@@ -1,0 +1,94 @@
+"""Knocks at random times: how many, how strong, and what rings after them.
+
+record without tones --whitened--> peaks above noise and above what a fault does --> rate, level, frequency, damping
+
+Source: Borghesani & Antoni 2017 (impulsive background).
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+import numpy as np
+import scipy.fft
+from numpy.typing import NDArray
+from scipy.signal import find_peaks
+
+from twingap.gap.features.spectrum.without_tones import without_tones
+from twingap.signal.record_transforms import RecordView, medians
+
+Array = NDArray[np.float64]
+
+KNOCKS_AT_LEAST: Final = 0.3
+"""Per second, added to a rate before its logarithm is taken: of no knocks, too."""
+
+
+def measure_knocks(view: RecordView, smooth: Array, out: dict[str, float]) -> None:
+    """Peaks of the whitened record above noise and above what a fault does once per period."""
+    n, fs_hz = view.x.size, view.fs_hz
+    root = np.sqrt(np.maximum(smooth, 1e-6 * float(smooth.mean()) + 1e-300))
+    gain = 1 / np.interp(np.arange(view.transform.size), (np.arange(512) + 0.5) * (view.transform.size / 512), root)
+    # Tones would make peaks too: their bins are brought down to the floor.
+    white = without_tones(view).transform * gain
+    w = scipy.fft.irfft(white, n)
+    size = np.abs(w)
+    sigma = float(medians(size)) / 0.6745
+    if sigma <= 0:
+        return
+    square = w * w
+    out["white_kurtosis_log"] = math.log10(max(float(square @ square) * n / float(square.sum()) ** 2 / 3, 1e-6))
+    threshold = 5.5 * sigma
+    if view.fault_order is not None:
+        period = int(np.clip(fs_hz / max(view.fault_order * view.shaft_hz, 1e-6), 8, n // 8))
+        peaks = size[: n // period * period].reshape(-1, period).max(axis=1)
+        middle = float(medians(peaks))
+        threshold = max(threshold, middle + max(6 * float(medians(np.abs(peaks - middle))), 0.5 * middle))
+    out["knock_peak_log"] = math.log10(float(size.max()) / threshold)
+    apart = max(int(0.004 * fs_hz), 1)
+    at = np.empty(0, np.int64)
+    if size.max() >= threshold:
+        # What lies lower has peaks too, which would only be found to be left out.
+        at = find_peaks(np.where(size >= threshold, size, 0.0), height=threshold, distance=apart)[0]
+    count = at.size
+    out["knock_count_log"] = math.log10(count / view.duration_s + KNOCKS_AT_LEAST)
+    rate = count / view.duration_s
+    if count:
+        # Exponential strengths have no memory: what exceeds the threshold is as strong as a knock, in the mean.
+        excess = float(size[at].mean()) - threshold
+        rate *= math.exp(min(threshold / max(excess, 0.2 * threshold), 3.0)) if count >= 2 else 1.0
+        reach = max(int(0.002 * fs_hz), 2)
+        around = np.clip(at[:, None] + np.arange(-reach, reach), 0, n - 1)
+        x = view.centred
+        raw = np.abs(x[around]).max(axis=1)
+        share = max(excess / max(float(size[at].mean()), 1e-300), 0.2)
+        out["knock_level"] = math.log10(max(float(raw.mean()) * share, 1e-300) / max(view.frame.scale, 1e-300))
+        _ringing(view, x, at, out)
+    out["knock_rate_log"] = math.log10(rate + KNOCKS_AT_LEAST)
+
+
+def _ringing(view: RecordView, x: Array, at: NDArray[np.int64], out: dict[str, float]) -> None:
+    """Frequency and damping of what rings after the strongest knocks, over what the record shows anyway."""
+    length = 256
+    strongest = at[np.argsort(np.abs(x[at]))[::-1][:8]]
+    strongest = strongest[strongest + length <= x.size]
+    if strongest.size == 0:
+        return
+    begin = np.maximum(strongest - 4, 0)
+    pieces = x[begin[:, None] + np.arange(length)]
+    power = (np.abs(scipy.fft.rfft(pieces, 1024, axis=1)) ** 2).sum(axis=0)
+    background = float(medians(power))
+    power = np.maximum(power - background, 0.0)
+    power[:4] = 0.0
+    place = int(np.argmax(power))
+    if power[place] <= 0:
+        return
+    out["knock_fs"] = place / 1024
+    out["knock_hz_log"] = math.log10(max(place, 1) / 1024 * view.fs_hz)
+    over = power > power[place] / 2
+    low = high = place
+    while low > 0 and over[low - 1]:
+        low -= 1
+    while high < over.size - 1 and over[high + 1]:
+        high += 1
+    out["knock_damping_log"] = math.log10(max(high - low + 1, 1) / 2 / max(place, 1))

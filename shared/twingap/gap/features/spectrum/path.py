@@ -1,0 +1,367 @@
+"""What shape the spectra of a set have: one mode and white noise, or that and something more.
+
+noise of healthy records, all power of struck ones --fit each model--> how much better than the baseline, which values
+
+The baseline of the phenomenological twin has structure noise and impacts through one mode, and white noise. One more
+mode, a roll-off of the sensor before all of the white noise or part of it, noise of a power law, or noise in a band
+each change the healthy and the faulty spectrum in a way of their own: path effects act on impacts as on structure
+noise, disturbances add the same to both. Strengths enter linearly and are solved for (non-negative least squares);
+places are searched on grids, coarse to fine. Fitted alike to measured and to simulated records, so that what a
+simulator has besides one mode is no difference.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Final, NamedTuple
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from twingap.gap.features.spectrum.record_summary import Outline
+from twingap.signal.record_transforms import SMOOTH_SEGMENTS
+
+Array = NDArray[np.float64]
+
+BANDS: Final = 64
+FINE: Final = 4
+"""Points of a model per band: sharp modes are narrower than a band."""
+_ROBUST: Final = 4.0
+"""Standard deviations beyond which a band counts in proportion, no longer as the square."""
+_LEAST_SIGMA: Final = 0.015
+_LEAST_SIGMA_STRUCK: Final = 0.05
+"""Windows of an impact rate smear sharp modes, which the models do not."""
+_SECONDS: Final = np.geomspace(0.012, 0.485, 26)
+_STRENGTHS: Final = np.array([0.25, 0.8, 2.5])
+"""Of a second mode over the first."""
+MODELS: Final = ("mode", "loss", "slope", "band")
+NAMES: Final = (
+    "base_cost", *(f"{m}_gain" for m in MODELS), *(f"{m}_lead" for m in MODELS), "best_cost",
+    "base_fs", "base_damping", "mode_fs", "mode_damping", "mode_strength", "mode_opposed", "loss_corner", "loss_order",
+    "loss_at_mode", "loss_noise", "slope_level", "slope_power", "band_level", "band_low", "band_high",
+)  # fmt: skip
+
+
+class _Fit(NamedTuple):
+    cost: float
+    at: tuple[float, ...]
+    weights: Array
+
+
+def measure(spectra: Sequence[Outline]) -> dict[str, float]:
+    """`NAMES` -> value for a set of records; NaN without records. Frequencies are logarithms of parts of the rate."""
+    out = dict.fromkeys(NAMES, math.nan)
+    curves = _Curves.of(spectra)
+    if curves is None:
+        return out
+    base = curves.base()
+    along, against = curves.one_more_mode(base, 1.0), curves.one_more_mode(base, -1.0)
+    fits = {
+        "mode": min(along, against, key=lambda fit: fit.cost), "loss": curves.loss(base), "slope": curves.slope(base),
+        "band": curves.band(base),
+    }  # fmt: skip
+    gains = {name: math.log1p(max(base.cost - fit.cost, 0.0)) for name, fit in fits.items()}
+    out["base_cost"] = math.log(base.cost / curves.count + 1e-3)
+    out["best_cost"] = math.log(min(fit.cost for fit in fits.values()) / curves.count + 1e-3)
+    for name, gain in gains.items():
+        out[f"{name}_gain"] = gain
+        out[f"{name}_lead"] = gain - max(g for n, g in gains.items() if n != name)
+    out["base_fs"], out["base_damping"] = (math.log(v) for v in base.at)
+    second, own, gain = fits["mode"].at[2:]
+    out["mode_fs"], out["mode_damping"], out["mode_strength"] = math.log(second), math.log(own), math.log(abs(gain))
+    out["mode_opposed"] = math.log((along.cost + curves.count) / (against.cost + curves.count))
+    first, _, corner, order = fits["loss"].at
+    out["loss_corner"], out["loss_order"] = math.log(corner), order
+    out["loss_at_mode"] = math.log1p((first / corner) ** (2 * order))
+    _, _, behind, before = fits["loss"].weights
+    out["loss_noise"] = float(before / max(behind + before, 1e-300))
+    power = fits["slope"].at[2]
+    out["slope_power"] = power
+    out["slope_level"] = curves.level(fits["slope"].weights[3], _power_law(curves.f, power))
+    low, high = fits["band"].at[2:]
+    out["band_low"], out["band_high"] = math.log(low), math.log(high)
+    out["band_level"] = curves.level(fits["band"].weights[3], ((curves.f >= low) & (curves.f <= high)).astype(float))
+    return out
+
+
+class TwoModes(NamedTuple):
+    """Two modes in parallel that explain the spectra of a set.
+
+    Parameters
+    ----------
+    places : (float, float)
+        Natural frequencies, parts of the sampling rate.
+    dampings : (float, float)
+        Damping ratios.
+    gain : float
+        The second's response to an impact over the first's; negative where it moves against it.
+    """
+
+    places: tuple[float, float]
+    dampings: tuple[float, float]
+    gain: float
+
+
+def two_modes(spectra: Sequence[Outline]) -> list[TwoModes]:
+    """The best pair that moves with each other and the best that moves against, the better one first; [] without any.
+
+    More thorough than what `measure` does, and slower.
+    """
+    curves = _Curves.of(spectra)
+    if curves is None:
+        return []
+    found = sorted((curves.two_modes(sign) for sign in (1.0, -1.0)), key=lambda fit: fit.cost)
+    return [TwoModes((fit.at[0], fit.at[2]), (fit.at[1], fit.at[3]), fit.at[4]) for fit in found]
+
+
+class _Curves:
+    """Mean log spectra: of the noise of healthy records, and of all power of records with impacts."""
+
+    def __init__(self, curves: list[Array], sigma: list[float], kinds: list[bool]) -> None:
+        self.f = (np.arange(BANDS) + 0.5) / (2 * BANDS)
+        self.struck = np.array(kinds)
+        self.curves = np.exp(np.array(curves))
+        self.sigma = np.array(sigma)
+        self.count = self.curves.size
+
+    @classmethod
+    def of(cls, spectra: Sequence[Outline]) -> _Curves | None:
+        """From the records of a set, in units of its yardstick; None without any."""
+        quiet: list[Array] = []
+        struck: list[Array] = []
+        noise: list[Array] = []
+        for one in spectra:
+            unit = one.fs_hz / max(one.frame.scale, 1e-300) ** 2
+            bands = np.log(np.maximum(one.smooth * unit, 1e-30)).reshape(BANDS, SMOOTH_SEGMENTS // BANDS).mean(axis=1)
+            (quiet if one.condition.fault == "healthy" else noise).append(bands)
+            if one.struck is not None:
+                struck.append(np.log(np.maximum(one.struck.density, 1e-30)))
+        # Without healthy records, what lies between the lines of the others is noise too.
+        kept = [(own, kind) for own, kind in ((quiet or noise, False), (struck, True)) if own]
+        if not kept:
+            return None
+        curves, sigmas = [], []
+        for own, kind in kept:
+            # Power adds: the mean of records struck with unlike strength is one path struck with their mean power.
+            curves.append(np.log(np.mean(np.exp(own), axis=0)) if kind else np.mean(own, axis=0))
+            # Levels differ between records of several faults; the shape of each is what counts.
+            about = [o - o.mean() for o in own]
+            spread = float(np.median(np.std(about, axis=0, ddof=1))) if len(own) > 2 else 0.12
+            least = _LEAST_SIGMA_STRUCK if kind else _LEAST_SIGMA
+            sigmas.append(math.hypot(max(spread, 0.03) / math.sqrt(max(len(own), 1)), least))
+        return cls(curves, sigmas, [kind for _, kind in kept])
+
+    def level(self, weight: float, shape: Array) -> float:
+        """Log RMS of what was added, over the yardstick."""
+        return 0.5 * math.log(max(float(weight) * float(shape.mean()) / 2, 1e-8))
+
+    def base(self) -> _Fit:
+        """One mode and white noise."""
+        f1, damping = np.meshgrid(np.geomspace(0.01, 0.49, 56), np.geomspace(0.004, 0.4, 9), indexing="ij")
+        fit = self._best(np.stack([f1.ravel(), damping.ravel()], axis=1), _PLAIN)
+        return self._finer(fit, (0.03, 0.25), _PLAIN)
+
+    def one_more_mode(self, base: _Fit, sign: float) -> _Fit:
+        """Another mode in parallel, with the first or against it; either may be the one that the baseline took."""
+        gains = sign * np.array([0.15, 0.5, 1.5, 5.0])
+        f2, own, gain = np.meshgrid(np.geomspace(0.012, 0.485, 44), (0.012, 0.03, 0.08), gains, indexing="ij")
+        rows = np.stack([np.full(f2.size, base.at[0]), np.full(f2.size, base.at[1])], axis=1)
+        more = np.stack([f2.ravel(), own.ravel(), gain.ravel()], axis=1)
+        fit = self._best(np.concatenate((rows, more), axis=1), _TWO)
+        return self._finer(fit, (0.02, 0.25, 0.04, 0.4, 0.5), _TWO)
+
+    def two_modes(self, sign: float) -> _Fit:
+        """The same wherever the baseline's own mode is: one mode fitted to two may lie between them."""
+        base = self.base()
+        firsts = [base.at, *((f, d) for f in self.peaks() for d in (0.025, 0.07))]
+        more = np.stack(np.meshgrid(_SECONDS, (0.02, 0.07), sign * _STRENGTHS, indexing="ij"), axis=-1).reshape(-1, 3)
+        rows = np.concatenate([np.hstack((np.tile(first, (len(more), 1)), more)) for first in firsts])
+        return self._finer(self._best(rows, _TWO), (0.03, 0.3, 0.03, 0.3, 0.4), _TWO, rounds=12)
+
+    def peaks(self) -> list[float]:
+        """Where the two highest peaks of the first spectrum lie, parts of the rate."""
+        smooth = np.convolve(np.pad(np.log(self.curves[0]), 1, mode="edge"), (0.25, 0.5, 0.25), "valid")
+        places = np.flatnonzero((smooth[1:-1] > smooth[:-2]) & (smooth[1:-1] >= smooth[2:])) + 1
+        return [float(self.f[i]) for i in places[np.argsort(-smooth[places], kind="stable")[:2]]]
+
+    def loss(self, base: _Fit) -> _Fit:
+        """A Butterworth loss after the mode: before the white noise, or before a part of it."""
+        f1, damping, corner, order = np.meshgrid(
+            base.at[0] * np.array([1.0, 1.07, 1.25]), base.at[1] * np.array([0.6, 1.0]),
+            np.geomspace(0.015, 0.6, 22), (1.0, 2.0, 4.0, 6.0), indexing="ij",
+        )  # fmt: skip
+        rows = np.stack([a.ravel() for a in (np.minimum(f1, 0.49), damping, corner, order)], axis=1)
+        return self._finer(self._best(rows, _ROLLED), (0.02, 0.15, 0.12, 0.0), _ROLLED)
+
+    def slope(self, base: _Fit) -> _Fit:
+        """Noise whose power falls or rises with frequency."""
+        f1, damping, power = np.meshgrid(
+            base.at[0] * np.array([0.96, 1.0, 1.04]), base.at[1] * np.array([0.5, 0.75, 1.0, 1.3]),
+            (-1.5, -0.8, 0.5, 0.8, 1.2, 1.7, 2.3, 3.0), indexing="ij",
+        )  # fmt: skip
+        rows = np.stack([np.minimum(f1, 0.49).ravel(), damping.ravel(), power.ravel()], axis=1)
+        return self._finer(self._best(rows, _SLOPED), (0.015, 0.15, 0.0), _SLOPED)
+
+    def band(self, base: _Fit) -> _Fit:
+        """Flat noise between two frequencies."""
+        edges = (np.maximum(np.arange(0, BANDS, 2), 0.5) / (2 * BANDS)).tolist()
+        pairs = [
+            (low, low + width / (2 * BANDS)) for low in edges for width in (2, 4, 8, 14, 20) if low + width / 128 <= 0.5
+        ]
+        rows = [(base.at[0], d, low, high) for low, high in pairs for d in (base.at[1], 0.6 * base.at[1])]
+        return self._best(np.array(rows), _BANDED)
+
+    def _finer(self, fit: _Fit, steps: tuple[float, ...], model: int, rounds: int = 3) -> _Fit:
+        """The fit with each place moved by smaller and smaller factors while that helps."""
+        for shrink in (1.0, 0.4, 0.15):
+            for _ in range(rounds):
+                moves = [fit.at]
+                for j, step in enumerate(steps):
+                    for sign in (1, -1):
+                        moved = list(fit.at)
+                        moved[j] *= math.exp(sign * step * shrink)
+                        moves.append(tuple(moved))
+                better = self._best(np.array(moves), model)
+                if better.cost > 0.999 * fit.cost:
+                    break
+                fit = better
+        return fit
+
+    def _best(self, at: Array, model: int) -> _Fit:
+        at = np.ascontiguousarray(at, dtype=float)
+        at[:, 0] = np.minimum(at[:, 0], 0.49)
+        costs, weights = _costs(model, at, self.curves, self.sigma, self.struck)
+        place = int(np.argmin(costs))
+        return _Fit(float(costs[place]), tuple(float(v) for v in at[place]), weights[place])
+
+
+def _power_law(f: Array, power: float) -> Array:
+    """[bands] f^-power, its mean 1."""
+    law = f**-power
+    return np.asarray(law / law.mean())
+
+
+_PLAIN, _TWO, _ROLLED, _SLOPED, _BANDED = range(5)
+
+
+@njit(cache=True, nogil=True)
+def _add_mode(real, imag, turns, place, damping, gain):  # type: ignore[no-untyped-def]  # pragma: no cover
+    # A sampled mode exp(-zeta w t) sin(w_d t), at parts of the sampling rate.
+    w = 2 * np.pi * place
+    damping = min(damping, 0.95)
+    decay, turn = np.exp(-damping * w), w * np.sqrt(1 - damping**2)
+    a, b, top = -2 * decay * np.cos(turn), decay * decay, gain * decay * np.sin(turn)
+    for i in range(real.size):
+        c, s = turns[0, i], turns[1, i]
+        c2, s2 = 2 * c * c - 1, 2 * s * c
+        below_re, below_im = 1 + a * c + b * c2, a * s + b * s2
+        size = below_re * below_re + below_im * below_im
+        real[i] += top * (c * below_re + s * below_im) / size
+        imag[i] += top * (s * below_re - c * below_im) / size
+
+
+@njit(cache=True, nogil=True, fastmath={"reassoc", "contract", "nsz"})
+def _costs(model, at, curves, sigma, struck):  # type: ignore[no-untyped-def]  # pragma: no cover
+    """[candidates] Misfit and [candidates, 4] weights of structure noise, impacts, white noise and what is added.
+
+    What is added to a mode with a loss is white noise that has passed it. Misfits beyond the least of the candidates
+    before are not summed to their end.
+    """
+    count, bands = len(at), curves.shape[1]
+    fine = FINE * bands
+    costs, weights = np.empty(count), np.zeros((count, 4))
+    real, imag, first = np.empty(fine), np.empty(fine), np.empty((2, fine))
+    least = np.inf
+    through, added = np.empty(bands), np.zeros(bands)
+    basis, turns, one = np.empty((4, curves.size)), np.empty((2, fine)), np.empty(curves.size)
+    gram, right, w = np.zeros((4, 4)), np.zeros(4), np.zeros(4)
+    for k in range(len(curves)):
+        one[k * bands : (k + 1) * bands] = 1 / sigma[k]
+    for i in range(fine):
+        angle = np.pi * (i + 0.5) / fine
+        turns[0, i], turns[1, i] = np.cos(angle), -np.sin(angle)
+    for c in range(count):
+        if c == 0 or at[c, 0] != at[c - 1, 0] or at[c, 1] != at[c - 1, 1]:
+            first[:] = 0.0
+            _add_mode(first[0], first[1], turns, at[c, 0], at[c, 1], 1.0)
+        real[:], imag[:] = first[0], first[1]
+        if model == _TWO:
+            _add_mode(real, imag, turns, at[c, 2], at[c, 3], at[c, 4])
+        mean = 0.0
+        for b in range(bands):
+            product, passed = 1.0, 0.0
+            for i in range(FINE * b, FINE * (b + 1)):
+                power = real[i] * real[i] + imag[i] * imag[i]
+                if model == _ROLLED:
+                    ratio = (i + 0.5) / (2 * fine) / at[c, 2]
+                    loss = ratio * ratio
+                    for _ in range(int(at[c, 3]) - 1):
+                        loss *= ratio * ratio
+                    power /= 1 + loss
+                    passed += 1 / (1 + loss)
+                mean += power
+                product *= power + 1e-30
+            # Geometric means within bands, as those of the records are.
+            through[b] = np.sqrt(np.sqrt(product))
+            added[b] = passed / FINE
+        mean /= fine
+        if model == _SLOPED:
+            total = 0.0
+            for b in range(bands):
+                added[b] = ((b + 0.5) / (2 * bands)) ** -at[c, 2]
+                total += added[b]
+            added *= bands / total
+        elif model == _BANDED:
+            for b in range(bands):
+                low, high = max(b, 2 * bands * at[c, 2]), min(b + 1.0, 2 * bands * at[c, 3])
+                added[b] = max(high - low, 0.0)
+        row = 0
+        for k in range(len(curves)):
+            for b in range(bands):
+                scale = 1 / (curves[k, b] * sigma[k])
+                basis[0, row] = through[b] / mean * scale
+                basis[1, row] = basis[0, row] if struck[k] else 0.0
+                basis[2, row] = scale
+                basis[3, row] = added[b] * scale
+                row += 1
+        w[:] = 0.0
+        for i in range(4):
+            total = 0.0
+            for row in range(curves.size):
+                total += basis[i, row] * one[row]
+            right[i] = total
+            for j in range(i + 1):
+                total = 0.0
+                for row in range(curves.size):
+                    total += basis[i, row] * basis[j, row]
+                gram[i, j] = gram[j, i] = total
+        for _ in range(60):  # non-negative least squares, by coordinate descent
+            moved = False
+            for i in range(4):
+                if gram[i, i] > 0:
+                    rest = right[i] + gram[i, i] * w[i]
+                    for j in range(4):
+                        rest -= gram[i, j] * w[j]
+                    own = max(rest / gram[i, i], 0.0)
+                    moved = moved or abs(own - w[i]) > 1e-14 * own
+                    w[i] = own
+            if not moved:
+                break
+        cost, row = 0.0, 0
+        for k in range(len(curves)):
+            for _ in range(bands):
+                made = 0.0
+                for i in range(4):
+                    made += w[i] * basis[i, row]
+                # A ratio of spectra is judged by its logarithm, as likely to be twice as half.
+                off = abs(np.log(min(max(made * sigma[k], 0.05), 20.0))) / sigma[k]
+                cost += off * off if off < _ROBUST else 2 * _ROBUST * off - _ROBUST * _ROBUST
+                row += 1
+            if cost > least:
+                break
+        least = min(least, cost)
+        costs[c] = cost
+        weights[c] = w
+    return costs, weights

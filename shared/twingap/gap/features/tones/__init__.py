@@ -1,0 +1,1 @@
+"""Features of tones in raw and envelope spectra."""

@@ -1,0 +1,96 @@
+"""Combs in records whose speeds are known roughly: each record is moved until the comb stands highest in it.
+
+record --normal deviates of its bins--> sum over the comb's lines, for each speed within reach --highest--> score
+                                                                                     mean over records --> one comb
+
+A speed that is wrong by half a per cent moves the fortieth order by as many bins as a mean over records forgives. The
+highest of many tries is high by chance as well; it is so for every comb that is sought in the same way.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from twingap.gap.features.tones.whitened_spectra import Whitened
+
+Array = NDArray[np.float64]
+Single = NDArray[np.float32]
+
+
+@dataclass(frozen=True)
+class Aligned:
+    """What combs score in a set of records.
+
+    Parameters
+    ----------
+    score : Array [combs, records]
+        The highest weighted sum of deviates over each comb's lines; NaN where the first line lies beyond the record.
+    lines : Array [combs, lines]
+        Mean over records of each line's deviate there.
+    """
+
+    score: Array
+    lines: Array
+
+    def mean(self, share: float = 0.6) -> Array:
+        """[combs] Mean score; NaN of combs that fewer than this share of the records reach."""
+        known = np.isfinite(self.score)
+        total = np.where(known, self.score, 0.0).sum(axis=1)
+        return np.where(known.mean(axis=1) > share, total / np.maximum(known.sum(axis=1), 1), np.nan)
+
+
+def aligned(
+    records: Sequence[Whitened], deviates: Sequence[Single], combs: Array, weights: Array, reach: Sequence[float]
+) -> Aligned:
+    """Score of each comb in each record, at the speed within reach where it stands highest.
+
+    Parameters
+    ----------
+    records : sequence of Whitened
+    deviates : sequence of Single [bins]
+        Of each.
+    combs : Array [combs, lines]
+        Shaft orders of each comb's lines.
+    weights : Array [lines]
+    reach : sequence of float
+        How far each record's speed may lie from the stated one, relative.
+    """
+    score, total, count = np.full((len(combs), len(records)), np.nan), np.zeros(combs.shape), np.zeros(len(combs))
+    for k, (record, own, far) in enumerate(zip(records, deviates, reach, strict=True)):
+        _search(own, combs * (record.shaft_hz / record.df_hz), weights, far, score[:, k], total, count)
+    return Aligned(score, total / np.maximum(count, 1)[:, None])
+
+
+@njit(cache=True, nogil=True, error_model="numpy")  # type: ignore[untyped-decorator]
+def _search(
+    deviates: Single, combs: Array, weights: Array, reach: float, score: Array, total: Array, count: Array
+) -> None:
+    """Adds to what `aligned` gathers; `combs` in bins of the record."""
+    end = deviates.size - 3
+    for c in range(combs.shape[0]):
+        first = combs[c, 0]
+        if first * (1 + reach) > end:
+            continue
+        step = 1 / (first + combs[c].max())  # half a bin, at the middle of the comb
+        tries = int(np.ceil(reach / step))
+        best, at = -np.inf, 1.0
+        for k in range(-tries, tries + 1):
+            ratio = 1 + k * step
+            value = 0.0
+            for j in range(combs.shape[1]):
+                place = int(combs[c, j] * ratio + 0.5)
+                if place < end:
+                    value += weights[j] * deviates[place]
+            if value > best:
+                best, at = value, ratio
+        score[c] = best
+        count[c] += 1
+        for j in range(combs.shape[1]):
+            place = int(combs[c, j] * at + 0.5)
+            if place < end:
+                total[c, j] += deviates[place]

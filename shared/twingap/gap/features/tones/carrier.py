@@ -1,0 +1,156 @@
+"""Tones fixed in frequency, and lines beside them that turn with the shaft: carriers of drives.
+
+mean of whitened spectra in Hz --peaks that no mains, no shaft and no one state of the bearing has--> candidates
+            records about each --lines at equal distances, in shaft orders; how steady, how sharp--> the best carrier
+
+A tone is as strong in each record; the power of a sharp mode, which may be as narrow as a bin, is drawn anew for each
+(exponentially). Strikes at one speed leave many lines fixed in Hz, a drive leaves a few.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twingap.gap.features.tones.whitened_spectra import MOST_Z, Mean, Whitened, together
+from twingap.signal.record_transforms import medians
+
+Array = NDArray[np.float64]
+Single = NDArray[np.float32]
+
+_EACH: Final = ("", "_fs", "_sides", "_balance", "_side_order", "_steady", "_sharp", "_turning")
+_BOTH: Final = ("fixed", "carrier")
+NAMES: Final = (*(f"{name}{part}" for name in _BOTH for part in _EACH), "fixed_others", "fixed_count")
+
+_MAINS_TO_HZ: Final = 1300.0
+"""Up to where a line on a multiple of 50 or 60 Hz is taken for the mains': beyond, one place in seven is on one."""
+_MAINS_SHOWN: Final = 3.5
+"""z of other multiples of the mains from which a line on one of them is theirs; its first few always are."""
+_FIRST_FEW: Final = 230.0
+_LOWEST: Final = 0.06
+"""Of half the sampling rate, below which no carrier is sought: there the mains has its skirts."""
+_HARMONICS: Final = 8
+_TURNING: Final = 0.6
+"""Part of the records in which a whole order lies at a place, from which a line there is the shaft's."""
+_CARRIERS: Final = 14
+"""Lines fixed in Hz that are looked at."""
+_SIDES: Final = (0.7, 8.6)
+"""Distances of side lines, shaft orders."""
+_MOST_SIDES: Final = 3000
+_BY_CHANCE: Final = 3.5
+"""z that the highest of so many distances has where there is nothing."""
+_SHOWN: Final = 4.0
+_UNSTEADY: Final = 6.0
+"""z that a line is worth less if its level scatters as that of noise does."""
+_BESIDE: Final = np.array([-6, -5, -4, 4, 5, 6])
+_SKIRT: Final = 5
+"""Bins from a line at which side lines are sought."""
+_SAME: Final = 2.5
+"""Bins within which two places are one."""
+
+
+def measure(hz: Mean, records: Sequence[Whitened], deviates: Sequence[Single]) -> dict[str, float]:
+    """`NAMES` -> value of a set of records; NaN where no line can be sought.
+
+    Parameters
+    ----------
+    hz : Mean
+        Of the records, in Hz.
+    records : sequence of Whitened
+        All of them, or a few hundred.
+    deviates : sequence of Single [bins]
+        Of each.
+
+    Returns
+    -------
+    dict
+        Of the strongest fixed line, and of the one that is the likeliest carrier: z; logarithm of its frequency over
+        the sampling rate; z of its side lines together, and of the weaker of both; their distance, orders; spread of
+        the logarithm of its level from record to record; how far it stands above the bins beside it, logarithm; part of
+        the records in which a whole order lies there. Then z of the strongest line that is not the carrier's, and how
+        many of those stand.
+    """
+    out = dict.fromkeys(NAMES, math.nan)
+    top = 0.5 * min(r.fs_hz for r in records)
+    z = _unclaimed(hz, records, top)
+    if not np.isfinite(z).any():
+        return out
+    known = np.nan_to_num(z, nan=-9.0)
+    peaks = np.flatnonzero((known[1:-1] >= known[:-2]) & (known[1:-1] > known[2:])) + 1
+    strongest = peaks[np.argsort(known[peaks])[::-1][:_CARRIERS]]
+    if not strongest.size:
+        return out
+    own, places = known[strongest], hz.places[strongest]
+    sides, balance, orders = _beside(records, deviates, places)
+    steady, sharp, turning = _nature(records, places)
+    joint = np.hypot(np.minimum(own, 2 * MOST_Z), np.maximum(np.nan_to_num(sides) - _BY_CHANCE, 0.0))
+    best = int(np.argmax(joint - _UNSTEADY * np.clip(np.nan_to_num(steady), 0.0, 1.0)))
+    about = (own, np.log(places / (2 * top)), sides, balance, orders, steady, sharp, turning)
+    for name, place in zip(_BOTH, (0, best), strict=True):
+        out |= {f"{name}{part}": float(values[place]) for part, values in zip(_EACH, about, strict=True)}
+    out["carrier"] = float(joint[best])
+    apart = np.abs(places - places[best])
+    family = apart < _SAME * hz.step
+    for record in records:
+        for multiple in (1, 2):
+            family |= np.abs(apart - multiple * orders[best] * record.shaft_hz) < _SAME * record.df_hz
+    others = own[~family]
+    out["fixed_others"] = float(others.max()) if others.size else 0.0
+    out["fixed_count"] = float((others > _SHOWN).sum())
+    return out
+
+
+def _unclaimed(hz: Mean, records: Sequence[Whitened], top: float) -> Array:
+    """[places] z of what all states of the bearing have in common, where neither mains nor shaft have lines."""
+    z = np.where((hz.places > max(65.0, _LOWEST * top)) & (hz.places < top), hz.common, np.nan)
+    for mains in (50.0, 60.0):
+        shown = together(hz.at(mains * np.arange(1.0, _HARMONICS + 1))) > _MAINS_SHOWN
+        off = np.abs(hz.places / mains - np.rint(hz.places / mains)) * mains
+        z[(off < _SAME * hz.step) & (hz.places < (_MAINS_TO_HZ if shown else _FIRST_FEW))] = np.nan
+    # Of records at one speed, what turns with the shaft is fixed in Hz as well.
+    speeds, times = np.unique(np.round([r.shaft_hz for r in records], 2), return_counts=True)
+    turning = np.zeros(hz.places.size)
+    for shaft_hz, count in zip(speeds, times, strict=True):
+        turning += count * (np.abs(hz.places / shaft_hz - np.rint(hz.places / shaft_hz)) * shaft_hz < _SAME * hz.step)
+    z[turning > _TURNING * len(records)] = np.nan
+    return z
+
+
+def _beside(records: Sequence[Whitened], deviates: Sequence[Single], places: Array) -> tuple[Array, Array, Array]:
+    """[carriers] z of the two lines at the distance where they stand highest, of the weaker one, and that distance."""
+    turns = max(record.shaft_hz / record.df_hz for record in records)
+    count = int(np.clip(2 * (_SIDES[1] - _SIDES[0]) * turns, 40, _MOST_SIDES))
+    orders = np.linspace(*_SIDES, count)
+    total, seen = np.zeros((2, places.size, count)), np.zeros((2, places.size, count))
+    for record, own in zip(records, deviates, strict=True):
+        for side, sign in enumerate((-1, 1)):
+            bins = np.rint((places[:, None] + sign * orders * record.shaft_hz) / record.df_hz).astype(int)
+            # Nearer, a sharp mode's own skirts are the highest.
+            inside = (bins > 5) & (bins < own.size - 5) & (orders * record.shaft_hz > _SKIRT * record.df_hz)
+            total[side] += np.where(inside, own[np.clip(bins, 0, own.size - 1)], 0.0)
+            seen[side] += inside
+    both = total.sum(axis=0) / np.sqrt(np.maximum(seen.sum(axis=0), 1))
+    both -= medians(both)[:, None]
+    best = np.argmax(both, axis=1)
+    each = (total / np.sqrt(np.maximum(seen, 1)))[:, np.arange(places.size), best]
+    return both[np.arange(places.size), best], each.min(axis=0), orders[best]
+
+
+def _nature(records: Sequence[Whitened], places: Array) -> tuple[Array, Array, Array]:
+    """[carriers] Spread of the logarithm of the level over records, how far above the bins beside it, and the part of
+    the records in which a whole order lies there."""
+    level, above, turning = [], [], []
+    for record in records:
+        bins = np.rint(places / record.df_hz).astype(int)
+        level.append(record.level_logs(bins))
+        near = record.logs[np.clip(bins[:, None] + np.arange(-1, 2), 0, record.logs.size - 1)].astype(float)
+        beside = record.logs[np.clip(bins[:, None] + _BESIDE, 0, record.logs.size - 1)].astype(float)
+        above.append(near.max(axis=1) - np.log(np.exp(beside).mean(axis=1)))
+        order = places / record.shaft_hz
+        turning.append(np.abs(order - np.rint(order)) * record.shaft_hz < 1.6 * record.df_hz)
+    spread = np.std(level, axis=0) if len(records) > 2 else np.full(places.size, np.nan)
+    return spread, np.median(above, axis=0), np.mean(turning, axis=0)

@@ -1,0 +1,87 @@
+"""Lines of envelope spectra, and which of them rotation explains.
+
+Envelope --> Lines (found once); frequencies --> on the shaft's, the cage's or the fault's lines?
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+from weakref import WeakKeyDictionary
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from twingap.gap.features.tones.tones import SEARCH, Lines, lines_of
+from twingap.signal.record_transforms import Envelope, RecordView
+
+Array = NDArray[np.float64]
+
+_SPECTRA: WeakKeyDictionary[Envelope, dict[float, Lines]] = WeakKeyDictionary()
+_FAULT_HARMONICS: Final = np.arange(1.0, 6.0)
+_FAULT_HZ: WeakKeyDictionary[RecordView, float] = WeakKeyDictionary()
+
+
+def envelope_lines(envelope: Envelope, shaft_hz: float) -> Lines | None:
+    """The lines of an envelope spectrum, up to thirty shaft orders beyond what fault combs need; found once."""
+    if envelope.values.size < 128 or envelope.mean <= 0:
+        return None
+    known = _SPECTRA.setdefault(envelope, {})
+    if shaft_hz not in known:
+        last = int(min(80 * shaft_hz / envelope.df_hz, envelope.spectrum.size))
+        known[shaft_hz] = Lines(envelope.spectrum[: max(last, 64)], envelope.df_hz, shaft_hz, None)
+    return known[shaft_hz]
+
+
+def explained(view: RecordView, hz: Array, df_hz: float) -> NDArray[np.bool_]:
+    """Whether shaft, cage, or the fault with its side lines explain envelope lines."""
+    lines = lines_of(view)
+    fault = math.nan if view.fault_order is None else fault_hz(view)
+    loose = 0.0 if lines.locked else SEARCH / 2
+    return np.asarray(
+        _rotation_explains(hz, lines.shaft_hz, view.bearing.ftf * lines.shaft_hz, fault, loose, 2.2 * df_hz)
+    )
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _rotation_explains(hz, shaft, cage, fault, loose, width):  # type: ignore[no-untyped-def]  # pragma: no cover
+    """[frequencies] Which lie on the shaft's first orders, the cage's, or the fault's with side lines (NaN: none)."""
+    out = np.zeros(hz.size, np.bool_)
+    for i in range(hz.size):
+        k = max(np.rint(hz[i] / shaft), 1.0)
+        out[i] = k <= 3 and abs(hz[i] - k * shaft) < width + loose * min(hz[i], 2 * shaft)
+        k = max(np.rint(hz[i] / cage), 1.0)
+        out[i] |= k <= 4 and abs(hz[i] - k * cage) < width + 0.03 * hz[i]
+        if np.isnan(fault):
+            continue
+        for k in range(40):
+            for side in (0.0, shaft, 2 * shaft, cage):
+                off = abs(abs(hz[i] - k * fault) - side)
+                out[i] |= off < width + 0.001 * k * fault + 0.03 * side
+    return out
+
+
+def fault_hz(view: RecordView) -> float:
+    """Rate of the fault, off its comb in the raw spectrum or in the envelope; found once."""
+    found = _FAULT_HZ.get(view)
+    if found is None:
+        found = _FAULT_HZ[view] = _search_fault(view)
+    return found
+
+
+def _search_fault(view: RecordView) -> float:
+    lines = lines_of(view)
+    assert view.fault_order is not None
+    stated = view.fault_order * view.shaft_hz
+    ratio = lines.fault_comb[0]
+    if math.isfinite(ratio):
+        return stated * ratio
+    env = envelope_lines(view.envelope, view.shaft_hz)
+    if env is None:
+        return stated
+    ratios = np.linspace(1 - SEARCH - 0.02, 1 + SEARCH + 0.02, 301)
+    places = np.rint(ratios[:, None] * stated * _FAULT_HARMONICS / env.df_hz).astype(int)
+    inside = places < env.tones.size - 1
+    logs = np.where(inside, np.log10(np.maximum(env.excess[np.minimum(places, env.tones.size - 1)], 1e-2)), 0.0)
+    return float(stated * ratios[int(np.argmax(np.clip(logs, 0, 3).sum(axis=1)))])

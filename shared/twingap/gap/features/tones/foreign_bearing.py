@@ -1,0 +1,135 @@
+"""Another bearing: the strongest comb of envelope lines at an order that is not this one's.
+
+envelopes of four bands, own lines masked --> score of every comb --> order, excess, depth, band
+
+Source: Randall & Antoni 2011, doi:10.1016/j.ymssp.2010.07.017.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from twingap.gap.features.tones.envelope_lines import envelope_lines, explained
+from twingap.gap.features.tones.tones import Lines, lines_of
+from twingap.signal.record_transforms import RecordView
+
+Array = NDArray[np.float64]
+
+REGIONS: Final = ((0.02, 0.12), (0.12, 0.25), (0.25, 0.48), (0.02, 0.48))
+"""Bands over the sampling rate in which another bearing is looked for."""
+_COMB: Final = 4
+
+
+def measure_foreign(view: RecordView, out: dict[str, float]) -> None:
+    """The strongest comb of envelope lines at an order that is not this bearing's, over four bands."""
+    lines = lines_of(view)
+    shaft = lines.shaft_hz
+    best = (-1.0, 0, 0.0)
+    spectra: list[tuple[Lines, Array] | None] = []
+    for place, (low, high) in enumerate(REGIONS):
+        env = envelope_lines(view.envelope_in(low * view.fs_hz, high * view.fs_hz), shaft)
+        if env is None or env.tones.size < 40:
+            spectra.append(None)
+            continue
+        logs = np.log10(np.maximum(env.excess, 1e-2))
+        logs[:2] = 0.0
+        strong = np.flatnonzero(logs > 0.6)
+        own = strong[explained(view, np.asarray(strong * env.df_hz, float), env.df_hz)]
+        logs[own] = 0.0
+        spectra.append((env, logs))
+        score, hz = _comb(view, env, logs, own)
+        out[f"foreign_score_{place}"] = score
+        if score > best[0]:
+            best = (score, place, hz)
+    score, place, hz = best
+    found = spectra[place]
+    if score < 0 or found is None:
+        return
+    out["foreign_score"] = score
+    env, logs = found
+    hz = _refined(env, hz)
+    # Where own lines hide some of its envelope's, the third of three may look like the first: the raw comb tells.
+    raw_hz = lines.alien_comb[0]
+    if math.isfinite(raw_hz):
+        multiple = round(hz / raw_hz)
+        if multiple in (2, 3) and abs(hz / raw_hz - multiple) < 0.02:
+            hz = raw_hz
+    first = max(round(hz / env.df_hz), 2)
+    out["foreign_excess"] = float(logs[first - 1 : first + 2].max())
+    out["foreign_depth"] = 0.5 * math.log10(max(2 * float(env.tones[first - 1 : first + 2].max()), 1e-12))
+    if score > 3.2:
+        out["foreign_order"] = hz / shaft
+        out["foreign_fs"] = sum(REGIONS[place]) / 2
+
+
+def _comb(view: RecordView, env: Lines, logs: Array, hidden: NDArray[np.int64]) -> tuple[float, float]:
+    """Score and rate of the strongest comb in one envelope spectrum; nothing is known at hidden bins."""
+    shaft, df_hz = env.stated_hz, env.df_hz
+    wide = logs.copy()
+    wide[1:-1] = np.maximum(np.maximum(logs[1:-1], logs[:-2]), logs[2:])
+    wide = np.minimum(np.maximum(wide, 0.0), 1.6)
+    for k in (-1, 0, 1):
+        wide[np.minimum(np.maximum(hidden + k, 0), wide.size - 1)] = np.nan
+    top = min(14 * shaft, (wide.size - 3) * df_hz / 2)
+    if top <= 1.5 * shaft:
+        return 0.0, shaft
+    hz = np.arange(1.5 * shaft, top, df_hz / 4)
+    bearing = view.bearing
+    own_hz = shaft * np.array([bearing.bpfo, bearing.bpfi, 2 * bearing.bsf, bearing.bsf])
+    score = _foreign_scores(wide, hz, df_hz, shaft, own_hz, 0.025 if view.fault_order is None else 0.01)
+    best = int(np.argmax(score))
+    return float(score[best]), float(hz[best])
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _foreign_scores(wide, hz, df_hz, shaft, own_hz, tolerance):  # type: ignore[no-untyped-def]  # pragma: no cover
+    """[candidates] Score of the comb with its first line at each frequency; NaN in `wide` is not known."""
+    out, reached, places = np.empty(hz.size), 0, hz / df_hz
+    for k in range(1, _COMB + 1):
+        for place in places:
+            at = int(np.rint(k * place))
+            if at < wide.size and not np.isnan(wide[at]):
+                reached += 1
+                break
+    for i in range(places.size):
+        total, largest, first, seen, sees_first = 0.0, 0.0, 0.0, 0, False
+        for k in range(1, _COMB + 1):
+            at = int(np.rint(k * places[i]))
+            if at >= wide.size or np.isnan(wide[at]):
+                continue
+            seen += 1
+            total += wide[at]
+            largest = max(largest, wide[at])
+            if k == 1:
+                first, sees_first = wide[at], True
+        # The strongest line proves no comb: the others do. Where the band is narrow, fewer are asked.
+        score = (total - largest) * (_COMB - 1) / max(seen - 1, 1)
+        if seen < min(3, reached):
+            score *= 0.6
+        if first < 0.5:
+            score *= 0.5 if sees_first else 0.8
+        # A multiple of the true rate has lines of the comb between its own.
+        for weight, low, high in ((0.6, 0.5, 1.5), (0.8, 1 / 3, 2 / 3)):
+            below, above = int(np.rint(low * places[i])), int(np.rint(high * places[i]))
+            if above < wide.size and not (np.isnan(wide[below]) or np.isnan(wide[above])):
+                score -= weight * min(wide[below], wide[above])
+        for own in own_hz:
+            if abs(hz[i] / own - 1) < tolerance + 1.5 * df_hz / own:
+                score = 0.0
+        turns = hz[i] / shaft
+        out[i] = 0.6 * score if abs(turns - np.rint(turns)) * shaft < 1.2 * df_hz else score
+    return out
+
+
+def _refined(env: Lines, hz: float) -> float:
+    """A comb's rate by least squares over its interpolated peaks."""
+    k = np.rint(env.peaks.hz / hz)
+    own = (k >= 1) & (k <= 8) & (np.abs(env.peaks.hz - k * hz) < 1.2 * env.df_hz + 0.2 * env.df_hz * k)
+    if not own.any():
+        return hz
+    return float((k[own] @ env.peaks.hz[own]) / (k[own] @ k[own]))

@@ -1,0 +1,90 @@
+"""A gear's mesh: the whole order that stands highest with lines one order beside it, over a set of records.
+
+records --each at the speed where it stands highest--> score of every number of teeth --over what is usual--> z
+
+Speeds of records with a defect are read off its comb, those of healthy ones may be off by per cents. So teeth are
+sought twice: at the speeds as they are known, where whole orders can be told from others, and with healthy records
+moved freely, where side lines alone tell the shaft's rate and a mesh from a carrier.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import median_filter
+
+from twingap.gap.features.tones.aligned_combs import aligned
+from twingap.gap.features.tones.whitened_spectra import Whitened
+from twingap.signal.record_transforms import medians
+
+Array = NDArray[np.float64]
+Single = NDArray[np.float32]
+
+_EACH: Final = ("", "_main", "_sides", "_teeth", "_rival")
+NAMES: Final = (*(f"gear{part}" for part in _EACH), *(f"gear_free{part}" for part in _EACH), "gear_whole")
+
+_TEETH: Final = np.arange(6.0, 100.0)
+_LINES: Final = np.array([0.0, -1.0, 1.0])
+_WEIGHTS: Final = np.array([1.0, 0.7, 0.7, 0.5])
+_KNOWN: Final = 0.0015
+"""How far a speed lies off, at most, that was read off a comb."""
+_FREE: Final = 0.03
+_OFF: Final = np.array([-0.5, -0.4, -0.3, 0.3, 0.4, 0.5])
+"""Orders off a whole one at which a mesh does not stand."""
+_ABOUT: Final = 25
+"""Numbers of teeth about one that say how much is usual there: the more bins are tried, the higher the highest."""
+_FEWEST: Final = 12
+
+
+def measure(records: Sequence[Whitened], deviates: Sequence[Single]) -> dict[str, float]:
+    """`NAMES` -> value of a set of records; NaN where their spectra are too short.
+
+    Parameters
+    ----------
+    records : sequence of Whitened
+    deviates : sequence of Single [bins]
+        Of each.
+
+    Returns
+    -------
+    dict
+        Of each way to seek: z of the best number of teeth; mean deviate of its first line and of its side lines; its
+        logarithm; z of the best that is neither beside it nor its half or double. And how far the whole order stands
+        above what is found between whole orders.
+    """
+    out = dict.fromkeys(NAMES, math.nan)
+    for name, far in (("gear", _KNOWN), ("gear_free", _FREE)):
+        reach = [far if record.kind == "healthy" else _KNOWN for record in records]
+        found = aligned(records, deviates, _combs(_TEETH), _WEIGHTS, reach)
+        mean = found.mean()
+        known = np.flatnonzero(np.isfinite(mean))
+        if known.size < _FEWEST:
+            continue
+        above = mean[known] - median_filter(mean[known], size=_ABOUT, mode="nearest")
+        z = above / max(1.4826 * float(medians(np.abs(above))), 1e-3)
+        best = int(np.argmax(z))
+        teeth = _TEETH[known]
+        near = np.abs(teeth[:, None] - teeth[best] * np.array([1.0, 0.5, 2.0])) <= np.array([2.0, 1.0, 1.0])
+        rivals = z[~near.any(axis=1)]
+        lines = found.lines[known[best]]
+        values = (
+            z[best],
+            lines[0],
+            lines[1] + lines[2],
+            math.log(teeth[best]),
+            rivals.max() if rivals.size else np.nan,
+        )
+        out |= {f"{name}{part}": float(value) for part, value in zip(_EACH, values, strict=True)}
+        if name == "gear":
+            off = aligned(records, deviates, _combs(teeth[best] + _OFF), _WEIGHTS, reach).mean()
+            out["gear_whole"] = float(mean[known[best]] - np.nanmax(off)) if np.isfinite(off).any() else math.nan
+    return out
+
+
+def _combs(teeth: Array) -> Array:
+    """[teeth, lines] Orders of a mesh, of its side lines and of its double."""
+    return np.column_stack((teeth[:, None] + _LINES, 2 * teeth))

@@ -1,0 +1,260 @@
+"""Spectra of a set of records over their floors, and their means in Hz and in shaft orders.
+
+record --periodogram over its floor, logarithm--> Whitened --mean over records, in Hz and in orders--> z of every place
+
+A line far below the noise of one record stands in the mean of many, where the noise is even. What is fixed in Hz
+(mains, a carrier) adds up in Hz, what turns with the shaft in orders, and each smears in the other's mean. Power of
+noise goes as gamma variates, whose cube root is all but normal (Wilson and Hilferty 1931, doi:10.1073/pnas.17.12.684):
+so z means the same of one record and of a hundred, and z of several lines may be added (Stouffer).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twingap.gap.features.impacts.impulse_response import impact_rate_hz
+from twingap.signal.record_transforms import RecordView, local_floor, medians
+
+Array = NDArray[np.float64]
+Single = NDArray[np.float32]
+Half = NDArray[np.float16]
+
+NOISE: Final = 1 / math.log(2)
+"""Mean power of noise over its median."""
+SPREAD: Final = 0.258
+"""Standard deviation of the cube root of smoothed noise power over its median, of one record (Hann, 1/4 1/2 1/4)."""
+MOST_Z: Final = 12.0
+"""Beyond which a line adds no more to the z of its comb: one line is no comb."""
+_CAP: Final = 9.0
+"""Excess beyond which one record's line counts no more: the mean is of many records, not of the loudest."""
+_ENVELOPE_CAP: Final = 40.0
+"""The same of envelopes, whose combs are told by how their lines fall off."""
+_LEAST_DEVIATE: Final = -2.0
+_MOST_DEVIATE: Final = 6.0
+"""The same of one record's line on a comb that is sought record by record."""
+_ABOUT: Final = 45
+"""Bins about a line that say how much is usual there."""
+_TOP_ORDER: Final = 125.0
+_STEP: Final = 0.01
+"""Of the order axis, unless a record resolves more: one of a second at ten turns resolves a tenth."""
+_NEAR: Final = np.arange(4, 10)
+"""Bins from a line at which nothing of it is left, and all of a mode."""
+_FLOOR_STEP: Final = 8
+"""Bins from one value of the floor that is kept to the next."""
+_WIDE: Final = 0.22
+"""Part of a comb's spacing that one of its lines may take on either side, to be left out: beyond, lines smear."""
+
+
+class Whitened(NamedTuple):
+    """What is kept of a record for means over many.
+
+    Parameters
+    ----------
+    logs : Half [bins]
+        ln of the periodogram over its floor, smoothed over three bins.
+    floor_logs : Single [bins / _FLOOR_STEP]
+        ln of the floor, unit^2.
+    df_hz : float
+    envelope : Single [bins]
+        Periodogram of the broadband squared envelope over its floor, smoothed, capped.
+    envelope_df_hz : float
+    shaft_hz, fs_hz : float
+    kind : str
+        State of the bearing: what strikes leave is in the records of one kind alone.
+    rate_hz : float
+        Impacts per second; NaN without a defect.
+    """
+
+    logs: Half
+    floor_logs: Single
+    df_hz: float
+    envelope: Single
+    envelope_df_hz: float
+    shaft_hz: float
+    fs_hz: float
+    kind: str
+    rate_hz: float
+
+    def power(self) -> Single:
+        """[bins] Power over its floor, capped; a defect's own comb counts as nothing special."""
+        out = np.minimum(np.exp(self.logs.astype(np.float32)), np.float32(_CAP))
+        if math.isfinite(self.rate_hz):
+            at = self._own_comb()
+            for place, reach in zip(at, 3 + 0.004 * at, strict=True):  # cages slip
+                out[max(int(place - reach), 0) : int(place + reach) + 2] = NOISE
+        return out
+
+    def deviates(self) -> Single:
+        """[bins] Normal deviates of the power where there is noise, capped; 0 on a defect's own comb, as far as its
+        lines can be told from what lies between them."""
+        root = np.exp(self.logs.astype(np.float32) / 3)
+        out = np.asarray(np.clip((root - math.cbrt(NOISE)) / SPREAD, _LEAST_DEVIATE, _MOST_DEVIATE), np.float32)
+        if math.isfinite(self.rate_hz):
+            at = self._own_comb()
+            for place, reach in zip(at, 2.5 + 0.0015 * at, strict=True):
+                if reach > _WIDE * at[0]:
+                    break
+                out[max(int(place - reach), 0) : int(place + reach) + 2] = 0.0
+        return out
+
+    def level_logs(self, bins: NDArray[np.int64]) -> Array:
+        """[...] ln of the highest power within a bin of each, unit^2."""
+        near = np.clip(bins[..., None] + np.arange(-1, 2), 0, self.logs.size - 1)
+        floor = np.interp(bins, np.arange(self.floor_logs.size) * _FLOOR_STEP, self.floor_logs)
+        highest: Array = self.logs[near].astype(np.float64).max(axis=-1)
+        return np.asarray(highest + floor, dtype=np.float64)
+
+    def _own_comb(self) -> Array:
+        """[lines] Bins of a defect's comb."""
+        return np.asarray(np.arange(1, int(0.5 * self.fs_hz / self.rate_hz) + 1) * self.rate_hz / self.df_hz, float)
+
+
+def whitened(view: RecordView) -> Whitened:
+    """Of one record."""
+    envelope = view.envelope_in(0.02 * view.fs_hz, 0.48 * view.fs_hz)
+    top = min(envelope.spectrum.size, round(45 * view.shaft_hz / envelope.df_hz) + 60)
+    floor = np.maximum(local_floor(view.tones), 1e-300)
+    rate_hz = math.nan if view.fault_order is None else impact_rate_hz(view)
+    spectrum = envelope.spectrum[:top]
+    white = np.minimum(_smooth(spectrum / np.maximum(local_floor(spectrum), 1e-300)), _ENVELOPE_CAP)
+    return Whitened(
+        np.log(np.clip(_smooth(view.tones / floor), 1e-4, 1e25)).astype(np.float16),
+        np.log(floor[::_FLOOR_STEP]).astype(np.float32), view.df_hz, white.astype(np.float32), envelope.df_hz,
+        view.shaft_hz, view.fs_hz, str(view.condition.fault), rate_hz,
+    )  # fmt: skip
+
+
+def _smooth(over: Array) -> Array:
+    """A line between two bins stands in both; a speed that is a little off moves it by one."""
+    over[:3] = NOISE
+    smooth = over.copy()
+    smooth[1:-1] = 0.5 * over[1:-1] + 0.25 * (over[:-2] + over[2:])
+    return smooth
+
+
+class Mean:
+    """Mean of whitened spectra on an axis that all share, and how far each place of it stands out.
+
+    Parameters
+    ----------
+    powers : iterable of Single [bins]
+        One of each record.
+    places : Array [places]
+        The axis, evenly spaced.
+    indices : sequence of NDArray [places]
+        Bin of each place in each record.
+    about : int
+        Places about each that say how much is usual there.
+    kinds : sequence of str
+        State of the bearing of each record.
+
+    Attributes
+    ----------
+    places : Array [places]
+        Hz, or orders.
+    z : Array [places]
+        Normal deviates where there is nothing but noise; NaN beyond what most of the records reach.
+    common : Array [places]
+        Above what is usual on either side of a line, where a sharp mode is no less high; and the least that is left
+        when the records of any one kind are left out: what is a machine's own is there whatever the state of its
+        bearing, and what strikes leave beside their harmonics is not.
+    """
+
+    def __init__(
+        self,
+        powers: Iterable[Single],
+        places: Array,
+        indices: Sequence[NDArray[np.int64]],
+        about: int,
+        kinds: Sequence[str],
+    ) -> None:
+        self.places, self.step = places, float(places[1] - places[0]) if places.size > 1 else 1.0
+        names = sorted(set(kinds))
+        totals, counts = np.zeros((2, len(names), places.size))
+        for power, index, kind in zip(powers, indices, kinds, strict=True):
+            inside = (index >= 2) & (index < power.size - 2)
+            totals[names.index(kind), inside] += power[index[inside]]
+            counts[names.index(kind)] += inside
+        total, count = totals.sum(axis=0), counts.sum(axis=0)
+        self.z = np.full(places.size, np.nan)
+        self.common = self.z
+        known = count > 0.6 * len(kinds)
+        if known.sum() <= about:
+            return
+        floor = np.maximum(local_floor(total[known] / count[known], about), 1e-9)
+
+        def deviates(total: Array, count: Array) -> Array:
+            return (np.cbrt(total / np.maximum(count, 1) / floor) - 1) * np.sqrt(count) / SPREAD
+
+        z = deviates(total[known], count[known])
+        # Noise that comes and goes is less even than that.
+        spread = max(1.4826 * float(medians(np.abs(z))), 1.0)
+        self.z[known] = z / spread
+        floor = np.maximum(floor, _beside_each(total[known] / count[known], _NEAR * max(about // _ABOUT, 1)))
+        left = [deviates(t, c) for t, c in zip((total - totals)[:, known], (count - counts)[:, known], strict=True)]
+        common = np.min([*(left if len(names) > 1 else []), deviates(total[known], count[known])], axis=0)
+        self.common = np.full(places.size, np.nan)
+        self.common[known] = common / spread
+
+    @classmethod
+    def in_hz(cls, records: Sequence[Whitened], envelope: bool = False) -> Mean:
+        """Of what is fixed in Hz."""
+        powers, resolutions, tops = _spectra(records, envelope)
+        # As fine as the longest record: a coarser one is read more than once, but no line falls between two places.
+        step = min(resolutions)
+        places = np.arange(2.0, max(tops) / step) * step
+        indices = [np.rint(places / df).astype(int) for df in resolutions]
+        return cls(powers, places, indices, int(_ABOUT * max(resolutions) / step) | 1, [r.kind for r in records])
+
+    @classmethod
+    def in_orders(cls, records: Sequence[Whitened], envelope: bool = False) -> Mean:
+        """Of what turns with the shaft."""
+        powers, resolutions, _ = _spectra(records, envelope)
+        units = [r.shaft_hz / df for r, df in zip(records, resolutions, strict=True)]
+        step = min(_STEP, 1 / max(units))
+        places = np.arange(0.3, 45.0 if envelope else _TOP_ORDER, step)
+        indices = [np.rint(places * unit).astype(int) for unit in units]
+        return cls(powers, places, indices, int(_ABOUT / min(units) / step) | 1, [r.kind for r in records])
+
+    def at(self, places: Array) -> Array:
+        """z at the nearest places of the axis; NaN off it."""
+        index = np.rint((places - self.places[0]) / self.step).astype(int) if self.places.size else np.zeros(0, int)
+        inside = (index >= 0) & (index < self.places.size)
+        return np.where(inside, self.z[np.clip(index, 0, self.places.size - 1)], np.nan)
+
+
+def _beside_each(mean: Array, offsets: NDArray[np.int64]) -> Array:
+    """[places] What is usual just below each place or just above it, whichever is more."""
+    reach = int(offsets.max())
+    padded = np.pad(mean, reach, mode="edge")
+    sides = [
+        medians(np.stack([padded[reach + sign * k : reach + sign * k + mean.size] for k in offsets], axis=-1))
+        for sign in (-1, 1)
+    ]
+    return np.maximum(*sides)
+
+
+def _spectra(records: Sequence[Whitened], envelope: bool) -> tuple[Iterable[Single], list[float], list[float]]:
+    """Of each record its spectrum, or that of its envelope, Hz per bin, and where it ends, Hz."""
+    if envelope:
+        steps = [r.envelope_df_hz for r in records]
+        return [r.envelope for r in records], steps, [r.envelope.size * r.envelope_df_hz for r in records]
+    return (r.power() for r in records), [r.df_hz for r in records], [r.logs.size * r.df_hz for r in records]
+
+
+def together(z: Array) -> Any:
+    """z of lines [..., lines] together, what is not known left out; a strong one counts as `MOST_Z`."""
+    known = np.isfinite(z)
+    total = np.where(known, np.clip(z, -MOST_Z, MOST_Z), 0.0).sum(axis=-1)
+    return np.where(known.any(axis=-1), total / np.sqrt(np.maximum(known.sum(axis=-1), 1)), np.nan)
+
+
+def most(z: Array) -> float:
+    """The highest z; NaN where none is known."""
+    known = z[np.isfinite(z)]
+    return float(known.max()) if known.size else math.nan

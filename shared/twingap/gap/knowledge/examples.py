@@ -1,0 +1,99 @@
+"""Examples to learn from: simulated gaps, put through the very steps that a diagnosis takes.
+
+SimulatedGap --calibrate, simulate, compare--> features as the twin is given
+             --some missing effects added, at values a little off--> features as a search would see them
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twingap.effects import Effect, catalogue
+from twingap.errors import TwingapError
+from twingap.gap.features.comparison import feature_names
+from twingap.gap.knowledge.learn import Examples
+from twingap.gap.knowledge.simulated_gaps import SimulatedGap, draw_gap
+from twingap.gap.search.evidence import Compared, Evidence, simulator_of
+from twingap.gap.search.parameter_scale import Setting, a_little_off, coordinates, to_number
+from twingap.identify.calibrate import calibrate
+
+Array = NDArray[np.float64]
+
+
+def examples(seed: int, machines: Sequence[int], most_records: int, among: Sequence[str] = ()) -> Examples:
+    """Examples of these machines.
+
+    Parameters
+    ----------
+    seed : int
+    machines : sequence of int
+        Their numbers; a machine depends on the seed and its number alone.
+    most_records : int
+    among : sequence of str
+        Effects to draw from; empty is the whole catalogue.
+    """
+    rows = [row for machine in machines for row in _of(seed, machine, most_records, among)]
+    return stacked([Examples(*[np.asarray([value]) for value in row]) for row in rows])
+
+
+def stacked(parts: Sequence[Examples]) -> Examples:
+    """All examples as one."""
+    if not parts:
+        width, effects, values = len(feature_names()), len(catalogue()), len(coordinates())
+        nothing = np.zeros((0, width), np.float32)
+        none = np.zeros((0, effects), bool)
+        return Examples(
+            nothing, none, none, np.zeros(0, bool), np.zeros(0, np.int64), np.zeros(0, bool), np.zeros((0, values)),
+            nothing,
+        )  # fmt: skip
+    fields = ("features", "missing", "modelled", "strange", "machine", "first", "values", "fit_features")
+    return Examples(*[np.concatenate([getattr(part, name) for part in parts]) for name in fields])
+
+
+def _of(seed: int, machine: int, most_records: int, among: Sequence[str]) -> Iterator[tuple[object, ...]]:
+    rng = np.random.default_rng([seed, machine])
+    try:
+        gap = draw_gap(rng, most_records=most_records, among=among)
+        calibrated = calibrate(gap.records, gap.spec, rng, sim=gap.sim)
+        evidence = Evidence(calibrated, simulator_of(calibrated, gap.sim), gap.spec, int(rng.integers(2**62)))
+    except TwingapError:  # a drawn machine that nobody could calibrate teaches nothing
+        return
+    setting, order = evidence.setting, list(catalogue())
+    try:
+        compared = evidence.against()
+        yield _row(compared, gap, gap.missing, machine, True, setting, order)
+        if not gap.missing or rng.random() < 0.3:
+            return
+        found = _partly(rng, gap, setting, evidence)
+        if not found:
+            return
+        compared = evidence.against(found)
+    except TwingapError:
+        return
+    left = tuple(e for e in gap.missing if e.name not in {f.name for f in found})
+    yield _row(compared, gap, left, machine, False, setting, order)
+
+
+def _row(
+    compared: Compared, gap: SimulatedGap, missing: Sequence[Effect], machine: int, first: bool, setting: Setting,
+    order: list[str],
+) -> tuple[object, ...]:  # fmt: skip
+    present = {effect.name: effect for effect in missing}
+    values = [to_number(present[n], p, setting) if n in present else np.nan for n, p in coordinates()]
+    has = {effect.name for effect in gap.modelled}
+    lacks, models = (np.array([n in names for n in order]) for names in (present, has))
+    return (
+        compared.held_out.astype(np.float32), lacks, models, gap.strange, machine, first, np.array(values),
+        compared.fit.astype(np.float32),
+    )  # fmt: skip
+
+
+def _partly(rng: np.random.Generator, gap: SimulatedGap, setting: Setting, evidence: Evidence) -> tuple[Effect, ...]:
+    """Some or all of the missing effects, as far as they can be added, at values about as wrong as estimates are."""
+    can = [e for e in gap.missing if evidence.can_add(e.name) is None]
+    chance = 1.0 if rng.random() < 0.5 else 0.6
+    error = 0.12 * rng.random()
+    return tuple(a_little_off(effect, error, setting, rng) for effect in can if rng.random() <= chance)

@@ -1,0 +1,318 @@
+"""What is learnt from simulated gaps: which effects are missing, at which values, and whether anything is.
+
+examples (features, what is missing, values) --detectors--> detector of each effect, estimator of each value
+                                             --scores of machines not learnt from--> detector of any gap, null, limits
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Mapping
+from dataclasses import dataclass, field
+from fnmatch import fnmatchcase
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twingap.gap.knowledge.detectability import Sight, learn_sight
+from twingap.gap.knowledge.detectors import Ensemble, Estimator, Table, learn_classifier, learn_estimator
+from twingap.gap.knowledge.effect_features import columns
+from twingap.gap.knowledge.null import NOBODY, Judged, Null
+from twingap.gap.knowledge.score_calibration import Judgement
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+
+@dataclass
+class Examples:
+    """Simulated gaps as numbers.
+
+    Parameters
+    ----------
+    features : Array [examples, features]
+    missing : Mask [examples, effects]
+    modelled : Mask [examples, effects]
+        What the twin has as given: that cannot be missing, though a machine may have it in another form.
+    strange : Mask [examples]
+        Something outside the catalogue.
+    machine : Array [examples]
+        Which machine: one machine never sits on both sides of a fold.
+    first : Mask [examples]
+        Whether the twin was as given; False: effects found so far had been added to it.
+    values : Array [examples, parameters]
+        Of the missing effects, NaN otherwise.
+    fit_features : Array [examples, features]
+        The same comparison on the records that parameters are fitted to.
+    """
+
+    features: NDArray[np.float32]
+    missing: Mask
+    modelled: Mask
+    strange: Mask
+    machine: NDArray[np.int64]
+    first: Mask
+    values: Array
+    fit_features: NDArray[np.float32]
+
+    def __len__(self) -> int:
+        return len(self.features)
+
+
+PRECISION: Final = 0.75
+"""Of the effects that a detector names on machines that it has not seen, at least this part is there."""
+COVERAGE: Final = 0.93
+"""Part of the machines not seen whose truth the confidence set is to hold: 90 %, and some for what is unlike them."""
+
+UNHEARD: Final = -6.0
+"""Log odds of an effect that no detector is asked of."""
+MOST: Final = 0.93
+"""Level beyond which sets only grow: what is missed then is what a first look cannot see at all."""
+
+
+def _limit(score: Array, label: Mask) -> float:
+    """Least log odds, about even, from which naming an effect is right often enough before it is checked."""
+    for limit in np.arange(-1.0, 0.51, 0.25):
+        named = score > limit
+        if named.sum() >= 10 and label[named].mean() >= PRECISION:
+            return float(limit)
+    return 0.5
+
+
+def _level(scores: Array, missing: Mask) -> float:
+    """Joint probability that most probable sets of effects must reach to hold the truth as often as promised."""
+    needed = []
+    for own, truth in zip(scores, missing, strict=True):
+        p = 1 / (1 + np.exp(-np.clip(own, -30, 30)))
+        open_ = np.argsort(-np.minimum(p, 1 - p))[:8]
+        closed = np.setdiff1d(np.arange(p.size), open_)
+        if ((p[closed] > 0.5) != truth[closed]).any():
+            needed.append(1.0)
+            continue
+        picks = (np.arange(2**open_.size)[:, None] >> np.arange(open_.size)) & 1
+        weights = np.where(picks, p[open_], 1 - p[open_]).prod(axis=1)
+        of_truth = np.where(truth[open_], p[open_], 1 - p[open_]).prod()
+        # All sets more probable than the truth have to be in it before the truth is.
+        needed.append(float(weights[weights > of_truth].sum() + 1e-9))
+    return float(np.clip(np.quantile(needed, COVERAGE), 0.7, MOST))
+
+
+def general_columns(names: tuple[str, ...]) -> NDArray[np.int64]:
+    """Columns that speak of a gap whatever its cause: how far the sets lie apart, and what no effect should move."""
+    patterns = (
+        "context|*", "background.segment_*", "background.spectral_drift|*", "background.*asymmetry|*",
+        "background.*skewness|*", "background.level_coupling|*", "background.echo_*", "background.modulation_*",
+        "background.rest_rms|*", "background.kurtosis_log|*", "lines.free_count_log|*", "lines.tonal_share|*",
+        "background.white_kurtosis_log|*", "shape|*_rms", "shape|*_rest_share", "path|*_cost*", "path|*_gain*",
+        "change|still", "change|*_gain", "change|left", "view|*", "context|own_simulator",
+        "pooled|modulation_fixed*", "pooled|turning*", "pooled|fixed*", "pooled|carrier*",
+        "events.strike_snr|*", "background.rms_log|spread", "background.white_level|spread",
+    )  # fmt: skip
+    wanted, whole = (".diff", ".z", "|spread"), ("context|", "shape|", "path|", "change|", "view|", "pooled|")
+    return np.array(
+        [
+            i for i, name in enumerate(names)
+            if any(fnmatchcase(name, p) for p in patterns)
+            and (name.endswith(wanted) or name.startswith(whole))
+        ],
+        dtype=np.int64,
+    )  # fmt: skip
+
+
+def _alone(function: Callable[..., Any], *arguments: Any) -> Any:
+    """On one thread: its siblings have the other cores."""
+    from threadpoolctl import threadpool_limits
+
+    with threadpool_limits(1):
+        return function(*arguments)
+
+
+def _of_all(log_odds: Array, general: NDArray[Any]) -> Array:
+    """[examples, columns] What the detector of any gap hears: all others, the three surest, and what is general."""
+    return np.concatenate((log_odds, np.sort(log_odds, axis=1)[:, -3:], general), axis=1)
+
+
+def _any_of(log_odds: Array) -> Array:
+    """[examples] How surely at least one effect is missing, were each [examples, effects] by itself."""
+    return np.asarray(np.log1p(np.exp(np.clip(log_odds, -30, 30))).sum(axis=1))
+
+
+@dataclass
+class Learnt:
+    """All that a diagnosis brings along.
+
+    Parameters
+    ----------
+    effects : tuple of str
+        The catalogue that was learnt, in order.
+    detectors : Mapping[str, Ensemble]
+    estimators : Mapping[(effect, parameter), Estimator]
+    anything : Ensemble
+        Whether the twin lacks anything at all, named or not.
+    null : Null
+        Scores of `anything`, and of all detectors together, for machines whose twin lacks nothing, each by models that
+        had not seen it.
+    features : tuple of str
+        Names, to be sure that they are still the same.
+    about : Mapping
+        How it was made, and how well it did on machines it had not seen.
+    judgement : Judgement or None
+        What ends of searches are worth; None where too few were made to say.
+    sight : Sight or None
+        Which effects nobody could have seen: those neither count as missing nor as not.
+    """
+
+    effects: tuple[str, ...]
+    detectors: Mapping[str, Ensemble]
+    estimators: Mapping[tuple[str, str], Estimator]
+    anything: Ensemble
+    null: Null
+    features: tuple[str, ...]
+    about: dict[str, Any]
+    thresholds: dict[str, float] = field(default_factory=dict)
+    set_level: float = 0.9
+    null_rest: Null = field(default_factory=lambda: Null(NOBODY))
+    general: NDArray[np.int64] = field(default_factory=lambda: np.empty(0, np.int64))
+    judgement: Judgement | None = None
+    sight: Sight | None = None
+
+    @property
+    def errors(self) -> dict[tuple[str, str], float]:
+        """(effect, parameter) -> how far estimates are off, in comparable numbers (see `parameters`)."""
+        return {key: estimator.error for key, estimator in self.estimators.items()}
+
+    def log_odds(self, features: NDArray[Any], *, later: bool = False) -> Array:
+        """[examples, effects] Log odds that each effect is missing; what was not learnt is taken as unlikely.
+
+        `later`: of a twin to which effects have been added.
+        """
+        rows = np.atleast_2d(features)
+        out = np.full((len(rows), len(self.effects)), UNHEARD)
+        for j, name in enumerate(self.effects):
+            if name in self.detectors:
+                out[:, j] = self.detectors[name].score(rows, later=later)
+        return out
+
+    def p_value(self, features: NDArray[Any], modelled: Collection[str] = ()) -> float:
+        """Part of the machines without a gap that look at least as much like one.
+
+        `modelled`: effects that the twin has as given, of which no detector is asked.
+        """
+        return self._rank(features, self.null, modelled, later=False)
+
+    def rest_p(self, features: NDArray[Any], has: Collection[str] = ()) -> float:
+        """The same once effects have been added: against machines to which all that they lacked had been added.
+
+        `has`: effects that the twin has as given, and those that were added.
+        """
+        return self._rank(features, self.null_rest, has, later=True)
+
+    def _rank(self, features: NDArray[Any], null: Null, modelled: Collection[str], *, later: bool) -> float:
+        rows = np.atleast_2d(features)
+        odds = self.log_odds(rows, later=later)
+        odds[:, [name in modelled for name in self.effects]] = UNHEARD
+        anything = self.anything.score(_of_all(odds, rows[:, self.general]), later=later)
+        return null.p_value(Judged.of(np.stack([anything, _any_of(odds)], axis=1), features, self.features))
+
+
+def learn(examples: Examples, effects: tuple[str, ...], parameters: tuple[tuple[str, str], ...],
+          names: tuple[str, ...], report: Callable[[str, float], None]) -> Learnt:  # fmt: skip
+    """Learn everything from the examples."""
+    import joblib
+
+    # Both parts of a machine's records are examples; only the held-out part, as in a diagnosis, is scored.
+    table = Table(np.concatenate((examples.features, examples.fit_features)))
+    machine, missing = np.tile(examples.machine, 2), np.tile(examples.missing, (2, 1))
+    first = np.tile(examples.first, 2)
+    here = np.arange(len(examples))
+    allowed = [columns(name, names) for name in effects]
+    # Models of one label each are small: processes side by side are faster than threads within one.
+    parallel = joblib.Parallel(n_jobs=-1, return_as="generator")
+
+    # An effect that the twin has is never asked about, and records that have it look as if it were missing wherever a
+    # feature speaks of the records alone.
+    has = np.tile(_had(examples), (2, 1))
+
+    def heard(counted: Mask, begin: float) -> dict[str, Ensemble]:
+        found = parallel(
+            joblib.delayed(_alone)(learn_classifier, table, missing[:, j], machine, allowed[j], first, counted[:, j])
+            for j in range(len(effects))
+        )
+        out = {}
+        for done, (name, detector) in enumerate(zip(effects, found, strict=True)):
+            report(f"detector of {name}", begin + 0.3 * done / len(effects))
+            if detector is not None:
+                out[name] = detector
+        return out
+
+    # Once with all, to learn which nobody sees; and again without those.
+    said = {name: detector.unseen[here] for name, detector in heard(~has, 0.0).items()}
+    sight, hidden = _hidden(examples, said, effects, parameters, names)
+    counted = ~np.tile(hidden, (2, 1)) & ~has
+    detectors = heard(counted, 0.3)
+    plain = examples.values.copy()
+    for j, (name, _) in enumerate(parameters):
+        plain[hidden[:, effects.index(name)], j] = np.nan
+    early, values = table.take(first), np.tile(plain, (2, 1))[first]
+    estimators: dict[tuple[str, str], Estimator] = {}
+    made = parallel(
+        joblib.delayed(_alone)(
+            learn_estimator, early, values[:, j], machine[first], allowed[effects.index(parameter[0])]
+        )
+        for j, parameter in enumerate(parameters)
+    )
+    for done, (parameter, estimator) in enumerate(zip(parameters, made, strict=True)):
+        report(f"values of {parameter[0]}", 0.6 + 0.3 * done / len(parameters))
+        if estimator is not None:
+            estimators[parameter] = estimator
+    report("detector of any gap", 0.9)
+    scores = np.full((len(machine), len(effects)), UNHEARD)
+    for j, name in enumerate(effects):
+        if name in detectors:
+            scores[:, j] = detectors[name].unseen
+            detectors[name].unseen = detectors[name].unseen[here]
+    any_gap = examples.missing.any(axis=1) | examples.strange
+    general = general_columns(names)
+    asked = np.where(has, UNHEARD, scores)
+    whole = Table(_of_all(asked, table.values[:, general]).astype(np.float32))
+    open_ = ~any_gap | examples.strange | (examples.missing & ~hidden).any(axis=1)
+    anything = learn_classifier(
+        whole, np.tile(any_gap, 2), machine, range(whole.values.shape[1]), first, np.tile(open_, 2)
+    )
+    if anything is None:
+        raise ValueError("too few examples with and without a gap to learn from")
+    anything.unseen = anything.unseen[here]
+    scores = scores[here]
+    judged = Judged.of(np.stack([anything.unseen, _any_of(asked[here])], axis=1), examples.features, names)
+    null, rest = (Null(judged.take(rows)) for rows in (~any_gap & examples.first, ~any_gap & ~examples.first))
+    limits = {
+        name: _limit(scores[counted[here, j], j], examples.missing[counted[here, j], j])
+        for j, name in enumerate(effects)
+    }
+    known = examples.first & ~examples.strange & ~hidden.any(axis=1)
+    level = _level(scores[known], examples.missing[known])
+    return Learnt(effects, detectors, estimators, anything, null, names, {}, limits, level, rest, general, sight=sight)
+
+
+def _had(examples: Examples) -> Mask:
+    """[examples, effects] What the twin has: as given, or since it was added."""
+    begun = dict(zip(examples.machine[examples.first].tolist(), examples.missing[examples.first], strict=True))
+    nothing = np.zeros(examples.missing.shape[1], bool)
+    lacked = np.array([begun.get(number, nothing) for number in examples.machine.tolist()])
+    return examples.modelled | (lacked.reshape(examples.missing.shape) & ~examples.missing)
+
+
+def _hidden(
+    examples: Examples, said: Mapping[str, Array], effects: tuple[str, ...], parameters: tuple[tuple[str, str], ...],
+    names: tuple[str, ...],
+) -> tuple[Sight, Mask]:  # fmt: skip
+    """Sight, and which effects [examples, effects] it says nobody could see; of a machine, whatever had been added."""
+    rows = np.flatnonzero(examples.first)
+    sight, own = learn_sight(
+        {name: log_odds[rows] for name, log_odds in said.items()}, examples.missing[rows], examples.values[rows],
+        examples.features[rows], effects, parameters, names,
+    )  # fmt: skip
+    of_machine = dict(zip(examples.machine[rows].tolist(), own, strict=True))
+    nothing = np.zeros(len(effects), bool)
+    hidden = np.array([of_machine.get(number, nothing) for number in examples.machine.tolist()])
+    return sight, hidden.reshape(examples.missing.shape) & examples.missing

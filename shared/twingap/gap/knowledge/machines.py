@@ -1,0 +1,262 @@
+"""Random machines to learn from: geometry, structure, operation, and what their makers left out of the papers.
+
+A machine is drawn far wider than any one test rig, so that what is learnt on many of them holds on the next.
+
+rng --> geometry, rate, speeds, faults --> Machine(conditions, parameters, extra modes, small imperfections)
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+
+import numpy as np
+import scipy.fft
+from numpy.typing import NDArray
+
+from twingap.bearing import Bearing
+from twingap.effects import Draft, Effect, Mode, make_effect
+from twingap.gap.features.impacts.response_sampling import continuous
+from twingap.records import Condition
+from twingap.streams import Streams
+from twingap.twins.phenomenological import PhenomenologicalParameters, PhenomenologicalTwin
+
+
+@dataclass(frozen=True)
+class Machine:
+    """A machine as it is, which its records and their metadata tell only in part.
+
+    Parameters
+    ----------
+    bearing : Bearing
+    parameters : PhenomenologicalParameters
+    conditions : tuple of Condition
+        With true speeds.
+    nominal : tuple of Condition
+        As the metadata have them.
+    modes : tuple of Mode
+        Of the structure beside the first; a twin file does not know them, so such a machine is met through records of
+        its own simulator.
+    contact_s : float
+        Duration of a strike's contact force; 0 is an impulse.
+    tilt : float
+        What the structure's response gains or loses at half the sampling rate: laboratories differ in how a response
+        is sampled, and near there it shows.
+    continuous : float
+        How far the response is that of a structure whose force knows no grid of samples (1), and not samples of its
+        ringing (0).
+    imperfections : tuple of Effect
+        Too small to be worth a name.
+    """
+
+    bearing: Bearing
+    parameters: PhenomenologicalParameters
+    conditions: tuple[Condition, ...]
+    nominal: tuple[Condition, ...]
+    modes: tuple[Mode, ...] = ()
+    contact_s: float = 0.0
+    tilt: float = 0.0
+    continuous: float = 0.0
+    imperfections: tuple[Effect, ...] = field(default=())
+
+    def twin(self, effects: Sequence[Effect] = (), scale: float = 1.0) -> StructuredTwin:
+        """What simulates this machine with these effects; `scale` is another gain."""
+        names = {effect.name for effect in effects}
+        small = tuple(effect for effect in self.imperfections if effect.name not in names)
+        own = replace(self.parameters, scale=self.parameters.scale * scale)
+        rms = self.healthy_rms * scale
+        return self._structured(own, (*small, *effects), rms)
+
+    @cached_property
+    def healthy_rms(self) -> float:
+        """RMS of healthy vibration without any effect, all modes, however it is sampled: the yardstick of effects."""
+        bare = self._structured(self.parameters, (), None)
+        healthy = replace(self.conditions[0], fault="healthy", n_samples=1 << 14)
+        (record,) = bare.make([healthy], [Streams(0, 0)])
+        return float(record.samples.std())
+
+    def _structured(
+        self, parameters: PhenomenologicalParameters, effects: Sequence[Effect], rms: float | None
+    ) -> StructuredTwin:
+        structure = self.modes, self.contact_s, self.tilt, self.continuous
+        return StructuredTwin(self.bearing, parameters, effects, *structure, healthy_rms=rms)
+
+
+class StructuredTwin(PhenomenologicalTwin):
+    """The phenomenological twin with further modes of its own and strikes of finite duration."""
+
+    def __init__(
+        self,
+        bearing: Bearing,
+        parameters: PhenomenologicalParameters,
+        effects: Sequence[Effect],
+        modes: Sequence[Mode],
+        contact_s: float,
+        tilt: float,
+        continuous: float,
+        healthy_rms: float | None = None,
+    ) -> None:
+        super().__init__(bearing, parameters, effects)
+        self._healthy_rms = healthy_rms
+        self.modes, self.contact_s, self.tilt, self.continuous = tuple(modes), contact_s, tilt, continuous
+
+    @property
+    def reference_rms(self) -> float:
+        """RMS of the healthy vibration: of all modes, where it is given."""
+        return super().reference_rms if self._healthy_rms is None else self._healthy_rms
+
+    def excite(self, draft: Draft, streams: Streams) -> None:
+        """As the baseline, through all modes."""
+        super().excite(draft, streams)
+        draft.modes.extend(self.modes)
+        if self.tilt:
+            draft.filters.append(lambda x: _tilted(x, self.tilt))
+        if self.continuous:
+            mode = self.parameters.resonance_hz / draft.condition.fs_hz
+            draft.filters.append(lambda x: _continuous(x, mode, self.continuous))
+        if self.contact_s > 0 and draft.impacts is not None:
+            # Two strikes of half strength, one contact duration apart: the force's spectrum falls as a cosine does.
+            later = self.contact_s * draft.shaft_hz
+            impacts = draft.impacts
+            impacts.turns = np.concatenate((impacts.turns, impacts.turns + later))
+            impacts.amplitudes = np.tile(impacts.amplitudes / 2, 2)
+            impacts.passes = np.tile(impacts.passes, 2)
+
+
+def _tilted(x: NDArray[np.float64], tilt: float) -> NDArray[np.float64]:
+    """x with its amplitudes changed by a factor 1 + tilt at half the sampling rate, hardly below a fifth of it."""
+    spectrum = scipy.fft.rfft(x)
+    spectrum *= 1 + tilt * np.linspace(0, 1, spectrum.size) ** 2.5
+    return np.asarray(scipy.fft.irfft(spectrum, x.size))
+
+
+def _continuous(x: NDArray[np.float64], mode: float, part: float) -> NDArray[np.float64]:
+    """x, samples of ringing in a mode at this part of the sampling rate, as a structure itself would have answered."""
+    spectrum = scipy.fft.rfft(x)
+    spectrum *= np.exp(0.5 * part * continuous(scipy.fft.rfftfreq(x.size), mode))
+    return np.asarray(scipy.fft.irfft(spectrum, x.size))
+
+
+_OF_FASTEST = 2.5
+"""A structure's mode lies so many times above the fastest impacts at least, where the rate leaves room."""
+
+
+def _log(rng: np.random.Generator, low: float, high: float) -> float:
+    return float(np.exp(rng.uniform(np.log(low), np.log(high))))
+
+
+def draw_machine(rng: np.random.Generator, own_simulator: bool, most_records: int = 40) -> Machine:
+    """A machine at random.
+
+    Parameters
+    ----------
+    rng : numpy.random.Generator
+    own_simulator : bool
+        True: of any structure, to be met through simulated records of it; False: within reach of the baseline.
+    most_records : int
+    """
+    bearing = draw_bearing(rng)
+    fs_hz = float(np.exp(rng.uniform(np.log(6000), np.log(52000))))
+    if rng.random() < 0.7:
+        fs_hz = float(rng.choice([8000, 10000, 12000, 12800, 16000, 20000, 24000, 25600, 32000, 48000, 51200]))
+    true, nominal = draw_conditions(rng, fs_hz, most_records)
+    fastest_hz = max(c.speed_rpm for c in true) / 60 * bearing.bpfi
+    # Recorders are fast these days and structures as heavy as ever: modes low in the band are common.
+    first_hz = max(fs_hz * _log(rng, 0.035, 0.42), min(_OF_FASTEST * fastest_hz, 0.3 * fs_hz))
+    sharpness = _log(rng, 0.006, 0.12)
+    structure = rng.uniform(0.25, 0.97)
+    strength = float(np.exp(rng.uniform(np.log(1.8), np.log(25))))
+
+    def unlike() -> float:
+        return float(np.exp(0.35 * rng.standard_normal()))
+
+    parameters = PhenomenologicalParameters(
+        resonance_hz=first_hz,
+        damping_ratio=sharpness,
+        impact_amplitude={fault: strength * unlike() for fault in ("inner", "outer", "ball")},
+        structure_noise_rms=structure,
+        white_noise_rms=math.sqrt(1 - structure**2),
+        scale=float(np.exp(rng.uniform(np.log(0.01), np.log(30)))),
+    )
+    modes: tuple[Mode, ...] = ()
+    contact_s = 0.0
+    if own_simulator:
+        modes = tuple(
+            Mode(fs_hz * rng.uniform(0.03, 0.45), float(np.exp(rng.uniform(np.log(0.01), np.log(0.12)))), g)
+            for g in np.exp(rng.uniform(np.log(0.15), np.log(1.5), rng.integers(0, 4)))
+        )
+        contact_s = rng.uniform(0, 0.45) / first_hz if rng.random() < 0.5 else 0.0
+    elif rng.random() < 0.3:  # short enough to pass for an impulse
+        contact_s = rng.uniform(0, 0.1) / first_hz
+    tilt = rng.uniform(-0.35, 0.45) if rng.random() < 0.6 else 0.0
+    part = rng.uniform(0.0, 1.2) if not own_simulator and rng.random() < 0.5 else 0.0
+    return Machine(bearing, parameters, true, nominal, modes, contact_s, tilt, part, _imperfections(rng, fs_hz))
+
+
+def draw_bearing(rng: np.random.Generator) -> Bearing:
+    """A geometry that a rolling bearing can have."""
+    rollers = int(rng.integers(6, 20))
+    ratio = rng.uniform(0.4, 0.95) * math.sin(math.pi / rollers)
+    angle = rng.uniform(5, 35) if rng.random() < 0.35 else 0.0
+    return Bearing("drawn", rollers, 60 * min(ratio, 0.4), 60.0, angle)
+
+
+def draw_conditions(
+    rng: np.random.Generator, fs_hz: float, most_records: int
+) -> tuple[tuple[Condition, ...], tuple[Condition, ...]]:
+    """True and nominal conditions of the records of one machine."""
+    count = int(np.clip(np.exp(rng.uniform(np.log(5), np.log(1.6 * most_records))), 5, most_records))
+    duration = float(rng.choice([0.3, 0.5, 0.8, 1.0, 1.0, 1.5]))
+    n = int(np.clip(duration * fs_hz, 3000, 16000))  # longer ones teach little more, and cost as much more
+    middle = np.exp(rng.uniform(np.log(500), np.log(4200)))
+    if rng.random() < 0.25:
+        speeds = np.full(count, middle)
+    elif rng.random() < 0.6:
+        speeds = rng.choice(middle * np.exp(rng.uniform(-0.5, 0.5, rng.integers(2, 6))), count)
+    else:
+        speeds = middle * np.exp(rng.uniform(-0.4, 0.4, count))
+    # A slow shaft turns a few times at least, or nobody would diagnose anything from the record.
+    speeds = np.clip(speeds, 60 * 6 * fs_hz / n, 60 * 0.012 * fs_hz)
+    kinds = ["healthy", "outer", "inner", "ball"]
+    if rng.random() < 0.15:
+        kinds = ["healthy", str(rng.choice(kinds[1:]))]
+    elif rng.random() < 0.17:
+        kinds = kinds[1:]
+        if rng.random() < 0.6:  # records of a bearing that has failed, and nothing else
+            kinds = [str(kind) for kind in rng.permutation(kinds)[: rng.integers(1, 3)]]
+    elif rng.random() < 0.06:
+        kinds = kinds[:1]
+    order = [kinds[i % len(kinds)] for i in range(count)]
+    run = rng.random() < 0.5
+    span = float(np.exp(rng.uniform(np.log(60), np.log(3e6))))
+    times = np.linspace(0, span, count) if rng.random() < 0.5 else np.sort(rng.uniform(0, span, count))
+    if run:
+        order = [order[i] for i in rng.permutation(count)]
+    # Name plates are off by several per cent under load; a display that is read once, from record to record.
+    common = 1 + (0.02 * rng.standard_normal() if rng.random() < 0.45 else 0.0)
+    single = _log(rng, 0.001, 0.02) * rng.standard_normal(count) * (rng.random() < 0.45)
+    true = tuple(
+        Condition(f"r{i}", float(speeds[i]), fs_hz, n, order[i], None, float(times[i]) if run else None)
+        for i in range(count)
+    )
+    wrong = np.clip(common + single, 0.95, 1.05)
+    nominal = tuple(replace(c, speed_rpm=c.speed_rpm / float(w)) for c, w in zip(true, wrong, strict=True))
+    return true, nominal
+
+
+def _imperfections(rng: np.random.Generator, fs_hz: float) -> tuple[Effect, ...]:
+    """Departures from the baseline that every machine has, each well below what deserves a name."""
+    small = [
+        ("slip_jitter", {"sigma": 0.002 * rng.random(), "accumulating": bool(rng.random() < 0.5)}),
+        ("impact_scatter", {"sigma": 0.03 * rng.random()}),
+        ("load_zone", {"depth": 0.03 * rng.random()}),
+        ("speed_fluctuation", {"level": 0.0003 * rng.random(), "bandwidth_hz": 2.0}),
+        ("mean_slip", {"slip": 0.0006 * rng.standard_normal()}),
+        ("quantisation", {"step": 0.002 * rng.random() + 1e-5}),
+        ("coloured_noise", {"level": 0.03 * rng.random(), "slope": 1.0, "low_hz": 10.0, "high_hz": fs_hz * 0.5}),
+        ("speed_gain", {"exponent": 0.03 * rng.standard_normal(), "reference_speed_rpm": 1500.0}),
+    ]
+    chance = {"slip_jitter": 0.3}  # rollers never come quite evenly
+    return tuple(make_effect(name, about) for name, about in small if rng.random() < chance.get(name, 0.15))

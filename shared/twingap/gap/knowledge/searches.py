@@ -1,0 +1,65 @@
+"""Whole searches on machines that no detector has learnt from, to learn what their ends are worth.
+
+SimulatedGap --calibrate, search--> Outcome of every effect, and whether it was missing
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from twingap.errors import TwingapError
+from twingap.gap.knowledge.score_calibration import Outcome
+from twingap.gap.knowledge.simulated_gaps import SimulatedGap, draw_gap
+from twingap.gap.search.effect_search import search
+from twingap.gap.search.evidence import THOROUGH, Evidence, simulator_of
+from twingap.gap.search.parameter_scale import coordinates, to_number
+from twingap.identify.calibrate import calibrate
+
+if TYPE_CHECKING:
+    from twingap.gap.knowledge.learn import Learnt
+
+
+def searches(
+    learnt: Learnt, seed: int, machines: Sequence[int], most_records: int, among: Sequence[str] = ()
+) -> list[tuple[Outcome, bool]]:
+    """Outcomes of searches on these machines, effect by effect, and whether each was missing; none of hidden effects.
+
+    Parameters
+    ----------
+    learnt : Learnt
+    seed : int
+    machines : sequence of int
+        Their numbers, see `examples.examples`.
+    most_records : int
+    among : sequence of str
+        Effects to draw from; empty is the whole catalogue.
+    """
+    found: list[tuple[Outcome, bool]] = []
+    for machine in machines:
+        rng = np.random.default_rng([seed, machine])
+        try:
+            gap = draw_gap(rng, most_records=most_records, among=among)
+            calibrated = calibrate(gap.records, gap.spec, rng, sim=gap.sim)
+            root = int(rng.integers(2**62))
+            evidence = Evidence(calibrated, simulator_of(calibrated, gap.sim), gap.spec, root, THOROUGH)
+            outcomes = search(evidence, learnt).outcomes
+        except TwingapError:  # a drawn machine that nobody could calibrate teaches nothing
+            continue
+        missing, unseen = {effect.name for effect in gap.missing}, _hidden(gap, evidence, learnt)
+        found += [(outcome, name in missing) for name, outcome in outcomes.items() if name not in unseen]
+    return found
+
+
+def _hidden(gap: SimulatedGap, evidence: Evidence, learnt: Learnt) -> set[str]:
+    """Effects of a machine that nobody could have seen."""
+    if learnt.sight is None:
+        return set()
+    present = {effect.name: effect for effect in gap.missing}
+    setting = evidence.setting
+    values = [to_number(present[n], p, setting) if n in present else np.nan for n, p in coordinates()]
+    missing = np.array([name in present for name in learnt.effects])
+    hidden = learnt.sight.hidden(missing[None], np.array(values)[None], evidence.against().held_out[None])[0]
+    return {name for name, one in zip(learnt.effects, hidden, strict=True) if one}

@@ -1,0 +1,1 @@
+"""A diagnosis as objects, files, figures and a page."""

@@ -1,0 +1,264 @@
+"""What to do after a diagnosis, in words.
+
+GapReport --next_steps--> a few sentences, the first the most useful
+GapReport --snippet-----> lines for TWIN.toml: the verdict's effects with their fitted parameters
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterable, Mapping
+from typing import Any, Final
+
+from twingap.config import to_toml
+from twingap.effects import catalogue
+from twingap.gap.report.model import Candidate, GapReport, Place, listed
+
+_TACHO: Final = (
+    "record a tacho or encoder signal along with the vibration: it measures the shaft angle, so that whatever "
+    "stays in the lines after order tracking belongs to the cage and not to the shaft"
+)
+_OTHER_SPEED: Final = (
+    "record the same machine at another speed: lines of mains, drive and structure stay at their frequency, lines of "
+    "shaft, gears and bearings move with the speed"
+)
+_HAMMER: Final = (
+    "strike the housing with an instrumented hammer at standstill: the response shows the modes and the sensor's "
+    "own loss without the bearing's excitation"
+)
+_BACKGROUND: Final = (
+    "record the background with the bearing unloaded or at standstill and its surroundings running: noise stays, "
+    "what the bearing excites vanishes"
+)
+_CHAIN: Final = (
+    "check the acquisition: range and resolution of the converter against the largest sample, and whether "
+    "samples were lost on the way"
+)
+_LONGER: Final = (
+    "record longer, at one constant speed and load: lines of the envelope spectrum then narrow down to what truly "
+    "broadens them"
+)
+_LOAD: Final = (
+    "record at another radial load: modulation by the load zone changes with it, modulation by the cage hardly does"
+)
+_ALONG: Final = "take more records along the run, at the same speed and load, to tell growth from operating conditions"
+_DECIDING: Final[Mapping[str, str]] = {
+    "speed_fluctuation": _TACHO,
+    "mean_slip": _TACHO,
+    "slip_jitter": _TACHO,
+    "impact_scatter": _LONGER,
+    "load_zone": _LOAD,
+    "cage_modulation": _LOAD,
+    "entry_exit": _LONGER,
+    "distributed_roughness": _LONGER,
+    "speed_gain": _OTHER_SPEED,
+    "damage_growth": _ALONG,
+    "second_resonance": _HAMMER,
+    "sensor_rolloff": _HAMMER,
+    "shaft_harmonics": _OTHER_SPEED,
+    "looseness": _OTHER_SPEED,
+    "mains_interference": _OTHER_SPEED,
+    "drive_interference": _OTHER_SPEED,
+    "gear_mesh": _OTHER_SPEED,
+    "foreign_bearing": _OTHER_SPEED,
+    "coloured_noise": _BACKGROUND,
+    "impulsive_noise": _BACKGROUND,
+    "waviness": _OTHER_SPEED,
+    "clipping": _CHAIN,
+    "quantisation": _CHAIN,
+    "dropout": _CHAIN,
+}
+"""Effect -> the measurement that would tell it from its rivals."""
+
+_LOOK: Final[Mapping[str, str]] = {
+    "frequency": "Look there in the raw spectrum: a hump that stays in Hz points to a mode or to noise, narrow lines "
+    "to a disturbance. To decide, " + _HAMMER + ".",
+    "envelope_order": "Impacts or modulations repeat at these multiples of shaft speed. Check the bearing's geometry "
+    "and what else turns on the machine. To decide, " + _TACHO + ".",
+    "order": "Something turns at these multiples of shaft speed: list shafts, gears and fans with their ratios. To "
+    "decide, " + _OTHER_SPEED + ".",
+    "amplitude": "The distribution of the samples differs there. To decide, " + _CHAIN + ".",
+    "time": "The records change within themselves there: look for run-up, load steps, or a fault of the recorder. To "
+    "decide, record longer at constant speed and load.",
+    "condition": "The gap sits at some operating conditions. Check the metadata of those records first (speed, load, "
+    "fault label), then record that condition again.",
+}
+"""Domain -> where to look when no effect explains the gap."""
+
+_WORDS: Final[Mapping[str, str]] = {
+    "frequency": "the spectrum",
+    "envelope_order": "the envelope spectrum",
+    "order": "the order spectrum",
+    "amplitude": "the amplitude distribution",
+    "time": "time within the record",
+    "condition": "the operating conditions",
+}
+
+
+def next_steps(report: GapReport) -> tuple[str, ...]:
+    """What to do next, in full sentences, the most useful first."""
+    verdict = report.verdict
+    steps: list[str] = []
+    if disagreeing := contradictions(report):
+        steps.extend(disagreeing)
+    elif verdict.status == "no_gap":
+        steps.append(
+            "Use the twin as it is for conditions like these. A gap that shows only elsewhere (other speeds, loads or "
+            "faults) has not been looked for."
+        )
+        steps.append("More or longer records would reveal smaller gaps: repeat the diagnosis when you have them.")
+    if verdict.effects:
+        them = "it" if len(verdict.effects) == 1 else "them"
+        added = [c for c in report.candidates if c.effect in verdict.effects and c.acts is None]
+        if added and (verdict.closure or 0.0) > 0:
+            steps.append(
+                f"Add {listed(c.effect for c in added)} to your twin: the lines below go into TWIN.toml. Then run "
+                "`twingap identify` and the diagnosis again; the gap should shrink as shown above."
+            )
+        elif added:
+            steps.append(
+                f"{_upper(listed(c.effect for c in added))} show{'s' * (len(added) == 1)} in the records, and at the "
+                f"values found {'it brings' if len(added) == 1 else 'they bring'} records and twin no nearer: look at "
+                "the values below before you add anything to TWIN.toml."
+            )
+        steps.extend(
+            f"{_upper(listed((c.effect,)))} cannot be added to your simulator's records: {c.acts}."
+            for c in report.candidates
+            if c.effect in verdict.effects and c.acts is not None
+        )
+        if not added:
+            steps.append(f"Model {listed(verdict.effects)} in your simulator and compare {them} again.")
+    open_ones = undecided(report)
+    measurements = list(dict.fromkeys(_DECIDING[name] for name in open_ones if name in _DECIDING))
+    if measurements:
+        steps.append(
+            f"The data leave open {_open(open_ones)}. To decide, "
+            + "; or ".join(measurements[:3])
+            + ("." if len(measurements) <= 3 else "; and others.")
+        )
+    if verdict.status in ("unexplained", "partly_explained"):
+        left = report.rest or report.places
+        subject = "rest" if verdict.effects else "gap"
+        for domain in dict.fromkeys(p.domain for p in left[:6]):
+            at = "; ".join(place_words(p) for p in [p for p in left if p.domain == domain][:3])
+            steps.append(f"The {subject} lies in {_WORDS[domain]}: {at}. {_LOOK[domain]}")
+        steps.append(_nearest(report))
+        steps.append(
+            "Once you have a suspicion, write it as an effect of your own (five lines, see `twingap.effects`) and "
+            "register it: the diagnosis tries it like any other."
+        )
+    return tuple(steps)
+
+
+def _nearest(report: GapReport) -> str:
+    """Of the nearest twin: ask for it, use it, or not, by what a classifier learns from it."""
+    found = report.stand_ins
+    if found is None:
+        return (
+            "If a twin to train on matters more than names, ask for the nearest one, with effects that stand in for "
+            "the rest: run the diagnosis with `--nearest`."
+        )
+    added = listed(found.effects)
+    accuracy = next((m for m in found.metrics if m.higher_is_better), None)
+    if accuracy is None:
+        return f"If a twin to train on matters more than names, use the nearest one, with {added} standing in."
+    verdict = next((m.after for m in report.metrics if m.metric == accuracy.metric), accuracy.before)
+    named, as_it_was, by_verdict = (f"{100 * part:.0f} %" for part in (accuracy.after, accuracy.before, verdict))
+    right = f"{named} of held-out records; {as_it_was} after the twin as calibrated, {by_verdict} after the verdict's"
+    if accuracy.after > max(accuracy.before, verdict):
+        return f"To train on, use the nearest twin, with {added} standing in: a classifier then names {right}."
+    return (
+        f"The nearest twin, with {added} standing in, teaches a classifier no more (it names {right}): nearer is not "
+        "better for every use."
+    )
+
+
+def contradictions(report: GapReport) -> tuple[str, ...]:
+    """Where the parts of a report do not agree, said plainly: a reader should not have to find out."""
+    clear = [t for t in report.tests if t.p_value * len(report.tests) < 0.01]  # Bonferroni
+    if report.verdict.status != "no_gap" or not clear:
+        return ()
+    tests = " and ".join(f"{t.name} (p = {t.p_value:.2g})" for t in clear)
+    return (
+        f"Careful: the verdict is no gap, but the overall tests tell records and twin apart: {tests}. Look at the "
+        "curves before you rely on the verdict.",
+    )
+
+
+def undecided(report: GapReport) -> tuple[str, ...]:
+    """Effects that are in some of the confidence set's explanations but not in all."""
+    sets = report.verdict.confidence_set
+    everywhere = set.intersection(*(set(s) for s in sets)) if sets else set()
+    return tuple(dict.fromkeys(name for s in sets for name in s if name not in everywhere))
+
+
+def snippet(report: GapReport) -> str | None:
+    """Lines for TWIN.toml with the verdict's effects and their fitted parameters; None when there are none to add.
+
+    Effects that the twin has already (provenance ``twin_effects``) are kept in the list.
+    """
+    added = [c for c in report.candidates if c.effect in report.verdict.effects and c.acts is None]
+    if not added:
+        return None
+    had = report.provenance.get("twin_effects", ())
+    present = [str(name) for name in had] if isinstance(had, (list, tuple)) else []
+    names = list(dict.fromkeys([*present, *(n for n in report.verdict.effects if n in {c.effect for c in added})]))
+    model = str(report.provenance.get("twin_model", "phenomenological"))
+    tables: dict[str, Any] = {"twin": {"model": model, "effects": tuple(names)}}
+    parameters = {c.effect: _fitted(c) for c in added if c.parameters}
+    if parameters:
+        tables["parameters"] = parameters
+    return to_toml(tables)
+
+
+def place_words(place: Place) -> str:
+    """A place as people say it: "2150 to 2870 Hz (inner)"."""
+    unit = "" if place.unit in ("", "1") else f" {place.unit}"
+    # Of frequencies beyond 10 kHz four digits would be written with an exponent.
+    lo, hi = (None if v is None else f"{v:.0f}" if 1e4 <= v < 1e7 else f"{v:.4g}" for v in (place.lo, place.hi))
+    if lo is not None and hi is not None:
+        where = f"{lo}{unit}" if lo == hi else f"{lo} to {hi}{unit}"
+    elif lo is not None:
+        where = f"above {lo}{unit}"
+    else:
+        where = f"below {hi}{unit}" if hi is not None else ""
+    named = condition_words(place.condition)
+    return f"{where} ({named})" if where and named else where or named or "everywhere"
+
+
+def condition_words(condition: Mapping[str, Any] | None) -> str:
+    """A condition as people say it: "1797 rpm, inner"; empty for all."""
+    if not condition:
+        return ""
+    units = {"speed_rpm": "rpm", "load_n": "N", "time_s": "s into the run"}
+    parts = []
+    for name, value in condition.items():
+        ends = value if isinstance(value, (list, tuple)) else (value,)
+        between = " to " if all(isinstance(v, (int, float)) for v in ends) else ", "
+        shown = between.join(f"{v:.5g}" if isinstance(v, float) else str(v) for v in ends)
+        if name == "fault":
+            shown = "unknown fault" if value is None else shown
+        parts.append(f"{shown} {units[name]}" if name in units else shown if name == "fault" else f"{name} {shown}")
+    return ", ".join(parts)
+
+
+def _open(names: tuple[str, ...]) -> str:
+    return f"whether {listed(names)} is missing too" if len(names) == 1 else f"which of {listed(names)} is missing"
+
+
+def _fitted(candidate: Candidate) -> dict[str, Any]:
+    """Values as the twin file takes them: whole numbers and switches where the effect wants those."""
+    kinds: Iterable[Any] = ()
+    if candidate.effect in catalogue():
+        kinds = dataclasses.fields(catalogue()[candidate.effect])  # type: ignore[arg-type]
+    wanted = {f.name: f.type for f in kinds}
+    values: dict[str, Any] = {}
+    for name, parameter in candidate.parameters.items():
+        value = float(f"{parameter.value:.4g}")
+        kind = wanted.get(name)
+        values[name] = bool(round(value)) if kind == "bool" else round(value) if kind == "int" else value
+    return values
+
+
+def _upper(text: str) -> str:
+    return text[:1].upper() + text[1:]

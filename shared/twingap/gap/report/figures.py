@@ -1,0 +1,271 @@
+"""Figures of a diagnosis, interactive, in colours that colour-blind readers tell apart (Okabe and Ito 2008).
+
+GapReport --all_figures--> name, plotly figure: curves with the places marked, shares, closures, measures
+
+Records are black and solid, the calibrated twin vermilion and dashed, the twin with the verdict's effects blue and
+dotted: three ways to tell them apart besides colour.
+"""
+
+from __future__ import annotations
+
+import html
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any, Final
+
+from twingap.gap.report.advice import place_words
+from twingap.gap.report.model import Candidate, Curve, GapReport, Metric, Place
+
+REAL: Final = "#000000"
+BEFORE: Final = "#D55E00"
+AFTER: Final = "#0072B2"
+PLACE: Final = "rgba(240, 228, 66, 0.45)"
+GREY: Final = "#7a7a7a"
+FIRST: Final = ("spectrum", "lines", "envelope", "order", "amplitude", "time", "condition")
+"""Order of the curves on the page; others follow."""
+MOST_CANDIDATES: Final = 12
+MOST_PLACES: Final = 12
+MOST_POINTS: Final = 2000
+"""Points of a line that the page holds; a longer one is thinned by taking the largest of each stretch."""
+_LINES: Final = (
+    ("real", "records", REAL, "solid", 2.4),
+    ("before", "calibrated twin", BEFORE, "dash", 2.0),
+    ("after", "twin with the effects added", AFTER, "dot", 2.4),
+)
+
+
+def all_figures(report: GapReport) -> Iterator[tuple[str, Any]]:
+    """Every figure that the report has data for, with its name; curves first."""
+    places = report.places
+    for name in (*(n for n in FIRST if n in report.curves), *(n for n in report.curves if n not in FIRST)):
+        yield f"curve-{name}", curve_figure(report.curves[name], places)
+    if places:
+        yield "shares", shares_figure(places)
+    if report.candidates and report.verdict.status != "no_gap":  # closures of no gap mean nothing
+        yield "closures", closures_figure(report.candidates, report.verdict.effects)
+    if report.verdict.effects and any(m.closure is not None for m in report.metrics):
+        yield "metrics", metrics_figure(report.metrics)
+
+
+def curve_figure(curve: Curve, places: Sequence[Place] = ()) -> Any:
+    """Lines of the records and of the twin before and after, with the places of their domain shaded.
+
+    Parameters
+    ----------
+    curve : Curve
+    places : sequence of Place
+        Those of other domains are left out; each is numbered as in the whole sequence.
+    """
+    import plotly.graph_objects as go
+
+    figure = go.Figure()
+    words = bool(curve.x) and isinstance(curve.x[0], str)
+    x: Any = [html.escape(str(v)) for v in curve.x] if words else list(curve.x)
+    for name, label, colour, dash, width in _LINES:
+        values = getattr(curve, name)
+        if values is None:
+            continue
+        if name in curve.bands and not words:
+            at, low, high = _thinned(x, *curve.bands[name])
+            figure.add_scatter(x=at, y=low, line_width=0, hoverinfo="skip", showlegend=False, mode="lines")
+            figure.add_scatter(
+                x=at, y=high, line_width=0, fill="tonexty", fillcolor=_faint(colour), hoverinfo="skip", mode="lines",
+                name=f"90 % of the {label}", showlegend=name == "real",
+            )  # fmt: skip
+        at, line = _thinned(x, values) if not words else (x, list(values))
+        hover = f"%{{y:.4g}} {html.escape(curve.y_unit)}"
+        if words:
+            symbol = {"real": "circle", "before": "square", "after": "diamond"}[name]
+            marker = {"symbol": symbol, "size": 12, "color": colour}
+            figure.add_scatter(x=at, y=line, mode="markers", marker=marker, name=label, hovertemplate=hover)
+        else:
+            style = {"color": colour, "dash": dash, "width": width}
+            figure.add_scatter(x=at, y=line, mode="lines", line=style, name=label, hovertemplate=hover)
+    if not words:
+        _mark(figure, curve, places, x)
+    figure.update_layout(hovermode="x unified" if not words else "closest")
+    figure.update_xaxes(title=html.escape(_AXES.get(curve.x_unit, curve.x_unit)), automargin=True)
+    figure.update_yaxes(title=html.escape(curve.y_unit), type="log" if curve.log_y else "linear", automargin=True)
+    if curve.log_y:
+        figure.update_yaxes(exponentformat="power", dtick=1)
+    return _styled(figure, height=430 if curve.domain == "frequency" else 360, top=66)
+
+
+def shares_figure(places: Sequence[Place]) -> Any:
+    """Shares of the gap as bars, coloured alike and numbered as on the curves."""
+    import plotly.graph_objects as go
+
+    shown = list(places[:MOST_PLACES])
+    labels = [f"{i}  {_label(p)}" for i, p in enumerate(shown, 1)]
+    figure = go.Figure(
+        go.Bar(
+            x=[100 * p.share for p in shown], y=labels, orientation="h", marker={"color": AFTER},
+            text=[f"{100 * p.share:.0f} %" for p in shown], textposition="outside", cliponaxis=False,
+            customdata=[f"{p.p_value:.2g}" for p in shown],
+            hovertemplate="%{y}<br>%{x:.1f} % of the gap, p = %{customdata}<extra></extra>",
+        )
+    )  # fmt: skip
+    figure.update_xaxes(title="share of the gap (%)", range=[0, max(5.0, 118 * shown[0].share)])
+    figure.update_yaxes(autorange="reversed", automargin=True)
+    return _styled(figure, height=110 + 34 * len(shown), top=30)
+
+
+def closures_figure(candidates: Sequence[Candidate], effects: Sequence[str]) -> Any:
+    """Closure of each candidate with its 90 % interval, the verdict's effects standing out."""
+    import plotly.graph_objects as go
+
+    tried = [c for c in candidates if c.acts is None] or list(candidates)
+    shown = [c for c in tried if c.effect in effects]
+    shown += [c for c in tried if c.effect not in effects][: max(MOST_CANDIDATES - len(shown), 0)]
+    figure = go.Figure()
+    for named, colour, symbol, label in (
+        (True, AFTER, "diamond", "named in the verdict"),
+        (False, GREY, "circle-open", "other candidates"),
+    ):
+        own = [c for c in shown if (c.effect in effects) == named]
+        if not own:
+            continue
+        values = [100 * c.closure for c in own]
+        figure.add_scatter(
+            x=values, y=[html.escape(c.effect.replace("_", " ")) for c in own], mode="markers", name=label,
+            marker={"symbol": symbol, "size": 13, "color": colour, "line": {"width": 2, "color": colour}},
+            error_x={
+                "array": [max(100 * c.closure_ci[1] - v, 0) for c, v in zip(own, values, strict=True)],
+                "arrayminus": [max(v - 100 * c.closure_ci[0], 0) for c, v in zip(own, values, strict=True)],
+                "color": colour, "thickness": 2.5, "width": 6,
+            },
+            customdata=[[f"{c.probability:.0%}", *(f"{100 * v:.0f}" for v in c.closure_ci)] for c in own],
+            hovertemplate="%{y}: closes %{x:.0f} % (90 %: %{customdata[1]} to %{customdata[2]} %)"
+            "<br>probability %{customdata[0]}<extra></extra>",
+        )  # fmt: skip
+    order = [html.escape(c.effect.replace("_", " ")) for c in shown]
+    figure.add_vline(x=0, line={"color": GREY, "width": 1.5})
+    figure.add_vline(x=100, line={"color": GREY, "width": 1.5, "dash": "dot"})
+    # Intervals may be wild where an effect does nothing; they must not squeeze the rest together.
+    low = min(-10.0, *(100 * c.closure for c in shown), *(max(100 * c.closure_ci[0], -60.0) for c in shown))
+    high = max(112.0, *(100 * c.closure for c in shown), *(min(100 * c.closure_ci[1], 150.0) for c in shown))
+    figure.update_xaxes(
+        title="closure: part of the gap that it closes on held-out records (%)",
+        range=[max(low, -100.0) - 4, min(high, 200.0)],
+    )
+    figure.update_yaxes(categoryorder="array", categoryarray=order, autorange="reversed", automargin=True)
+    return _styled(figure, height=130 + 34 * len(shown), top=40)
+
+
+def metrics_figure(metrics: Sequence[Metric]) -> Any:
+    """Part of the gap that is left, in every measure: 100 % is the twin before, 0 % the floor."""
+    import plotly.graph_objects as go
+
+    shown = [m for m in metrics if m.closure is not None]
+    names = [html.escape(m.metric.replace("_", " ")) for m in shown]
+    left = [100 * _left(m, m.after) for m in shown]
+    ends = [sorted(100 * _left(m, v) for v in m.ci_after) for m in shown]
+    figure = go.Figure()
+    for name, value in zip(names, left, strict=True):
+        figure.add_scatter(
+            x=[100, value], y=[name, name], mode="lines", line={"color": "#c9c9c9", "width": 5}, hoverinfo="skip",
+            showlegend=False,
+        )  # fmt: skip
+    figure.add_scatter(
+        x=[100.0] * len(shown), y=names, mode="markers", name="before",
+        marker={"symbol": "square", "size": 13, "color": BEFORE},
+        customdata=[f"{m.before:.4g} {html.escape(m.unit)}" for m in shown],
+        hovertemplate="%{y} before: %{customdata}<extra></extra>",
+    )  # fmt: skip
+    figure.add_scatter(
+        x=left, y=names, mode="markers", name="after, with 90 % interval",
+        marker={"symbol": "diamond", "size": 14, "color": AFTER},
+        error_x={
+            "array": [max(e[1] - v, 0) for e, v in zip(ends, left, strict=True)],
+            "arrayminus": [max(v - e[0], 0) for e, v in zip(ends, left, strict=True)],
+            "color": AFTER, "thickness": 2.5, "width": 6,
+        },
+        customdata=[f"{m.after:.4g} {html.escape(m.unit)}" for m in shown],
+        hovertemplate="%{y} after: %{customdata}, %{x:.0f} % of the gap left<extra></extra>",
+    )  # fmt: skip
+    figure.add_vline(x=0, line={"color": REAL, "width": 2})
+    low, high = min(-12.0, *(max(e[0], -60.0) for e in ends)), max(108.0, *(min(e[1], 180.0) for e in ends), *left)
+    figure.update_xaxes(title="gap left (%): 100 calibrated twin, 0 records against records",
+                        range=[max(low, -100.0) - 3, min(high, 300.0) + 3])  # fmt: skip
+    figure.update_yaxes(categoryorder="array", categoryarray=names, autorange="reversed", automargin=True)
+    return _styled(figure, height=140 + 38 * len(shown), top=48)
+
+
+def _left(metric: Metric, value: float) -> float:
+    """Part of the gap between before (1) and floor (0) at a value."""
+    return (value - metric.floor) / (metric.before - metric.floor)
+
+
+def _mark(figure: Any, curve: Curve, places: Sequence[Place], x: Sequence[float]) -> None:
+    """Shade the places of the curve's domain and number them; narrow ones are widened to be seen."""
+    finite = [v for v in x if v == v]
+    if not finite:
+        return
+    first, last = min(finite), max(finite)
+    least = 0.004 * (last - first)
+    for number, place in enumerate(places[:MOST_PLACES], 1):
+        if place.domain != curve.domain or (place.lo is None and place.hi is None):
+            continue
+        lo, hi = (first if place.lo is None else place.lo), (last if place.hi is None else place.hi)
+        if hi < first or lo > last:
+            continue
+        middle = (lo + hi) / 2
+        lo, hi = max(min(lo, middle - least / 2), first), min(max(hi, middle + least / 2), last)
+        figure.add_vrect(
+            x0=lo, x1=hi, fillcolor=PLACE, line={"color": "#b0a000", "width": 1}, layer="below",
+            annotation={"text": f"<b>{number}</b>", "yref": "paper", "y": 0.995, "yanchor": "top", "x": (lo + hi) / 2,
+                        "xanchor": "center", "showarrow": False, "font": {"size": 14, "color": "#6b6100"},
+                        "hovertext": f"place {number}: {html.escape(place_words(place))}, {100 * place.share:.0f} %"},
+        )  # fmt: skip
+
+
+def _label(place: Place) -> str:
+    words = place_words(place)
+    short = words if len(words) <= 44 else words[:43] + "…"
+    return html.escape(short) if place.domain == "condition" else f"{_DOMAINS[place.domain]}: {html.escape(short)}"
+
+
+_DOMAINS: Final[Mapping[str, str]] = {
+    "frequency": "spectrum",
+    "envelope_order": "envelope",
+    "order": "orders",
+    "amplitude": "amplitude",
+    "time": "time",
+    "condition": "condition",
+}
+
+
+_AXES: Final[Mapping[str, str]] = {
+    "Hz": "frequency (Hz)",
+    "s": "time within the record (s)",
+    "quantile": "quantile of |x|",
+    "shaft orders": "shaft orders (multiples of shaft speed)",
+    "condition": "",
+}
+"""Units of curves that deserve a quantity."""
+
+
+def _thinned(x: Sequence[float], *lines: Sequence[float]) -> tuple[list[float], ...]:
+    """At most `MOST_POINTS` points: the largest of each stretch of the first line, so that its peaks stay."""
+    step = -(-len(x) // MOST_POINTS)
+    if step <= 1:
+        return (list(x), *(list(line) for line in lines))
+    lead = [v if v == v else float("-inf") for v in lines[-1]]
+    kept = [max(range(i, min(i + step, len(x))), key=lead.__getitem__) for i in range(0, len(x), step)]
+    return tuple([float(values[i]) for i in kept] for values in (x, *lines))
+
+
+def _faint(colour: str) -> str:
+    red, green, blue = (int(colour[i : i + 2], 16) for i in (1, 3, 5))
+    return f"rgba({red}, {green}, {blue}, 0.13)"
+
+
+def _styled(figure: Any, height: int, top: int) -> Any:
+    figure.update_layout(
+        template="simple_white", height=height, margin={"l": 20, "r": 24, "t": top, "b": 60},
+        font={"family": "system-ui, -apple-system, 'Segoe UI', Roboto, 'DejaVu Sans', sans-serif", "size": 15},
+        legend={"orientation": "h", "traceorder": "normal", "yanchor": "bottom", "y": 1, "x": 0, "font": {"size": 14}},
+        hoverlabel={"font": {"size": 14}},
+    )  # fmt: skip
+    figure.update_xaxes(showgrid=True, gridcolor="#ececec", zeroline=False)
+    figure.update_yaxes(showgrid=True, gridcolor="#ececec", zeroline=False)
+    return figure

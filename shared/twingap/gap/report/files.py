@@ -1,0 +1,179 @@
+"""A gap report as files: gap.json, which can be read back, and report.html beside it.
+
+GapReport --write--> DIR/gap.json, DIR/report.html
+          <--read_report--
+
+What may stand in gap.json is settled in `schema`, how it reads for people in `page`.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from twingap.errors import TwingapError
+from twingap.files import replacing
+from twingap.gap.report.model import (
+    Candidate,
+    Curve,
+    GapReport,
+    Metric,
+    ParameterValue,
+    Place,
+    StandIns,
+    TwoSampleTest,
+    Verdict,
+)
+from twingap.gap.report.schema import SCHEMA, problems
+from twingap.provenance import plain
+
+
+def to_json(report: GapReport) -> dict[str, Any]:
+    """The content of gap.json.
+
+    Raises
+    ------
+    ValueError
+        When the report breaks the contract (`twingap.gap.report.schema`), naming every breach: a number that is not
+        finite, a probability beyond 1, effects with a status that has none.
+    """
+    table = {
+        "schema": SCHEMA,
+        "verdict": {**plain(report.verdict), "sentence": report.sentence},
+        "where": [_place(p) for p in report.places],
+        "which": [plain(c) for c in report.candidates],
+        "shrink": {"metrics": [plain(m) for m in report.metrics]},
+        "rest": [_place(p) for p in report.rest],
+        "tests": plain(report.tests),
+        "calibration": plain(report.calibration),
+        "notes": list(report.notes),
+        "provenance": plain(report.provenance),
+        "curves": {name: _nulls(plain(curve)) for name, curve in report.curves.items()},
+        **({} if report.stand_ins is None else {"stand_ins": plain(report.stand_ins)}),
+    }
+    found = problems(table)
+    if found:
+        raise ValueError("the report breaks its contract: " + "; ".join(found))
+    return table
+
+
+def write(report: GapReport, folder: str | os.PathLike[str]) -> tuple[Path, Path]:
+    """Write gap.json and report.html into a folder, both or none.
+
+    Returns
+    -------
+    (Path, Path)
+        Of gap.json and report.html.
+
+    Raises
+    ------
+    TwingapError
+        When the folder cannot be written.
+    ValueError
+        As `to_json`.
+    """
+    from twingap.gap.report.page import page  # draws figures: a report is read without that
+
+    table = to_json(report)
+    as_json, as_html = Path(folder) / "gap.json", Path(folder) / "report.html"
+    with replacing(as_json) as data, replacing(as_html) as text:
+        data.write_text(dumped(table), encoding="utf-8", newline="\n")
+        text.write_text(page(report), encoding="utf-8", newline="\n")
+    return as_json, as_html
+
+
+def read_report(path: str | os.PathLike[str]) -> GapReport:
+    """Read gap.json, or the folder that holds it, back.
+
+    Raises
+    ------
+    TwingapError
+        When there is none, or it is not a gap report.
+    """
+    place = Path(path)
+    place = place / "gap.json" if place.is_dir() else place
+    mend = "name a gap.json that `twingap gap` wrote"
+    try:
+        table = json.loads(place.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise TwingapError(f"cannot be read: {error.strerror or error}", where=place, mend=mend) from error
+    except ValueError as error:
+        raise TwingapError(f"is not JSON: {error}", where=place, mend=mend) from error
+    if found := problems(table):
+        raise TwingapError(f"is not a gap report: {found[0]}", where=place, mend=mend)
+    try:
+        return from_json(table)
+    except (AttributeError, KeyError, TypeError, ValueError) as error:
+        raise TwingapError(f"is not a gap report: {error!r}", where=place, mend=mend) from error
+
+
+def from_json(table: Mapping[str, Any]) -> GapReport:
+    """A report from the content of a gap.json that keeps its contract; keys of others' making are left out."""
+    return GapReport(
+        verdict=_made(Verdict, table["verdict"]),
+        places=tuple(_made(Place, p) for p in table["where"]),
+        candidates=tuple(_made(Candidate, c, parameters=_values(c.get("parameters"))) for c in table["which"]),
+        metrics=tuple(_made(Metric, m) for m in table["shrink"]["metrics"]),
+        provenance=table["provenance"],
+        notes=tuple(table.get("notes", ())),
+        calibration=_values(table.get("calibration")),
+        rest=tuple(_made(Place, p) for p in table.get("rest", ())),
+        tests=tuple(_made(TwoSampleTest, t) for t in table.get("tests", ())),
+        curves={name: _made(Curve, c) for name, c in table.get("curves", {}).items()},
+        stand_ins=_stand_ins(table.get("stand_ins")),
+    )
+
+
+def dumped(table: Mapping[str, Any]) -> str:
+    """The text of gap.json: indented for people, with lists of numbers on one line."""
+    table = dict(table)
+    curves = table.pop("curves", {})
+    text = json.dumps(table, indent=2, ensure_ascii=False, allow_nan=False)
+    if not curves:
+        return text + "\n"
+    # Curves hold thousands of numbers: a line each would bury the rest.
+    lines = ",\n".join(
+        f"    {json.dumps(n, ensure_ascii=False)}: {json.dumps(c, ensure_ascii=False, allow_nan=False)}"
+        for n, c in curves.items()
+    )
+    return f'{text[:-2]},\n  "curves": {{\n{lines}\n  }}\n}}\n'
+
+
+def _place(place: Place) -> dict[str, Any]:
+    """A place, without the condition when it applies to all."""
+    table = plain(place)
+    if place.condition is None:
+        del table["condition"]
+    return dict(table)
+
+
+def _nulls(value: Any) -> Any:
+    """NaN as null, and numbers to six digits: a figure shows no more."""
+    if isinstance(value, dict):
+        return {key: _nulls(item) for key, item in value.items()}
+    if isinstance(value, list):
+        return [_nulls(item) for item in value]
+    if isinstance(value, float):
+        return None if math.isnan(value) else float(f"{value:.6g}")
+    return value
+
+
+def _values(table: Mapping[str, Any] | None) -> dict[str, ParameterValue]:
+    return {name: _made(ParameterValue, value) for name, value in (table or {}).items()}
+
+
+def _stand_ins(table: Mapping[str, Any] | None) -> StandIns | None:
+    if table is None:
+        return None
+    values = {effect: _values(parameters) for effect, parameters in table["parameters"].items()}
+    metrics = tuple(_made(Metric, m) for m in table.get("metrics", ()))
+    return _made(StandIns, table, parameters=values, metrics=metrics)  # type: ignore[no-any-return]
+
+
+def _made(kind: type[Any], table: Mapping[str, Any], **given: Any) -> Any:
+    known = {name: table[name] for name in kind.__dataclass_fields__ if name in table}
+    return kind(**{**known, **given})

@@ -1,0 +1,455 @@
+"""What a diagnosis found, as objects and data frames.
+
+Verdict, Place, Candidate, Metric, Curve --> GapReport --> .where, .which, .shrink (data frames)
+                                                +--> .write (`twingap.gap.report.files`)
+
+Everything here is immutable and holds plain numbers; nothing is computed but words and closures.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Any, Final, Literal
+
+if TYPE_CHECKING:
+    import os
+    from pathlib import Path
+
+    import pandas as pd
+
+Status = Literal["no_gap", "explained", "partly_explained", "unexplained"]
+Domain = Literal["frequency", "envelope_order", "order", "amplitude", "time", "condition"]
+Interval = tuple[float, float]
+Numbers = tuple[float, ...]
+"""NaN marks what was not measured; it is written as null."""
+
+_NONE: Final[Mapping[str, Any]] = {}
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """The answer: is there a gap, which effects explain it, how sure.
+
+    Parameters
+    ----------
+    status : {"no_gap", "explained", "partly_explained", "unexplained"}
+    effects : tuple[str, ...]
+        Found missing, strongest first; empty for no_gap and unexplained.
+    confidence_set : tuple[tuple[str, ...], ...]
+        Sets of effects that the data cannot tell apart at 90 %; ((),) is no effect. Of machines alike: an effect so
+        faint that on most machines with as much of it nobody would find it counts as neither there nor not.
+    p_value : float
+        Of no gap at all, after calibration of the twin.
+    closure, closure_ci : float and (float, float), or None
+        Part of the gap that adding all `effects` closes, on held-out records, with its 90 % interval.
+    """
+
+    status: Status
+    effects: tuple[str, ...]
+    confidence_set: tuple[tuple[str, ...], ...]
+    p_value: float
+    closure: float | None = None
+    closure_ci: Interval | None = None
+
+    def __post_init__(self) -> None:
+        _set(self, effects=tuple(self.effects), closure_ci=_pair(self.closure_ci))
+        _set(self, confidence_set=tuple(tuple(effects) for effects in self.confidence_set))
+
+    @property
+    def sentence(self) -> str:
+        """One plain sentence: what is missing, how far adding it shrinks the gap, how sure."""
+        p = _p_words(self.p_value)
+        if self.status == "no_gap":
+            return f"After calibration these records and the twin cannot be told apart ({p})."
+        if self.status == "unexplained":
+            return f"The twin differs from the records ({p}), and no effect of the catalogue shrinks the gap."
+        it = "it" if len(self.effects) == 1 else "them"
+        closes = f"how far adding {it} would shrink the gap could not be measured"
+        if self.closure is not None:
+            closes = f"adding {it} closes {_percent(self.closure)} of the gap"
+            widens = round(100 * self.closure) < 0  # less than half a per cent is neither
+            if widens:
+                closes = f"adding {it} at the values found widens the gap by {_percent(-self.closure)}"
+            if self.closure_ci is not None:
+                ends = self.closure_ci if not widens else (-self.closure_ci[1], -self.closure_ci[0])
+                closes += " (90 % interval {} to {})".format(*map(_percent, ends))
+        rest = "a significant rest remains" if self.status == "partly_explained" else "no significant rest remains"
+        # "Nothing at all" in the confidence set counts as an explanation like any other.
+        others = sum(1 for effects in self.confidence_set if set(effects) != set(self.effects))
+        sure = "at 90 % no other explanation fits"
+        if others:
+            sure = f"{count_words(others)} other explanation{'s' * (others > 1)} cannot be ruled out at 90 %"
+        return f"The twin lacks {listed(self.effects)}: {closes}, {rest}, and {sure} ({p} of no gap at all)."
+
+
+@dataclass(frozen=True)
+class Place:
+    """Where a part of the gap lies.
+
+    Parameters
+    ----------
+    domain : str
+        frequency (Hz of the raw spectrum), envelope_order and order (multiples of shaft speed), amplitude (quantiles
+        of |x|), time (s within the record), condition (named in `condition`).
+    lo, hi : float or None
+        Bounds in `unit`; None for domain condition.
+    unit : str
+    share : float
+        Part of the whole gap, 0 to 1.
+    p_value : float
+        Adjusted for all places looked at.
+    condition : Mapping or None
+        speed_rpm, fault, load_n or time_s range to which the place applies; None = all.
+    """
+
+    domain: Domain
+    lo: float | None
+    hi: float | None
+    unit: str
+    share: float
+    p_value: float
+    condition: Mapping[str, Any] | None = None
+
+
+@dataclass(frozen=True)
+class ParameterValue:
+    """A number with its unit and interval (None when there is none, as for a value that was given)."""
+
+    value: float
+    unit: str = ""
+    ci: Interval | None = None
+
+    def __post_init__(self) -> None:
+        _set(self, ci=_pair(self.ci))
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """One effect of the catalogue, tried.
+
+    Parameters
+    ----------
+    effect : str
+    probability : float
+        That the machine has it and the twin lacks it, 0 to 1.
+    gap_before, gap_after : float
+        Without and with it, on held-out records.
+    closure : float
+        (before - after) / (before - floor); 0 when nothing could be closed.
+    closure_ci : (float, float)
+        90 % interval.
+    parameters : Mapping[str, ParameterValue]
+        As fitted; empty when it was not tried.
+    acts : str or None
+        Why it could not be added to this simulator; None when it could.
+    fitted_with : tuple[str, ...]
+        Other effects that were present while it was fitted and judged.
+    """
+
+    effect: str
+    probability: float
+    gap_before: float
+    gap_after: float
+    closure: float
+    closure_ci: Interval
+    parameters: Mapping[str, ParameterValue] = field(default_factory=dict)
+    acts: str | None = None
+    fitted_with: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        _set(self, closure_ci=_pair(self.closure_ci), fitted_with=tuple(self.fitted_with))
+
+
+@dataclass(frozen=True)
+class Metric:
+    """One measure of the gap, before and after the verdict's effects are added, on held-out records.
+
+    Parameters
+    ----------
+    metric : str
+        Name, such as "log-spectral distance" or "accuracy on the records".
+    before, after : float
+    floor : float
+        Records against records: what a perfect twin would reach.
+    ci_after : (float, float)
+        90 % interval of `after`.
+    ci_before : (float, float) or None
+    unit : str
+    higher_is_better : bool
+        True for an accuracy.
+    """
+
+    metric: str
+    before: float
+    after: float
+    floor: float
+    ci_after: Interval
+    ci_before: Interval | None = None
+    unit: str = ""
+    higher_is_better: bool = False
+
+    def __post_init__(self) -> None:
+        _set(self, ci_after=_pair(self.ci_after), ci_before=_pair(self.ci_before))
+
+    @property
+    def closure(self) -> float | None:
+        """(before - after) / (before - floor); None where there was nothing to close."""
+        worse = self.before - self.floor if not self.higher_is_better else self.floor - self.before
+        gained = self.before - self.after if not self.higher_is_better else self.after - self.before
+        return gained / worse if worse > 1e-12 * max(abs(self.before), abs(self.floor)) else None
+
+
+@dataclass(frozen=True)
+class StandIns:
+    """Effects that bring the twin nearer than the verdict's do, whether or not the machine has them.
+
+    Parameters
+    ----------
+    effects : tuple[str, ...]
+        Beyond the verdict's, in the order in which they were added.
+    parameters : Mapping[str, Mapping[str, ParameterValue]]
+        Of these effects and of the verdict's, as fitted together.
+    closure, closure_ci : float and (float, float)
+        Part of the gap that all of them close, on held-out records, with its 90 % interval.
+    metrics : tuple[Metric, ...]
+        Before and after all of them are added.
+    """
+
+    effects: tuple[str, ...]
+    parameters: Mapping[str, Mapping[str, ParameterValue]]
+    closure: float
+    closure_ci: Interval
+    metrics: tuple[Metric, ...] = ()
+
+    def __post_init__(self) -> None:
+        _set(self, effects=tuple(self.effects), closure_ci=_pair(self.closure_ci), metrics=tuple(self.metrics))
+
+    @property
+    def sentence(self) -> str:
+        """How near the twin comes, and that this names no effect."""
+        ends = "{} to {}".format(*map(_percent, self.closure_ci))
+        has = "has it" if len(self.effects) == 1 else "has them"
+        return (
+            f"With {listed(self.effects)} standing in for what is not known, {_percent(self.closure)} of the gap "
+            f"closes (90 % interval {ends}); that the machine {has} is not shown."
+        )
+
+
+@dataclass(frozen=True)
+class TwoSampleTest:
+    """An overall test of records against the calibrated twin; the p-value comes from permutations or simulations."""
+
+    name: str
+    statistic: float
+    p_value: float
+
+
+@dataclass(frozen=True)
+class Curve:
+    """Lines to compare: the records, the calibrated twin, and the twin with the verdict's effects.
+
+    Parameters
+    ----------
+    x : sequence of float, or of str for conditions
+        Places, as many as values in each line.
+    x_unit : str
+        With the quantity, as an axis says it: "Hz", "shaft orders", "quantile".
+    real, before : sequence of float
+        Medians over held-out records; NaN where not measured.
+    after : sequence of float or None
+        None when the verdict adds nothing.
+    y_unit, title : str
+    domain : str
+        The places of this domain are marked on it.
+    bands : Mapping[str, (lo, hi)]
+        "real", "before" or "after" -> two lines between which 90 % of the records lie.
+    log_y : bool
+        Whether values are better read on a logarithmic axis.
+    """
+
+    x: tuple[float, ...] | tuple[str, ...]
+    x_unit: str
+    real: Numbers
+    before: Numbers
+    after: Numbers | None
+    y_unit: str
+    title: str
+    domain: Domain
+    bands: Mapping[str, tuple[Numbers, Numbers]] = field(default_factory=dict)
+    log_y: bool = False
+
+    def __post_init__(self) -> None:
+        words = any(isinstance(v, str) for v in self.x)
+        x: Any = tuple(map(str, self.x)) if words else _numbers(self.x)  # type: ignore[arg-type]
+        after = None if self.after is None else _numbers(self.after)
+        bands = {name: (_numbers(lo), _numbers(hi)) for name, (lo, hi) in self.bands.items()}
+        _set(self, x=x, real=_numbers(self.real), before=_numbers(self.before), after=after, bands=bands)
+        lines = [
+            self.real,
+            self.before,
+            *([after] if after is not None else []),
+            *(b for p in bands.values() for b in p),
+        ]
+        if any(len(line) != len(x) for line in lines):
+            raise ValueError(
+                f"curve {self.title!r}: lines of {[len(line) for line in lines]} values, {len(x)} expected"
+            )
+
+
+@dataclass(frozen=True)
+class GapReport:
+    """A whole diagnosis.
+
+    Parameters
+    ----------
+    verdict : Verdict
+    places : tuple[Place, ...]
+        Where the gap lies; kept largest share first.
+    candidates : tuple[Candidate, ...]
+        Every one; kept most probable first.
+    metrics : tuple[Metric, ...]
+        The first is the one that closures speak of.
+    provenance : Mapping
+        At least seed, version, records_sha256, runtime_s. The page shows what else is there, such as records, twin,
+        twin_effects, n_records, n_fit, n_held_out, bearing, fs_hz, simulator.
+    notes : tuple[str, ...]
+        What could not be decided, and what was done instead.
+    calibration : Mapping[str, ParameterValue]
+        Identified parameters of the twin, the speed correction (speed_correction) and the unit gain (unit_gain).
+    rest : tuple[Place, ...]
+        Where the unexplained rest lies; kept largest share first.
+    tests : tuple[TwoSampleTest, ...]
+    curves : Mapping[str, Curve]
+        For figures; any of "spectrum", "envelope", "order", "amplitude", "time", "condition", or others.
+    stand_ins : StandIns or None
+        What brings the twin nearer beyond the verdict; None where it was not asked for, or nothing does.
+    """
+
+    verdict: Verdict
+    places: tuple[Place, ...]
+    candidates: tuple[Candidate, ...]
+    metrics: tuple[Metric, ...]
+    provenance: Mapping[str, Any]
+    notes: tuple[str, ...] = ()
+    calibration: Mapping[str, ParameterValue] = field(default_factory=dict)
+    rest: tuple[Place, ...] = ()
+    tests: tuple[TwoSampleTest, ...] = ()
+    curves: Mapping[str, Curve] = field(default_factory=dict)
+    stand_ins: StandIns | None = None
+
+    def __post_init__(self) -> None:
+        _set(
+            self,
+            places=_by_share(self.places),
+            rest=_by_share(self.rest),
+            candidates=tuple(sorted(self.candidates, key=lambda c: -c.probability)),
+            metrics=tuple(self.metrics),
+            notes=tuple(self.notes),
+            tests=tuple(self.tests),
+        )
+
+    @property
+    def sentence(self) -> str:
+        """The verdict in one plain sentence; a closure that it does not state is that of the first metric.
+
+        Where nothing could be added, the metrics are the same before and after, and say nothing of a closure.
+        """
+        verdict = self.verdict
+        if verdict.effects and verdict.closure is None and self.metrics:
+            first = self.metrics[0]
+            verdict = replace(verdict, closure=first.closure if first.after != first.before else None)
+        return verdict.sentence
+
+    @property
+    def where(self) -> pd.DataFrame:
+        """Places, largest share first: domain, lo, hi, unit, condition, share, p_value."""
+        columns = ("domain", "lo", "hi", "unit", "condition", "share", "p_value")
+        return _frame(({name: getattr(p, name) for name in columns} for p in self.places), columns)
+
+    @property
+    def which(self) -> pd.DataFrame:
+        """Candidates, most probable first: effect, probability, gap_before, gap_after, closure, closure_lo, ..."""
+        plain_ones = ("effect", "probability", "gap_before", "gap_after", "closure")
+        columns = (*plain_ones, "closure_lo", "closure_hi", "parameters", "fitted_with", "acts")
+        rows = (
+            {name: getattr(c, name) for name in plain_ones}
+            | {"closure_lo": c.closure_ci[0], "closure_hi": c.closure_ci[1], "acts": c.acts}
+            | {"parameters": {n: p.value for n, p in c.parameters.items()}, "fitted_with": ", ".join(c.fitted_with)}
+            for c in self.candidates
+        )
+        return _frame(rows, columns)
+
+    @property
+    def shrink(self) -> pd.DataFrame:
+        """Measures of the gap: metric, before, after, after_lo, after_hi, floor, closure, unit."""
+        columns = ("metric", "before", "after", "after_lo", "after_hi", "floor", "closure", "unit")
+        rows = (
+            {"metric": m.metric, "before": m.before, "after": m.after, "floor": m.floor, "unit": m.unit}
+            | {"after_lo": m.ci_after[0], "after_hi": m.ci_after[1]}
+            | {"closure": math.nan if m.closure is None else m.closure}
+            for m in self.metrics
+        )
+        return _frame(rows, columns)
+
+    def to_json(self) -> dict[str, Any]:
+        """The content of gap.json; see `twingap.gap.report.files.to_json`."""
+        from twingap.gap.report.files import to_json
+
+        return to_json(self)
+
+    def write(self, folder: str | os.PathLike[str]) -> tuple[Path, Path]:
+        """Write gap.json and report.html into a folder, both or none; see `twingap.gap.report.files.write`."""
+        from twingap.gap.report.files import write
+
+        return write(self, folder)
+
+
+def listed(effects: Iterable[str], last: str = "and") -> str:
+    """Names of effects in a sentence: "a, b and c"; "no effect" for none."""
+    names = [name.replace("_", " ") for name in effects]
+    return f" {last} ".join(filter(None, (", ".join(names[:-1]), names[-1]))) if names else "no effect"
+
+
+def count_words(number: int) -> str:
+    """Small numbers as words."""
+    words = ("no", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine")
+    return words[number] if number < len(words) else str(number)
+
+
+def _percent(part: float) -> str:
+    return f"{round(100 * part)} %"
+
+
+def _p_words(p: float) -> str:
+    return f"p = {p:.2g}" if p >= 0.001 else "p < 0.001"
+
+
+def _by_share(places: Iterable[Place]) -> tuple[Place, ...]:
+    return tuple(sorted(places, key=lambda p: -p.share))
+
+
+def _frame(rows: Iterable[Mapping[str, Any]], columns: tuple[str, ...]) -> pd.DataFrame:
+    import pandas as pd
+
+    return pd.DataFrame(list(rows), columns=list(columns))
+
+
+def _pair(value: Any) -> Interval | None:
+    if value is None:
+        return None
+    lo, hi = value
+    return float(lo), float(hi)
+
+
+def _numbers(values: Iterable[float | None]) -> Numbers:
+    """Floats; whatever is not finite becomes the one NaN, so that equal curves compare equal."""
+    floats = (math.nan if v is None else float(v) for v in values)
+    return tuple(v if math.isfinite(v) else math.nan for v in floats)
+
+
+def _set(target: object, **values: Any) -> None:
+    """Put normal forms into a frozen object, from its ``__post_init__``."""
+    for name, value in values.items():
+        object.__setattr__(target, name, value)

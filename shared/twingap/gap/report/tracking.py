@@ -1,0 +1,93 @@
+"""A diagnosis as a tracked run, so that several diagnoses compare.
+
+GapReport + files --log_report--> Run: parameters (verdict, twin, records, seed), metrics (p-value, closures, before and
+                                  after), tables (where, which, shrink), artifacts (gap.json, report.html)
+"""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Iterable
+from typing import TYPE_CHECKING, Any
+
+from twingap.gap.report.model import GapReport
+
+if TYPE_CHECKING:
+    from twingap.track import Run, Tracker
+
+_OWN_PLACE = ("runtime_s", "records_sha256")
+"""Entries of the provenance that are no settings: logged as a metric and as data."""
+
+
+def track_report(
+    tracker: Tracker, report: GapReport, files: Iterable[str | os.PathLike[str]] = (), name: str | None = None
+) -> None:
+    """Log a diagnosis as a run of its own.
+
+    Parameters
+    ----------
+    tracker : Tracker
+        A tracker, or a run that this one nests in.
+    report : GapReport
+    files : iterable of path-like
+        To be kept with the run: gap.json, report.html.
+    name : str, optional
+        Of the run; default "gap" and the name of the records.
+
+    Raises
+    ------
+    TwingapError
+        When the tracker's store cannot be written.
+    """
+    records = str(report.provenance.get("records", ""))
+    tags = {"kind": "gap", "status": report.verdict.status, "effects": ", ".join(report.verdict.effects)}
+    with tracker.run(name or " ".join(filter(None, ("gap", records))), tags) as run:
+        log_report(run, report, files)
+
+
+def log_report(run: Run, report: GapReport, files: Iterable[str | os.PathLike[str]] = ()) -> None:
+    """Log a diagnosis into an open run; see `track_report`."""
+    verdict = report.verdict
+    run.parameters(
+        {
+            "status": verdict.status,
+            "effects": ", ".join(verdict.effects),
+            **({} if report.stand_ins is None else {"stand_ins": ", ".join(report.stand_ins.effects)}),
+            "confidence_set": json.dumps([list(effects) for effects in verdict.confidence_set], ensure_ascii=False),
+            **{key: value for key, value in report.provenance.items() if key not in _OWN_PLACE},
+        }
+    )
+    run.metrics(_metrics(report))
+    run.data(str(report.provenance.get("records") or "records"), str(report.provenance["records_sha256"]))
+    for table, frame in (("where", report.where), ("which", report.which), ("shrink", report.shrink)):
+        # A cell that holds a table has no place in a column of a CSV file.
+        run.table(
+            table, frame.map(lambda cell: json.dumps(cell, ensure_ascii=False) if isinstance(cell, dict) else cell)
+        )
+    run.text("verdict.md", "\n\n".join((report.sentence, *report.notes)) + "\n")
+    for path in files:
+        run.file(path)
+
+
+def _metrics(report: GapReport) -> dict[str, Any]:
+    """Numbers to compare diagnoses by. A closure that is not defined counts as not measured."""
+    found: dict[str, Any] = {
+        "p_value": report.verdict.p_value,
+        "closure": report.verdict.closure,
+        "explanations": len(report.verdict.confidence_set),
+        "places": len(report.places),
+        "rest_places": len(report.rest),
+        "runtime_s": report.provenance["runtime_s"],
+    }
+    for metric in report.metrics:
+        found |= {f"before/{metric.metric}": metric.before, f"after/{metric.metric}": metric.after}
+        found |= {f"floor/{metric.metric}": metric.floor, f"closure/{metric.metric}": metric.closure}
+    for c in report.candidates:
+        found |= {f"probability/{c.effect}": c.probability, f"candidate_closure/{c.effect}": c.closure}
+    if report.stand_ins is not None:
+        found |= {"stand_ins": len(report.stand_ins.effects), "closure_with_stand_ins": report.stand_ins.closure}
+        found |= {f"nearest/{metric.metric}": metric.after for metric in report.stand_ins.metrics}
+    found |= {f"test_p/{test.name}": test.p_value for test in report.tests}
+    found |= {f"calibration/{name}": p.value for name, p in report.calibration.items()}
+    return found

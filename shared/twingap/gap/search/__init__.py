@@ -1,0 +1,1 @@
+"""The search for missing effects: evidence, candidate effects, values."""

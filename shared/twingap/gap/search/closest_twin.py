@@ -1,0 +1,151 @@
+"""Effects that bring a twin nearer, whether or not the machine has them.
+
+the verdict's twin --every other effect, at several values--> the few that come nearest --values moved--> the nearest
+        ^                                                                                                     |
+        +------------------------- as long as the fit part's distance shrinks, all values together -----------+
+
+An effect is named because machines that lack it look like the records. Real machines differ from a twin in much that no
+effect of the catalogue was written for, and what brings both together then stands in for something else: scattered
+strikes for a load that wanders, a noise band for modes that nobody modelled. It is no diagnosis. It is the nearest
+twin; its distance, and what a classifier learns from it, are measured on held-out records like any other's.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import islice, zip_longest
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twingap.effects import Effect, catalogue
+from twingap.errors import TwingapError
+from twingap.gap.knowledge.learn import Learnt
+from twingap.gap.search.effect_search import Explanation, estimate
+from twingap.gap.search.evidence import Compared, Evidence, values_of
+from twingap.gap.search.initial_values import places, told_by_spectra, weaker
+from twingap.gap.search.optimise import Nearest, bring_nearest, left_over
+from twingap.gap.search.parameter_prior import Key, Said
+from twingap.twins.simulator import TwinSimulator
+from twingap.twins.twin_file import TwinSpec
+
+Array = NDArray[np.float64]
+Report = Callable[[str, float], None]
+
+MOST: Final = 5
+"""Stand-ins at most."""
+WORTH: Final = 0.98
+"""Factor on the distance of the fit part from which another one is worth having."""
+_FINALISTS: Final = 3
+"""Effects of each round whose values are moved."""
+_KEPT: Final = 12
+"""Effects that came nearest in one round, and are tried in the next."""
+_TRIES: Final = 2
+"""Values that a round tries, over what one search for values may (HIT-SM: with half as many, and eight effects kept, it
+stopped after one stand-in where five bring it twice as near)."""
+
+
+@dataclass(frozen=True)
+class Closer:
+    """The nearest twin that was found.
+
+    Parameters
+    ----------
+    compared : Compared
+        The records against it, with all effects.
+    added : tuple of str
+        Effects beyond the verdict's, in the order in which they were added.
+    """
+
+    compared: Compared
+    added: tuple[str, ...]
+
+
+def stand_ins(
+    evidence: Evidence, found: Explanation, learnt: Learnt, report: Report = lambda what, part: None
+) -> Closer | None:
+    """Add to the verdict's effects what brings the twin nearest to the fit part, one after the other.
+
+    Parameters
+    ----------
+    evidence : Evidence
+    found : Explanation
+    learnt : Learnt
+        Tells values to begin at.
+    report : callable
+        Told of progress.
+
+    Returns
+    -------
+    Closer or None
+        None where nothing brings it nearer.
+    """
+    said = {key: one for value in found.effects for key, one in value.said.items()}
+    now, added = found.after, tuple[str, ...]()
+    left = left_over(evidence, now.simulator, now.effects)
+    names = [n for n in catalogue() if n not in {*evidence.modelled, *found.cannot, *found.names}]
+    while names and len(added) < MOST:
+        report(f"stand-ins: {', '.join(added) or 'none yet'}", len(added) / MOST)
+        ranked = _ranked(evidence, now, names, learnt)
+        if not ranked:
+            break
+        moved = [(name, _moved(evidence, now, effect, learnt.errors, said)) for name, effect in ranked[:_FINALISTS]]
+        tried = [(left_over(evidence, one.simulator, one.effects), name, one) for name, one in moved]
+        least, name, one = min(tried, key=lambda row: row[0])
+        if least >= WORTH * left:  # a twin at no distance at all gets none
+            break
+        again = bring_nearest(evidence, one.simulator, one.effects, learnt.errors, passes=1, said=said)
+        closer = left_over(evidence, again.simulator, again.effects)
+        one, left = (again, closer) if closer < least else (one, least)
+        now, added = Compared(evidence, one.effects, one.simulator), (*added, name)
+        names = [other for other, _ in ranked[:_KEPT] if other != name]
+    return Closer(now, added) if added else None
+
+
+def nearest_spec(compared: Compared) -> TwinSpec | None:
+    """The twin file of a twin with these effects at these values; None for a simulator that has no such file."""
+    if not isinstance(compared.simulator, TwinSimulator):
+        return None
+    spec = compared.simulator.spec
+    names = dict.fromkeys((*spec.effects, *(effect.name for effect in compared.effects)))
+    values = {**spec.parameters, **{effect.name: values_of(effect) for effect in compared.effects}}
+    return replace(spec, effects=tuple(names), parameters=values)
+
+
+def _moved(
+    evidence: Evidence, now: Compared, effect: Effect, errors: Mapping[Key, float], said: Mapping[Key, Said]
+) -> Nearest:
+    """One more effect, its values moved with the twin's own: nothing says of a stand-in's where they ought to be."""
+    return bring_nearest(
+        evidence, now.simulator, (*now.effects, effect), errors, moved=[effect.name], passes=1, said=said
+    )
+
+
+def _ranked(evidence: Evidence, now: Compared, names: Sequence[str], learnt: Learnt) -> list[tuple[str, Effect]]:
+    """Each effect at those of its values that come nearest, the nearest effect first.
+
+    All are tried at one value before any is at two: of large records, or with a contact twin, no more are.
+    """
+    features = now.fit
+    values = (list(_values(name, features, evidence, learnt)) for name in names)
+    in_turn = (effect for turn in zip_longest(*values) for effect in turn if effect is not None)
+    best: dict[str, tuple[float, Effect]] = {}
+    for effect in islice(filter(evidence.fits, in_turn), _TRIES * evidence.trials):
+        try:
+            misfit = evidence.misfit(now.simulator, (*now.effects, effect))
+        except TwingapError:  # at these values it cannot act on one of the records
+            continue
+        if effect.name not in best or misfit < best[effect.name][0]:
+            best[effect.name] = misfit, effect
+    return [(name, effect) for name, (_, effect) in sorted(best.items(), key=lambda row: row[1][0])]
+
+
+def _values(name: str, features: Array, evidence: Evidence, learnt: Learnt) -> Iterator[Effect]:
+    """Where an effect's values may lie, the likelier first."""
+    given = estimate(name, features, evidence, learnt).effect
+    yield given
+    yield from told_by_spectra(given, evidence)
+    yield from weaker(given)
+    yield from places(given, features, evidence)

@@ -1,0 +1,486 @@
+"""Which effects the twin lacks: proposed by what was learnt, checked by adding them and looking again.
+
+features --detectors--> effects that seem missing --estimators--> values --add, recalibrate, simulate--> look again
+   ^                                                                                                        |
+   +------------------- more seem missing? one left out: is it missed? something left over? ----------------+
+
+Detectors read the held-out part, and both where calibration hardly moves what is asked (`whole`). Values are estimated
+on the fit part (slopes over speed and time on both) and moved by its distance; so is what makes that worse, or better
+without having seemed likely. Closures that are reported are measured elsewhere, on the held-out part.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twingap.effects import Effect, catalogue
+from twingap.gap.external_simulator import OwnSimulator
+from twingap.gap.knowledge.learn import Learnt
+from twingap.gap.knowledge.score_calibration import Outcome
+from twingap.gap.search.evidence import Compared, Evidence, values_of
+from twingap.gap.search.initial_values import better_start
+from twingap.gap.search.optimise import bring_nearest, no_farther
+from twingap.gap.search.parameter_prior import Key, Said
+from twingap.gap.search.parameter_scale import coordinates, to_effect, to_number, to_value
+
+Array = NDArray[np.float64]
+Report = Callable[[str, float], None]
+
+ROUNDS: Final = 4
+ALPHA: Final = 0.05
+"""Level at which a gap to a twin is called one: of 100 machines without one in studies' worlds one lay below 0.17."""
+CAUTIOUS_ALPHA: Final = 0.03
+"""The same for a simulator of the user's own whose records are too few to be exchanged (`exchange`), unless an effect
+is sure to be missing: of 50 such machines without a gap two lay between, and exchanges held both for none."""
+SURE: Final = 0.9
+"""Probability from which it is. Between both levels lay three searched machines that lacked nothing of the catalogue,
+none of them above 0.8, and eight that did, three of them above 0.9, all with the right effect."""
+ALPHA_REST: Final = 0.1
+"""Level at which something is called left over."""
+MOST_EFFECTS: Final = 7
+LEVEL: Final = 0.9
+"""Joint probability that the sets of a confidence set have together."""
+NAMED_FROM: Final = 0.75
+"""Probability from which an effect is named, where too few searches were learnt from to say."""
+_UNCERTAIN: Final = 0.003
+"""Probability from which (and up to whose complement) an effect is held open in confidence sets."""
+_MOST_OPEN: Final = 13
+THRESHOLD: Final = 0.3
+"""Log odds from which an effect is named, unless learning found a better limit for it."""
+KEEPS: Final = 0.5
+"""How much less certain an effect may become, once the others are in, and stay named."""
+HELPS: Final = 0.25
+"""Part of the distance on the fit part that an effect must close to be taken though it seemed unlikely."""
+WORSE: Final = 1.03
+"""Factor on the distance on the fit part from which an added effect has made it worse."""
+DOUBT: Final = 2.0
+"""By how many log odds such an effect has to be plainer."""
+_LEAST_SPREAD: Final = {("mains_interference", "mains_hz"): 0.002}
+"""Part of a value that no interval is narrower than: a grid's frequency wanders, and is learnt as 50 or 60 Hz."""
+STIFF: Final = 10.0
+"""How much harder estimates hold values of effects that the twin has, before it is asked what it lacks."""
+UNLIKELY: Final = -2.5
+"""Log odds below which an effect is not even tried."""
+
+
+@dataclass(frozen=True)
+class Estimated:
+    """An effect at the values that the records suggest.
+
+    Parameters
+    ----------
+    effect : Effect
+    intervals : Mapping[str, (float, float)]
+        90 % intervals of its parameters, in their units.
+    said : Mapping[(effect, parameter), Said]
+        What estimates say, wherever values have been moved to since.
+    """
+
+    effect: Effect
+    intervals: Mapping[str, tuple[float, float]]
+    said: Mapping[Key, Said] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Explanation:
+    """What a search found.
+
+    Parameters
+    ----------
+    p_value : float
+        Of no gap at all.
+    gap : bool
+        Whether a gap was called.
+    effects : tuple of Estimated
+        Named as missing, most certain first.
+    probability : Mapping[str, float]
+        Of every catalogued effect.
+    confidence_set : tuple of tuple of str
+        Sets of effects that the data cannot tell apart, most probable first.
+    rest_p : float
+        Of nothing left over once the effects are added.
+    before, after : Compared
+        The twin as given, and with the named effects (those that it can have).
+    cannot : Mapping[str, str]
+        Effects that the simulator cannot have, and why.
+    """
+
+    p_value: float
+    gap: bool
+    effects: tuple[Estimated, ...]
+    probability: Mapping[str, float]
+    confidence_set: tuple[tuple[str, ...], ...]
+    rest_p: float
+    before: Compared
+    after: Compared
+    cannot: Mapping[str, str]
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Of the named effects."""
+        return tuple(found.effect.name for found in self.effects)
+
+
+@dataclass(frozen=True)
+class Searched:
+    """A search that has come to its end.
+
+    Parameters
+    ----------
+    search : _Search
+    p_value : float
+        Of no gap at all.
+    rest_p : float
+        Of nothing left over.
+    outcomes : Mapping[str, Outcome]
+        Of every effect that the twin has not got already.
+    """
+
+    search: _Search
+    p_value: float
+    rest_p: float
+    outcomes: Mapping[str, Outcome]
+
+
+def search(evidence: Evidence, learnt: Learnt, report: Report = lambda what, part: None) -> Searched:
+    """Add what seems missing, and leave out what is not missed, until nothing changes.
+
+    Parameters
+    ----------
+    evidence : Evidence
+    learnt : Learnt
+    report : callable
+        Told of progress.
+    """
+    found = _Search(evidence, learnt)
+    report("the twin as given", 0.0)
+    p_value = learnt.p_value(evidence.against().held_out, evidence.modelled)
+    gap = p_value <= level_of_gap(evidence)
+    for turn in range(ROUNDS):
+        report("effects added", 0.2 + 0.2 * turn)
+        # What was thrown out once stays out, or the search would go in circles.
+        more = found.seem_missing() or (found.that_help() if gap and turn else [])
+        if not more and turn:
+            break
+        found.add(more)
+        found.drop_idle()
+    rest_p = found.rest_p(p_value)
+    outcomes = {
+        name: Outcome(odds, found.first[name], name in found.values, len(found.values), p_value, rest_p)
+        for name, odds in found.certainty().items()
+    }
+    return Searched(found, p_value, rest_p, outcomes)
+
+
+def explain(evidence: Evidence, learnt: Learnt, report: Report) -> Explanation:
+    """Search for the effects that the twin lacks, and judge what was found.
+
+    Parameters
+    ----------
+    evidence : Evidence
+    learnt : Learnt
+    report : callable
+        Told of progress.
+    """
+    ended = search(evidence, learnt, report)
+    found, p_value = ended.search, ended.p_value
+    report("confidence", 0.9)
+    judge = learnt.judgement
+    probability = {
+        name: _probability(outcome.certainty) if judge is None else judge.probability(outcome)
+        for name, outcome in ended.outcomes.items()
+    }
+    gap = p_value <= level_of_gap(evidence, max(probability.values(), default=0.0))
+    names = to_name(probability, NAMED_FROM if judge is None else judge.named_from)
+    found.keep([name for name in found.values if name in names])
+    if gap:
+        found.add([name for name in names if name not in found.values])
+    rest_p = found.rest_p(p_value)
+    report("values", 0.92)
+    before, after = found.nearest(gap)
+    sets = confidence_set(probability, learnt.set_level if judge is None else LEVEL)
+    named = found.strongest_first() if gap else []
+    return Explanation(
+        p_value, gap, tuple(found.values[name] for name in named),
+        probability | dict.fromkeys(found.already, 0.0), sets if gap else _with(sets, ()), rest_p,
+        before, after, found.cannot,
+    )  # fmt: skip
+
+
+def level_of_gap(evidence: Evidence, surest: float = 0.0) -> float:
+    """P-value of no gap at and below which one is called, where the likeliest effect is as probable as `surest`."""
+    asked_again = not isinstance(evidence.against().simulator, OwnSimulator) or evidence.exchangeable
+    return ALPHA if asked_again or surest >= SURE else CAUTIOUS_ALPHA
+
+
+def valued(evidence: Evidence, learnt: Learnt, names: Sequence[str]) -> tuple[Effect, ...]:
+    """These effects at values near their estimates that bring the twin nearest to the fit part.
+
+    None that no record could have. What else is missing is not known yet, and these values are not to make up for it.
+
+    Parameters
+    ----------
+    evidence : Evidence
+        Of a twin without them.
+    learnt : Learnt
+    names : sequence of str
+    """
+    found = _Search(evidence, learnt, STIFF)
+    found.add(names)
+    return found.nearest(gap=True)[1].effects
+
+
+class _Search:
+    """Effects found so far, and the twin that has them."""
+
+    def __init__(self, evidence: Evidence, learnt: Learnt, stiff: float = 1.0) -> None:
+        self.evidence, self.learnt, self.stiff = evidence, learnt, stiff
+        self.cannot = {n: why for n in catalogue() if (why := evidence.can_add(n)) is not None}
+        self.already = set(evidence.modelled)
+        self.now = evidence.against()
+        self._known: dict[tuple[Compared, bool], dict[str, float]] = {}
+        self.first = self.odds(self.now)
+        self.values: dict[str, Estimated] = {}
+        self.missed: dict[str, float] = {}
+        self.errors = learnt.errors
+        self.tried: set[str] = set()
+        self.helped: set[str] = set()
+
+    def odds(self, compared: Compared, *, left_out: bool = False) -> dict[str, float]:
+        """Log odds that the twin lacks each effect; what it has from the start cannot be missing.
+
+        With `left_out`, of one that had seemed missing and is asked about again without it: no newcomer, of which few
+        are left once others have been added.
+        """
+        key = compared, bool(compared.effects) and not left_out
+        if key not in self._known:
+            found = self.learnt.log_odds(compared.held_out, later=key[1])[0]
+            pairs = zip(self.learnt.effects, found, strict=True)
+            self._known[key] = {name: float(value) for name, value in pairs if name not in self.already}
+        return self._known[key]
+
+    def seem_missing(self) -> list[str]:
+        """Effects not tried yet that the twin, as it is now, seems to lack; strongest first."""
+        odds = self.odds(self.now)
+        limit = self.learnt.thresholds
+        found = [n for n in _strongest(odds) if odds[n] > limit.get(n, THRESHOLD) and n not in self.tried]
+        return found[: max(MOST_EFFECTS - len(self.values), 0)]
+
+    def that_help(self) -> list[str]:
+        """Where something is left over that has no name yet: the less likely effect that takes most of it away."""
+        rest = self._rest_p() if self.values else 0.0  # of a gap without any name, all is left
+        if rest > ALPHA_REST or len(self.values) >= MOST_EFFECTS:
+            return []
+        odds, gap = self.odds(self.now), self._gap()
+        best = (1.0, "")
+        for name in [n for n in _strongest(odds) if n not in self.tried and n not in self.cannot][:4]:
+            if odds[name] < UNLIKELY:
+                continue
+            value = estimate(name, self.now.fit, self.evidence, self.learnt)
+            if not self.evidence.fits(value.effect):
+                continue
+            added = (*self._added(), value.effect)
+            left = self.evidence.gap(self.evidence.against(added).simulator, added) / max(gap, 1e-9)
+            # One that seems more likely need help less.
+            best = min(best, (left / (1 - HELPS * _probability(-odds[name])), name))
+        self.helped |= {best[1]} - {""}
+        return [best[1]] if best[1] else []
+
+    def _gap(self) -> float:
+        """Distance of the fit part from the twin as it is now."""
+        added = self._added()
+        return self.evidence.gap(self.evidence.with_values(self.now.simulator, added), added)
+
+    def refine(self, names: Sequence[str]) -> None:
+        """Move the values of these effects to where the fit part comes nearest."""
+        found = bring_nearest(
+            self.evidence, self.now.simulator, self._added(), self.errors,
+            moved=names, baseline=False, passes=1, said=self._said(), stiff=self.stiff,
+        )  # fmt: skip
+        self._take_over(found.effects)
+        self.now = self.evidence.against(self._added())
+
+    def nearest(self, gap: bool) -> tuple[Compared, Compared]:
+        """The twin as given, and with the effects found where there is a gap, each brought as near as its values can.
+
+        The baseline moves in both: what could be had without any effect is not counted as closed by effects.
+        """
+        bare = bring_nearest(self.evidence, self.evidence.against().simulator, (), {})
+        before = Compared(self.evidence, (), bare.simulator)
+        if not gap or not self._added():
+            return before, before
+        found = bring_nearest(
+            self.evidence, self.now.simulator, self._added(), self.errors, said=self._said(), stiff=self.stiff
+        )
+        found = no_farther(self.evidence, found, bare, self.errors, said=self._said(), stiff=self.stiff)
+        self._take_over(found.effects)
+        return before, Compared(self.evidence, found.effects, found.simulator)
+
+    def _take_over(self, effects: Sequence[Effect]) -> None:
+        """Values that were moved; their intervals reach to them."""
+        for effect in effects:
+            known, values = self.values[effect.name], values_of(effect)
+            reaching = {p: (min(low, values[p]), max(high, values[p])) for p, (low, high) in known.intervals.items()}
+            self.values[effect.name] = replace(known, effect=effect, intervals=reaching)
+
+    def _said(self) -> dict[Key, Said]:
+        return {key: said for value in self.values.values() for key, said in value.said.items()}
+
+    def add(self, names: Sequence[str]) -> None:
+        """Add effects at the values that the fit part suggests against the twin as it is now."""
+        features = self.now.fit
+        for name in names:
+            self.tried.add(name)
+            value = estimate(name, features, self.evidence, self.learnt)
+            if name in self.cannot or self.evidence.fits(value.effect):
+                self.values[name] = value
+        self.now = self.evidence.against(self._added())
+        here = [name for name in names if name in self.values and name not in self.cannot]
+        for name in here:
+            self.begin_better(name, features)
+        if here:
+            self.refine(here)
+
+    def begin_better(self, name: str, features: Array) -> None:
+        """Go to other values of an effect where those come nearer to the fit part."""
+        added = self._added()
+        said = self.values[name].said
+        now = self.evidence.misfit(self.now.simulator, added)
+        found = better_start(self.evidence, added, name, features, now, said)
+        if found is not None:
+            self._take_over([found.effect])
+            if found.read:  # elsewhere: what the estimate said is no longer believed
+                anew = {k: one._replace(number=self._number(found.effect, k)) for k, one in said.items()}
+                self.values[name] = replace(self.values[name], said=anew)
+            self.now = self.evidence.against(self._added())
+
+    def drop_idle(self) -> None:
+        """Leave one effect out after the other: what is not missed then goes."""
+        while self.values:
+            self.missed, slack, gap = {}, {}, self._gap()
+            for name in self.values:
+                others = self._added(without=name)
+                without = self.evidence.against(others)
+                self.missed[name] = self.odds(without, left_out=True)[name]
+                # Adding what is missing cannot drive records and twin apart: if it does, it has to be plain otherwise.
+                worse = name not in self.cannot and gap > WORSE * self.evidence.gap(without.simulator, others)
+                slack[name] = self.missed[name] - self._least(name) - DOUBT * worse
+            idle = min(slack, key=lambda name: slack[name])
+            if slack[idle] > 0:
+                return
+            del self.values[idle]
+            self.now = self.evidence.against(self._added())
+
+    def _number(self, effect: Effect, key: Key) -> float:
+        return to_number(effect, key[1], self.evidence.setting)
+
+    def _least(self, name: str) -> float:
+        return UNLIKELY if name in self.helped else self.learnt.thresholds.get(name, THRESHOLD) - KEEPS
+
+    def certainty(self) -> dict[str, float]:
+        """Log odds of every effect: of a named one when it alone is left out, of another against the twin as it is."""
+        now = self.odds(self.now)
+        return {name: self.missed.get(name, now[name]) if name in self.values else now[name] for name in now}
+
+    def rest_p(self, whole: float) -> float:
+        """P-value of nothing left over; `whole`, that of no gap at all, where nothing was added."""
+        return self._rest_p() if self.values else whole
+
+    def _rest_p(self) -> float:
+        return self.learnt.rest_p(self.now.held_out, {*self.already, *(effect.name for effect in self._added())})
+
+    def keep(self, names: Sequence[str]) -> None:
+        """Forget the effects that are not among these."""
+        if set(names) != set(self.values):
+            self.values = {name: value for name, value in self.values.items() if name in names}
+            self.now = self.evidence.against(self._added())
+
+    def strongest_first(self) -> list[str]:
+        """The named effects."""
+        return sorted(self.values, key=lambda name: -(self.missed.get(name, 0.0) + self.first[name]))
+
+    def _added(self, without: str = "") -> tuple[Effect, ...]:
+        return tuple(v.effect for n, v in self.values.items() if n != without and n not in self.cannot)
+
+
+def estimate(name: str, features: Array, evidence: Evidence, learnt: Learnt) -> Estimated:
+    """An effect's values from the features of the fit part, with 90 % intervals."""
+    setting = evidence.setting
+    default = catalogue()[name]()
+    numbers, intervals, within = {}, {}, {}
+    for effect, parameter in coordinates():
+        if effect != name:
+            continue
+        found = learnt.estimators.get((name, parameter))
+        if found is None:
+            numbers[parameter] = to_number(default, parameter, setting)
+            continue
+        number = float(found.estimate(features[None, :])[0])
+        numbers[parameter] = number
+        off = float(found.within(features[None, :])[0])
+        ends = [to_value(name, parameter, number + sign * off, setting) for sign in (-1, 1)]
+        least = _LEAST_SPREAD.get((name, parameter), 0.0)
+        within[parameter] = off
+        intervals[parameter] = (min(ends) * (1 - least), max(ends) * (1 + least))
+    made = to_effect(name, numbers, setting)
+    # A place beyond half the sampling rate, say: half the way back to the usual value, until records can have it.
+    for _ in range(6):
+        if evidence.fits(made):
+            break
+        numbers = {p: 0.5 * (n + to_number(default, p, setting)) for p, n in numbers.items()}
+        made = to_effect(name, numbers, setting)
+    said = {(name, p): Said(to_number(made, p, setting), off) for p, off in within.items()}
+    return Estimated(made, intervals, said)
+
+
+def to_name(probability: Mapping[str, float], limit: float) -> list[str]:
+    """Effects to name: those at least so likely, whether a search ended with them or let them go.
+
+    Parameters
+    ----------
+    probability : Mapping[str, float]
+        That each effect is missing.
+    limit : float
+    """
+    return [name for name, p in probability.items() if p >= limit]
+
+
+def confidence_set(probability: Mapping[str, float], level: float) -> tuple[tuple[str, ...], ...]:
+    """The most probable sets of effects that together reach `level`, effects taken one by one as independent.
+
+    Parameters
+    ----------
+    probability : Mapping[str, float]
+        That each effect is missing.
+    level : float
+        What the sets are to hold together.
+    """
+    names = list(probability)
+    p = np.array([probability[name] for name in names])
+    by_doubt = np.argsort(-np.minimum(p, 1 - p))[:_MOST_OPEN]
+    open_ = by_doubt[np.minimum(p, 1 - p)[by_doubt] > _UNCERTAIN]
+    sure = [i for i in np.flatnonzero(p >= 0.5) if i not in open_]
+    picks = (np.arange(2**open_.size)[:, None] >> np.arange(open_.size)) & 1
+    weight = np.where(picks, p[open_], 1 - p[open_]).prod(axis=1)
+    order = np.argsort(-weight, kind="stable")
+    kept = order[: 1 + int(np.searchsorted(np.cumsum(weight[order]), level * weight.sum()))]
+    return tuple(tuple(names[i] for i in sorted((*sure, *open_[picks[row] == 1]), key=lambda i: -p[i])) for row in kept)
+
+
+def _strongest(odds: Mapping[str, float]) -> list[str]:
+    return sorted(odds, key=lambda name: -odds[name])
+
+
+def _probability(log_odds: float) -> float:
+    return 1 / (1 + math.exp(-max(min(log_odds, 30.0), -30.0)))
+
+
+def _with(sets: tuple[tuple[str, ...], ...], one: tuple[str, ...]) -> tuple[tuple[str, ...], ...]:
+    """The sets with this one among them, first."""
+    return (one, *(s for s in sets if s != one))

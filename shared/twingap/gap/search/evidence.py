@@ -1,0 +1,350 @@
+"""The records against the twin with any set of effects added: what a search over effects asks again and again.
+
+records --calibrate--> fit part, held-out part, frame, twin
+twin + effects --recalibrate on the fit part, simulate both parts--> Compared: features of each part
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import fields, replace
+from functools import cached_property
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twingap.effects import Draft, Effect
+from twingap.gap.distance.feature_vectors import Grid, Views
+from twingap.gap.distance.feature_vectors import measure as measure_views
+from twingap.gap.distance.paired import Paired
+from twingap.gap.external_simulator import OwnSimulator
+from twingap.gap.features import comparison
+from twingap.gap.features.comparison import Measured
+from twingap.gap.features.pooled import features as whole
+from twingap.gap.features.pooled.features import Whole
+from twingap.gap.features.pooled.trends import Levels
+from twingap.gap.features.spectrum.record_summary import Outline, outline_of
+from twingap.gap.search.parameter_scale import Setting
+from twingap.identify.baseline import MOST_SIMULATED, Side, match_level, sides_of
+from twingap.identify.calibrate import Calibrated, recalibrate, thinned
+from twingap.records import Condition, Record, RecordSet
+from twingap.signal.record_transforms import RecordView
+from twingap.twins.simulator import Simulator, TwinSimulator
+from twingap.twins.twin_file import TwinSpec, all_parameters, flat, nested
+
+Array = NDArray[np.float64]
+
+MOST_TRIED: Final = 6
+"""Records of each state that trials of values are made on."""
+LONGEST_TRIED: Final = 1 << 15
+"""Samples of each."""
+SAMPLES_TRIED: Final = 5e7
+"""Samples that one search for values may simulate, about ten seconds' work."""
+TRIALS: Final = (24, 320)
+"""Fewest and most trials of one search for values."""
+THOROUGH: Final = (0.012, 0.04, 0.12)
+"""Dampings at which a mode is tried first in diagnoses; machines to learn from are given the middle one alone."""
+FEWEST_GROUPS: Final = 6
+"""That can be exchanged with simulated ones: of fewer no more than 16 exchanges can be told apart, since all groups
+turned are as good as none."""
+CONTACT_COSTS: Final = 13
+"""A sample of the contact twin takes about so many times as long as one of the phenomenological twin."""
+
+
+class Compared:
+    """The records against one simulation of them; each part is simulated when it is asked for.
+
+    Attributes
+    ----------
+    effects : tuple of Effect
+        Added to the twin.
+    simulator : Simulator
+        The twin, calibrated with them.
+    """
+
+    def __init__(self, evidence: Evidence, effects: tuple[Effect, ...], simulator: Simulator) -> None:
+        self._evidence, self.effects, self.simulator = evidence, effects, simulator
+        self._levels: Levels | None = None
+
+    @cached_property
+    def fit(self) -> Array:
+        """[features] Comparison on the part that parameters are fitted to; trends over both."""
+        return self._features(0)
+
+    @cached_property
+    def held_out(self) -> Array:
+        """[features] Comparison on the part that is reported; of both parts what `whole` asks."""
+        return self._features(1)
+
+    def _features(self, part: int) -> Array:
+        of, real = self._evidence, self._evidence.parts[part]
+        simulated = comparison.measure(self._made(part), of.frame, Grid.of(real.conditions, of.frame.bearing))
+        if part == 0:
+            # Values are read off the fit part: lines and combs that are held out must not say which.
+            if self._levels is None:
+                self._levels = whole.levels(of.whole, self._whole(part, simulated.outlines))
+            of_whole = whole.compare(real.alone, simulated.alone, self._levels)
+        else:
+            both = self._whole(part, simulated.outlines)
+            self._levels = whole.levels(of.whole, both)
+            of_whole = whole.compare(of.whole, both, self._levels)
+        own, models = isinstance(self.simulator, OwnSimulator), bool(of.modelled)
+        return comparison.compare(real, simulated, of.calibrated.speeds, of_whole, own=own, models=models)
+
+    def _whole(self, part: int, outlines: Sequence[Outline]) -> Whole:
+        """Of both parts; of the other one no more is measured than is kept."""
+        of = self._evidence
+        others = [outline_of(RecordView(r.samples, r.condition, of.frame)) for r in self._made(1 - part)]
+        return of.together(*((others, outlines) if part else (outlines, others)))
+
+    def _made(self, part: int) -> Iterator[Record]:
+        of = self._evidence
+        return of.simulated(self.simulator, self.effects, of.parts[part].conditions, part)
+
+
+def simulator_of(calibrated: Calibrated, sim: RecordSet | None = None) -> Simulator:
+    """The calibrated twin, or the user's own simulated records, as what a diagnosis questions."""
+    fit = calibrated.fit
+    if sim is not None:
+        others = calibrated.held_out.conditions
+        return OwnSimulator(sim, fit, calibrated.frame.bearing, calibrated.frame.scale, others=others)
+    assert calibrated.spec is not None  # `calibrate` gives one where no simulated records were brought
+    conditions = (*fit.conditions, *calibrated.held_out.conditions)
+    return TwinSimulator(calibrated.spec, calibrated.frame.bearing, fit.unit, conditions)
+
+
+class Evidence:
+    """The records, measured once, and every twin that has been held against them.
+
+    Parameters
+    ----------
+    calibrated : Calibrated
+    simulator : Simulator
+        The calibrated twin, or the user's own.
+    spec : TwinSpec
+        The twin as it was given: what it fixes stays fixed, what it models is not missing.
+    root : int
+        Entropy of all simulations: a chain of effects meets the same strikes and the same noise as the next chain, so
+        that differences between chains are not chance.
+    dampings : sequence of float
+        At which a twin with effects is given its mode first, see `baseline.match_baseline`.
+    """
+
+    def __init__(
+        self,
+        calibrated: Calibrated,
+        simulator: Simulator,
+        spec: TwinSpec,
+        root: int,
+        dampings: Sequence[float] = (0.04,),
+    ) -> None:
+        self.spec, self.dampings = spec, tuple(dampings)
+        self.calibrated, self.root, self.frame = calibrated, root, calibrated.frame
+        self.fit, self.held_out = (
+            comparison.measure(part, self.frame, Grid.of(part.conditions, self.frame.bearing))
+            for part in (calibrated.fit, calibrated.held_out)
+        )
+        self.parts = self.fit, self.held_out
+        self.whole = self.together(self.fit.outlines, self.held_out.outlines)
+        conditions = (*calibrated.fit.conditions, *calibrated.held_out.conditions)
+        self.setting = Setting.of(conditions)
+        self._simulator = simulator
+        self._known: dict[tuple[Effect, ...], Compared] = {}
+
+    def together(self, fit: Sequence[Outline], held_out: Sequence[Outline]) -> Whole:
+        """All records, those that stand in both parts once."""
+        shared = self.calibrated.shared
+        return Whole((*fit, *(outline for outline in held_out if outline.condition.name not in shared)))
+
+    def against(self, effects: Sequence[Effect] = ()) -> Compared:
+        """The twin with these effects added, recalibrated on the fit part, against both parts."""
+        chain = tuple(sorted(effects, key=lambda effect: effect.name))
+        if chain not in self._known:
+            self._known[chain] = Compared(self, chain, self._recalibrated(chain))
+        return self._known[chain]
+
+    @property
+    def modelled(self) -> tuple[str, ...]:
+        """Effects that the twin has as given."""
+        return tuple(dict.fromkeys((*self.spec.effects, *self._simulator.has)))
+
+    @cached_property
+    def groups(self) -> NDArray[np.str_]:
+        """[records of both parts] Which records belong together; one without a group is alone."""
+        return np.array([c.group or c.name for part in self.parts for c in part.conditions])
+
+    @property
+    def exchangeable(self) -> bool:
+        """Whether records are of enough groups for exchanges of these with simulated ones to be rare."""
+        return int(np.unique(self.groups).size) >= FEWEST_GROUPS
+
+    def can_add(self, name: str) -> str | None:
+        """Why the simulator cannot have this effect, or None."""
+        return self._simulator.can_add(name)
+
+    def fits(self, effect: Effect) -> bool:
+        """Whether every record could be simulated with the effect at these values."""
+        t = np.zeros(2)
+        conditions = (*self.fit.conditions, *self.held_out.conditions)
+        return all(effect.cannot_act_on(Draft(c, self.frame.bearing, 1.0, t, t)) is None for c in conditions)
+
+    @cached_property
+    def _tried(self) -> RecordSet:
+        """A few records of each state of the fit part, no longer than values need, for trials by the hundred."""
+        few = thinned(self.calibrated.fit, MOST_TRIED)
+        conditions = [replace(c, n_samples=min(c.n_samples, LONGEST_TRIED)) for c in few.conditions]
+        return RecordSet(few.name, few.unit, few.bearing, conditions, lambda i: few[i].samples[:LONGEST_TRIED])
+
+    @property
+    def trials(self) -> int:
+        """Simulations of `misfit` that one search for values may ask for: fewer where each takes longer."""
+        conditions = self._tried.conditions
+        samples = len(self._two(self._simulator, conditions)) * sum(c.n_samples for c in conditions)
+        dear = CONTACT_COSTS if self.spec.model == "contact" else 1
+        return int(np.clip(SAMPLES_TRIED / (samples * dear), *TRIALS))
+
+    @property
+    def records_tried(self) -> int:
+        """Number of records that trials are made on."""
+        return len(self._tried)
+
+    @cached_property
+    def _tried_grid(self) -> Grid:
+        return Grid.of(self._tried.conditions, self.frame.bearing)
+
+    @cached_property
+    def _tried_views(self) -> Views:
+        return self.views(self._tried, self._tried_grid)
+
+    @cached_property
+    def _yardstick(self) -> Array:
+        """Spread that distances on the fit part are measured with, one for all twins."""
+        grid, conditions = Grid.of(self.fit.conditions, self.frame.bearing), self.fit.conditions
+        made = [self.simulated(self._simulator, (), conditions, k) for k in self._two(self._simulator, conditions)]
+        return Paired(self.fit.views, [self.views(records, grid) for records in made]).scale
+
+    @cached_property
+    def _trial_yardstick(self) -> Array:
+        views = [self._trial(self._simulator, (), k) for k in self._two(self._simulator, self._tried.conditions)]
+        return Paired(self._tried_views, views).scale
+
+    def _two(self, simulator: Simulator, conditions: Sequence[Condition]) -> Sequence[int]:
+        """Two replicates to see chance by, or the one that there is."""
+        return (3, 4)[: replicates_of(simulator, conditions, 2)]
+
+    def gap(self, simulator: Simulator, effects: Sequence[Effect], replicate: int = 3) -> float:
+        """Overall distance of the fit part from one simulation of it: for choosing, never for reporting."""
+        grid = Grid.of(self.fit.conditions, self.frame.bearing)
+        made = self.views(self.simulated(simulator, effects, self.fit.conditions, replicate), grid)
+        pair = Paired(self.fit.views, [made], None, self._yardstick)
+        return float(pair.over_views(pair.squares())[0][0])
+
+    def misfit(self, simulator: Simulator, effects: Sequence[Effect]) -> float:
+        """The same of a few records, with the noise of their own means in it: what fitted values are to make small."""
+        return self.tried(simulator, effects).misfit()
+
+    def tried(self, simulator: Simulator, effects: Sequence[Effect]) -> Paired:
+        """A few records of the fit part beside two simulations of them, whose random streams are always the same.
+
+        By one simulation alone, values whose simulations scatter less would come nearer.
+        """
+        made = [self._trial(simulator, effects, k) for k in self._two(simulator, self._tried.conditions)]
+        return Paired(self._tried_views, made, None, self._trial_yardstick)
+
+    def _trial(self, simulator: Simulator, effects: Sequence[Effect], replicate: int) -> Views:
+        return self.views(self.simulated(simulator, effects, self._tried.conditions, replicate), self._tried_grid)
+
+    def with_values(
+        self, simulator: Simulator, effects: Sequence[Effect], baseline: Mapping[str, float] | None = None
+    ) -> Simulator:
+        """A simulator with other values of the effects that it has, and of its baseline where they are given."""
+        if isinstance(simulator, OwnSimulator):
+            return simulator.with_gain(baseline["gain"]) if baseline else simulator
+        if not isinstance(simulator, TwinSimulator):
+            return simulator
+        values = flat(simulator.spec.parameters) | dict(baseline or {})
+        own = {e.name: values_of(e) for e in effects if e.name in simulator.spec.effects}
+        spec = replace(simulator.spec, parameters={**nested(values), **own})
+        return TwinSimulator(spec, self.frame.bearing, simulator.unit, simulator.conditions)
+
+    def matched(self, effects: tuple[Effect, ...]) -> Simulator:
+        """What simulates these effects, its mode as calibrated and its levels matched anew: for trials by the dozen."""
+        return self._recalibrated(effects, steps=0)
+
+    def _recalibrated(self, effects: tuple[Effect, ...], steps: int = 4) -> Simulator:
+        """What simulates these effects, its baseline matched anew: what the effects explain is no noise of the twin."""
+        spec = self.calibrated.spec
+        if not effects:
+            return self._simulator
+        if spec is None or spec.model != "phenomenological":
+            return self._levelled(effects)
+        values = {**spec.parameters, **{effect.name: values_of(effect) for effect in effects}}
+        more = replace(spec, effects=(*spec.effects, *(effect.name for effect in effects)), parameters=values)
+        rng = np.random.default_rng(self.root)
+        own = recalibrate(self.calibrated, more, rng, free=self.spec, steps=steps, dampings=self.dampings)
+        return simulator_of(own)
+
+    def _levelled(self, effects: tuple[Effect, ...]) -> Simulator:
+        """What simulates these effects and has one level for a baseline, which is matched anew where it is free.
+
+        Not so that of the contact twin, which takes too long for every chain: it moves with the values in the end.
+        """
+        level = level_of(self._simulator, self.spec)
+        if level is None or (self._simulator.name == "contact" and isinstance(self._simulator, TwinSimulator)):
+            return self._simulator
+        name, now = level
+
+        def at(value: float) -> Simulator:
+            return self.with_values(self._simulator, (), {name: value})
+
+        found = match_level(
+            lambda value, conditions: list(self.simulated(at(value), effects, conditions, 0)),
+            self._levels_of, self.frame, now,
+        )  # fmt: skip
+        return at(found)
+
+    def bare_psd(self, side: Side) -> Array:
+        """[baseline.BANDS] Power density, 1/Hz, of the simulator as given under some conditions of a side."""
+        made = self.simulated(self._simulator, (), side.conditions[:MOST_SIMULATED], 0)
+        (simulated,) = sides_of(list(made), self.frame)
+        return simulated.psd
+
+    @cached_property
+    def _levels_of(self) -> list[Side]:
+        """Spectra that levels are matched to: of healthy records of the fit part, of all where there are none."""
+        sides = sides_of(list(thinned(self.calibrated.fit, 6)), self.frame)
+        return [side for side in sides if side.fault == "healthy"] or sides
+
+    def simulated(
+        self, simulator: Simulator, effects: Sequence[Effect], conditions: Sequence[Condition], replicate: int
+    ) -> Iterator[Record]:
+        """Records of these conditions, one at a time."""
+        yield from simulator.simulate(tuple(effects), conditions, self.root, replicate)
+
+    def views(self, records: RecordSet | Iterable[Record], grid: Grid) -> Views:
+        """Interpretable views of records, which are not kept."""
+        return measure_views((RecordView(r.samples, r.condition, self.frame) for r in records), grid)
+
+
+def replicates_of(simulator: Simulator, conditions: Sequence[Condition], most: int) -> int:
+    """How many simulations of these conditions, up to `most`, are chances of their own: finished records are few."""
+    return min(simulator.replicates(conditions), most) if isinstance(simulator, OwnSimulator) else most
+
+
+def level_of(simulator: Simulator, given: TwinSpec) -> tuple[str, float] | None:
+    """Name and value of the one factor on all that a simulator makes; None where it has none, or where it is fixed."""
+    if isinstance(simulator, OwnSimulator):
+        return ("gain", simulator.gain) if simulator.level_free else None
+    if isinstance(simulator, TwinSimulator) and not given.given("scale"):
+        scale = flat(all_parameters(simulator.spec)).get("scale")
+        return None if scale is None else ("scale", float(scale))
+    return None
+
+
+def values_of(effect: Effect) -> dict[str, float]:
+    """Its parameters by name."""
+    return {field.name: getattr(effect, field.name) for field in fields(effect)}  # type: ignore[arg-type]
+
+
+__all__ = ["Compared", "Evidence", "Measured", "level_of", "replicates_of", "simulator_of", "values_of"]

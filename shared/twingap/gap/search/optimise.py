@@ -1,0 +1,431 @@
+"""Values that bring a twin nearest to the fit part: of its effects, and of its baseline.
+
+twin, effects at estimated values --far places, steps of each value, steps of all together--> least misfit
+
+Estimates are read off features, which are the same for all machines; here the twin itself is asked. Random streams are
+the same throughout, so that what differs between two trials is their values. What is made small is the squared misfit
+of a few records with the strain of moving values away from what estimates and calibration say of them (see `prior`).
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twingap.effects import Effect, make_effect
+from twingap.errors import TwingapError
+from twingap.gap.distance.paired import Paired
+from twingap.gap.search.evidence import level_of
+from twingap.gap.search.initial_values import WEAKER, weakened
+from twingap.gap.search.parameter_prior import Key, Said, pull, strain
+from twingap.gap.search.parameter_scale import Setting, coordinates, to_effect, to_number
+from twingap.twins.simulator import Simulator, TwinSimulator
+from twingap.twins.twin_file import all_parameters, flat
+
+if TYPE_CHECKING:
+    from twingap.gap.search.evidence import Evidence
+
+PASSES: Final = 3
+"""Rounds at most: of steps of each effect's values, and of all values together."""
+_PLACES: Final = 7
+"""Places over a value's plausible range that are tried first."""
+_LEAST_STEP: Final = 0.005
+"""Part of a value's plausible range: a slip goes from 0 to 0.05, and a first step of 0.02 is no step."""
+_LOUDER: Final = 3.0
+"""How far levels go beyond what is plausible: multiples of a healthy vibration that may be very quiet."""
+_FARTHEST: Final = 8.0
+"""First steps beyond which a value is not followed in one go."""
+_CLEARLY: Final = 0.98
+"""Factor on the misfit from which a far place is better than the estimate."""
+_STAY: Final = {
+    ("gear_mesh", "teeth"), ("mains_interference", "mains_hz"), ("foreign_bearing", "order"),
+    ("drive_interference", "carrier_hz"), ("drive_interference", "sideband_order"),
+    ("impulsive_noise", "rate_hz"), ("impulsive_noise", "spread"),
+}  # fmt: skip
+"""Read exactly or not at all: a neighbouring value is as wrong as any other. And how often and how evenly it knocks,
+which two simulations say nothing of."""
+_BASELINE_STEPS: Final = {"resonance_hz": 0.02, "damping_ratio": 0.2, "impact_amplitude": 0.1}
+_LEVELS: Final = ("scale", "structure_noise_rms", "white_noise_rms")
+_LEVEL_STEP: Final = 0.1
+_CALIBRATED_WITHIN: Final = {"resonance_hz": 0.03, "damping_ratio": 0.2, "impact_amplitude": 0.1}
+_LEVEL_WITHIN: Final = 0.06
+"""Logarithms that nine of ten calibrated values are off by no more (machines without a gap, eight records fitted to;
+modes, which a missing effect may hide, three times as far). Spectra of whole records tell them better than a distance
+on a few does, so that they move for plain reasons only."""
+_DAMPINGS: Final = (0.003, 0.1, 1.0, 10.0)
+"""Of steps of all values together, the boldest first (Levenberg-Marquardt)."""
+_SHRINKS: Final = 2
+"""Times that steps together are tried again, shorter, once they lead no further."""
+_SETTLED: Final = 0.985
+"""Factor on the misfit above which nothing much was gained."""
+_BY_CHANCE: Final = frozenset(("dropout", "impulsive_noise"))
+"""Effects whose few moments in a record are where chance puts them."""
+_OTHERS: Final = (5, 6, 7)
+"""Replicates that values are not fitted to."""
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Nearest:
+    """Where a search for values ended.
+
+    Parameters
+    ----------
+    simulator : Simulator
+        With these values of its effects and its baseline.
+    effects : tuple of Effect
+    before, misfit : float
+        Of the fit part, at the start and at the end, with what values are strained.
+    """
+
+    simulator: Simulator
+    effects: tuple[Effect, ...]
+    before: float
+    misfit: float
+
+
+def bring_nearest(
+    evidence: Evidence,
+    simulator: Simulator,
+    effects: Sequence[Effect],
+    errors: Mapping[Key, float],
+    *,
+    moved: Sequence[str] | None = None,
+    baseline: bool = True,
+    passes: int = PASSES,
+    said: Mapping[Key, Said] = MappingProxyType({}),
+    stiff: float = 1.0,
+) -> Nearest:
+    """Move values to where the twin comes nearest to the fit part; kept where other random streams agree.
+
+    Parameters
+    ----------
+    evidence : Evidence
+    simulator : Simulator
+        That has these effects, or can add them.
+    effects : sequence of Effect
+    errors : Mapping[(effect, parameter), float]
+        How far estimates are off, in comparable numbers (see `parameters`).
+    moved : sequence of str, optional
+        Effects whose values may move; None is all.
+    baseline : bool
+        Whether the twin's own levels, mode and impacts may move too, but for what the user's twin file fixes.
+    passes : int
+    said : Mapping[(effect, parameter), Said], optional
+        What estimates say of values; those that are not among them move freely, but for a twin's baseline, which is
+        held by where it begins.
+    stiff : float
+        Factor on how hard all these pull: more where something else may be missing that values must not make up for.
+
+    Returns
+    -------
+    Nearest
+    """
+    search = _Search(evidence, simulator, tuple(effects), evidence.trials, dict(said), stiff)
+    search.gather_effects([e for e in effects if moved is None or e.name in moved], errors)
+    if baseline and isinstance(simulator, TwinSimulator) and simulator.spec.model == "phenomenological":
+        search.gather_baseline(simulator)
+    elif baseline:
+        search.gather_level()
+    begin = search.start()
+    if search.at:
+        if _PLACES * len(search.ends) > search.left / 2:
+            search.together()  # of large records, far places of many values leave no trial for anything else
+        search.far_places()
+        for _ in range(passes):
+            least = search.least
+            for key in [key for key in search.at if key[0]]:  # steps together end in the nearest valley
+                search.follow(key)
+            search.together()
+            if search.least > _SETTLED * least:
+                break
+    built = search.built(search.at)
+    if built is not None and search.holds(*built):
+        return Nearest(*built, begin, search.least)
+    names = [effect.name for effect in effects if moved is None or effect.name in moved]
+    if not _BY_CHANCE.intersection(names):
+        return Nearest(simulator, tuple(effects), begin, begin)
+    # Values of what comes by chance followed where it came in these simulations; the others may be right all the same.
+    names = [name for name in names if name not in _BY_CHANCE]
+    return bring_nearest(
+        evidence, simulator, effects, errors, moved=names, baseline=baseline, passes=passes, said=said, stiff=stiff
+    )
+
+
+def no_farther(
+    evidence: Evidence,
+    found: Nearest,
+    bare: Nearest,
+    errors: Mapping[Key, float],
+    *,
+    said: Mapping[Key, Said] = MappingProxyType({}),
+    stiff: float = 1.0,
+) -> Nearest:
+    """What was found, or something nearer where it drives records and twin apart.
+
+    Then it lies in another valley than the values that bring them together. A search that begins at the twin without
+    the effects, with a little of each, begins about as near as that twin, and the nearer of both is kept.
+
+    Parameters
+    ----------
+    evidence : Evidence
+    found : Nearest
+        With its effects.
+    bare : Nearest
+        Without them.
+    errors, said, stiff
+        As `bring_nearest` has them.
+    """
+    if left_over(evidence, found.simulator, found.effects) <= left_over(evidence, bare.simulator, ()):
+        return found
+    little = [tuple(weakened(effect, factor) for effect in found.effects) for factor in WEAKER]
+    begin = min(little, key=lambda effects: evidence.misfit(bare.simulator, effects))
+    again = bring_nearest(evidence, bare.simulator, begin, errors, said=said, stiff=stiff)
+    return min(found, again, key=lambda one: left_over(evidence, one.simulator, one.effects))
+
+
+def left_over(evidence: Evidence, simulator: Simulator, effects: Sequence[Effect]) -> float:
+    """Mean distance of the fit part by random streams that no value was sought with."""
+    return sum(evidence.gap(simulator, effects, replicate) for replicate in _OTHERS) / len(_OTHERS)
+
+
+@dataclass
+class _Search:
+    evidence: Evidence
+    simulator: Simulator
+    effects: tuple[Effect, ...]
+    left: int
+    said: dict[Key, Said]
+    stiff: float
+    at: dict[Key, float] = field(default_factory=dict)
+    step: dict[Key, float] = field(default_factory=dict)
+    ends: dict[Key, tuple[float, float]] = field(default_factory=dict)
+    whole: set[Key] = field(default_factory=set)
+    least: float = 0.0
+    begin: float = 0.0
+    scale: Array | None = None
+
+    @property
+    def setting(self) -> Setting:
+        return self.evidence.setting
+
+    def start(self) -> float:
+        """The misfit where the search begins."""
+        self.said = {key: one for key, one in self.said.items() if key in self.at}
+        here = self.evidence.tried(self.simulator, self.effects)
+        self.scale = Paired(here.real, here.sims, here.conditions).scale
+        self.begin = self.least = self.strained(self.measured(here).misfit(), self.at)
+        return self.begin
+
+    def tried(self, simulator: Simulator, effects: tuple[Effect, ...]) -> Paired:
+        """A few records beside what is simulated with these values."""
+        return self.measured(self.evidence.tried(simulator, effects))
+
+    def measured(self, pair: Paired) -> Paired:
+        """Measured by how much records scatter that have the effects as they were at the start.
+
+        Knocks and gaps come by chance: of few records the mean lies anywhere, and by what a twin without them scatters
+        that would look like something to fit.
+        """
+        return Paired(pair.real, pair.sims, pair.conditions, self.scale)
+
+    def strained(self, misfit: float, at: Mapping[Key, float]) -> float:
+        """The misfit with what these values are strained."""
+        return math.sqrt(misfit**2 + self.pull * strain(self.said, at))
+
+    @cached_property
+    def pull(self) -> float:
+        """See `prior.pull`."""
+        return self.stiff * pull(self.evidence.records_tried)
+
+    def gather_effects(self, effects: Sequence[Effect], errors: Mapping[Key, float]) -> None:
+        """Their parameters as numbers, with first steps and the ends of plausible ranges."""
+        for effect in effects:
+            for key in coordinates():
+                if key[0] != effect.name or key in _STAY:
+                    continue
+                self.at[key] = to_number(effect, key[1], self.setting)
+                kind = next(f for f in dataclasses.fields(effect) if f.name == key[1])  # type: ignore[arg-type]
+                whole = kind.type in ("int", int, "bool", bool)
+                if whole:
+                    self.whole.add(key)
+                low, high = kind.metadata["plausible"]
+                high *= _LOUDER if key[1].startswith("level") else 1.0
+                plausible = [_end(effect, key[1], value, self.setting) for value in (low, high)]
+                ends, least = [value for value in plausible if value is not None], 0.02
+                if len(ends) == 2 and not whole:
+                    self.ends[key] = (min(ends), max(ends))
+                    least = min(least, _LEAST_STEP * (max(ends) - min(ends)))
+                self.step[key] = 1.0 if whole else max(0.5 * errors.get(key, 0.6), least)
+
+    def gather_baseline(self, simulator: TwinSimulator) -> None:
+        """What the twin file leaves free, as logarithms."""
+        fixed = set(flat(self.evidence.spec.parameters))
+        for name, value in flat(all_parameters(simulator.spec)).items():
+            family = name.split(".")[0]
+            known = family in _BASELINE_STEPS or name in _LEVELS
+            if not known or name in fixed or not float(value) > 0:
+                continue
+            self.at["", name] = math.log(float(value))
+            self.step["", name] = _BASELINE_STEPS.get(family, _LEVEL_STEP)
+            self.said["", name] = Said(self.at["", name], _CALIBRATED_WITHIN.get(family, _LEVEL_WITHIN))
+
+    def gather_level(self) -> None:
+        """The level of a simulator that has nothing else to calibrate, where it is free, as a logarithm."""
+        level = level_of(self.simulator, self.evidence.spec)
+        if level is not None:
+            self.at["", level[0]] = math.log(level[1])
+            self.step["", level[0]] = _LEVEL_STEP
+
+    def built(self, at: Mapping[Key, float]) -> tuple[Simulator, tuple[Effect, ...]] | None:
+        """The twin and its effects at these values; None where some record could not be simulated with them."""
+        effects = []
+        for effect in self.effects:
+            numbers = {p: at[n, p] for n, p in at if n == effect.name}
+            kept = {p: to_number(effect, p, self.setting) for n, p in coordinates() if n == effect.name}
+            effects.append(to_effect(effect.name, kept | numbers, self.setting) if numbers else effect)
+        if not all(self.evidence.fits(effect) for effect in effects):
+            return None
+        levels = {name: math.exp(value) for (of, name), value in at.items() if not of}
+        try:
+            return self.evidence.with_values(self.simulator, effects, levels), tuple(effects)
+        except TwingapError:
+            return None
+
+    def misfit(self, key: Key, value: float) -> float:
+        """Of the fit part, with one value changed; infinite where it has no meaning, or no trial is left."""
+        low, high = self.ends.get(key, (-math.inf, math.inf))
+        # An estimate beyond what is plausible may come back, not go on: a knock that rings for hours is no trial.
+        if not min(low, self.at[key]) <= value <= max(high, self.at[key]):
+            return math.inf
+        return self.misfit_at({key: value})
+
+    def far_places(self) -> None:
+        """Try each value over its plausible range: an estimate may be far off, and steps would not get there."""
+        for key, (low, high) in self.ends.items():
+            for value in np.linspace(low, high, _PLACES):
+                found = self.misfit(key, float(value))
+                if found < _CLEARLY * self.least:
+                    self.least, self.at[key] = found, float(value)
+
+    def together(self) -> None:
+        """Gauss-Newton steps of all values that are no whole numbers: levels and widths make up for each other."""
+        shrunk = 0
+        while shrunk < _SHRINKS and self.left > 0:
+            self.left -= 1
+            here = self.tried(*self._here())
+            base, weight = here.residuals(), np.sqrt(here.counts())
+            columns = {key: self._moved(key, base) for key in self.at if key not in self.whole}
+            moved = {key: (column * weight).ravel() for key, column in columns.items() if column is not None}
+            if not moved:
+                return
+            keys, jacobian = list(moved), np.stack(list(moved.values()), axis=1)
+            springs = [self._spring(key) for key in keys]
+            wanted = jacobian.T @ (base * weight).ravel() + np.array([spring[0] for spring in springs])
+            square = jacobian.T @ jacobian + np.diag([spring[1] for spring in springs])
+            begin = self.least
+            for damping in _DAMPINGS:
+                stiff = square + damping * np.diag(np.diag(square)) + 1e-12 * np.eye(len(keys))
+                steps = np.clip(np.linalg.solve(stiff, -wanted), -_FARTHEST, _FARTHEST)
+                pairs = zip(keys, steps, strict=True)
+                there = {key: self._inside(key, self.at[key] + float(n) * self.step[key]) for key, n in pairs}
+                found = self.misfit_at(there)
+                if found < self.least:
+                    self.least = found
+                    self.at |= there
+                    break
+            if self.least > _SETTLED * begin:
+                shrunk += 1
+                for key in keys:
+                    self.step[key] *= 0.4
+
+    def _spring(self, key: Key) -> tuple[float, float]:
+        """How hard a value is pulled back, and how much harder a step on; per step."""
+        if key not in self.said:
+            return 0.0, 0.0
+        said, step = self.said[key], self.step[key]
+        stiff = self.pull * said.stiffness(self.at[key]) * step
+        return stiff * (self.at[key] - said.number), stiff * step
+
+    def holds(self, simulator: Simulator, effects: tuple[Effect, ...]) -> bool:
+        """Whether what was found is no farther off than where it began, judged by other random streams."""
+        if not isinstance(simulator, TwinSimulator) or self.least == self.begin:
+            return True
+        now, then = (left_over(self.evidence, s, e) for s, e in ((simulator, effects), (self.simulator, self.effects)))
+        return now <= then
+
+    def _here(self) -> tuple[Simulator, tuple[Effect, ...]]:
+        return self.built(self.at) or (self.simulator, self.effects)
+
+    def _moved(self, key: Key, base: Array) -> Array | None:
+        """[strata + slopes, bins] Change of residuals by one step of a value; None where it cannot be moved."""
+        for sign in (0.5, -0.5):
+            value = self._inside(key, self.at[key] + sign * self.step[key])
+            if self.left <= 0 or value == self.at[key]:
+                continue
+            self.left -= 1
+            built = self.built({**self.at, key: value})
+            try:
+                pair = self.tried(*built) if built else None
+            except TwingapError:
+                continue
+            if pair is not None:
+                return np.asarray((pair.residuals() - base) * (self.step[key] / (value - self.at[key])))
+        return None
+
+    def _inside(self, key: Key, value: float) -> float:
+        low, high = self.ends.get(key, (-math.inf, math.inf))
+        return float(np.clip(value, min(low, self.at[key]), max(high, self.at[key])))
+
+    def misfit_at(self, there: Mapping[Key, float]) -> float:
+        """Of the fit part, with several values changed, and what they are strained."""
+        if self.left <= 0:
+            return math.inf
+        self.left -= 1
+        at = {**self.at, **there}
+        built = self.built(at)
+        try:
+            return self.strained(self.tried(*built).misfit(), at) if built else math.inf
+        except TwingapError:
+            return math.inf
+
+    def follow(self, key: Key) -> None:
+        """Step both ways; go on in doubled steps while it leads on, else to the vertex of a parabola, and step less."""
+        begin, step = self.at[key], self.step[key]
+        found = {0.0: self.least, 1.0: self.misfit(key, begin + step), -1.0: self.misfit(key, begin - step)}
+        best = min(found, key=lambda turn: found[turn])
+        if best:
+            turn = 2 * best
+            while abs(turn) <= _FARTHEST:
+                found[turn] = self.misfit(key, begin + turn * step)
+                if found[turn] >= found[best]:
+                    break
+                best, turn = turn, 2 * turn
+            self.step[key] = step * abs(best)
+        else:
+            bend = found[1.0] - 2 * found[0.0] + found[-1.0]
+            vertex = 0.5 * (found[-1.0] - found[1.0]) / bend if 0 < bend < math.inf else 0.0
+            if abs(vertex) > 0.08:
+                found[vertex] = self.misfit(key, begin + vertex * step)
+                best = min(found, key=lambda turn: found[turn])
+            self.step[key] = 0.4 * step
+        if found[best] < self.least:
+            self.least, self.at[key] = found[best], begin + best * step
+
+
+def _end(effect: Effect, parameter: str, value: float, setting: Setting) -> float | None:
+    """An end of a plausible range as a number; None where it has no meaning beside the other parameters."""
+    values = {f.name: getattr(effect, f.name) for f in dataclasses.fields(effect)}  # type: ignore[arg-type]
+    try:
+        return to_number(make_effect(effect.name, values | {parameter: value}), parameter, setting)
+    except TwingapError:
+        return None

@@ -1,0 +1,458 @@
+"""The baseline of a twin that has further effects, matched to records through the twin itself.
+
+spec with effects --simulated with each noise alone--> spectra [BANDS] --least squares--> two noise powers, per mode
+                  --simulated with and without impacts--> energy in the band --fixed point--> impact amplitudes
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import Final, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twingap.bearing import FAULTS
+from twingap.effects import Stage, catalogue
+from twingap.identify.impact_band import mode_band
+from twingap.records import Condition, Record, RecordSet
+from twingap.signal.record_transforms import Frame, medians
+from twingap.streams import root_entropy
+from twingap.twins.twin_file import TwinSpec, all_parameters, flat, nested
+
+Array = NDArray[np.float64]
+
+MOST_SIMULATED: Final = 4
+"""Records of each state that are simulated to match a baseline."""
+BANDS: Final = 128
+"""Bands of the spectra that baselines are matched in."""
+_MOST_STEPS: Final = 4
+"""Steps, of ten times at most, to an impact amplitude: one that was read in another band than the mode's may be nil."""
+_LEAST_BEGUN: Final = 1.0
+"""Impact amplitude to begin at: what weaker ones add to a band's energy is chance."""
+_SURE_STEP: Final = math.log(9.9)
+"""Logarithm of a step below which it led where it should: energy goes with the square of amplitude."""
+_FINAL_STEP: Final = 0.1
+"""The same where energy does not."""
+_GRID: Final = (0.08, 0.16, 0.27, 0.4)
+"""Parts of the sampling rate at which broad modes are tried: they have no peak to begin at."""
+_STRETCH: Final = 128
+"""Samples: a knock and what rings after it are not much longer."""
+_FEWEST_STRETCHES: Final = 16
+_KNOCK: Final = 20.0
+"""Median deviations by which the power of a stretch with a knock exceeds the usual one: of the noise of a sharp mode,
+whose power is nearly exponential, one stretch in thirty thousand does."""
+_MOST_KNOCKS: Final = 0.08
+"""Part of a record's stretches; where more are loud, there are enough knocks for their mean to say something."""
+_BESIDE: Final = 0.06
+"""Logarithm of the ratio of two places within which a search that begins at one finds the other."""
+
+
+@dataclass(frozen=True)
+class Side:
+    """Records of one state at one rate: mean power density in bands, tones left out."""
+
+    fault: str
+    fs_hz: float
+    conditions: tuple[Condition, ...]
+    psd: Array
+    energy: float  # mean square in the frame's band
+
+    @property
+    def peak_hz(self) -> float:
+        """Where the spectrum is highest, the ends left out."""
+        smooth = np.convolve(self.psd[2:], np.ones(3) / 3, mode="same")
+        return (int(np.argmax(smooth[: int(0.9 * smooth.size)])) + 2.5) / BANDS * self.fs_hz / 2
+
+
+def match_baseline(
+    spec: TwinSpec,
+    fit_records: RecordSet,
+    frame: Frame,
+    rng: np.random.Generator,
+    steps: int = 4,
+    *,
+    free: TwinSpec | None = None,
+    dampings: Sequence[float] = (0.04,),
+) -> TwinSpec:
+    """Bring the baseline of a twin with effects to records, through the twin itself.
+
+    The healthy spectrum is linear in two powers (structure noise, white noise; disturbances go with their sum), whose
+    spectra are simulated with one of them alone; so they come by weighted non-negative least squares, for each of a few
+    resonances and dampings around the present ones. Impacts come from the energy that they add in the band, found by
+    fixed-point iteration. Random streams are the same throughout.
+
+    Parameters
+    ----------
+    spec : TwinSpec
+        Phenomenological, with all parameters and the effects.
+    fit_records : RecordSet
+        A few of each state do.
+    frame : Frame
+    rng : numpy.random.Generator
+    steps : int
+        Rounds; 0 leaves the mode alone and matches levels once.
+    free : TwinSpec, optional
+        What it fixes stays as it is.
+    dampings : sequence of float
+        At which modes are tried first, at the present place and at the highest peak: a search from one alone may end
+        in a broad mode that stands for a sharp one and for what an effect has done to it.
+
+    Returns
+    -------
+    TwinSpec
+    """
+    root = root_entropy(rng)
+    fixed = set(flat(free.parameters)) if free is not None else set()
+    values = {k: float(v) for k, v in flat(all_parameters(spec)).items()}
+    sides = sides_of(list(fit_records), frame)
+    quiet = [s for s in sides if s.fault == "healthy"]
+    loud = [s for s in sides if s.fault != "healthy"]
+    noise_free = not {"structure_noise_rms", "white_noise_rms", "scale"} & fixed
+    matcher = _Matcher(spec, frame, fit_records.unit, root)
+    if quiet:
+        at, best_powers = _mode_search(matcher, quiet, loud, values, fixed, steps, dampings)
+        values["resonance_hz"], values["damping_ratio"] = at
+        if noise_free:
+            before = values["scale"]
+            structure, white = np.sqrt(best_powers)
+            scale = math.hypot(structure, white)
+            if scale > 0:
+                values.update(scale=scale, structure_noise_rms=structure / scale, white_noise_rms=white / scale)
+                for fault in FAULTS[1:]:
+                    name = f"impact_amplitude.{fault}"
+                    if name in values and name not in fixed:
+                        values[name] *= before / scale
+    if {"resonance_hz", "damping_ratio"} - fixed and loud:
+        # Impacts are weighed where they ring now, which need not be where envelopes are compared.
+        conditions = [c for s in sides for c in s.conditions]
+        band = mode_band(values["resonance_hz"], values["damping_ratio"], conditions, frame.bearing)
+        matcher = replace(matcher, frame=replace(frame, band_hz=band))
+        loud = [s for s in sides_of(list(fit_records), matcher.frame) if s.fault != "healthy"]
+    for _ in range(2 if steps else 1):
+        for fault in sorted({s.fault for s in loud}):
+            name = f"impact_amplitude.{fault}"
+            if name in fixed:
+                continue
+            values[name] = matcher.amplitude(fault, [s for s in loud if s.fault == fault], values)
+    return matcher.spec_with(values)
+
+
+def match_level(
+    made: Callable[[float, Sequence[Condition]], Sequence[Record]], sides: Sequence[Side], frame: Frame, now: float
+) -> float:
+    """The factor on a simulator's waveforms that brings its spectra nearest to records', effects and all.
+
+    A simulator of the user's own has no baseline but its level; with effects added, another level may be right: what a
+    sensor loses had been taken for a weak machine.
+
+    Parameters
+    ----------
+    made : callable
+        Level, conditions -> simulated records; the same chances at all levels.
+    sides : sequence of Side
+        Of the records.
+    frame : Frame
+    now : float
+        Level to begin at.
+
+    Returns
+    -------
+    float
+        With the least mean square log ratio over bands, which count as at most one each: strong tones and strong
+        disturbances in some of them do not decide.
+    """
+    inside = slice(2, int(0.92 * BANDS))
+
+    def tried(level: float) -> tuple[float, float, Array]:
+        rest = []
+        for side in sides:
+            records = made(level, side.conditions[:MOST_SIMULATED])
+            psd = np.mean([_bands(r, frame)[0] for r in records], axis=0)
+            rest.append(np.log(np.maximum(psd, 1e-300) / np.maximum(side.psd, 1e-300))[inside])
+        return float(np.mean(np.minimum(np.square(rest), 1.0))), level, np.concatenate(rest)
+
+    best = tried(now)
+    best = min(best, tried(now * math.exp(-0.5 * float(np.median(best[2])))), key=lambda t: t[0])
+    for step in (0.15, 0.05, 0.02):
+        best = min([best, *(tried(best[1] * math.exp(sign * step)) for sign in (-1, 1))], key=lambda t: t[0])
+    return best[1]
+
+
+def _mode_search(
+    matcher: _Matcher,
+    quiet: Sequence[Side],
+    loud: Sequence[Side],
+    values: dict[str, float],
+    fixed: set[str],
+    steps: int,
+    dampings: Sequence[float],
+) -> tuple[tuple[float, float], Array]:
+    """Resonance and damping that fit best, and the powers of structure and white noise that go with them.
+
+    From the best of a few starts (where the fit of one mode to what further effects make is far off), along each axis
+    in turn; a step that leads on is kept, one that does not is halved. What a defect adds rings in the mode, and what
+    disturbs healthy records as well does not hide it.
+    """
+    top = 0.49 * min(s.fs_hz for s in quiet)
+    names = ("resonance_hz", "damping_ratio")
+    free = [axis for axis in (0, 1) if names[axis] not in fixed]
+    start = (values["resonance_hz"], values["damping_ratio"])
+
+    def tried(point: tuple[float, float]) -> tuple[float, Array, tuple[float, float]]:
+        inside = (float(np.clip(point[0], 0.01 * top, top)), float(np.clip(point[1], 1e-3, 0.45)))
+        return (*matcher.noise(quiet, *inside, values), inside)
+
+    best = tried(start)
+    if steps and len(free) == 2:
+        loudest = max(quiet, key=lambda s: len(s.conditions))
+        centres = _apart((start[0], loudest.peak_hz, *_struck_hz(loudest, loud)))
+        broad = [(part * loudest.fs_hz, max(dampings)) for part in _GRID]
+        starts = [*((f, d) for d in dampings for f in centres), *broad]
+        best = min([best, *(tried(point) for point in starts)], key=lambda t: t[0])
+    step = [0.03, 0.25]
+    for _ in range(steps):
+        for axis in free:
+            points = [(0.0, best), *((sign, tried(_moved(best[2], axis, sign * step[axis]))) for sign in (-1.0, 1.0))]
+            losses = np.array([p[1][0] for p in sorted(points, key=lambda p: p[0])])
+            bend = losses[0] - 2 * losses[1] + losses[2]
+            vertex = float(0.5 * (losses[0] - losses[2]) / bend) if bend > 0 else 0.0
+            if 0.05 < abs(vertex) < 1:
+                points.append((vertex, tried(_moved(best[2], axis, vertex * step[axis]))))
+            how_far, found = min(points, key=lambda p: p[1][0])
+            best = found
+            step[axis] *= 1.5 if abs(how_far) == 1 else 0.5
+    return best[2], best[1]
+
+
+def _struck_hz(quiet: Side, loud: Sequence[Side]) -> Iterator[float]:
+    """Where defects add most to healthy spectra: in power, and in proportion."""
+    struck = [side for side in loud if side.fs_hz == quiet.fs_hz]
+    if not struck:
+        return
+    psd = np.average([side.psd for side in struck], axis=0, weights=[len(side.conditions) for side in struck])
+    smooth = np.ones(5) / 5
+    with_defect, without = (np.convolve(p, smooth, mode="same") for p in (psd, quiet.psd))
+    for more in (with_defect - without, with_defect / np.maximum(without, 1e-300)):
+        yield replace(quiet, psd=np.maximum(more, 0.0)).peak_hz
+
+
+def _apart(places: Sequence[float]) -> list[float]:
+    """Those that are not beside an earlier one."""
+    kept: list[float] = []
+    for place in places:
+        if all(abs(math.log(place / other)) > _BESIDE for other in kept):
+            kept.append(place)
+    return kept
+
+
+def _moved(point: tuple[float, float], axis: int, by: float) -> tuple[float, float]:
+    """The point with one coordinate multiplied by exp(by)."""
+    factor = math.exp(by)
+    return (point[0] * factor, point[1]) if axis == 0 else (point[0], point[1] * factor)
+
+
+def sides_of(records: Sequence[Record], frame: Frame) -> list[Side]:
+    """Records gathered by state and rate."""
+    by: dict[tuple[str, float], list[Record]] = {}
+    for record in records:
+        by.setdefault((str(record.condition.fault), record.condition.fs_hz), []).append(record)
+    out = []
+    for (fault, fs_hz), own in by.items():
+        measured = [_bands(r, frame) for r in own]
+        out.append(
+            Side(
+                fault, fs_hz, tuple(r.condition for r in own), np.mean([m[0] for m in measured], axis=0),
+                float(np.mean([m[1] for m in measured])),
+            )
+        )  # fmt: skip
+    return out
+
+
+def _bands(record: Record, frame: Frame) -> tuple[Array, float]:
+    """Power density in `BANDS` bands without tones, and mean square in the frame's band, tones and all.
+
+    Of healthy records without knocks either: a few strong ones in a handful of records say little of their mean power,
+    and mode and noises would be made up for what they happen to have. With a defect the loud stretches may be its own.
+    """
+    import scipy.fft
+
+    x, fs_hz = record.samples, record.condition.fs_hz
+    x = x - x.mean()
+    kept = _between_knocks(x) if record.condition.fault == "healthy" else None
+    transform = scipy.fft.rfft(x if kept is None else x * kept)
+    weight = x.size if kept is None else float(kept @ kept)
+    power = (transform.real**2 + transform.imag**2) * (2 / (fs_hz * weight))
+    df = fs_hz / x.size
+    low, high = (round(f / df) for f in frame.band_hz)
+    energy = float(power[max(low, 1) : max(high, low + 1)].sum() * df)
+    per = (power.size - 1) // BANDS
+    if per < 1:
+        return np.interp(np.arange(BANDS), np.linspace(0, BANDS - 1, power.size - 1), power[1:]), energy
+    blocks = power[1 : 1 + per * BANDS].reshape(BANDS, per)
+    if per < 8:
+        return np.asarray(blocks.mean(axis=1)), energy
+    # Tones lie above what chance does to the largest of so many bins: each bin counts as at most that.
+    level = medians(blocks)[:, None] / math.log(2)
+    return np.asarray(np.minimum(blocks, level * (math.log(per) + 3)).mean(axis=1)), energy
+
+
+def _between_knocks(x: Array) -> Array | None:
+    """[samples] 0 where something short and far louder than the rest of the record is, 1 elsewhere; None without."""
+    count = x.size // _STRETCH
+    if count < _FEWEST_STRETCHES:
+        return None
+    pieces = x[: count * _STRETCH].reshape(count, _STRETCH)
+    power = np.einsum("ij,ij->i", pieces, pieces)
+    usual = float(medians(power))
+    loud = power > usual + _KNOCK * max(float(medians(np.abs(power - usual))), 0.1 * usual)
+    if not 0 < loud.sum() <= _MOST_KNOCKS * count:
+        return None
+    # What rings on after a knock, and what begins before it, lies beside it.
+    quiet = np.convolve(loud, np.ones(3), mode="same") == 0
+    kept = np.repeat(quiet, _STRETCH).astype(float)
+    kept = np.pad(kept, (0, x.size - kept.size), mode="edge")
+    edge = np.hanning(_STRETCH // 2 + 2)[1:-1]
+    return np.asarray(np.convolve(np.pad(kept, edge.size // 2, mode="edge"), edge / edge.sum(), mode="same"))[
+        edge.size // 2 : edge.size // 2 + x.size
+    ]
+
+
+@dataclass(frozen=True)
+class _Matcher:
+    """Simulates a twin under changed baselines with the same random streams."""
+
+    spec: TwinSpec
+    frame: Frame
+    unit: str
+    root: int
+    known: dict[float, Array] = field(default_factory=dict)
+    idle: dict[tuple[object, ...], bool] = field(default_factory=dict)
+
+    @cached_property
+    def plain(self) -> TwinSpec:
+        """The twin without its effects."""
+        own = {k: v for k, v in self.spec.parameters.items() if k not in self.spec.effects}
+        return replace(self.spec, effects=(), parameters=own)
+
+    def spec_with(self, values: dict[str, float]) -> TwinSpec:
+        """The twin with these baseline values."""
+        return replace(self.spec, parameters=nested(flat(self.spec.parameters) | values))
+
+    def simulated(self, conditions: Sequence[Condition], values: dict[str, float]) -> list[Record]:
+        """Its records."""
+        from twingap.twins.simulator import TwinSimulator
+
+        own = TwinSimulator(self.spec_with(values), self.frame.bearing, self.unit)
+        return own.simulate((), conditions, self.root, 0)
+
+    def noise(self, quiet: Sequence[Side], f: float, zeta: float, values: dict[str, float]) -> tuple[float, Array]:
+        """Misfit of the healthy spectra and the powers of structure and white noise that give it."""
+        loss, powers, weights = 0.0, np.zeros(2), 0.0
+        for side in quiet:
+            conditions = side.conditions[:MOST_SIMULATED]
+            basis = []
+            for structure, white in ((1.0, 1e-4), (1e-4, 1.0)):
+                own = values | {
+                    "resonance_hz": f, "damping_ratio": zeta, "scale": 1.0,
+                    "structure_noise_rms": structure, "white_noise_rms": white,
+                }  # fmt: skip
+                exact = structure**2 * mode_density(f, zeta, side.fs_hz) + white**2 * 2 / side.fs_hz
+                basis.append(exact * self._changed(conditions, own))
+            inside = slice(2, int(0.92 * BANDS))
+            got, one = _nonnegative(np.array(basis).T[inside], side.psd[inside])
+            loss += one * len(side.conditions)
+            powers += got * len(side.conditions)
+            weights += len(side.conditions)
+        return loss / weights, powers / weights
+
+    def _changed(self, conditions: Sequence[Condition], values: dict[str, float]) -> Array | float:
+        """Factor by which effects change the healthy spectrum [BANDS], read off records with the same chances."""
+        acts = self.acts(conditions)
+        if acts == "nothing":
+            return 1.0
+        # Without structure noise the mode does not matter, unless an effect drives it.
+        lasting = acts == "after the mode" and values["structure_noise_rms"] < values["white_noise_rms"]
+        if lasting and conditions[0].fs_hz in self.known:
+            return self.known[conditions[0].fs_hz]
+        factor = self.density(conditions, values, self.spec) / self.density(conditions, values, self.plain)
+        if lasting:
+            self.known[conditions[0].fs_hz] = factor
+        return factor
+
+    def acts(self, conditions: Sequence[Condition]) -> Literal["nothing", "after the mode", "more"]:
+        """What the effects do to healthy records of these conditions."""
+        stages = {catalogue()[name].stage for name in self.spec.effects}
+        if stages <= {Stage.SHAFT, Stage.EXCITATION}:
+            key = tuple((c.speed_rpm, c.time_s, c.load_n) for c in conditions)
+            if key not in self.idle:
+                short = [replace(c, fault="healthy", n_samples=min(c.n_samples, 512)) for c in conditions]
+                values = {"resonance_hz": conditions[0].fs_hz / 8, "damping_ratio": 0.05}
+                pair = (replace(self, spec=s).simulated(short, values) for s in (self.spec, self.plain))
+                # Most change the strikes of a defect only, and a healthy record has none.
+                self.idle[key] = all(np.array_equal(a.samples, b.samples) for a, b in zip(*pair, strict=True))
+            if self.idle[key]:
+                return "nothing"
+        return "more" if Stage.EXCITATION in stages else "after the mode"
+
+    @cached_property
+    def linear(self) -> bool:
+        """Whether no effect acts on what has been measured: rails and steps mind how strong a strike is."""
+        return Stage.ACQUISITION not in {catalogue()[name].stage for name in self.spec.effects}
+
+    def density(self, conditions: Sequence[Condition], values: dict[str, float], spec: TwinSpec) -> Array:
+        """Mean power density [BANDS] of a twin's records."""
+        made = replace(self, spec=spec).simulated(conditions, values)
+        return np.asarray(np.mean([_bands(r, self.frame)[0] for r in made], axis=0))
+
+    def amplitude(self, fault: str, sides: Sequence[Side], values: dict[str, float]) -> float:
+        """Impact amplitude that brings the energy in the band to what it is in the records."""
+        name = f"impact_amplitude.{fault}"
+        number = np.array([len(side.conditions) for side in sides], float)
+
+        def energy(amplitude: float) -> Array:
+            made = (self.simulated(side.conditions[:MOST_SIMULATED], values | {name: amplitude}) for side in sides)
+            return np.array([np.mean([_bands(r, self.frame)[1] for r in records]) for records in made])
+
+        without = energy(0.0)
+        wanted = float(number @ (np.array([side.energy for side in sides]) - without))
+        if wanted <= 0:  # knocks by chance fewer here than there hide the strikes: nothing is known of them
+            return values[name]
+        now = max(values[name], _LEAST_BEGUN)
+        for _ in range(_MOST_STEPS):
+            added = float(number @ (energy(now) - without))
+            if added <= 0:
+                return now
+            step = math.sqrt(float(np.clip(wanted / added, 0.01, 100.0)))
+            now *= step
+            # Energy goes with the square, unless a rail cuts it off; too long a step may lead astray.
+            if abs(math.log(step)) < (_SURE_STEP if self.linear else _FINAL_STEP):
+                break
+        return now
+
+
+def mode_density(resonance_hz: float, damping_ratio: float, fs_hz: float) -> Array:
+    """[BANDS] Power density of sampled structure noise of unit variance, 1/Hz, from 0 to half the rate."""
+    f = (np.arange(8 * BANDS) + 0.5) / (16 * BANDS)
+    w = 2 * math.pi * resonance_hz / fs_hz
+    r, theta = math.exp(-damping_ratio * w), math.sqrt(1 - damping_ratio**2) * w
+    turn = np.exp(-2j * math.pi * f)
+    power = 1 / np.abs(1 - 2 * r * math.cos(theta) * turn + r**2 * turn**2) ** 2
+    return np.asarray((power / power.mean() * 2 / fs_hz).reshape(BANDS, 8).mean(axis=1))
+
+
+def _nonnegative(basis: Array, wanted: Array) -> tuple[Array, float]:
+    """Powers [2] of the two spectra [bins, 2] by least squares of relative errors, and their mean log misfit."""
+    from scipy.optimize import nnls
+
+    weight = 1 / np.maximum(wanted, 1e-300)
+    got = np.zeros(2)
+    for _ in range(4):
+        got = nnls(basis * weight[:, None], wanted * weight)[0]
+        model = np.maximum(basis @ got, 1e-3 * wanted)
+        weight = 1 / np.sqrt(model * wanted)
+    rest = np.log(np.maximum(basis @ got, 1e-300) / np.maximum(wanted, 1e-300))
+    return got, float(np.mean(np.minimum(rest**2, 1.0)))

@@ -1,0 +1,410 @@
+"""Calibrate first: what calibration removes is no gap.
+
+records --split by group--> fit part, held-out part
+both    --lines-----------> true speeds                        (`gap.speed`)
+fit     --spectra---------> the twin's free parameters         (`identify`, without its intervals)
+fit     --mode, level-----> Frame: bearing, band, yardstick    (`gap.view`)
+twin with more effects --spectra of its own records against the fit part's--> baseline anew (`match_baseline`)
+
+Everything that a diagnosis reports is measured on the held-out part; what calibration hardly moves is asked of both
+(`whole`): trends of levels within a fault, lines of many records, the comb of a second strike. Values are read off the
+fit part, but for slopes over speed and time: the fit part alone may have met a fault at one speed only.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twingap.bearing import FAULTS, Bearing
+from twingap.errors import TwingapError
+from twingap.identify.baseline import match_baseline
+from twingap.identify.impact_band import impact_hz, mode_band
+from twingap.identify.phenomenological import quick_identify
+from twingap.identify.speed import Speeds, estimate_speeds
+from twingap.identify.speed_reading import comb_heights
+from twingap.records import RecordSet
+from twingap.signal.record_transforms import Frame
+from twingap.streams import root_entropy
+from twingap.twins.twin_file import TwinSpec, all_parameters, build_twin, flat, in_unit, nested
+
+Array = NDArray[np.float64]
+
+MOST_FIT: Final = 12
+"""Records of each state that parameters are read from: more hardly sharpen them."""
+CLEAR_COMB: Final = 6.0
+"""Height of a fault's comb (see `speed.COMB`) from which a record of unknown state is taken to have that fault."""
+
+
+@dataclass(frozen=True)
+class Calibrated:
+    """Records and twin, ready to be compared.
+
+    Parameters
+    ----------
+    fit, held_out : RecordSet
+        With corrected speeds; the bearing is known in both.
+    spec : TwinSpec or None
+        With every parameter that the fit part shows; None for a user's simulated records.
+    frame : Frame
+    speeds : Speeds
+        Of all records kept, in the order of `names`.
+    names : tuple[str, ...]
+        Records kept.
+    shared : tuple[str, ...]
+        Records that stand in both parts, since their fault has one group only.
+    aside : tuple[str, ...]
+        Records left out, their fault unknown.
+    notes : tuple[str, ...]
+        What was done and what cannot be decided, for people.
+    """
+
+    fit: RecordSet
+    held_out: RecordSet
+    spec: TwinSpec | None
+    frame: Frame
+    speeds: Speeds
+    names: tuple[str, ...]
+    shared: tuple[str, ...]
+    aside: tuple[str, ...]
+    notes: tuple[str, ...]
+
+
+def calibrate(
+    records: RecordSet, spec: TwinSpec | None, rng: np.random.Generator, *, sim: RecordSet | None = None
+) -> Calibrated:
+    """Split, correct speeds, and identify what the twin leaves free.
+
+    Parameters
+    ----------
+    records : RecordSet
+        Real ones.
+    spec : TwinSpec or None
+        The twin; None with `sim`.
+    rng : numpy.random.Generator
+        Deals out groups.
+    sim : RecordSet, optional
+        The user's simulated records: nothing is identified then.
+
+    Returns
+    -------
+    Calibrated
+
+    Raises
+    ------
+    TwingapError
+        When nobody knows the bearing, or records cannot be read.
+    """
+    bearing = records.bearing or (spec.bearing if spec is not None else None) or (sim.bearing if sim else None)
+    if bearing is None:
+        raise TwingapError(
+            "the bearing is not known",
+            where=f"record set {records.name!r}",
+            mend="add [bearing] to recordset.toml or to the twin file",
+        )
+    if spec is None and sim is None:
+        raise TwingapError(
+            "neither a twin nor simulated records are given", mend="give a twin file, or records to --sim"
+        )
+    _refuse_unreadable(records)
+    spec = spec if spec is None else in_unit(spec, records.unit)
+    notes: list[str] = []
+    if sim is not None:
+        _refuse_unreadable(sim, "simulated record")
+    known, aside = _known(records, bearing, notes)
+    if sim is not None:
+        known, others = _simulated_too(known, sim, notes)
+        aside = (*aside, *others)
+    speeds = estimate_speeds(known, bearing)
+    notes += speeds.notes
+    known = _with_bearing(speeds.corrected(known), bearing)
+    fit, held_out, shared = split_parts(known, rng, notes)
+    identified = None
+    if spec is not None and sim is None:
+        identified, frame = _identified(spec, fit, bearing, rng, notes)
+    else:
+        frame = _frame(fit, bearing, rng)
+    return Calibrated(
+        fit, held_out, identified, frame, speeds, tuple(c.name for c in known.conditions), shared, aside, tuple(notes)
+    )
+
+
+# ------------------------------------------------------------------------------------------------------------- records
+
+
+def _refuse_unreadable(records: RecordSet, what: str = "record") -> None:
+    for record in records:
+        where = f"{what} {record.condition.name!r}"
+        if record.samples.size < 256:
+            raise TwingapError(
+                f"{record.samples.size} samples found, at least 256 expected", where=where, mend="bring longer records"
+            )
+        if not np.isfinite(record.samples).all():
+            raise TwingapError("a sample is not a finite number", where=where, mend="remove or repair the record")
+        if not np.ptp(record.samples) > 0:
+            raise TwingapError("all samples are equal", where=where, mend="remove the record")
+
+
+def _with_bearing(records: RecordSet, bearing: Bearing) -> RecordSet:
+    """The same records, their bearing known."""
+    return RecordSet(records.name, records.unit, bearing, records.conditions, lambda i: records[i].samples)
+
+
+def _known(records: RecordSet, bearing: Bearing, notes: list[str]) -> tuple[RecordSet, tuple[str, ...]]:
+    """Records whose state is known or, where none is, what their envelopes say it is; and the names of the others."""
+    unknown = [i for i, c in enumerate(records.conditions) if c.fault is None]
+    if not unknown:
+        return records, ()
+    if len(unknown) < len(records):
+        names = tuple(records.conditions[i].name for i in unknown)
+        notes.append(
+            f"{len(names)} records of unknown fault were left aside: a twin cannot simulate a fault that nobody names"
+        )
+        left = set(unknown)
+        return records.take(i for i in range(len(records)) if i not in left), names
+    found: list[str] = []
+    for record in records:
+        heights = comb_heights(record.samples, record.condition, bearing)
+        fault = max(heights, key=lambda name: heights[name])
+        found.append(fault if heights[fault] > CLEAR_COMB else "healthy")
+    counts = {fault: found.count(fault) for fault in FAULTS if fault in found}
+    if set(counts) == {"healthy"}:
+        notes.append(
+            "no record says what fault it is of, and none shows a fault's comb: all were taken to be healthy; impacts "
+            "cannot be compared"
+        )
+    else:
+        told = ", ".join(f"{number} {fault}" for fault, number in counts.items())
+        notes.append(
+            f"no record says what fault it is of: faults were read off the strongest comb of the envelopes ({told}); "
+            "a comb moved by slip or wrong speed onto another fault's place, or a fault without a comb, would be "
+            "mistaken"
+        )
+    conditions = [replace(c, fault=fault) for c, fault in zip(records.conditions, found, strict=True)]
+    return RecordSet(records.name, records.unit, records.bearing, conditions, lambda i: records[i].samples), ()
+
+
+def _simulated_too(records: RecordSet, sim: RecordSet, notes: list[str]) -> tuple[RecordSet, tuple[str, ...]]:
+    """Records of faults that are simulated too, where there are any, and the names of the others."""
+    made = {c.fault for c in sim.conditions}
+    kept = [i for i, c in enumerate(records.conditions) if c.fault in made]
+    if not kept or len(kept) == len(records):
+        return records, ()
+    left = [c for c in records.conditions if c.fault not in made]
+    faults = ", ".join(dict.fromkeys(str(c.fault) for c in left))
+    notes.append(f"no simulated record of {faults}: {len(left)} real records of it are left aside")
+    return records.take(kept), tuple(c.name for c in left)
+
+
+def split_parts(
+    records: RecordSet, rng: np.random.Generator, notes: list[str]
+) -> tuple[RecordSet, RecordSet, tuple[str, ...]]:
+    """Fit part, held-out part and the names of records in both: groups whole, every fault and its speeds in each part.
+
+    Groups of one fault are sorted by speed (then load and time) and dealt out in threes, by lot one of three to the fit
+    part: a handful of values needs fewer records than a decision. Two groups go one to each. Where every fault would
+    give one group, one fault of three or four gives two, far apart: what strikes do with speed shows where a fault was
+    seen at two. A fault with one group only stands in both parts, which `notes` say.
+    """
+    groups: dict[str, list[int]] = {}
+    for place, condition in enumerate(records.conditions):
+        groups.setdefault(str(condition.group), []).append(place)
+    if len(groups) == 1:
+        notes.append(
+            "all records are of one group: the twin was calibrated on the records it is compared with, so the gap "
+            "may be underestimated"
+        )
+        return records, records, tuple(c.name for c in records.conditions)
+    faults = {g: frozenset(str(records.conditions[i].fault) for i in places) for g, places in groups.items()}
+    parts: tuple[list[int], list[int]] = ([], [])
+    shared: list[str] = []
+    by_fault: dict[frozenset[str], list[str]] = {}
+    for group, own in faults.items():
+        by_fault.setdefault(own, []).append(group)
+
+    def key(group: str) -> tuple[float, ...]:
+        own = [records.conditions[i] for i in groups[group]]
+        values = np.array([(c.speed_rpm, c.load_n or 0.0, c.time_s or 0.0) for c in own]).mean(axis=0)
+        return tuple(values.tolist())
+
+    held = [set[str](), set[str]()]
+    lone: list[str] = []
+    spare = int(rng.integers(2))
+    # Faults before what is healthy: the first that can is seen at two speeds.
+    in_order = sorted(by_fault.items(), key=lambda item: item[0] == {"healthy"})
+    spanned = any(len(own_groups) > 4 for own, own_groups in in_order if own != {"healthy"})
+    for own, own_groups in in_order:
+        ordered = sorted(own_groups, key=key)
+        if len(ordered) == 1:
+            lone += ordered
+            continue
+        spans = not spanned and own != {"healthy"} and len(ordered) in (3, 4)
+        spanned = spanned or spans
+        fitted = {ordered[turn] for turn in _fitted(len(ordered), spans, rng)}
+        for group in ordered:
+            part = 0 if group in fitted else 1
+            parts[part].extend(groups[group])
+            held[part] |= faults[group]
+    for group in lone:
+        missing = [part for part in (0, 1) if not faults[group] <= held[part]]
+        # Where one part has these faults from other groups, this group goes to the other; else it stands in both.
+        for part in missing or [spare]:
+            parts[part].extend(groups[group])
+        if not missing:
+            spare = 1 - spare
+        if len(missing) == 2:
+            shared += [records.conditions[i].name for i in groups[group]]
+    if shared:
+        kinds = sorted({str(c.fault) for c in records.conditions if c.name in set(shared)})
+        notes.append(
+            f"records of {', '.join(kinds)} are of one group each: {len(shared)} records stand in both the part that "
+            "calibrates the twin and the part that it is compared with"
+        )
+    if not parts[0] or not parts[1]:
+        full = parts[0] or parts[1]
+        parts = (full, full)
+    return records.take(sorted(parts[0])), records.take(sorted(parts[1])), tuple(shared)
+
+
+def _fitted(count: int, spans: bool, rng: np.random.Generator) -> list[int]:
+    """Places of the fit part's groups among a fault's `count`; two far apart of three or four if the fault `spans`."""
+    if spans:
+        first = int(rng.integers(count - 2))
+        return [first, first + 2]
+    # A single one at the end is one more to decide with.
+    blocks = [(begin, min(3, count - begin)) for begin in range(0, count, 3)]
+    return [begin + int(rng.integers(size)) for begin, size in blocks if size > 1]
+
+
+def thinned(records: RecordSet, most: int = MOST_FIT) -> RecordSet:
+    """At most `most` records of each state, evenly spread over its speeds."""
+    by_fault: dict[str | None, list[int]] = {}
+    for place, condition in enumerate(records.conditions):
+        by_fault.setdefault(condition.fault, []).append(place)
+    kept: list[int] = []
+    for places in by_fault.values():
+        if len(places) > most:
+            ordered = sorted(places, key=lambda i: (records.conditions[i].speed_rpm, i))
+            places = [ordered[i] for i in np.linspace(0, len(ordered) - 1, most).round().astype(int)]
+        kept += places
+    return records.take(sorted(kept))
+
+
+# --------------------------------------------------------------------------------------------------------------- frame
+
+
+def healthy_rms(records: RecordSet) -> float | None:
+    """RMS about the mean of healthy records; None without any."""
+    own = [r.samples.var() for r in thinned(records) if r.condition.fault == "healthy"]
+    return float(np.sqrt(np.mean(own))) if own else None
+
+
+def _frame(records: RecordSet, bearing: Bearing, rng: np.random.Generator) -> Frame:
+    """Band and yardstick from records alone: the band of their dominant mode, and healthy RMS."""
+    own = thinned(records, 6)
+    scale = healthy_rms(records)
+    if scale is None:  # the quietest there is
+        scale = float(np.sqrt(min(r.samples.var() for r in own)))
+    try:
+        found, _ = quick_identify(TwinSpec("phenomenological", bearing=bearing), own, rng, impacts=False)
+    except TwingapError:
+        return Frame(bearing, _impulsive_band(own, bearing), scale)
+    given = flat(found.parameters)
+    return Frame(bearing, mode_band(given["resonance_hz"], given["damping_ratio"], own.conditions, bearing), scale)
+
+
+def _impulsive_band(records: RecordSet, bearing: Bearing) -> tuple[float, float]:
+    """Band of the highest kurtosis, Hz, of the record where it is highest; wide enough for the impact rate."""
+    from twingap.signal import most_impulsive_band
+
+    found = []
+    for record in records:
+        condition = record.condition
+        widest = 3 * impact_hz(condition, bearing)
+        level = int(math.log2(min(max(condition.fs_hz / 2 / widest, 2.0), condition.n_samples / 128)))
+        (best,) = most_impulsive_band(record.samples, condition.fs_hz, max_level=max(level, 1))
+        found.append((best.kurtosis, best.low_hz, best.high_hz))
+    _, low, high = max(found)
+    top = min(c.fs_hz for c in records.conditions) / 2
+    return (low, min(high, top)) if low < 0.9 * top else (0.1 * top, 0.9 * top)
+
+
+# ---------------------------------------------------------------------------------------------------------- parameters
+
+
+def _identified(
+    spec: TwinSpec, fit: RecordSet, bearing: Bearing, rng: np.random.Generator, notes: list[str]
+) -> tuple[TwinSpec, Frame]:
+    """The twin with what the fit part shows, and the frame that goes with it."""
+    if spec.model == "phenomenological":
+        found, told = quick_identify(spec, thinned(fit), rng)
+        notes += told
+        given = flat(found.parameters)
+        band = mode_band(given["resonance_hz"], given["damping_ratio"], fit.conditions, bearing)
+        frame = Frame(bearing, band, healthy_rms(fit) or build_twin(found, bearing, fit.unit).reference_rms)
+        if found.effects:
+            found = match_baseline(found, thinned(fit, 6), frame, rng, free=spec)
+            given = flat(found.parameters)
+            band = mode_band(given["resonance_hz"], given["damping_ratio"], fit.conditions, bearing)
+            frame = Frame(bearing, band, frame.scale)
+        return found, frame
+    frame = _frame(fit, bearing, rng)
+    if spec.model == "contact":
+        from twingap.identify import identify
+
+        outcome = identify(spec, thinned(fit), rng)
+        notes += outcome.notes
+        return outcome.spec, frame
+    return _scaled(spec, fit, rng, notes), frame
+
+
+def _scaled(spec: TwinSpec, fit: RecordSet, rng: np.random.Generator, notes: list[str]) -> TwinSpec:
+    """A model of the user's own: only its level is brought to the records', where it has a `scale`."""
+    names = flat(all_parameters(spec))
+    if "scale" not in names or spec.given("scale"):
+        notes.append(f"model {spec.model!r} has nothing to identify: its parameters are taken as they are")
+        return spec
+    from twingap.twins.simulator import TwinSimulator
+
+    own = thinned(fit, 6)
+    made = TwinSimulator(spec, own.bearing, own.unit).simulate((), own.conditions, root_entropy(rng), 0)
+    pairs = [(r.samples.var(), m.samples.var(), r.condition.fault == "healthy") for r, m in zip(own, made, strict=True)]
+    chosen = [p for p in pairs if p[2]] or pairs
+    gain = math.sqrt(sum(p[0] for p in chosen) / max(sum(p[1] for p in chosen), 1e-300))
+    level = float(names["scale"]) * gain
+    notes.append(f"model {spec.model!r}: its level was brought to the records' by scale = {level:.4g}")
+    return replace(spec, parameters=nested(flat(spec.parameters) | {"scale": level}))
+
+
+def recalibrate(
+    calibrated: Calibrated,
+    spec: TwinSpec,
+    rng: np.random.Generator,
+    *,
+    free: TwinSpec | None = None,
+    steps: int = 4,
+    dampings: Sequence[float] = (0.04,),
+) -> Calibrated:
+    """The same parts with a twin that has further effects: its baseline is matched to the fit part anew.
+
+    Parameters
+    ----------
+    calibrated : Calibrated
+    spec : TwinSpec
+        The calibrated twin with further effects and their parameters.
+    free : TwinSpec, optional
+        The user's twin: what it fixes stays. None leaves all baseline parameters free.
+    steps, dampings
+        As `match_baseline`.
+    """
+    if spec.model != "phenomenological":
+        return replace(calibrated, spec=spec)
+    fit = thinned(calibrated.fit, 6)
+    return replace(
+        calibrated, spec=match_baseline(spec, fit, calibrated.frame, rng, steps, free=free, dampings=dampings)
+    )

@@ -1,0 +1,316 @@
+"""The true shaft speed of records whose metadata are poor.
+
+record --speed_reading--> log ratios to nominal: of the shaft itself, of the fault's comb
+all records: log ratio (shaft) = c_j, log ratio (comb) = c_j + k(fault) slip + spin --Gaussian, closed--> c_j, slip
+
+A wrong speed moves every order alike; a cage that slips moves BPFO by 1 - s and BPFI the other way, see
+`Bearing.slipped`. So one record tells speed from slip only where it shows the shaft itself, and a set does where its
+speeds are wrong by one factor (the tachometer's) and it holds faults of both races. Rollers' strikes follow BPFI where
+they keep rolling on the inner ring; where they do not, their order has a shift of its own (spin), which says nothing of
+the cage.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import product
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twingap.bearing import Bearing
+from twingap.errors import TwingapError
+from twingap.identify.speed_reading import NOT_VISIBLE, Reading, read_speed
+from twingap.records import Condition, RecordSet
+
+Array = NDArray[np.float64]
+
+COMBINED: Final = "common factor from inner and outer"
+COMB_ONLY: Final = "fault comb"
+
+_COMMON_SD, _SLIP_SD, _SPIN_SD = 0.03, 0.02, 0.02
+_SCATTERS = (1e-5, 3e-4, 1e-3, 4e-3, 0.015)
+_OUTLIER = math.log(0.02 / 0.16)  # log density of a reading that is wrong: anywhere within the search, 2 % of them
+_MARGIN = 3.0  # of log evidence, by which slip has to beat speeds that are off
+
+
+@dataclass(frozen=True)
+class SpeedEstimate:
+    """What one record's speed is taken to be.
+
+    Parameters
+    ----------
+    ratio : float
+        True over nominal speed; 1 where nothing shows it.
+    sigma : float
+        Standard error of `ratio`; infinite where nothing is known.
+    found_by : str
+        "shaft lines", "sidebands", "common factor from inner and outer", "fault comb" (taking the slip to be the
+        set's), "common factor" (of the other records) or "not visible".
+    """
+
+    ratio: float
+    sigma: float
+    found_by: str
+
+
+@dataclass(frozen=True)
+class Speeds:
+    """Speeds of a record set.
+
+    Parameters
+    ----------
+    estimates : tuple[SpeedEstimate, ...]
+        One a record.
+    common_ratio : float
+        Factor that all nominal speeds are off by; 1 when none is established.
+    common_sigma : float
+        Its standard error.
+    slip : float
+        Part by which the cage lags its kinematic speed; 0 when none is established.
+    slip_sigma : float
+        Its standard error; infinite where the records cannot show slip.
+    slip_free : float
+        What slip would be were it and a common factor free, whether or not it is established: weak slip beside poor
+        speeds is not, and is evidence all the same.
+    slip_evidence : float
+        Log evidence of the best account with slip over the best one without.
+    scatter : float
+        Standard deviation of the records' own deviations from `common_ratio`.
+    decidable : bool
+        Whether the records tell slip from a wrong speed.
+    notes : tuple[str, ...]
+        For people.
+    """
+
+    estimates: tuple[SpeedEstimate, ...]
+    common_ratio: float
+    common_sigma: float
+    slip: float
+    slip_sigma: float
+    slip_free: float
+    slip_evidence: float
+    scatter: float
+    decidable: bool
+    notes: tuple[str, ...]
+
+    def corrected(self, records: RecordSet) -> RecordSet:
+        """The records with these speeds in their conditions; samples stay where they are."""
+        if len(records) != len(self.estimates):
+            raise ValueError(f"{len(self.estimates)} speeds for {len(records)} records")
+        conditions = [
+            replace(c, speed_rpm=c.speed_rpm * e.ratio) for c, e in zip(records.conditions, self.estimates, strict=True)
+        ]
+        return RecordSet(records.name, records.unit, records.bearing, conditions, _Samples(records))
+
+
+@dataclass(frozen=True)
+class _Samples:
+    """Gives the samples of record i."""
+
+    records: RecordSet
+
+    def __call__(self, index: int) -> Array:
+        return self.records[index].samples
+
+
+def estimate_speeds(records: RecordSet, bearing: Bearing | None = None) -> Speeds:
+    """True speeds of records, as far as they show them.
+
+    Parameters
+    ----------
+    records : RecordSet
+        One record's samples in memory at a time.
+    bearing : Bearing, optional
+        Under test; the set's own when absent.
+
+    Returns
+    -------
+    Speeds
+
+    Raises
+    ------
+    TwingapError
+        When nobody knows the bearing.
+    """
+    own = bearing or records.bearing
+    if own is None:
+        raise TwingapError(
+            "the bearing is not known", where=f"record set {records.name!r}", mend="add [bearing] to the twin file"
+        )
+    readings = [read_speed(record.samples, record.condition, own) for record in records]
+    return combine(readings, records.conditions, own)
+
+
+@dataclass(frozen=True)
+class _Account:
+    """One way to account for all readings: a common factor or none, own deviations or none, slip (and spin) or none."""
+
+    evidence: float
+    scatter: float
+    common: float
+    slip: float
+    spin: float
+    covariance: Array  # of common, slip and spin
+    kept: NDArray[np.bool_]  # readings [records, 2] that it takes to be right
+
+
+def combine(readings: Sequence[Reading], conditions: Sequence[Condition], bearing: Bearing) -> Speeds:
+    """Speeds of a set from what its records show.
+
+    Records' log ratios are c + own deviation, the comb's moved by slip besides; all Gaussian, so the evidence for each
+    account is closed. Of accounts that do about equally well, one without slip is taken.
+    """
+    y = np.array([(r.shaft, r.comb) for r in readings])
+    sigma = np.array([(r.shaft_sigma, r.comb_sigma) for r in readings])
+    moves = np.array([(_slip_factor(bearing, c.fault), float(c.fault == "ball")) for c in conditions])
+    seen = np.isfinite(sigma)
+    sigma = np.where(seen, np.hypot(sigma, 3e-5), 1.0)
+    kinds = ((False, False), (True, False)) + (((True, True),) if _rollers_apart(seen, conditions) else ())
+    accounts = [
+        _account(y, sigma, seen, moves, scatter, common, slip, spin)
+        for scatter, common, (slip, spin) in product(_SCATTERS, (False, True), kinds)
+    ]
+    without = max((a for a in accounts if a.covariance[1, 1] == 0), key=lambda a: a.evidence)
+    with_slip = max((a for a in accounts if a.covariance[1, 1] > 0), key=lambda a: a.evidence)
+    best = with_slip if with_slip.evidence > without.evidence + _MARGIN else without
+    notes: list[str] = []
+    estimates, mean_sigma = _estimates(best, y, sigma, moves, readings)
+    slip_free, slip_sigma = _free_slip(y, sigma, seen, moves, best)
+    combs = int(seen[:, 1].sum())
+    off = abs(best.common) > 1e-3 or best.scatter > 5e-4
+    doubtful = combs > 0 and slip_sigma > 0.004
+    if doubtful and best is without:
+        if off:
+            notes.append(
+                "fault combs lie off their kinematic places, and nothing in the records tells slip of the cage from "
+                "wrong speeds: speeds were taken to be wrong, and no slip"
+            )
+        else:
+            notes.append(
+                "nothing in the records but the fault combs shows the shaft: slip of the cage would look as a wrong "
+                "speed does"
+            )
+    if best.common != 0 and abs(best.common) > 2 * mean_sigma:
+        notes.append(
+            f"all speeds were multiplied by {math.exp(best.common):.5f}, as lines tied to the shaft or to faults show"
+        )
+    if best.scatter > 5e-4:
+        notes.append(f"speeds deviate from record to record by about {100 * best.scatter:.1g} %")
+    if best.slip != 0:
+        notes.append(f"the cage lags its kinematic speed by {100 * best.slip:.2f} %, whatever the shaft's speed")
+    hidden = sum(e.found_by == NOT_VISIBLE for e in estimates)
+    if hidden:
+        notes.append(
+            f"{hidden} of {len(estimates)} records do not show their speed: it was taken as given, but for what is "
+            "common to all"
+        )
+    return Speeds(
+        tuple(estimates), math.exp(best.common), mean_sigma, best.slip, slip_sigma if combs else math.inf,
+        slip_free, with_slip.evidence - without.evidence,
+        0.0 if best.scatter <= 1e-5 else best.scatter, not doubtful, tuple(notes),
+    )  # fmt: skip
+
+
+def _rollers_apart(seen: NDArray[np.bool_], conditions: Sequence[Condition]) -> bool:
+    """Whether combs of both races tell of the cage, so that those of rollers are not needed for it."""
+    return {"inner", "outer", "ball"} <= {str(c.fault) for c, (_, comb) in zip(conditions, seen, strict=True) if comb}
+
+
+def _slip_factor(bearing: Bearing, fault: str | None) -> float:
+    """d log(fault order) / d slip."""
+    aside = bearing.ftf / (1 - bearing.ftf)
+    return {"outer": -1.0, "cage": -1.0, "inner": aside, "ball": aside}.get(str(fault), 0.0)
+
+
+def _precision(sigma: Array, seen: NDArray[np.bool_], scatter: float) -> Array:
+    """Inverse covariance [records, 2, 2] of readings whose records deviate by `scatter`; unseen ones weigh nothing."""
+    w = np.where(seen, sigma**-2, 0.0)
+    # Sherman-Morrison: (D + t^2 1 1')^-1 = D^-1 - t^2 D^-1 1 1' D^-1 / (1 + t^2 1' D^-1 1)
+    out = -(scatter**2) * w[:, :, None] * w[:, None, :] / (1 + scatter**2 * w.sum(axis=1))[:, None, None]
+    out[:, 0, 0] += w[:, 0]
+    out[:, 1, 1] += w[:, 1]
+    return np.asarray(out)
+
+
+def _account(
+    y: Array, sigma: Array, seen: NDArray[np.bool_], moves: Array, scatter: float, common: bool, slip: bool, spin: bool
+) -> _Account:
+    """Evidence and estimates of one account; readings that it makes absurd count as wrong ones."""
+    design = np.zeros((len(y), 2, 3))  # [records, (shaft, comb), (common, slip, spin)]
+    design[:, :, 0], design[:, 1, 1:] = 1.0, moves
+    free = np.array([common, slip, spin])
+    prior = np.diag(np.where(free, np.array([_COMMON_SD, _SLIP_SD, _SPIN_SD]) ** -2, 1e18))
+    kept = seen.copy()
+    # A start that single wrong readings do not pull: medians of what the account may explain by a common factor.
+    evidence, mean, covariance = -math.inf, np.zeros(3), np.zeros((3, 3))
+    for turn in range(4):
+        p = _precision(sigma, kept, scatter)
+        information = prior + np.einsum("rik,rij,rjl->kl", design, p, design)
+        covariance = np.linalg.inv(information)
+        mean = covariance @ np.einsum("rik,rij,rj->k", design, p, y)
+        rest = y - design @ mean
+        w = np.where(kept, sigma**-2, 0.0)
+        logdet = -np.log(w[kept]).sum() + np.log1p(scatter**2 * w.sum(axis=1)).sum()
+        logdet += np.linalg.slogdet(information)[1] - np.log(np.diag(prior)).sum()
+        fit = float(np.einsum("ri,rij,rj->", rest, p, rest) + mean @ prior @ mean)
+        evidence = -0.5 * (fit + logdet + kept.sum() * math.log(2 * math.pi)) + _OUTLIER * (seen & ~kept).sum()
+        spread = np.sqrt(sigma**2 + scatter**2)
+        density = -0.5 * (rest / spread) ** 2 - np.log(spread * math.sqrt(2 * math.pi))
+        right = seen & (density > _OUTLIER)
+        # No account may discard more than a fifth of what was read.
+        if (right == kept).all() or turn == 3 or right.sum() < 0.8 * seen.sum():
+            break
+        kept = right
+    covariance = np.where(np.outer(free, free), covariance, 0.0)
+    evidence -= 1.0 * int(free.sum()) + 1.0 * (scatter > 1e-5)
+    found = np.where(free, mean, 0.0)
+    return _Account(evidence, scatter, float(found[0]), float(found[1]), float(found[2]), covariance, kept)
+
+
+def _free_slip(y: Array, sigma: Array, seen: NDArray[np.bool_], moves: Array, best: _Account) -> tuple[float, float]:
+    """Slip and how well it is told were both it and a common factor free."""
+    both = _account(y, sigma, seen, moves, best.scatter, True, True, best.spin != 0)
+    return both.slip, math.sqrt(both.covariance[1, 1])
+
+
+def _estimates(
+    best: _Account,
+    y: Array,
+    sigma: Array,
+    moves: Array,
+    readings: Sequence[Reading],
+) -> tuple[list[SpeedEstimate], float]:
+    """Each record's own speed given the account, and the error of the common factor."""
+    mean_sigma = math.sqrt(best.covariance[0, 0])
+    shares, of_comb = moves[:, 0], moves @ np.array([best.slip, best.spin])
+    kinds = {"outer" if m < 0 else "inner" for m, (_, comb) in zip(shares, best.kept, strict=True) if comb and m != 0}
+    out = []
+    for place, reading in enumerate(readings):
+        shaft, comb = best.kept[place]
+        weight, total = best.scatter**-2, best.scatter**-2 * best.common
+        if shaft:
+            weight += sigma[place, 0] ** -2
+            total += y[place, 0] * sigma[place, 0] ** -2
+        if comb:
+            error = math.sqrt(sigma[place, 1] ** 2 + moves[place] @ best.covariance[1:, 1:] @ moves[place])
+            weight += error**-2
+            total += (y[place, 1] - of_comb[place]) * error**-2
+        log_ratio = total / weight
+        own = math.hypot(weight**-0.5, mean_sigma * best.scatter**-2 / weight)
+        if shaft:
+            how = reading.found_by
+        elif comb:
+            how = COMBINED if len(kinds) > 1 and best.scatter < 5e-4 else COMB_ONLY
+        elif best.kept.any() and best.scatter < 5e-4:
+            how = "common factor"
+        else:
+            how, own = NOT_VISIBLE, math.inf
+            log_ratio = best.common
+        if not best.kept.any():
+            how, own, log_ratio = NOT_VISIBLE, math.inf, 0.0
+        out.append(SpeedEstimate(math.exp(log_ratio), own, how))
+    return out, mean_sigma

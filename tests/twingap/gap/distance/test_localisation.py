@@ -1,0 +1,225 @@
+"""Where: no place is named when the twin equals the machine, and what is put somewhere is found there."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.stats import binom
+
+from twingap.bearing import BEARINGS
+from twingap.effects import Effect, make_effect
+from twingap.gap.distance.feature_vectors import Axis, Grid, Views, measure
+from twingap.gap.distance.localisation import adjusted, localise, locate
+from twingap.gap.distance.paired import Paired
+from twingap.gap.distance.two_sample_tests import Exchange
+from twingap.gap.report.model import Domain, Place
+from twingap.records import Condition
+from twingap.signal.record_transforms import Frame, RecordView
+from twingap.twins.phenomenological import PhenomenologicalParameters, PhenomenologicalTwin
+
+Array = NDArray[np.float64]
+BEARING = BEARINGS["6205"]
+BINS = 60
+
+
+def conditions_of(n: int, fs_hz: float = 12000.0, samples: int = 6000) -> list[Condition]:
+    faults = ("healthy", "outer", "inner", "ball")
+    return [Condition(f"r{i}", 1500 + 500 * ((i * 7) % n) / n, fs_hz, samples, faults[i % 4]) for i in range(n)]
+
+
+def simulate(
+    conditions: Sequence[Condition],
+    rng: np.random.Generator,
+    effects: Sequence[Effect] = (),
+    resonance_hz: float = 3000.0,
+) -> Views:
+    twin = PhenomenologicalTwin(BEARING, PhenomenologicalParameters(resonance_hz=resonance_hz), effects)
+    frame = Frame(BEARING, (0.7 * resonance_hz, 1.3 * resonance_hz), 1.0)
+    views = (RecordView(r.samples, r.condition, frame) for r in twin.stream(conditions, rng))
+    return measure(views, Grid.of(conditions, BEARING))
+
+
+def gaussian(
+    conditions: Sequence[Condition], rng: np.random.Generator, shift: Array | float = 0.0, tails: bool = False
+) -> Views:
+    edges = np.arange(BINS + 1.0)
+    axes: dict[Domain, Axis] = {
+        "order": Axis(edges[:-1], edges[1:], ("lines",) * BINS, "shaft orders"),
+        "condition": Axis(np.zeros(2), np.ones(2), ("level", "kurtosis"), ""),
+    }
+    n = len(conditions)
+    noise = rng.standard_t(2, (n, BINS + 2)) if tails else rng.standard_normal((n, BINS + 2))
+    both = noise + shift
+    return Views({"order": both[:, :BINS], "condition": both[:, BINS:]}, axes, tuple(conditions))
+
+
+@pytest.fixture(scope="module")
+def conditions() -> list[Condition]:
+    return conditions_of(16)
+
+
+@pytest.fixture(scope="module")
+def replicates(conditions: list[Condition]) -> list[Views]:
+    rng = np.random.default_rng(0)
+    return [simulate(conditions, rng) for _ in range(20)]
+
+
+def places_of(
+    effect: Effect | str, conditions: list[Condition], replicates: list[Views], seed: int = 1
+) -> tuple[Place, ...]:
+    rng = np.random.default_rng(seed)
+    real = simulate(conditions, rng, [make_effect(effect) if isinstance(effect, str) else effect])
+    return localise(real, replicates, conditions, rng)
+
+
+@pytest.mark.parametrize("tails", [False, True])
+@pytest.mark.parametrize(("n", "m"), [(1, 40), (2, 20), (8, 3), (16, 1)])
+def test_family_wise_error_of_any_shape_of_noise(n: int, m: int, tails: bool) -> None:
+    rng = np.random.default_rng(n)
+    conditions, worlds = conditions_of(n), 200
+    named = sum(bool(locate(Paired(*_world(conditions, m, rng, tails)), rng, draws=99).places) for _ in range(worlds))
+    assert named <= binom.ppf(0.999, worlds, 0.05)
+
+
+def _world(conditions: Sequence[Condition], m: int, rng: np.random.Generator, tails: bool) -> tuple[Views, list[Views]]:
+    return gaussian(conditions, rng, tails=tails), [gaussian(conditions, rng, tails=tails) for _ in range(m)]
+
+
+@pytest.mark.slow
+def test_family_wise_error_of_the_twin_against_itself() -> None:
+    """Tiny records through all views: dependent, discrete and skewed bins."""
+    rng = np.random.default_rng(7)
+    conditions, worlds, m = conditions_of(4, 4000.0, 256), 200, 2
+    named = 0
+    for _ in range(worlds):
+        real, *sims = (simulate(conditions, rng, resonance_hz=1000.0) for _ in range(m + 1))
+        named += bool(locate(Paired(real, sims), rng, draws=99).places)
+    assert named <= binom.ppf(0.999, worlds, 0.05)
+
+
+@pytest.mark.parametrize("exchange", ["group", "world"])
+def test_family_wise_error_where_recordings_or_worlds_have_a_mood_of_their_own(exchange: Exchange) -> None:
+    rng = np.random.default_rng(8)
+    conditions = [replace(c, group=f"g{i // 4}") for i, c in enumerate(conditions_of(24))]
+    named, worlds = 0, 60
+    for _ in range(worlds):
+        # One of each recording in each world, or one of each world.
+        own = 6 if exchange == "group" else 1
+        moods = [np.repeat(rng.standard_normal((own, BINS + 2)), 24 // own, axis=0) for _ in range(20)]
+        real, *sims = (gaussian(conditions, rng, mood) for mood in moods)
+        named += bool(locate(Paired(real, sims), rng, draws=99, exchange=exchange).places)
+    assert named <= binom.ppf(0.999, worlds, 0.05)
+
+
+def test_shares_and_remainder_add_up(conditions: list[Condition], replicates: list[Views]) -> None:
+    rng = np.random.default_rng(3)
+    for effects in ((), ("looseness",), ("sensor_rolloff", "slip_jitter")):
+        found = locate(Paired(simulate(conditions, rng, [make_effect(e) for e in effects]), replicates), rng)
+        shares = [place.share for place in found.places]
+        assert sum(shares) + found.remainder == pytest.approx(1.0)
+        assert all(0 <= share <= 1 for share in shares)
+        assert shares == sorted(shares, reverse=True)
+        assert bool(found.places) == (found.p_value <= 0.05)
+
+
+def test_mains_are_found_at_their_frequencies(conditions: list[Condition], replicates: list[Views]) -> None:
+    lines = [p for p in places_of("mains_interference", conditions, replicates) if p.domain == "frequency"]
+    assert any(p.lo is not None and p.hi is not None and p.lo <= 50 <= p.hi <= p.lo + 20 for p in lines)
+    assert all(p.unit == "Hz" for p in lines)
+
+
+def test_a_rolloff_is_found_above_its_corner(conditions: list[Condition], replicates: list[Views]) -> None:
+    found = [p for p in places_of("sensor_rolloff", conditions, replicates) if p.domain == "frequency"]
+    widest = max(found, key=lambda p: (p.hi or 0) - (p.lo or 0))
+    assert (widest.lo or 0) > 2000 and (widest.hi or 0) > 4000
+
+
+def test_half_orders_are_found_at_half_orders(conditions: list[Condition], replicates: list[Views]) -> None:
+    orders = [p for p in places_of("looseness", conditions, replicates) if p.domain == "order"]
+    for half in (0.5, 1.5, 2.5):
+        assert any((p.lo or 0) <= half <= (p.hi or 0) for p in orders)
+    assert all((p.hi or 99) <= 20 for p in orders)
+
+
+def test_what_only_faulty_bearings_do_is_said_of_them(conditions: list[Condition], replicates: list[Views]) -> None:
+    found = places_of("slip_jitter", conditions, replicates)
+    named = [p.condition["fault"] for p in found if p.condition and "fault" in p.condition]
+    assert named and all("healthy" not in fault for fault in named)
+
+
+def test_modulation_of_the_inner_race_is_found_at_shaft_sidebands(
+    conditions: list[Condition], replicates: list[Views]
+) -> None:
+    found = places_of("load_zone", conditions, replicates)
+    lines = [p for p in found if p.domain == "envelope_order" and (p.hi or 0) - (p.lo or 0) < 0.5]
+    wanted = [1.0, BEARING.bpfi - 1, BEARING.bpfi + 1, 2 * BEARING.bpfi + 1, 2 * BEARING.bpfi - 1]
+    assert any((p.lo or 0) - 0.1 <= w <= (p.hi or 0) + 0.1 for w in wanted for p in lines)
+
+
+@pytest.mark.parametrize(("n", "m", "size"), [(2, 40, 8.0), (12, 1, 8.0), (16, 20, 1.6)])
+def test_a_bin_is_found_among_many_with_few_records_or_few_replicates(n: int, m: int, size: float) -> None:
+    rng = np.random.default_rng(11)
+    conditions = conditions_of(n)
+    shift = np.zeros(BINS + 2)
+    shift[[20, 21, 40]] = size
+    hits = wrong = 0
+    for _ in range(20):
+        sims = [gaussian(conditions, rng) for _ in range(m)]
+        found = [p for p in localise(gaussian(conditions, rng, shift), sims, conditions, rng) if p.domain == "order"]
+        hits += {(20.0, 22.0), (40.0, 41.0)} <= {(p.lo, p.hi) for p in found}
+        wrong += any(p.lo not in (20.0, 21.0, 40.0) for p in found)
+    assert hits >= 14
+    assert wrong <= binom.ppf(0.999, 20, 0.05)
+
+
+def test_a_loud_bin_does_not_hide_a_faint_one() -> None:
+    rng = np.random.default_rng(12)
+    conditions = conditions_of(12)
+    shift = np.zeros(BINS + 2)
+    shift[5], shift[30] = 100.0, 2.0
+    sims = [gaussian(conditions, rng) for _ in range(10)]
+    found = localise(gaussian(conditions, rng, shift), sims, conditions, rng)
+    assert {5.0, 30.0} <= {p.lo for p in found}
+    assert found[0].lo == 5.0 and found[0].share > 0.9
+
+
+def test_a_level_that_grows_with_speed_is_a_place_of_condition() -> None:
+    rng = np.random.default_rng(13)
+    conditions = conditions_of(24)
+    speed = np.array([c.speed_rpm for c in conditions])
+    shift = np.zeros((24, BINS + 2))
+    shift[:, BINS] = (speed - speed.min()) / 80
+    sims = [gaussian(conditions, rng) for _ in range(10)]
+    found = localise(gaussian(conditions, rng, shift), sims, conditions, rng)
+    (place,) = [p for p in found if p.domain == "condition" and p.condition and "speed_rpm" in p.condition]
+    assert place.condition is not None
+    lo, hi = place.condition["speed_rpm"]
+    assert speed.min() < lo < hi == speed.max()
+    assert (place.lo, place.hi) == (None, None)
+
+
+def test_a_level_of_one_fault_is_a_place_of_condition_that_names_it() -> None:
+    rng = np.random.default_rng(14)
+    conditions = conditions_of(16)
+    shift = np.zeros((16, BINS + 2))
+    shift[[c.fault == "inner" for c in conditions], BINS] = 6.0
+    sims = [gaussian(conditions, rng) for _ in range(10)]
+    found = localise(gaussian(conditions, rng, shift), sims, conditions, rng)
+    assert {"fault": "inner"} in [p.condition for p in found if p.domain == "condition"]
+
+
+def test_step_down_agrees_with_its_definition() -> None:
+    rng = np.random.default_rng(15)
+    statistics = np.abs(rng.standard_normal((50, 8))).astype(np.float32)
+    statistics[0, [2, 5]] += 2
+    order = np.argsort(-statistics[0])
+    expected, running = np.empty(8), 0.0
+    for k, i in enumerate(order):
+        rest = order[k:]
+        running = max(running, float(np.mean(statistics[:, rest].max(axis=1) >= statistics[0, i])))
+        expected[i] = running
+    assert adjusted(statistics) == pytest.approx(expected)

@@ -1,0 +1,288 @@
+"""The page: whole, offline, escaped, and of use whatever parts a report has."""
+
+from __future__ import annotations
+
+import dataclasses
+import re
+from collections.abc import Callable
+from html.parser import HTMLParser
+from pathlib import Path
+
+import pytest
+from plotly.offline import get_plotlyjs
+
+from twingap.effects import make_effect
+from twingap.gap.report.advice import condition_words, contradictions, next_steps, place_words, snippet, undecided
+from twingap.gap.report.figures import MOST_POINTS, all_figures, curve_figure
+from twingap.gap.report.model import (
+    Candidate,
+    Curve,
+    GapReport,
+    Metric,
+    ParameterValue,
+    Place,
+    StandIns,
+    TwoSampleTest,
+    Verdict,
+)
+from twingap.gap.report.page import page
+from twingap.twins.twin_file import read_twin
+
+MakeReport = Callable[..., GapReport]
+STATUSES = ("no_gap", "explained", "partly_explained", "unexplained")
+VOID = {"meta", "link", "br", "img", "hr", "input"}
+
+
+class Reader(HTMLParser):
+    """Reads a page: tags with their attributes, visible text; fails where tags do not close in order."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.tags: list[tuple[str, dict[str, str | None]]] = []
+        self.words, self._open = "", list[str]()
+        self.feed(text)
+        self.close()
+        assert self._open == []
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.tags.append((tag, dict(attrs)))
+        if tag not in VOID:
+            self._open.append(tag)
+
+    def handle_endtag(self, tag: str) -> None:
+        assert self._open.pop() == tag
+
+    def handle_data(self, data: str) -> None:
+        if not {"script", "style"} & set(self._open):
+            self.words += f" {data}"
+
+
+def own(text: str) -> str:
+    """The page without plotly's own code."""
+    return text.replace(get_plotlyjs(), "")
+
+
+@pytest.mark.parametrize("status", STATUSES)
+def test_a_page_is_whole_and_asks_nothing_of_the_network(make_report: MakeReport, status: str) -> None:
+    report = make_report(status)
+    text = page(report)
+    assert len(text.encode()) < 6_000_000
+    assert text.count(get_plotlyjs()) == 1
+    read = Reader(own(text))
+    for tag, attributes in read.tags:
+        assert tag not in {"link", "iframe", "img", "object", "embed", "base"}
+        assert not attributes.get("src")
+        assert (attributes.get("href") or "#").startswith("#")
+    assert not re.search(r"https?://|@import|url\(", own(text))
+    # Even what plotly might try is shut off: only what stands in the page may load.
+    (policy,) = [a["content"] for tag, a in read.tags if a.get("http-equiv") == "Content-Security-Policy"]
+    assert policy is not None and policy.startswith("default-src 'none'") and "http" not in policy
+    assert report.sentence in read.words
+    anchors = {a["href"] for tag, a in read.tags if tag == "a"}
+    assert anchors == {f"#{a['id']}" for tag, a in read.tags if tag == "section"}
+
+
+@pytest.mark.parametrize(
+    ("closure", "ci", "says"),
+    [
+        (0.8, (0.7, 0.9), "They shrink the gap significantly."),
+        (0.0, (0.0, 0.7), "too uncertain to say"),
+        (-0.4, (-0.5, -0.3), "they widen the gap"),
+        (None, None, "cannot be added to what"),
+    ],
+)
+def test_what_names_close_is_not_claimed_beyond_its_interval(
+    make_report: MakeReport, closure: float | None, ci: tuple[float, float] | None, says: str
+) -> None:
+    report = make_report("partly_explained")
+    verdict = dataclasses.replace(report.verdict, closure=closure, closure_ci=ci)
+    shown = page(dataclasses.replace(report, verdict=verdict))
+    every = (
+        "They shrink the gap significantly.",
+        "too uncertain to say",
+        "they widen the gap",
+        "cannot be added to what",
+    )
+    assert [one for one in every if one in shown] == [says]
+
+
+def test_the_nearest_twin_is_shown_apart_from_the_verdict(make_report: MakeReport) -> None:
+    report = make_report("partly_explained")
+    values = {name: {"depth": ParameterValue(0.3171)} for name in ("second_resonance", "load_zone")}
+    metrics = (dataclasses.replace(report.metrics[0], after=0.7654),)
+    told = dataclasses.replace(report, stand_ins=StandIns(("load_zone",), values, 0.6, (0.5, 0.7), metrics))
+    before, shown = (" ".join(Reader(own(page(one))).words.split()) for one in (report, told))
+    assert "The nearest twin" not in before and "run the diagnosis with --nearest" in before
+    assert "With load zone standing in" in shown and "0.7654" in shown and "0.3171" in shown
+    assert "run the diagnosis with --nearest" not in shown and "use the nearest one, with load zone" in shown
+    better, no_more = "To train on, use the nearest twin", "teaches a classifier no more"
+    for after, says in ((0.97, better), (0.9, no_more), (0.5, no_more)):  # the verdict's twin teaches 0.95
+        accuracy = Metric("accuracy", 0.6, after, 1.0, (0.4, 0.95), higher_is_better=True)
+        taught = StandIns(("load_zone",), values, 0.6, (0.5, 0.7), (*metrics, accuracy))
+        (said,) = (step for step in next_steps(dataclasses.replace(report, stand_ins=taught)) if "standing in" in step)
+        assert said.startswith("T") and says in said and f"{100 * after:.0f} % of held-out records; 60 %" in said
+    assert told.sentence == report.sentence
+
+
+def test_many_places_unfold_and_keep_their_numbers(make_report: MakeReport) -> None:
+    places = tuple(Place("frequency", 10.0 * i, 10.0 * i + 5, "Hz", 0.5 / i, 0.001) for i in range(1, 41))
+    shown, _, folded = page(dataclasses.replace(make_report(), places=places)).partition("28 more places</summary>")
+    assert "<td>12</td>" in shown and "<td>13</td>" not in shown and "130 to 135 Hz" not in shown.rpartition("<h2>")[2]
+    assert "<td>13</td>" in folded and "<td>40</td>" in folded
+
+
+def test_names_from_the_data_are_shown_and_never_run(make_report: MakeReport) -> None:
+    hostile = '<img src=x onerror="alert(1)"></script><script>alert(2)</script>'
+    report = make_report(records=hostile)
+    report = dataclasses.replace(
+        report,
+        places=(Place("condition", None, None, "", 0.5, 0.01, {hostile: hostile}), *report.places),
+        candidates=(Candidate(hostile, 1.0, 1.0, 0.5, 0.5, (0.4, 0.6), {hostile: ParameterValue(1.0, hostile)}),),
+        notes=(hostile,),
+        calibration={hostile: ParameterValue(1.0, hostile)},
+        curves={hostile: Curve((hostile, "b"), hostile, (1.0, 2.0), (1.0, 2.0), None, hostile, hostile, "condition")},
+    )
+    read = Reader(own(page(report)))
+    assert "img" not in {tag for tag, _ in read.tags}
+    assert not any(name.startswith("on") for _, attributes in read.tags for name in attributes)
+    calm = Reader(own(page(make_report(records="calm"))))
+    scripts = sum(tag == "script" for tag, _ in read.tags)
+    figures = sum(tag == "figure" for tag, _ in read.tags)
+    calm_scripts = sum(tag == "script" for tag, _ in calm.tags)
+    assert scripts - figures * 2 <= calm_scripts  # one for the library, at most two a figure
+    assert read.words.count("alert(2)") >= 4
+
+
+@pytest.mark.parametrize(
+    "missing", ["places", "candidates", "metrics", "notes", "calibration", "rest", "tests", "curves", "everything"]
+)
+def test_any_part_may_be_missing(make_report: MakeReport, missing: str) -> None:
+    empty = {
+        "places": (), "candidates": (), "metrics": (), "notes": (), "calibration": {}, "rest": (), "tests": (),
+        "curves": {},
+    }  # fmt: skip
+    for status in STATUSES if missing == "everything" else ("partly_explained",):
+        report = dataclasses.replace(
+            make_report(status), **(empty if missing == "everything" else {missing: empty[missing]})
+        )
+        read = Reader(own(page(report)))
+        assert report.sentence in read.words
+        assert not re.search(r"\b(nan|inf|None)\b", read.words)
+        drawn = sum(tag == "figure" for tag, _ in read.tags)
+        assert drawn == len(list(all_figures(report)))
+        assert (drawn == 0) == (missing == "everything")
+
+
+def test_the_same_report_makes_the_same_bytes(make_report: MakeReport) -> None:
+    slower = make_report()
+    slower = dataclasses.replace(slower, provenance={**slower.provenance, "runtime_s": 99.0})
+    assert page(make_report()) == page(slower)
+
+
+def test_places_are_marked_on_the_curves_of_their_domain(make_report: MakeReport) -> None:
+    report = make_report()
+    spectrum = curve_figure(report.curves["spectrum"], report.places)
+    (shape,) = spectrum.layout.shapes
+    assert (shape.x0, shape.x1) == (1010.0, 1400.0)
+    assert spectrum.layout.annotations[0].text == "<b>1</b>"  # the largest share
+    outside = curve_figure(report.curves["spectrum"], (Place("frequency", 5e4, 6e4, "Hz", 1.0, 0.01),))
+    assert len(outside.layout.shapes) == 0
+    point = curve_figure(report.curves["spectrum"], (Place("frequency", 1e3, 1e3, "Hz", 1.0, 0.01),))
+    assert point.layout.shapes[0].x1 - point.layout.shapes[0].x0 > 10  # a line is widened to be seen
+
+
+def test_long_lines_are_thinned_and_keep_their_peaks() -> None:
+    n = 40 * MOST_POINTS + 7
+    line = [0.0] * n
+    line[12345] = 1.0
+    curve = Curve(tuple(map(float, range(n))), "Hz", tuple(line), tuple(line), None, "", "c", "frequency")
+    real = curve_figure(curve).data[0]
+    assert len(real.x) <= MOST_POINTS
+    assert max(real.y) == 1.0 and real.x[list(real.y).index(1.0)] == 12345.0
+
+
+def test_the_snippet_is_a_twin_file_with_the_fitted_parameters(make_report: MakeReport, tmp_path: Path) -> None:
+    report = make_report()
+    whole = dataclasses.replace(
+        report,
+        verdict=Verdict("explained", ("sensor_rolloff", "waviness", "second_resonance"), (), 0.01),
+        candidates=(
+            *report.candidates,
+            Candidate(
+                "waviness", 0.9, 1, 0.5, 0.5, (0, 1), {"inner": ParameterValue(1.0), "level": ParameterValue(0.2)}
+            ),
+        ),
+    )
+    path = tmp_path / "twin.toml"
+    path.write_text(snippet(whole) or "", encoding="utf-8")
+    spec = read_twin(path)
+    assert spec.model == "phenomenological"
+    assert spec.effects == ("load_zone", "sensor_rolloff", "waviness", "second_resonance")
+    assert spec.parameters["second_resonance"]["frequency_hz"] == 1203.0  # four digits
+    made = make_effect("waviness", spec.parameters["waviness"], "test")
+    assert made.inner is True and made.level == 0.2  # type: ignore[attr-defined]
+    assert spec.parameters["sensor_rolloff"] == {"order": 3}
+
+
+def test_without_effects_to_add_there_is_no_snippet(make_report: MakeReport) -> None:
+    assert snippet(make_report("no_gap")) is None
+    assert snippet(make_report("unexplained")) is None
+    stuck = dataclasses.replace(make_report(), verdict=Verdict("explained", ("clipping",), (("clipping",),), 0.01))
+    assert snippet(stuck) is None
+    assert any("cannot be added to your simulator" in step for step in next_steps(stuck))
+
+
+def test_what_brings_records_and_twin_no_nearer_is_not_advised_to_be_added(make_report: MakeReport) -> None:
+    report = make_report()
+    worse = dataclasses.replace(report.verdict, closure=-0.32, closure_ci=(-0.4, -0.2))
+    steps = next_steps(dataclasses.replace(report, verdict=worse))
+    assert "no nearer" in steps[0] and not any("should shrink" in step for step in steps)
+    assert any("should shrink" in step for step in next_steps(report))
+
+
+def test_faults_of_a_place_are_no_range() -> None:
+    assert condition_words({"fault": ["outer", "ball"], "speed_rpm": [1500.0, 1800.0]}) == (
+        "outer, ball, 1500 to 1800 rpm"
+    )
+
+
+def test_advice_names_what_would_decide(make_report: MakeReport) -> None:
+    open_ones = make_report("explained")
+    assert undecided(open_ones) == ("slip_jitter", "speed_fluctuation")
+    assert any("tacho" in step for step in next_steps(open_ones))
+    settled = dataclasses.replace(
+        open_ones, verdict=dataclasses.replace(open_ones.verdict, confidence_set=(open_ones.verdict.effects,))
+    )
+    assert not any("To decide" in step for step in next_steps(settled))
+    assert any("1010 to 1400 Hz" in step for step in next_steps(make_report("unexplained")))
+    assert any("0.9 to 1.1 orders" in step for step in next_steps(make_report("partly_explained")))
+    calm = dataclasses.replace(make_report("no_gap"), tests=())
+    assert "Use the twin" in next_steps(calm)[0]
+
+
+@pytest.mark.parametrize(
+    ("place", "words"),
+    [
+        (Place("frequency", 100.0, 250.5, "Hz", 0.1, 0.1), "100 to 250.5 Hz"),
+        (Place("frequency", 100.0, None, "Hz", 0.1, 0.1), "above 100 Hz"),
+        (Place("frequency", 9500.0, 25600.0, "Hz", 0.1, 0.1), "9500 to 25600 Hz"),
+        (Place("order", None, 3.0, "orders", 0.1, 0.1, {"fault": "inner"}), "below 3 orders (inner)"),
+        (Place("condition", None, None, "", 0.1, 0.1, {"speed_rpm": 1797.0, "load_n": 10}), "1797 rpm, 10 N"),
+        (Place("amplitude", 0.0, 1.0, "1", 0.1, 0.1), "0 to 1"),
+        (Place("condition", None, None, "", 0.1, 0.1), "everywhere"),
+    ],
+)
+def test_places_in_words(place: Place, words: str) -> None:
+    assert place_words(place) == words
+    assert condition_words(place.condition) in words
+
+
+def test_a_verdict_of_no_gap_that_a_test_contradicts_is_flagged(make_report: MakeReport) -> None:
+    calm = dataclasses.replace(make_report("no_gap"), tests=(TwoSampleTest("MMD", 0.01, 0.3),))
+    assert contradictions(calm) == () and "Careful" not in own(page(calm))
+    torn = dataclasses.replace(calm, tests=(TwoSampleTest("MMD", 0.4, 0.001),))
+    assert "MMD (p = 0.001)" in contradictions(torn)[0]
+    assert own(page(torn)).count("Careful") == 2 and "Careful" in next_steps(torn)[0]
+    assert not any("Use the twin" in step for step in next_steps(torn))
+    found = dataclasses.replace(make_report("explained"), tests=torn.tests)
+    assert contradictions(found) == ()

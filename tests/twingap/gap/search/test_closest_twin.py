@@ -1,0 +1,139 @@
+"""The nearest twin: effects stand in for whatever the machine has, as far as they bring records and twin together."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+import pytest
+
+from twingap.bearing import BEARINGS
+from twingap.effects import Effect, make_effect
+from twingap.gap import diagnose
+from twingap.gap.report.schema import problems
+from twingap.gap.search import evidence as evidence_module
+from twingap.gap.search.closest_twin import Closer, nearest_spec, stand_ins
+from twingap.gap.search.effect_search import Explanation
+from twingap.gap.search.evidence import Compared, Evidence, simulator_of
+from twingap.gap.search.optimise import bring_nearest, left_over
+from twingap.identify.calibrate import calibrate
+from twingap.records import Condition, RecordSet
+from twingap.twins.phenomenological import PhenomenologicalParameters, PhenomenologicalTwin
+from twingap.twins.simulator import TwinSimulator
+from twingap.twins.twin_file import TwinSpec, read_twin, write_twin
+
+LACKS = (
+    make_effect("second_resonance", {"frequency_hz": 900.0, "damping_ratio": 0.04, "gain": 1.5}),
+    make_effect("impact_scatter", {"sigma": 0.7}),
+)
+"""More than the small training of tests has learnt to name."""
+PLAIN = (*LACKS, make_effect("looseness", {}))
+"""A gap that its few machines without one leave no doubt of."""
+OWN = PhenomenologicalParameters(2400.0, 0.05, {"inner": 5.0, "outer": 6.0}, 0.7, 0.6, 1.5)
+SPEC = TwinSpec("phenomenological", bearing=BEARINGS["6205"])
+
+
+def machine(*effects: Effect) -> RecordSet:
+    conditions = [
+        Condition(f"{fault}{i}", 1500.0 + 300.0 * (i % 2), 10000.0, 10000, fault, group=f"{fault}{i}")
+        for fault in ("healthy", "inner")
+        for i in range(6)
+    ]
+    made = PhenomenologicalTwin(BEARINGS["6205"], OWN, effects).simulate(conditions, np.random.default_rng(4))
+    return RecordSet.from_records("machine", "m/s^2", BEARINGS["6205"], made)
+
+
+def found_in(records: RecordSet) -> tuple[Evidence, Explanation]:
+    """A gap that was called, and nothing named."""
+    calibrated = calibrate(records, SPEC, np.random.default_rng(1))
+    evidence = Evidence(calibrated, simulator_of(calibrated), SPEC, 7)
+    bare = bring_nearest(evidence, evidence.against().simulator, (), {})
+    now = Compared(evidence, (), bare.simulator)
+    return evidence, Explanation(0.01, True, (), {}, ((),), 0.01, now, now, {"slip_jitter": "so says the test"})
+
+
+@pytest.fixture(scope="module", autouse=True)
+def few_trials() -> Iterator[None]:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(evidence_module, "SAMPLES_TRIED", 6e6)
+        yield
+
+
+@pytest.fixture(scope="module")
+def closer(learnt: Any) -> tuple[Evidence, Explanation, Closer]:
+    evidence, found = found_in(machine(*LACKS))
+    nearer = stand_ins(evidence, found, learnt)
+    assert nearer is not None
+    return evidence, found, nearer
+
+
+def test_what_nobody_named_is_brought_nearer(closer: tuple[Evidence, Explanation, Closer]) -> None:
+    evidence, found, nearer = closer
+    after = nearer.compared
+    assert {effect.name for effect in after.effects} == set(nearer.added)
+    assert "slip_jitter" not in nearer.added  # what cannot act is not tried
+    before_left = left_over(evidence, found.after.simulator, found.after.effects)
+    assert left_over(evidence, after.simulator, after.effects) < 0.3 * before_left
+    assert nearer.added[0] == "impact_scatter"  # of the two the plainer one
+
+
+def test_the_nearest_twins_file_makes_the_same_records(
+    closer: tuple[Evidence, Explanation, Closer], tmp_path: Any
+) -> None:
+    evidence, _, nearer = closer
+    spec = nearest_spec(nearer.compared)
+    assert spec is not None
+    assert set(spec.effects) == set(nearer.added)
+    write_twin(tmp_path / "nearest.toml", spec)
+    again = TwinSimulator(read_twin(tmp_path / "nearest.toml"), BEARINGS["6205"])
+    conditions = evidence.fit.conditions[:3]
+    one, other = (
+        simulator.simulate(effects, conditions, 5, 0)
+        for simulator, effects in ((nearer.compared.simulator, nearer.compared.effects), (again, ()))
+    )
+    for a, b in zip(one, other, strict=True):
+        np.testing.assert_allclose(a.samples, b.samples, rtol=1e-9, atol=1e-12)
+
+
+def test_a_twin_as_near_as_chance_allows_gets_nothing(learnt: Any) -> None:
+    evidence, found = found_in(machine())
+    left = left_over(evidence, found.after.simulator, ())
+    nearer = stand_ins(evidence, found, learnt)
+    # Chance may be fitted a little, never by much.
+    assert nearer is None or left_over(evidence, nearer.compared.simulator, nearer.compared.effects) > 0.7 * left
+
+
+def test_a_diagnosis_tells_of_them_beside_the_verdict_and_changes_nothing_else(learnt: Any) -> None:
+    records = machine(*PLAIN)
+    plain, asked = (
+        diagnose(records, SPEC, np.random.default_rng(0), learnt=learnt, nearest=nearest) for nearest in (False, True)
+    )
+    told = asked.report.stand_ins
+    assert told is not None and plain.report.stand_ins is None
+    assert asked.report.verdict == plain.report.verdict
+    assert asked.report.metrics == plain.report.metrics
+    assert problems(asked.report.to_json()) == []
+    assert not set(told.effects) & set(asked.report.verdict.effects)
+    assert set(told.parameters) >= set(told.effects)
+    overall = told.metrics[0]
+    assert overall.after < asked.report.metrics[0].after
+    assert told.closure_ci[0] <= told.closure <= told.closure_ci[1]
+    spec = asked.nearest_twin()
+    assert spec is not None and set(told.effects) <= set(spec.effects)
+    nearest, after = list(asked.sim_nearest()), list(asked.sim_after())
+    assert [r.condition.name for r in nearest] == [r.condition.name for r in after]
+    assert any(not np.array_equal(a.samples, b.samples) for a, b in zip(nearest, after, strict=True))
+    # Without any, the nearest twin is the verdict's.
+    same = zip(plain.sim_nearest(), plain.sim_after(), strict=True)
+    assert all(np.array_equal(a.samples, b.samples) for a, b in same)
+
+
+def test_finished_records_have_no_twin_file(learnt: Any) -> None:
+    calibrated = calibrate(machine(*LACKS), None, np.random.default_rng(1), sim=machine())
+    evidence = Evidence(calibrated, simulator_of(calibrated, machine()), SPEC, 7)
+    assert nearest_spec(evidence.against()) is None
+    now = evidence.against()
+    found = Explanation(0.01, True, (), {}, ((),), 0.01, now, now, {})
+    nearer = stand_ins(evidence, found, learnt)
+    assert nearer is None or nearest_spec(nearer.compared) is None

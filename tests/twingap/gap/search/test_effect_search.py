@@ -1,0 +1,68 @@
+"""Sets of explanations that cannot be told apart."""
+
+import itertools
+
+import numpy as np
+from hypothesis import given
+from hypothesis import strategies as st
+from tests.twingap.gap.test_level import evidence_of, simulated
+from tests.twingap.gap.test_nearest import machine
+
+from twingap.gap.search.effect_search import ALPHA, CAUTIOUS_ALPHA, confidence_set, level_of_gap, to_name
+from twingap.gap.search.evidence import Evidence, simulator_of
+from twingap.identify.calibrate import calibrate
+from twingap.twins.twin_file import TwinSpec
+
+PROBABILITIES = st.dictionaries(
+    st.sampled_from(["clipping", "dropout", "looseness", "mean_slip", "waviness"]), st.floats(0, 1), max_size=5
+)
+
+
+def test_a_sure_effect_stands_alone():
+    assert confidence_set({"clipping": 0.999, "dropout": 0.001}, 0.95) == (("clipping",),)
+
+
+def test_nothing_is_an_explanation_too():
+    assert confidence_set({"clipping": 0.001}, 0.95) == ((),)
+
+
+def test_what_is_uncertain_stands_both_with_and_without():
+    sets = confidence_set({"clipping": 0.999, "dropout": 0.6}, 0.9)
+    assert sets == (("clipping", "dropout"), ("clipping",))
+
+
+def test_a_simulator_of_the_users_own_has_to_differ_more_where_its_records_cannot_be_exchanged():
+    records, rng = machine(), np.random.default_rng(1)
+    few = evidence_of(records.select(lambda c: c.name[-1] in "01"), simulated(1.0, "m/s^2"))
+    assert level_of_gap(few) == level_of_gap(few, 0.89) == CAUTIOUS_ALPHA < ALPHA
+    assert level_of_gap(few, 0.95) == ALPHA
+    own = evidence_of(records, simulated(1.0, "m/s^2"))
+    assert level_of_gap(own) == ALPHA
+    for effects in ((), ("impact_scatter",)):
+        spec = TwinSpec("phenomenological", effects, None, {"impact_scatter": {"sigma": 0.3}} if effects else {})
+        calibrated = calibrate(records, spec, rng)
+        assert level_of_gap(Evidence(calibrated, simulator_of(calibrated, None), spec, 7)) == ALPHA
+
+
+def test_what_a_search_let_go_is_named_when_it_is_as_likely_as_what_it_kept():
+    probability = {"clipping": 0.76, "dropout": 0.65, "looseness": 0.75, "mean_slip": 0.74, "waviness": 0.1}
+    assert to_name(probability, 0.75) == ["clipping", "looseness"]
+
+
+@given(PROBABILITIES, st.floats(0.5, 0.99))
+def test_the_sets_reach_the_level_and_no_more(probability, level):
+    sets = confidence_set(probability, level)
+    assert len(set(map(frozenset, sets))) == len(sets)
+
+    def weight(chosen):
+        out = 1.0
+        for name, p in probability.items():
+            out *= p if name in chosen else 1 - p
+        return out
+
+    every = sorted(
+        (weight(c) for r in range(len(probability) + 1) for c in itertools.combinations(probability, r)), reverse=True
+    )
+    # What is all but certain is not split: at most 1 % each is given away.
+    assert sum(map(weight, sets)) >= level - 0.01 * len(probability) - 1e-9
+    assert weight(sets[0]) >= every[0] - 0.01 * len(probability)

@@ -1,0 +1,246 @@
+"""Where a search for values begins: what signatures name by themselves, low-passes with the mode that suits them."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+from scipy.optimize import nnls
+from tests.twingap.gap.test_nearest import machine
+
+from twingap.effects import Effect, make_effect
+from twingap.gap.features.comparison import feature_names
+from twingap.gap.search.evidence import THOROUGH, Evidence, simulator_of
+from twingap.gap.search.initial_values import better_start, places, weaker
+from twingap.gap.search.parameter_prior import Said
+from twingap.gap.search.parameter_scale import to_number
+from twingap.gap.search.spectral_fits import _least_misfit, _misfit, likeliest_losses, likeliest_noises
+from twingap.identify.calibrate import calibrate
+from twingap.records import RecordSet
+from twingap.twins.twin_file import TwinSpec
+
+SPEC = TwinSpec("phenomenological")
+
+
+def evidence_of(records: RecordSet) -> Evidence:
+    spec = TwinSpec("phenomenological")
+    calibrated = calibrate(records, spec, np.random.default_rng(1))
+    return Evidence(calibrated, simulator_of(calibrated), spec, 7, THOROUGH)
+
+
+def begun(own: Evidence, given: Effect) -> Effect:
+    """The given values, or better ones."""
+    now = own.misfit(own.against([given]).simulator, [given])
+    found = better_start(own, (given,), given.name, own.against().fit, now)
+    return found.effect if found else given
+
+
+def test_two_powers_are_those_of_non_negative_least_squares() -> None:
+    rng = np.random.default_rng(0)
+    white = np.exp(rng.normal(0, 0.2, 60))
+    alone = set()
+    for power in np.linspace(-0.5, 2.0, 40):  # of no mode, of both, of less than no white noise
+        modes = np.exp(rng.normal(0, 0.6, (1, 60)))
+        wanted = modes[0] ** power * np.exp(rng.normal(0, 0.2, 60))
+        powers, _ = nnls(np.stack((modes[0], white), axis=1) / wanted[:, None], np.ones(60))
+        alone |= {tuple(powers > 0)}
+        model = (powers @ np.stack((modes[0], white))) / wanted
+        expected = np.minimum(np.log(np.maximum(model, 1e-6)) ** 2, 1.0).mean()
+        assert _misfit(modes, white, wanted) == pytest.approx(expected, rel=1e-6)
+    assert alone == {(True, True), (True, False), (False, True)}
+
+
+def test_three_powers_are_those_of_non_negative_least_squares_where_none_is_nought() -> None:
+    rng = np.random.default_rng(2)
+    for wide in (1.0, 1e9):  # the wanted spectrum may span nine orders of magnitude
+        basis = np.exp(rng.normal(0, 0.6, (5, 3, 60)))
+        wanted = np.geomspace(1.0, 1 / wide, 60) * np.exp(rng.normal(0, 0.1, 60))
+        basis[:, 0] *= wanted
+        found, powers = _least_misfit(basis, wanted)
+        each = [nnls((own / wanted).T, np.ones(60))[0] for own in basis]
+        assert found == np.inf or any(np.allclose(powers, one, rtol=1e-5) for one in each if (one > 0).all())
+    whole = np.stack([np.ones(60), np.linspace(1, 2, 60), np.linspace(2, 1, 60) ** 3])
+    found, powers = _least_misfit(whole[None], np.array([0.5, 1.0, 0.2]) @ whole)
+    assert found == pytest.approx(0.0, abs=1e-9)
+    assert powers == pytest.approx([0.5, 1.0, 0.2], rel=1e-4)
+    alike = np.stack([np.ones(60), np.ones(60), np.zeros(60)])
+    assert np.isfinite(_least_misfit(alike[None], 1e-12 * np.ones(60))[1]).all()
+
+
+@pytest.mark.parametrize(("order", "corner_hz"), [(1, 700.0), (2, 1900.0)])
+def test_a_low_pass_is_found_with_the_mode_that_goes_with_it(order: int, corner_hz: float) -> None:
+    truth = make_effect("sensor_rolloff", {"order": order, "corner_hz": corner_hz, "background": 0.97})
+    own = evidence_of(machine(truth))
+    guess = make_effect("sensor_rolloff", {"order": 5, "corner_hz": 2400.0, "background": 0.4})
+    first = likeliest_losses(own, guess)  # type: ignore[arg-type]
+    assert min(abs(np.log(one.corner_hz / corner_hz)) for one in first if one.order == order) < 0.35
+    found = begun(own, guess)
+    misfits = [own.misfit(own.against([e]).simulator, [e]) for e in (truth, found, guess)]
+    assert misfits[1] < 1.25 * misfits[0] < misfits[2]
+
+
+def test_silence_and_bands_without_any_power_are_no_trouble() -> None:
+    own = evidence_of(machine(make_effect("quantisation", {"step": 4.0})))
+    assert likeliest_losses(own, make_effect("sensor_rolloff"))  # type: ignore[arg-type]
+    assert likeliest_noises(own, make_effect("coloured_noise"))  # type: ignore[arg-type]
+    fit = own.calibrated.fit
+    silent = RecordSet(fit.name, fit.unit, fit.bearing, list(fit.conditions), lambda i: np.zeros(fit[i].samples.size))
+    own.calibrated = dataclasses.replace(own.calibrated, fit=silent)
+    assert likeliest_losses(own, make_effect("sensor_rolloff")) == []  # type: ignore[arg-type]
+    assert likeliest_noises(own, make_effect("coloured_noise")) == []  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("opposed", [False, True])
+def test_a_second_mode_is_found_where_it_is_and_the_way_it_moves(opposed: bool) -> None:
+    values = {"frequency_hz": 3600.0, "damping_ratio": 0.04, "gain": 0.9, "opposed": opposed}
+    truth = make_effect("second_resonance", values)
+    own = evidence_of(machine(truth))
+    guess = make_effect("second_resonance", {"frequency_hz": 900.0, "damping_ratio": 0.1, "gain": 0.3})
+    found = begun(own, guess)
+    assert vars(found)["opposed"] == opposed
+    # Either mode may be the twin's own, which is calibrated anew.
+    assert min(abs(vars(found)["frequency_hz"] / place - 1) for place in (2400.0, 3600.0)) < 0.05
+    misfits = [own.misfit(own.against([e]).simulator, [e]) for e in (truth, found, guess)]
+    assert misfits[1] < 1.25 * misfits[0] < misfits[2]
+
+
+def test_knocks_are_begun_at_as_many_and_as_strong_as_are_counted() -> None:
+    values = {"level": 40.0, "rate_hz": 4.0, "resonance_hz": 4200.0, "damping_ratio": 0.1, "spread": 0.2}
+    own = evidence_of(machine(make_effect("impulsive_noise", values)))
+    guess = make_effect("impulsive_noise", {"level": 9.0, "rate_hz": 40.0, "resonance_hz": 1500.0})
+    read = [vars(place) for place in places(guess, own.against().fit, own)]
+    best = min(read, key=lambda one: sum(abs(np.log(one[k] / values[k])) for k in ("level", "rate_hz", "resonance_hz")))
+    assert best["rate_hz"] == pytest.approx(4.0, rel=0.5)
+    assert best["level"] == pytest.approx(40.0, rel=0.5)
+    assert best["resonance_hz"] == pytest.approx(4200.0, rel=0.15)
+
+
+@pytest.mark.parametrize("root", [7, 8, 9])
+def test_knocks_of_which_few_records_show_any_are_not_made_rare_and_huge(root: int) -> None:
+    truth = {"level": 9.0, "rate_hz": 3.0, "resonance_hz": 2400.0, "damping_ratio": 0.05, "spread": 0.3}
+    calibrated = calibrate(machine(make_effect("impulsive_noise", truth)), SPEC, np.random.default_rng(1))
+    own = Evidence(calibrated, simulator_of(calibrated), SPEC, root)
+    guess = make_effect("impulsive_noise", truth | {"level": 11.0, "rate_hz": 4.0, "spread": 0.95})
+    within = {"level": 1.1, "rate_hz": 0.9}
+    said = {(guess.name, p): Said(to_number(guess, p, own.setting), off) for p, off in within.items()}
+    start = better_start(own, (guess,), guess.name, own.against().fit, np.inf, said)
+    found = vars(start.effect if start else guess)
+    assert 0.5 < found["rate_hz"] < 20.0
+    assert 4.0 < found["level"] < 25.0
+
+
+def test_a_good_guess_stays() -> None:
+    truth = make_effect("sensor_rolloff", {"order": 2, "corner_hz": 1900.0, "background": 0.97})
+    own = evidence_of(machine(truth))
+    found = begun(own, truth)
+    assert own.misfit(own.against([found]).simulator, [found]) <= own.misfit(own.against([truth]).simulator, [truth])
+
+
+@pytest.mark.parametrize(("low", "high"), [(600.0, 1400.0), (3000.0, 4200.0)])
+@pytest.mark.parametrize("own_simulator", [False, True])
+def test_a_band_of_noise_is_read_off_the_healthy_spectra(low: float, high: float, own_simulator: bool) -> None:
+    truth = make_effect("coloured_noise", {"level": 0.8, "slope": 0.0, "low_hz": low, "high_hz": high})
+    sim = machine() if own_simulator else None
+    spec = TwinSpec("phenomenological")
+    calibrated = calibrate(machine(truth), None if own_simulator else spec, np.random.default_rng(1), sim=sim)
+    own = Evidence(calibrated, simulator_of(calibrated, sim), spec, 7, THOROUGH)
+    first = likeliest_noises(own, make_effect("coloured_noise"))  # type: ignore[arg-type]
+    nearest = min(first, key=lambda one: abs(np.log(one.low_hz / low)) + abs(np.log(one.high_hz / high)))
+    assert abs(np.log(nearest.low_hz / low)) + abs(np.log(nearest.high_hz / high)) < 0.7
+    assert nearest.level == pytest.approx(0.8, rel=0.3)
+
+
+def test_a_search_for_noise_begins_where_the_healthy_spectra_have_it() -> None:
+    truth = make_effect("coloured_noise", {"level": 0.8, "slope": 0.0, "low_hz": 600.0, "high_hz": 1400.0})
+    own = evidence_of(machine(truth))
+    found = begun(own, make_effect("coloured_noise", {"level": 0.2, "slope": 1.0, "low_hz": 3500.0, "high_hz": 4600.0}))
+    assert 450.0 < vars(found)["low_hz"] < 900.0
+    assert 1000.0 < vars(found)["high_hz"] < 1900.0
+
+
+def test_rare_strong_knocks_are_told_from_frequent_weak_ones() -> None:
+    truth = make_effect(
+        "impulsive_noise", {"level": 60.0, "rate_hz": 4.0, "resonance_hz": 2400.0, "damping_ratio": 0.05}
+    )
+    own = evidence_of(machine(truth))
+    guess = make_effect("impulsive_noise", {"level": 15.0, "rate_hz": 64.0, "resonance_hz": 3300.0})
+    found = begun(own, guess)
+    assert vars(found)["rate_hz"] < 20.0
+    assert vars(found)["resonance_hz"] == pytest.approx(2400.0, rel=0.05)
+    misfits = [own.misfit(own.against([e]).simulator, [e]) for e in (found, guess)]
+    assert misfits[0] < 0.8 * misfits[1]
+
+
+def test_loose_parts_that_do_not_knock_are_tried_too() -> None:
+    truth = make_effect("looseness", {"level": 0.8, "decay": 0.97, "n_orders": 8, "in_phase": False})
+    own = evidence_of(machine(truth))
+    found = begun(own, make_effect("looseness", {"level": 0.2, "decay": 0.97, "n_orders": 8}))
+    assert not vars(found)["in_phase"]
+    assert vars(found)["level"] > 0.3
+
+
+def test_an_estimate_that_is_far_too_strong_is_weakened() -> None:
+    """A baseline that makes room for too much is a valley of its own, out of which no single step leads."""
+    truth = make_effect("waviness", {"level": 0.5, "decay": 0.5, "n_harmonics": 3})
+    own = evidence_of(machine(truth))
+    guess = make_effect("waviness", {"level": 6.0, "decay": 0.95, "n_harmonics": 8})
+    found = begun(own, guess)
+    assert vars(found)["level"] <= 1.5
+    misfits = [own.misfit(own.against(e).simulator, e) for e in ([found], [], [guess])]
+    assert misfits[0] < min(0.7 * misfits[2], 1.2 * misfits[1])
+    assert [vars(e)["level"] for e in weaker(guess)] == pytest.approx([3.0, 1.5, 0.72, 0.36])
+    assert weaker(make_effect("dropout")) == []
+
+
+def test_a_slope_over_speed_is_an_exponent() -> None:
+    truth = make_effect("speed_gain", {"exponent": 2.0, "reference_speed_rpm": 1650.0, "on_noise": 0.0})
+    own = evidence_of(machine(truth))
+    found = begun(own, make_effect("speed_gain", {"exponent": 0.4, "reference_speed_rpm": 1650.0, "on_noise": 0.5}))
+    assert vars(found)["exponent"] == pytest.approx(2.0, abs=0.35)
+    assert vars(found)["on_noise"] == 0.0
+
+
+@pytest.mark.parametrize(
+    ("effect", "feature", "value", "parameter", "expected"),
+    [
+        ("entry_exit", "comb|clear_arc_log", np.log(5.0), "arc_deg", 5.0),
+        ("entry_exit", "events.cycle_rise_part|all.level", 0.3, "arc_deg", 0.3 * 360 / 9),
+        ("speed_gain", "trend|speed_alone", -1.3, "exponent", -1.3),
+        ("mean_slip", "context|slip_seen", 0.02, "slip", 0.02),
+        ("foreign_bearing", "lines.comb_order|all.level", 5.53, "order", 5.53),
+        ("foreign_bearing", "background.foreign_order|healthy.level", 6.31, "order", 6.31),
+    ],
+)
+def test_a_signature_names_a_place(effect: str, feature: str, value: float, parameter: str, expected: float) -> None:
+    own = evidence_of(machine())
+    features = np.full(len(feature_names()), np.nan)
+    without = [vars(place)[parameter] for place in places(make_effect(effect), features, own)]
+    assert min((abs(one - expected) for one in without), default=1.0) > 1e-3 * abs(expected)
+    features[feature_names().index(feature)] = value
+    found = [vars(place)[parameter] for place in places(make_effect(effect), features, own)]
+    assert len(found) > len(without)
+    assert min(abs(one - expected) for one in found) < 1e-6 * abs(expected)
+
+
+def test_an_order_of_strikes_from_elsewhere_is_tried_at_every_level_and_once() -> None:
+    own = evidence_of(machine())
+    features = np.full(len(feature_names()), np.nan)
+    for name, order in (("lines.comb_order|all", 5.53), ("background.foreign_order|all", 5.535)):
+        features[feature_names().index(f"{name}.level")] = order
+    given = make_effect("foreign_bearing", {"level": 8.0, "order": 7.55})
+    found = [vars(place) for place in places(given, features, own)]
+    assert [place["level"] for place in found if place["order"] == 5.53] == pytest.approx([8.0, 4.0, 2.0, 0.96, 0.48])
+    assert not [place for place in found if place["order"] == 5.535]
+
+
+def test_growth_is_read_as_a_rate_over_the_run() -> None:
+    own = evidence_of(machine())
+    features = np.full(len(feature_names()), np.nan)
+    features[feature_names().index("trend|time_strikes")] = 1.5
+    (found,) = places(make_effect("damage_growth"), features, own)
+    assert vars(found)["rate_per_s"] * own.setting.span_s == pytest.approx(
+        1.0
+    )  # the most that is allowed in one second
+    features[feature_names().index("trend|time_strikes")] = -1.5
+    assert not list(places(make_effect("damage_growth"), features, own))

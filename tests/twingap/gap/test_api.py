@@ -1,0 +1,143 @@
+"""The whole diagnosis, with a training small enough for tests: what must hold whatever was learnt."""
+
+import math
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+import threadpoolctl
+
+from twingap.bearing import BEARINGS
+from twingap.effects import make_effect
+from twingap.errors import TwingapError
+from twingap.gap import diagnose
+from twingap.gap.api import _status, _told
+from twingap.gap.distance.closure import Closure
+from twingap.gap.report.model import Place
+from twingap.gap.report.schema import problems
+from twingap.records import Condition, RecordSet
+from twingap.twins.phenomenological import PhenomenologicalParameters, PhenomenologicalTwin
+from twingap.twins.twin_file import TwinSpec
+
+FAULTS = ("healthy", "outer", "inner", "ball")
+
+
+def machine(effects=(), count=16, seed=1, fs_hz=12000.0, n=6000, faults=FAULTS):
+    parameters = PhenomenologicalParameters(resonance_hz=2600.0, damping_ratio=0.04, scale=0.3)
+    twin = PhenomenologicalTwin(BEARINGS["6205"], parameters, effects, unit="g")
+    speeds = (1500.0, 1800.0)
+    conditions = [
+        Condition(f"r{i}", speeds[(i // len(faults)) % 2], fs_hz, n, faults[i % len(faults)]) for i in range(count)
+    ]
+    return twin.simulate(conditions, np.random.default_rng(seed))
+
+
+def openmp_threads():
+    return max(pool["num_threads"] for pool in threadpoolctl.threadpool_info() if pool["user_api"] == "openmp")
+
+
+def run(records, learnt, **options):
+    spec = TwinSpec("phenomenological", bearing=BEARINGS["6205"])
+    return diagnose(records, spec, np.random.default_rng(0), learnt=learnt, **options)
+
+
+@pytest.fixture(scope="module")
+def clipped(learnt):
+    return run(machine([make_effect("quantisation", {"step": 0.8})]), learnt)
+
+
+def test_a_plain_effect_is_named_and_adding_it_closes_the_gap(clipped):
+    report = clipped.report
+    assert report.verdict.status in ("explained", "partly_explained")
+    assert report.verdict.effects[0] == "quantisation"
+    candidate = report.candidates[0]
+    assert candidate.effect == "quantisation"
+    assert candidate.closure > 0.6
+    assert candidate.parameters["step"].value == pytest.approx(0.8, rel=0.35)
+
+
+def test_explained_is_said_only_where_the_distance_reaches_its_floor(clipped):
+    quiet = replace(clipped.explanation, rest_p=0.5)
+    reached = Closure(1.0, 0.15, 0.1, 0.94, (0.85, 1.0), (0.9, 1.1), (0.05, 0.3))
+    assert _status(quiet, reached, ()) == "explained"
+    assert _status(quiet, replace(reached, ci=(0.3, 0.5)), ()) == "partly_explained"
+    assert _status(quiet, replace(reached, after_ci=(0.14, 0.3)), ()) == "partly_explained"
+    assert _status(replace(quiet, rest_p=0.001), reached, ()) == "partly_explained"
+    assert _status(replace(quiet, effects=()), reached, ()) == "unexplained"
+    assert _status(replace(quiet, gap=False), reached, ()) == "no_gap"
+    # Wide intervals reach everything: a place of the rest that is plain says that something is left all the same.
+    tones = Place("order", 1.9, 2.1, "orders", 0.1, 0.002)
+    assert _status(quiet, reached, (tones,)) == "partly_explained"
+    assert _status(quiet, reached, (replace(tones, p_value=0.04),)) == "explained"
+
+
+def test_the_report_keeps_the_contract(clipped):
+    assert problems(clipped.report.to_json()) == []
+    assert len(clipped.report.candidates) >= 24
+    assert math.fsum(place.share for place in clipped.report.places) <= 1 + 1e-9
+
+
+def test_the_same_seed_gives_the_same_diagnosis(learnt):
+    records = machine([make_effect("mains_interference", {"level": 0.6})], count=8)
+    threads = []
+    told = {"report": lambda what, part: threads.append(openmp_threads())}
+    one, other = (run(records, learnt, **more).report.to_json() for more in ({}, told))
+    for table in (one, other):
+        table["provenance"].pop("runtime_s")
+    assert one == other
+    assert set(threads) == {1}, "trees asked by many threads take minutes on a busy machine"
+
+
+def test_machine_and_twin_alike_leave_nothing_to_name(learnt):
+    called = [run(machine(seed=seed, count=12), learnt).report.verdict.status != "no_gap" for seed in (3, 4, 5)]
+    assert sum(called) <= 1
+
+
+def test_two_records_are_enough_to_run(learnt):
+    report = run(machine(count=2, faults=("healthy", "outer")), learnt).report
+    assert problems(report.to_json()) == []
+
+
+def test_healthy_records_alone_are_diagnosed(learnt):
+    report = run(machine([make_effect("clipping", {"rail": 1.7})], count=8, faults=("healthy",)), learnt).report
+    assert problems(report.to_json()) == []
+
+
+def test_records_for_export_have_all_conditions(clipped):
+    before, after = list(clipped.sim_before()), list(clipped.sim_after())
+    assert len(before) == len(after) == 16
+    assert {r.condition.name for r in after} == {f"r{i}" for i in range(16)}
+    assert len(np.unique(np.round(after[0].samples, 9))) < len(np.unique(before[0].samples))
+
+
+def test_own_simulated_records_of_the_same_machine_show_no_gap_worth_a_name(learnt):
+    report = run(machine(seed=8), learnt, sim=machine(seed=9)).report
+    assert problems(report.to_json()) == []
+    assert len(report.verdict.effects) <= 1
+
+
+def test_another_level_with_the_named_effects_is_told():
+    def found(before, after):
+        pair = [SimpleNamespace(simulator=SimpleNamespace(gain=gain, notes=())) for gain in (before, after)]
+        return SimpleNamespace(names=(), cannot={}, before=pair[0], after=pair[1])
+
+    assert list(_told(found(3.0, 3.02))) == []
+    (told,) = _told(found(3.0, 4.5))
+    assert "by 3 as they are and by 4.5 with the named effects" in told
+
+
+def test_one_record_is_refused(learnt):
+    with pytest.raises(TwingapError, match="at least 2 expected"):
+        run(machine(count=1), learnt)
+
+
+def test_many_records_are_thinned_and_said_so(learnt):
+    few = machine(count=8, n=2000)
+    many = RecordSet.from_records(
+        "many", "g", few.bearing,
+        (type(r)(Condition(f"m{k}", r.condition.speed_rpm, 12000.0, 2000, r.condition.fault), r.samples)
+         for k in range(400) for r in (few[k % 8],)),
+    )  # fmt: skip
+    report = run(many, learnt).report
+    assert any("of 400 records" in note for note in report.notes)
