@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from tests.twingap.gap.test_nearest import OWN, machine
 
+from tests.twingap.gap.search.test_optimise import OWN, machine
 from twingap.bearing import BEARINGS
 from twingap.effects import make_effect
 from twingap.gap.external_simulator import OwnSimulator

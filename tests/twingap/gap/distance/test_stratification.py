@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from tests.twingap.gap.test_distance import conditions_of, run_of
 
+from tests.twingap.gap.distance.test_paired import conditions_of, run_of
 from twingap.gap.distance.stratification import slopes, strata, witnesses
 from twingap.records import Condition
 

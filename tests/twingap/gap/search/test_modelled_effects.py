@@ -6,8 +6,8 @@ import copy
 from typing import Any
 
 import numpy as np
-from tests.twingap.gap.test_nearest import machine
 
+from tests.twingap.gap.search.test_optimise import machine
 from twingap.effects import make_effect
 from twingap.gap import diagnose
 from twingap.gap.search.modelled_effects import completed, without_values
