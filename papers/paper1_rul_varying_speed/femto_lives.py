@@ -37,7 +37,6 @@ from papers.paper1_rul_varying_speed.models import architecture_of
 from papers.paper1_rul_varying_speed.options import CONFIG, Options, read_options
 from papers.paper1_rul_varying_speed.training_code import code_of_training
 from papers.studies import Count, Progress, command, keep_figures, keep_tables, profile_of
-from twingap import files
 from twingap.data import load
 from twingap.errors import TwingapError
 from twingap.prognosis.run import read_run
@@ -90,7 +89,6 @@ PROFILES: Final = {
     "smoke": Size(("Bearing2_1",), (2.0,), 1, 100, 300),
     "full": Size((), (10.0, 2.0), 5, 800, 2000),
 }
-"""What is learnt for the diagnosis is trained first where it is not at hand (half an hour)."""
 
 
 @dataclass(frozen=True)
@@ -240,7 +238,7 @@ def run(
     """
     import twingap.gap
     from twingap.data.root import data_root
-    from twingap.gap.knowledge import train
+    from twingap.gap.knowledge import shipped_digest
 
     options, size = read_options(config), profile_of(PROFILES, profile, Path(__file__))
     where = None if root is None else str(root)
@@ -256,12 +254,11 @@ def run(
             refused[one] = str(error)
     if not cases:
         raise TwingapError(next(iter(refused.values())), where="femto lives")
-    learnt = train(report=lambda what, part: progress(f"learning the diagnosis, once: {what}", round(100 * part), 100))
     given: dict[str, Any] = {"store": out / "results", "backend": backend, "address": address}
     answers = sweep(
         functools.partial(diagnosed, root=where, config=str(config)), list(cases),
         version=code_of_training() + digest_of_code(twingap.gap, sys.modules[__name__], life_gap_diagnoses),
-        data={"learnt": files.sha256(learnt), "femto": digest_of_path(data_root(where) / "femto")},
+        data={"learnt": shipped_digest(), "femto": digest_of_path(data_root(where) / "femto")},
         describe=lambda job: job.words, on_result=Count("diagnoses", len(cases), progress), **given,
     )  # fmt: skip
     told = {answer.job: dict(answer.value) for answer in answers}

@@ -41,7 +41,6 @@ from papers.paper1_rul_varying_speed.models import architecture_of
 from papers.paper1_rul_varying_speed.options import CONFIG, Options, read_options
 from papers.paper1_rul_varying_speed.training_code import code_of_training
 from papers.studies import Count, Progress, command, keep_figures, keep_tables, profile_of
-from twingap import files
 from twingap.data import load
 from twingap.provenance import digest_of_code, digest_of_path
 from twingap.sweep import sweep
@@ -80,8 +79,7 @@ PROFILES: Final = {
     "smoke": Size(("A154",), 1, 200, 800),
     "full": Size(("A148", "A150", "A153", "A154", "A155", "A156"), 2, 800, 2000),
 }
-"""What is learnt for the diagnosis is trained first where it is not at hand (half an hour); full takes some 20 minutes
-of one core beyond that."""
+"""Full takes some 20 minutes of one core."""
 
 
 @dataclass(frozen=True)
@@ -171,20 +169,19 @@ def run(
         Make the figure.
     """
     import twingap.gap
-    from twingap.gap.knowledge import train
+    from twingap.gap.knowledge import shipped_digest
 
     options, size = read_options(config), profile_of(PROFILES, profile, Path(__file__))
     where = None if root is None else str(root)
     target = target_of(options, where, size.bearings)
     cases = {name: read_case(target, name, options.target, options.adaptation) for name in size.bearings}
     femto_runs, data = _femto(where)
-    learnt = train(report=lambda what, part: progress(f"learning the diagnosis, once: {what}", round(100 * part), 100))
     asked = list(questions(size.bearings, femto_runs, seed))
     given: dict[str, Any] = {"store": out / "results", "backend": backend, "address": address}
     answers = sweep(
         functools.partial(diagnosed, root=where, config=str(config)), asked,
         version=code_of_training() + digest_of_code(twingap.gap, femto, life_gap_diagnoses),
-        data={"learnt": files.sha256(learnt), **data, **{name: case.digest for name, case in cases.items()}},
+        data={"learnt": shipped_digest(), **data, **{name: case.digest for name, case in cases.items()}},
         describe=lambda job: job.words, on_result=Count("diagnoses", len(asked), progress), **given,
     )  # fmt: skip
     told = [(a.job, dict(a.value)) for a in answers]

@@ -160,8 +160,8 @@ def train(
     as_json: Json = False,
 ) -> None:
     """Train beforehand what the diagnosis learns from simulated gaps; a diagnosis that finds nothing does it itself."""
-    from twingap.gap.knowledge import SEED
-    from twingap.gap.knowledge import train as run
+    from twingap.gap.knowledge.training import SEED
+    from twingap.gap.knowledge.training import train as run
 
     seed = SEED if seed is None else seed
     with _bar() as report_step:

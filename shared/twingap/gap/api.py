@@ -24,8 +24,8 @@ from twingap.gap.distance.localisation import locate
 from twingap.gap.distance.paired import Paired
 from twingap.gap.distance.two_sample_tests import overall_tests
 from twingap.gap.external_simulator import OwnSimulator
-from twingap.gap.knowledge import is_trained, load, quiet, train
-from twingap.gap.knowledge.learn import Learnt
+from twingap.gap.knowledge import shipped
+from twingap.gap.knowledge.learnt import Learnt
 from twingap.gap.report.model import Candidate, GapReport, ParameterValue, Place, StandIns, Status, Verdict
 from twingap.gap.search.closest_twin import nearest_spec, stand_ins
 from twingap.gap.search.effect_search import ALPHA, ALPHA_REST, SURE, Estimated, Explanation, estimate, explain
@@ -118,7 +118,7 @@ def diagnose(
     rng: np.random.Generator,
     *,
     sim: RecordSet | None = None,
-    report: Report = quiet,
+    report: Report = lambda what, fraction: None,
     learnt: Learnt | None = None,
     nearest: bool = False,
 ) -> Diagnosis:
@@ -136,8 +136,7 @@ def diagnose(
     report : callable
         Told of progress: what is done, and which part of the whole, 0 to 1.
     learnt : Learnt, optional
-        What was learnt beforehand; None looks in the cache, and trains (a third of an hour on two threads) when it
-        is not there.
+        What was learnt from simulated gaps; None takes what the package ships with.
     nearest : bool
         Whether to look, where a rest remains, for effects that stand in for it: minutes of further work.
 
@@ -153,10 +152,7 @@ def diagnose(
     from threadpoolctl import threadpool_limits
 
     _two_or_more(records)
-    if learnt is None:
-        if not is_trained():  # what cannot be diagnosed is told before half an hour's work
-            calibrate(_thinned(records, []), None if sim is not None else spec, copy.deepcopy(rng), sim=sim)
-        learnt = load(train(report=lambda what, part: report(f"training, once: {what}", part)))
+    learnt = shipped() if learnt is None else learnt
     # Trees are asked about one row thousands of times: threads would wait for each other longer than they work, on a
     # machine that has other work for minutes.
     with threadpool_limits(1, user_api="openmp"):
@@ -479,5 +475,5 @@ def _provenance(
         "bearing": calibrated.frame.bearing.name,
         "fs_hz": rates[0] if len(rates) == 1 else list(rates),
         "simulator": "" if sim is None else sim.name,
-        "learnt": str(learnt.about.get("key", "")),
+        "learnt": {key: learnt.about[key] for key in ("version", "machines", "seed") if key in learnt.about},
     }

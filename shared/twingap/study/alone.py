@@ -18,7 +18,7 @@ from twingap.errors import TwingapError
 from twingap.study import worker
 from twingap.study.blind import blinded
 from twingap.study.pooled import read_studies
-from twingap.study.runner import diagnosis, digest_of, digest_of_worlds, made_ready
+from twingap.study.runner import diagnosis, digest_of, digest_of_worlds, learnt_digest
 from twingap.study.tables import grid
 from twingap.study.verdicts import found_in
 
@@ -75,7 +75,7 @@ def slowest_again(
     code = {"diagnosis": digest_of(diagnose), "worlds": digest_of_worlds()}
     # What is learnt is made here where it is not at hand, which takes its time: neither for other code, nor within the
     # first world's time.
-    if code != about["code_sha256"] or made_ready(diagnose) != about["learnt_sha256"]:
+    if code != about["code_sha256"] or learnt_digest(diagnose) != about["learnt_sha256"]:
         raise TwingapError("the study is of another diagnosis", mend="take the code and the training that it ran on")
     by_name = {case.name: case for case in planned or cases(about["cases"], about["seed"])}
     worlds = sorted(study["worlds"], key=lambda world: -world["found"]["runtime_s"])

@@ -29,7 +29,7 @@ from twingap.signal.record_transforms import RecordView
 from twingap.study.blind import anonymous, blinded
 
 if TYPE_CHECKING:
-    from twingap.gap.knowledge.learn import Learnt
+    from twingap.gap.knowledge.learnt import Learnt
     from twingap.rigs.worlds import Case
 
 RUNS = 8
@@ -114,14 +114,14 @@ def check(case: Case, seed: int, learnt: Learnt) -> Checked | None:
 
 def main() -> None:
     """Worlds with one to five effects of a seed that no study used."""
-    from twingap.gap.knowledge import load, train
+    from twingap.gap.knowledge import shipped
     from twingap.rigs.worlds.plan import cases
 
     asked = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else "")
     asked.add_argument("--worlds", type=int, default=40)
     asked.add_argument("--seed", type=int, default=77)
     options = asked.parse_args()
-    learnt = load(train())
+    learnt = shipped()
     done: list[Checked] = []
     for case in cases(4 * options.worlds, options.seed):
         if len(done) == options.worlds:

@@ -100,7 +100,7 @@ def run_public(
         reader(name)  # a name that is none is told, not skipped
     held, skipped = _at_hand(plan, root)
     files.try_folder(out)
-    code, data = _digests(held, report)
+    code, data = _digests(held)
     run = functools.partial(
         _swept, store=Path(out) / "work", code=code, data=data, root=root, workers=jobs, report=report
     )
@@ -149,22 +149,21 @@ def _at_hand(plan: Plan, root: str | None) -> tuple[dict[str, PublicSet], dict[s
     return held, skipped
 
 
-def _digests(held: Mapping[str, PublicSet], report: Report) -> tuple[str, dict[str, str]]:
-    """Of the code that answers, and of what it reads; what is learnt beforehand is learnt now, if it was not."""
+def _digests(held: Mapping[str, PublicSet]) -> tuple[str, dict[str, str]]:
+    """Of the code that answers, and of what it reads."""
     import twingap.effects
     import twingap.gap
     import twingap.identify
     import twingap.signal
     import twingap.twins
-    from twingap.gap.knowledge import train
+    from twingap.gap.knowledge import shipped_digest
     from twingap.study import public_jobs, public_looks, public_sets
 
     code = digest_of_code(
         twingap.effects, twingap.gap, twingap.identify, twingap.signal, twingap.twins, public_jobs, public_looks,
         public_sets,
     )  # fmt: skip
-    learnt = train(report=lambda what, part: report(f"learnt beforehand: {what}", round(100 * part), 100))
-    return code, {"learnt": files.sha256(learnt), **{name: own.records.digest for name, own in held.items()}}
+    return code, {"learnt": shipped_digest(), **{name: own.records.digest for name, own in held.items()}}
 
 
 def _swept(

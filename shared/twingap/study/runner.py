@@ -131,7 +131,7 @@ def run_study(
     code = {"diagnosis": digest_of(diagnose), "worlds": digest_of_worlds()}
 
     sealed = _seal(folder, cases, seed, code, jobs, report)
-    learnt_from = made_ready(diagnose, jobs, report)
+    learnt_from = learnt_digest(diagnose)
     told = _diagnosed(
         folder, cases, seed, sealed, diagnose, prepare, permutations, {**code, "learnt": learnt_from}, jobs, report
     )
@@ -362,20 +362,11 @@ def _digest_of_yardsticks() -> str:
     return digest_of_code(baseline, calibrate, distance, evidence, nearest, simulator, view, views)
 
 
-def made_ready(
-    diagnose: worker.Diagnose, jobs: int | None = None, report: Report = lambda what, done, total: None
-) -> str:
-    """Digest of what this package's diagnosis has learnt, which is learnt here if it was not before.
+def learnt_digest(diagnose: worker.Diagnose) -> str:
+    """Digest of what this package's diagnosis has learnt; empty for another method."""
+    from twingap.gap.knowledge import shipped_digest
 
-    Worker processes would otherwise all learn it at once.
-    """
-    if not diagnose.__module__.startswith("twingap.gap"):
-        return ""
-    from twingap.gap import knowledge as training
-
-    path = training.train(report=lambda what, part: report(f"training, once: {what}", round(100 * part), 100),
-                          jobs=jobs or 0)  # fmt: skip
-    return files.sha256(path)
+    return shipped_digest() if diagnose.__module__.startswith("twingap.gap") else ""
 
 
 def _write(path: Path, value: Any) -> None:

@@ -32,7 +32,7 @@ _CONTEXT: Final = (
 
 
 @dataclass(frozen=True)
-class Sight:
+class Detectability:
     """How surely each effect is found, by its values and by what else there is.
 
     Parameters
@@ -73,10 +73,10 @@ def _about(values: Array, context: NDArray[Any], missing: Mask) -> Array:
     return np.asarray(np.nan_to_num(np.column_stack([values, context, missing.sum(axis=1)]), nan=-9.0))
 
 
-def learn_sight(
+def learn_detectability(
     said: Mapping[str, Array], missing: Mask, values: Array, features: NDArray[Any], effects: Sequence[str],
     parameters: Sequence[tuple[str, str]], names: Sequence[str],
-) -> tuple[Sight, Mask]:  # fmt: skip
+) -> tuple[Detectability, Mask]:  # fmt: skip
     """How surely effects are found, and which of the examples' are hidden, each judged by trees that had not seen it.
 
     Parameters
@@ -91,7 +91,7 @@ def learn_sight(
 
     Returns
     -------
-    Sight, Mask [examples, effects]
+    Detectability, Mask [examples, effects]
     """
     from sklearn.ensemble import RandomForestRegressor
 
@@ -113,4 +113,4 @@ def learn_sight(
         )
         forests[name] = forest.fit(about, chance)
         hidden[rows, j] = forest.oob_prediction_ < LEAST
-    return Sight(tuple(effects), places, context, forests), hidden
+    return Detectability(tuple(effects), places, context, forests), hidden

@@ -6,19 +6,19 @@ examples (features, what is missing, values) --detectors--> detector of each eff
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from fnmatch import fnmatchcase
 from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from twingap.gap.knowledge.detectability import Sight, learn_sight
+from twingap.gap.knowledge.detectability import Detectability, learn_detectability
 from twingap.gap.knowledge.detectors import Ensemble, Estimator, Table, learn_classifier, learn_estimator
 from twingap.gap.knowledge.effect_features import columns
-from twingap.gap.knowledge.null import NOBODY, Judged, Null
-from twingap.gap.knowledge.score_calibration import Judgement
+from twingap.gap.knowledge.learnt import NO_DETECTOR, Learnt, any_effect, inputs_of_anything
+from twingap.gap.knowledge.null import MachineScores, Null
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -64,10 +64,8 @@ PRECISION: Final = 0.75
 COVERAGE: Final = 0.93
 """Part of the machines not seen whose truth the confidence set is to hold: 90 %, and some for what is unlike them."""
 
-UNHEARD: Final = -6.0
-"""Log odds of an effect that no detector is asked of."""
 MOST: Final = 0.93
-"""Level beyond which sets only grow: what is missed then is what a first look cannot see at all."""
+"""Largest such level."""
 
 
 def _limit(score: Array, label: Mask) -> float:
@@ -127,94 +125,6 @@ def _alone(function: Callable[..., Any], *arguments: Any) -> Any:
         return function(*arguments)
 
 
-def _of_all(log_odds: Array, general: NDArray[Any]) -> Array:
-    """[examples, columns] What the detector of any gap hears: all others, the three surest, and what is general."""
-    return np.concatenate((log_odds, np.sort(log_odds, axis=1)[:, -3:], general), axis=1)
-
-
-def _any_of(log_odds: Array) -> Array:
-    """[examples] How surely at least one effect is missing, were each [examples, effects] by itself."""
-    return np.asarray(np.log1p(np.exp(np.clip(log_odds, -30, 30))).sum(axis=1))
-
-
-@dataclass
-class Learnt:
-    """All that a diagnosis brings along.
-
-    Parameters
-    ----------
-    effects : tuple of str
-        The catalogue that was learnt, in order.
-    detectors : Mapping[str, Ensemble]
-    estimators : Mapping[(effect, parameter), Estimator]
-    anything : Ensemble
-        Whether the twin lacks anything at all, named or not.
-    null : Null
-        Scores of `anything`, and of all detectors together, for machines whose twin lacks nothing, each by models that
-        had not seen it.
-    features : tuple of str
-        Names, to be sure that they are still the same.
-    about : Mapping
-        How it was made, and how well it did on machines it had not seen.
-    judgement : Judgement or None
-        What ends of searches are worth; None where too few were made to say.
-    sight : Sight or None
-        Which effects nobody could have seen: those neither count as missing nor as not.
-    """
-
-    effects: tuple[str, ...]
-    detectors: Mapping[str, Ensemble]
-    estimators: Mapping[tuple[str, str], Estimator]
-    anything: Ensemble
-    null: Null
-    features: tuple[str, ...]
-    about: dict[str, Any]
-    thresholds: dict[str, float] = field(default_factory=dict)
-    set_level: float = 0.9
-    null_rest: Null = field(default_factory=lambda: Null(NOBODY))
-    general: NDArray[np.int64] = field(default_factory=lambda: np.empty(0, np.int64))
-    judgement: Judgement | None = None
-    sight: Sight | None = None
-
-    @property
-    def errors(self) -> dict[tuple[str, str], float]:
-        """(effect, parameter) -> how far estimates are off, in comparable numbers (see `parameters`)."""
-        return {key: estimator.error for key, estimator in self.estimators.items()}
-
-    def log_odds(self, features: NDArray[Any], *, later: bool = False) -> Array:
-        """[examples, effects] Log odds that each effect is missing; what was not learnt is taken as unlikely.
-
-        `later`: of a twin to which effects have been added.
-        """
-        rows = np.atleast_2d(features)
-        out = np.full((len(rows), len(self.effects)), UNHEARD)
-        for j, name in enumerate(self.effects):
-            if name in self.detectors:
-                out[:, j] = self.detectors[name].score(rows, later=later)
-        return out
-
-    def p_value(self, features: NDArray[Any], modelled: Collection[str] = ()) -> float:
-        """Part of the machines without a gap that look at least as much like one.
-
-        `modelled`: effects that the twin has as given, of which no detector is asked.
-        """
-        return self._rank(features, self.null, modelled, later=False)
-
-    def rest_p(self, features: NDArray[Any], has: Collection[str] = ()) -> float:
-        """The same once effects have been added: against machines to which all that they lacked had been added.
-
-        `has`: effects that the twin has as given, and those that were added.
-        """
-        return self._rank(features, self.null_rest, has, later=True)
-
-    def _rank(self, features: NDArray[Any], null: Null, modelled: Collection[str], *, later: bool) -> float:
-        rows = np.atleast_2d(features)
-        odds = self.log_odds(rows, later=later)
-        odds[:, [name in modelled for name in self.effects]] = UNHEARD
-        anything = self.anything.score(_of_all(odds, rows[:, self.general]), later=later)
-        return null.p_value(Judged.of(np.stack([anything, _any_of(odds)], axis=1), features, self.features))
-
-
 def learn(examples: Examples, effects: tuple[str, ...], parameters: tuple[tuple[str, str], ...],
           names: tuple[str, ...], report: Callable[[str, float], None]) -> Learnt:  # fmt: skip
     """Learn everything from the examples."""
@@ -266,15 +176,15 @@ def learn(examples: Examples, effects: tuple[str, ...], parameters: tuple[tuple[
         if estimator is not None:
             estimators[parameter] = estimator
     report("detector of any gap", 0.9)
-    scores = np.full((len(machine), len(effects)), UNHEARD)
+    scores = np.full((len(machine), len(effects)), NO_DETECTOR)
     for j, name in enumerate(effects):
         if name in detectors:
             scores[:, j] = detectors[name].unseen
             detectors[name].unseen = detectors[name].unseen[here]
     any_gap = examples.missing.any(axis=1) | examples.strange
     general = general_columns(names)
-    asked = np.where(has, UNHEARD, scores)
-    whole = Table(_of_all(asked, table.values[:, general]).astype(np.float32))
+    asked = np.where(has, NO_DETECTOR, scores)
+    whole = Table(inputs_of_anything(asked, table.values[:, general]).astype(np.float32))
     open_ = ~any_gap | examples.strange | (examples.missing & ~hidden).any(axis=1)
     anything = learn_classifier(
         whole, np.tile(any_gap, 2), machine, range(whole.values.shape[1]), first, np.tile(open_, 2)
@@ -283,7 +193,7 @@ def learn(examples: Examples, effects: tuple[str, ...], parameters: tuple[tuple[
         raise ValueError("too few examples with and without a gap to learn from")
     anything.unseen = anything.unseen[here]
     scores = scores[here]
-    judged = Judged.of(np.stack([anything.unseen, _any_of(asked[here])], axis=1), examples.features, names)
+    judged = MachineScores.of(np.stack([anything.unseen, any_effect(asked[here])], axis=1), examples.features, names)
     null, rest = (Null(judged.take(rows)) for rows in (~any_gap & examples.first, ~any_gap & ~examples.first))
     limits = {
         name: _limit(scores[counted[here, j], j], examples.missing[counted[here, j], j])
@@ -291,7 +201,9 @@ def learn(examples: Examples, effects: tuple[str, ...], parameters: tuple[tuple[
     }
     known = examples.first & ~examples.strange & ~hidden.any(axis=1)
     level = _level(scores[known], examples.missing[known])
-    return Learnt(effects, detectors, estimators, anything, null, names, {}, limits, level, rest, general, sight=sight)
+    return Learnt(
+        effects, detectors, estimators, anything, null, names, {}, limits, level, rest, general, detectability=sight
+    )
 
 
 def _had(examples: Examples) -> Mask:
@@ -305,10 +217,10 @@ def _had(examples: Examples) -> Mask:
 def _hidden(
     examples: Examples, said: Mapping[str, Array], effects: tuple[str, ...], parameters: tuple[tuple[str, str], ...],
     names: tuple[str, ...],
-) -> tuple[Sight, Mask]:  # fmt: skip
-    """Sight, and which effects [examples, effects] it says nobody could see; of a machine, whatever had been added."""
+) -> tuple[Detectability, Mask]:  # fmt: skip
+    """Detectability, and which effects [examples, effects] no record could show, whatever had been added."""
     rows = np.flatnonzero(examples.first)
-    sight, own = learn_sight(
+    sight, own = learn_detectability(
         {name: log_odds[rows] for name, log_odds in said.items()}, examples.missing[rows], examples.values[rows],
         examples.features[rows], effects, parameters, names,
     )  # fmt: skip

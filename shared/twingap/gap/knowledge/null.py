@@ -42,7 +42,7 @@ def _told(features: NDArray[Any], names: tuple[str, ...], name: str, otherwise: 
 
 
 @dataclass(frozen=True)
-class Judged:
+class MachineScores:
     """What is known of machines that are to be told from those without a gap.
 
     Parameters
@@ -68,22 +68,24 @@ class Judged:
     quiet: Mask
 
     @classmethod
-    def of(cls, scores: Array, features: NDArray[Any], names: tuple[str, ...]) -> Judged:
+    def of(cls, scores: Array, features: NDArray[Any], names: tuple[str, ...]) -> MachineScores:
         """Machines of these scores and features."""
         own, models = _told(features, names, OWN) > 0, _told(features, names, MODELS) > 0
         kind = np.select([own, models], [OWN_SIMULATOR, WITH_EFFECTS], BARE)
         quiet = _told(features, names, HEALTHY, 1.0) > 0
         return cls(scores, _told(features, names, RECORDS), _told(features, names, DISTANCE, np.nan), kind, quiet)
 
-    def take(self, rows: Mask) -> Judged:
+    def take(self, rows: Mask) -> MachineScores:
         """Some of the machines."""
-        return Judged(self.scores[rows], self.records[rows], self.distance[rows], self.kind[rows], self.quiet[rows])
+        return MachineScores(
+            self.scores[rows], self.records[rows], self.distance[rows], self.kind[rows], self.quiet[rows]
+        )
 
     def __len__(self) -> int:
         return len(self.scores)
 
 
-NOBODY: Final = Judged(np.empty((0, 2)), np.empty(0), np.empty(0), np.empty(0), np.empty(0, bool))
+NO_MACHINES: Final = MachineScores(np.empty((0, 2)), np.empty(0), np.empty(0), np.empty(0), np.empty(0, bool))
 
 
 @dataclass(frozen=True)
@@ -102,12 +104,12 @@ class Null:
 
     Parameters
     ----------
-    machines : Judged
+    machines : MachineScores
     """
 
-    machines: Judged
+    machines: MachineScores
 
-    def p_value(self, judged: Judged) -> float:
+    def p_value(self, judged: MachineScores) -> float:
         """Part of these machines, near ones above all, that look at least as much like a gap as this one does."""
         if not len(self.machines):
             return 1.0
@@ -119,7 +121,7 @@ class Null:
         """[machines] How rare the rarest score of each of these machines is."""
         return np.array([self._rarity(self.machines, place) for place in range(len(self.machines))])
 
-    def _rarity(self, of: Judged, place: int) -> float:
+    def _rarity(self, of: MachineScores, place: int) -> float:
         alike = self._alike(of.kind[place], of.quiet[place])
         weight = self._weight(of.records[place], alike)
         rare = [_part(weight, self.machines.scores[:, k] >= score) for k, score in enumerate(of.scores[place])]

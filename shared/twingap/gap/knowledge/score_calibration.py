@@ -1,8 +1,8 @@
 """What the end of a search is worth: its log odds turned into probabilities that hold.
 
-searches on machines not learnt from --outcome of every effect--> logistic regression --> Judgement
+searches on machines not learnt from --outcome of every effect--> logistic regression --> ScoreCalibration
                                      --each judged by the others--> how probable an effect has to be to be named
-outcome of every effect of a new search --Judgement--> probability that it is missing
+outcome of every effect of a new search --ScoreCalibration--> probability that it is missing
 
 Detectors are calibrated on first looks. A search asks them again and again, names the strongest, and stops: what it
 has named is likelier than its last log odds say, and beside a rest that nothing explains, or among many effects, what
@@ -73,7 +73,7 @@ class Outcome(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Judgement:
+class ScoreCalibration:
     """Log odds that an effect is missing, linear in its outcome's features.
 
     Parameters
@@ -93,7 +93,9 @@ class Judgement:
         return float(1 / (1 + np.exp(-(self.weights @ outcome.features() + self.offset))))
 
 
-def learn_judgement(outcomes: Sequence[Outcome], missing: Sequence[bool], machine: Sequence[int]) -> Judgement | None:
+def learn_score_calibration(
+    outcomes: Sequence[Outcome], missing: Sequence[bool], machine: Sequence[int]
+) -> ScoreCalibration | None:
     """From outcomes of searches whose truth is known; None where they are too few.
 
     Parameters
@@ -114,7 +116,7 @@ def learn_judgement(outcomes: Sequence[Outcome], missing: Sequence[bool], machin
         if 0 < label[others].sum() < others.sum():
             weights, offset = _fitted(table[others], label[others])
             probability[~others] = 1 / (1 + np.exp(-(table[~others] @ weights + offset)))
-    return Judgement(*_fitted(table, label), _limit(probability, label))
+    return ScoreCalibration(*_fitted(table, label), _limit(probability, label))
 
 
 def _fitted(table: Array, label: Mask) -> tuple[Array, float]:

@@ -19,7 +19,7 @@ from twingap.gap.search.parameter_scale import coordinates, to_number
 from twingap.identify.calibrate import calibrate
 
 if TYPE_CHECKING:
-    from twingap.gap.knowledge.learn import Learnt
+    from twingap.gap.knowledge.learnt import Learnt
 
 
 def searches(
@@ -55,11 +55,11 @@ def searches(
 
 def _hidden(gap: SimulatedGap, evidence: Evidence, learnt: Learnt) -> set[str]:
     """Effects of a machine that nobody could have seen."""
-    if learnt.sight is None:
+    if learnt.detectability is None:
         return set()
     present = {effect.name: effect for effect in gap.missing}
     setting = evidence.setting
     values = [to_number(present[n], p, setting) if n in present else np.nan for n, p in coordinates()]
     missing = np.array([name in present for name in learnt.effects])
-    hidden = learnt.sight.hidden(missing[None], np.array(values)[None], evidence.against().held_out[None])[0]
+    hidden = learnt.detectability.hidden(missing[None], np.array(values)[None], evidence.against().held_out[None])[0]
     return {name for name, one in zip(learnt.effects, hidden, strict=True) if one}

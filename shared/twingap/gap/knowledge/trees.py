@@ -1,16 +1,16 @@
-"""Boosted trees, once learnt, as flat arrays: one row through all of them takes microseconds.
+"""Boosted trees as flat arrays: evaluation of one row in microseconds, and a compact form for files.
 
-scikit-learn's boosting --nodes of all trees, end to end--> Boosted --row by row--> raw prediction
+scikit-learn's boosting --nodes of all trees in preorder--> Boosted --row by row--> raw prediction
 
-A search asks hundreds of models about one row, again and again. scikit-learn checks its input and starts threads for
-every tree, which takes milliseconds where the comparisons take microseconds. Nodes are read off an attribute that it
-does not document; a test holds the outcome against its own predictions, to the bit.
+A search evaluates hundreds of models on one row, again and again; scikit-learn validates its input and starts threads
+for every tree, which takes milliseconds where the comparisons take microseconds. Nodes are read from an attribute that
+scikit-learn does not document; a test compares the result with its own predictions.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 from numba import njit
@@ -21,68 +21,71 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
+LEAF: Final = 255
+"""Column number that marks a leaf; features have smaller numbers."""
+_UNKNOWN_LEFT: Final = 128
+"""Bit of `Boosted.right` that says that a row whose feature is NaN goes to the left."""
+
 
 @dataclass(frozen=True)
 class Boosted:
     """A sum of trees over numeric features.
 
+    Nodes of a tree follow each other in preorder: a node's left child is the next one.
+
     Parameters
     ----------
     start : float
-        What the trees add to.
+        Constant that the trees add to.
     roots : Array [trees]
-        Place of each tree's root among the nodes.
+        Index of each tree's root among the nodes.
     column : Array [nodes]
-        Feature that a node looks at; -1 in a leaf.
-    threshold : Array [nodes]
-        Up to which a row goes to the left.
-    unknown_left : Array [nodes]
-        Whether a row does so whose feature is NaN.
-    left, right : Array [nodes]
-        Places of what follows.
+        Feature that a node compares; `LEAF` in a leaf.
+    right : Array [nodes]
+        Distance to the right child, 0 to 127; plus 128 where a row whose feature is NaN goes to the left.
     value : Array [nodes]
-        Of a leaf.
+        Largest feature value that goes to the left; in a leaf, what it adds.
     """
 
     start: float
-    roots: NDArray[np.int32]
-    column: NDArray[np.int32]
-    threshold: Array
-    unknown_left: NDArray[np.bool_]
-    left: NDArray[np.int32]
-    right: NDArray[np.int32]
-    value: Array
+    roots: NDArray[np.int64]
+    column: NDArray[np.uint8]
+    right: NDArray[np.uint8]
+    value: NDArray[np.float32]
 
     @classmethod
     def of(cls, model: HistGradientBoostingClassifier | HistGradientBoostingRegressor) -> Boosted:
         """A fitted model of one output without categorical features.
 
+        Thresholds are rounded down to float32, which leaves every comparison with a float32 feature as it was.
+
         Raises
         ------
         ValueError
-            For several outputs or categorical features, which nothing here is learnt with.
+            For several outputs, categorical features, more than 254 features, or trees of more than 127 nodes.
         """
         rounds: list[list[Any]] = model._predictors
         trees = [tree.nodes for trees in rounds for tree in trees]
         if any(len(trees) != 1 for trees in rounds) or any(nodes["is_categorical"].any() for nodes in trees):
             raise ValueError("a model of one output over numeric features is expected")
-        counts = np.array([len(nodes) for nodes in trees])
-        roots = np.cumsum(counts) - counts
-        nodes, first = np.concatenate(trees), np.repeat(roots, counts)
-        leaf = nodes["is_leaf"].astype(bool)
+        sizes = np.array([len(nodes) for nodes in trees])
+        nodes = np.concatenate(trees)
+        inner, own = ~nodes["is_leaf"].astype(bool), np.concatenate([np.arange(size) for size in sizes])
+        if (nodes["left"][inner] != own[inner] + 1).any():
+            raise ValueError("nodes in preorder are expected")
+        if nodes["feature_idx"][inner].max(initial=0) >= LEAF or sizes.max(initial=0) >= _UNKNOWN_LEFT:
+            raise ValueError("at most 254 features and 127 nodes a tree are expected")
+        right = np.where(inner, nodes["right"] - own, 0) + _UNKNOWN_LEFT * nodes["missing_go_to_left"].astype(bool)
         return cls(
             float(np.ravel(model._baseline_prediction)[0]),
-            roots.astype(np.int32),
-            np.where(leaf, -1, nodes["feature_idx"]).astype(np.int32),
-            np.ascontiguousarray(nodes["num_threshold"]),
-            nodes["missing_go_to_left"].astype(bool),
-            (nodes["left"] + first).astype(np.int32),
-            (nodes["right"] + first).astype(np.int32),
-            np.ascontiguousarray(nodes["value"]),
+            np.cumsum(sizes) - sizes,
+            np.where(inner, nodes["feature_idx"], LEAF).astype(np.uint8),
+            right.astype(np.uint8),
+            np.where(inner, _rounded_down(nodes["num_threshold"]), nodes["value"]).astype(np.float32),
         )
 
     def raw(self, rows: NDArray[np.float32]) -> Array:
-        """[rows] Log odds of a classifier as it learnt them, or a regressor's value.
+        """[rows] Log odds of a classifier before calibration, or a regressor's value.
 
         Parameters
         ----------
@@ -90,20 +93,23 @@ class Boosted:
             NaN where a feature is not known.
         """
         out = np.full(len(rows), self.start)
-        _add_trees(
-            np.ascontiguousarray(rows), self.roots, self.column, self.threshold, self.unknown_left, self.left,
-            self.right, self.value, out,
-        )  # fmt: skip
+        _add_trees(np.ascontiguousarray(rows), self.roots, self.column, self.right, self.value, out)
         return out
 
 
+def _rounded_down(value: Array) -> NDArray[np.float32]:
+    """The largest float32 that is no larger."""
+    near = value.astype(np.float32)
+    return np.where(near > value, np.nextafter(near, np.float32(-np.inf)), near)
+
+
 @njit(cache=True, nogil=True)
-def _add_trees(rows, roots, column, threshold, unknown_left, left, right, value, out):  # type: ignore[no-untyped-def]  # pragma: no cover
+def _add_trees(rows, roots, column, right, value, out):  # type: ignore[no-untyped-def]  # pragma: no cover
     for i in range(len(rows)):
         for root in roots:
             at = root
-            while column[at] >= 0:
-                x = rows[i, column[at]]
-                goes_left = unknown_left[at] if np.isnan(x) else x <= threshold[at]
-                at = left[at] if goes_left else right[at]
+            while column[at] != LEAF:
+                x, apart = rows[i, column[at]], right[at]
+                goes_left = apart >= _UNKNOWN_LEFT if np.isnan(x) else x <= value[at]
+                at += 1 if goes_left else apart % _UNKNOWN_LEFT
             out[i] += value[at]

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from twingap.effects import Effect, catalogue
 from twingap.errors import TwingapError
-from twingap.gap.knowledge.learn import Learnt
+from twingap.gap.knowledge.learnt import Learnt
 from twingap.gap.search.effect_search import Explanation, estimate
 from twingap.gap.search.evidence import Compared, Evidence, values_of
 from twingap.gap.search.initial_values import places, told_by_spectra, weaker

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from twingap.effects import Effect, catalogue
 from twingap.gap.external_simulator import OwnSimulator
-from twingap.gap.knowledge.learn import Learnt
+from twingap.gap.knowledge.learnt import Learnt
 from twingap.gap.knowledge.score_calibration import Outcome
 from twingap.gap.search.evidence import Compared, Evidence, values_of
 from twingap.gap.search.initial_values import better_start
@@ -191,7 +191,7 @@ def explain(evidence: Evidence, learnt: Learnt, report: Report) -> Explanation:
     ended = search(evidence, learnt, report)
     found, p_value = ended.search, ended.p_value
     report("confidence", 0.9)
-    judge = learnt.judgement
+    judge = learnt.calibration
     probability = {
         name: _probability(outcome.certainty) if judge is None else judge.probability(outcome)
         for name, outcome in ended.outcomes.items()

@@ -23,7 +23,7 @@ from twingap.twins.twin_file import TwinSpec
 
 if TYPE_CHECKING:
     from twingap.effects import Effect
-    from twingap.gap.knowledge.learn import Learnt
+    from twingap.gap.knowledge.learnt import Learnt
 
 
 def without_values(spec: TwinSpec) -> tuple[str, ...]:

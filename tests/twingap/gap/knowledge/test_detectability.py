@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from twingap.gap.knowledge.detectability import learn_sight
+from twingap.gap.knowledge.detectability import learn_detectability
 from twingap.gap.knowledge.detectors import Table, learn_classifier
 from twingap.gap.knowledge.learn import Examples, learn
 
@@ -26,7 +26,7 @@ def said():
 
 def test_what_hardly_any_of_its_like_were_found_of_is_hidden(said):
     scores, missing, values, features, lucky = said
-    sight, hidden = learn_sight(scores, missing, values, features, ("a", "b"), PARAMETERS, ("x", "y", "z"))
+    sight, hidden = learn_detectability(scores, missing, values, features, ("a", "b"), PARAMETERS, ("x", "y", "z"))
     faint, plain = (missing[:, 0] & (sign * values[:, 0] > 0.15) for sign in (-1, 1))
     assert hidden[faint, 0].mean() > 0.9
     assert hidden[plain, 0].mean() < 0.1
@@ -43,9 +43,11 @@ def test_nothing_is_hidden_of_an_effect_that_few_machines_have_or_no_detector_he
     scores, missing, values, features, _ = said
     few = missing.copy()
     few[40:, 0] = False
-    _, hidden = learn_sight(scores, few, values, features, ("a", "b"), PARAMETERS, ("x", "y", "z"))
+    _, hidden = learn_detectability(scores, few, values, features, ("a", "b"), PARAMETERS, ("x", "y", "z"))
     assert not hidden[:, 0].any()
-    sight, hidden = learn_sight({"b": scores["b"]}, missing, values, features, ("a", "b"), PARAMETERS, ("x", "y", "z"))
+    sight, hidden = learn_detectability(
+        {"b": scores["b"]}, missing, values, features, ("a", "b"), PARAMETERS, ("x", "y", "z")
+    )
     assert not hidden.any()
     assert not sight.hidden(missing, values, features)[:, 0].any()
 
@@ -79,7 +81,7 @@ def test_labels_that_no_record_shows_do_not_make_what_is_absent_likelier():
     )
     learnt = learn(made, ("own",), (("own", "level"),), names, lambda what, part: None)
     absent = learnt.log_odds(features[~missing[:, 0]])[:, 0]
-    assert learnt.sight is not None
+    assert learnt.detectability is not None
     # Three in twenty of all have it unseen: taken for missing, each that shows nothing would have it with odds of 0.18.
     assert np.mean(1 / (1 + np.exp(-absent))) < 0.06
     assert np.median(learnt.log_odds(features[missing[:, 0] & (level > 0.1)])[:, 0]) > 2

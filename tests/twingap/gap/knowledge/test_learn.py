@@ -16,7 +16,7 @@ from twingap.gap.knowledge.null import (
     OWN_SIMULATOR,
     RECORDS,
     WITH_EFFECTS,
-    Judged,
+    MachineScores,
     Null,
 )
 
@@ -103,14 +103,14 @@ def judged(scores, records=0.0):
     """Machines of these scores whose distance is not known."""
     scores = np.asarray(scores, float)
     n = len(scores)
-    return Judged(
+    return MachineScores(
         scores, np.broadcast_to(np.asarray(records, float), n).copy(), np.full(n, np.nan), np.zeros(n), np.ones(n, bool)
     )
 
 
 def one(scores, distance, kind, records=1.0, quiet=True):
     """A machine."""
-    return Judged(scores, np.log([records]), np.array([distance]), np.array([kind]), np.array([quiet]))
+    return MachineScores(scores, np.log([records]), np.array([distance]), np.array([kind]), np.array([quiet]))
 
 
 def test_a_score_is_ranked_among_machines_judged_by_as_many_records():
@@ -142,7 +142,7 @@ def test_what_no_detector_hears_is_a_gap_where_it_is_far_off_for_a_simulator_of_
     own = (np.arange(1600) % 3 == 0).astype(float)
     distance = rng.gamma(4.0, 0.25, 1600) * np.where(own, 0.5, 1.0)  # nothing had to be matched there
     scores = rng.standard_normal((1600, 2))
-    every = Judged(scores, np.zeros(1600), distance, own, np.ones(1600, bool))
+    every = MachineScores(scores, np.zeros(1600), distance, own, np.ones(1600, bool))
     null, fresh = Null(every.take(np.arange(1600) < 800)), range(800, 1600)
     p = np.array([null.p_value(every.take(np.arange(1600) == k)) for k in fresh])
     assert np.mean(p <= 0.05) == pytest.approx(0.05, abs=0.025)
@@ -157,7 +157,7 @@ def test_each_kind_of_simulator_holds_its_level():
     kinds = np.arange(7500) % 3  # bare, own simulator, with effects
     scores = (rng.standard_normal((7500, 1)) * np.array([1.0, 0.3, 4.0])[kinds][:, None]) + np.zeros((1, 2))
     records, distance = np.log(rng.integers(2, 25, 7500)), rng.gamma(4.0, 0.25, 7500)
-    every = Judged(scores, records, distance, kinds.astype(float), np.ones(7500, bool))
+    every = MachineScores(scores, records, distance, kinds.astype(float), np.ones(7500, bool))
     null, fresh = Null(every.take(np.arange(7500) < 3000)), np.arange(3000, 7500)
     p = np.array([null.p_value(every.take(np.arange(7500) == k)) for k in fresh])
     for kind in range(3):
@@ -173,7 +173,7 @@ def test_a_kind_of_which_there_are_few_is_ranked_among_a_wider_one():
     rng = np.random.default_rng(9)
     kinds = np.repeat([BARE, OWN_SIMULATOR, WITH_EFFECTS], [400, 400, 30])
     scores = rng.standard_normal((830, 1)) * np.where(kinds == OWN_SIMULATOR, 0.1, 1.0)[:, None]
-    null = Null(Judged(scores, np.zeros(830), np.full(830, np.nan), kinds, np.ones(830, bool)))
+    null = Null(MachineScores(scores, np.zeros(830), np.full(830, np.nan), kinds, np.ones(830, bool)))
     few, bare = (null.p_value(one(np.full((1, 1), 1.0), np.nan, kind)) for kind in (WITH_EFFECTS, BARE))
     assert few == pytest.approx(bare, abs=0.03)  # twins of either kind, not other simulators
 
@@ -183,7 +183,7 @@ def test_without_a_healthy_record_the_level_holds_as_with_one():
     rng = np.random.default_rng(11)
     kinds, quiet = (np.arange(6000) % 2).astype(float), rng.random(6000) > 0.2
     further = np.where((kinds == BARE) & ~quiet, 2.5, 1.0)
-    every = Judged(
+    every = MachineScores(
         rng.standard_normal((6000, 1)) * further[:, None], np.zeros(6000), np.full(6000, np.nan), kinds, quiet
     )
     null, fresh = Null(every.take(np.arange(6000) < 2000)), np.arange(2000, 6000)
@@ -198,7 +198,7 @@ def test_without_a_healthy_record_the_level_holds_as_with_one():
 def test_what_a_machine_is_met_through_is_read_off_its_features():
     names = (RECORDS, OWN, MODELS, DISTANCE, HEALTHY)
     features = np.array([[2.0, 0, 0, 0.1, 0.3], [2.0, 1, 0, 0.1, 0.0], [2.0, 0, 1, 0.1, 1.0]])
-    found = Judged.of(np.zeros((3, 2)), features, names)
+    found = MachineScores.of(np.zeros((3, 2)), features, names)
     assert found.kind.tolist() == [BARE, OWN_SIMULATOR, WITH_EFFECTS]
     assert found.quiet.tolist() == [True, False, True]
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from twingap.gap.knowledge.score_calibration import FALSE, Outcome, learn_judgement
+from twingap.gap.knowledge.score_calibration import FALSE, Outcome, learn_score_calibration
 
 
 def outcomes(count, seed):
@@ -20,7 +20,7 @@ def outcomes(count, seed):
 
 
 def test_probabilities_hold_on_searches_not_learnt_from():
-    judge = learn_judgement(*outcomes(4000, 0), np.arange(4000))
+    judge = learn_score_calibration(*outcomes(4000, 0), np.arange(4000))
     fresh, missing = outcomes(6000, 1)
     said = np.array([judge.probability(outcome) for outcome in fresh])
     bold = 1 / (1 + np.exp(-np.array([outcome.certainty for outcome in fresh])))
@@ -34,19 +34,19 @@ def test_probabilities_hold_on_searches_not_learnt_from():
 
 
 def test_odds_beyond_all_bounds_are_no_number_that_is_none():
-    judge = learn_judgement(*outcomes(500, 2), np.arange(500))
+    judge = learn_score_calibration(*outcomes(500, 2), np.arange(500))
     for odds in (-1e6, 1e6):
         assert 0 <= judge.probability(Outcome(odds, odds, True, 1, 0.0, 0.0)) <= 1
 
 
 def test_too_few_searches_teach_nothing():
     made, _ = outcomes(200, 3)
-    assert learn_judgement(made, [False] * 200, range(200)) is None
+    assert learn_score_calibration(made, [False] * 200, range(200)) is None
 
 
 def test_what_is_named_on_searches_not_learnt_from_is_seldom_false():
     made, missing = outcomes(4000, 4)
-    judge = learn_judgement(made, missing, np.arange(4000) // 20)
+    judge = learn_score_calibration(made, missing, np.arange(4000) // 20)
     fresh, truth = outcomes(20000, 5)
     said, right = np.array([judge.probability(outcome) for outcome in fresh]), np.array(truth)
     named = said >= judge.named_from

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from twingap.effects import catalogue
-from twingap.gap.knowledge.detectability import learn_sight
+from twingap.gap.knowledge.detectability import learn_detectability
 from twingap.gap.knowledge.searches import searches
 from twingap.gap.knowledge.simulated_gaps import draw_gap
 from twingap.gap.search.parameter_scale import coordinates
@@ -37,7 +37,7 @@ def test_effects_that_nobody_could_have_seen_teach_nothing(learnt):
     missing[:, learnt.effects.index("mains_interference")] = True
     said = {"mains_interference": np.full(200, -5.0)}
     features = np.zeros((200, len(learnt.features)))
-    blind, hidden = learn_sight(
+    blind, hidden = learn_detectability(
         said, missing, rng.standard_normal((200, len(names))), features, learnt.effects, names, learnt.features
     )
     assert hidden.sum() == 200

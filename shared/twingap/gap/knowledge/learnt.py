@@ -1,0 +1,151 @@
+"""What the diagnosis has learnt: detectors of effects, estimators of values, and scores of machines without a gap."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, field
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twingap.gap.knowledge.detectability import Detectability
+from twingap.gap.knowledge.detectors import Ensemble, Estimator
+from twingap.gap.knowledge.null import NO_MACHINES, MachineScores, Null
+from twingap.gap.knowledge.score_calibration import ScoreCalibration
+
+Array = NDArray[np.float64]
+
+NO_DETECTOR: Final = -6.0
+"""Log odds of an effect that has no detector, or that the twin has already."""
+
+
+@dataclass
+class Learnt:
+    """All that a diagnosis has learnt from simulated gaps.
+
+    Parameters
+    ----------
+    effects : tuple of str
+        Effects that were learnt of, in the order of the detectors' columns.
+    detectors : Mapping[str, Ensemble]
+        Whether an effect is missing; none for an effect that too few machines had.
+    estimators : Mapping[(effect, parameter), Estimator]
+    anything : Ensemble
+        Whether the twin lacks anything at all, whatever its name.
+    null : Null
+        Scores of machines whose twin lacks nothing.
+    features : tuple of str
+        Names of the features that detectors and estimators read, in their order.
+    about : Mapping
+        How it was made.
+    thresholds : Mapping[str, float]
+        Log odds from which an effect is tried.
+    set_level : float
+        Joint probability that confidence sets reach where no `calibration` was learnt.
+    null_rest : Null
+        The same as `null` for twins to which all that they lacked has been added.
+    general : Array
+        Columns that `anything` reads beside the detectors.
+    calibration : ScoreCalibration or None
+        Probabilities of effects from the end of a search; None where too few searches were made.
+    detectability : Detectability or None
+        Which effects no record could show. Used in training alone, and not kept in files.
+    outdated : frozenset of str
+        Effects whose definition is no longer the one that was learnt: nothing that was learnt is applied to them.
+    """
+
+    effects: tuple[str, ...]
+    detectors: Mapping[str, Ensemble]
+    estimators: Mapping[tuple[str, str], Estimator]
+    anything: Ensemble
+    null: Null
+    features: tuple[str, ...]
+    about: dict[str, Any]
+    thresholds: Mapping[str, float] = field(default_factory=dict)
+    set_level: float = 0.9
+    null_rest: Null = field(default_factory=lambda: Null(NO_MACHINES))
+    general: NDArray[np.int64] = field(default_factory=lambda: np.empty(0, np.int64))
+    calibration: ScoreCalibration | None = None
+    detectability: Detectability | None = None
+    outdated: frozenset[str] = frozenset()
+
+    @property
+    def errors(self) -> dict[tuple[str, str], float]:
+        """(effect, parameter) -> bound that nine of ten estimates keep, on the scale of `parameter_scale`."""
+        return {key: estimator.error for key, estimator in self.estimators.items()}
+
+    def covers(self, effect: str) -> bool:
+        """Whether this effect, as it is now defined, was learnt of."""
+        return effect in self.effects and effect not in self.outdated
+
+    def log_odds(self, features: NDArray[Any], *, later: bool = False) -> Array:
+        """Log odds that each effect is missing.
+
+        Parameters
+        ----------
+        features : Array [examples, features]
+        later : bool
+            Whether effects have been added to the twin.
+
+        Returns
+        -------
+        Array [examples, effects]
+            `NO_DETECTOR` for effects without a detector.
+        """
+        rows = np.atleast_2d(features)
+        out = np.full((len(rows), len(self.effects)), NO_DETECTOR)
+        for j, name in enumerate(self.effects):
+            if name in self.detectors:
+                out[:, j] = self.detectors[name].score(rows, later=later)
+        return out
+
+    def p_value(self, features: NDArray[Any], modelled: Collection[str] = ()) -> float:
+        """P-value of no gap: the rank of this machine among those without a gap.
+
+        Parameters
+        ----------
+        features : Array [features]
+        modelled : collection of str
+            Effects that the twin has as given, which cannot be missing.
+        """
+        return self._rank(features, self.null, modelled, later=False)
+
+    def rest_p(self, features: NDArray[Any], has: Collection[str] = ()) -> float:
+        """P-value of nothing left over once effects have been added.
+
+        Parameters
+        ----------
+        features : Array [features]
+        has : collection of str
+            Effects that the twin has as given, and those that were added.
+        """
+        return self._rank(features, self.null_rest, has, later=True)
+
+    def _rank(self, features: NDArray[Any], null: Null, has: Collection[str], *, later: bool) -> float:
+        rows = np.atleast_2d(features)
+        odds = self.log_odds(rows, later=later)
+        odds[:, [name in has for name in self.effects]] = NO_DETECTOR
+        anything = self.anything.score(inputs_of_anything(odds, rows[:, self.general]), later=later)
+        scores = np.stack([anything, any_effect(odds)], axis=1)
+        return null.p_value(MachineScores.of(scores, features, self.features))
+
+
+def inputs_of_anything(log_odds: Array, general: NDArray[Any]) -> Array:
+    """What the detector of any gap reads: all other detectors, the three highest, and general features.
+
+    Parameters
+    ----------
+    log_odds : Array [examples, effects]
+    general : Array [examples, columns]
+
+    Returns
+    -------
+    Array [examples, effects + 3 + columns]
+    """
+    return np.concatenate((log_odds, np.sort(log_odds, axis=1)[:, -3:], general), axis=1)
+
+
+def any_effect(log_odds: Array) -> Array:
+    """[examples] Log odds that at least one effect is missing, effects [examples, effects] taken as independent."""
+    return np.asarray(np.log1p(np.exp(np.clip(log_odds, -30, 30))).sum(axis=1))

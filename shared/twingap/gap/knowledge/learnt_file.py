@@ -1,0 +1,250 @@
+"""Files of what the diagnosis has learnt: learnt.json and learnt.npz in one folder.
+
+Learnt --write_learnt--> learnt.json: names, limits, how it was made
+                         learnt.npz: trees and machines without a gap, as arrays
+       <--read_learnt--  matched by name with the features and effects of the running version
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twingap.effects import Effect, catalogue
+from twingap.errors import TwingapError
+from twingap.files import replacing
+from twingap.gap.knowledge.detectors import Anchor, Ensemble, Estimator
+from twingap.gap.knowledge.learnt import Learnt
+from twingap.gap.knowledge.null import MachineScores, Null
+from twingap.gap.knowledge.score_calibration import ScoreCalibration
+from twingap.gap.knowledge.trees import Boosted
+
+FORMAT: Final = "twingap.learnt/1"
+_OWN: Final = "twingap.effects."
+"""Modules of the catalogue's own effects: an effect of the same name from elsewhere was not learnt of."""
+
+
+def write_learnt(learnt: Learnt, folder: Path, parameters: Mapping[str, Any] | None = None) -> tuple[Path, Path]:
+    """Write what was learnt; arrays and JSON, nothing that runs when it is read.
+
+    Parameters
+    ----------
+    learnt : Learnt
+    folder : Path
+    parameters : Mapping[str, Any], optional
+        Definitions of the effects that were learnt of; None takes the catalogue's.
+
+    Returns
+    -------
+    (Path, Path)
+        learnt.json and learnt.npz.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    trees = _TreeWriter()
+    estimators = [_estimator(key, estimator, trees) for key, estimator in learnt.estimators.items()]
+    table: dict[str, Any] = {
+        "format": FORMAT,
+        "about": learnt.about,
+        "features": list(learnt.features),
+        "effects": dict(parameters or {name: definition(name) for name in learnt.effects if name in catalogue()}),
+        "order": list(learnt.effects),
+        "detectors": {name: trees.add(detector) for name, detector in learnt.detectors.items()},
+        "estimators": estimators,
+        "anything": trees.add(learnt.anything),
+        "thresholds": dict(learnt.thresholds),
+        "set_level": learnt.set_level,
+        "calibration": None if learnt.calibration is None else _calibration(learnt.calibration),
+    }
+    arrays = trees.arrays() | {"general": learnt.general.astype(np.int32)}
+    for name, null in (("null", learnt.null), ("null_rest", learnt.null_rest)):
+        arrays |= {f"{name}.{key}": value for key, value in vars(null.machines).items()}
+    data, text = folder / "learnt.npz", folder / "learnt.json"
+    with replacing(data) as temporary, temporary.open("wb") as file:
+        np.savez_compressed(file, **{name: _small(value) for name, value in arrays.items()})
+    table["npz_sha256"] = hashlib.sha256(data.read_bytes()).hexdigest()
+    with replacing(text) as temporary:
+        temporary.write_text(json.dumps(table, indent=1) + "\n", encoding="utf-8", newline="\n")
+    return text, data
+
+
+def read_learnt(folder: Path, features: Sequence[str]) -> Learnt:
+    """What was learnt, with its columns matched to the features of the running version.
+
+    Effects whose parameters have changed since, and a user's own of the same name, are `Learnt.outdated`: nothing that
+    was learnt is applied to them.
+
+    Parameters
+    ----------
+    folder : Path
+        With learnt.json and learnt.npz.
+    features : sequence of str
+        Names of the features that a diagnosis computes now, in their order.
+
+    Raises
+    ------
+    TwingapError
+        When a file is missing or altered, of another format, or reads a feature that is no longer computed.
+    """
+    mend = "install twingap again, or make it again with `twingap train`"
+    text, data = folder / "learnt.json", folder / "learnt.npz"
+    try:
+        table = json.loads(text.read_text(encoding="utf-8"))
+        content = data.read_bytes()
+    except (OSError, ValueError) as error:
+        raise TwingapError(f"what the diagnosis has learnt cannot be read: {error}", where=folder, mend=mend) from error
+    if not isinstance(table, dict) or table.get("format") != FORMAT:
+        raise TwingapError(f"{FORMAT} expected", where=text, mend=mend)
+    if hashlib.sha256(content).hexdigest() != table["npz_sha256"]:
+        raise TwingapError("is not the file that learnt.json was written with", where=data, mend=mend)
+    with np.load(data, allow_pickle=False) as stored:
+        arrays = {name: stored[name] for name in stored.files}
+    place = {name: at for at, name in enumerate(features)}
+    now = np.array([place.get(name, -1) for name in table["features"]], dtype=np.int64)
+    trees = _TreeReader(arrays, now, table["features"], text)
+    outdated = frozenset(name for name in table["order"] if not _as_learnt(name, table["effects"].get(name)))
+    nulls = {
+        name: Null(MachineScores(**{f.name: arrays[f"{name}.{f.name}"].astype(_FLOAT.get(f.name, float))
+                                    for f in dataclasses.fields(MachineScores)}))
+        for name in ("null", "null_rest")
+    }  # fmt: skip
+    calibration = table["calibration"]
+    return Learnt(
+        effects=tuple(table["order"]),
+        detectors={n: trees.get(row) for n, row in table["detectors"].items() if n not in outdated},
+        estimators={
+            (row["effect"], row["parameter"]): _read_estimator(row, trees)
+            for row in table["estimators"] if row["effect"] not in outdated
+        },
+        anything=trees.get(table["anything"], of_features=False),
+        null=nulls["null"],
+        features=tuple(features),
+        about=table["about"],
+        thresholds=table["thresholds"],
+        set_level=table["set_level"],
+        null_rest=nulls["null_rest"],
+        general=trees.columns(arrays["general"]),
+        calibration=None if calibration is None else ScoreCalibration(
+            np.array(calibration["weights"]), calibration["offset"], calibration["named_from"]
+        ),
+        outdated=outdated,
+    )  # fmt: skip
+
+
+def definition(name: str) -> dict[str, dict[str, Any]]:
+    """What a learnt effect depends on: its parameters with unit, plausible range and scale."""
+    return {
+        field.name: {
+            "unit": field.metadata["unit"], "plausible": [float(end) for end in field.metadata["plausible"]],
+            "log": bool(field.metadata["log"]),
+        }
+        for field in dataclasses.fields(catalogue()[name])  # type: ignore[arg-type]
+        if "plausible" in field.metadata
+    }  # fmt: skip
+
+
+def _as_learnt(name: str, known: Mapping[str, Any] | None) -> bool:
+    kind: type[Effect] | None = catalogue().get(name)
+    return kind is not None and kind.__module__.startswith(_OWN) and known == definition(name)
+
+
+_FLOAT: Final[Mapping[str, Any]] = {"quiet": bool}
+
+
+def _small(value: NDArray[Any]) -> NDArray[Any]:
+    """Scores and distances to seven digits: ranks among machines are all that is made of them."""
+    return value.astype(np.float32) if value.dtype == np.float64 else value
+
+
+def _calibration(found: ScoreCalibration) -> dict[str, Any]:
+    return {"weights": found.weights.tolist(), "offset": found.offset, "named_from": found.named_from}
+
+
+def _estimator(key: tuple[str, str], estimator: Estimator, trees: _TreeWriter) -> dict[str, Any]:
+    return {
+        "effect": key[0],
+        "parameter": key[1],
+        "anchors": [[a.column, a.logarithmic, *a.line] for a in estimator.anchors],
+        "middle": estimator.middle,
+        "error": estimator.error,
+        "reach": estimator.reach,
+        "rest": None if estimator.rest is None else trees.add(estimator.rest),
+        "doubt": None if estimator.doubt is None else trees.add(estimator.doubt),
+    }
+
+
+def _read_estimator(row: Mapping[str, Any], trees: _TreeReader) -> Estimator:
+    anchors = tuple(
+        Anchor(int(trees.columns(np.array([column]))[0]), logarithmic, (slope, offset))
+        for column, logarithmic, slope, offset in row["anchors"]
+    )
+    rest, doubt = (None if row[name] is None else trees.get(row[name]) for name in ("rest", "doubt"))
+    return Estimator(anchors, row["middle"], rest, row["error"], doubt, row["reach"])
+
+
+class _TreeWriter:
+    """Ensembles as rows of JSON that refer to arrays which all of them share."""
+
+    def __init__(self) -> None:
+        self._nodes: dict[str, list[NDArray[Any]]] = {name: [] for name in ("column", "right", "value", "sizes")}
+        self._trees = 0
+
+    def add(self, ensemble: Ensemble) -> dict[str, Any]:
+        row: dict[str, Any] = {
+            "columns": ensemble.columns.tolist(),
+            "first_tree": self._trees,
+            "start": [model.start for model in ensemble.models],
+            "trees": [len(model.roots) for model in ensemble.models],
+            "line": list(ensemble.line),
+            "line_later": list(ensemble.line_later),
+        }
+        for model in ensemble.models:
+            for name in ("column", "right", "value"):
+                self._nodes[name].append(getattr(model, name))
+            self._nodes["sizes"].append(np.diff(np.append(model.roots, model.column.size)).astype(np.uint8))
+        self._trees += sum(row["trees"])
+        return row
+
+    def arrays(self) -> dict[str, NDArray[Any]]:
+        return {f"trees.{name}": np.concatenate(parts) for name, parts in self._nodes.items()}
+
+
+class _TreeReader:
+    """Ensembles from rows of JSON and the arrays that they share."""
+
+    def __init__(
+        self, arrays: Mapping[str, NDArray[Any]], now: NDArray[np.int64], names: Sequence[str], where: Path
+    ) -> None:
+        self._nodes = tuple(arrays[f"trees.{name}"] for name in ("column", "right", "value"))
+        sizes = arrays["trees.sizes"].astype(np.int64)
+        self._roots = np.cumsum(sizes) - sizes
+        self._now, self._names, self._where = now, names, where
+
+    def columns(self, stored: NDArray[Any]) -> NDArray[np.int64]:
+        """Places of stored columns among the features of the running version."""
+        found = self._now[stored.astype(np.int64)]
+        if (found < 0).any():
+            gone = self._names[int(stored[np.argmin(found)])]
+            raise TwingapError(
+                f"feature {gone!r} is no longer computed", where=self._where, mend="make it again with `twingap train`"
+            )
+        return np.asarray(found)
+
+    def get(self, row: Mapping[str, Any], *, of_features: bool = True) -> Ensemble:
+        """The ensemble of a row; `of_features` where its columns are features, not scores of other ensembles."""
+        columns, first = np.array(row["columns"], dtype=np.int64), int(row["first_tree"])
+        models = []
+        for start, count in zip(row["start"], row["trees"], strict=True):
+            models.append(Boosted(start, self._roots[first : first + count], *self._nodes))
+            first += count
+        line, later = (tuple(row[name]) for name in ("line", "line_later"))
+        return Ensemble(self.columns(columns) if of_features else columns, models, line, later)
+
+
+__all__ = ["FORMAT", "definition", "read_learnt", "write_learnt"]
