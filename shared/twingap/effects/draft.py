@@ -152,6 +152,15 @@ class Draft:
         share = self.spin_share if self.condition.fault == "ball" else 1.0
         return self.bearing.slipped(1 - share * (1 - self.cage_speed_ratio))[self.condition.fault or "healthy"]
 
+    def beyond_nyquist(self, frequency_hz: float) -> str | None:
+        """Why a frequency cannot appear in this record, or None when it can."""
+        if frequency_hz < self.condition.fs_hz / 2:
+            return None
+        return (
+            f"{frequency_hz:g} Hz lies above half the sampling rate of record {self.condition.name!r}, "
+            f"{self.condition.fs_hz:g} Hz"
+        )
+
     def modulate(self, factor: Array | float) -> None:
         """Multiply the gain of a waveform without impacts."""
         self.gain = (np.ones(self.t.size) if self.gain is None else self.gain) * factor

@@ -99,7 +99,6 @@ def behind_examples() -> tuple[ModuleType, ...]:
     from twingap.gap.features import comparison
     from twingap.gap.features.pooled import features as whole  # fmt: skip
     from twingap.gap.features.pooled import trends
-    from twingap.gap.knowledge import effect_variants as as_built
     from twingap.gap.knowledge import examples, machines
     from twingap.gap.knowledge import outside_catalogue as strangers
     from twingap.gap.knowledge import simulated_gaps as gaps
@@ -114,7 +113,7 @@ def behind_examples() -> tuple[ModuleType, ...]:
     return (
         twingap.effects, twingap.twins, twingap.identify, twingap.gap.features, band, baseline, calibrate,
         comparison, distance, evidence, own_simulator, simulator, speed, speed_reading, strata, trends, view, views,
-        whole, as_built, examples, gaps, machines, parameters, strangers, order_statistics,
+        whole, examples, gaps, machines, parameters, strangers, order_statistics,
     )  # fmt: skip
 
 
@@ -127,9 +126,8 @@ def behind_learning() -> tuple[ModuleType, ...]:
     from twingap.gap.search import initial_values as starts
     from twingap.gap.search import optimise as nearest
     from twingap.gap.search import parameter_prior as prior
-    from twingap.gap.search import spectral_fits as likeliest
 
-    return learn, detectors, trees, null, judgement, searches, visible, which, nearest, starts, prior, likeliest
+    return learn, detectors, trees, null, judgement, searches, visible, which, nearest, starts, prior
 
 
 def examples_key(seed: int = SEED, among: Sequence[str] = ()) -> str:
