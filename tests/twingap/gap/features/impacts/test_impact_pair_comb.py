@@ -6,7 +6,7 @@ import pytest
 from twingap.bearing import BEARINGS
 from twingap.effects import EntryExit, make_effect
 from twingap.effects.entry_exit import SoftEntryExit
-from twingap.gap.features.impacts import entry_exit_comb as two_strikes
+from twingap.gap.features.impacts import impact_pair_comb as two_strikes
 from twingap.gap.features.impacts import impulse_response as answer
 from twingap.gap.features.pooled.features import Whole
 from twingap.gap.features.spectrum.record_summary import outline_of
