@@ -238,7 +238,7 @@ def _predictor(waveform: Array, start: int, order: int = 2) -> Array | None:
 
 
 def _body_rate(view: RecordView) -> float:
-    """Turns of the struck body past the roller per turn of the shaft, at kinematic orders (as `effects.EntryExit` counts)."""
+    """Turns of the struck body past the roller per turn of the shaft, at kinematic orders (see `effects.EntryExit`)."""
     fault, cage = str(view.condition.fault), view.bearing.ftf
     rates = {"outer": cage, "inner": 1 - cage, "ball": view.bearing.bsf, "cage": 1 - cage}
     return rates[fault]
