@@ -316,7 +316,7 @@ def _still(record: Record, bearing: Bearing, background: Background | None) -> N
         return None
     rate_hz = bearing.fault_order(str(c.fault)) * c.speed_rpm / 60
     passes = np.arange(c.n_samples, dtype=float) * (rate_hz / c.fs_hz)
-    return np.asarray(record.samples - background.strikes(np.asarray(record.samples, float), passes), float)
+    return np.asarray(record.samples - background.impacts(np.asarray(record.samples, float), passes), float)
 
 
 def can_be_injected(records: RecordSet) -> tuple[str, ...]:
