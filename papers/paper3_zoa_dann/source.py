@@ -25,8 +25,7 @@ from scipy.stats import qmc
 from papers.paper3_zoa_dann.options import IdentificationOptions, SourceOptions
 from twingap.adapt import Windows, cut, joined
 from twingap.bearing import Bearing
-from twingap.effects import Effect, catalogue, make_effect
-from twingap.effects.path import SecondResonance
+from twingap.effects import Effect, SecondResonance, catalogue, make_effect
 from twingap.errors import TwingapError
 from twingap.records import Condition, RecordSet
 from twingap.signal.spectrum import averaged_spectrum

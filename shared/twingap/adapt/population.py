@@ -17,7 +17,7 @@ from typing import Any, Final
 import numpy as np
 
 from twingap.bearing import Bearing
-from twingap.effects import Effect, make_effect
+from twingap.effects import CageModulation, Effect, EntryExit, ImpactScatter, LoadZone, effect_name, make_effect
 from twingap.errors import TwingapError
 from twingap.records import Condition, Record, RecordSet
 from twingap.twins.base import Twin
@@ -37,8 +37,8 @@ NOISE_SNR_DB: Final = (0.0, 30.0)
 SPEED_SPREAD: Final = 0.005
 """By which a simulated machine's speed is off the stated one, as tachometers are: half the width of the range."""
 TRIES: Final = 100
-ON_STRIKES: Final = frozenset({"impact_scatter", "load_zone", "cage_modulation", "entry_exit"})
-"""Effects that need a train of strikes to act on; contact dynamics makes its own load zone and edges."""
+ON_STRIKES: Final = frozenset(effect_name(kind) for kind in (ImpactScatter, LoadZone, CageModulation, EntryExit))
+"""Effects that need a train of impacts to act on; contact dynamics makes its own load zone and edges."""
 
 
 @dataclass(frozen=True)

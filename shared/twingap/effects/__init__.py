@@ -13,31 +13,31 @@ from twingap.effects.base import (
 from twingap.effects.draft import Draft, Impacts
 from twingap.effects.ringing import Mode
 
-# Importing a module registers its effects: in the order of the chain, and within a stage of their acting.
-from twingap.effects.shaft import MeanSlip, SpeedFluctuation  # isort: skip
-from twingap.effects.excitation import (  # isort: skip
-    CageModulation,
-    DamageGrowth,
-    DistributedRoughness,
-    EntryExit,
-    ImpactScatter,
-    LoadZone,
-    SlipJitter,
-    SpeedGain,
-)
-from twingap.effects.path import SecondResonance, SensorRolloff  # isort: skip
-from twingap.effects.disturbance import (  # isort: skip
-    ColouredNoise,
-    DriveInterference,
-    ForeignBearing,
-    GearMesh,
-    ImpulsiveNoise,
-    Looseness,
-    MainsInterference,
-    ShaftHarmonics,
-    Waviness,
-)
-from twingap.effects.acquisition import Clipping, Dropout, Quantisation  # isort: skip
+# Importing a module registers its effect: in the order of the chain, and within a stage of their acting.
+from twingap.effects.speed_fluctuation import SpeedFluctuation  # isort: skip
+from twingap.effects.mean_slip import MeanSlip  # isort: skip
+from twingap.effects.slip_jitter import SlipJitter  # isort: skip
+from twingap.effects.impact_scatter import ImpactScatter  # isort: skip
+from twingap.effects.load_zone import LoadZone  # isort: skip
+from twingap.effects.cage_modulation import CageModulation  # isort: skip
+from twingap.effects.entry_exit import EntryExit  # isort: skip
+from twingap.effects.distributed_roughness import DistributedRoughness  # isort: skip
+from twingap.effects.speed_gain import SpeedGain  # isort: skip
+from twingap.effects.damage_growth import DamageGrowth  # isort: skip
+from twingap.effects.second_resonance import SecondResonance  # isort: skip
+from twingap.effects.sensor_rolloff import SensorRolloff  # isort: skip
+from twingap.effects.shaft_harmonics import ShaftHarmonics  # isort: skip
+from twingap.effects.looseness import Looseness  # isort: skip
+from twingap.effects.mains_interference import MainsInterference  # isort: skip
+from twingap.effects.drive_interference import DriveInterference  # isort: skip
+from twingap.effects.gear_mesh import GearMesh  # isort: skip
+from twingap.effects.foreign_bearing import ForeignBearing  # isort: skip
+from twingap.effects.coloured_noise import ColouredNoise  # isort: skip
+from twingap.effects.impulsive_noise import ImpulsiveNoise  # isort: skip
+from twingap.effects.waviness import Waviness  # isort: skip
+from twingap.effects.clipping import Clipping  # isort: skip
+from twingap.effects.quantisation import Quantisation  # isort: skip
+from twingap.effects.dropout import Dropout  # isort: skip
 from twingap.effects.on_waveform import apply_to_waveform  # isort: skip
 
 __all__ = [

@@ -1,13 +1,13 @@
-"""What of a finished waveform the strikes of a defect leave, and what is there without any.
+"""Impacts of a defect apart from the background, in a finished waveform.
 
 waveforms of the healthy bearing --mean density--> background --subtracted, over frequency and the phase of a pass-->
-strikes in a waveform with a defect --swing of their power--> when they come
+impacts in a waveform with a defect --swing of their power--> when they come
 
-A foreign simulator hands over strikes and noise in one. Effects that act on strikes would act on its noise as well: a
-second strike would double it, strikes twice as strong make the whole record louder. Noise and strikes share their
-bands, but strikes are there for a part of each pass alone, which a filter that runs with the passes can tell (as
+A foreign simulator hands over impacts and noise in one. Effects that act on impacts would act on its noise as well: a
+second impact would double it, impacts twice as strong make all of the record louder. Noise and impacts share their
+bands, but impacts are there for a part of each pass alone, which a filter that runs with the passes can separate (as
 Wiener's for cyclostationary signals: Gardner 1993, doi:10.1109/26.212375). It passes the square root of what Wiener's
-would: strikes keep their power, where the least error would leave them weaker than they are.
+would: impacts keep their power, where the least error would leave them weaker than they are.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ _FINER: Final = 8
 _LOUDEST: Final = 4.0
 """Power over what one piece in ten exceeds, beyond which it counts no more."""
 _PLAIN: Final = 0.2
-"""Swing of the strikes' power over a pass, over its mean, from which it says when they strike."""
+"""Swing of the impacts' power over a pass, over its mean, from which it shows when they come."""
 
 
 @dataclass(frozen=True)
@@ -59,7 +59,7 @@ class Background:
         known = [_power(_frames(x)).mean(axis=1) for x in waveforms if x.size >= 4 * _SEGMENT]
         return cls(np.median(known, axis=0)) if known else None
 
-    def strikes(self, x: Array, passes: Array) -> Array:
+    def impacts(self, x: Array, passes: Array) -> Array:
         """[samples] What of a record with a defect is more than this; all of it where it is too short to say.
 
         Parameters
@@ -108,34 +108,34 @@ def _power(frames: NDArray[np.complex128]) -> Array:
     return np.asarray(frames.real**2 + frames.imag**2)
 
 
-def passes_of(strikes: Array, passes: Array) -> tuple[float, float] | None:
-    """Rate of the passes in a waveform of strikes, and the part of a pass after which their energy is centred.
+def passes_of(impacts: Array, passes: Array) -> tuple[float, float] | None:
+    """Rate of the passes in a waveform of impacts, and the part of a pass after which their energy is centred.
 
     Parameters
     ----------
-    strikes : Array [samples]
+    impacts : Array [samples]
     passes : Array [samples]
         How many passes lie behind each sample, from their stated rate.
 
     Returns
     -------
     (float, float) or None
-        The rate over the stated one, and a part of a pass. None where the strikes do not stand out of what is between
+        The rate over the stated one, and a part of a pass. None where the impacts do not stand out of what is between
         them, or are too few.
     """
-    whole = float(passes[-1])
-    if whole < _FEWEST_PASSES:
+    total = float(passes[-1])
+    if total < _FEWEST_PASSES:
         return None
-    step = max(int(strikes.size / (whole * _PIECES_A_PASS)), 1)
-    count = strikes.size // step
-    power = (strikes[: count * step] ** 2).reshape(count, step).mean(axis=1)
-    # Nothing rare decides: a knock among the strikes counts as one of them.
+    step = max(int(impacts.size / (total * _PIECES_A_PASS)), 1)
+    count = impacts.size // step
+    power = (impacts[: count * step] ** 2).reshape(count, step).mean(axis=1)
+    # Nothing rare decides: an impulse among the impacts counts as one of them.
     power = np.minimum(power, _LOUDEST * float(np.quantile(power, 0.9)))
-    even = np.arange(0.0, whole, 1 / _PIECES_A_PASS)
+    even = np.arange(0.0, total, 1 / _PIECES_A_PASS)
     power = np.interp(even, passes[: count * step].reshape(count, step).mean(axis=1), power)
     spectrum = scipy.fft.rfft(power, scipy.fft.next_fast_len(_FINER * power.size, real=True)) / power.size
     rate = np.arange(spectrum.size) * _PIECES_A_PASS / scipy.fft.next_fast_len(_FINER * power.size, real=True)
-    near = np.flatnonzero(np.abs(rate - 1) <= _OFF + 1 / whole)
+    near = np.flatnonzero(np.abs(rate - 1) <= _OFF + 1 / total)
     best = near[np.argmax(np.abs(spectrum[near]))]
     if abs(spectrum[best]) <= _PLAIN * float(power.mean()) or best in (near[0], near[-1]):
         return None

@@ -27,15 +27,21 @@ import math
 import numbers
 import re
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any, ClassVar, TypeVar, cast
+from collections.abc import Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING, Any, ClassVar, Final, Literal, Self, TypeVar, cast
 
 import numpy as np
 
+from twingap.effects import measurements
+from twingap.effects.drawing import log_uniform
 from twingap.errors import TwingapError
 
 if TYPE_CHECKING:
     from twingap.effects.draft import Draft
+    from twingap.effects.machine import Machine
+    from twingap.effects.observations import Observations
+
+RelativeTo = Literal["", "rate", "run", "speed"]
 
 
 class Stage(enum.IntEnum):
@@ -57,6 +63,14 @@ def parameter(
     allowed: tuple[float, float] = (0.0, math.inf),
     log: bool = False,
     fitted: bool = True,
+    strength: bool | None = None,
+    exact: bool = False,
+    searched: bool = True,
+    relative_to: RelativeTo | None = None,
+    above_nyquist: bool = False,
+    log_estimate: bool | None = None,
+    choices: tuple[float, ...] = (),
+    least_spread: float = 0.0,
 ) -> Any:
     """A typed parameter of an effect: a dataclass field that knows its unit and range.
 
@@ -76,13 +90,61 @@ def parameter(
         Fit and draw on a logarithmic scale.
     fitted : bool
         False for a convention or a switch (50 or 60 Hz, say), which fitting leaves alone.
+    strength : bool, optional
+        Whether the effect vanishes as this goes to 0, so that a smaller value is a weaker effect. By default those in
+        multiples of the healthy RMS are.
+    exact : bool
+        An estimate has this value right or not at all (a number of teeth): estimates are never a little off.
+    searched : bool
+        False where a search by simulation leaves the estimate as it is, since a neighbouring value is as wrong as any
+        other or a few simulations cannot tell.
+    relative_to : {"", "rate", "run", "speed"}, optional
+        What makes values comparable between machines: nothing; the sampling rate; the run, for a time (s) or a rate
+        (1/s) of it; or the speed, for a reference that is set to the median speed and never estimated. By default
+        frequencies (Hz) that reach beyond 400 Hz are relative to the sampling rate.
+    above_nyquist : bool
+        A frequency relative to the sampling rate may lie above half of it.
+    log_estimate : bool, optional
+        Estimate on a logarithmic scale; as `log` when left out.
+    choices : tuple of float
+        The only values there are; estimates become the nearest one.
+    least_spread : float
+        Part of the value by which the ends of its interval lie at least apart from it.
     """
-    about = {"unit": unit, "plausible": plausible, "allowed": allowed, "doc": doc, "log": log, "fitted": fitted}
+    places = unit == "Hz" and plausible[1] > _PLACE_IN_SPECTRUM_HZ
+    about = {
+        "unit": unit, "plausible": plausible, "allowed": allowed, "doc": doc, "log": log, "fitted": fitted,
+        "strength": unit == "healthy rms" if strength is None else strength, "exact": exact, "searched": searched,
+        "relative_to": ("rate" if places else "") if relative_to is None else relative_to,
+        "above_nyquist": above_nyquist, "log_estimate": log if log_estimate is None else log_estimate,
+        "choices": choices, "least_spread": least_spread,
+    }  # fmt: skip
     return dataclasses.field(default=default, metadata=about)
+
+
+_PLACE_IN_SPECTRUM_HZ: Final = 400.0
+"""Highest plausible value beyond which a frequency is a place in a spectrum. Where it lies lower, rates of slow
+processes would count as such."""
+WEAKER: Final = (0.5, 0.25, 0.12, 0.06)
+"""Factors on an effect's strength that a search tries where the estimate is too strong: with a baseline that makes room
+for it, no single step leads back."""
+_QUANTILES: Final = (0.1, 0.5, 0.9)
+"""Where in a plausible range the default initial values lie. More values cost one simulation each."""
+
+_DECIDING: Final = {
+    Stage.SHAFT: measurements.TACHO,
+    Stage.EXCITATION: measurements.LONGER,
+    Stage.PATH: measurements.HAMMER,
+    Stage.DISTURBANCE: measurements.OTHER_SPEED,
+    Stage.ACQUISITION: measurements.CHAIN,
+}
 
 
 class Effect(ABC):
     """One modelling choice, acting in one stage. Subclasses are frozen dataclasses of `parameter` fields.
+
+    An effect needs a stage, its parameters and `apply`. All else is what the diagnosis may know of it, and has a
+    default that works from the parameters' ranges alone.
 
     Attributes
     ----------
@@ -90,10 +152,42 @@ class Effect(ABC):
         Where in the chain it acts.
     references : tuple[str, ...]
         Equation, DOI or standard behind it.
+    group : str
+        Effects of one group stand in for each other: where single names are uncertain, the group is named. "" stands
+        alone.
+    look_alikes : tuple[str, ...]
+        Names of effects that it is most easily taken for.
+    deciding_measurement : str
+        What to record to tell it from these; by default a measurement that isolates its stage.
+    features : tuple[str, ...]
+        Patterns of the features that may tell of it or of its look-alikes; empty for all. A detector sees no others,
+        and so learns no coincidences.
+    trends : tuple[str, ...]
+        How features change over conditions, where that tells of it: "on_speed", "on_time".
+    draw_weight : float
+        Relative frequency in simulated gaps. More for effects that are hard to see, or that few machines could show.
+    by_chance : bool
+        Whether it acts at a few random moments of a record, so that two simulations of one record may differ much.
+    inherent_in : tuple[str, ...]
+        Models that have it by their own physics.
     """
 
     stage: ClassVar[Stage]
     references: ClassVar[tuple[str, ...]] = ()
+    group: ClassVar[str] = ""
+    look_alikes: ClassVar[tuple[str, ...]] = ()
+    deciding_measurement: ClassVar[str] = ""
+    features: ClassVar[tuple[str, ...]] = ()
+    trends: ClassVar[tuple[str, ...]] = ()
+    draw_weight: ClassVar[float] = 1.0
+    by_chance: ClassVar[bool] = False
+    inherent_in: ClassVar[tuple[str, ...]] = ()
+
+    def __init_subclass__(cls, **more: Any) -> None:
+        super().__init_subclass__(**more)
+        stage = getattr(cls, "stage", None)
+        if not cls.deciding_measurement and isinstance(stage, Stage):
+            cls.deciding_measurement = _DECIDING[stage]
 
     @abstractmethod
     def apply(self, draft: Draft, rng: np.random.Generator) -> None:
@@ -114,10 +208,96 @@ class Effect(ABC):
         """
         return None
 
+    @classmethod
+    def draw(cls, machine: Machine, rng: np.random.Generator) -> Mapping[str, float] | None:
+        """Plausible values at random, visible in this machine's records; None where they could not show the effect.
+
+        By default all that is plausible. An effect's own draw is wider than one machine's values, and leaves out what
+        nobody could detect.
+        """
+        values: dict[str, float] = {}
+        for field in cls.parameters():
+            low, high = field.metadata["plausible"]
+            if not field.metadata["fitted"]:
+                continue
+            if field.type in ("bool", bool):
+                values[field.name] = bool(rng.random() < 0.5)
+                continue
+            value = log_uniform(rng, low, high) if field.metadata["log"] else rng.uniform(low, high)
+            values[field.name] = round(value) if field.type in ("int", int) else value
+        return values
+
+    def variant(self, machine: Machine, rng: np.random.Generator) -> Effect | None:
+        """A form of the effect at these values that real machines have and the catalogue does not, or None.
+
+        What is learnt only from machines that have an effect exactly as a twin adds it fails on machines that do not.
+        A variant is a subclass that is not registered: it bears its base's name.
+        """
+        return None
+
+    def initial_values(self, seen: Observations) -> Iterator[Effect]:
+        """Where a search for the effect's values may begin, besides this estimate.
+
+        By default, for an effect of which no features are known to tell, low, middle and high plausible values of each
+        parameter; none for others, whose estimates are learnt.
+
+        Parameters
+        ----------
+        seen : Observations
+        """
+        if self.features:
+            return
+        for field in self.parameters():
+            if not field.metadata["fitted"] or not field.metadata["searched"]:
+                continue
+            low, high = field.metadata["plausible"]
+            if field.metadata["log"]:
+                values = [low ** (1 - part) * high**part for part in _QUANTILES]
+            else:
+                values = [low + part * (high - low) for part in _QUANTILES]
+            tried: list[Effect] = [self]
+            for place in (self.moved(**{field.name: value}) for value in values):
+                if place not in tried:
+                    tried.append(place)
+                    yield place
+
+    def spectral_values(self, seen: Observations) -> Sequence[Effect]:
+        """The few values that explain the mean spectra best, in closed form; none for most effects."""
+        return ()
+
+    @classmethod
+    def consistent(cls, values: dict[str, float]) -> dict[str, float]:
+        """Values moved to where they go together, for those that are each estimated on its own."""
+        return values
+
+    @classmethod
+    def parameters(cls) -> tuple[dataclasses.Field[Any], ...]:
+        """Its fields that are a `parameter`."""
+        return tuple(field for field in dataclasses.fields(cast(Any, cls)) if "plausible" in field.metadata)
+
     @property
     def name(self) -> str:
         """The name in twins, reports and studies: the class name in snake case."""
         return effect_name(type(self))
+
+    def parameter_values(self) -> dict[str, Any]:
+        """Its parameters by name."""
+        return {field.name: getattr(self, field.name) for field in self.parameters()}
+
+    def moved(self, **values: float) -> Self:
+        """The effect at other values, each moved into its allowed range."""
+        kinds = {field.name: field for field in self.parameters()}
+        inside = {name: within_allowed(kinds[name], value) for name, value in values.items()}
+        return cast(Self, dataclasses.replace(cast(Any, self), **inside))
+
+    def weakened(self, factor: float) -> Self:
+        """The effect at this part of its strength; as it is where none of its parameters is a strength."""
+        strengths = [field.name for field in self.parameters() if field.metadata["strength"]]
+        return cast(Self, dataclasses.replace(cast(Any, self), **{n: factor * getattr(self, n) for n in strengths}))
+
+    def weaker(self) -> list[Self]:
+        """The effect at parts `WEAKER` of its strength; none where none of its parameters is a strength."""
+        return [one for factor in WEAKER if (one := self.weakened(factor)) != self]
 
     def __post_init__(self) -> None:
         for field in dataclasses.fields(cast(Any, self)):
@@ -125,25 +305,51 @@ class Effect(ABC):
                 continue
             value, (low, high) = getattr(self, field.name), field.metadata["allowed"]
             whole = field.type in (int, bool, "int", "bool")
-            if (
-                not isinstance(value, numbers.Integral if whole else numbers.Real)
-                or not math.isfinite(value)
-                or not low <= value <= high
-            ):
-                unit = field.metadata["unit"] or ("a whole number" if whole else "a number")
+            unit, expected = field.metadata["unit"], f"between {low:g} and {high:g}"
+            allowed = isinstance(value, numbers.Integral if whole else numbers.Real)
+            allowed = allowed and math.isfinite(value) and low <= value <= high
+            if choices := field.metadata["choices"]:
+                allowed = allowed and value in choices
+                unit, expected = " or ".join(f"{choice:g}" for choice in choices), unit
+            if not allowed:
                 raise TwingapError(
-                    f"{value!r} found, {unit} between {low:g} and {high:g} expected",
+                    f"{value!r} found, {unit or ('a whole number' if whole else 'a number')} {expected} expected",
                     where=f"effect {self.name}: {field.name}",
                 )
+
+
+def within_allowed(field: dataclasses.Field[Any], value: float, most: float = math.inf) -> float:
+    """The value that a parameter allows and that is nearest: in its range, one of its choices, a whole number.
+
+    Parameters
+    ----------
+    field : dataclasses.Field
+        A `parameter`.
+    value : float
+    most : float
+        Upper end besides the parameter's own.
+    """
+    low, high = field.metadata["allowed"]
+    if choices := field.metadata["choices"]:
+        value = min(reversed(choices), key=lambda choice: abs(value - choice))
+    value = float(min(max(value, low), min(high, most)))
+    if field.type in ("bool", bool):
+        return bool(value >= 0.5)
+    return round(value) if field.type in ("int", int) else value
 
 
 E_ = TypeVar("E_", bound=type[Effect])
 _REGISTRY: dict[str, type[Effect]] = {}
 
 
-@functools.cache
 def effect_name(kind: type[Effect]) -> str:
-    """SecondResonance -> second_resonance."""
+    """SecondResonance -> second_resonance. A subclass of a registered effect that is not registered bears its name."""
+    names = [_snake_case(base) for base in kind.__mro__]
+    return next((name for name in names if name in _REGISTRY), names[0])
+
+
+@functools.cache
+def _snake_case(kind: type) -> str:
     return re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "_", kind.__name__).lower()
 
 
@@ -153,7 +359,7 @@ def register(kind: E_) -> E_:
         raise TypeError(f"{kind!r} is not a subclass of Effect")
     if not isinstance(getattr(kind, "stage", None), Stage):
         raise TypeError(f"{kind.__name__} has no stage: add  stage: ClassVar[Stage] = Stage.DISTURBANCE")
-    _REGISTRY[effect_name(kind)] = kind
+    _REGISTRY[_snake_case(kind)] = kind
     return kind
 
 

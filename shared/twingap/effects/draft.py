@@ -15,7 +15,7 @@ cage_speed_ratio   fault_order                 the rollers' speed               
 cage_lag           none (impacts move)         cage angle = ftf ratio             x(turns - cage_lag)
                                                (turns - cage_lag)
 gain               none (amplitudes change)    respond(): x = gain x + ...        x = gain x
-still              none                        none                               x = strikes alone + still
+still              none                        none                               x = impacts alone + still
 force              respond(): through modes    respond(): ... + through modes     none: what needs it refuses
 filters            respond(): x                respond(): x                       x
 heard              white noise                 white noise                        none: x holds its noise already
@@ -91,7 +91,7 @@ class Draft:
         What the simulator lets an effect act on: a list of impacts (phenomenological), rollers that move through a
         loaded contact (dynamics), or nothing but a finished waveform (a foreign simulator).
     cage_lag : Array [samples] or None
-        Random delay of the roller train ("rollers"), or of the whole waveform ("waveform"), in shaft turns: what would
+        Random delay of the roller train ("rollers"), or of all the waveform ("waveform"), in shaft turns: what would
         have been at shaft angle `turns - cage_lag` is at `turns`. Add to it with `delay`.
     impacts : Impacts or None
         None for healthy records, and for simulators that hand over a finished waveform.
@@ -104,7 +104,7 @@ class Draft:
         Factor on the waveform that stands for modulated impacts, for simulators that have none ("rollers", "waveform").
         Multiply it with `modulate`.
     still : Array [samples] or None
-        While what moves or weighs strikes acts on a finished waveform: what of it is not the strikes', `x` being them
+        While what moves or weighs impacts acts on a finished waveform: what of it is not the impacts', `x` being them
         alone. None where nobody knows what is which.
     modes : list[Mode]
         The path: structural modes in parallel. Empty for a finished waveform; "rollers" hold their linearised contact.
@@ -114,7 +114,7 @@ class Draft:
         Part of the white noise's power that is vibration before a sensor, not noise of the chain behind it, and what
         that sensor makes of it.
     x : Array [samples]
-        The waveform. Before the path has acted it is empty, except for simulators that make it whole.
+        The waveform. Before the path has acted it is empty, except for simulators that make all of it.
     """
 
     condition: Condition
@@ -138,7 +138,7 @@ class Draft:
 
     @property
     def faulty(self) -> bool:
-        """Whether this record's bearing has a defect for rollers to strike."""
+        """Whether this record's bearing has a defect."""
         return self.condition.fault not in (None, "healthy")
 
     @property
@@ -151,6 +151,15 @@ class Draft:
         """Impacts per shaft turn of this record's fault, slip included."""
         share = self.spin_share if self.condition.fault == "ball" else 1.0
         return self.bearing.slipped(1 - share * (1 - self.cage_speed_ratio))[self.condition.fault or "healthy"]
+
+    def beyond_nyquist(self, frequency_hz: float) -> str | None:
+        """Why a frequency cannot appear in this record, or None when it can."""
+        if frequency_hz < self.condition.fs_hz / 2:
+            return None
+        return (
+            f"{frequency_hz:g} Hz lies above half the sampling rate of record {self.condition.name!r}, "
+            f"{self.condition.fs_hz:g} Hz"
+        )
 
     def modulate(self, factor: Array | float) -> None:
         """Multiply the gain of a waveform without impacts."""

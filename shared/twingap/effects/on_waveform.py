@@ -1,6 +1,6 @@
 """A chain of effects on a finished waveform: simulated records of a foreign simulator, or measured ones.
 
-x --> SHAFT: resampled over the new angle --> EXCITATION: strikes delayed over the angle, times a gain --> PATH: filters
+x --> SHAFT: resampled over the new angle --> EXCITATION: impacts delayed over the angle, times a gain --> PATH: filters
   --> DISTURBANCE: added to --> ACQUISITION: what the converter does --> Record
 """
 
@@ -46,7 +46,7 @@ def apply_to_waveform(
     streams : Streams
         The record's random streams; each effect draws from its own.
     still : Array [samples], optional
-        What of a record with a defect is not its strikes', see `Background`: effects on strikes leave that as it is.
+        What of a record with a defect is not its impacts', see `Background`: effects on impacts leave that as it is.
         None: they act on all of it.
 
     Returns

@@ -1,11 +1,11 @@
-"""How structural modes answer impacts and forces, exactly and in one pass.
+"""Response of structural modes to impacts and forces, exact and in one pass.
 
 impacts (times, amplitudes) --+
                               +--> one complex recursion per mode --> x [samples]
 force [samples] --------------+
 
 A mode's response h(t) = exp(-zeta w t) sin(w_d t) is the imaginary part of exp(s t), s = -zeta w + j w_d, so a state z
-that turns by p = exp(s / fs) from sample to sample carries all that has struck so far. An impact between two samples
+that turns by p = exp(s / fs) from sample to sample carries all impacts so far. An impact between two samples
 enters at the later one with the phase and decay that it has gathered by then: no impact is rounded to the grid.
 """
 

@@ -204,7 +204,7 @@ class OwnSimulator:
                 self._known_still.pop(next(iter(self._known_still)))
             rate_hz = self.bearing.fault_order(str(c.fault)) * c.speed_rpm / 60
             x = np.asarray(record.samples / self.gain, float)
-            strikes = quiet.strikes(x, np.arange(c.n_samples, dtype=float) * (rate_hz / c.fs_hz))
+            strikes = quiet.impacts(x, np.arange(c.n_samples, dtype=float) * (rate_hz / c.fs_hz))
             self._known_still[key] = np.asarray(x - strikes, np.float32)
         return np.asarray(self.gain * self._known_still[key], float)
 

@@ -17,7 +17,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twingap.bearing import Bearing
-from twingap.effects import Effect, Stage, apply_to_waveform, catalogue, make_effect
+from twingap.effects import (
+    CageModulation,
+    Effect,
+    EntryExit,
+    ImpactScatter,
+    LoadZone,
+    SlipJitter,
+    Stage,
+    apply_to_waveform,
+    catalogue,
+    make_effect,
+)
 from twingap.effects.background import Background
 from twingap.errors import TwingapError
 from twingap.gap.report.advice import place_words
@@ -38,14 +49,14 @@ TWINS: Final[Mapping[str, str]] = {
     "paper3": "paper 3: contact twin, physical values, jitter",
 }
 """Twin -> in words."""
-STRENGTHS: Final[Mapping[str, Mapping[str, float]]] = {
-    "slip_jitter": {"sigma": 0.015, "accumulating": True},
-    "impact_scatter": {"sigma": 0.45},
-    "load_zone": {"depth": 0.5},
-    "cage_modulation": {"depth": 0.5},
-    "entry_exit": {"arc_deg": 4.0},
-}
-"""Where an effect is added otherwise than at the catalogue's default values: depths that are plain to see."""
+INJECTED: Final[tuple[Effect, ...]] = (
+    SlipJitter(sigma=0.015, accumulating=True),
+    ImpactScatter(sigma=0.45),
+    LoadZone(depth=0.5),
+    CageModulation(depth=0.5),
+    EntryExit(arc_deg=4.0),
+)
+"""Effects that are added otherwise than at the catalogue's default values: at depths that are plain to see."""
 _LEAST_CHANGE: Final = 1e-9
 """Part of a record's RMS below which a change is rounding."""
 
@@ -127,7 +138,7 @@ def parameters_of(effect: Effect) -> dict[str, Any]:
 
 def injected_effect(name: str) -> Effect:
     """The effect at the strength at which it is added to real records."""
-    return make_effect(name, STRENGTHS.get(name))
+    return next((effect for effect in INJECTED if effect.name == name), None) or make_effect(name)
 
 
 def run_job(job: PublicJob, root: str | None = None) -> dict[str, Any]:
@@ -305,7 +316,7 @@ def _still(record: Record, bearing: Bearing, background: Background | None) -> N
         return None
     rate_hz = bearing.fault_order(str(c.fault)) * c.speed_rpm / 60
     passes = np.arange(c.n_samples, dtype=float) * (rate_hz / c.fs_hz)
-    return np.asarray(record.samples - background.strikes(np.asarray(record.samples, float), passes), float)
+    return np.asarray(record.samples - background.impacts(np.asarray(record.samples, float), passes), float)
 
 
 def can_be_injected(records: RecordSet) -> tuple[str, ...]:

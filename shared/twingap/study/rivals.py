@@ -62,8 +62,8 @@ READING: Final[tuple[tuple[str, str], ...]] = (
     ("envelope_floor", "impact_scatter"),
 )
 """Beginning of a statistic's name -> the effect that a reader would blame when it tells measured from simulated most;
-the first that fits. entry_exit, distributed_roughness, speed_gain and damage_growth move no single statistic of
-single records of their own, so a reader of importances names none of them."""
+the first that fits. A second impact at the exit, distributed roughness, a gain over speed and growth move no single
+statistic of single records of their own, so a reader of importances names none of them."""
 
 
 def read_importance(statistic: str) -> str:

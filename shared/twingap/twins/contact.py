@@ -34,7 +34,7 @@ from numpy.typing import NDArray
 from scipy.signal import lfilter
 
 from twingap.bearing import Bearing
-from twingap.effects import Draft, Effect, Mode
+from twingap.effects import Draft, Effect, Mode, catalogue
 from twingap.effects.ringing import LEAD, response_rms, ring
 from twingap.errors import TwingapError
 from twingap.records import Condition, Record
@@ -83,8 +83,8 @@ class ContactTwin(Twin):
 
     Notes
     -----
-    `load_zone`, `entry_exit` and the cage-rate modulation of a ball defect follow from the dynamics
-    (`inherent_effects`): naming them is allowed and changes nothing.
+    The load zone, both edges of a defect and the cage-rate modulation of a ball defect follow from the dynamics
+    (`inherent_effects`): naming these effects is allowed and changes nothing.
 
     A draft's first mode is the contact itself, linearised about its static equilibrium; the structure noise's force and
     what effects add to it go through it. Modes that effects append answer the same excitation: the contact's
@@ -98,7 +98,9 @@ class ContactTwin(Twin):
     model: ClassVar[str] = "contact"
     batch: ClassVar[int] = 64
     excitation: ClassVar[Literal["impacts", "rollers", "waveform"]] = "rollers"
-    inherent_effects: ClassVar[frozenset[str]] = frozenset({"load_zone", "entry_exit"})
+    inherent_effects: ClassVar[frozenset[str]] = frozenset(
+        name for name, kind in catalogue().items() if "contact" in kind.inherent_in
+    )
 
     def __init__(
         self,

@@ -31,7 +31,7 @@ def background_of(lab: Any) -> Background:
 def done(lab: Any, x: np.ndarray, effect: Any, background: Background | None, fault: str = "outer") -> np.ndarray:
     (condition,) = lab.conditions(fault, 1, 500.0)
     passes = np.arange(x.size) / lab.fs_hz * lab.fr * lab.bearing.bpfo
-    still = None if background is None else x - background.strikes(x, passes)
+    still = None if background is None else x - background.impacts(x, passes)
     return apply_to_waveform([effect], Record(condition, x), lab.bearing, 1.0, Streams(7, 0), still).samples
 
 
@@ -117,6 +117,6 @@ def test_short_records_and_healthy_ones_have_nothing_to_tell_apart(lab: Any) -> 
     assert Background.of([np.ones(100)]) is None
     quiet = background_of(lab)
     x = np.arange(200.0)
-    np.testing.assert_array_equal(quiet.strikes(x, x / 50), x)
+    np.testing.assert_array_equal(quiet.impacts(x, x / 50), x)
     healthy = lab.make([], "healthy")[0]
     np.testing.assert_array_equal(done(lab, healthy, LoadZone(depth=0.8), quiet, "healthy"), healthy)

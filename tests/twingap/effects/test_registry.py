@@ -12,7 +12,18 @@ import numpy as np
 import pytest
 
 from twingap import BEARINGS, Condition, TwingapError
-from twingap.effects import Draft, Effect, Stage, base, catalogue, in_order, make_effect, parameter, register
+from twingap.effects import (
+    Draft,
+    Effect,
+    Stage,
+    base,
+    catalogue,
+    in_order,
+    make_effect,
+    measurements,
+    parameter,
+    register,
+)
 from twingap.twins.phenomenological import PhenomenologicalTwin
 
 SPECIFIED = {
@@ -25,6 +36,9 @@ SPECIFIED = {
     Stage.ACQUISITION: "clipping quantisation dropout",
 }
 NAMES = " ".join(SPECIFIED.values()).split()
+GROUPS = {
+    "kinematics", "impact statistics", "operation", "path", "lines", "other sources", "background", "acquisition",
+}  # fmt: skip
 
 
 def test_catalogue_is_the_specification() -> None:
@@ -146,3 +160,27 @@ def test_registering_what_is_no_effect_says_why() -> None:
 
     with pytest.raises(TypeError, match="has no stage"):
         register(Stageless)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_every_effect_says_what_it_may_be_taken_for_and_what_decides(name: str) -> None:
+    kind = catalogue()[name]
+    assert kind.look_alikes
+    assert set(kind.look_alikes) <= set(NAMES) - {name}
+    assert kind.group in GROUPS
+    assert kind.features
+    assert kind.deciding_measurement in vars(measurements).values()
+    assert kind.draw_weight > 0
+
+
+def test_estimates_are_told_what_kind_of_number_each_parameter_is() -> None:
+    kinds = {(name, field.name): field.metadata for name in NAMES for field in catalogue()[name].parameters()}
+    assert {key for key, about in kinds.items() if about["exact"] and not about["searched"]} == {
+        ("gear_mesh", "teeth"), ("mains_interference", "mains_hz"), ("foreign_bearing", "order"),
+        ("drive_interference", "carrier_hz"), ("drive_interference", "sideband_order"),
+    }  # fmt: skip
+    assert {key for key, about in kinds.items() if about["relative_to"] in ("run", "speed")} == {
+        ("damage_growth", "rate_per_s"), ("damage_growth", "onset_s"), ("speed_gain", "reference_speed_rpm"),
+    }  # fmt: skip
+    assert all(about["unit"] == "Hz" for about in kinds.values() if about["relative_to"] == "rate")
+    assert not kinds["speed_fluctuation", "bandwidth_hz"]["relative_to"]

@@ -12,7 +12,7 @@ from twingap.bearing import BEARINGS
 from twingap.effects import make_effect
 from twingap.gap.external_simulator import OwnSimulator
 from twingap.gap.search.evidence import THOROUGH, Evidence, level_of, simulator_of
-from twingap.gap.search.initial_values import likeliest_losses
+from twingap.gap.search.initial_values import observations
 from twingap.gap.search.optimise import bring_nearest
 from twingap.identify.baseline import match_level, sides_of
 from twingap.identify.calibrate import calibrate
@@ -66,9 +66,10 @@ def test_a_level_that_is_off_moves_with_the_values() -> None:
 
 def test_low_passes_are_sought_in_what_the_user_simulates() -> None:
     own = evidence_of(machine(LOSS), simulated(0.01, "g"))
-    first = likeliest_losses(own, make_effect("sensor_rolloff", {"order": 6, "corner_hz": 3500.0}))  # type: ignore[arg-type]
-    assert first[0].order == 2
-    assert first[0].corner_hz == pytest.approx(1500.0, rel=0.3)
+    guess = make_effect("sensor_rolloff", {"order": 6, "corner_hz": 3500.0})
+    first = vars(guess.spectral_values(observations(own, own.against().fit))[0])
+    assert first["order"] == 2
+    assert first["corner_hz"] == pytest.approx(1500.0, rel=0.3)
 
 
 def test_a_functions_level_is_matched_with_its_effects() -> None:

@@ -11,73 +11,17 @@ from collections.abc import Iterable, Mapping
 from typing import Any, Final
 
 from twingap.config import to_toml
-from twingap.effects import catalogue
+from twingap.effects import catalogue, measurements
 from twingap.gap.report.model import Candidate, GapReport, Place, listed
-
-_TACHO: Final = (
-    "record a tacho or encoder signal along with the vibration: it measures the shaft angle, so that whatever "
-    "stays in the lines after order tracking belongs to the cage and not to the shaft"
-)
-_OTHER_SPEED: Final = (
-    "record the same machine at another speed: lines of mains, drive and structure stay at their frequency, lines of "
-    "shaft, gears and bearings move with the speed"
-)
-_HAMMER: Final = (
-    "strike the housing with an instrumented hammer at standstill: the response shows the modes and the sensor's "
-    "own loss without the bearing's excitation"
-)
-_BACKGROUND: Final = (
-    "record the background with the bearing unloaded or at standstill and its surroundings running: noise stays, "
-    "what the bearing excites vanishes"
-)
-_CHAIN: Final = (
-    "check the acquisition: range and resolution of the converter against the largest sample, and whether "
-    "samples were lost on the way"
-)
-_LONGER: Final = (
-    "record longer, at one constant speed and load: lines of the envelope spectrum then narrow down to what truly "
-    "broadens them"
-)
-_LOAD: Final = (
-    "record at another radial load: modulation by the load zone changes with it, modulation by the cage hardly does"
-)
-_ALONG: Final = "take more records along the run, at the same speed and load, to tell growth from operating conditions"
-_DECIDING: Final[Mapping[str, str]] = {
-    "speed_fluctuation": _TACHO,
-    "mean_slip": _TACHO,
-    "slip_jitter": _TACHO,
-    "impact_scatter": _LONGER,
-    "load_zone": _LOAD,
-    "cage_modulation": _LOAD,
-    "entry_exit": _LONGER,
-    "distributed_roughness": _LONGER,
-    "speed_gain": _OTHER_SPEED,
-    "damage_growth": _ALONG,
-    "second_resonance": _HAMMER,
-    "sensor_rolloff": _HAMMER,
-    "shaft_harmonics": _OTHER_SPEED,
-    "looseness": _OTHER_SPEED,
-    "mains_interference": _OTHER_SPEED,
-    "drive_interference": _OTHER_SPEED,
-    "gear_mesh": _OTHER_SPEED,
-    "foreign_bearing": _OTHER_SPEED,
-    "coloured_noise": _BACKGROUND,
-    "impulsive_noise": _BACKGROUND,
-    "waviness": _OTHER_SPEED,
-    "clipping": _CHAIN,
-    "quantisation": _CHAIN,
-    "dropout": _CHAIN,
-}
-"""Effect -> the measurement that would tell it from its rivals."""
 
 _LOOK: Final[Mapping[str, str]] = {
     "frequency": "Look there in the raw spectrum: a hump that stays in Hz points to a mode or to noise, narrow lines "
-    "to a disturbance. To decide, " + _HAMMER + ".",
+    "to a disturbance. To decide, " + measurements.HAMMER + ".",
     "envelope_order": "Impacts or modulations repeat at these multiples of shaft speed. Check the bearing's geometry "
-    "and what else turns on the machine. To decide, " + _TACHO + ".",
+    "and what else turns on the machine. To decide, " + measurements.TACHO + ".",
     "order": "Something turns at these multiples of shaft speed: list shafts, gears and fans with their ratios. To "
-    "decide, " + _OTHER_SPEED + ".",
-    "amplitude": "The distribution of the samples differs there. To decide, " + _CHAIN + ".",
+    "decide, " + measurements.OTHER_SPEED + ".",
+    "amplitude": "The distribution of the samples differs there. To decide, " + measurements.CHAIN + ".",
     "time": "The records change within themselves there: look for run-up, load steps, or a fault of the recorder. To "
     "decide, record longer at constant speed and load.",
     "condition": "The gap sits at some operating conditions. Check the metadata of those records first (speed, load, "
@@ -129,12 +73,13 @@ def next_steps(report: GapReport) -> tuple[str, ...]:
         if not added:
             steps.append(f"Model {listed(verdict.effects)} in your simulator and compare {them} again.")
     open_ones = undecided(report)
-    measurements = list(dict.fromkeys(_DECIDING[name] for name in open_ones if name in _DECIDING))
-    if measurements:
+    known = [catalogue()[name] for name in open_ones if name in catalogue()]
+    deciding = list(dict.fromkeys(kind.deciding_measurement for kind in known))
+    if deciding:
         steps.append(
             f"The data leave open {_open(open_ones)}. To decide, "
-            + "; or ".join(measurements[:3])
-            + ("." if len(measurements) <= 3 else "; and others.")
+            + "; or ".join(deciding[:3])
+            + ("." if len(deciding) <= 3 else "; and others.")
         )
     if verdict.status in ("unexplained", "partly_explained"):
         left = report.rest or report.places

@@ -25,7 +25,7 @@ from twingap.errors import TwingapError
 from twingap.gap.knowledge.learnt import Learnt
 from twingap.gap.search.effect_search import Explanation, estimate
 from twingap.gap.search.evidence import Compared, Evidence, values_of
-from twingap.gap.search.initial_values import places, told_by_spectra, weaker
+from twingap.gap.search.initial_values import observations
 from twingap.gap.search.optimise import Nearest, bring_nearest, left_over
 from twingap.gap.search.parameter_prior import Key, Said
 from twingap.twins.simulator import TwinSimulator
@@ -145,7 +145,8 @@ def _ranked(evidence: Evidence, now: Compared, names: Sequence[str], learnt: Lea
 def _values(name: str, features: Array, evidence: Evidence, learnt: Learnt) -> Iterator[Effect]:
     """Where an effect's values may lie, the likelier first."""
     given = estimate(name, features, evidence, learnt).effect
+    seen = observations(evidence, features)
     yield given
-    yield from told_by_spectra(given, evidence)
-    yield from weaker(given)
-    yield from places(given, features, evidence)
+    yield from given.spectral_values(seen)
+    yield from given.weaker()
+    yield from given.initial_values(seen)

@@ -61,8 +61,6 @@ WORSE: Final = 1.03
 """Factor on the distance on the fit part from which an added effect has made it worse."""
 DOUBT: Final = 2.0
 """By how many log odds such an effect has to be plainer."""
-_LEAST_SPREAD: Final = {("mains_interference", "mains_hz"): 0.002}
-"""Part of a value that no interval is narrower than: a grid's frequency wanders, and is learnt as 50 or 60 Hz."""
 STIFF: Final = 10.0
 """How much harder estimates hold values of effects that the twin has, before it is asked what it lacks."""
 UNLIKELY: Final = -2.5
@@ -413,6 +411,7 @@ def estimate(name: str, features: Array, evidence: Evidence, learnt: Learnt) -> 
     """An effect's values from the features of the fit part, with 90 % intervals."""
     setting = evidence.setting
     default = catalogue()[name]()
+    least_spread = {field.name: field.metadata["least_spread"] for field in default.parameters()}
     numbers, intervals, within = {}, {}, {}
     for effect, parameter in coordinates():
         if effect != name:
@@ -425,7 +424,7 @@ def estimate(name: str, features: Array, evidence: Evidence, learnt: Learnt) -> 
         numbers[parameter] = number
         off = float(found.within(features[None, :])[0])
         ends = [to_value(name, parameter, number + sign * off, setting) for sign in (-1, 1)]
-        least = _LEAST_SPREAD.get((name, parameter), 0.0)
+        least = least_spread[parameter]
         within[parameter] = off
         intervals[parameter] = (min(ends) * (1 - least), max(ends) * (1 + least))
     made = to_effect(name, numbers, setting)

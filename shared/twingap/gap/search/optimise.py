@@ -21,10 +21,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twingap.effects import Effect, make_effect
+from twingap.effects.base import WEAKER
 from twingap.errors import TwingapError
 from twingap.gap.distance.paired import Paired
 from twingap.gap.search.evidence import level_of
-from twingap.gap.search.initial_values import WEAKER, weakened
 from twingap.gap.search.parameter_prior import Key, Said, pull, strain
 from twingap.gap.search.parameter_scale import Setting, coordinates, to_effect, to_number
 from twingap.twins.simulator import Simulator, TwinSimulator
@@ -45,13 +45,6 @@ _FARTHEST: Final = 8.0
 """First steps beyond which a value is not followed in one go."""
 _CLEARLY: Final = 0.98
 """Factor on the misfit from which a far place is better than the estimate."""
-_STAY: Final = {
-    ("gear_mesh", "teeth"), ("mains_interference", "mains_hz"), ("foreign_bearing", "order"),
-    ("drive_interference", "carrier_hz"), ("drive_interference", "sideband_order"),
-    ("impulsive_noise", "rate_hz"), ("impulsive_noise", "spread"),
-}  # fmt: skip
-"""Read exactly or not at all: a neighbouring value is as wrong as any other. And how often and how evenly it knocks,
-which two simulations say nothing of."""
 _BASELINE_STEPS: Final = {"resonance_hz": 0.02, "damping_ratio": 0.2, "impact_amplitude": 0.1}
 _LEVELS: Final = ("scale", "structure_noise_rms", "white_noise_rms")
 _LEVEL_STEP: Final = 0.1
@@ -66,8 +59,6 @@ _SHRINKS: Final = 2
 """Times that steps together are tried again, shorter, once they lead no further."""
 _SETTLED: Final = 0.985
 """Factor on the misfit above which nothing much was gained."""
-_BY_CHANCE: Final = frozenset(("dropout", "impulsive_noise"))
-"""Effects whose few moments in a record are where chance puts them."""
 _OTHERS: Final = (5, 6, 7)
 """Replicates that values are not fitted to."""
 
@@ -151,11 +142,11 @@ def bring_nearest(
     built = search.built(search.at)
     if built is not None and search.holds(*built):
         return Nearest(*built, begin, search.least)
-    names = [effect.name for effect in effects if moved is None or effect.name in moved]
-    if not _BY_CHANCE.intersection(names):
+    own = [effect for effect in effects if moved is None or effect.name in moved]
+    if not any(effect.by_chance for effect in own):
         return Nearest(simulator, tuple(effects), begin, begin)
     # Values of what comes by chance followed where it came in these simulations; the others may be right all the same.
-    names = [name for name in names if name not in _BY_CHANCE]
+    names = [effect.name for effect in own if not effect.by_chance]
     return bring_nearest(
         evidence, simulator, effects, errors, moved=names, baseline=baseline, passes=passes, said=said, stiff=stiff
     )
@@ -187,7 +178,7 @@ def no_farther(
     """
     if left_over(evidence, found.simulator, found.effects) <= left_over(evidence, bare.simulator, ()):
         return found
-    little = [tuple(weakened(effect, factor) for effect in found.effects) for factor in WEAKER]
+    little = [tuple(effect.weakened(factor) for effect in found.effects) for factor in WEAKER]
     begin = min(little, key=lambda effects: evidence.misfit(bare.simulator, effects))
     again = bring_nearest(evidence, bare.simulator, begin, errors, said=said, stiff=stiff)
     return min(found, again, key=lambda one: left_over(evidence, one.simulator, one.effects))
@@ -251,10 +242,12 @@ class _Search:
         """Their parameters as numbers, with first steps and the ends of plausible ranges."""
         for effect in effects:
             for key in coordinates():
-                if key[0] != effect.name or key in _STAY:
+                if key[0] != effect.name:
+                    continue
+                kind = next(field for field in effect.parameters() if field.name == key[1])
+                if not kind.metadata["searched"]:
                     continue
                 self.at[key] = to_number(effect, key[1], self.setting)
-                kind = next(f for f in dataclasses.fields(effect) if f.name == key[1])  # type: ignore[arg-type]
                 whole = kind.type in ("int", int, "bool", bool)
                 if whole:
                     self.whole.add(key)

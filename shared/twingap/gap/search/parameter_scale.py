@@ -10,20 +10,19 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 
 from twingap.effects import Effect, catalogue, make_effect
+from twingap.effects.base import within_allowed
 from twingap.errors import TwingapError
 from twingap.records import Condition
 
-_NOT_LEARNT: Final = {("speed_gain", "reference_speed_rpm")}
-"""A convention: the impacts' amplitude takes up another reference."""
-_BROAD_HZ: Final = 400.0
-"""Parameters in Hz that reach beyond this are places in a spectrum, and scale with the sampling rate."""
-_EXACT: Final = ("carrier_hz", "order", "teeth", "sideband_order", "mains_hz", "inner", "accumulating")
-"""Parameters that estimates have right, or not at all."""
+_MOST_OF_NYQUIST: Final = 0.48
+"""Of the sampling rate: estimates of frequencies that must lie below half of it end here."""
+_LARGEST_LOG: Final = 60.0
+"""Logarithms of estimates end here, so that numbers stay finite."""
 
 
 @dataclass(frozen=True)
@@ -53,37 +52,33 @@ class Setting:
         return cls(max(c.fs_hz for c in conditions), begin, span or 1.0, speeds[len(speeds) // 2])
 
 
-@cache
 def coordinates() -> tuple[tuple[str, str], ...]:
     """(effect, parameter) of all that can be estimated."""
-    return tuple(
-        (name, field.name)
-        for name, kind in catalogue().items()
-        for field in dataclasses.fields(kind)  # type: ignore[arg-type]
-        if "plausible" in field.metadata and (name, field.name) not in _NOT_LEARNT
-    )
+    return _coordinates(tuple(catalogue().items()))
+
+
+@cache
+def _coordinates(effects: tuple[tuple[str, type[Effect]], ...]) -> tuple[tuple[str, str], ...]:
+    return tuple((name, field.name) for name, kind in effects for field in kind.parameters() if _estimated(field))
 
 
 def to_number(effect: Effect, parameter: str, setting: Setting) -> float:
     """The parameter's value as a comparable number."""
-    value = float(getattr(effect, parameter))
-    value = value / _unit(effect.name, parameter, setting) - _origin(effect.name, parameter, setting)
-    return math.log(max(value, 1e-12)) if _log(effect.name, parameter) else value
+    field = _field(type(effect), parameter)
+    value = float(getattr(effect, parameter)) / _unit(field, setting) - _origin(field, setting)
+    return math.log(max(value, 1e-12)) if field.metadata["log_estimate"] else value
 
 
 def to_effect(name: str, numbers: Mapping[str, float], setting: Setting) -> Effect:
     """The effect with these values, each moved into its allowed range."""
-    values: dict[str, float] = {}
-    for field in dataclasses.fields(catalogue()[name]):  # type: ignore[arg-type]
-        if field.name == "reference_speed_rpm":
+    kind, values = catalogue()[name], dict[str, float]()
+    for field in kind.parameters():
+        if field.metadata["relative_to"] == "speed":
             values[field.name] = setting.speed_rpm
-        if field.name not in numbers:
-            continue
-        values[field.name] = to_value(name, field.name, numbers[field.name], setting)
-    if name == "coloured_noise" and values["low_hz"] >= 0.985 * values["high_hz"]:
-        values["low_hz"] = 0.9 * values["high_hz"]
+        elif field.name in numbers:
+            values[field.name] = to_value(name, field.name, numbers[field.name], setting)
     try:
-        return make_effect(name, values)
+        return make_effect(name, kind.consistent(values))
     except TwingapError:  # a user's own effect may refuse combinations: its defaults are always meaningful
         return make_effect(name)
 
@@ -99,47 +94,43 @@ def a_little_off(effect: Effect, error: float, setting: Setting, rng: np.random.
     setting : Setting
     rng : numpy.random.Generator
     """
-    numbers = {p: to_number(effect, p, setting) for name, p in coordinates() if name == effect.name}
-    for parameter in [p for p in numbers if p not in _EXACT]:
-        numbers[parameter] += error * rng.standard_normal()
+    numbers = {}
+    for field in effect.parameters():
+        if _estimated(field):
+            numbers[field.name] = to_number(effect, field.name, setting)
+            if not field.metadata["exact"]:
+                numbers[field.name] += error * rng.standard_normal()
     return to_effect(effect.name, numbers, setting)
 
 
 def to_value(name: str, parameter: str, number: float, setting: Setting) -> float:
     """A comparable number as the parameter's value, in its unit and allowed range."""
-    field = _field(name, parameter)
-    value = math.exp(min(number, 60.0)) if _log(name, parameter) else number
-    value = (value + _origin(name, parameter, setting)) * _unit(name, parameter, setting)
-    low, high = field.metadata["allowed"]
-    if name == "mains_interference" and parameter == "mains_hz":
-        value = 50.0 if abs(value - 50) < abs(value - 60) else 60.0
-    if _place_in_spectrum(field):
-        high = min(high, 0.48 * setting.fs_hz) if parameter != "high_hz" and parameter != "corner_hz" else high
-    value = float(min(max(value, low), high))
-    if field.type in ("bool", bool):
-        return bool(value >= 0.5)
-    return round(value) if field.type in ("int", int) else value
+    field = _field(catalogue()[name], parameter)
+    value = math.exp(min(number, _LARGEST_LOG)) if field.metadata["log_estimate"] else number
+    value = (value + _origin(field, setting)) * _unit(field, setting)
+    bounded = field.metadata["relative_to"] == "rate" and not field.metadata["above_nyquist"]
+    return within_allowed(field, value, _MOST_OF_NYQUIST * setting.fs_hz if bounded else math.inf)
+
+
+def _estimated(field: dataclasses.Field[Any]) -> bool:
+    """Whether it is more than a convention: the impacts' amplitude takes up another reference speed."""
+    return bool(field.metadata["relative_to"] != "speed")
 
 
 @cache
-def _field(name: str, parameter: str) -> dataclasses.Field[float]:
-    return next(f for f in dataclasses.fields(catalogue()[name]) if f.name == parameter)  # type: ignore[arg-type]
+def _field(kind: type[Effect], parameter: str) -> dataclasses.Field[Any]:
+    return next(field for field in kind.parameters() if field.name == parameter)
 
 
-def _log(name: str, parameter: str) -> bool:
-    return bool(_field(name, parameter).metadata["log"]) or parameter == "teeth"
+def _unit(field: dataclasses.Field[Any], setting: Setting) -> float:
+    """What values are divided by to be comparable."""
+    relative_to, unit = field.metadata["relative_to"], field.metadata["unit"]
+    if relative_to == "run":
+        return 1 / setting.span_s if unit == "1/s" else setting.span_s
+    return setting.fs_hz if relative_to == "rate" else 1.0
 
 
-def _place_in_spectrum(field: dataclasses.Field[float]) -> bool:
-    return bool(field.metadata["unit"] == "Hz" and field.metadata["plausible"][1] > _BROAD_HZ)
-
-
-def _unit(name: str, parameter: str, setting: Setting) -> float:
-    field = _field(name, parameter)
-    if _place_in_spectrum(field):
-        return setting.fs_hz
-    return {"rate_per_s": 1 / setting.span_s, "onset_s": setting.span_s}.get(parameter, 1.0)
-
-
-def _origin(name: str, parameter: str, setting: Setting) -> float:
-    return setting.begin_s / setting.span_s if parameter == "onset_s" else 0.0
+def _origin(field: dataclasses.Field[Any], setting: Setting) -> float:
+    """Where a time of the run counts from, in spans."""
+    of_run = field.metadata["relative_to"] == "run" and field.metadata["unit"] != "1/s"
+    return setting.begin_s / setting.span_s if of_run else 0.0

@@ -5,10 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from twingap.effects import Mode, catalogue, make_effect
+from twingap.effects import EntryExit, MeanSlip, Mode, SpeedGain, catalogue, make_effect
+from twingap.effects.drawing import healthy_density
 from twingap.gap.knowledge.machines import draw_bearing, draw_machine
 from twingap.gap.knowledge.outside_catalogue import _changed, _Plan, _shape, _wandering, estrange
-from twingap.gap.knowledge.simulated_gaps import DRAWERS, _density, draw_effects, draw_gap
+from twingap.gap.knowledge.simulated_gaps import draw_effects, draw_gap
 from twingap.gap.search.evidence import values_of
 from twingap.gap.search.parameter_scale import Setting, a_little_off, coordinates, to_effect, to_number
 
@@ -82,7 +83,7 @@ def test_one_fault_is_enough_for_slip_and_none_is_not():
     machine = draw_machine(np.random.default_rng(0), own_simulator=False, most_records=8)
     for kinds, drawn in ((("inner",), True), (("healthy", "outer"), True), (("healthy",), False)):
         own = tuple(replace(c, fault=kinds[i % len(kinds)]) for i, c in enumerate(machine.conditions))
-        found = DRAWERS["mean_slip"](np.random.default_rng(1), replace(machine, conditions=own))
+        found = MeanSlip.draw(replace(machine, conditions=own), np.random.default_rng(1))
         assert (found is not None) == drawn
 
 
@@ -100,8 +101,8 @@ def test_what_shows_is_judged_beside_all_modes_of_the_structure():
     own = machine.parameters
     hz = 0.5 * own.resonance_hz
     loud = replace(machine, modes=(Mode(hz, own.damping_ratio, 3.0),))
-    assert _density(loud, hz) > 3 * _density(machine, hz)
-    assert _density(loud, hz, (hz, own.damping_ratio, -3.0)) == pytest.approx(_density(machine, hz))
+    assert healthy_density(loud, hz) > 3 * healthy_density(machine, hz)
+    assert healthy_density(loud, hz, (hz, own.damping_ratio, -3.0)) == pytest.approx(healthy_density(machine, hz))
 
 
 def test_a_strange_record_keeps_its_length_and_changes():
@@ -150,7 +151,7 @@ def test_second_strikes_are_drawn_where_they_can_be_told_from_one():
     rng, arcs = np.random.default_rng(21), 0
     while arcs < 40:
         machine = draw_machine(rng, own_simulator=False, most_records=8)
-        values = DRAWERS["entry_exit"](rng, machine)
+        values = EntryExit.draw(machine, rng)
         if values is None:
             continue
         arcs += 1
@@ -168,7 +169,7 @@ def test_gains_over_speed_are_drawn_where_a_fault_or_noise_that_feels_them_is_me
     rng, drawn = np.random.default_rng(12), 0
     for _ in range(400):
         machine = draw_machine(rng, own_simulator=False, most_records=10)
-        values = DRAWERS["speed_gain"](rng, machine)
+        values = SpeedGain.draw(machine, rng)
         if values is None:
             continue
         drawn += 1

@@ -1,21 +1,20 @@
-"""Where a search for values begins: what signatures name by themselves, low-passes with the mode that suits them."""
+"""Initial values of a search: read off features, and fitted to mean spectra with the mode that suits them."""
 
 from __future__ import annotations
 
 import dataclasses
+from typing import Any
 
 import numpy as np
 import pytest
-from scipy.optimize import nnls
 
 from tests.twingap.gap.search.test_optimise import machine
 from twingap.effects import Effect, make_effect
 from twingap.gap.features.comparison import feature_names
 from twingap.gap.search.evidence import THOROUGH, Evidence, simulator_of
-from twingap.gap.search.initial_values import better_start, places, weaker
+from twingap.gap.search.initial_values import better_start, observations
 from twingap.gap.search.parameter_prior import Said
 from twingap.gap.search.parameter_scale import to_number
-from twingap.gap.search.spectral_fits import _least_misfit, _misfit, likeliest_losses, likeliest_noises
 from twingap.identify.calibrate import calibrate
 from twingap.records import RecordSet
 from twingap.twins.twin_file import TwinSpec
@@ -29,6 +28,16 @@ def evidence_of(records: RecordSet) -> Evidence:
     return Evidence(calibrated, simulator_of(calibrated), spec, 7, THOROUGH)
 
 
+def spectral(own: Evidence, given: Effect) -> list[Any]:
+    """Values that explain the mean spectra best."""
+    return list(given.spectral_values(observations(own, np.full(len(feature_names()), np.nan))))
+
+
+def places(given: Effect, features: np.ndarray, own: Evidence) -> list[Effect]:
+    """Initial values by these features."""
+    return list(given.initial_values(observations(own, features)))
+
+
 def begun(own: Evidence, given: Effect) -> Effect:
     """The given values, or better ones."""
     now = own.misfit(own.against([given]).simulator, [given])
@@ -36,44 +45,12 @@ def begun(own: Evidence, given: Effect) -> Effect:
     return found.effect if found else given
 
 
-def test_two_powers_are_those_of_non_negative_least_squares() -> None:
-    rng = np.random.default_rng(0)
-    white = np.exp(rng.normal(0, 0.2, 60))
-    alone = set()
-    for power in np.linspace(-0.5, 2.0, 40):  # of no mode, of both, of less than no white noise
-        modes = np.exp(rng.normal(0, 0.6, (1, 60)))
-        wanted = modes[0] ** power * np.exp(rng.normal(0, 0.2, 60))
-        powers, _ = nnls(np.stack((modes[0], white), axis=1) / wanted[:, None], np.ones(60))
-        alone |= {tuple(powers > 0)}
-        model = (powers @ np.stack((modes[0], white))) / wanted
-        expected = np.minimum(np.log(np.maximum(model, 1e-6)) ** 2, 1.0).mean()
-        assert _misfit(modes, white, wanted) == pytest.approx(expected, rel=1e-6)
-    assert alone == {(True, True), (True, False), (False, True)}
-
-
-def test_three_powers_are_those_of_non_negative_least_squares_where_none_is_nought() -> None:
-    rng = np.random.default_rng(2)
-    for wide in (1.0, 1e9):  # the wanted spectrum may span nine orders of magnitude
-        basis = np.exp(rng.normal(0, 0.6, (5, 3, 60)))
-        wanted = np.geomspace(1.0, 1 / wide, 60) * np.exp(rng.normal(0, 0.1, 60))
-        basis[:, 0] *= wanted
-        found, powers = _least_misfit(basis, wanted)
-        each = [nnls((own / wanted).T, np.ones(60))[0] for own in basis]
-        assert found == np.inf or any(np.allclose(powers, one, rtol=1e-5) for one in each if (one > 0).all())
-    whole = np.stack([np.ones(60), np.linspace(1, 2, 60), np.linspace(2, 1, 60) ** 3])
-    found, powers = _least_misfit(whole[None], np.array([0.5, 1.0, 0.2]) @ whole)
-    assert found == pytest.approx(0.0, abs=1e-9)
-    assert powers == pytest.approx([0.5, 1.0, 0.2], rel=1e-4)
-    alike = np.stack([np.ones(60), np.ones(60), np.zeros(60)])
-    assert np.isfinite(_least_misfit(alike[None], 1e-12 * np.ones(60))[1]).all()
-
-
 @pytest.mark.parametrize(("order", "corner_hz"), [(1, 700.0), (2, 1900.0)])
 def test_a_low_pass_is_found_with_the_mode_that_goes_with_it(order: int, corner_hz: float) -> None:
     truth = make_effect("sensor_rolloff", {"order": order, "corner_hz": corner_hz, "background": 0.97})
     own = evidence_of(machine(truth))
     guess = make_effect("sensor_rolloff", {"order": 5, "corner_hz": 2400.0, "background": 0.4})
-    first = likeliest_losses(own, guess)  # type: ignore[arg-type]
+    first = spectral(own, guess)
     assert min(abs(np.log(one.corner_hz / corner_hz)) for one in first if one.order == order) < 0.35
     found = begun(own, guess)
     misfits = [own.misfit(own.against([e]).simulator, [e]) for e in (truth, found, guess)]
@@ -82,13 +59,13 @@ def test_a_low_pass_is_found_with_the_mode_that_goes_with_it(order: int, corner_
 
 def test_silence_and_bands_without_any_power_are_no_trouble() -> None:
     own = evidence_of(machine(make_effect("quantisation", {"step": 4.0})))
-    assert likeliest_losses(own, make_effect("sensor_rolloff"))  # type: ignore[arg-type]
-    assert likeliest_noises(own, make_effect("coloured_noise"))  # type: ignore[arg-type]
+    assert spectral(own, make_effect("sensor_rolloff"))
+    assert spectral(own, make_effect("coloured_noise"))
     fit = own.calibrated.fit
     silent = RecordSet(fit.name, fit.unit, fit.bearing, list(fit.conditions), lambda i: np.zeros(fit[i].samples.size))
     own.calibrated = dataclasses.replace(own.calibrated, fit=silent)
-    assert likeliest_losses(own, make_effect("sensor_rolloff")) == []  # type: ignore[arg-type]
-    assert likeliest_noises(own, make_effect("coloured_noise")) == []  # type: ignore[arg-type]
+    assert spectral(own, make_effect("sensor_rolloff")) == []
+    assert spectral(own, make_effect("coloured_noise")) == []
 
 
 @pytest.mark.parametrize("opposed", [False, True])
@@ -145,7 +122,7 @@ def test_a_band_of_noise_is_read_off_the_healthy_spectra(low: float, high: float
     spec = TwinSpec("phenomenological")
     calibrated = calibrate(machine(truth), None if own_simulator else spec, np.random.default_rng(1), sim=sim)
     own = Evidence(calibrated, simulator_of(calibrated, sim), spec, 7, THOROUGH)
-    first = likeliest_noises(own, make_effect("coloured_noise"))  # type: ignore[arg-type]
+    first = spectral(own, make_effect("coloured_noise"))
     nearest = min(first, key=lambda one: abs(np.log(one.low_hz / low)) + abs(np.log(one.high_hz / high)))
     assert abs(np.log(nearest.low_hz / low)) + abs(np.log(nearest.high_hz / high)) < 0.7
     assert nearest.level == pytest.approx(0.8, rel=0.3)
@@ -189,8 +166,8 @@ def test_an_estimate_that_is_far_too_strong_is_weakened() -> None:
     assert vars(found)["level"] <= 1.5
     misfits = [own.misfit(own.against(e).simulator, e) for e in ([found], [], [guess])]
     assert misfits[0] < min(0.7 * misfits[2], 1.2 * misfits[1])
-    assert [vars(e)["level"] for e in weaker(guess)] == pytest.approx([3.0, 1.5, 0.72, 0.36])
-    assert weaker(make_effect("dropout")) == []
+    assert [vars(e)["level"] for e in guess.weaker()] == pytest.approx([3.0, 1.5, 0.72, 0.36])
+    assert make_effect("dropout").weaker() == []
 
 
 def test_a_slope_over_speed_is_an_exponent() -> None:

@@ -91,8 +91,8 @@ def measure(view: RecordView) -> dict[str, float]:
     dict[str, float]
         One value for each of `NAMES`; NaN where there is no known defect, or where the strikes cannot be followed.
         `jitter_sigma`, `walk_sigma` in impact spacings; `scatter_sigma`, `*_depth` over the mean strength;
-        `wander_level` rms relative speed; `arc_deg` as in effect entry_exit; `strike_level` log of the root energy of a
-        strike (in the band, s^1/2) over frame.scale.
+        `wander_level` rms relative speed; `arc_deg` as in `effects.EntryExit`; `strike_level` log of the root energy of
+        an impact (in the band, s^1/2) over frame.scale.
     """
     out = dict.fromkeys(NAMES, np.nan)
     if view.fault_order is None or not view.shaft_hz > 0 or view.x.size < 256:

@@ -3,7 +3,7 @@
 samples, strike times -> mean waveform of a pass, sub-sample aligned -> all-pole model of its tail -> inverse filter
     -> two-pulse fit over all delays -> gain over one pulse, delay, ratio
 
-A defect of finite length is struck on entry and exit (effect entry_exit). Both strikes answer through the same path, so
+A defect of finite length is struck on entry and exit (`effects.EntryExit`). Both impacts pass the same path, so
 taking the path out leaves two pulses, even where the ringing of the first covers the second. The poles come from the
 end of the mean waveform, where whatever struck has gone and only ringing is left. Sawalhi and Randall 2011 whiten with
 an autoregressive model in the same spirit.
@@ -238,7 +238,7 @@ def _predictor(waveform: Array, start: int, order: int = 2) -> Array | None:
 
 
 def _body_rate(view: RecordView) -> float:
-    """Turns of the struck body past the roller per turn of the shaft, at kinematic orders (as entry_exit counts)."""
+    """Turns of the struck body past the roller per turn of the shaft, at kinematic orders (see `effects.EntryExit`)."""
     fault, cage = str(view.condition.fault), view.bearing.ftf
     rates = {"outer": cage, "inner": 1 - cage, "ball": view.bearing.bsf, "cage": 1 - cage}
     return rates[fault]

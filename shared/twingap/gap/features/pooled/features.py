@@ -16,7 +16,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from twingap.gap.features.impacts import entry_exit_comb as two_strikes
+from twingap.gap.features.impacts import impact_pair_comb as two_strikes
 from twingap.gap.features.impacts.impulse_response import PLACES, Struck
 from twingap.gap.features.pooled import lines as pooled
 from twingap.gap.features.pooled import trends

@@ -8,20 +8,17 @@ Source: Borghesani & Antoni 2017 (impulsive background).
 from __future__ import annotations
 
 import math
-from typing import Final
 
 import numpy as np
 import scipy.fft
 from numpy.typing import NDArray
 from scipy.signal import find_peaks
 
+from twingap.effects.impulsive_noise import LEAST_RATE_HZ
 from twingap.gap.features.spectrum.without_tones import without_tones
 from twingap.signal.record_transforms import RecordView, medians
 
 Array = NDArray[np.float64]
-
-KNOCKS_AT_LEAST: Final = 0.3
-"""Per second, added to a rate before its logarithm is taken: of no knocks, too."""
 
 
 def measure_knocks(view: RecordView, smooth: Array, out: dict[str, float]) -> None:
@@ -51,7 +48,7 @@ def measure_knocks(view: RecordView, smooth: Array, out: dict[str, float]) -> No
         # What lies lower has peaks too, which would only be found to be left out.
         at = find_peaks(np.where(size >= threshold, size, 0.0), height=threshold, distance=apart)[0]
     count = at.size
-    out["knock_count_log"] = math.log10(count / view.duration_s + KNOCKS_AT_LEAST)
+    out["knock_count_log"] = math.log10(count / view.duration_s + LEAST_RATE_HZ)
     rate = count / view.duration_s
     if count:
         # Exponential strengths have no memory: what exceeds the threshold is as strong as a knock, in the mean.
@@ -64,7 +61,7 @@ def measure_knocks(view: RecordView, smooth: Array, out: dict[str, float]) -> No
         share = max(excess / max(float(size[at].mean()), 1e-300), 0.2)
         out["knock_level"] = math.log10(max(float(raw.mean()) * share, 1e-300) / max(view.frame.scale, 1e-300))
         _ringing(view, x, at, out)
-    out["knock_rate_log"] = math.log10(rate + KNOCKS_AT_LEAST)
+    out["knock_rate_log"] = math.log10(rate + LEAST_RATE_HZ)
 
 
 def _ringing(view: RecordView, x: Array, at: NDArray[np.int64], out: dict[str, float]) -> None:

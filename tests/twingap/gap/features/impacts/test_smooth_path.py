@@ -5,7 +5,7 @@ import pytest
 
 from twingap.bearing import BEARINGS
 from twingap.effects import make_effect
-from twingap.gap.features.impacts import entry_exit_comb as two_strikes
+from twingap.gap.features.impacts import impact_pair_comb as two_strikes
 from twingap.gap.features.impacts import impulse_response as answer
 from twingap.gap.features.impacts.smooth_path import likelier
 from twingap.records import Condition

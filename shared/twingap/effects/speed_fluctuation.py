@@ -1,17 +1,22 @@
-"""Effects on the shaft angle: how shaft and cage turn within a record."""
+"""Variation of the shaft's speed within a record."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+from twingap.effects import measurements
+from twingap.effects._features import TIMING
+from twingap.effects._references import RANDALL_ANTONI
 from twingap.effects.base import Effect, Stage, parameter, register
 from twingap.effects.draft import Draft
+from twingap.effects.drawing import faults, log_uniform
+from twingap.effects.machine import Machine
 
 Array = NDArray[np.float64]
 
@@ -29,12 +34,17 @@ class SpeedFluctuation(Effect):
     """
 
     stage: ClassVar[Stage] = Stage.SHAFT
-    references: ClassVar[tuple[str, ...]] = (
-        "Randall & Antoni 2011, Rolling element bearing diagnostics - a tutorial, doi:10.1016/j.ymssp.2010.07.017",
-    )
+    references: ClassVar[tuple[str, ...]] = (RANDALL_ANTONI,)
+    group: ClassVar[str] = "kinematics"
+    look_alikes: ClassVar[tuple[str, ...]] = ("slip_jitter", "mean_slip")
+    deciding_measurement: ClassVar[str] = measurements.TACHO
+    features: ClassVar[tuple[str, ...]] = TIMING
+    draw_weight: ClassVar[float] = 1.6
+
     level: float = parameter(
-        0.01, unit="", plausible=(0.001, 0.05), allowed=(0, 0.3), log=True, doc="rms of the relative speed variation"
-    )
+        0.01, unit="", plausible=(0.001, 0.05), allowed=(0, 0.3), log=True, strength=True,
+        doc="rms of the relative speed variation",
+    )  # fmt: skip
     bandwidth_hz: float = parameter(
         2.0, unit="Hz", plausible=(0.5, 10.0), allowed=(0.01, 1000.0), log=True, doc="fastest variation of the speed"
     )
@@ -63,41 +73,34 @@ class SpeedFluctuation(Effect):
 
         return over
 
+    @classmethod
+    def draw(cls, machine: Machine, rng: np.random.Generator) -> Mapping[str, float] | None:
+        if not faults(machine):
+            return None
+        return {"level": log_uniform(rng, 0.0015, 0.05), "bandwidth_hz": log_uniform(rng, 0.5, 10.0)}
 
-@register
+    def variant(self, machine: Machine, rng: np.random.Generator) -> Effect:
+        ramp = rng.uniform(0, 1) if rng.random() < 0.6 else 0.0
+        return GovernorHunting(**self.parameter_values(), ramp=ramp)
+
+
 @dataclass(frozen=True)
-class MeanSlip(Effect):
-    """The cage runs slower (or, from a changed contact angle, faster) than its kinematic speed.
+class GovernorHunting(SpeedFluctuation):
+    """A governor that hunts while the shaft runs up or down: one wave and a ramp.
 
-    BPFO moves one way and BPFI the other, their sum stays Z; see `Bearing.slipped`. Lines stay sharp. What a roller's
-    spin does is not settled by the cage: it may keep rolling on the inner ring, roll on the outer one, or slide.
+    Parameters
+    ----------
+    ramp : float
+        Part of the variance that the ramp has.
     """
 
-    stage: ClassVar[Stage] = Stage.SHAFT
-    references: ClassVar[tuple[str, ...]] = (
-        "Randall & Antoni 2011, Rolling element bearing diagnostics - a tutorial, doi:10.1016/j.ymssp.2010.07.017",
-    )
-    slip: float = parameter(
-        0.01,
-        unit="",
-        plausible=(-0.03, 0.03),
-        allowed=(-0.2, 0.2),
-        doc="part by which the cage lags its kinematic speed",
-    )
-    of_rollers: float = parameter(
-        1.0,
-        unit="",
-        plausible=(-1.5, 1.0),
-        allowed=(-3.0, 3.0),
-        doc="part of the slip by which a roller's spin moves; 1 rolls on the inner ring, as all contact dynamics do",
-    )
+    ramp: float = 0.0
 
-    def apply(self, draft: Draft, rng: np.random.Generator) -> None:
-        draft.cage_speed_ratio *= 1 - self.slip
-        # Contact dynamics settle a roller's spin themselves.
-        draft.spin_share = 1.0 if draft.excitation == "rollers" else self.of_rollers
+    def _wander(self, rng: np.random.Generator) -> Callable[[Array], Array]:
+        hz, phase, sign = self.bandwidth_hz * rng.uniform(0.2, 1.0), 2 * np.pi * rng.random(), rng.choice((-1.0, 1.0))
 
-    def cannot_act_on(self, draft: Draft) -> str | None:
-        if draft.excitation == "waveform":
-            return "a finished waveform no longer tells what turns with the cage from what turns with the shaft"
-        return None
+        def over(t: Array) -> Array:
+            wave = math.sqrt(2 * (1 - self.ramp)) * np.cos(2 * np.pi * hz * t + phase)
+            return np.asarray(wave + sign * math.sqrt(3 * self.ramp) * np.linspace(-1, 1, t.size))
+
+        return over

@@ -1,15 +1,18 @@
-"""Effects as a machine has them keep their names, and differ from the catalogue's in what is theirs to differ in."""
+"""Variants of effects keep the effects' names, and differ from the catalogue's form as real machines do."""
+
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from scipy.signal import welch
 
 from twingap.effects import Draft, catalogue, make_effect
+from twingap.effects.damage_growth import PowerLawGrowth
 from twingap.effects.draft import Impacts
-from twingap.gap.knowledge import effect_variants as module
-from twingap.gap.knowledge.effect_variants import CHANCE
-from twingap.gap.knowledge.effect_variants.impacts import EntryExit
+from twingap.effects.entry_exit import SoftEntryExit
+from twingap.gap.knowledge import simulated_gaps
 from twingap.gap.knowledge.machines import draw_machine
+from twingap.gap.knowledge.simulated_gaps import VARIANT
 from twingap.records import Condition
 
 MACHINE = draw_machine(np.random.default_rng(0), own_simulator=False, most_records=4)
@@ -18,7 +21,7 @@ OTHERWISE = sorted(set(catalogue()) - {"second_resonance", "damage_growth", "mea
 
 
 def as_built(effect, rng):
-    return module.as_built(effect, MACHINE, rng)
+    return simulated_gaps.as_built(effect, MACHINE, rng)
 
 
 @pytest.mark.parametrize("name", sorted(catalogue()))
@@ -32,7 +35,7 @@ def test_some_have_harmonics_in_no_geometric_row(name):
     effect = catalogue()[name]()
     made = [as_built(effect, np.random.default_rng(seed)) for seed in range(400)]
     other = [one for one in made if type(one) is not type(effect)]
-    assert len(other) / 400 == pytest.approx(CHANCE, abs=0.08)
+    assert len(other) / 400 == pytest.approx(VARIANT, abs=0.08)
     assert all(one is effect for one in made if type(one) is type(effect))
     for one in other[:20]:
         # Second differences of logarithms of a geometric row are nil.
@@ -90,7 +93,7 @@ def test_a_push_has_the_strength_of_the_fainter_strike_at_low_frequencies_and_li
     made = {}
     for soft in (0.0, 0.1):
         impacts = Impacts(np.zeros(1), np.ones(1), np.zeros(1, int))
-        EntryExit(arc_deg=4.0, exit_ratio=ratio, soft=soft).on_impacts(draft_of("outer"), impacts, None)
+        SoftEntryExit(arc_deg=4.0, exit_ratio=ratio, soft=soft).on_impacts(draft_of("outer"), impacts, None)
         made[soft] = impacts
     delay = np.ptp(made[0.0].turns)
 
@@ -161,22 +164,18 @@ def test_damage_grows_otherwise_on_machines_with_a_run_alone():
     growth = make_effect("damage_growth", {"rate_per_s": 1e-3})
     for seed in range(12):
         machine = draw_machine(np.random.default_rng(seed), own_simulator=False, most_records=8)
-        made = {type(module.as_built(growth, machine, np.random.default_rng(k))) for k in range(40)}
+        made = {type(simulated_gaps.as_built(growth, machine, np.random.default_rng(k))) for k in range(40)}
         assert len(made) == (2 if machine.conditions[0].time_s is not None else 1)
 
 
 def test_damage_comes_to_the_same_end():
-    from dataclasses import replace as replaced
-
-    from twingap.gap.knowledge.effect_variants.impacts import DamageGrowth
-
     values = {"rate_per_s": 0.002, "onset_s": 100.0}
-    one = DamageGrowth(**values, until_s=1000.0, power=2.0)
+    one = PowerLawGrowth(**values, until_s=1000.0, power=2.0)
     effect = make_effect("damage_growth", values)
     at = {t: draft_of("outer", time_s=t) for t in (50.0, 550.0, 1000.0)}
     assert one.growth(at[50.0]) == effect.growth(at[50.0]) == 1.0
     assert one.growth(at[1000.0]) == pytest.approx(effect.growth(at[1000.0]))
-    assert one.growth(at[550.0]) < effect.growth(at[550.0]) < replaced(one, power=0.5).growth(at[550.0])
+    assert one.growth(at[550.0]) < effect.growth(at[550.0]) < replace(one, power=0.5).growth(at[550.0])
 
 
 def test_forces_of_what_turns_may_grow_with_speed():

@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 
 from twingap.bearing import BEARINGS
-from twingap.effects import make_effect
-from twingap.gap.features.impacts import entry_exit_comb as two_strikes
+from twingap.effects import EntryExit, make_effect
+from twingap.effects.entry_exit import SoftEntryExit
+from twingap.gap.features.impacts import impact_pair_comb as two_strikes
 from twingap.gap.features.impacts import impulse_response as answer
 from twingap.gap.features.pooled.features import Whole
 from twingap.gap.features.spectrum.record_summary import outline_of
-from twingap.gap.knowledge.effect_variants.impacts import EntryExit
 from twingap.records import Condition
 from twingap.signal.record_transforms import Frame, RecordView
 from twingap.twins.phenomenological import PhenomenologicalParameters, PhenomenologicalTwin
@@ -63,7 +63,7 @@ def test_long_defects_and_those_of_rollers_are_combs_too(part):
 
 def test_each_fault_is_a_defect_of_its_own_length():
     """As much of a pass on a ball as on a race is another arc: one arc for both would be no comb."""
-    found = compared("6205", [EntryExit(arc_deg=10.0, exit_ratio=0.8, pass_part=0.25)], faults=("outer", "ball"))
+    found = compared("6205", [SoftEntryExit(arc_deg=10.0, exit_ratio=0.8, pass_part=0.25)], faults=("outer", "ball"))
     assert found["clear_gain"] > 0.5
 
 

@@ -1,51 +1,21 @@
-"""Effects of the acquisition: what the converter and the recording do to the samples. They act alike on every twin."""
+"""Missing stretches of a record."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+from twingap.effects import measurements
 from twingap.effects.base import Effect, Stage, parameter, register
 from twingap.effects.draft import Draft
+from twingap.effects.drawing import log_uniform
+from twingap.effects.machine import Machine
 
 Array = NDArray[np.float64]
-
-_IEEE = "IEEE Std 1057, Digitizing waveform recorders"
-
-
-@register
-@dataclass(frozen=True)
-class Clipping(Effect):
-    """Saturation: samples beyond the rails lie on them, and make atoms there in the amplitude distribution."""
-
-    stage: ClassVar[Stage] = Stage.ACQUISITION
-    references: ClassVar[tuple[str, ...]] = (_IEEE,)
-    rail: float = parameter(
-        4.0, unit="healthy rms", plausible=(1.5, 15.0), allowed=(1e-9, 1e9), log=True, doc="largest magnitude recorded"
-    )
-
-    def apply(self, draft: Draft, rng: np.random.Generator) -> None:
-        rail = self.rail * draft.reference_rms
-        draft.x = np.clip(draft.x, -rail, rail)
-
-
-@register
-@dataclass(frozen=True)
-class Quantisation(Effect):
-    """A coarse converter: all samples are whole multiples of one step."""
-
-    stage: ClassVar[Stage] = Stage.ACQUISITION
-    references: ClassVar[tuple[str, ...]] = (_IEEE, "Widrow & Kollar 2008, Quantization noise")
-    step: float = parameter(
-        0.25, unit="healthy rms", plausible=(0.01, 2.0), allowed=(1e-9, 1e9), log=True, doc="step of the converter"
-    )
-
-    def apply(self, draft: Draft, rng: np.random.Generator) -> None:
-        step = self.step * draft.reference_rms
-        draft.x = np.rint(draft.x / step) * step
 
 
 @register
@@ -58,6 +28,14 @@ class Dropout(Effect):
 
     stage: ClassVar[Stage] = Stage.ACQUISITION
     references: ClassVar[tuple[str, ...]] = ("Little & Rubin 2019, Statistical analysis with missing data",)
+    group: ClassVar[str] = "acquisition"
+    look_alikes: ClassVar[tuple[str, ...]] = ("impulsive_noise", "quantisation")
+    deciding_measurement: ClassVar[str] = measurements.CHAIN
+    features: ClassVar[tuple[str, ...]] = (
+        "converter.*", "background.knock_*", "background.rms_log", "background.segment_*", "background.white_level",
+    )  # fmt: skip
+    by_chance: ClassVar[bool] = True
+
     rate_hz: float = parameter(
         3.0, unit="1/s", plausible=(0.2, 20.0), allowed=(0, 1e4), log=True, doc="mean number of gaps per second"
     )
@@ -81,3 +59,18 @@ class Dropout(Effect):
 
     def _filled(self, x: Array, missing: NDArray[np.bool_]) -> Array:
         return np.asarray(x[np.maximum.accumulate(np.where(missing, 0, np.arange(x.size)))])
+
+    @classmethod
+    def draw(cls, machine: Machine, rng: np.random.Generator) -> Mapping[str, float]:
+        return {"rate_hz": log_uniform(rng, 0.4, 20.0), "length_s": log_uniform(rng, 0.001, 0.03)}
+
+    def variant(self, machine: Machine, rng: np.random.Generator) -> Effect:
+        return ZeroFilledDropout(**self.parameter_values())
+
+
+@dataclass(frozen=True)
+class ZeroFilledDropout(Dropout):
+    """Gaps that are filled with zeros."""
+
+    def _filled(self, x: Array, missing: NDArray[np.bool_]) -> Array:
+        return np.where(missing, 0.0, x)

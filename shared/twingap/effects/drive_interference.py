@@ -1,0 +1,90 @@
+"""A fixed carrier with side lines tied to shaft speed, from a variable-speed drive or motor."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from twingap.effects import measurements
+from twingap.effects._features import TONES
+from twingap.effects.angle import cosine
+from twingap.effects.base import Effect, Stage, parameter, register
+from twingap.effects.draft import Draft
+from twingap.effects.drawing import log_uniform, tone_level
+from twingap.effects.machine import Machine
+
+
+@register
+@dataclass(frozen=True)
+class DriveInterference(Effect):
+    """Variable-speed drive or motor: a fixed carrier with a pair of lines about it, at a multiple of shaft speed."""
+
+    stage: ClassVar[Stage] = Stage.DISTURBANCE
+    references: ClassVar[tuple[str, ...]] = (
+        "Smith & Randall 2015, Rolling element bearing diagnostics using the Case Western Reserve University data: a "
+        "benchmark study (electromagnetic interference of the drive)",
+    )
+    group: ClassVar[str] = "lines"
+    look_alikes: ClassVar[tuple[str, ...]] = ("mains_interference", "gear_mesh", "waviness")
+    deciding_measurement: ClassVar[str] = measurements.OTHER_SPEED
+    features: ClassVar[tuple[str, ...]] = TONES
+
+    level: float = parameter(0.5, unit="healthy rms", plausible=(0.02, 3.0), log=True, doc="amplitude of the carrier")
+    depth: float = parameter(
+        1.0, unit="", plausible=(0.1, 2.0), allowed=(0, 100.0), strength=True,
+        doc="modulation: each side line is depth / 2 carriers",
+    )  # fmt: skip
+    carrier_hz: float = parameter(
+        4000.0, unit="Hz", plausible=(500.0, 16000.0), allowed=(1.0, 1e7), log=True, exact=True, searched=False,
+        doc="carrier frequency",
+    )  # fmt: skip
+    sideband_order: float = parameter(
+        2.0, unit="orders", plausible=(1.0, 8.0), allowed=(1e-3, 1e3), exact=True, searched=False,
+        doc="distance of the side lines from the carrier",
+    )  # fmt: skip
+
+    def apply(self, draft: Draft, rng: np.random.Generator) -> None:
+        phases = rng.random(2)
+        carrier = cosine(self.carrier_hz * draft.t + phases[0])
+        carrier *= 1 + self.depth * cosine(self.sideband_order * draft.turns + phases[1])
+        draft.x += self.level * draft.reference_rms * carrier
+
+    def cannot_act_on(self, draft: Draft) -> str | None:
+        return draft.beyond_nyquist(self.carrier_hz + self.sideband_order * draft.shaft_hz)
+
+    @classmethod
+    def draw(cls, machine: Machine, rng: np.random.Generator) -> Mapping[str, float]:
+        fs_hz = machine.conditions[0].fs_hz
+        order = float(rng.integers(1, 9)) if rng.random() < 0.7 else rng.uniform(1, 8)
+        return {
+            "level": tone_level(rng, machine, 2.0), "depth": rng.uniform(0.2, 2.0),
+            "carrier_hz": fs_hz * log_uniform(rng, 0.04, 0.46), "sideband_order": order,
+        }  # fmt: skip
+
+    def variant(self, machine: Machine, rng: np.random.Generator) -> Effect:
+        second = 0.0 if rng.random() < 0.5 or self.depth > 1.2 else rng.uniform(0.2, 0.7)
+        return PhaseModulatedDrive(**self.parameter_values(), second=second)
+
+
+@dataclass(frozen=True)
+class PhaseModulatedDrive(DriveInterference):
+    """A carrier whose phase swings, or with two pairs of side lines, rather than one that swells as a cosine.
+
+    Parameters
+    ----------
+    second : float
+        Side lines of the second pair over those of the first; 0 is a carrier whose phase swings.
+    """
+
+    second: float = 0.0
+
+    def apply(self, draft: Draft, rng: np.random.Generator) -> None:
+        carrier, side = self.carrier_hz * draft.t + rng.random(), self.sideband_order * draft.turns + rng.random()
+        if self.second:
+            wave = cosine(carrier) * (1 + self.depth * (cosine(side) + self.second * cosine(2 * side + rng.random())))
+        else:
+            wave = cosine(carrier + self.depth / (2 * np.pi) * cosine(side))
+        draft.x += self.level * draft.reference_rms * wave

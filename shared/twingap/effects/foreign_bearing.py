@@ -1,0 +1,116 @@
+"""Impacts from another bearing."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import ClassVar, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twingap.effects import measurements
+from twingap.effects._features import IMPULSES
+from twingap.effects._references import RANDALL_ANTONI
+from twingap.effects.angle import cosine
+from twingap.effects.base import Effect, Stage, parameter, register
+from twingap.effects.draft import Draft
+from twingap.effects.drawing import log_uniform, ringing_mode
+from twingap.effects.machine import Machine
+from twingap.effects.observations import Observations
+from twingap.effects.ringing import Mode, ring
+
+Array = NDArray[np.float64]
+
+_ORDERS: Final = ("lines.comb_order|all", "background.foreign_order|all", "background.foreign_order|healthy")
+"""Features that estimate the order of the impacts."""
+_SAME_ORDER: Final = 0.003
+"""Relative difference of two estimates of the order below which a search begins at one of them alone."""
+
+
+@register
+@dataclass(frozen=True)
+class ForeignBearing(Effect):
+    """Another bearing's fault: impacts at an order that is not this bearing's, through a mode of their own."""
+
+    stage: ClassVar[Stage] = Stage.DISTURBANCE
+    references: ClassVar[tuple[str, ...]] = (RANDALL_ANTONI,)
+    group: ClassVar[str] = "other sources"
+    look_alikes: ClassVar[tuple[str, ...]] = ("impulsive_noise", "gear_mesh", "mean_slip")
+    deciding_measurement: ClassVar[str] = measurements.OTHER_SPEED
+    features: ClassVar[tuple[str, ...]] = (
+        *IMPULSES, "pooled|foreign*", "lines.free_*", "background.modulation_*", "background.rough_*",
+    )  # fmt: skip
+    draw_weight: ClassVar[float] = 1.2
+
+    level: float = parameter(
+        5.0, unit="healthy rms", plausible=(0.5, 20.0), log=True, doc="amplitude of the response to an impact"
+    )
+    order: float = parameter(
+        4.37, unit="orders", plausible=(2.0, 12.0), allowed=(1e-3, 1e4), exact=True, searched=False,
+        doc="impacts per turn of this shaft",
+    )  # fmt: skip
+    resonance_hz: float = parameter(
+        2500.0, unit="Hz", plausible=(500.0, 15000.0), allowed=(1.0, 1e7), log=True, doc="natural frequency of its mode"
+    )
+    damping_ratio: float = parameter(
+        0.05, unit="", plausible=(0.01, 0.2), allowed=(1e-4, 0.99), log=True, doc="damping ratio of its mode"
+    )
+
+    def apply(self, draft: Draft, rng: np.random.Generator) -> None:
+        mode = Mode(self.resonance_hz, self.damping_ratio, self.level * draft.reference_rms)
+        before = math.ceil(mode.ringing_s * draft.shaft_hz * self.order) + 1
+        count = np.arange(-before, math.ceil(draft.turns[-1] * self.order) + 1)
+        turns = (count + rng.random()) / self.order
+        turns, strengths = self._impacts(turns, rng)
+        draft.x += ring([mode], draft.condition.fs_hz, draft.x.size, draft.when(turns), strengths)
+
+    def _impacts(self, turns: Array, rng: np.random.Generator) -> tuple[Array, Array]:
+        """Shaft angles and strengths of impacts that would come evenly, at these angles, and alike."""
+        return turns, np.ones(turns.size)
+
+    def cannot_act_on(self, draft: Draft) -> str | None:
+        return draft.beyond_nyquist(self.resonance_hz)
+
+    @classmethod
+    def draw(cls, machine: Machine, rng: np.random.Generator) -> Mapping[str, float]:
+        mode = ringing_mode(rng, machine, (0.04, 0.44), (0.01, 0.15))
+        return {"level": log_uniform(rng, 0.8, 20.0), "order": rng.uniform(1.3, 13.0), **mode}
+
+    def variant(self, machine: Machine, rng: np.random.Generator) -> Effect:
+        return SlippingForeignBearing(**self.parameter_values(), jitter=0.02 * rng.random(), depth=rng.uniform(0, 0.8))
+
+    def initial_values(self, seen: Observations) -> Iterator[Effect]:
+        read = [seen.features[f"{place}.level"] for place in _ORDERS]
+        kept: list[float] = []
+        for order in (*read, math.exp(seen.features["pooled|foreign_order"])):
+            if order > 0 and all(abs(order / other - 1) > _SAME_ORDER for other in kept):
+                kept.append(order)
+                place = self.moved(order=order)
+                # A level that was estimated for another order would be too much.
+                yield from (place, *place.weaker())
+        if seen.own_mode is not None:
+            resonance_hz, damping_ratio = seen.own_mode
+            yield dataclasses.replace(self, resonance_hz=resonance_hz, damping_ratio=damping_ratio)
+
+
+@dataclass(frozen=True)
+class SlippingForeignBearing(ForeignBearing):
+    """A neighbour whose rollers slip and pass through its own load zone.
+
+    Parameters
+    ----------
+    jitter : float
+        Of impacts about their places, spacings.
+    depth : float
+        Half the swing of strengths over a turn of the shaft.
+    """
+
+    jitter: float = 0.0
+    depth: float = 0.0
+
+    def _impacts(self, turns: Array, rng: np.random.Generator) -> tuple[Array, Array]:
+        strengths = 1 + self.depth * cosine(turns + rng.random())
+        return turns + self.jitter / self.order * rng.standard_normal(turns.size), strengths

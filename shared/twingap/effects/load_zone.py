@@ -1,0 +1,92 @@
+"""Impacts weighted by the load where they strike."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twingap.effects import measurements
+from twingap.effects._fault_effect import AROUND, FaultEffect, point_contact_load
+from twingap.effects._features import STRENGTH
+from twingap.effects._references import MCFADDEN, PAPER1
+from twingap.effects.angle import cosine
+from twingap.effects.base import Effect, parameter, register
+from twingap.effects.draft import Draft, Impacts
+from twingap.effects.drawing import faults, log_uniform
+from twingap.effects.machine import Machine
+
+Array = NDArray[np.float64]
+
+
+@register
+@dataclass(frozen=True)
+class LoadZone(FaultEffect):
+    """Impacts are weighted by the load where they strike, q = 1 + depth cos(angle); in a zone, by Stribeck's law.
+
+    Loaded is `extent` of the diameter. All of it: the load goes as the cosine. With clearance it is less than half, and
+    of the part of the load that a turn changes nothing is left beyond the zone: 1 - (1 - cos(angle)) / (2 extent), or
+    nothing (without the exponent of the contact, 3/2 for balls: impacts need not go as the load does).
+
+    A defect of the inner race turns through the load zone at shaft rate, one of a rolling element at cage rate; one of
+    the standing outer race stays where it is, and a cage carries no load. Where the record finds the defect is random.
+    On rollers it comes on top of the load that the contact model computes itself.
+    """
+
+    references: ClassVar[tuple[str, ...]] = (f"{PAPER1}, eq. 1 (q)", MCFADDEN)
+    group: ClassVar[str] = "impact statistics"
+    look_alikes: ClassVar[tuple[str, ...]] = ("cage_modulation", "impact_scatter")
+    deciding_measurement: ClassVar[str] = measurements.LOAD
+    features: ClassVar[tuple[str, ...]] = STRENGTH
+    draw_weight: ClassVar[float] = 1.6
+    inherent_in: ClassVar[tuple[str, ...]] = ("contact",)
+
+    depth: float = parameter(
+        0.3, unit="", plausible=(0.05, 1.0), allowed=(0, 1), strength=True, doc="part of the load that a turn changes"
+    )
+    extent: float = parameter(
+        1.0, unit="", plausible=(0.2, 1.0), allowed=(0.05, 1), doc="loaded part of the diameter (Stribeck's epsilon)"
+    )
+
+    def on_impacts(self, draft: Draft, impacts: Impacts, rng: np.random.Generator) -> None:
+        impacts.amplitudes = impacts.amplitudes * self._weight(draft, impacts.turns, rng)
+
+    def on_waveform(self, draft: Draft, rng: np.random.Generator) -> None:
+        draft.modulate(self._weight(draft, draft.turns, rng))
+
+    def _weight(self, draft: Draft, turns: Array, rng: np.random.Generator) -> Array | float:
+        rates = {"inner": 1.0, "ball": draft.bearing.ftf * draft.cage_speed_ratio}
+        rate = rates.get(str(draft.condition.fault))
+        return 1.0 if rate is None else self._load(rate * turns + rng.random())
+
+    def _load(self, turns: Array) -> Array:
+        """Factor on the strength at these angles about the load's direction; of mean 1 over a turn."""
+        around = cosine(turns)
+        if self.extent >= 1:
+            return np.asarray(1 + self.depth * around)
+        middle = 2 * self.extent - 1
+        edge = math.acos(-middle)  # of the zone; the mean over a turn comes in closed form
+        mean = (middle * edge + math.sin(edge)) / math.pi
+        return np.asarray(1 + self.depth * (np.maximum(middle + around, 0.0) / mean - 1))
+
+    @classmethod
+    def draw(cls, machine: Machine, rng: np.random.Generator) -> Mapping[str, float] | None:
+        if not faults(machine) & {"inner", "ball"}:
+            return None
+        return {"depth": log_uniform(rng, 0.12, 1.0), "extent": 1.0 if rng.random() < 0.4 else rng.uniform(0.25, 1.0)}
+
+    def variant(self, machine: Machine, rng: np.random.Generator) -> Effect:
+        return PointContactZone(**{**self.parameter_values(), "extent": min(self.extent, rng.uniform(0.25, 0.8))})
+
+
+@dataclass(frozen=True)
+class PointContactZone(LoadZone):
+    """Impacts that follow the load of point contacts in its zone (Stribeck's distribution with Hertz's exponent)."""
+
+    def _load(self, turns: Array) -> Array:
+        load, mean = (point_contact_load(at, self.extent) for at in (turns, AROUND))
+        return np.asarray(1 + self.depth * (load / mean.mean() - 1))

@@ -1,0 +1,80 @@
+"""Hum of the mains."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import ClassVar, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twingap.effects import measurements
+from twingap.effects._features import TONES
+from twingap.effects._references import RANDALL_BOOK
+from twingap.effects._tones import UnevenHarmonics, add_harmonics, uneven_factors
+from twingap.effects.base import Effect, Stage, parameter, register
+from twingap.effects.draft import Draft
+from twingap.effects.drawing import tone_level
+from twingap.effects.machine import Machine
+
+Array = NDArray[np.float64]
+
+_RECTIFIED: Final = 0.5
+"""Part of the uneven hums that come from rectifiers and transformers: twice the mains frequency and its multiples."""
+
+
+@register
+@dataclass(frozen=True)
+class MainsInterference(Effect):
+    """Hum of the mains and its harmonics: fixed in Hz whatever the speed, of zero width."""
+
+    stage: ClassVar[Stage] = Stage.DISTURBANCE
+    references: ClassVar[tuple[str, ...]] = ("EN 50160, Voltage characteristics of electricity (50 Hz)", RANDALL_BOOK)
+    group: ClassVar[str] = "lines"
+    look_alikes: ClassVar[tuple[str, ...]] = ("drive_interference", "shaft_harmonics", "looseness")
+    deciding_measurement: ClassVar[str] = measurements.OTHER_SPEED
+    features: ClassVar[tuple[str, ...]] = TONES
+
+    level: float = parameter(
+        0.5, unit="healthy rms", plausible=(0.02, 3.0), log=True, doc="amplitude of the fundamental"
+    )
+    decay: float = parameter(
+        0.6, unit="", plausible=(0.2, 0.95), allowed=(0, 1), doc="amplitude of one harmonic over that of the one before"
+    )
+    mains_hz: float = parameter(
+        50.0, unit="Hz", plausible=(50.0, 60.0), allowed=(50.0, 60.0), fitted=False, exact=True, searched=False,
+        choices=(50.0, 60.0), least_spread=0.002, doc="frequency of the mains, 50 or 60 Hz",
+    )  # fmt: skip
+    n_harmonics: int = parameter(
+        6, unit="", plausible=(3, 20), allowed=(1, 200), fitted=False, doc="number of harmonics"
+    )
+
+    @property
+    def levels(self) -> Array:
+        """[n_harmonics] Amplitude of each, healthy rms."""
+        return np.asarray(self.level * self.decay ** np.arange(self.n_harmonics))
+
+    def apply(self, draft: Draft, rng: np.random.Generator) -> None:
+        levels = self.levels
+        add_harmonics(draft, self.mains_hz * draft.t, self.mains_hz, levels, rng.random(levels.size))
+
+    @classmethod
+    def draw(cls, machine: Machine, rng: np.random.Generator) -> Mapping[str, float]:
+        return {
+            "level": tone_level(rng, machine, 2.0), "decay": rng.uniform(0.2, 0.9),
+            "mains_hz": float(rng.choice([50.0, 60.0])), "n_harmonics": int(rng.integers(1, 9)),
+        }  # fmt: skip
+
+    def variant(self, machine: Machine, rng: np.random.Generator) -> Effect:
+        factors, values = uneven_factors(rng), self.parameter_values()
+        if rng.random() < _RECTIFIED:
+            factors[0::2] *= 0.03
+            factors[1] = max(factors[1], 1.0)
+            values["n_harmonics"] = max(self.n_harmonics, 2)
+        return UnevenMains(**values, factors=tuple(factors.tolist()))
+
+
+@dataclass(frozen=True)
+class UnevenMains(UnevenHarmonics, MainsInterference):
+    """Hum whose harmonics are what the supply makes them."""

@@ -1,0 +1,76 @@
+"""A cage that runs off its kinematic speed."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from twingap.effects import measurements
+from twingap.effects._references import RANDALL_ANTONI
+from twingap.effects.base import Effect, Stage, parameter, register
+from twingap.effects.draft import Draft
+from twingap.effects.drawing import faults, log_uniform
+from twingap.effects.machine import Machine
+from twingap.effects.observations import Observations
+
+
+@register
+@dataclass(frozen=True)
+class MeanSlip(Effect):
+    """The cage runs slower (or, from a changed contact angle, faster) than its kinematic speed.
+
+    BPFO moves one way and BPFI the other, their sum stays Z; see `Bearing.slipped`. Lines stay sharp. What a roller's
+    spin does is not settled by the cage: it may keep rolling on the inner ring, roll on the outer one, or slide.
+    """
+
+    stage: ClassVar[Stage] = Stage.SHAFT
+    references: ClassVar[tuple[str, ...]] = (RANDALL_ANTONI,)
+    group: ClassVar[str] = "kinematics"
+    look_alikes: ClassVar[tuple[str, ...]] = ("speed_fluctuation", "foreign_bearing")
+    deciding_measurement: ClassVar[str] = measurements.TACHO
+    features: ClassVar[tuple[str, ...]] = (
+        "events.rate_log_ratio", "events.shaft_log_ratio", "events.strike_*", "lines.*_ratio_log", "lines.shaft_lock",
+        "lines.wave_*_score", "lines.fault_comb_*", "context|slip*", "context|speed*", "events.wander_log",
+    )  # fmt: skip
+    draw_weight: ClassVar[float] = 2.0
+
+    slip: float = parameter(
+        0.01, unit="", plausible=(-0.03, 0.03), allowed=(-0.2, 0.2), strength=True,
+        doc="part by which the cage lags its kinematic speed",
+    )  # fmt: skip
+    of_rollers: float = parameter(
+        1.0, unit="", plausible=(-1.5, 1.0), allowed=(-3.0, 3.0),
+        doc="part of the slip by which a roller's spin moves; 1 rolls on the inner ring, as all contact dynamics do",
+    )  # fmt: skip
+
+    def apply(self, draft: Draft, rng: np.random.Generator) -> None:
+        draft.cage_speed_ratio *= 1 - self.slip
+        # Contact dynamics settle a roller's spin themselves.
+        draft.spin_share = 1.0 if draft.excitation == "rollers" else self.of_rollers
+
+    def cannot_act_on(self, draft: Draft) -> str | None:
+        if draft.excitation == "waveform":
+            return "a finished waveform no longer tells what turns with the cage from what turns with the shaft"
+        return None
+
+    @classmethod
+    def draw(cls, machine: Machine, rng: np.random.Generator) -> Mapping[str, float] | None:
+        # One fault alone shows it where the shaft itself is seen, by tones or side lines.
+        if not faults(machine):
+            return None
+        other = rng.choice([-1.0, 0.0, rng.uniform(-1.5, 0.5)])
+        return {
+            "slip": float(rng.choice([-1, 1])) * log_uniform(rng, 0.003, 0.06),
+            "of_rollers": 1.0 if rng.random() < 0.6 else float(other),
+        }
+
+    def initial_values(self, seen: Observations) -> Iterator[Effect]:
+        slip = seen.features["context|slip_seen"]
+        if math.isfinite(slip):
+            for share in (1.0, 0.0, seen.features["context|slip_rollers"]):
+                if math.isfinite(share):
+                    yield self.moved(slip=slip, of_rollers=share)

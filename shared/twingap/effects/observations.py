@@ -1,0 +1,97 @@
+"""What was measured on records and twin, for closed-form estimates of an effect's values."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twingap.bearing import Bearing
+
+Array = NDArray[np.float64]
+
+
+class ModePair(NamedTuple):
+    """Two modes in parallel that explain the spectra of the records.
+
+    Parameters
+    ----------
+    frequencies_hz, dampings : (float, float)
+        Natural frequency (Hz) and damping ratio of each.
+    gain : float
+        The second's response to an impact over the first's; negative where it moves against it.
+    """
+
+    frequencies_hz: tuple[float, float]
+    dampings: tuple[float, float]
+    gain: float
+
+
+@dataclass(frozen=True)
+class HealthySpectrum:
+    """Mean power density of the healthy records, without tones, and what a twin can make of it.
+
+    Parameters
+    ----------
+    density : Array [bands]
+        1/Hz in squared units, in bands of equal width from 0 to half the sampling rate.
+    fs_hz : float
+        Sampling rate.
+    centres_hz : tuple of float
+        Where the twin's own mode may lie; empty where the twin is no mode with white noise, but finished waveforms.
+    mode : callable
+        Natural frequency (Hz) and damping ratio to the density [bands] of unit variance that passed this mode.
+    twin : callable
+        Density [bands] of the twin as it is; simulates, so ask only where it is needed.
+    """
+
+    density: Array
+    fs_hz: float
+    centres_hz: tuple[float, ...]
+    mode: Callable[[float, float], Array]
+    twin: Callable[[], Array]
+
+    @property
+    def places(self) -> Array:
+        """[bands] Middle of each band, parts of the sampling rate."""
+        return np.asarray((np.arange(self.density.size) + 0.5) / (2 * self.density.size))
+
+
+@dataclass(frozen=True)
+class Observations:
+    """What is known of the records when an effect's values are first estimated.
+
+    Parameters
+    ----------
+    features : Mapping[str, float]
+        All features of the comparison by name; NaN where one could not be computed.
+    bearing : Bearing
+    faults : frozenset of str
+        Faults of the records, healthy ones left out.
+    fs_hz : float
+        Highest sampling rate.
+    begin_s, span_s : float
+        Begin and length of the run; length 1 where there is none.
+    speed_rpm : float
+        Median speed.
+    own_mode : (float, float) or None
+        Natural frequency (Hz) and damping ratio of the twin's own mode; None where it has none.
+    healthy : callable
+        Spectrum of the healthy records; None without any.
+    mode_pairs : callable
+        Pairs of modes that explain all spectra, the best first.
+    """
+
+    features: Mapping[str, float]
+    bearing: Bearing
+    faults: frozenset[str]
+    fs_hz: float
+    begin_s: float
+    span_s: float
+    speed_rpm: float
+    own_mode: tuple[float, float] | None
+    healthy: Callable[[], HealthySpectrum | None]
+    mode_pairs: Callable[[], Sequence[ModePair]]
