@@ -6,8 +6,8 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 from tests.twingap.gap.test_level import evidence_of, simulated
-from tests.twingap.gap.test_nearest import machine
 
+from tests.twingap.gap.search.test_optimise import machine
 from twingap.gap.search.effect_search import ALPHA, CAUTIOUS_ALPHA, confidence_set, level_of_gap, to_name
 from twingap.gap.search.evidence import Evidence, simulator_of
 from twingap.identify.calibrate import calibrate

@@ -7,8 +7,8 @@ import dataclasses
 import numpy as np
 import pytest
 from scipy.optimize import nnls
-from tests.twingap.gap.test_nearest import machine
 
+from tests.twingap.gap.search.test_optimise import machine
 from twingap.effects import Effect, make_effect
 from twingap.gap.features.comparison import feature_names
 from twingap.gap.search.evidence import THOROUGH, Evidence, simulator_of

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from scipy.stats import t as student
-from tests.twingap.gap.test_nearest import OWN, evidence_of, machine
 
+from tests.twingap.gap.search.test_optimise import OWN, evidence_of, machine
 from twingap.bearing import BEARINGS
 from twingap.effects import make_effect
 from twingap.gap.search.optimise import bring_nearest
