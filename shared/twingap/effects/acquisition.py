@@ -8,8 +8,9 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from twingap.effects.base import Effect, Stage, parameter, register
+from twingap.effects.base import Effect, Stage, parameter
 from twingap.effects.draft import Draft
+from twingap.effects.registry import register
 
 Array = NDArray[np.float64]
 

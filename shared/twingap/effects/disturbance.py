@@ -16,9 +16,10 @@ import scipy.fft
 from numpy.typing import NDArray
 
 from twingap.effects.angle import cosine, harmonics
-from twingap.effects.base import Effect, Stage, parameter, register
+from twingap.effects.base import Effect, Stage, parameter
 from twingap.effects.draft import Draft
 from twingap.effects.path import beyond_nyquist
+from twingap.effects.registry import register
 from twingap.effects.ringing import Mode, ring
 from twingap.errors import TwingapError
 

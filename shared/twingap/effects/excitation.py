@@ -15,8 +15,9 @@ from numpy.typing import NDArray
 
 from twingap.effects.angle import at_angles, cosine
 from twingap.effects.background import passes_of
-from twingap.effects.base import Effect, Stage, parameter, register
+from twingap.effects.base import Effect, Stage, parameter
 from twingap.effects.draft import Draft, Impacts
+from twingap.effects.registry import register
 from twingap.effects.ringing import response_rms
 
 Array = NDArray[np.float64]

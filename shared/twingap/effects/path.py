@@ -10,8 +10,9 @@ import numpy as np
 import scipy.fft
 from numpy.typing import NDArray
 
-from twingap.effects.base import Effect, Stage, parameter, register
+from twingap.effects.base import Effect, Stage, parameter
 from twingap.effects.draft import Draft
+from twingap.effects.registry import register
 from twingap.effects.ringing import Mode
 
 Array = NDArray[np.float64]
