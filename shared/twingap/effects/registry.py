@@ -139,16 +139,21 @@ def load_effects(path: str | os.PathLike[str]) -> tuple[str, ...]:
         raise TwingapError(f"cannot be read: {error.strerror}", where=path, mend="name a Python file") from error
     except UnicodeDecodeError as error:
         raise TwingapError("is not UTF-8 text", where=path, mend="name a Python file") from error
-    return load_file(EffectFile(os.fspath(Path(path).absolute()), text))
+    return tuple(load_file(EffectFile(os.fspath(Path(path).absolute()), text)))
 
 
-def load_file(file: EffectFile) -> tuple[str, ...]:
-    """Register the effects of a file from its text; see `load_effects`."""
+def load_file(file: EffectFile) -> dict[str, type[Effect]]:
+    """Register the effects of a file from its text, and return them by name; see `load_effects`."""
+    before = dict(_OWN)
+    # What an earlier version of the file registered goes.
+    others = {
+        name: kind for name, kind in before.items() if (known := file_of(kind)) is None or known.path != file.path
+    }
     if file.module in _FILES:
         _, kinds = _FILES[file.module]
-        _OWN.update(kinds)
-        return tuple(kinds)
-    before = dict(_OWN)
+        replace_own({**others, **kinds})
+        return dict(kinds)
+    _OWN.clear()
     module = ModuleType(file.module)
     module.__file__ = file.path
     # Tracebacks and `inspect.getsource` find the text that runs, also where the file is not or has been edited since.
@@ -156,19 +161,30 @@ def load_file(file: EffectFile) -> tuple[str, ...]:
     sys.modules[file.module] = module
     try:
         exec(compile(file.text, file.path, "exec", dont_inherit=True), vars(module))
-        kinds = {name: kind for name, kind in _OWN.items() if before.get(name) is not kind}
+        kinds = dict(_OWN)
         if not kinds:
             mend = "put @register (from twingap.effects) above each effect's class"
             raise TwingapError("registers no effect of its own", where=file.path, mend=mend)
+        replace_own({**others, **kinds})
     except BaseException as error:
         del sys.modules[file.module]
-        _OWN.clear()
-        _OWN.update(before)
+        replace_own(before)
         if isinstance(error, (Exception, SystemExit)):
             raise _located(error, file) from error
         raise
     _FILES[file.module] = file, kinds
-    return tuple(kinds)
+    return dict(kinds)
+
+
+def file_of(kind: type[Effect]) -> EffectFile | None:
+    """The loaded file that an effect was defined in."""
+    return _FILES[kind.__module__][0] if kind.__module__ in _FILES else None
+
+
+def replace_own(kinds: Mapping[str, type[Effect]]) -> None:
+    """Know these effects of a user's own, in this order, and no others."""
+    _OWN.clear()
+    _OWN.update(kinds)
 
 
 def _located(error: BaseException, file: EffectFile) -> TwingapError:
@@ -204,6 +220,12 @@ def _check(kind: object) -> None:
 
 
 _entry_points_loaded = False
+
+
+def without_entry_points() -> None:
+    """Leave out installed packages: in a worker process those of the process count that the work comes from."""
+    global _entry_points_loaded
+    _entry_points_loaded = True
 
 
 def _load_entry_points() -> None:

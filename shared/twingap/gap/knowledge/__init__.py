@@ -135,9 +135,11 @@ def behind_learning() -> tuple[ModuleType, ...]:
 def examples_key(seed: int = SEED, among: Sequence[str] = ()) -> str:
     """Digest of all that examples depend on: the catalogue, and the code behind them."""
     from twingap.effects import catalogue
+    from twingap.effects.handover import digest_of_effects
     from twingap.provenance import digest_of_code
 
-    about = {
+    own = digest_of_effects()
+    about = ({"own effects": own} if own else {}) | {
         "code": digest_of_code(*behind_examples()), "effects": list(catalogue()), "seed": seed,
         "most_records": MOST_RECORDS, "chunk": CHUNK, "among": list(among),
     }  # fmt: skip
@@ -191,6 +193,7 @@ def train(
     import joblib
 
     from twingap.effects import catalogue
+    from twingap.effects.handover import handed_effects, with_effects
     from twingap.gap.features.comparison import feature_names
     from twingap.gap.knowledge.examples import stacked
     from twingap.gap.knowledge.learn import learn
@@ -209,7 +212,8 @@ def train(
     paths = [kept / f"{chunk.start:05d}-{len(chunk)}.npz" for chunk in chunks]
     waiting = [(chunk, path) for chunk, path in zip(chunks, paths, strict=True) if not path.exists()]
     report("simulated gaps", (len(paths) - len(waiting)) / len(paths))
-    tasks = (joblib.delayed(_chunk)(seed, chunk, path, tuple(among)) for chunk, path in waiting)
+    effects = handed_effects()
+    tasks = (joblib.delayed(with_effects)(effects, _chunk, seed, chunk, path, tuple(among)) for chunk, path in waiting)
     parallel = joblib.Parallel(n_jobs=jobs or os.cpu_count(), return_as="generator_unordered")
     for done, _ in enumerate(parallel(tasks), start=len(paths) - len(waiting) + 1):
         report("simulated gaps", 0.7 * done / len(paths))
@@ -252,13 +256,18 @@ def _judged(
     """What ends of searches are worth, from so many of them."""
     import joblib
 
+    from twingap.effects.handover import handed_effects, with_effects
     from twingap.gap.knowledge.score_calibration import Outcome, learn_judgement
 
     starts = range(0, count, SEARCH_CHUNK)
     chunks = [range(SEARCHED_FROM + s, SEARCHED_FROM + min(s + SEARCH_CHUNK, count)) for s in starts]
     paths = [folder / f"{chunk.start:07d}-{len(chunk)}.npz" for chunk in chunks]
     waiting = [(chunk, path) for chunk, path in zip(chunks, paths, strict=True) if not path.exists()]
-    tasks = (joblib.delayed(_search_chunk)(learnt, seed, chunk, path, among) for chunk, path in waiting)
+    effects = handed_effects()
+    tasks = (
+        joblib.delayed(with_effects)(effects, _search_chunk, learnt, seed, chunk, path, among)
+        for chunk, path in waiting
+    )
     # Sent along, not mapped: joblib forgets such maps before its tracker does, which then prints a traceback.
     parallel = joblib.Parallel(n_jobs=jobs or os.cpu_count(), return_as="generator_unordered", max_nbytes=None)
     for done, _ in enumerate(parallel(tasks), start=len(paths) - len(waiting) + 1):
