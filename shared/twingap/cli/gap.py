@@ -1,74 +1,24 @@
-"""`twingap gap`: what a twin lacks, and its blind study.
-
-twingap gap RECORDSET --twin TWIN.toml --out DIR     the diagnosis
-twingap gap study ...                                the blind study
-twingap gap public ...                               the diagnosis on public records
-twingap gap train ...                                what the diagnosis learns beforehand
-"""
+"""`twingap gap`: what a twin lacks."""
 
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Final
+from typing import TYPE_CHECKING, Annotated
 
 import typer
-from typer.core import TyperCommand, TyperGroup
 
-from twingap.cli.gap_public import public
-from twingap.cli.gap_study import study
-from twingap.cli.options import Json, Seed, TrackingUri, progress_console, say, say_json, show, wrote
+from twingap.cli.options import Effects, Json, Seed, TrackingUri, say, say_json, show, wrote
+from twingap.cli.progress import progress
 from twingap.errors import TwingapError
 
 if TYPE_CHECKING:
     from twingap.gap.report.model import GapReport
     from twingap.track import Tracker
 
-_MAIN: Final = "RECORDSET"
-"""What the help lists the diagnosis as. It is never typed: whatever names no other command is a record set."""
-_HELP: Final = ("-h", "--help")
 
-
-class _Unnamed(typer.Context):
-    """The context of a command whose name is not typed: usage and errors speak of the group."""
-
-    @property
-    def command_path(self) -> str:
-        return super().command_path.removesuffix(f" {_MAIN}")
-
-
-class _Main(TyperCommand):
-    context_class = _Unnamed
-
-
-class _WithMain(TyperGroup):
-    """A group that is a command itself: arguments that begin with no command's name go to the one named `_MAIN`."""
-
-    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
-        others = self.commands.keys() - {_MAIN}
-        if args and args[0] not in others and args[0] not in _HELP:
-            args = [_MAIN, *args]
-        return super().parse_args(ctx, args)
-
-    def format_help(self, ctx: Any, formatter: Any) -> None:
-        """Help of the diagnosis, then the other commands."""
-        main = self.commands[_MAIN]
-        main.format_help(main.context_class(main, info_name=_MAIN, parent=ctx), formatter)
-        super().format_help(ctx, formatter)
-
-
-app = typer.Typer(
-    cls=_WithMain,
-    help="What a twin lacks. Beside the diagnosis itself (RECORDSET, above) there are three commands; a record set in "
-    "a folder named like one of them is given as ./study, ./train or ./public.",
-    no_args_is_help=True,
-)
-
-
-@app.command(_MAIN, cls=_Main)
-def diagnose(
+def gap(
     recordset: Annotated[Path, typer.Argument(metavar="RECORDSET", help="Records of the machine.")],
     twin: Annotated[Path, typer.Option(metavar="TWIN.toml", help="What is already modelled.")],
     out: Annotated[Path, typer.Option(metavar="DIR", help="Folder for gap.json and report.html.")],
@@ -91,6 +41,7 @@ def diagnose(
         bool, typer.Option("--track/--no-track", help="Keep the diagnosis as a run for `twingap ui`.")
     ] = True,
     tracking_uri: TrackingUri = None,
+    effects: Effects = None,
     seed: Seed = 0,
     as_json: Json = False,
 ) -> None:
@@ -108,11 +59,11 @@ def diagnose(
     twins = ("closest.toml",) if closest and simulated is None else ()
     exports = ("sim_before", "sim_after", "sim_closest")[: 3 if closest else 2] if export else ()
     try_outputs(out, ("gap.json", "report.html", *twins), exports)
-    with _bar() as progress:
-        from twingap.gap import diagnose as run
+    with progress("loading") as shown:
+        from twingap.gap import diagnose
 
-        found = run(records, twin, seed=seed, sim=simulated, closest=closest, progress=progress)
-        paths = found.write(out, export=export, progress=progress)
+        found = diagnose(records, twin, seed=seed, sim=simulated, closest=closest, progress=shown.share)
+        paths = found.write(out, export=export, progress=shown.share)
     about = found.report
     if track:
         _keep(about, paths[:2], tracker)
@@ -121,45 +72,6 @@ def diagnose(
     else:
         _tell(about)
     wrote(*paths, as_json=as_json)
-
-
-@app.command("train")
-def train(
-    cache: Annotated[
-        Path | None,
-        typer.Option(metavar="DIR", help="Where to keep it; default, and where the diagnosis looks: twingap's cache."),
-    ] = None,
-    seed: Annotated[
-        int | None, typer.Option(help="Seed of everything random; default: the diagnosis's own.", min=0)
-    ] = None,
-    as_json: Json = False,
-) -> None:
-    """Train beforehand what the diagnosis learns from simulated gaps; a diagnosis that finds nothing does it itself."""
-    from twingap.gap.knowledge import SEED
-    from twingap.gap.knowledge import train as run
-
-    seed = SEED if seed is None else seed
-    with _bar() as report_step:
-        path = run(cache, seed, report_step)
-    if as_json:
-        from twingap.provenance import digest_of_path
-
-        say_json({"path": str(path), "sha256": digest_of_path(path), "seed": seed})
-    wrote(path, as_json=as_json)
-
-
-app.command("study")(study)
-app.command("public")(public)
-
-
-@contextmanager
-def _bar() -> Iterator[Callable[[str, float], None]]:
-    """A bar on standard error that is told what is done and which part of the whole, 0 to 1."""
-    from rich.progress import Progress
-
-    with Progress(console=progress_console, transient=True, disable=not progress_console.is_terminal) as progress:
-        task = progress.add_task("reading", total=1.0)
-        yield lambda what, fraction: progress.update(task, description=what, completed=fraction)
 
 
 def _tracker(uri: str | None) -> Tracker:

@@ -1,4 +1,4 @@
-"""What a diagnosis brings along, learnt beforehand from simulated gaps: `twingap gap train`.
+"""What a diagnosis brings along, learnt beforehand from simulated gaps: `twingap train`.
 
 draw_gap --calibrate, compare--> examples (in chunks, resumable) --learn--> detectors, estimators, null --+
 draw_gap --search with these--> ends of searches (in chunks, resumable) --learn--> judgement --------------+--> cache
@@ -307,7 +307,7 @@ def load(path: Path) -> Learnt:
         When the file is not what training wrote.
     """
     if not _whole(path):
-        raise TwingapError("is missing or altered", where=path, mend="run `twingap gap train`")
+        raise TwingapError("is missing or altered", where=path, mend="run `twingap train`")
     with gzip.open(path, "rb") as file:
         found: Learnt = pickle.load(file)
     return found
