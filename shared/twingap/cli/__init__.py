@@ -9,12 +9,31 @@ from __future__ import annotations
 import signal
 import sys
 import warnings
-from typing import Any, NoReturn
+from collections.abc import Callable
+from pathlib import Path
+from typing import Annotated, Any, Final, NoReturn
 
 import typer
 from typer.core import TyperGroup
 
-from twingap.cli import bench, classify, data, degrade, gap, identify, rul, run, simulate, ui
+from twingap import __version__
+from twingap.cli import (
+    bearings,
+    bench,
+    classify,
+    data,
+    effects,
+    gap,
+    health,
+    identify,
+    rul,
+    run,
+    simulate,
+    study,
+    train,
+    ui,
+)  # fmt: skip
+from twingap.cli.options import examples
 from twingap.errors import TwingapError
 
 _UsageError: Any = typer.BadParameter.__bases__[0]
@@ -43,16 +62,48 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
+
+
+def _print_version(wanted: bool) -> None:
+    if wanted:
+        print(f"twingap {__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def _top(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_print_version, is_eager=True, help="Show the version and exit.")
+    ] = False,
+) -> None: ...
+
+
+def _add(name: str, function: Callable[..., None], *lines: str, hidden: bool = False) -> None:
+    """A command with examples of how it is typed."""
+    app.command(name, epilog=examples(*(f"twingap {name} {line}".rstrip() for line in lines)), hidden=hidden)(function)
+
+
 app.add_typer(data.app, name="data")
-app.command("simulate")(simulate.simulate)
-app.command("identify")(identify.identify)
-app.add_typer(gap.app, name="gap")
-app.command("classify")(classify.classify)
-app.command("rul")(rul.rul)
-app.command("degrade")(degrade.degrade)
-app.command("run")(run.run)
-app.command("bench")(bench.bench)
-app.command("ui")(ui.ui)
+_add("simulate", simulate.simulate, "twin.toml --records RECORDSET --out simulated")
+_add("identify", identify.identify, "twin.toml RECORDSET --out identified.toml")
+_add(
+    "gap", gap.gap, "RECORDSET --twin twin.toml --out gap", "RECORDSET --twin twin.toml --sim MINE --out gap",
+    "RECORDSET --twin twin.toml --out gap --closest --export",
+)  # fmt: skip
+app.add_typer(study.app, name="study")
+_add("train", train.train, "")
+_add("effects", effects.effects, "", "slip_jitter", "--effects mine.py --json")
+_add("bearings", bearings.bearings, "", "6205")
+_add("classify", classify.classify, "RECORDSET --twin twin.toml --out predictions.csv")
+_add("rul", rul.rul, "RECORDSET --limit 20 --out rul.csv")
+_add("health", health.health, "RECORDSET --out health", "features.csv --indicator rms --limit 4 --out health")
+_add("degrade", health.health, "RECORDSET --out health", hidden=True)
+_add("run", run.run, "paper2", "paper3 --profile full --backend dask --address tcp://HOST:8786")
+_add("bench", bench.bench, "--quick", "vmd --strict")
+_add("ui", ui.ui, "--port 5001")
+
+_MOVED: Final = {"train": "train", "study": "study blind", "public": "study public"}
+"""Commands that once stood below `twingap gap`."""
 
 
 def main() -> None:
@@ -60,6 +111,8 @@ def main() -> None:
     signal.signal(signal.SIGTERM, _end)
     # A worker that has grown is replaced, and its jobs go to the next: nothing that a user could do anything about.
     warnings.filterwarnings("ignore", "A worker stopped while some jobs", UserWarning)
+    if len(sys.argv) > 2 and sys.argv[1] == "gap" and sys.argv[2] in _MOVED and not Path(sys.argv[2]).is_dir():
+        _refuse(TwingapError(f"`twingap gap {sys.argv[2]}` is now `twingap {_MOVED[sys.argv[2]]}`"))
     try:
         status = app(prog_name="twingap", standalone_mode=False)
     except TwingapError as error:

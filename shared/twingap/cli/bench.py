@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from twingap.cli.options import Json, Seed, TrackingUri, progress, say, say_json, show
+from twingap.cli.options import Effects, Json, Seed, TrackingUri, say, say_json, show
+from twingap.cli.progress import progress
 
 if TYPE_CHECKING:
     from benchmarks.harness import Measurement
@@ -19,6 +20,7 @@ def bench(
     strict: Annotated[bool, typer.Option("--strict", help="Exit 1 when a target is missed.")] = False,
     track: Annotated[bool, typer.Option(help="Log the table and the targets as a run.")] = True,
     tracking_uri: TrackingUri = None,
+    effects: Effects = None,
     seed: Seed = 0,
     as_json: Json = False,
 ) -> None:
@@ -34,11 +36,11 @@ def bench(
     # A store that cannot be used should say so before the measuring, not after it.
     tracker: Tracker = MlflowTracker(tracking_uri, experiment="bench") if track else NullTracker()
     done: dict[str, Measurement] = {}
-    with progress("benchmarks", len(chosen)) as step:
+    with progress("benchmarks", len(chosen)) as shown:
         for each in chosen:
             done[each] = benchmarks.measure(each, quick=quick, seed=seed)
             _log(tracker, each, done[each], {"benchmark": each, "quick": quick, "seed": seed})
-            step(each)
+            shown.step(each)
     if as_json:
         say_json([_report(each, measurement, quick) for each, measurement in done.items()])
     else:

@@ -7,7 +7,8 @@ from typing import Annotated
 
 import typer
 
-from twingap.cli.options import Json, Seed, progress_console, refuse_overwriting, say, say_json, show, wrote
+from twingap.cli.options import Effects, Json, Seed, refuse_overwriting, say, say_json, show, wrote
+from twingap.cli.progress import progress
 
 _METHODS = "VMD+SVM, Non-DA, MMD, DANN, DACD, Base-Attn, Non-DN, Base-NDN or Proposed"
 
@@ -33,6 +34,7 @@ def classify(
             help="Correct speeds from the records first, and for a network fill the twin's free parameters.",
         ),
     ] = True,
+    effects: Effects = None,
     seed: Seed = 0,
     as_json: Json = False,
 ) -> None:
@@ -44,8 +46,6 @@ def classify(
     predictions.csv has the columns record, predicted, confidence and a probability per class (healthy, inner, outer,
     ball), one row a record.
     """
-    from rich.progress import Progress
-
     from twingap.files import replacing
     from twingap.records.folder import read_record_set
     from twingap.records.table import write_table
@@ -60,12 +60,8 @@ def classify(
         from twingap.adapt.classify import classify as run
 
         options = ClassifyOptions(method, machines, steps, match=match)
-        with Progress(console=progress_console, transient=True, disable=not progress_console.is_terminal) as bar:
-            task = bar.add_task("reading", total=1.0)
-            found = run(
-                records, spec, seed, options,
-                report=lambda what, fraction: bar.update(task, description=what, completed=fraction),
-            )  # fmt: skip
+        with progress("reading") as shown:
+            found = run(records, spec, seed, options, report=shown.share)
         rows = found.rows()
         write_table(table, rows, list(rows[0]))
     like = found.simulated

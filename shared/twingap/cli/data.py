@@ -2,21 +2,19 @@
 
 from __future__ import annotations
 
+import functools
 import math
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from twingap.cli.options import AnySeed, Json, Seed, progress_console, say, say_json, steps, wrote
+from twingap.cli.options import AnySeed, Effects, Json, Seed, examples, say, say_json, wrote
+from twingap.cli.progress import progress, steps
 from twingap.errors import TwingapError
 
 if TYPE_CHECKING:
-    from rich.progress import Progress
-
     from twingap.data.manifest import Manifest
     from twingap.data.verify import Verification
 
@@ -28,10 +26,11 @@ Root = Annotated[
 Name = Annotated[str, typer.Argument(help="A data set's name, as `twingap data list` gives it.", show_default=False)]
 
 
-@app.command("list")
+@app.command("list", epilog=examples("twingap data list --root DATA"))
 def list_sets(
     root: Root = None,
     quick: Annotated[bool, typer.Option("--quick", help="Compare sizes only; do not hash what is present.")] = False,
+    effects: Effects = None,
     seed: AnySeed = 0,
     as_json: Json = False,
 ) -> None:
@@ -58,12 +57,13 @@ def list_sets(
         say(f"  here     {_presence(facts, check)}")
 
 
-@app.command("verify")
+@app.command("verify", epilog=examples("twingap data verify", "twingap data verify cwru ims"))
 def verify_sets(
     names: Annotated[
         list[str] | None, typer.Argument(metavar="NAME", help="Data sets; all by default.", show_default=False)
     ] = None,
     root: Root = None,
+    effects: Effects = None,
     seed: AnySeed = 0,
     as_json: Json = False,
 ) -> None:
@@ -89,19 +89,15 @@ def verify_sets(
         )
 
 
-@app.command("fetch")
-def fetch_set(name: Name, root: Root = None, seed: AnySeed = 0, as_json: Json = False) -> None:
+@app.command("fetch", epilog=examples("twingap data fetch cwru --root DATA"))
+def fetch_set(name: Name, root: Root = None, effects: Effects = None, seed: AnySeed = 0, as_json: Json = False) -> None:
     """Download a data set from its owner: resumed where it broke off, verified, unpacked."""
     from twingap.data import data_root, manifest_of
     from twingap.data.fetch import fetch
 
     facts, folder = manifest_of(name), data_root(root, must_exist=False)
-    with _bytes_bar(name, None) as (bar, task):
-        fetched = fetch(
-            facts,
-            folder,
-            progress=lambda path, have, total: bar.update(task, description=path, completed=have, total=total),
-        )
+    with progress(name) as shown:
+        fetched = fetch(facts, folder, progress=shown.count)
     place = folder / facts.name
     if as_json:
         result = {
@@ -120,7 +116,7 @@ def fetch_set(name: Name, root: Root = None, seed: AnySeed = 0, as_json: Json = 
     wrote(place, as_json=as_json)
 
 
-@app.command("export")
+@app.command("export", epilog=examples('twingap data export cwru --out cwru --where "load_hp=2"'))
 def export_set(
     name: Name,
     out: Annotated[Path, typer.Option("--out", help="New folder for the record set.", show_default=False)],
@@ -131,6 +127,7 @@ def export_set(
     option: Annotated[
         list[str] | None, typer.Option(help="Option of the reader as key=value, such as channel=FE or fs_hz=12000.")
     ] = None,
+    effects: Effects = None,
     seed: Seed = 0,
     root: Root = None,
     as_json: Json = False,
@@ -167,17 +164,10 @@ def _verify_all(all_facts: list[Manifest], root: Path, *, quick: bool = False) -
     from twingap.data.verify import bytes_to_hash, verify
 
     total = 0 if quick else sum(bytes_to_hash(facts, root) for facts in all_facts)
-    with _bytes_bar("verify", total) as (bar, task):
-        return [verify(facts, root, quick=quick, progress=lambda size: bar.advance(task, size)) for facts in all_facts]
-
-
-@contextmanager
-def _bytes_bar(what: str, total: int | None) -> Iterator[tuple[Progress, Any]]:
-    from rich.progress import BarColumn, DownloadColumn, Progress, TextColumn, TransferSpeedColumn
-
-    columns = (TextColumn("{task.description}"), BarColumn(), DownloadColumn(), TransferSpeedColumn())
-    with Progress(*columns, console=progress_console, transient=True, disable=not progress_console.is_terminal) as bar:
-        yield bar, bar.add_task(what, total=total)
+    with progress("verify", total) as shown:
+        return [
+            verify(facts, root, quick=quick, progress=functools.partial(shown.step, facts.name)) for facts in all_facts
+        ]
 
 
 def _print_check(facts: Manifest, check: Verification, *, in_full: bool) -> None:

@@ -7,7 +7,8 @@ from typing import Annotated
 
 import typer
 
-from twingap.cli.options import Json, Seed, progress_console, refuse_overwriting, say, say_json, show, wrote
+from twingap.cli.options import Effects, Json, Seed, refuse_overwriting, say, say_json, show, wrote
+from twingap.cli.progress import progress
 
 
 def identify(
@@ -25,6 +26,7 @@ def identify(
         str | None,
         typer.Option(help="Contact twin: zoa, zoa-ports (R = 0.01), differential-evolution (default), random."),
     ] = None,
+    effects: Effects = None,
     seed: Seed = 0,
     as_json: Json = False,
 ) -> None:
@@ -32,7 +34,6 @@ def identify(
     from dataclasses import replace
 
     import numpy as np
-    from rich.progress import Progress
 
     from twingap.errors import TwingapError
     from twingap.files import replacing
@@ -48,8 +49,7 @@ def identify(
     records = read_record_set(recordset)
     # Both places are tried before the work begins, and filled only after it has ended well.
     with replacing(out) as text, replacing(figure) as drawing:
-        with Progress(console=progress_console, transient=True, disable=not progress_console.is_terminal) as progress:
-            task = progress.add_task("reading", total=1.0)
+        with progress("reading") as shown:
             found = run(
                 spec,
                 records,
@@ -58,7 +58,7 @@ def identify(
                 method=method,
                 optimiser=optimiser,
                 seed=seed,
-                report=lambda what, fraction: progress.update(task, description=what, completed=fraction),
+                report=shown.share,
             )
         try:
             # With the geometry that it was identified for, since a table of conditions brings none to simulate.

@@ -7,25 +7,25 @@ import io
 import json
 import math
 import sys
-from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
+from collections.abc import Iterator
 from pathlib import Path
-from typing import Annotated, Any, Protocol, TypeVar
+from typing import Annotated, Any
 
 import typer
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 from rich.table import Table
 
 from twingap.errors import TwingapError
 
-T = TypeVar("T")
 
+def _load(paths: list[Path] | None) -> list[Path] | None:
+    """Register the effects of the files, before the command begins."""
+    if paths:
+        from twingap.effects import load_effects
 
-class Step(Protocol):
-    """Moves a bar on by one, with a word on what was done."""
-
-    def __call__(self, now: str = "") -> None: ...
+        for path in paths:
+            load_effects(path)
+    return paths
 
 
 Seed = Annotated[int, typer.Option(help="Seed of everything random; same seed, same bytes.", min=0)]
@@ -43,8 +43,18 @@ TrackingUri = Annotated[
     ),
 ]
 
-progress_console = Console(stderr=True)
-"""Progress bars go to standard error, so that standard output holds the result alone."""
+Effects = Annotated[
+    list[Path] | None,
+    typer.Option(
+        "--effects", metavar="FILE.py", callback=_load, is_eager=True, show_default=False,
+        help="Effects of your own: a Python file that registers them. May be given several times.",
+    ),
+]  # fmt: skip
+
+
+def examples(*lines: str) -> str:
+    """The end of a command's help."""
+    return "\n\n".join((f"Example{'s' * (len(lines) > 1)}:", *lines))
 
 
 def show(rows: list[dict[str, Any]], as_json: bool, title: str = "") -> None:
@@ -112,43 +122,6 @@ def wrote(*paths: Path, as_json: bool = False) -> None:
     _speak_any_alphabet()
     for path in paths:
         print(path, file=sys.stderr if as_json else sys.stdout)
-
-
-@contextmanager
-def progress(title: str, total: int | None = None) -> Iterator[Step]:
-    """A bar on standard error, silent where that is not a terminal.
-
-    Parameters
-    ----------
-    title : str
-    total : int or None
-        Steps; None when not known.
-
-    Yields
-    ------
-    Step
-        To be called once per step.
-    """
-    columns = (
-        TextColumn("{task.description}", markup=False), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(),
-        TimeRemainingColumn(), TextColumn("{task.fields[now]}", markup=False),
-    )  # fmt: skip
-    quiet = not progress_console.is_terminal
-    with Progress(*columns, console=progress_console, transient=True, disable=quiet) as bar:
-        task = bar.add_task(title, total=total, now="")
-
-        def step(now: str = "") -> None:
-            bar.update(task, advance=1, now=now)
-
-        yield step
-
-
-def steps(items: Iterable[T], title: str, total: int) -> Iterator[T]:
-    """The items as they come, each a step of a bar like that of `progress`."""
-    with progress(title, total) as step:
-        for item in items:
-            yield item
-            step()
 
 
 def _cell(value: Any) -> str:

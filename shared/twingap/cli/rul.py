@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from twingap.cli.options import AnySeed, Json, refuse_overwriting, say_json, show, steps, wrote
+from twingap.cli.options import AnySeed, Effects, Json, refuse_overwriting, say_json, show, wrote
+from twingap.cli.progress import steps
 
 if TYPE_CHECKING:
     from twingap.prognosis.estimate import LifeOptions
@@ -61,6 +62,7 @@ def rul(
     group: Annotated[
         str | None, typer.Option(help="Whose records are the run, where RECORDSET holds several bearings.")
     ] = None,
+    effects: Effects = None,
     seed: AnySeed = 0,
     as_json: Json = False,
 ) -> None:

@@ -11,7 +11,8 @@ from typing import Annotated, Any, Final
 
 import typer
 
-from twingap.cli.options import Json, Seed, TrackingUri, progress_console, say, say_json, show, wrote
+from twingap.cli.options import Effects, Json, Seed, TrackingUri, say, say_json, show, wrote
+from twingap.cli.progress import progress
 
 
 class Paper(enum.StrEnum):
@@ -34,35 +35,22 @@ def run(
     profile: Annotated[
         ProfileName, typer.Option(help="smoke: minutes; full: all tasks and seeds.")
     ] = ProfileName.smoke,
-    backend: Annotated[str, typer.Option(help="Where trainings run: loky (local processes), dask or ray.")] = "loky",
-    address: Annotated[str | None, typer.Option(help="Of a running dask or ray cluster.")] = None,
+    backend: Annotated[str, typer.Option(help="Where trainings run: loky (local processes) or dask.")] = "loky",
+    address: Annotated[str | None, typer.Option(help="Of a running dask cluster.")] = None,
     out: Annotated[Path | None, typer.Option(help="Folder of tables, figures and results [.twingap/PAPER].")] = None,
     root: Annotated[Path | None, typer.Option(help="Data root; TWINGAP_DATA when absent.")] = None,
+    effects: Effects = None,
     seed: Seed = 0,
     tracking_uri: TrackingUri = None,
     json: Json = False,
 ) -> None:
     """A paper's tables and figures, tracked and resumable: what was finished before is taken up again."""
-    from rich.progress import (
-        BarColumn,
-        MofNCompleteColumn,
-        Progress,
-        TextColumn,
-        TimeElapsedColumn,
-        TimeRemainingColumn,
-    )
-
     from twingap.track import MlflowTracker, state_folder
 
     pipeline = import_module(f"papers.{_FOLDERS[paper]}.pipeline")
     tracker = MlflowTracker(tracking_uri)
-    columns = (
-        TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), TimeRemainingColumn(),
-    )  # fmt: skip
-    quiet = not progress_console.is_terminal
     try:
-        with Progress(*columns, console=progress_console, transient=True, disable=quiet) as bar:
-            line = bar.add_task("reading", total=None)
+        with progress("reading") as shown:
             outcome = pipeline.run(
                 profile.value,
                 out=out or state_folder() / paper.value,
@@ -71,7 +59,7 @@ def run(
                 backend=backend,
                 address=address,
                 tracker=tracker,
-                progress=lambda what, done, total: bar.update(line, description=what, completed=done, total=total),
+                progress=shown.count,
             )
     except KeyboardInterrupt:  # typer would end without a word
         print("twingap: interrupted; what was finished is kept, run the same command to go on", file=sys.stderr)

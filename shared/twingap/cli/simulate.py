@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from twingap.cli.options import Json, Seed, say, say_json, show, steps, wrote
+from twingap.cli.options import Effects, Json, Seed, say, say_json, show, wrote
+from twingap.cli.progress import steps
 
 if TYPE_CHECKING:
     from twingap.records import Condition
@@ -28,6 +29,7 @@ def simulate(
     duration_s: Annotated[
         float | None, typer.Option("--duration-s", help="Length of rows of a CSV that state none, s.")
     ] = None,
+    effects: Effects = None,
     seed: Seed = 0,
     as_json: Json = False,
 ) -> None:

@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from twingap.cli.options import AnySeed, TrackingUri, say
+from twingap.cli.options import AnySeed, Effects, TrackingUri, say
 from twingap.errors import TwingapError
 
 
@@ -16,6 +16,7 @@ def ui(
     port: Annotated[int, typer.Option(help="Port to serve at.", min=1, max=65535)] = 5000,
     host: Annotated[str, typer.Option(help="Address to serve at; 0.0.0.0 lets other machines in.")] = "127.0.0.1",
     tracking_uri: TrackingUri = None,
+    effects: Effects = None,
     seed: AnySeed = 0,
 ) -> None:
     """Show the runs made here in the MLflow UI, until Ctrl-C."""

@@ -1,16 +1,8 @@
 """The catalogue of effects: every modelling choice, from slip to clipping, one object that acts in one stage."""
 
-from twingap.effects.base import (
-    Effect,
-    Stage,
-    catalogue,
-    effect_name,
-    in_order,
-    make_effect,
-    parameter,
-    register,
-)
+from twingap.effects.base import Effect, Stage, effect_name, parameter
 from twingap.effects.draft import Draft, Impacts
+from twingap.effects.registry import catalogue, in_order, load_effects, make_effect, register
 from twingap.effects.ringing import Mode
 
 # Importing a module registers its effect: in the order of the chain, and within a stage of their acting.
@@ -74,6 +66,7 @@ __all__ = [
     "catalogue",
     "effect_name",
     "in_order",
+    "load_effects",
     "make_effect",
     "parameter",
     "register",

@@ -1,4 +1,4 @@
-"""What an effect is, and the registry of those that are known.
+"""What an effect is: one modelling choice that acts in one stage of a record.
 
 A vibration record is made in five stages, and an `Effect` is one modelling choice that acts in one of them:
 
@@ -28,7 +28,7 @@ import numbers
 import re
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
-from typing import TYPE_CHECKING, Any, ClassVar, Final, Literal, Self, TypeVar, cast
+from typing import TYPE_CHECKING, Any, ClassVar, Final, Literal, Self, cast
 
 import numpy as np
 
@@ -173,6 +173,7 @@ class Effect(ABC):
     """
 
     stage: ClassVar[Stage]
+    _registered: ClassVar[bool] = False
     references: ClassVar[tuple[str, ...]] = ()
     group: ClassVar[str] = ""
     look_alikes: ClassVar[tuple[str, ...]] = ()
@@ -338,53 +339,13 @@ def within_allowed(field: dataclasses.Field[Any], value: float, most: float = ma
     return round(value) if field.type in ("int", int) else value
 
 
-E_ = TypeVar("E_", bound=type[Effect])
-_REGISTRY: dict[str, type[Effect]] = {}
-
-
 def effect_name(kind: type[Effect]) -> str:
     """SecondResonance -> second_resonance. A subclass of a registered effect that is not registered bears its name."""
-    names = [_snake_case(base) for base in kind.__mro__]
-    return next((name for name in names if name in _REGISTRY), names[0])
+    registered = (base for base in kind.__mro__ if vars(base).get("_registered", False))
+    return snake_case(next(registered, kind))
 
 
 @functools.cache
-def _snake_case(kind: type) -> str:
+def snake_case(kind: type) -> str:
+    """SecondResonance -> second_resonance, whatever is registered."""
     return re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "_", kind.__name__).lower()
-
-
-def register(kind: E_) -> E_:
-    """Class decorator: make an effect known by its name. A later registration replaces an earlier one of that name."""
-    if not (isinstance(kind, type) and issubclass(kind, Effect)):
-        raise TypeError(f"{kind!r} is not a subclass of Effect")
-    if not isinstance(getattr(kind, "stage", None), Stage):
-        raise TypeError(f"{kind.__name__} has no stage: add  stage: ClassVar[Stage] = Stage.DISTURBANCE")
-    _REGISTRY[_snake_case(kind)] = kind
-    return kind
-
-
-def catalogue() -> dict[str, type[Effect]]:
-    """All known effects by name, in the order of their stages, then of registration."""
-    return dict(sorted(_REGISTRY.items(), key=lambda item: item[1].stage))
-
-
-def make_effect(name: str, parameters: Mapping[str, float] | None = None, where: object = None) -> Effect:
-    """An effect by its name, with its default parameters except for those given.
-
-    Raises
-    ------
-    TwingapError
-        For an unknown effect or parameter, or a value out of range.
-    """
-    from twingap.config import build
-
-    kind = _REGISTRY.get(name)
-    if kind is None:
-        raise TwingapError(f"unknown effect {name!r}", where=where, mend=f"known effects: {', '.join(catalogue())}")
-    return build(kind, parameters or {}, f"{where}: {name}" if where is not None else f"effect {name}")
-
-
-def in_order(effects: tuple[Effect, ...]) -> tuple[Effect, ...]:
-    """The effects in the order in which they act, whatever the order in which they were named."""
-    order = {name: place for place, name in enumerate(catalogue())}
-    return tuple(sorted(effects, key=lambda effect: (effect.stage, order.get(effect.name, len(order)))))

@@ -18,7 +18,8 @@ from scipy import signal
 from twingap.effects import measurements
 from twingap.effects._features import SHAPE
 from twingap.effects._spectral_fits import least_misfit
-from twingap.effects.base import Effect, Stage, parameter, register
+from twingap.effects.base import Effect, Stage, parameter
+from twingap.effects.registry import register
 from twingap.effects.draft import Draft
 from twingap.effects.drawing import healthy_density, log_uniform
 from twingap.effects.machine import Machine

@@ -13,7 +13,8 @@ from twingap.effects import measurements
 from twingap.effects._fault_effect import FaultEffect
 from twingap.effects._features import LEVELS_OF_IMPACTS
 from twingap.effects.angle import at_angles
-from twingap.effects.base import Effect, parameter, register
+from twingap.effects.base import Effect, parameter
+from twingap.effects.registry import register
 from twingap.effects.draft import Draft, Impacts
 from twingap.effects.drawing import faults, log_uniform
 from twingap.effects.machine import Machine

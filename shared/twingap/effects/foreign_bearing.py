@@ -15,7 +15,8 @@ from twingap.effects import measurements
 from twingap.effects._features import IMPULSES
 from twingap.effects._references import RANDALL_ANTONI
 from twingap.effects.angle import cosine
-from twingap.effects.base import Effect, Stage, parameter, register
+from twingap.effects.base import Effect, Stage, parameter
+from twingap.effects.registry import register
 from twingap.effects.draft import Draft
 from twingap.effects.drawing import log_uniform, ringing_mode
 from twingap.effects.machine import Machine

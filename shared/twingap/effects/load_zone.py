@@ -15,7 +15,8 @@ from twingap.effects._fault_effect import AROUND, FaultEffect, point_contact_loa
 from twingap.effects._features import STRENGTH
 from twingap.effects._references import MCFADDEN, PAPER1
 from twingap.effects.angle import cosine
-from twingap.effects.base import Effect, parameter, register
+from twingap.effects.base import Effect, parameter
+from twingap.effects.registry import register
 from twingap.effects.draft import Draft, Impacts
 from twingap.effects.drawing import faults, log_uniform
 from twingap.effects.machine import Machine

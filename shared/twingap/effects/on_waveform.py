@@ -13,8 +13,9 @@ from numpy.typing import NDArray
 
 from twingap.bearing import Bearing
 from twingap.effects.angle import at_angles
-from twingap.effects.base import Effect, Stage, in_order
+from twingap.effects.base import Effect, Stage
 from twingap.effects.draft import Draft
+from twingap.effects.registry import in_order
 from twingap.effects.ringing import LEAD
 from twingap.errors import TwingapError
 from twingap.records import Record

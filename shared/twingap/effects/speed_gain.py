@@ -12,7 +12,8 @@ import numpy as np
 from twingap.effects import measurements
 from twingap.effects._features import LEVEL
 from twingap.effects._references import PAPER1
-from twingap.effects.base import Effect, Stage, parameter, register
+from twingap.effects.base import Effect, Stage, parameter
+from twingap.effects.registry import register
 from twingap.effects.draft import Draft
 from twingap.effects.drawing import faults, log_uniform
 from twingap.effects.machine import Machine

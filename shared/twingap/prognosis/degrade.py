@@ -1,4 +1,4 @@
-"""One run from features to a forecast: what `twingap degrade` does.
+"""One run from features to a forecast: what `twingap health` does.
 
 Run --healthy start--> candidates --criteria--> indicator --> every model: fit, criteria, errors, band, remaining life
 """

@@ -55,7 +55,7 @@ def slowest_again(
         Content of study.json.
     count : int
     planned : sequence of Case, optional
-        What the study was made of; as `twingap gap study` plans it when None.
+        What the study was made of; as `twingap study blind` plans it when None.
     diagnose : callable, optional
         See `worker.Diagnose`; `twingap.gap.diagnose` when None.
 
@@ -92,7 +92,7 @@ def slowest_again(
 def main() -> int:
     """Print what the slowest diagnoses of a study take alone."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else "")
-    parser.add_argument("folder", type=Path, metavar="DIR", help="filled by `twingap gap study --out DIR`")
+    parser.add_argument("folder", type=Path, metavar="DIR", help="filled by `twingap study blind --out DIR`")
     parser.add_argument("--slowest", type=int, default=6, metavar="N", help="so many (6)")
     given = parser.parse_args()
     if given.slowest < 1:

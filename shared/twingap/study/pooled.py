@@ -41,7 +41,7 @@ def read_studies(folders: Sequence[Path]) -> list[Mapping[str, Any]]:
             key = about["seed"], about["code_sha256"]["diagnosis"], about["learnt_sha256"]
         except (OSError, ValueError, KeyError, TypeError) as error:
             raise TwingapError(
-                "no finished study", where=str(path), mend="name folders that `twingap gap study --out` filled"
+                "no finished study", where=str(path), mend="name folders that `twingap study blind --out` filled"
             ) from error
         for other, seen in zip(folders, studies, strict=False):
             about = seen["provenance"]
@@ -113,7 +113,7 @@ def _words(score: scores.Score) -> str:
 def main() -> int:
     """Print what studies say together."""
     asked = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else "")
-    asked.add_argument("folders", nargs="+", type=Path, metavar="DIR", help="filled by `twingap gap study --out DIR`")
+    asked.add_argument("folders", nargs="+", type=Path, metavar="DIR", help="filled by `twingap study blind --out DIR`")
     try:
         print(markdown(read_studies(asked.parse_args().folders)))
     except TwingapError as error:

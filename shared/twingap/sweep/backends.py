@@ -1,8 +1,4 @@
-"""Where independent tasks run: this process, local processes or a dask cluster, all through joblib, or a ray cluster.
-
-Ray has a joblib backend too, but one that returns nothing before everything is done, so that an interruption would lose
-all of it; its own tasks are used instead.
-"""
+"""Where independent tasks run: this process, local processes or a dask cluster, all through joblib."""
 
 from __future__ import annotations
 
@@ -12,7 +8,6 @@ import importlib
 import logging
 import os
 import signal
-import socket
 import sys
 import threading
 import time
@@ -23,14 +18,11 @@ from typing import Any, Final, Literal, get_args
 
 from twingap.errors import TwingapError
 
-Backend = Literal["loky", "threading", "sequential", "dask", "ray"]
+Backend = Literal["loky", "threading", "sequential", "dask"]
 BACKENDS: Final[tuple[str, ...]] = get_args(Backend)
 
-WORKER_DIED: Final = frozenset(
-    {"TerminatedWorkerError", "BrokenProcessPool", "KilledWorker", "WorkerCrashedError", "ActorDiedError",
-     "RayActorError", "OutOfMemoryError", "NodeDiedError"}
-)  # fmt: skip
-"""Names of the errors by which joblib, dask and ray say that a worker process is gone."""
+WORKER_DIED: Final = frozenset({"TerminatedWorkerError", "BrokenProcessPool", "KilledWorker"})
+"""Names of the errors by which joblib and dask say that a worker process is gone."""
 
 
 @dataclass(frozen=True)
@@ -60,10 +52,10 @@ def open_pool(backend: str, address: str | None, n_jobs: int | None, threads: in
 
     Parameters
     ----------
-    backend : {"loky", "threading", "sequential", "dask", "ray"}
+    backend : {"loky", "threading", "sequential", "dask"}
         loky: local processes.
     address : str or None
-        Of a running dask or ray cluster; None starts one on this machine.
+        Of a running dask cluster; None starts one on this machine.
     n_jobs : int or None
         Tasks at once; None = all cores (of the cluster).
     threads : int
@@ -76,13 +68,12 @@ def open_pool(backend: str, address: str | None, n_jobs: int | None, threads: in
     """
     if backend not in BACKENDS:
         raise TwingapError(f"unknown backend {backend!r}", mend=f"use one of {', '.join(BACKENDS)}")
-    if address is not None and backend not in ("dask", "ray"):
-        raise TwingapError(f"backend {backend!r} has no address ({address!r} given)", mend="use dask or ray, or none")
+    if address is not None and backend != "dask":
+        raise TwingapError(f"backend {backend!r} has no address ({address!r} given)", mend="use dask, or no address")
     if n_jobs is not None and n_jobs < 1:
         raise TwingapError(f"n_jobs = {n_jobs}, at least 1 expected")
-    if backend in ("dask", "ray"):
-        opened = _dask(address, n_jobs) if backend == "dask" else _ray(address, n_jobs)
-        with opened as count:
+    if backend == "dask":
+        with _dask(address, n_jobs) as count:
             yield Pool(backend, count, threads)
         return
     import joblib
@@ -181,38 +172,3 @@ def deaf_to_interrupts() -> Iterator[None]:
         yield
     finally:
         signal.signal(signal.SIGINT, before)
-
-
-def _check_answers(address: str) -> None:
-    """Knock at the door first: ray itself ends this process, without an exception, when nobody opens."""
-    host, _, port = address.removeprefix("ray://").rpartition(":")
-    try:
-        socket.create_connection((host, int(port)), timeout=3).close()
-    except (OSError, ValueError, OverflowError) as error:
-        mend = "start a cluster there (ray start --head), or leave the address out"
-        raise TwingapError(f"no ray cluster answers: {error}", where=address, mend=mend) from error
-
-
-@contextmanager
-def _ray(address: str | None, n_jobs: int | None) -> Iterator[int]:
-    try:
-        ray: Any = importlib.import_module("ray")
-    except ImportError:
-        raise TwingapError("backend ray is not installed", mend="pip install 'ray[default]'") from None
-    import joblib
-
-    if address not in (None, "auto", "local"):
-        _check_answers(str(address))
-    started = not ray.is_initialized()
-    if started:
-        here: dict[str, Any] = {} if address else {"num_cpus": n_jobs or joblib.cpu_count(), "include_dashboard": False}
-        try:
-            ray.init(address=address or "local", log_to_driver=False, logging_level=logging.ERROR, **here)
-        except (OSError, RuntimeError, ValueError) as error:
-            mend = "a cluster that asks for a token wants it in RAY_AUTH_TOKEN" if address else None
-            raise TwingapError(f"ray does not start: {error}", where=address, mend=mend) from error
-    try:
-        yield n_jobs or int(ray.cluster_resources().get("CPU", 1))
-    finally:
-        if started:
-            ray.shutdown()

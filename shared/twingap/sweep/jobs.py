@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import contextlib
 import functools
-import importlib
+import importlib.metadata
 import os
 import sys
 import time
@@ -20,7 +20,7 @@ from collections import deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Generic, TypeVar
+from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 from numpy.typing import NDArray
 
@@ -28,6 +28,9 @@ from twingap.errors import TwingapError
 from twingap.provenance import canonical, digest_of_code, plain
 from twingap.sweep.backends import WORKER_DIED, Pool, deaf_to_interrupts, end_with, limited_threads, open_pool
 from twingap.sweep.store import Identity, ResultStore, decode, encode
+
+if TYPE_CHECKING:
+    from twingap.effects.handover import HandedEffects
 
 J = TypeVar("J")
 DIED = "its worker process died (killed, out of memory, or crashed in compiled code)"
@@ -124,7 +127,7 @@ def sweep(
         Of the code: results of another version are not taken. Default: digest of the module of `function`; when more
         code matters, pass ``digest_of_code(...)`` of all that does.
     data : mapping, optional
-        Name -> digest of all data that `function` reads besides its job.
+        Name -> digest of all data that `function` reads besides its job. A digest of the user's own effects is added.
     on_result : callable, optional
         Called in this process for each result as it becomes known, those from the store first.
     describe : callable, optional
@@ -147,8 +150,10 @@ def sweep(
         raise TypeError("a partial binds data that the results depend on: pass their digests as data={name: digest}")
     plan: dict[str, _Planned[J]] = {}
     keys = []
+    own = _handed_effects()
+    read = dict(data or {}) | ({} if own is None or not own.digest else {"own effects": own.digest})
     for job in jobs:
-        identity = Identity(name, plain(job), version, dict(data or {}))
+        identity = Identity(name, plain(job), version, read)
         keys.append(identity.key)
         plan.setdefault(identity.key, _Planned(job, (describe or in_words)(job), identity))
 
@@ -165,7 +170,7 @@ def sweep(
         why = {key: kept.why_missing(i.label, i.identity) if kept else "no result" for key, i in todo.items()}
         if todo:
             with open_pool(backend, address, n_jobs, threads) as pool:
-                for key, outcome in _outcomes(pool, function, {key: item.job for key, item in todo.items()}):
+                for key, outcome in _outcomes(pool, own, function, {key: item.job for key, item in todo.items()}):
                     item = todo[key]
                     if isinstance(outcome, _Raised):
                         failures[key] = Failure(item.job, item.label, outcome.error, outcome.traceback)
@@ -212,12 +217,16 @@ class _Raised:
     traceback: str
 
 
-def _attempt(key: str, function: Callable[[Any], Any], job: Any, pool: Pool) -> tuple[str, _Returned | _Raised]:
+def _attempt(
+    effects: HandedEffects | None, key: str, function: Callable[[Any], Any], job: Any, pool: Pool
+) -> tuple[str, _Returned | _Raised]:
     """Run one job, in a worker. What it raises comes back as text, since not every exception can be sent."""
     if pool.leader is not None:
         end_with(pool.leader)
     begin = time.perf_counter()
     try:
+        if effects is not None:
+            effects.check()
         with contextlib.nullcontext() if pool.threads_inside is None else limited_threads(pool.threads_inside):
             value = function(job)
         text, arrays = encode(value)
@@ -228,7 +237,7 @@ def _attempt(key: str, function: Callable[[Any], Any], job: Any, pool: Pool) -> 
 
 
 def _outcomes(
-    pool: Pool, function: Callable[[J], Any], jobs: Mapping[str, J]
+    pool: Pool, effects: HandedEffects | None, function: Callable[[J], Any], jobs: Mapping[str, J]
 ) -> Iterator[tuple[str, _Returned | _Raised]]:
     """Each job's outcome, as it comes. When a worker dies, the jobs that were under way then run one by one.
 
@@ -239,11 +248,11 @@ def _outcomes(
     while waiting:
         under_way: set[str] = set()
         try:
-            yield from _parallel(pool, function, jobs, waiting, under_way)
+            yield from _parallel(pool, effects, function, jobs, waiting, under_way)
         except _WorkerDiedError:
             for key in [key for key in jobs if key in under_way]:
                 try:
-                    yield from _parallel(pool, function, jobs, deque([key]), set())
+                    yield from _parallel(pool, effects, function, jobs, deque([key]), set())
                 except _WorkerDiedError as error:
                     yield key, _Raised(DIED, f"{DIED}\n{error.__cause__!r}")
 
@@ -253,16 +262,18 @@ class _WorkerDiedError(Exception):
 
 
 def _parallel(
-    pool: Pool, function: Callable[[J], Any], jobs: Mapping[str, J], waiting: deque[str], under_way: set[str]
+    pool: Pool,
+    effects: HandedEffects | None,
+    function: Callable[[J], Any],
+    jobs: Mapping[str, J],
+    waiting: deque[str],
+    under_way: set[str],
 ) -> Iterator[tuple[str, _Returned | _Raised]]:
     """Outcomes of the waiting jobs; those sent but not back are under way."""
     if pool.backend == "sequential":
         while waiting:
             key = waiting.popleft()
-            yield _attempt(key, function, jobs[key], pool)
-        return
-    if pool.backend == "ray":
-        yield from _with_ray(pool, function, jobs, waiting)
+            yield _attempt(None, key, function, jobs[key], pool)
         return
     import joblib
 
@@ -270,7 +281,7 @@ def _parallel(
         while waiting:
             key = waiting.popleft()
             under_way.add(key)
-            yield joblib.delayed(_attempt)(key, function, jobs[key], pool)
+            yield joblib.delayed(_attempt)(effects, key, function, jobs[key], pool)
 
     # One job at a time to a worker, and few in line, so that little is lost when a worker dies.
     # An interruption meets this process alone: workers that are still starting would each say where they were.
@@ -294,30 +305,13 @@ def _parallel(
             outcomes.close()
 
 
-def _with_ray(
-    pool: Pool, function: Callable[[J], Any], jobs: Mapping[str, J], waiting: deque[str]
-) -> Iterator[tuple[str, _Returned | _Raised]]:
-    """Outcomes of the waiting jobs on ray, which says itself which job killed its worker."""
-    ray: Any = importlib.import_module("ray")
-    attempt, shared = ray.remote(num_cpus=1, max_retries=0)(_attempt), ray.put(function)
-    sent: dict[Any, str] = {}
-    try:
-        while waiting or sent:
-            while waiting and len(sent) < 2 * pool.n_jobs:
-                key = waiting.popleft()
-                sent[attempt.remote(key, shared, jobs[key], pool)] = key
-            (ready, *_), _ = ray.wait(list(sent), num_returns=1)
-            key = sent.pop(ready)
-            try:
-                outcome = ray.get(ready)[1]
-            except Exception as error:
-                if type(error).__name__ not in WORKER_DIED:
-                    raise _backend_failed(pool, error) from error
-                outcome = _Raised(DIED, f"{DIED}\n{error!r}")
-            yield key, outcome
-    finally:
-        for reference in sent:
-            ray.cancel(reference, force=True)
+def _handed_effects() -> HandedEffects | None:
+    """The user's own effects; None where nothing has to do with effects, which spares workers their import."""
+    if "twingap.effects" not in sys.modules and not importlib.metadata.entry_points(group="twingap.effects"):
+        return None
+    from twingap.effects.handover import handed_effects
+
+    return handed_effects()
 
 
 def _backend_failed(pool: Pool, error: Exception) -> TwingapError:

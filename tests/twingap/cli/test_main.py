@@ -9,12 +9,16 @@ import subprocess
 import sys
 import time
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
+from typer.main import get_command
 
+from tests.twingap.cli.typed import Run, refused
 from twingap.bearing import BEARINGS
-from twingap.cli import main
+from twingap.cli import app, main
+from twingap.effects import catalogue, registry
 from twingap.records import Condition, Record
 from twingap.records.folder import write_records
 from twingap.twins.twin_file import TwinSpec, write_twin
@@ -50,7 +54,7 @@ def test_what_was_mistyped_is_told_in_one_line(
         assert part in said.err
 
 
-@pytest.mark.parametrize("command", [["run", "paper3"], ["gap", "public"]])
+@pytest.mark.parametrize("command", [["run", "paper3"], ["study", "public"]])
 def test_commands_with_a_bar_refuse_in_one_line_too(
     command: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -129,3 +133,89 @@ def test_samples_that_no_accelerometer_measures_are_refused(
     assert "check the unit" in said.err
     assert said.err.count("\n") == 1
     assert not out.exists()
+
+
+def test_version_and_help_import_nothing_that_computes_or_tracks() -> None:
+    text = (
+        "import sys; sys.argv = ['twingap', *sys.argv[1:]]\n"
+        "from twingap.cli import main\n"
+        "try: main()\n"
+        "finally: print(sorted({'torch', 'mlflow', 'numba', 'scipy', 'sklearn', 'pandas', 'matplotlib'} & {*sys.modules}))"
+    )
+    for words, part in ((["--version"], "twingap 0."), (["gap", "--help"], "RECORDSET"), (["bearings"], "BPFO")):
+        done = subprocess.run([sys.executable, "-c", text, *words], capture_output=True, text=True, check=True)
+        assert part in done.stdout
+        assert done.stdout.splitlines()[-1] == "[]", words
+
+
+HUM = """
+from dataclasses import dataclass
+from typing import ClassVar
+from twingap.effects import Effect, Stage, parameter, register
+
+@register
+@dataclass(frozen=True)
+class Hum(Effect):
+    "A tone that nobody modelled."
+
+    stage: ClassVar[Stage] = Stage.DISTURBANCE
+    level: float = parameter(0.5, unit="healthy rms", plausible=(0.01, 1.0), doc="height of the tone")
+    look_alikes = ("mains_interference",)
+    deciding_measurement = "Switch the neighbour off."
+
+    def apply(self, draft, rng):
+        draft.x += self.level
+"""
+
+
+def test_effects_of_the_users_own_are_known_to_commands(
+    typed: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(registry, "_OWN", {})
+    file = tmp_path / "meine.py"
+    file.write_text(HUM)
+    refused(typed("effects", "hum"), "unknown effect 'hum'")
+    said = typed("effects", "hum", "--effects", file)
+    for part in ("hum (disturbance", "A tone that nobody", "height of the tone", "0.01 to 1", "Switch the neighbour"):
+        assert part in said.out
+    about = json.loads(typed("effects", "hum", "--json", "--effects", file).out)
+    assert about["look_alikes"] == ["mains_interference"]
+    assert about["parameters"][0]["plausible"] == [0.01, 1.0] and about["parameters"][0]["default"] == 0.5
+    registry.replace_own({})
+    twin, table = tmp_path / "twin.toml", tmp_path / "table.csv"
+    bearing = "bearing = {name = '6205', n_rollers = 9, roller_diameter_mm = 7.94, pitch_diameter_mm = 39.04}\n"
+    twin.write_text("[twin]\nmodel = 'phenomenological'\neffects = ['hum']\n" + bearing)
+    table.write_text("record,speed_rpm,fault,fs_hz,n_samples\na,1797,healthy,12000,4096\n")
+    simulate = ("simulate", twin, "--records", table, "--out", tmp_path / "out")
+    refused(typed(*simulate), "hum")
+    assert typed(*simulate, "--effects", file).status == 0
+    refused(typed(*simulate, "--effects", tmp_path / "none.py"), "none.py: cannot be read")
+
+
+def _all_commands() -> list[list[str]]:
+    top: Any = get_command(app)
+    return [
+        [name, *below]
+        for name, command in top.commands.items()
+        for below in ([[each] for each in command.commands] if hasattr(command, "commands") else [[]])
+    ]
+
+
+def test_every_command_takes_effects_and_shows_an_example(typed: Run) -> None:
+    for command in _all_commands():
+        shown = typed(*command, "--help").out
+        assert "--effects" in shown, command
+        assert f"twingap {' '.join(command)}" in shown.partition("Example")[2], command
+
+
+def test_catalogue_and_bearings_are_listed(typed: Run) -> None:
+    listed = json.loads(typed("effects", "--json").out)
+    assert [each["effect"] for each in listed] == list(catalogue())
+    assert all(each["summary"] and each["parameters"] and each["references"] for each in listed)
+    assert "slip_jitter" in typed("effects").out
+    rows = json.loads(typed("bearings", "--json").out)
+    assert [row["bearing"] for row in rows] == [bearing.name for bearing in BEARINGS.values()]
+    (one,) = json.loads(typed("bearings", "6205", "--json").out)
+    assert one["bpfo"] == BEARINGS["6205"].bpfo and one["rollers"] == 9
+    refused(typed("bearings", "9999"), "unknown bearing '9999'", "[bearing] table")
+    refused(typed("effects", "slip"), "unknown effect 'slip'", "slip_jitter")

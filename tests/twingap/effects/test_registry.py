@@ -4,8 +4,12 @@ from __future__ import annotations
 
 import dataclasses
 import math
+import os
 import re
+import subprocess
+import sys
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, ClassVar
 
 import numpy as np
@@ -15,15 +19,17 @@ from twingap import BEARINGS, Condition, TwingapError
 from twingap.effects import (
     Draft,
     Effect,
+    SlipJitter,
     Stage,
-    base,
     catalogue,
     in_order,
+    load_effects,
     make_effect,
     measurements,
     parameter,
     register,
-)
+    registry,
+)  # fmt: skip
 from twingap.twins.phenomenological import PhenomenologicalTwin
 
 SPECIFIED = {
@@ -126,9 +132,13 @@ def test_effects_act_in_the_order_of_the_chain() -> None:
     assert [effect.name for effect in in_order(named)] == NAMES
 
 
-def test_user_adds_an_effect_in_five_lines(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(base, "_REGISTRY", dict(base._REGISTRY))
+@pytest.fixture
+def own(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Effects registered by a test are gone after it."""
+    monkeypatch.setattr(registry, "_OWN", {})
 
+
+def test_user_adds_an_effect_in_five_lines(own: None) -> None:
     @register
     @dataclass(frozen=True)
     class Hum(Effect):
@@ -151,15 +161,149 @@ def test_user_adds_an_effect_in_five_lines(monkeypatch: pytest.MonkeyPatch) -> N
         make_effect("hum", {"level": -1.0})
 
 
-def test_registering_what_is_no_effect_says_why() -> None:
-    with pytest.raises(TypeError, match="not a subclass of Effect"):
-        register(int)  # type: ignore[type-var]
+class Stageless(Effect):
+    def apply(self, draft: Draft, rng: np.random.Generator) -> None: ...
 
-    class Stageless(Effect):
-        def apply(self, draft: Draft, rng: np.random.Generator) -> None: ...
 
-    with pytest.raises(TypeError, match="has no stage"):
-        register(Stageless)
+class Still(Effect):
+    stage: ClassVar[Stage] = Stage.DISTURBANCE
+
+
+class Bare(Effect):
+    stage: ClassVar[Stage] = Stage.DISTURBANCE
+
+    def apply(self, draft: Draft, rng: np.random.Generator) -> None: ...
+
+
+@dataclass(frozen=True)
+class Unbounded(Bare):
+    level: float = 0.1
+
+
+@pytest.mark.parametrize(
+    ("kind", "message"),
+    [
+        (int, "int is not a subclass of Effect"),
+        (3, "3 is not a subclass of Effect"),
+        (Stageless, "Stageless has no stage"),
+        (Still, "Still has no apply"),
+        (Bare, "Bare has no parameters: put @dataclass"),
+        (Unbounded, r"Unbounded has no range for level: write  level: float = parameter"),
+    ],
+)
+def test_registering_what_is_no_effect_says_why(own: None, kind: Any, message: str) -> None:
+    with pytest.raises(TwingapError, match=" ".join(message.split())):
+        register(kind)
+
+
+FILE = """
+from dataclasses import dataclass
+from typing import ClassVar
+
+from twingap.effects import Effect, SlipJitter, Stage, parameter, register
+
+LEVEL = 0.5
+
+
+@register
+@dataclass(frozen=True)
+class Hum(Effect):
+    "A tone that nobody modelled."
+
+    stage: ClassVar[Stage] = Stage.DISTURBANCE
+    level: float = parameter(LEVEL, unit="healthy rms", plausible=(0.01, 1.0), doc="amplitude of the tone")
+
+    def apply(self, draft, rng):
+        draft.x += self.level
+
+
+register(SlipJitter)
+"""
+
+
+def written(folder: Path, text: str) -> Path:
+    path = folder / "meine Effekte ä.py"
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+def test_file_brings_effects_and_its_edit_replaces_them(own: None, tmp_path: Path) -> None:
+    path = written(tmp_path, FILE)
+    assert load_effects(path) == ("hum",)
+    first = catalogue()["hum"]
+    assert load_effects(path) == ("hum",)
+    assert catalogue()["hum"] is first, "the same text is the same class"
+    assert list(catalogue())[-4:] == ["hum", "clipping", "quantisation", "dropout"]
+    written(tmp_path, FILE.replace("LEVEL = 0.5", "LEVEL = 0.25"))
+    load_effects(path)
+    assert make_effect("hum") == catalogue()["hum"](level=0.25)  # type: ignore[call-arg]
+    assert catalogue()["hum"] is not first
+    written(tmp_path, FILE)
+    load_effects(path)
+    assert catalogue()["hum"] is first, "and back"
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("x = 1\n", r"ä.py: registers no effect of its own; put @register"),
+        ("from twingap.effects import *\nregister(SlipJitter)\n", "registers no effect of its own"),
+        ("x = 1\nif x\n", r"ä.py: line 2: syntax error: expected ':'"),
+        ("def f():\n    return 1 / 0\n\nf()\n", r"ä.py: line 2: ZeroDivisionError: division by zero"),
+        ("import neighbour_that_is_not_there\n", "line 1: ModuleNotFoundError: No module named"),
+        ("import sys\nsys.exit('no')\n", "line 2: SystemExit: no"),
+        ("a\0b", "null bytes"),
+        (FILE.replace("(Effect)", "(object)"), "line 10: Hum is not a subclass of Effect"),
+        (FILE.replace("    stage: ClassVar[Stage] = Stage.DISTURBANCE\n", ""), "line 10: Hum has no stage"),
+        (
+            FILE.replace("Hum", "Clipping"),
+            "line 10: effect clipping ships with twingap already; give the class another",
+        ),
+        (FILE + "\n1 / 0\n", "ZeroDivisionError"),
+    ],
+)
+def test_file_at_fault_is_refused_in_one_line(own: None, tmp_path: Path, text: str, message: str) -> None:
+    before = catalogue()
+    with pytest.raises(TwingapError, match=message) as caught:
+        load_effects(written(tmp_path, text))
+    assert "\n" not in str(caught.value)
+    assert catalogue() == before, "nothing of it is kept"
+
+
+def test_file_that_is_not_there_is_named(tmp_path: Path) -> None:
+    with pytest.raises(TwingapError, match=r"none\.py: cannot be read: No such file"):
+        load_effects(tmp_path / "none.py")
+    with pytest.raises(TwingapError, match="cannot be read: Is a directory"):
+        load_effects(tmp_path)
+    (tmp_path / "latin.py").write_bytes(b"# \xe4\n")
+    with pytest.raises(TwingapError, match="not UTF-8"):
+        load_effects(tmp_path / "latin.py")
+
+
+def test_shipped_effect_is_not_replaced(own: None) -> None:
+    impostor = type("SlipJitter", (SlipJitter,), {"__module__": __name__})
+    with pytest.raises(TwingapError, match="slip_jitter ships with twingap"):
+        register(impostor)
+    assert register(SlipJitter) is catalogue()["slip_jitter"] is SlipJitter
+
+
+@pytest.mark.parametrize(("broken", "code"), [(False, 0), (True, 1)])
+def test_installed_package_brings_effects(tmp_path: Path, broken: bool, code: int) -> None:
+    """A real distribution on the path of another process: found when the catalogue is asked for, not before."""
+    about = tmp_path / "plugin-1.dist-info"
+    about.mkdir()
+    (about / "METADATA").write_text("Metadata-Version: 2.1\nName: plugin\nVersion: 1\n")
+    (about / "entry_points.txt").write_text("[twingap.effects]\nhum = plugin\n")
+    (tmp_path / "plugin.py").write_text(FILE.replace("(Effect)", "(object)") if broken else FILE)
+    code_text = "import sys, twingap.effects as e; assert 'plugin' not in sys.modules; e.make_effect('hum')"
+    done = subprocess.run(
+        [sys.executable, "-c", code_text],
+        env={**os.environ, "PYTHONPATH": os.pathsep.join([str(tmp_path), *sys.path])}, capture_output=True, text=True,
+    )  # fmt: skip
+    assert done.returncode == code, done.stderr
+    if broken:
+        assert "package plugin: effects cannot be loaded: Hum is not a subclass of Effect; mend" in done.stderr
+
 
 
 @pytest.mark.parametrize("name", NAMES)

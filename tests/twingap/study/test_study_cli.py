@@ -1,4 +1,4 @@
-"""`twingap gap study`: errors in one line, before any work; its options."""
+"""`twingap study blind`: errors in one line, before any work; its options."""
 
 import json
 import sys
@@ -10,7 +10,7 @@ from twingap.cli import main
 
 
 def call(monkeypatch: pytest.MonkeyPatch, *words: object) -> int:
-    monkeypatch.setattr(sys, "argv", ["twingap", "gap", "study", *map(str, words)])
+    monkeypatch.setattr(sys, "argv", ["twingap", "study", "blind", *map(str, words)])
     with pytest.raises(SystemExit) as ended:
         main()
     return int(ended.value.code or 0)

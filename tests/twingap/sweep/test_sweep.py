@@ -58,12 +58,6 @@ def test_every_backend_gives_the_same_in_job_order(jobs: Any, backend: str, tmp_
     assert all(same(r.value, {**jobs.draw(r.job), "pair": [r.job.seed, "ü"]}) for r in results)
 
 
-def test_ray_gives_the_same(jobs: Any) -> None:
-    pytest.importorskip("ray", reason="the ray extra is not installed")
-    results = sweep(jobs.draw, [jobs.Draw(0), jobs.Draw(1)], backend="ray", n_jobs=2)
-    assert all(same(r.value["x"], jobs.draw(r.job)["x"]) for r in results)
-
-
 def test_what_is_stored_is_not_computed_again(jobs: Any, tmp_path: Path) -> None:
     log = tmp_path / "log"
     todo = [jobs.Draw(seed, str(log)) for seed in range(4)]
@@ -202,8 +196,6 @@ def test_user_errors_are_one_line(jobs: Any, tmp_path: Path) -> None:
         ("n_jobs = 0", {"n_jobs": 0}),
         ("cannot be made", {"store": tmp_path / "file" / "store"}),
     ]
-    if importlib.util.find_spec("ray") is None:
-        cases.append(("pip install 'ray", {"backend": "ray"}))
     if importlib.util.find_spec("distributed") is not None:
         cases.append(("no dask scheduler answers", {"backend": "dask", "address": "tcp://127.0.0.1:9"}))
         cases.append(("no dask scheduler answers", {"backend": "dask", "address": "nonsense"}))

@@ -1,4 +1,4 @@
-"""`twingap degrade` as it is typed."""
+"""`twingap health` as it is typed."""
 
 from __future__ import annotations
 
@@ -24,8 +24,8 @@ Table = Callable[..., Path]
 
 @pytest.fixture
 def twingap(typed: Run) -> Run:
-    """Runs `twingap degrade ...`."""
-    return partial(typed, "degrade")
+    """Runs `twingap health ...`."""
+    return partial(typed, "health")
 
 
 def rows_of(path: Path) -> list[dict[str, str]]:

@@ -1,4 +1,4 @@
-"""`twingap degrade`: health indicator, degradation models compared, figure."""
+"""`twingap health`: health indicator, degradation models compared, figure."""
 
 from __future__ import annotations
 
@@ -7,13 +7,14 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from twingap.cli.options import Json, Seed, progress, say, say_json, show, wrote
+from twingap.cli.options import Effects, Json, Seed, say, say_json, show, wrote
+from twingap.cli.progress import progress
 
 if TYPE_CHECKING:
     from twingap.prognosis.health_indicator import Run
 
 
-def degrade(
+def health(
     source: Annotated[
         Path,
         typer.Argument(
@@ -37,6 +38,7 @@ def degrade(
     group: Annotated[str | None, typer.Option(help="Which run, where there are several.")] = None,
     robust: Annotated[bool, typer.Option("--robust", help="Weigh records far off the curve less.")] = False,
     level: Annotated[float, typer.Option(help="Coverage of the intervals.", min=0.5, max=0.99)] = 0.9,
+    effects: Effects = None,
     seed: Seed = 0,
     as_json: Json = False,
 ) -> None:
@@ -73,8 +75,8 @@ def degrade(
                 f"one: machine stopped, or sensor off) and are left out: {', '.join(silent)}"
             )
             run = Run(run.name, run.time_s[awake], run.names, run.features[awake])
-        with progress("fitting", len(MODELS)) as step:
-            found = run_all(run, options, np.random.default_rng(seed), step=step)
+        with progress("fitting", len(MODELS)) as shown:
+            found = run_all(run, options, np.random.default_rng(seed), step=shown.step)
         if found.candidates.constant:
             notes.append(f"constant while healthy, left out: {', '.join(found.candidates.constant)}")
         if indicator is None:
@@ -110,9 +112,9 @@ def degrade(
     if as_json:
         say_json(about)
     else:
-        shown = ("model", "formula", "r2", "aicc_ar1_above_least", "bic_ar1_above_least", "rmse_later_records")
+        columns = ("model", "formula", "r2", "aicc_ar1_above_least", "bic_ar1_above_least", "rmse_later_records")
         life = ("remaining_time_s", "remaining_time_s_lo", "remaining_time_s_hi") if limit is not None else ()
-        rows = [{key: row[key] for key in (*shown, *life)} for row in tables["models"]]
+        rows = [{key: row[key] for key in (*columns, *life)} for row in tables["models"]]
         show(rows, False, title=f"{run.name}: {run.time_s.size} records, indicator {found.indicator}")
         for note in notes:
             say(f"note: {note}")
@@ -149,8 +151,8 @@ def _from_records(source: Path, group: str | None) -> tuple[Run, list[str]]:
     speeds = {round(c.speed_rpm, -1) for c in records.conditions}
     if len(speeds) > 1:
         notes.append(f"speed varies ({min(speeds):g} to {max(speeds):g} rpm), and features with it")
-    with progress("features", len(records)) as step:
-        return features_of(records, group or records.name, step=step), notes
+    with progress("features", len(records)) as shown:
+        return features_of(records, group or records.name, step=shown.step), notes
 
 
 def _from_table(source: Path, group: str | None) -> tuple[Run, list[str]]:

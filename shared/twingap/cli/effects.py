@@ -1,0 +1,86 @@
+"""`twingap effects`: the catalogue of effects."""
+
+from __future__ import annotations
+
+import dataclasses
+import inspect
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from twingap.cli.options import AnySeed, Effects, Json, say, say_json, show
+from twingap.errors import TwingapError
+
+if TYPE_CHECKING:
+    from twingap.effects import Effect
+
+
+def effects(
+    name: Annotated[
+        str | None, typer.Argument(metavar="NAME", help="One effect in full; all of them when left out.")
+    ] = None,
+    effects: Effects = None,
+    seed: AnySeed = 0,
+    as_json: Json = False,
+) -> None:
+    """Effects that a twin can have: what each is, its parameters, what looks like it, what would decide."""
+    from twingap.effects import catalogue
+
+    known = catalogue()
+    if name is None:
+        listed = [_described(each, kind) for each, kind in known.items()]
+        if as_json:
+            say_json(listed)
+        else:
+            show([{key: about[key] for key in ("effect", "stage", "group", "summary")} for about in listed], False)
+        return
+    if name not in known:
+        raise TwingapError(f"unknown effect {name!r}", mend=f"known effects: {', '.join(known)}")
+    about = _described(name, known[name])
+    if as_json:
+        say_json(about)
+        return
+    kind_of = ", ".join(word for word in (about["stage"], about["group"]) if word)
+    say(f"{name} ({kind_of})", "", about["description"], "")
+    show(
+        [
+            {
+                "parameter": each["name"], "meaning": each["meaning"], "unit": each["unit"],
+                "default": each["default"], "plausible": "{:g} to {:g}".format(*each["plausible"]),
+            }
+            for each in about["parameters"]
+        ],
+        False,
+    )  # fmt: skip
+    for title, key in (("looks like", "look_alikes"), ("references", "references")):
+        if about[key]:
+            say(f"{title}: {'; '.join(about[key])}")
+    if about["deciding_measurement"]:
+        say(f"what would decide: {about['deciding_measurement']}")
+
+
+def _described(name: str, kind: type[Effect]) -> dict[str, Any]:
+    """What is known about an effect."""
+    description = inspect.cleandoc(kind.__doc__ or "")
+    if description.startswith(f"{kind.__name__}("):  # what a dataclass without a docstring gets
+        description = ""
+    return {
+        "effect": name,
+        "stage": kind.stage.name.lower(),
+        "group": str(getattr(kind, "group", None) or ""),
+        "summary": " ".join(description.partition("\n\n")[0].split()),
+        "description": description,
+        "parameters": [_parameter(field) for field in dataclasses.fields(kind)],  # type: ignore[arg-type]
+        "look_alikes": list(getattr(kind, "look_alikes", ())),
+        "deciding_measurement": str(getattr(kind, "deciding_measurement", None) or ""),
+        "references": list(kind.references),
+    }
+
+
+def _parameter(field: dataclasses.Field[Any]) -> dict[str, Any]:
+    about = field.metadata
+    return {
+        "name": field.name, "meaning": about["doc"], "unit": about["unit"], "default": field.default,
+        "plausible": list(about["plausible"]), "allowed": list(about["allowed"]), "logarithmic": about["log"],
+        "fitted": about["fitted"],
+    }  # fmt: skip

@@ -1,0 +1,151 @@
+"""Progress of a command on standard error: a bar on a terminal, elsewhere a line now and then."""
+
+from __future__ import annotations
+
+import sys
+import threading
+import time
+from abc import ABC, abstractmethod
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from typing import Any, Final, TypeVar
+
+from rich.console import Console
+from rich.progress import BarColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+from rich.progress import Progress as RichProgress
+
+T = TypeVar("T")
+
+EVERY_S: Final = 30.0
+"""Seconds between two lines where standard error is no terminal; stages that take less are not mentioned there."""
+
+console = Console(stderr=True)
+"""Progress goes to standard error, so that standard output holds the result alone."""
+
+
+class Progress(ABC):
+    """What is being done, and how much of it is done. Its methods are the callbacks that the library takes."""
+
+    def __init__(self, what: str, total: float | None) -> None:
+        self.what, self.done, self.total, self.now = what, 0.0, total, ""
+
+    def share(self, what: str, fraction: float) -> None:
+        """What is being done, and which part of all is done, 0 to 1."""
+        self._set(what, fraction, 1.0, "")
+
+    def count(self, what: str, done: float, total: float | None) -> None:
+        """What is being done, how much of it is done, and how much there is."""
+        self._set(what, done, total, "")
+
+    def step(self, now: str = "", amount: float = 1) -> None:
+        """One more is done; `now` says which."""
+        self._set(self.what, self.done + amount, self.total, now)
+
+    def _set(self, what: str, done: float, total: float | None, now: str) -> None:
+        new = what != self.what
+        if new:
+            self.end_of_stage()
+        self.what, self.done, self.total, self.now = what, done, total, now
+        self.show(new)
+
+    @abstractmethod
+    def show(self, new: bool) -> None:
+        """Show what has changed; `new` when something else is being done."""
+
+    def end_of_stage(self) -> None:  # noqa: B027
+        """Called when what was being done is finished; nothing to show on a bar."""
+
+    def percent(self) -> str:
+        """The share that is done, "" when there is none to state."""
+        return f"{100 * min(1.0, self.done / self.total):.0f} %" if self.total else ""
+
+
+class _Bar(Progress):
+    """On a terminal."""
+
+    def __init__(self, what: str, total: float | None, bar: RichProgress) -> None:
+        super().__init__(what, total)
+        self.bar, self.task = bar, bar.add_task(what, total=total, percent="", now="")
+
+    def show(self, new: bool) -> None:
+        given: dict[str, Any] = {"percent": self.percent(), "now": self.now}
+        self.bar.update(self.task, description=self.what, completed=self.done, total=self.total, **given)
+
+
+class _Lines(Progress):
+    """Elsewhere: a thread prints a line at intervals, also while a stage takes long to say anything."""
+
+    def __init__(self, what: str, total: float | None, every_s: float) -> None:
+        super().__init__(what, total)
+        self.every_s, self.begin, self.finished = every_s, time.monotonic(), threading.Event()
+        self.thread = threading.Thread(target=self._print_at_intervals, daemon=True)
+        self.thread.start()
+
+    def show(self, new: bool) -> None:
+        if new:
+            self.begin = time.monotonic()
+
+    def end_of_stage(self) -> None:
+        seconds = time.monotonic() - self.begin
+        if seconds >= self.every_s:
+            _print(f"{self.what}: done in {_duration(seconds)}")
+
+    def close(self) -> None:
+        """Print no more."""
+        self.finished.set()
+        self.thread.join()
+
+    def _print_at_intervals(self) -> None:
+        while not self.finished.wait(self.every_s):
+            known = ", ".join(word for word in (self.percent(), self.now) if word)
+            _print(f"{self.what}: {known}" if known else f"{self.what} ...")
+
+
+@contextmanager
+def progress(title: str, total: float | None = None, *, every_s: float = EVERY_S) -> Iterator[Progress]:
+    """Show progress within the block.
+
+    Parameters
+    ----------
+    title : str
+        What is done first.
+    total : float or None
+        Steps of it; None when not known.
+    every_s : float
+        Seconds between two lines where standard error is no terminal.
+
+    Yields
+    ------
+    Progress
+    """
+    if not console.is_terminal:
+        lines = _Lines(title, total, every_s)
+        try:
+            yield lines
+            lines.end_of_stage()
+        finally:
+            lines.close()
+        return
+    columns = (
+        TextColumn("{task.description}", markup=False), BarColumn(), TextColumn("{task.fields[percent]}"),
+        TimeElapsedColumn(), TimeRemainingColumn(), TextColumn("{task.fields[now]}", markup=False),
+    )  # fmt: skip
+    with RichProgress(*columns, console=console, transient=True) as bar:
+        yield _Bar(title, total, bar)
+
+
+def steps(items: Iterable[T], title: str, total: int) -> Iterator[T]:
+    """The items as they come, each a step of `progress`."""
+    with progress(title, total) as shown:
+        for item in items:
+            yield item
+            shown.step()
+
+
+def _print(line: str) -> None:
+    print(f"twingap: {line}", file=sys.stderr, flush=True)
+
+
+def _duration(seconds: float) -> str:
+    minutes, rest = divmod(round(seconds), 60)
+    return f"{minutes} min {rest} s" if minutes else f"{rest} s"

@@ -1,0 +1,125 @@
+"""`twingap study`: the blind study of the diagnosis, and the study on public records."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from twingap.cli.options import Effects, Json, Seed, examples, say, say_json, show, wrote
+from twingap.cli.progress import Progress, progress
+
+app = typer.Typer(help="Studies of the diagnosis: on worlds of known truth, on public records.", no_args_is_help=True)
+
+Jobs = Annotated[int | None, typer.Option("--jobs", metavar="J", help="Processes; one per core when absent.", min=1)]
+
+
+@app.command("blind", epilog=examples("twingap study blind --out study --cases 60 --seed 1"))
+def blind(
+    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder; an interrupted study is taken up again.")],
+    cases: Annotated[int, typer.Option("--cases", metavar="N", help="Worlds, at least 6.", min=6)] = 300,
+    effects: Effects = None,
+    seed: Seed = 0,
+    jobs: Jobs = None,
+    rivals: Annotated[
+        int | None,
+        typer.Option(
+            "--rival-worlds", metavar="W", min=0, help="Worlds that the rivals learn from; 0: none that learn.",
+            show_default="1500, or 5 per world where that is less",
+        ),
+    ] = None,
+    json: Json = False,
+) -> None:  # fmt: skip
+    """Diagnose machines of known truth blind, and score: made, sealed, diagnosed, unsealed, scored beside rivals."""
+    from twingap.rigs.worlds import cases as plan
+    from twingap.study import run_study, write_study
+    from twingap.study.runner import command_line
+
+    with _resumable("cases") as shown:
+        done = run_study(
+            out,
+            plan(cases, seed),
+            seed,
+            training_count=min(1500, 5 * cases) if rivals is None else rivals,
+            jobs=jobs,
+            command=command_line(),
+            report=shown.count,
+        )
+    paths = write_study(done, out)
+    if json:
+        say_json(done.table["scores"])
+    else:
+        title = f"blind study, {cases} worlds, seed {seed}"
+        show([{**row, "met": {None: "", True: "met", False: "missed"}[row["met"]]} for row in done.table["scores"]],
+             False, title)  # fmt: skip
+        for name, why in done.table["provenance"]["rivals_skipped"].items():
+            say(f"rival not run: {name}: {why}")
+    wrote(*paths, as_json=json)
+
+
+@app.command("public", epilog=examples("twingap study public --out public --sets cwru"))
+def public(
+    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder; an interrupted run is taken up again.")],
+    sets: Annotated[
+        str, typer.Option("--sets", metavar="NAMES", help="Public sets, by comma; effects are added to the first.")
+    ] = "cwru,hit_sm",
+    root: Annotated[
+        Path | None,
+        typer.Option("--root", help="Folder that holds the data sets, one folder each; default TWINGAP_DATA."),
+    ] = None,
+    pieces: Annotated[
+        int, typer.Option("--pieces", metavar="N", help="Records of 1 s from each recording.", min=2, max=60)
+    ] = 2,
+    splits: Annotated[
+        int, typer.Option("--splits", metavar="N", help="Random halvings with nothing added, per set.", min=0)
+    ] = 6,
+    injections: Annotated[
+        int, typer.Option("--injections", metavar="N", help="Halvings that each effect is added on.", min=0)
+    ] = 1,
+    single_pieces: Annotated[
+        int,
+        typer.Option("--single", metavar="N", help="Records of each recording diagnosed by itself; 0: none.", min=0),
+    ] = 3,
+    effects: Effects = None,
+    seed: Seed = 0,
+    jobs: Jobs = None,
+    json: Json = False,
+) -> None:
+    """Diagnose public records: what each paper's twin lacks, effects withheld or added, single recordings."""
+    from twingap.study.public import Plan, run_public
+    from twingap.study.public_report import twin_rows, write_public
+    from twingap.study.runner import command_line
+
+    names = tuple(dict.fromkeys(name.strip() for name in sets.split(",") if name.strip()))
+    plan = Plan(names, seed, pieces, splits, injections, single_pieces)
+    with _resumable("sets") as shown:
+        table = run_public(
+            out,
+            plan,
+            root=None if root is None else str(root),
+            jobs=jobs,
+            command=command_line(),
+            report=shown.count,
+        )
+    paths = write_public(table, out)
+    if json:
+        say_json(table["twins"])
+    else:
+        show(twin_rows(table), False, "what each twin lacks")
+        say(*(f"note: {name} is left out: {why}" for name, why in table["skipped"].items()))
+    wrote(*paths, as_json=json)
+
+
+@contextmanager
+def _resumable(title: str) -> Iterator[Progress]:
+    """Progress of work that can be interrupted and taken up again."""
+    try:
+        with progress(title) as shown:
+            yield shown
+    except KeyboardInterrupt:  # typer would end without a word
+        print("twingap: interrupted; what was finished is kept, run the same command to go on", file=sys.stderr)
+        raise typer.Exit(130) from None

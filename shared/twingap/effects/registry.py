@@ -1,0 +1,248 @@
+"""The registry of effects: those that ship with twingap, and a user's own.
+
+A user's own effects come from three places: `register` in Python, a file (`load_effects`; ``--effects FILE.py`` on the
+command line), and installed packages that name a module in the entry point group ``twingap.effects``.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+import importlib.metadata
+import inspect
+import linecache
+import os
+import sys
+import traceback
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from types import ModuleType
+from typing import Final, TypeVar
+
+from twingap.config import build
+from twingap.effects.base import Effect, Stage, effect_name, snake_case
+from twingap.errors import TwingapError
+
+__all__ = ["EffectFile", "catalogue", "effect_name", "in_order", "load_effects", "make_effect", "register"]
+
+E_ = TypeVar("E_", bound=type[Effect])
+
+ENTRY_POINTS: Final = "twingap.effects"
+"""Entry point group of packages that bring effects."""
+
+_SHIPPED: dict[str, type[Effect]] = {}
+_OWN: dict[str, type[Effect]] = {}
+_FILES: dict[str, tuple[EffectFile, dict[str, type[Effect]]]] = {}
+"""Loaded files by name of the module that was made of them, with the effects that they registered."""
+
+
+@dataclass(frozen=True)
+class EffectFile:
+    """A user's file of effects.
+
+    Parameters
+    ----------
+    path : str
+        Where it was read.
+    text : str
+        Its source text, from which it can be loaded where the file is not.
+    """
+
+    path: str
+    text: str
+
+    @property
+    def module(self) -> str:
+        """Name of its module, one for each text, so that an edited file is another module."""
+        return f"twingap_effects_{hashlib.sha256(self.text.encode()).hexdigest()[:16]}"
+
+
+def register(kind: E_) -> E_:
+    """Class decorator: make an effect known by its name.
+
+    A later registration replaces an earlier one of the same name, unless that one ships with twingap.
+
+    Raises
+    ------
+    TwingapError
+        For a class that is no complete effect, or has the name of an effect that ships with twingap.
+    """
+    _check(kind)
+    name = snake_case(kind)
+    if kind.__module__.startswith("twingap.effects."):
+        _SHIPPED[name] = kind
+    elif name not in _SHIPPED:
+        _OWN[name] = kind
+    elif _SHIPPED[name] is not kind:
+        raise TwingapError(f"effect {name} ships with twingap already", mend="give the class another name")
+    kind._registered = True
+    return kind
+
+
+def catalogue() -> dict[str, type[Effect]]:
+    """All known effects by name, in the order of their stages, then of registration, a user's own last."""
+    _load_entry_points()
+    return dict(sorted({**_SHIPPED, **_OWN}.items(), key=lambda item: item[1].stage))
+
+
+def own_effects() -> dict[str, type[Effect]]:
+    """The effects that do not ship with twingap, by name, in the order of registration."""
+    _load_entry_points()
+    return dict(_OWN)
+
+
+def make_effect(name: str, parameters: Mapping[str, float] | None = None, where: object = None) -> Effect:
+    """An effect by its name, with its default parameters except for those given.
+
+    Raises
+    ------
+    TwingapError
+        For an unknown effect or parameter, or a value out of range.
+    """
+    known = catalogue()
+    kind = known.get(name)
+    if kind is None:
+        raise TwingapError(f"unknown effect {name!r}", where=where, mend=f"known effects: {', '.join(known)}")
+    return build(kind, parameters or {}, f"{where}: {name}" if where is not None else f"effect {name}")
+
+
+def in_order(effects: tuple[Effect, ...]) -> tuple[Effect, ...]:
+    """The effects in the order in which they act, whatever the order in which they were named."""
+    order = {name: place for place, name in enumerate(catalogue())}
+    return tuple(sorted(effects, key=lambda effect: (effect.stage, order.get(effect.name, len(order)))))
+
+
+def load_effects(path: str | os.PathLike[str]) -> tuple[str, ...]:
+    """Import a Python file that registers effects.
+
+    The file stands alone: it may import installed packages, not its neighbours, so that worker processes and clusters
+    can load it from its text. Loaded again after an edit, its effects replace the earlier ones.
+
+    Parameters
+    ----------
+    path : path-like
+        A Python file that calls `register`.
+
+    Returns
+    -------
+    tuple of str
+        Names of the effects that it registered.
+
+    Raises
+    ------
+    TwingapError
+        When the file cannot be read or run, registers nothing, or registers what is no effect of the user's own.
+    """
+    try:
+        text = Path(path).read_text(encoding="utf-8-sig")
+    except OSError as error:
+        raise TwingapError(f"cannot be read: {error.strerror}", where=path, mend="name a Python file") from error
+    except UnicodeDecodeError as error:
+        raise TwingapError("is not UTF-8 text", where=path, mend="name a Python file") from error
+    return tuple(load_file(EffectFile(os.fspath(Path(path).absolute()), text)))
+
+
+def load_file(file: EffectFile) -> dict[str, type[Effect]]:
+    """Register the effects of a file from its text, and return them by name; see `load_effects`."""
+    before = dict(_OWN)
+    # What an earlier version of the file registered goes.
+    others = {
+        name: kind for name, kind in before.items() if (known := file_of(kind)) is None or known.path != file.path
+    }
+    if file.module in _FILES:
+        _, kinds = _FILES[file.module]
+        replace_own({**others, **kinds})
+        return dict(kinds)
+    _OWN.clear()
+    module = ModuleType(file.module)
+    module.__file__ = file.path
+    # Tracebacks and `inspect.getsource` find the text that runs, also where the file is not or has been edited since.
+    linecache.cache[file.path] = (len(file.text), None, file.text.splitlines(keepends=True), file.path)
+    sys.modules[file.module] = module
+    try:
+        exec(compile(file.text, file.path, "exec", dont_inherit=True), vars(module))
+        kinds = dict(_OWN)
+        if not kinds:
+            mend = "put @register (from twingap.effects) above each effect's class"
+            raise TwingapError("registers no effect of its own", where=file.path, mend=mend)
+        replace_own({**others, **kinds})
+    except BaseException as error:
+        del sys.modules[file.module]
+        replace_own(before)
+        if isinstance(error, (Exception, SystemExit)):
+            raise _located(error, file) from error
+        raise
+    _FILES[file.module] = file, kinds
+    return dict(kinds)
+
+
+def file_of(kind: type[Effect]) -> EffectFile | None:
+    """The loaded file that an effect was defined in."""
+    return _FILES[kind.__module__][0] if kind.__module__ in _FILES else None
+
+
+def replace_own(kinds: Mapping[str, type[Effect]]) -> None:
+    """Know these effects of a user's own, in this order, and no others."""
+    _OWN.clear()
+    _OWN.update(kinds)
+
+
+def _located(error: BaseException, file: EffectFile) -> TwingapError:
+    """What went wrong in a user's file, and in which line."""
+    if isinstance(error, TwingapError) and error.where == file.path:
+        return error
+    if isinstance(error, SyntaxError) and error.filename == file.path:
+        return TwingapError(f"syntax error: {error.msg}", where=f"{file.path}: line {error.lineno}")
+    lines = [frame.lineno for frame in traceback.extract_tb(error.__traceback__) if frame.filename == file.path]
+    where = f"{file.path}: line {lines[-1]}" if lines else file.path
+    if isinstance(error, TwingapError):
+        return TwingapError(error.what, where=where, mend=error.mend)
+    return TwingapError(f"{type(error).__name__}: {error}", where=where)
+
+
+def _check(kind: object) -> None:
+    """Refuse a class that is no complete effect, and say what it lacks."""
+    if not (isinstance(kind, type) and issubclass(kind, Effect)):
+        raise TwingapError(f"{getattr(kind, '__name__', kind)} is not a subclass of Effect")
+    lacks = None
+    if not isinstance(getattr(kind, "stage", None), Stage):
+        lacks = "stage: add  stage: ClassVar[Stage] = Stage.DISTURBANCE"
+    elif inspect.isabstract(kind):
+        lacks = "apply: add  def apply(self, draft: Draft, rng: np.random.Generator) -> None"
+    elif not dataclasses.is_dataclass(kind):
+        lacks = "parameters: put @dataclass(frozen=True) between @register and the class"
+    else:
+        for field in dataclasses.fields(kind):
+            if "plausible" not in field.metadata:
+                lacks = f"range for {field.name}: write  {field.name}: float = parameter(...)"
+    if lacks is not None:
+        raise TwingapError(f"{kind.__name__} has no {lacks}")
+
+
+_entry_points_loaded = False
+
+
+def without_entry_points() -> None:
+    """Leave out installed packages: in a worker process those of the process count that the work comes from."""
+    global _entry_points_loaded
+    _entry_points_loaded = True
+
+
+def _load_entry_points() -> None:
+    """Register the effects of installed packages, once."""
+    global _entry_points_loaded
+    if _entry_points_loaded:
+        return
+    _entry_points_loaded = True  # a package may look into the catalogue while it is imported
+    for point in importlib.metadata.entry_points(group=ENTRY_POINTS):
+        try:
+            found = point.load()
+            if isinstance(found, type):
+                register(found)
+        except Exception as error:
+            _entry_points_loaded = False
+            package = point.dist.name if point.dist is not None else point.value
+            what = error.what if isinstance(error, TwingapError) else f"{type(error).__name__}: {error}"
+            mend = "mend the package or uninstall it"
+            raise TwingapError(f"effects cannot be loaded: {what}", where=f"package {package}", mend=mend) from error
