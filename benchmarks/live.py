@@ -11,12 +11,20 @@ from dataclasses import replace
 import numpy as np
 
 from benchmarks.harness import Measurement, Target, in_turn, ratio
+from papers.paper2_digital_twin.live_twin import (
+    Band,
+    LiveOptions,
+    LiveTwin,
+    MachineState,
+    Snapshot,
+    StateMessage,
+    relative_error,
+)
 from twingap.bearing import BEARINGS
 from twingap.identify import identify
 from twingap.records import Condition, Record, RecordSet
 from twingap.twins.contact import ContactTwin
 from twingap.twins.contact_parameters import ContactParameters
-from twingap.twins.live import Band, LiveOptions, LiveTwin, MachineState, Snapshot, StateMessage, relative_error
 from twingap.twins.twin_file import TwinSpec
 
 FS_HZ, SECONDS, WINDOW = 12000.0, 1.0, LiveOptions().window
@@ -148,7 +156,7 @@ def _identify(spec: TwinSpec, records: RecordSet, seed: int) -> Callable[[], obj
 
 def _error(own: ContactParameters, judged: list[Record], fault: str) -> float:
     """Relative error of the amplitude spectra of snapshots that neither was fitted to."""
-    from twingap.twins.live import Laws, SpectrumModel
+    from papers.paper2_digital_twin.live_twin import Laws, SpectrumModel
 
     model, band = SpectrumModel(BEARINGS["6205"], own, Laws(), follow=False), Band.of(FS_HZ, 500.0)
     states = [replace(STATE, time_s=float(i), fault=fault) for i in range(len(judged))]

@@ -14,15 +14,22 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from papers.paper1_rul_varying_speed.methods.adaptive_twin import (
+    Adaptation,
+    AdaptiveTwin,
+    NoLifeError,
+    adapt_when_possible,
+    read_mode,
+)
+from papers.paper1_rul_varying_speed.methods.degradation import end_row
+from papers.paper1_rul_varying_speed.methods.remaining_life import remaining_revolutions, remaining_time_s
+from papers.paper1_rul_varying_speed.methods.run import Run, read_run
+from papers.paper1_rul_varying_speed.methods.simulated_lives import Snapshots, measured_snapshots
 from papers.paper1_rul_varying_speed.options import TargetOptions
 from twingap import data
 from twingap.bearing import Bearing
 from twingap.errors import TwingapError
-from twingap.prognosis import end_row, normalised_peak_to_peak
-from twingap.prognosis.adaptive_twin import Adaptation, AdaptiveTwin, NoLifeError, adapt_when_possible, read_mode
-from twingap.prognosis.remaining_life import remaining_revolutions, remaining_time_s
-from twingap.prognosis.run import Run, read_run
-from twingap.prognosis.simulated_lives import Snapshots, measured_snapshots
+from twingap.prognosis import normalised_peak_to_peak
 from twingap.records import RecordSet
 from twingap.rigs import SmartMaintenanceRig, stored_records, truth
 

@@ -30,16 +30,17 @@ import pandas as pd
 from numpy.typing import NDArray
 
 import twingap.prognosis
+from papers.paper1_rul_varying_speed import methods, rivals
+from papers.paper1_rul_varying_speed.methods import metrics
+from papers.paper1_rul_varying_speed.methods.remaining_life import remaining_time_s
 from papers.studies import Count, Progress, command, keep_figures, keep_tables, profile_of
 from twingap.data import NotAtHandError, load
 from twingap.data.root import data_root
 from twingap.errors import TwingapError
-from twingap.prognosis import metrics, rivals
 from twingap.prognosis.online import OnlineLife
 from twingap.prognosis.outcomes import Outcome, prior_from
 from twingap.prognosis.past_errors import Told
 from twingap.prognosis.prior import LEARNT, Prior
-from twingap.prognosis.remaining_life import remaining_time_s
 from twingap.provenance import digest_of_code, digest_of_path, digest_of_value
 from twingap.signal import features as feature_module
 from twingap.signal.features import time_features
@@ -387,7 +388,7 @@ def run(
     ]
     results = sweep(
         partial(predict, runs=runs), jobs, data={"features": digest_of_value([r.key for r in taken])},
-        version=digest_of_code(twingap.prognosis, sys.modules[__name__]),
+        version=digest_of_code(twingap.prognosis, methods, rivals, sys.modules[__name__]),
         on_result=Count("predictions", len(jobs), progress), **given,
     )  # fmt: skip
     alone = {r.job.bearing: r.value for r in results if r.job.method == ALONE}
