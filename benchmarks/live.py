@@ -52,7 +52,7 @@ def measure(quick: bool, seed: int = 0) -> Measurement:
         live = _update(twin, commissioning + WINDOW, fitted[-1], fault, spent)
         seconds = in_turn({"live": live, "anew": _identify(spec, records, seed)}, 2 if quick else 3)
         errors = {"frozen": _error(NEW, judged, fault), "live": _error(updated.parameters, judged, fault)}
-        found = identify(spec, records, np.random.default_rng(seed)).estimates
+        found = identify(records, spec, seed=seed).estimates
         value = {name: estimate.value for name, estimate in found.items()}
         again = replace(
             NEW, stiffness=value["stiffness"], damping=value["damping"],
@@ -151,7 +151,7 @@ def _costliest(fault: str, machines: int, seed: int) -> tuple[float, float, int]
 
 
 def _identify(spec: TwinSpec, records: RecordSet, seed: int) -> Callable[[], object]:
-    return lambda: identify(spec, records, np.random.default_rng(seed))
+    return lambda: identify(records, spec, seed=seed)
 
 
 def _error(own: ContactParameters, judged: list[Record], fault: str) -> float:

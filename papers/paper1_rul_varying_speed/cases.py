@@ -168,7 +168,7 @@ def load_target(
     options: TargetOptions,
     root: Path | None,
     bearings: Sequence[str],
-    report: Callable[[str, float], None] = lambda what, fraction: None,
+    progress: Callable[[str, float], None] = lambda what, fraction: None,
 ) -> Target:
     """The real runs when they are at hand, else the virtual rig's.
 
@@ -179,7 +179,7 @@ def load_target(
         Data root; TWINGAP_DATA when None.
     bearings : sequence of str
         Which runs.
-    report : callable (what, fraction)
+    progress : callable (what, fraction)
         Called while the rig's records are made.
 
     Raises
@@ -201,7 +201,7 @@ def load_target(
     rig = SmartMaintenanceRig(
         interval_s=options.interval_s, profile=options.profile, bearings=tuple(bearings)
     )  # fmt: skip
-    records = stored_records(rig, options.stand_in_seed, report=report)
+    records = stored_records(rig, options.stand_in_seed, progress=progress)
     onsets_s = {name: own.onset_s for name, own in truth(rig, options.stand_in_seed).items()}
     return Target(records, rig.title, real=False, onsets_s=onsets_s)
 

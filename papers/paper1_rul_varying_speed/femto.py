@@ -39,7 +39,7 @@ from twingap.data.root import data_root
 from twingap.errors import TwingapError
 from twingap.prognosis.online import OnlineLife
 from twingap.prognosis.outcomes import Outcome, prior_from
-from twingap.prognosis.past_errors import Told
+from twingap.prognosis.past_errors import PastIntervals
 from twingap.prognosis.prior import LEARNT, Prior
 from twingap.provenance import digest_of_code, digest_of_path, digest_of_value
 from twingap.signal import features as feature_module
@@ -127,7 +127,7 @@ def outcome(name: str, run: Measured, alone: dict[str, Any] | None = None) -> Ou
         growth = growth[rows] * run.speed_rpm[rows, None] / 60
         lived = turns[rows]
         per_row = float(turns[-1] / (turns.size - 1))
-        told = Told(growth, lived, lived - turns[alone["onset"]], turns[-1] - lived, per_row).thinned()
+        told = PastIntervals(growth, lived, lived - turns[alone["onset"]], turns[-1] - lived, per_row).thinned()
     return Outcome(name, life.revolutions, after, float(np.exp(life.level)), told)
 
 

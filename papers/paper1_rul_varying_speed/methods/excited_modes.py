@@ -52,7 +52,7 @@ def excess_spectrum(
     return np.asarray(f_hz, float), np.maximum(np.convolve(excess, [0.25, 0.5, 0.25], mode="same"), 0.0)
 
 
-def struck_modes(
+def excited_modes(
     struck: Samples, struck_rpm: Array, healthy: Samples, healthy_rpm: Array, fs_hz: float, count: int = 4
 ) -> tuple[Mode, ...]:
     """The modes that impacts ring most strongly.

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from papers.paper1_rul_varying_speed.methods.adaptive_twin import AdaptiveTwin
 from papers.paper1_rul_varying_speed.methods.degradation import Trajectory
 from papers.paper1_rul_varying_speed.methods.encoding import sequence_position
-from papers.paper1_rul_varying_speed.methods.excited_modes import struck_modes
+from papers.paper1_rul_varying_speed.methods.excited_modes import excited_modes
 from twingap.bearing import Bearing
 from twingap.effects import Draft, Effect, ImpactScatter, LoadZone, Mode, SlipJitter, Stage
 from twingap.errors import TwingapError
@@ -96,7 +96,7 @@ class SignalModel:
         Peak to peak of simulated noise over that of a healthy record, at the speed where that is least.
     path : {"healthy", "struck"}
         h(t) of eq. 1 is the dominant mode of healthy records (eq. 8). "struck": the modes that stand out of records
-        after the anomaly, see `struck_modes`.
+        after the anomaly, see `excited_modes`.
     modes : int
         Most modes of a struck path.
     """
@@ -185,7 +185,7 @@ class LifeSimulator:
         white = float(np.sqrt(max(1 - structure**2, 0.0)))
         path: tuple[Mode, ...] = (Mode(mode.resonance_hz, mode.damping_ratio),)
         if own.path == "struck" and healthy is not None and struck is not None:
-            path = struck_modes(
+            path = excited_modes(
                 struck.samples, struck.speed_rpm, healthy.samples, healthy.speed_rpm, fs_hz, own.modes
             )  # fmt: skip
         self.path = path

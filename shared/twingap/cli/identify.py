@@ -31,7 +31,6 @@ def identify(
     """Identify the twin's free parameters from records, with intervals and the fit's figures."""
     from dataclasses import replace
 
-    import numpy as np
     from rich.progress import Progress
 
     from twingap.errors import TwingapError
@@ -51,14 +50,13 @@ def identify(
         with Progress(console=progress_console, transient=True, disable=not progress_console.is_terminal) as progress:
             task = progress.add_task("reading", total=1.0)
             found = run(
-                spec,
                 records,
-                np.random.default_rng(seed),
+                spec,
+                seed=seed,
                 level=level,
                 method=method,
                 optimiser=optimiser,
-                seed=seed,
-                report=lambda what, fraction: progress.update(task, description=what, completed=fraction),
+                progress=lambda what, fraction: progress.update(task, description=what, completed=fraction),
             )
         try:
             # With the geometry that it was identified for, since a table of conditions brings none to simulate.

@@ -16,7 +16,7 @@ from papers.paper1_rul_varying_speed.methods.adaptive_twin import (
     read_mode,
 )
 from papers.paper1_rul_varying_speed.methods.degradation import end_row
-from papers.paper1_rul_varying_speed.methods.excited_modes import struck_modes
+from papers.paper1_rul_varying_speed.methods.excited_modes import excited_modes
 from papers.paper1_rul_varying_speed.methods.remaining_life import remaining_time_s
 from papers.paper1_rul_varying_speed.methods.run import Run, period_rows, planned_speed, read_run
 from papers.paper1_rul_varying_speed.methods.simulated_lives import (
@@ -229,12 +229,12 @@ def struck_records(twin: AdaptiveTwin, zone: float, scatter: float) -> tuple[Sna
 
 def test_struck_modes_are_those_that_impacts_ring(twin: AdaptiveTwin) -> None:
     healthy, struck = struck_records(twin, 0.3, 0.1)
-    first, second = struck_modes(struck.samples, struck.speed_rpm, healthy.samples, healthy.speed_rpm, FS_HZ, 2)
+    first, second = excited_modes(struck.samples, struck.speed_rpm, healthy.samples, healthy.speed_rpm, FS_HZ, 2)
     assert (first.frequency_hz, first.gain) == (pytest.approx(2600, rel=0.02), 1.0)
     assert second.frequency_hz == pytest.approx(900, rel=0.03)
     assert first.damping_ratio == pytest.approx(0.03, rel=0.5) and second.gain == pytest.approx(0.4, rel=0.5)
     with pytest.raises(TwingapError, match="nothing stands out"):
-        struck_modes(healthy.samples, healthy.speed_rpm, struck.samples, struck.speed_rpm, FS_HZ)
+        excited_modes(healthy.samples, healthy.speed_rpm, struck.samples, struck.speed_rpm, FS_HZ)
 
 
 def test_matched_strikes_are_as_impulsive_as_measured_ones(twin: AdaptiveTwin) -> None:

@@ -6,9 +6,9 @@ import pytest
 from twingap.bearing import Bearing
 from twingap.effects import make_effect
 from twingap.identify import identify
+from twingap.identify.noise_share import _Mixture, noise_share
 from twingap.identify.phenomenological import quick_identify
 from twingap.identify.resonance import HealthyFit
-from twingap.identify.unstruck import _Mixture, noise_share
 from twingap.records import Condition
 from twingap.streams import Streams
 from twingap.twins.phenomenological import PhenomenologicalParameters, PhenomenologicalTwin
@@ -55,7 +55,7 @@ def test_noise_told_from_impacts_by_time_has_no_interval():
     """How far that may be off nobody has measured: no interval rather than one that leaves it out."""
     walk = make_effect("slip_jitter", {"sigma": 0.03, "accumulating": True})
     records = PhenomenologicalTwin(BEARING, TRUTH, (walk,)).simulate(CONDITIONS, np.random.default_rng(0))
-    outcome = identify(TwinSpec("phenomenological", bearing=BEARING), records, np.random.default_rng(1))
+    outcome = identify(records, TwinSpec("phenomenological", bearing=BEARING), seed=1)
     known = {name for name, estimate in outcome.estimates.items() if estimate.interval is not None}
     assert known == {"resonance_hz", "damping_ratio"}
     assert any("told from it by time" in note for note in outcome.notes)
