@@ -148,9 +148,9 @@ def prior_from(outcomes: Sequence[Outcome]) -> Prior:
     -------
     Prior
         Log-normal laws, with the spread of one more draw: sqrt(1 + 1/n) of their standard deviation; and how much
-        wider intervals of growth should have been. Where `FEWEST_WITH_INTERVALS` runs tell of their own estimates, each of them
-        is joined with what the others say: the weight of growth is that of the least error of log life, and intervals
-        are made as wide as these should have been.
+        wider intervals of growth should have been. Where `FEWEST_WITH_INTERVALS` runs have past intervals, each of
+        them is joined with the estimate from the others: the weight of growth is that of the least error of log life,
+        and intervals are made as wide as these should have been.
     """
     prior = _laws(outcomes)
     if sum(own.past is not None for own in outcomes) < FEWEST_WITH_INTERVALS:

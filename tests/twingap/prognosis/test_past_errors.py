@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from twingap.prognosis.estimate import Estimate
-from twingap.prognosis.outcomes import Outcome, prior_from, past_intervals
+from twingap.prognosis.outcomes import Outcome, past_intervals, prior_from
 from twingap.prognosis.past_errors import ROWS, PastIntervals, errors, widened, widening
 from twingap.prognosis.prior import LogNormal, Prior
 
