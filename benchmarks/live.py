@@ -11,12 +11,20 @@ from dataclasses import replace
 import numpy as np
 
 from benchmarks.harness import Measurement, Target, in_turn, ratio
+from papers.paper2_digital_twin.live_twin import (
+    Band,
+    LiveOptions,
+    LiveTwin,
+    MachineState,
+    Snapshot,
+    StateMessage,
+    relative_error,
+)
 from twingap.bearing import BEARINGS
 from twingap.identify import identify
 from twingap.records import Condition, Record, RecordSet
 from twingap.twins.contact import ContactTwin
 from twingap.twins.contact_parameters import ContactParameters
-from twingap.twins.live import Band, LiveOptions, LiveTwin, MachineState, Snapshot, StateMessage, relative_error
 from twingap.twins.twin_file import TwinSpec
 
 FS_HZ, SECONDS, WINDOW = 12000.0, 1.0, LiveOptions().window
@@ -44,7 +52,7 @@ def measure(quick: bool, seed: int = 0) -> Measurement:
         live = _update(twin, commissioning + WINDOW, fitted[-1], fault, spent)
         seconds = in_turn({"live": live, "anew": _identify(spec, records, seed)}, 2 if quick else 3)
         errors = {"frozen": _error(NEW, judged, fault), "live": _error(updated.parameters, judged, fault)}
-        found = identify(spec, records, np.random.default_rng(seed)).estimates
+        found = identify(records, spec, seed=seed).estimates
         value = {name: estimate.value for name, estimate in found.items()}
         again = replace(
             NEW, stiffness=value["stiffness"], damping=value["damping"],
@@ -143,12 +151,12 @@ def _costliest(fault: str, machines: int, seed: int) -> tuple[float, float, int]
 
 
 def _identify(spec: TwinSpec, records: RecordSet, seed: int) -> Callable[[], object]:
-    return lambda: identify(spec, records, np.random.default_rng(seed))
+    return lambda: identify(records, spec, seed=seed)
 
 
 def _error(own: ContactParameters, judged: list[Record], fault: str) -> float:
     """Relative error of the amplitude spectra of snapshots that neither was fitted to."""
-    from twingap.twins.live import Laws, SpectrumModel
+    from papers.paper2_digital_twin.live_twin import Laws, SpectrumModel
 
     model, band = SpectrumModel(BEARINGS["6205"], own, Laws(), follow=False), Band.of(FS_HZ, 500.0)
     states = [replace(STATE, time_s=float(i), fault=fault) for i in range(len(judged))]

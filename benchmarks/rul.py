@@ -13,9 +13,9 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.harness import Measurement, Target
+from papers.paper1_rul_varying_speed.rivals import Growth, particle_filter
 from twingap.prognosis.estimate import LifeOptions
 from twingap.prognosis.online import OnlineLife
-from twingap.prognosis.rivals import Growth, particle_filter
 from twingap.prognosis.simulated_runs import SimulatedRun, simulate_run
 from twingap.records import Condition, Record
 from twingap.records.folder import write_records

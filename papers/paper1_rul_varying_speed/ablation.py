@@ -29,14 +29,14 @@ import numpy as np
 
 from papers.paper1_rul_varying_speed.cases import Case, load_target, read_case
 from papers.paper1_rul_varying_speed.job import Job, train_and_judge
+from papers.paper1_rul_varying_speed.methods.adaptive_twin import Adaptation, NoLifeError, lives_that_may_follow
+from papers.paper1_rul_varying_speed.methods.architecture import PRINTED_STRIDES, LifeArchitecture
+from papers.paper1_rul_varying_speed.methods.metrics import rmse
 from papers.paper1_rul_varying_speed.models import MODELS
 from papers.paper1_rul_varying_speed.options import CONFIG, Options, read_options
 from papers.paper1_rul_varying_speed.training_code import code_of_training
 from papers.studies import Count, Progress, command, keep_tables, profile_of
 from twingap.errors import TwingapError
-from twingap.prognosis.adaptive_twin import Adaptation, NoLifeError, lives_that_may_follow
-from twingap.prognosis.architecture import PRINTED_STRIDES, LifeArchitecture
-from twingap.prognosis.metrics import rmse
 from twingap.sweep import sweep
 
 if TYPE_CHECKING:

@@ -14,15 +14,22 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from papers.paper1_rul_varying_speed.methods.adaptive_twin import (
+    Adaptation,
+    AdaptiveTwin,
+    NoLifeError,
+    adapt_when_possible,
+    read_mode,
+)
+from papers.paper1_rul_varying_speed.methods.degradation import end_row
+from papers.paper1_rul_varying_speed.methods.remaining_life import remaining_revolutions, remaining_time_s
+from papers.paper1_rul_varying_speed.methods.run import Run, read_run
+from papers.paper1_rul_varying_speed.methods.simulated_lives import Snapshots, measured_snapshots
 from papers.paper1_rul_varying_speed.options import TargetOptions
 from twingap import data
 from twingap.bearing import Bearing
 from twingap.errors import TwingapError
-from twingap.prognosis import end_row, normalised_peak_to_peak
-from twingap.prognosis.adaptive_twin import Adaptation, AdaptiveTwin, NoLifeError, adapt_when_possible, read_mode
-from twingap.prognosis.remaining_life import remaining_revolutions, remaining_time_s
-from twingap.prognosis.run import Run, read_run
-from twingap.prognosis.simulated_lives import Snapshots, measured_snapshots
+from twingap.prognosis import normalised_peak_to_peak
 from twingap.records import RecordSet
 from twingap.rigs import SmartMaintenanceRig, stored_records, truth
 
@@ -161,7 +168,7 @@ def load_target(
     options: TargetOptions,
     root: Path | None,
     bearings: Sequence[str],
-    report: Callable[[str, float], None] = lambda what, fraction: None,
+    progress: Callable[[str, float], None] = lambda what, fraction: None,
 ) -> Target:
     """The real runs when they are at hand, else the virtual rig's.
 
@@ -172,7 +179,7 @@ def load_target(
         Data root; TWINGAP_DATA when None.
     bearings : sequence of str
         Which runs.
-    report : callable (what, fraction)
+    progress : callable (what, fraction)
         Called while the rig's records are made.
 
     Raises
@@ -194,7 +201,7 @@ def load_target(
     rig = SmartMaintenanceRig(
         interval_s=options.interval_s, profile=options.profile, bearings=tuple(bearings)
     )  # fmt: skip
-    records = stored_records(rig, options.stand_in_seed, report=report)
+    records = stored_records(rig, options.stand_in_seed, progress=progress)
     onsets_s = {name: own.onset_s for name, own in truth(rig, options.stand_in_seed).items()}
     return Target(records, rig.title, real=False, onsets_s=onsets_s)
 

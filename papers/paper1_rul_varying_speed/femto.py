@@ -30,16 +30,17 @@ import pandas as pd
 from numpy.typing import NDArray
 
 import twingap.prognosis
+from papers.paper1_rul_varying_speed import methods, rivals
+from papers.paper1_rul_varying_speed.methods import metrics
+from papers.paper1_rul_varying_speed.methods.remaining_life import remaining_time_s
 from papers.studies import Count, Progress, command, keep_figures, keep_tables, profile_of
 from twingap.data import NotAtHandError, load
 from twingap.data.root import data_root
 from twingap.errors import TwingapError
-from twingap.prognosis import metrics, rivals
 from twingap.prognosis.online import OnlineLife
 from twingap.prognosis.outcomes import Outcome, prior_from
-from twingap.prognosis.past_errors import Told
+from twingap.prognosis.past_errors import PastIntervals
 from twingap.prognosis.prior import LEARNT, Prior
-from twingap.prognosis.remaining_life import remaining_time_s
 from twingap.provenance import digest_of_code, digest_of_path, digest_of_value
 from twingap.signal import features as feature_module
 from twingap.signal.features import time_features
@@ -126,7 +127,7 @@ def outcome(name: str, run: Measured, alone: dict[str, Any] | None = None) -> Ou
         growth = growth[rows] * run.speed_rpm[rows, None] / 60
         lived = turns[rows]
         per_row = float(turns[-1] / (turns.size - 1))
-        told = Told(growth, lived, lived - turns[alone["onset"]], turns[-1] - lived, per_row).thinned()
+        told = PastIntervals(growth, lived, lived - turns[alone["onset"]], turns[-1] - lived, per_row).thinned()
     return Outcome(name, life.revolutions, after, float(np.exp(life.level)), told)
 
 
@@ -387,7 +388,7 @@ def run(
     ]
     results = sweep(
         partial(predict, runs=runs), jobs, data={"features": digest_of_value([r.key for r in taken])},
-        version=digest_of_code(twingap.prognosis, sys.modules[__name__]),
+        version=digest_of_code(twingap.prognosis, methods, rivals, sys.modules[__name__]),
         on_result=Count("predictions", len(jobs), progress), **given,
     )  # fmt: skip
     alone = {r.job.bearing: r.value for r in results if r.job.method == ALONE}

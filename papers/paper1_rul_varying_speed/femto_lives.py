@@ -33,13 +33,13 @@ from papers.paper1_rul_varying_speed.femto_lives_tables import errors, of_runs, 
 from papers.paper1_rul_varying_speed.job import Added, Job, train_and_judge
 from papers.paper1_rul_varying_speed.life_gap import MODELS, added
 from papers.paper1_rul_varying_speed.life_gap_diagnoses import SEEN, Asked, modelled, pair_of, row_of
+from papers.paper1_rul_varying_speed.methods.run import read_run
 from papers.paper1_rul_varying_speed.models import architecture_of
 from papers.paper1_rul_varying_speed.options import CONFIG, Options, read_options
 from papers.paper1_rul_varying_speed.training_code import code_of_training
 from papers.studies import Count, Progress, command, keep_figures, keep_tables, profile_of
 from twingap.data import load
 from twingap.errors import TwingapError
-from twingap.prognosis.run import read_run
 from twingap.provenance import digest_of_code, digest_of_path
 from twingap.records import RecordSet
 from twingap.sweep import sweep

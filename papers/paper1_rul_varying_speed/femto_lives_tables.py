@@ -11,7 +11,7 @@ import pandas as pd
 from papers.paper1_rul_varying_speed.cases import Case
 from papers.paper1_rul_varying_speed.job import Job
 from papers.paper1_rul_varying_speed.life_gap_tables import compared
-from twingap.prognosis.metrics import rmse
+from papers.paper1_rul_varying_speed.methods.metrics import rmse
 
 AS_PRINTED, NAMED, CLOSED = "as printed", "named effects added", "closed"
 TWINS: Final = (AS_PRINTED, NAMED, CLOSED)

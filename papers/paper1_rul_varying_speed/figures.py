@@ -15,12 +15,12 @@ from matplotlib.figure import Figure
 from matplotlib.patches import FancyBboxPatch
 
 from papers.paper1_rul_varying_speed.job import simulate
+from papers.paper1_rul_varying_speed.methods.metrics import rmse
 from papers.paper1_rul_varying_speed.options import Options
 from papers.paper1_rul_varying_speed.results import CaseResult
 from papers.paper1_rul_varying_speed.tables import LIVES, PUBLISHED, layers
 from twingap import files
 from twingap.adapt.evaluate import t_interval
-from twingap.prognosis.metrics import rmse
 from twingap.signal.envelope import squared_envelope_spectrum
 
 COLOURS: Final = {

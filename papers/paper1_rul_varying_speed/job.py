@@ -12,12 +12,11 @@ from typing import Any
 import numpy as np
 
 from papers.paper1_rul_varying_speed.cases import Array, Case, Known
-from twingap.effects import apply_to_waveform, make_effect
-from twingap.prognosis.architecture import LifeArchitecture
-from twingap.prognosis.degradation import Trajectory
-from twingap.prognosis.metrics import rmse
-from twingap.prognosis.simulated_lives import LifeSimulator, SignalModel, Snapshots, joined
-from twingap.prognosis.training import (
+from papers.paper1_rul_varying_speed.methods.architecture import LifeArchitecture
+from papers.paper1_rul_varying_speed.methods.degradation import Trajectory
+from papers.paper1_rul_varying_speed.methods.metrics import rmse
+from papers.paper1_rul_varying_speed.methods.simulated_lives import LifeSimulator, SignalModel, Snapshots, joined
+from papers.paper1_rul_varying_speed.methods.training import (
     CRITERIA,
     LifeTraining,
     TrainedLife,
@@ -26,6 +25,7 @@ from twingap.prognosis.training import (
     scales_of,
     train_life,
 )
+from twingap.effects import apply_to_waveform, make_effect
 from twingap.records import Condition, Record
 from twingap.streams import Streams
 

@@ -18,11 +18,11 @@ import numpy as np
 
 from papers.paper1_rul_varying_speed import femto
 from papers.paper1_rul_varying_speed.cases import Case, Target, load_target, read_case
+from papers.paper1_rul_varying_speed.methods.simulated_lives import LifeSimulator, SignalModel, Snapshots
 from papers.paper1_rul_varying_speed.options import Options, read_options
 from twingap.data import NotAtHandError, load
 from twingap.errors import TwingapError
 from twingap.prognosis.online import OnlineLife
-from twingap.prognosis.simulated_lives import LifeSimulator, SignalModel, Snapshots
 from twingap.records import Condition, Record, RecordSet
 from twingap.twins.twin_file import TwinSpec
 

@@ -15,8 +15,8 @@ from dataclasses import replace
 from types import MappingProxyType
 from typing import Final
 
+from papers.paper1_rul_varying_speed.methods.architecture import PRINTED_STRIDES, LifeArchitecture
 from twingap.errors import TwingapError
-from twingap.prognosis.architecture import PRINTED_STRIDES, LifeArchitecture
 
 MODELS: Final[Mapping[str, LifeArchitecture]] = MappingProxyType({
     "CNN": LifeArchitecture(sequence=False, speed=False, adversarial=False),

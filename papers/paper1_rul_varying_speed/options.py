@@ -8,12 +8,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
+from papers.paper1_rul_varying_speed.methods.adaptive_twin import Adaptation
+from papers.paper1_rul_varying_speed.methods.simulated_lives import SignalModel
+from papers.paper1_rul_varying_speed.methods.training import CRITERIA, LifeTraining
 from papers.paper1_rul_varying_speed.models import MODELS
 from twingap.config import build, read_toml
 from twingap.errors import TwingapError
-from twingap.prognosis.adaptive_twin import Adaptation
-from twingap.prognosis.simulated_lives import SignalModel
-from twingap.prognosis.training import CRITERIA, LifeTraining
 
 CONFIG: Final = Path(__file__).with_name("config.toml")
 
@@ -53,9 +53,9 @@ class Variant:
     Parameters
     ----------
     signal : SignalModel
-        See `twingap.prognosis.simulated_lives`.
+        See `methods.simulated_lives`.
     alike : bool
-        See `twingap.prognosis.training.LifeTraining`.
+        See `methods.training.LifeTraining`.
     """
 
     signal: SignalModel
@@ -69,7 +69,7 @@ class JudgingOptions:
     Parameters
     ----------
     criterion : str
-        Label-free criterion of checkpoints, a key of `twingap.prognosis.training.CRITERIA`.
+        Label-free criterion of checkpoints, a key of `methods.training.CRITERIA`.
     printed : bool
         Networks with table 1's strides, which leave 32 features, instead of the text's 112.
     levels : tuple[float, ...]
@@ -123,11 +123,11 @@ class Options:
     ----------
     target : TargetOptions
     adaptation : Adaptation
-        See `twingap.prognosis.adaptive_twin`.
+        See `methods.adaptive_twin`.
     variants : dict[str, Variant]
         By name.
     training : LifeTraining
-        See `twingap.prognosis.training`; its `steps` are the profile's, its `alike` the variant's.
+        See `methods.training`; its `steps` are the profile's, its `alike` the variant's.
     judging : JudgingOptions
     profiles : dict[str, Profile]
         By name.

@@ -24,8 +24,8 @@ import pandas as pd
 from numpy.typing import NDArray
 
 import twingap.rigs
+from papers.paper1_rul_varying_speed.methods import metrics
 from papers.studies import Count, Progress, command, keep_tables, profile_of
-from twingap.prognosis import metrics
 from twingap.prognosis.estimate import Estimate, LifeOptions
 from twingap.prognosis.online import OnlineLife
 from twingap.prognosis.outcomes import Outcome, outcome_of, prior_from

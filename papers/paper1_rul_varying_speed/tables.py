@@ -11,14 +11,14 @@ import numpy as np
 import pandas as pd
 
 from papers.paper1_rul_varying_speed.cases import Array
+from papers.paper1_rul_varying_speed.methods.architecture import LifeArchitecture
+from papers.paper1_rul_varying_speed.methods.critical_length import critical_length
+from papers.paper1_rul_varying_speed.methods.metrics import cumulative_relative_accuracy, rmse, within_alpha
 from papers.paper1_rul_varying_speed.models import MODELS
 from papers.paper1_rul_varying_speed.options import Options
 from papers.paper1_rul_varying_speed.results import CaseResult
 from twingap import files
 from twingap.adapt.evaluate import t_interval
-from twingap.prognosis.architecture import LifeArchitecture
-from twingap.prognosis.critical_length import critical_length
-from twingap.prognosis.metrics import cumulative_relative_accuracy, rmse, within_alpha
 
 PUBLISHED: Final = MappingProxyType({
     "A148": (6.6, 7.8, 7.3, 5.7, 5.8),

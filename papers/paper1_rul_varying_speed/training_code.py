@@ -1,4 +1,4 @@
-"""What a training of this paper depends on, for the keys of stored results."""
+"""Digest of the code that a training of this paper depends on: part of the keys of stored results."""
 
 from __future__ import annotations
 
@@ -11,32 +11,14 @@ import twingap.identify
 import twingap.records
 import twingap.streams
 import twingap.twins
-from papers.paper1_rul_varying_speed import cases, job, models
-from twingap.prognosis import (
-    adaptive_twin,
-    anomaly,
-    architecture,
-    degradation,
-    encoding,
-    healthy,
-    losses,
-    metrics,
-    network,
-    remaining_life,
-    run,
-    simulated_lives,
-    speed_influence,
-    struck_modes,
-    training,
-)
+from papers.paper1_rul_varying_speed import cases, job, methods, models
+from twingap.prognosis import anomaly, speed_influence
 from twingap.provenance import digest_of_code
 
 
 def code_of_training() -> str:
     """Digest of all code that a training depends on."""
     return digest_of_code(
-        cases, job, models, twingap.adapt.dann, twingap.adapt.nets, twingap.adapt.training,
-        adaptive_twin, anomaly, architecture, degradation, encoding, healthy, losses, metrics, network, remaining_life,
-        run, simulated_lives, speed_influence, struck_modes, training, twingap.bearing, twingap.effects,
-        twingap.identify, twingap.records, twingap.streams, twingap.twins,
+        cases, job, methods, models, twingap.adapt.dann, twingap.adapt.nets, twingap.adapt.training, twingap.bearing,
+        twingap.effects, twingap.identify, anomaly, speed_influence, twingap.records, twingap.streams, twingap.twins,
     )  # fmt: skip

@@ -27,6 +27,7 @@ from papers.paper2_digital_twin import availability_jobs as jobs_module
 from papers.paper2_digital_twin import availability_records as records_module
 from papers.paper2_digital_twin import availability_source as source_module
 from papers.paper2_digital_twin import availability_split as split_module
+from papers.paper2_digital_twin import methods
 from papers.paper2_digital_twin.availability_jobs import (
     AlarmJob,
     CheckJob,
@@ -41,15 +42,9 @@ from papers.paper2_digital_twin.availability_records import Measured, load, meas
 from papers.paper2_digital_twin.availability_source import Background, Kind, Plant, simulate
 from papers.paper2_digital_twin.availability_split import ALL, SPLITS, judged
 from papers.paper2_digital_twin.availability_study import CONFIG, Study, StudyOptions, StudyProfile, read_study
+from papers.paper2_digital_twin.methods.scalograms import ImageOptions
 from papers.studies import Count, Progress, command, keep_figures, keep_tables, profile_of
-from twingap.adapt.class_maps import fit_class_maps
-from twingap.adapt.condition_features import window_features
-from twingap.adapt.few_labels import fit_few_labels
-from twingap.adapt.inception import InceptionTraining
-from twingap.adapt.residual_head import HeadOptions
-from twingap.adapt.scalograms import ImageOptions
 from twingap.adapt.selection import select
-from twingap.adapt.severity import MapOptions
 from twingap.data import NotAtHandError
 from twingap.errors import TwingapError
 from twingap.provenance import digest_of_code, digest_of_value
@@ -104,11 +99,10 @@ def run(
     data = {name: measure(found, name, options.image) for name, found in records.items()}
     digests = {name: found.digest for name, found in records.items()}
     healthy = {name: _backgrounds(found, data[name], options.image) for name, found in records.items()}
-    # A class or function stands for its module: the rest of `twingap.adapt` may change without a new run.
+    # A function stands for its module: the rest of `twingap.adapt` may change without a new run.
     code = digest_of_code(
-        records_module, source_module, split_module, jobs_module, twingap.bearing, twingap.effects, twingap.signal,
-        twingap.streams, twingap.twins, ImageOptions, MapOptions, InceptionTraining, HeadOptions, fit_class_maps,
-        fit_few_labels, window_features, select, twingap.adapt.training,
+        records_module, source_module, split_module, jobs_module, methods, twingap.bearing, twingap.effects,
+        twingap.signal, twingap.streams, twingap.twins, select, twingap.adapt.training,
     )  # fmt: skip
     folds = range(1 if sizes.smoke else options.folds)
     seeds = range(seed, seed + sizes.seeds)

@@ -21,14 +21,14 @@ from numpy.typing import NDArray
 from papers.paper2_digital_twin.availability_records import WINDOW, Measured
 from papers.paper2_digital_twin.availability_source import Plant, healthy_recordings
 from papers.paper2_digital_twin.availability_split import ALL, SPLITS, counts_of, judged, labelled
-from twingap.adapt.class_maps import fit_class_maps
-from twingap.adapt.condition_features import window_features
-from twingap.adapt.few_labels import fit_few_labels
-from twingap.adapt.inception import InceptionTraining, evidence, outputs, train_inception
-from twingap.adapt.residual_head import HeadOptions, fit_residual_head
-from twingap.adapt.scalograms import ImageOptions, Images, Modulation, images, pieces_of
+from papers.paper2_digital_twin.methods.class_maps import fit_class_maps
+from papers.paper2_digital_twin.methods.condition_features import window_features
+from papers.paper2_digital_twin.methods.few_labels import fit_few_labels
+from papers.paper2_digital_twin.methods.inception import InceptionTraining, evidence, outputs, train_inception
+from papers.paper2_digital_twin.methods.residual_head import HeadOptions, fit_residual_head
+from papers.paper2_digital_twin.methods.scalograms import ImageOptions, Images, Modulation, images, pieces_of
+from papers.paper2_digital_twin.methods.severity import MapOptions, healthy_map
 from twingap.adapt.selection import CRITERIA, Evidence, select
-from twingap.adapt.severity import MapOptions, healthy_map
 from twingap.adapt.training import Outputs
 
 Array = NDArray[np.float64]

@@ -16,8 +16,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from twingap.adapt.condition_features import line_features, window_features
-from twingap.adapt.scalograms import ImageOptions, Modulation, modulation, pieces_of
+from papers.paper2_digital_twin.methods.condition_features import line_features, window_features
+from papers.paper2_digital_twin.methods.scalograms import ImageOptions, Modulation, modulation, pieces_of
 from twingap.bearing import BEARINGS, Bearing
 from twingap.errors import TwingapError
 from twingap.records import RecordSet

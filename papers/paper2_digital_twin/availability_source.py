@@ -20,7 +20,7 @@ from typing import Any, Final, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from twingap.adapt.scalograms import ImageOptions, Modulation, images, modulation, pieces_of
+from papers.paper2_digital_twin.methods.scalograms import ImageOptions, Modulation, images, modulation, pieces_of
 from twingap.bearing import Bearing
 from twingap.effects import Effect, make_effect
 from twingap.records import Condition

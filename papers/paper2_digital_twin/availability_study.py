@@ -12,11 +12,11 @@ from typing import TYPE_CHECKING, Final
 from papers.paper2_digital_twin.availability_jobs import AlarmJob, CheckJob, NetworkJob, ShallowJob
 from papers.paper2_digital_twin.availability_records import TITLES, Measured
 from papers.paper2_digital_twin.availability_source import Kind, SourceOptions
-from twingap.adapt.inception import InceptionTraining
-from twingap.adapt.residual_head import HeadOptions
-from twingap.adapt.scalograms import ImageOptions
+from papers.paper2_digital_twin.methods.inception import InceptionTraining
+from papers.paper2_digital_twin.methods.residual_head import HeadOptions
+from papers.paper2_digital_twin.methods.scalograms import ImageOptions
+from papers.paper2_digital_twin.methods.severity import MapOptions
 from twingap.adapt.selection import CRITERIA
-from twingap.adapt.severity import MapOptions
 from twingap.config import build, read_toml
 from twingap.errors import TwingapError
 from twingap.sweep import Result

@@ -27,7 +27,8 @@ import twingap.effects
 import twingap.signal
 import twingap.streams
 import twingap.twins
-from papers.paper2_digital_twin import dynamics_study, reference
+from papers.paper2_digital_twin import contact_motion, dynamics_study, reference
+from papers.paper2_digital_twin.contact_motion import motions
 from papers.paper2_digital_twin.dynamics_study import (
     CONFIG,
     Case,
@@ -44,7 +45,6 @@ from twingap.signal import squared_envelope_spectrum
 from twingap.sweep import Result, sweep
 from twingap.twins.contact import ContactTwin
 from twingap.twins.contact_dynamics import Job
-from twingap.twins.contact_motion import motions
 from twingap.twins.contact_parameters import PRESETS, ContactParameters
 
 if TYPE_CHECKING:
@@ -188,8 +188,8 @@ def run(
     healthy = list(_cases(options, sizes, "healthy", options.settle_s))
     faulty = [c for f in options.faults for c in _cases(options, sizes, f, options.fault_s)]
     code = digest_of_code(
-        sys.modules[__name__], dynamics_study, reference, twingap.bearing, twingap.effects, twingap.signal,
-        twingap.streams, twingap.twins,
+        sys.modules[__name__], dynamics_study, contact_motion, reference, twingap.bearing, twingap.effects,
+        twingap.signal, twingap.streams, twingap.twins,
     )  # fmt: skip
     given: dict[str, Any] = {
         "store": out / "results", "backend": backend, "address": address, "version": code,

@@ -26,7 +26,7 @@ import twingap.rigs.drifting
 import twingap.signal
 import twingap.streams
 import twingap.twins
-from papers.paper2_digital_twin import live_study
+from papers.paper2_digital_twin import live_study, live_twin
 from papers.paper2_digital_twin.live_study import (
     CONFIG,
     DATA,
@@ -35,13 +35,13 @@ from papers.paper2_digital_twin.live_study import (
     Scenario,
     read_live,
 )
+from papers.paper2_digital_twin.live_twin import LiveOptions, LiveTwin, Message, OrderOptions, Snapshot, StateMessage
 from papers.studies import Count, Progress, command, keep_figures, keep_tables, profile_of
 from twingap.bearing import BEARINGS
 from twingap.provenance import digest_of_code
 from twingap.rigs.drifting import Drifting, arrivals
 from twingap.sweep import Result, sweep
 from twingap.twins.contact_parameters import PRESETS
-from twingap.twins.live import LiveOptions, LiveTwin, Message, OrderOptions, Snapshot, StateMessage
 
 if TYPE_CHECKING:
     from twingap.track import Run
@@ -161,8 +161,8 @@ def run(
     jobs = [_scenario(options, seed + i, 1.0, options.hours, tuple(ARMS)) for i in range(sizes.seeds)]
     still = [_scenario(options, seed + i, 0.0, sizes.steady_hours, ("live",)) for i in range(sizes.steady)]
     code = digest_of_code(
-        sys.modules[__name__], live_study, twingap.bearing, twingap.effects, twingap.rigs.drifting, twingap.signal,
-        twingap.streams, twingap.twins,
+        sys.modules[__name__], live_study, live_twin, twingap.bearing, twingap.effects, twingap.rigs.drifting,
+        twingap.signal, twingap.streams, twingap.twins,
     )  # fmt: skip
     given: dict[str, Any] = {
         "store": out / "results", "backend": backend, "address": address, "version": code,

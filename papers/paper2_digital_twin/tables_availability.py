@@ -14,8 +14,8 @@ import pandas as pd
 from papers.paper2_digital_twin.availability_records import TITLES, Measured
 from papers.paper2_digital_twin.availability_split import ALL, SPLITS
 from papers.paper2_digital_twin.availability_study import Study
+from papers.paper2_digital_twin.methods.choose import Thresholds, choose
 from papers.paper3_zoa_dann.tables import write as write
-from twingap.adapt.choose import Thresholds, choose
 from twingap.adapt.evaluate import t_interval
 
 METHODS: Final = ("twin network", "SVM", "SOM-MQE")

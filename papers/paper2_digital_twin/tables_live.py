@@ -14,9 +14,9 @@ import numpy as np
 import pandas as pd
 
 from papers.paper2_digital_twin.live_study import DATA, LiveStudyOptions, Scenario, phase_of
+from papers.paper2_digital_twin.live_twin.twin import WATCHED
 from twingap.rigs.drifting import WEARS
 from twingap.sweep import Result
-from twingap.twins.live.twin import WATCHED
 
 WHOLE = "after commissioning"
 DRIFT = "under drift"

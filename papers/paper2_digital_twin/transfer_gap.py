@@ -32,15 +32,14 @@ from papers.paper2_digital_twin import availability_jobs as jobs_module
 from papers.paper2_digital_twin import availability_records as records_module
 from papers.paper2_digital_twin import availability_source as source_module
 from papers.paper2_digital_twin import availability_split as split_module
-from papers.paper2_digital_twin import availability_study
+from papers.paper2_digital_twin import availability_study, methods
 from papers.paper2_digital_twin.availability_jobs import NetworkJob, network
 from papers.paper2_digital_twin.availability_records import TITLES, Measured, load, measure
 from papers.paper2_digital_twin.availability_source import BASELINE_PIECES
 from papers.paper2_digital_twin.availability_split import SPLITS
+from papers.paper2_digital_twin.methods.scalograms import ImageOptions, Modulation, images, modulation, pieces_of
 from papers.paper3_zoa_dann.significance import sign_flip
 from papers.studies import Count, Progress, command, keep_tables, profile_of
-from twingap.adapt.inception import InceptionTraining
-from twingap.adapt.scalograms import ImageOptions, Modulation, images, modulation, pieces_of
 from twingap.adapt.selection import select
 from twingap.bearing import Bearing
 from twingap.config import build, read_toml
@@ -240,8 +239,8 @@ def run(
         records = load(RIG, root, size.rig_duration_s)
         data[RIG], digests[RIG] = measure(records, RIG, common.image), records.digest
     code = digest_of_code(
-        records_module, source_module, split_module, jobs_module, twingap.bearing, twingap.effects, twingap.signal,
-        twingap.streams, twingap.twins, ImageOptions, InceptionTraining, select, twingap.adapt.training, simulate,
+        records_module, source_module, split_module, jobs_module, methods, twingap.bearing, twingap.effects,
+        twingap.signal, twingap.streams, twingap.twins, select, twingap.adapt.training, simulate,
     )  # fmt: skip
     populations = {
         f"{name} {kind}": _population(options, common, own, kind, size.machines, seed)

@@ -31,9 +31,9 @@ import twingap.signal
 import twingap.streams
 import twingap.twins
 from papers.paper3_zoa_dann import job as job_module
+from papers.paper3_zoa_dann import noise, task_files, yardsticks
 from papers.paper3_zoa_dann import options as options_module
 from papers.paper3_zoa_dann import source as source_module
-from papers.paper3_zoa_dann import task_files, yardsticks
 from papers.paper3_zoa_dann import trial as trial_module
 from papers.paper3_zoa_dann.comparison_study import (
     CONFIG,
@@ -321,7 +321,7 @@ def _run_task(
 def version() -> str:
     """Digest of all code that a trial or an identification depends on."""
     return digest_of_code(
-        trial_module, task_files, job_module, source_module, options_module, yardsticks, twingap.adapt,
+        trial_module, noise, task_files, job_module, source_module, options_module, yardsticks, twingap.adapt,
         twingap.bearing, twingap.effects, twingap.records, twingap.signal, twingap.streams, twingap.twins,
     )  # fmt: skip
 

@@ -112,7 +112,7 @@ def recover(job: Recovery) -> dict[str, Any]:
     (quiet,) = ContactTwin(BEARINGS["6205"], own, unit="g").simulate([condition], rng)
     noise = rng.standard_normal(condition.n_samples) * quiet.samples.std() * 10 ** (-job.snr_db / 20)
     records = RecordSet.from_records("machine", "g", BEARINGS["6205"], [Record(condition, quiet.samples + noise)])
-    found = identify(TwinSpec("contact"), records, rng).estimates
+    found = identify(records, TwinSpec("contact"), seed=rng).estimates
     out: dict[str, Any] = {}
     for name, true in (("stiffness", k), ("damping", c)):
         estimate = found[name]

@@ -20,6 +20,7 @@ from typing import Any, Final
 import numpy as np
 
 from papers.paper3_zoa_dann.job import embed, spread
+from papers.paper3_zoa_dann.noise import with_noise
 from papers.paper3_zoa_dann.source import Recipe, simulate
 from papers.paper3_zoa_dann.task_files import Material
 from papers.paper3_zoa_dann.yardsticks import analyst
@@ -35,7 +36,6 @@ from twingap.adapt import (
     judge,
     score,
     split_by_group,
-    with_noise,
 )
 from twingap.adapt.fleets import Fleets
 from twingap.adapt.order_forest import MOST_MEMBERS, OrderForest, examples, train_forest

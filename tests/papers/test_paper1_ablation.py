@@ -13,12 +13,12 @@ from papers.paper1_rul_varying_speed import ablation
 from papers.paper1_rul_varying_speed.ablation import ADVERSARIAL, DANN, SIMULATED, TRUE, Size, tables, with_true_lives
 from papers.paper1_rul_varying_speed.cases import Case, Target, load_target
 from papers.paper1_rul_varying_speed.job import simulate
+from papers.paper1_rul_varying_speed.methods.adaptive_twin import NoLifeError
+from papers.paper1_rul_varying_speed.methods.metrics import rmse
 from papers.paper1_rul_varying_speed.models import MODELS
 from papers.paper1_rul_varying_speed.options import Options, TargetOptions, read_options
 from tests.papers import test_paper1
 from twingap.errors import TwingapError
-from twingap.prognosis.adaptive_twin import NoLifeError
-from twingap.prognosis.metrics import rmse
 
 records, root, config, case = test_paper1.records, test_paper1.root, test_paper1.config, test_paper1.case
 

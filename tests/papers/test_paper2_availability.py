@@ -22,9 +22,9 @@ from papers.paper2_digital_twin.availability_source import (
 )
 from papers.paper2_digital_twin.availability_split import ALL, SPLITS, counts_of, judged, labelled
 from papers.paper2_digital_twin.availability_study import CONFIG, Study, read_study
-from twingap.adapt.inception import InceptionTraining
-from twingap.adapt.residual_head import HeadOptions, ResidualHead, fit_residual_head
-from twingap.adapt.scalograms import ImageOptions
+from papers.paper2_digital_twin.methods.inception import InceptionTraining
+from papers.paper2_digital_twin.methods.residual_head import HeadOptions, ResidualHead, fit_residual_head
+from papers.paper2_digital_twin.methods.scalograms import ImageOptions
 from twingap.bearing import BEARINGS
 from twingap.errors import TwingapError
 

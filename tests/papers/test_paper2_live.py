@@ -14,13 +14,13 @@ import pytest
 from papers.paper2_digital_twin import tables_live
 from papers.paper2_digital_twin.live import ARMS, live_through, machine_of, main, messages_of, run
 from papers.paper2_digital_twin.live_study import CONFIG, LiveStudy, Scenario, phase_of, read_live
+from papers.paper2_digital_twin.live_twin import Snapshot, twin
+from papers.paper2_digital_twin.live_twin.drift import Alarm, DriftDetector
+from papers.paper2_digital_twin.live_twin.refit import Fit, refit
 from papers.paper2_digital_twin.tables_live import DRIFT, WHOLE, by_phase
 from twingap.errors import TwingapError
 from twingap.sweep import Result
 from twingap.track import FolderTracker
-from twingap.twins.live import Snapshot, twin
-from twingap.twins.live.drift import Alarm, DriftDetector
-from twingap.twins.live.refit import Fit, refit
 
 TINY = """
 [profiles.tiny]

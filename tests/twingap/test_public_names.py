@@ -19,7 +19,7 @@ def test_every_promised_name_is_there_once(package: str) -> None:
     assert not [name for name in module.__all__ if not hasattr(module, name)]
 
 
-@pytest.mark.parametrize("name", ["adapt.choose", "adapt.classify", "prognosis.degrade", "prognosis.follow"])
+@pytest.mark.parametrize("name", ["adapt.classify", "prognosis.degrade", "prognosis.follow"])
 def test_a_function_is_had_by_its_name_whatever_was_imported_before(name: str) -> None:
     package, function = name.split(".")
     importlib.import_module(f"twingap.{name}")  # binds the module's name in the package where nothing else has

@@ -1,33 +1,25 @@
-"""From simulated to real: networks, adversarial adaptation, selection without target labels, and judging.
+"""Fault classes of unlabelled records: simulated training data, features, networks, trees, adaptation, selection.
 
+records without labels, TwinSpec --Population, Fleets--> classify -> Classified
 Windows --inputs--> train(source, labels, target without labels) -> checkpoints -> select -> score
 Windows --------------------- fit("Proposed", ...) -> Fitted ------------------------------> judge
-records without labels, TwinSpec --Population, Fleets--> classify -> Classified
-labelled records of each fault --choose--> twin's network | fit_few_labels | fit_class_maps;  healthy_map -> alarm
-labelled records, the network's logits of them --fit_residual_head--> network, corrected
 
-`classify` and `choose` here are the functions; from the modules of those names import by ``from ... import``.
+`classify` here is the function; from the module of that name import by ``from ... import``.
 """
 
 from twingap.adapt.alignment import Alignment, kernel_discrepancy
-from twingap.adapt.choose import Choice, Thresholds, choose
-from twingap.adapt.class_maps import ClassMaps, fit_class_maps
 from twingap.adapt.classify import Classified, ClassifyOptions, classify
 from twingap.adapt.confidence import Calibration, Reliability, calibrate_temperature, cross_checked
 from twingap.adapt.dann import DomainDiscriminator, adversarial_schedule, reverse_gradient
 from twingap.adapt.evaluate import Scores, bootstrap_interval, score, t_interval
-from twingap.adapt.few_labels import FewLabels, fit_few_labels
 from twingap.adapt.fleets import Fleets
 from twingap.adapt.methods import METHODS, Fitted, Judged, MethodOptions, fit, judge, steps_of_epochs
 from twingap.adapt.mode_inputs import ModeInputs
 from twingap.adapt.mode_network import Architecture, ModeNetwork
 from twingap.adapt.nets import FEATURES, PlainCNN, best_device
-from twingap.adapt.noise import with_noise
 from twingap.adapt.order_forest import OrderForest, train_forest
 from twingap.adapt.population import Population
-from twingap.adapt.residual_head import HeadOptions, ResidualHead, fit_residual_head
 from twingap.adapt.selection import CRITERIA, DEFAULT, Evidence, select
-from twingap.adapt.severity import FeatureMap, HealthyMap, MapOptions, fit_map, healthy_map
 from twingap.adapt.training import Checkpoint, Method, Outputs, Trained, Training, outputs, reproducible, train
 from twingap.adapt.views import VIEWS, inputs
 from twingap.adapt.windows import Windows, cut, joined, split_by_group
@@ -42,20 +34,13 @@ __all__ = [
     "Architecture",
     "Calibration",
     "Checkpoint",
-    "Choice",
-    "ClassMaps",
     "Classified",
     "ClassifyOptions",
     "DomainDiscriminator",
     "Evidence",
-    "FeatureMap",
-    "FewLabels",
     "Fitted",
     "Fleets",
-    "HeadOptions",
-    "HealthyMap",
     "Judged",
-    "MapOptions",
     "Method",
     "MethodOptions",
     "ModeInputs",
@@ -65,9 +50,7 @@ __all__ = [
     "PlainCNN",
     "Population",
     "Reliability",
-    "ResidualHead",
     "Scores",
-    "Thresholds",
     "Trained",
     "Training",
     "Windows",
@@ -75,16 +58,10 @@ __all__ = [
     "best_device",
     "bootstrap_interval",
     "calibrate_temperature",
-    "choose",
     "classify",
     "cross_checked",
     "cut",
     "fit",
-    "fit_class_maps",
-    "fit_few_labels",
-    "fit_map",
-    "fit_residual_head",
-    "healthy_map",
     "inputs",
     "joined",
     "judge",
@@ -99,5 +76,4 @@ __all__ = [
     "t_interval",
     "train",
     "train_forest",
-    "with_noise",
 ]

@@ -91,7 +91,7 @@ _add(
     "RECORDSET --twin twin.toml --out gap --closest --export",
 )  # fmt: skip
 app.add_typer(study.app, name="study")
-_add("train", train.train, "")
+_add("train", train.train, "--out training", "--out training --backend dask --address tcp://head:8786")
 _add("effects", effects.effects, "", "slip_jitter", "--effects mine.py --json")
 _add("bearings", bearings.bearings, "", "6205")
 _add("classify", classify.classify, "RECORDSET --twin twin.toml --out predictions.csv")

@@ -33,7 +33,6 @@ def identify(
     """Identify the twin's free parameters from records, with intervals and the fit's figures."""
     from dataclasses import replace
 
-    import numpy as np
 
     from twingap.errors import TwingapError
     from twingap.files import replacing
@@ -51,14 +50,13 @@ def identify(
     with replacing(out) as text, replacing(figure) as drawing:
         with progress("reading") as shown:
             found = run(
-                spec,
                 records,
-                np.random.default_rng(seed),
+                spec,
+                seed=seed,
                 level=level,
                 method=method,
                 optimiser=optimiser,
-                seed=seed,
-                report=shown.share,
+                progress=shown.share,
             )
         try:
             # With the geometry that it was identified for, since a table of conditions brings none to simulate.

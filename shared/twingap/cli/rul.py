@@ -104,9 +104,8 @@ def rul(
             refuse_repeats(ended)
         before = [outcome for _, outcome in ended]
         learnt = prior_from(before) if before else None
-        found = follow(
-            run, options, learnt, report=lambda rows: steps(rows, f"{run.name}: remaining life", len(run.rows))
-        )
+        with progress(f"{run.name}: remaining life", len(run.rows)) as step:
+            found = follow(run, options, learnt, progress=lambda what, fraction: step())
         refuse_repeats(ended, found.outcome)
         rows = found.rows()
         write_table(table, rows, COLUMNS)
@@ -169,9 +168,10 @@ def _outcomes(path: Path, options: LifeOptions, recordset: Path, unit: str, note
         elif not unit:
             notes.append(f"units are unknown: those of {path} are taken to be in the unit of --limit")
         options = replace(options, limit=limit)
-    found = follow(run, options, report=lambda rows: steps(rows, f"{run.name}: prior", len(run.rows)))
-    told = [*run.notes, *(note for note in found.notes if note.startswith(REACHED))]
-    notes += [f"--prior {path}: {note}" for note in told]
+    with progress(f"{run.name}: prior", len(run.rows)) as step:
+        found = follow(run, options, progress=lambda what, fraction: step())
+    kept = [*run.notes, *(note for note in found.notes if note.startswith(REACHED))]
+    notes += [f"--prior {path}: {note}" for note in kept]
     return [found.outcome]
 
 

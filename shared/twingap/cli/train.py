@@ -12,25 +12,43 @@ from twingap.cli.progress import progress
 
 
 def train(
-    cache: Annotated[
-        Path | None,
-        typer.Option(metavar="DIR", help="Where to keep it; default, and where the diagnosis looks: twingap's cache."),
+    out: Annotated[
+        Path, typer.Option(metavar="DIR", help="Folder for the result, DIR/learnt, and for what leads to it.")
+    ],
+    machines: Annotated[
+        int | None,
+        typer.Option(metavar="N", help="Simulated machines to learn from; default: as many as what ships.", min=20),
+    ] = None,
+    backend: Annotated[str, typer.Option(help="Where simulations run: loky (this machine) or dask.")] = "loky",
+    address: Annotated[str | None, typer.Option(help="Of a running dask scheduler.", show_default=False)] = None,
+    jobs: Annotated[
+        int | None, typer.Option(metavar="J", help="Simulations at once; default: one a core.", min=1)
     ] = None,
     effects: Effects = None,
     seed: Annotated[
-        int | None, typer.Option(help="Seed of everything random; default: the diagnosis's own.", min=0)
+        int | None, typer.Option(help="Seed of everything random; default: that of what ships.", min=0)
     ] = None,
     as_json: Json = False,
 ) -> None:
-    """Learn from simulated gaps what the diagnosis knows (maintainers). An interrupted training is taken up again."""
-    with progress("loading") as shown:
-        from twingap.gap.knowledge import SEED
-        from twingap.gap.knowledge import train as run
+    """Learn from simulated gaps what the diagnosis ships with (maintainers). An interrupted training goes on."""
+    from twingap.files import try_folder
 
-        seed = SEED if seed is None else seed
-        path = run(cache, seed, shown.share)
+    try_folder(out)
+    with progress("loading") as shown:
+        from twingap.gap.knowledge import training
+
+        folder = training.train(
+            out,
+            seed=training.SEED if seed is None else seed,
+            machines=machines or training.MACHINES,
+            backend=backend,
+            address=address,
+            jobs=jobs,
+            progress=shown.share,
+        )
+    paths = sorted(folder.iterdir())
     if as_json:
         from twingap.provenance import digest_of_path
 
-        say_json({"path": str(path), "sha256": digest_of_path(path), "seed": seed})
-    wrote(path, as_json=as_json)
+        say_json([{"path": str(path), "sha256": digest_of_path(path)} for path in paths])
+    wrote(*paths, as_json=as_json)

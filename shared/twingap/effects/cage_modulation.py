@@ -16,10 +16,10 @@ from twingap.effects._features import STRENGTH
 from twingap.effects._references import RANDALL_ANTONI
 from twingap.effects.angle import cosine
 from twingap.effects.base import Effect, parameter
-from twingap.effects.registry import register
 from twingap.effects.draft import Draft, Impacts
 from twingap.effects.drawing import faults, log_uniform
 from twingap.effects.machine import Machine
+from twingap.effects.registry import register
 
 Array = NDArray[np.float64]
 

@@ -11,10 +11,10 @@ import numpy as np
 from twingap.effects import measurements
 from twingap.effects._references import IEEE_1057
 from twingap.effects.base import Effect, Stage, parameter
-from twingap.effects.registry import register
 from twingap.effects.draft import Draft
 from twingap.effects.drawing import faults
 from twingap.effects.machine import Machine
+from twingap.effects.registry import register
 
 
 @register

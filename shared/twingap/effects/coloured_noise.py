@@ -19,11 +19,11 @@ from twingap.effects import measurements
 from twingap.effects._features import SHAPE
 from twingap.effects._spectral_fits import least_misfit
 from twingap.effects.base import Effect, Stage, parameter
-from twingap.effects.registry import register
 from twingap.effects.draft import Draft
 from twingap.effects.drawing import healthy_density, log_uniform
 from twingap.effects.machine import Machine
 from twingap.effects.observations import HealthySpectrum, Observations
+from twingap.effects.registry import register
 from twingap.errors import TwingapError
 
 Array = NDArray[np.float64]

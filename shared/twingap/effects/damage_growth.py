@@ -14,11 +14,11 @@ from twingap.effects._fault_effect import FaultEffect
 from twingap.effects._features import LEVEL
 from twingap.effects._references import PAPER1
 from twingap.effects.base import Effect, parameter
-from twingap.effects.registry import register
 from twingap.effects.draft import Draft, Impacts
 from twingap.effects.drawing import log_uniform
 from twingap.effects.machine import Machine
 from twingap.effects.observations import Observations
+from twingap.effects.registry import register
 
 
 @register

@@ -16,10 +16,10 @@ from twingap.effects._features import SHAPE
 from twingap.effects._references import RANDALL_ANTONI
 from twingap.effects.angle import cosine
 from twingap.effects.base import Effect, Stage, parameter
-from twingap.effects.registry import register
 from twingap.effects.draft import Draft
 from twingap.effects.drawing import log_uniform
 from twingap.effects.machine import Machine
+from twingap.effects.registry import register
 from twingap.effects.ringing import response_rms
 
 Array = NDArray[np.float64]

@@ -12,10 +12,10 @@ from twingap.effects import measurements
 from twingap.effects._features import TONES
 from twingap.effects.angle import cosine
 from twingap.effects.base import Effect, Stage, parameter
-from twingap.effects.registry import register
 from twingap.effects.draft import Draft
 from twingap.effects.drawing import log_uniform, tone_level
 from twingap.effects.machine import Machine
+from twingap.effects.registry import register
 
 
 @register

@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 
 from twingap.effects import measurements
 from twingap.effects.base import Effect, Stage, parameter
-from twingap.effects.registry import register
 from twingap.effects.draft import Draft
 from twingap.effects.drawing import log_uniform
 from twingap.effects.machine import Machine
+from twingap.effects.registry import register
 
 Array = NDArray[np.float64]
 

@@ -14,11 +14,11 @@ from twingap.effects._fault_effect import FaultEffect
 from twingap.effects._features import LEVELS_OF_IMPACTS
 from twingap.effects.angle import at_angles
 from twingap.effects.base import Effect, parameter
-from twingap.effects.registry import register
 from twingap.effects.draft import Draft, Impacts
 from twingap.effects.drawing import faults, log_uniform
 from twingap.effects.machine import Machine
 from twingap.effects.observations import Observations
+from twingap.effects.registry import register
 
 _LONGEST: Final = 0.42
 """Longest defects that are drawn, as a part of a pass: beyond half a pass, exit and next entry change roles."""

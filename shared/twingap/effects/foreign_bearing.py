@@ -16,11 +16,11 @@ from twingap.effects._features import IMPULSES
 from twingap.effects._references import RANDALL_ANTONI
 from twingap.effects.angle import cosine
 from twingap.effects.base import Effect, Stage, parameter
-from twingap.effects.registry import register
 from twingap.effects.draft import Draft
 from twingap.effects.drawing import log_uniform, ringing_mode
 from twingap.effects.machine import Machine
 from twingap.effects.observations import Observations
+from twingap.effects.registry import register
 from twingap.effects.ringing import Mode, ring
 
 Array = NDArray[np.float64]

@@ -16,10 +16,10 @@ from twingap.effects._references import ISO_13373
 from twingap.effects._tones import UnevenHarmonics, speed_dependence, uneven_factors
 from twingap.effects.angle import cosine, harmonics
 from twingap.effects.base import Effect, Stage, parameter
-from twingap.effects.registry import register
 from twingap.effects.draft import Draft
 from twingap.effects.drawing import tone_level
 from twingap.effects.machine import Machine
+from twingap.effects.registry import register
 
 Array = NDArray[np.float64]
 

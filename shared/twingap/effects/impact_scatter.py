@@ -15,10 +15,10 @@ from twingap.effects._fault_effect import FaultEffect, by_pass, passes_within
 from twingap.effects._features import STRENGTH
 from twingap.effects._references import PAPER1
 from twingap.effects.base import Effect, parameter
-from twingap.effects.registry import register
 from twingap.effects.draft import Draft, Impacts
 from twingap.effects.drawing import faults, log_uniform
 from twingap.effects.machine import Machine
+from twingap.effects.registry import register
 
 Array = NDArray[np.float64]
 

@@ -14,11 +14,11 @@ from numpy.typing import NDArray
 from twingap.effects import measurements
 from twingap.effects._features import IMPULSES
 from twingap.effects.base import Effect, Stage, parameter
-from twingap.effects.registry import register
 from twingap.effects.draft import Draft
 from twingap.effects.drawing import log_uniform, ringing_mode
 from twingap.effects.machine import Machine
 from twingap.effects.observations import Observations
+from twingap.effects.registry import register
 from twingap.effects.ringing import Mode, ring
 
 Array = NDArray[np.float64]

@@ -12,11 +12,11 @@ import numpy as np
 from twingap.effects import measurements
 from twingap.effects._references import RANDALL_ANTONI
 from twingap.effects.base import Effect, Stage, parameter
-from twingap.effects.registry import register
 from twingap.effects.draft import Draft
 from twingap.effects.drawing import faults, log_uniform
 from twingap.effects.machine import Machine
 from twingap.effects.observations import Observations
+from twingap.effects.registry import register
 
 
 @register

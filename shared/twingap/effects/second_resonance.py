@@ -17,11 +17,11 @@ from twingap.effects._features import SHAPE
 from twingap.effects._filtering import fast_length, filtered
 from twingap.effects._references import RANDALL_ANTONI
 from twingap.effects.base import Effect, Stage, parameter
-from twingap.effects.registry import register
 from twingap.effects.draft import Draft
 from twingap.effects.drawing import healthy_density, log_uniform
 from twingap.effects.machine import Machine
 from twingap.effects.observations import Observations
+from twingap.effects.registry import register
 from twingap.effects.ringing import Mode
 
 Array = NDArray[np.float64]

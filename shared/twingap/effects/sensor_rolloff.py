@@ -18,11 +18,11 @@ from twingap.effects._features import SHAPE
 from twingap.effects._filtering import fast_length, filtered
 from twingap.effects._spectral_fits import misfit_at_any_level, misfit_of_modes
 from twingap.effects.base import Effect, Stage, parameter
-from twingap.effects.registry import register
 from twingap.effects.draft import Draft
 from twingap.effects.drawing import log_uniform
 from twingap.effects.machine import Machine
 from twingap.effects.observations import HealthySpectrum, Observations
+from twingap.effects.registry import register
 
 Array = NDArray[np.float64]
 

@@ -14,10 +14,10 @@ from twingap.effects import measurements
 from twingap.effects._features import TIMING
 from twingap.effects._references import RANDALL_ANTONI
 from twingap.effects.base import Effect, Stage, parameter
-from twingap.effects.registry import register
 from twingap.effects.draft import Draft
 from twingap.effects.drawing import faults, log_uniform
 from twingap.effects.machine import Machine
+from twingap.effects.registry import register
 
 Array = NDArray[np.float64]
 

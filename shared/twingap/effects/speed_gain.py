@@ -13,11 +13,11 @@ from twingap.effects import measurements
 from twingap.effects._features import LEVEL
 from twingap.effects._references import PAPER1
 from twingap.effects.base import Effect, Stage, parameter
-from twingap.effects.registry import register
 from twingap.effects.draft import Draft
 from twingap.effects.drawing import faults, log_uniform
 from twingap.effects.machine import Machine
 from twingap.effects.observations import Observations
+from twingap.effects.registry import register
 
 _APART: Final = math.log(1.12)
 """Logarithm of the fastest over the slowest record of one fault from which a gain over speed shows."""

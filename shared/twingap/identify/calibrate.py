@@ -393,7 +393,7 @@ def _identified(
     if spec.model == "contact":
         from twingap.identify import identify
 
-        outcome = identify(spec, thinned(fit), rng)
+        outcome = identify(thinned(fit), spec, seed=rng)
         notes += outcome.notes
         return outcome.spec, frame
     return _scaled(spec, fit, rng, notes), frame

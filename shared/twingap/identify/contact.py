@@ -16,7 +16,7 @@ from twingap.errors import TwingapError
 from twingap.identify.contact_bottom import descend
 from twingap.identify.contact_objective import SpectrumObjective, states_of
 from twingap.identify.optimise import DEFAULT, Optimiser, optimiser_of
-from twingap.identify.result import Estimate, Fit, Outcome, Report
+from twingap.identify.result import Estimate, Fit, Outcome, Progress
 from twingap.records import RecordSet
 from twingap.twins.contact import ContactTwin
 from twingap.twins.contact_parameters import DEFECTS
@@ -39,7 +39,7 @@ def identify_contact(
     *,
     level: float,
     method: str,
-    report: Report,
+    progress: Progress,
     optimiser: Optimiser | str = DEFAULT,
     evaluations: int = EVALUATIONS,
 ) -> Outcome:
@@ -87,7 +87,7 @@ def identify_contact(
     def counted(points: Array) -> Array:
         nonlocal done
         done += len(points)
-        report("stiffness and damping", min(1.0, done / evaluations))
+        progress("stiffness and damping", min(1.0, done / evaluations))
         whole = np.tile(start, (len(points), 1))
         whole[:, [list(BOUNDS).index(name) for name in free]] = points
         return objective(whole)
@@ -103,7 +103,7 @@ def identify_contact(
             where=f"record set {records.name!r}",
             mend="bring records at a higher fs_hz, or raise mass_kg in [parameters]",
         )
-    report("intervals", 1.0)
+    progress("intervals", 1.0)
     bottom = descend(objective, best, places, rng, notes)
     parameters = objective.parameters(bottom.point)
     notes.append(f"relative error of the amplitude spectra: {bottom.error:.3g}")

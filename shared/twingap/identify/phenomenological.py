@@ -20,7 +20,7 @@ from twingap.identify.healthy_model import SHORT_S, HealthyModel, is_of
 from twingap.identify.impact_amplitude import Amplitude
 from twingap.identify.intervals import clusters, jackknife
 from twingap.identify.resonance import HealthyFit
-from twingap.identify.result import Estimate, Fit, Outcome, Report
+from twingap.identify.result import Estimate, Fit, Outcome, Progress
 from twingap.identify.spectra import SEGMENT_S, SHORTEST, spectra
 from twingap.records import Record, RecordSet
 from twingap.streams import root_entropy
@@ -52,7 +52,7 @@ MOST_RECORDS = 300
 
 
 def identify_phenomenological(
-    spec: TwinSpec, records: RecordSet, rng: np.random.Generator, *, level: float, method: str, report: Report
+    spec: TwinSpec, records: RecordSet, rng: np.random.Generator, *, level: float, method: str, progress: Progress
 ) -> Outcome:
     """Identify what `spec` leaves free: mode, noise levels, scale, impact amplitudes. See `identify`."""
     if method not in METHODS:
@@ -83,10 +83,10 @@ def identify_phenomenological(
             f"{', '.join(silent)}: the twin file gives no value, and spectra alone do not tell it: defaults were kept "
             "(`twingap gap` finds such values itself)"
         )
-    report("spectra", 0.0)
+    progress("spectra", 0.0)
     segment_s = SEGMENT_S if healthy.any() else STRUCK_SEGMENT_S
     problem = HealthyModel(spec, records, spectra(records, segment_s), method, ~everything)
-    report("resonance and noise", 0.0)
+    progress("resonance and noise", 0.0)
     problem = problem if healthy.any() else problem.between_lines()
     notes += _unequal(problem)
     problem, fit = problem.begin(baseline, notes)
@@ -115,7 +115,7 @@ def identify_phenomenological(
         for name, power in zip(names[len(estimates) :], at[len(estimates) :], strict=True):
             estimates[name] = Estimate(float(np.sqrt(max(power, 0.0))))
     else:
-        estimates = _with_intervals(problem, fit, healthy, baseline, amplitudes, estimate, at, level, notes, report)
+        estimates = _with_intervals(problem, fit, healthy, baseline, amplitudes, estimate, at, level, notes, progress)
     if any(name in spec.effects for name in COLOURING):
         estimates = {name: Estimate(estimated.value) for name, estimated in estimates.items()}
     for fault in FAULTS[1:]:
@@ -134,7 +134,7 @@ def _with_intervals(
     at: Array,
     level: float,
     notes: list[str],
-    report: Report,
+    progress: Progress,
 ) -> dict[str, Estimate]:
     """Values with jackknife intervals: over the records of the fit, and for amplitudes over the faulty ones as well."""
     places = np.flatnonzero(baseline)
@@ -143,7 +143,7 @@ def _with_intervals(
 
     def without(keep: Mask) -> Array:
         nonlocal done
-        report("intervals", done / (of.max() + 1))
+        progress("intervals", done / (of.max() + 1))
         done += 1
         mask = np.ones(len(problem.records), bool)
         mask[places] = keep

@@ -12,7 +12,7 @@ from twingap.twins.twin_file import TwinSpec
 
 Array = NDArray[np.float64]
 
-Report = Callable[[str, float], None]
+Progress = Callable[[str, float], None]
 """Called with what is being done and the fraction of it that is done, 0 to 1."""
 
 

@@ -1,11 +1,11 @@
-"""A whole run followed row by row.
+"""Remaining life along a whole run, estimated row by row.
 
-Run --OnlineLife, one record in memory--> Followed: an estimate a row, notes, and what the run says of others
+Run --OnlineLife, one record in memory--> Followed: an estimate for each row, notes, and the run as prior for others
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -27,8 +27,9 @@ less than 2 %."""
 _OUTLIER: Final = 0.5
 """Share of their median length below which a healthy record does not set how much is taken of all."""
 _IMPULSIVE: Final = 6.0
+"""Median kurtosis of the first rows from which a note warns that they may not be healthy; higher warns less often."""
 REACHED: Final = "end of life is reached"
-"""How the note begins that says where."""
+"""First words of the note that names the record at which life ends."""
 
 
 @dataclass(frozen=True)
@@ -64,7 +65,7 @@ def follow(
     options: LifeOptions | None = None,
     prior: Prior | None = None,
     *,
-    report: Callable[[Iterable[RunRow]], Iterable[RunRow]] = iter,
+    progress: Callable[[str, float], None] | None = None,
 ) -> Followed:
     """Estimate remaining life after every row of a run, each from the rows up to it.
 
@@ -73,8 +74,8 @@ def follow(
     run : Run
     options : LifeOptions, optional
     prior : Prior, optional
-    report : callable
-        Wraps the rows as they are taken, to show progress.
+    progress : callable (what, fraction), optional
+        Called after every row.
 
     Raises
     ------
@@ -85,7 +86,7 @@ def follow(
     -----
     Peak to peak grows with a record's length. Where lengths differ it is that of the first samples of every record, as
     many as the shortest healthy one has: an average over stretches would scatter less in longer records, and be no
-    measure for shorter ones. Only healthy rows say how many, so that no row depends on later ones.
+    measure for shorter ones. Only healthy rows set how many, so that no row depends on later ones.
     """
     life = OnlineLife(options, prior)
     taken = _taken(run, life.options.healthy_rows)
@@ -96,7 +97,7 @@ def follow(
     kurtosis: list[float] = []
     signs: set[tuple[float, float]] = set()
     usable = timeless = 0
-    for row in report(run.rows):
+    for place, row in enumerate(run.rows):
         try:
             amplitude = row.amplitude(taken)
         except TwingapError as error:
@@ -120,6 +121,8 @@ def follow(
             raise TwingapError(error.what, where=f"run {run.name!r}, {error.where}", mend=error.mend) from error
         lived.append(life.revolutions)
         timeless += life.timeless
+        if progress is not None:
+            progress("remaining life", (place + 1) / len(run.rows))
     left_out = skipped[0] + (f", and {len(skipped) - 1} more" if len(skipped) > 1 else "") if skipped else None
     if left_out and not usable:
         raise TwingapError(f"no record can be used: {left_out}", where=f"run {run.name!r}")
@@ -137,8 +140,8 @@ def follow(
         )
     if timeless:
         notes.append(
-            f"by time_s nothing has turned since the anomaly began in {timeless} rows: growth says nothing of what "
-            "remains there"
+            f"by time_s nothing has turned since the anomaly began in {timeless} rows: remaining life by "
+            "growth is not known there"
         )
     if left_out:
         notes.append(f"left out, with the estimate carried on from the row before: {left_out}")
@@ -181,7 +184,7 @@ def _shortened(notes: Sequence[str], kept: int = 3) -> list[str]:
     out = []
     for alike in kinds.values():
         more = len(alike) - kept
-        out += alike[:kept] if more > 1 else alike  # a line that says "1 more" is no shorter than that one
+        out += alike[:kept] if more > 1 else alike  # a line "and 1 more" is no shorter than that note
         out += [f"and {more} more such notes"] if more > 1 else []
     return out
 
@@ -193,9 +196,9 @@ def _why_none(life: OnlineLife, usable: int) -> str:
             last = "the last row lies" if life.above == 1 else f"the last {life.above} rows lie"
             why = f"{last} above the healthy scatter, {life.together} together make one"
         return f"no anomaly: {why}; remaining life is left empty" + (
-            "" if life.prior is None else " but for what other runs say"
+            "" if life.prior is None else " but for estimates from other runs"
         )
     return (
-        f"{usable} {'row' if usable == 1 else 'rows'} of the running machine that can be used are too few to tell an "
-        f"anomaly: the first {life.options.healthy_rows} of them count as healthy (--healthy-rows)"
+        f"{usable} {'row' if usable == 1 else 'rows'} of the running machine that can be used are too few for an "
+        f"anomaly to be detected: the first {life.options.healthy_rows} of them count as healthy (--healthy-rows)"
     )

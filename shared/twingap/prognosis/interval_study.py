@@ -22,7 +22,7 @@ from twingap.prognosis.calibration import TERMS, Posterior, calibrated
 from twingap.prognosis.estimate import LifeOptions
 from twingap.prognosis.online import OnlineLife
 from twingap.prognosis.outcomes import Outcome, prior_from
-from twingap.prognosis.past_errors import Told
+from twingap.prognosis.past_errors import PastIntervals
 from twingap.prognosis.simulated_runs import CALIBRATION_LAWS, LAWS, SimulatedRun, simulate_bench, simulate_run
 
 Array = NDArray[np.float64]
@@ -128,7 +128,7 @@ def informed(bench: Sequence[Sequence[Checked]]) -> Array:
     found = []
     for place, own in enumerate(bench):
         prior = prior_from([*ended[:place], *ended[place + 1 :]])
-        told = ended[place].told
+        told = ended[place].past
         assert told is not None
         said = np.array([
             prior.joined(calibrated(c.posterior), c.lived, c.posterior.since_onset, c.posterior.per_row) for c in own
@@ -142,7 +142,7 @@ def _outcome(run: Sequence[Checked]) -> Outcome:
     """What a run that has ended tells of others."""
     growth = np.array([calibrated(c.posterior) for c in run])
     lived, left, since = np.array([(c.lived, c.true, c.posterior.since_onset) for c in run]).T
-    told = Told(growth, lived, since, left, run[-1].posterior.per_row)
+    told = PastIntervals(growth, lived, since, left, run[-1].posterior.per_row)
     return Outcome(run[0].run, float(lived[-1] + left[-1]), float(since[-1] + left[-1]), None, told)
 
 

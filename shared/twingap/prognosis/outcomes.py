@@ -17,7 +17,7 @@ import numpy as np
 from twingap.errors import TwingapError
 from twingap.prognosis.estimate import Estimate
 from twingap.prognosis.online import OnlineLife
-from twingap.prognosis.past_errors import Array, Told, widening
+from twingap.prognosis.past_errors import Array, PastIntervals, widening
 from twingap.prognosis.prior import LogNormal, Prior
 from twingap.records.table import read_table
 
@@ -25,7 +25,7 @@ WEIGHTS: Final = (0.0, 0.25, 0.5, 0.75, 0.9, 1.0)
 """Of growth in `prognosis.prior`, among which runs that ended choose."""
 _SHARED: Final = 0.1
 """Share of the records of the shorter of two runs that makes them the same one."""
-FEWEST_TOLD: Final = 3
+FEWEST_WITH_INTERVALS: Final = 3
 """Runs with estimates of their own that it takes to choose, and to say how wide joined intervals have to be."""
 _SHORTEST: Final = 1.0
 _LONGEST: Final = 1e14
@@ -48,7 +48,7 @@ class Outcome:
         From the onset of the anomaly; None when none was found.
     end_ratio : float or None
         Amplitude at the end over the healthy one.
-    told : Told or None
+    told : PastIntervals or None
         Its own estimates after the alarm, made without other runs.
     signs : frozenset
         Of its records, by which they are known again; see `run_records.Amplitude`. Empty when the run is a row of a
@@ -59,7 +59,7 @@ class Outcome:
     life: float
     after_onset: float | None
     end_ratio: float | None
-    told: Told | None = None
+    told: PastIntervals | None = None
     signs: frozenset[tuple[float, float]] = frozenset()
 
     def same_as(self, other: Outcome) -> bool:
@@ -104,7 +104,7 @@ def outcome_of(
         name, lived[rows - 1],
         None if life.onset_row is None else max(lived[rows - 1] - begun, 0.0),
         float(np.exp(level)) if np.isfinite(level) else None,
-        told_of(estimates[:rows], lived[:rows], begun), signs,
+        past_intervals(estimates[:rows], lived[:rows], begun), signs,
     )  # fmt: skip
 
 
@@ -148,19 +148,19 @@ def prior_from(outcomes: Sequence[Outcome]) -> Prior:
     -------
     Prior
         Log-normal laws, with the spread of one more draw: sqrt(1 + 1/n) of their standard deviation; and how much
-        wider intervals of growth should have been. Where `FEWEST_TOLD` runs tell of their own estimates, each of them
-        is joined with what the others say: the weight of growth is that of the least error of log life, and intervals
-        are made as wide as these should have been.
+        wider intervals of growth should have been. Where `FEWEST_WITH_INTERVALS` runs have past intervals, each of
+        them is joined with the estimate from the others: the weight of growth is that of the least error of log life,
+        and intervals are made as wide as these should have been.
     """
     prior = _laws(outcomes)
-    if sum(own.told is not None for own in outcomes) < FEWEST_TOLD:
+    if sum(own.past is not None for own in outcomes) < FEWEST_WITH_INTERVALS:
         return prior
     each = [
-        (own.told, _laws([*outcomes[:place], *outcomes[place + 1 :]]))
-        for place, own in enumerate(outcomes) if own.told is not None
+        (own.past, _laws([*outcomes[:place], *outcomes[place + 1 :]]))
+        for place, own in enumerate(outcomes) if own.past is not None
     ]  # fmt: skip
 
-    def joined(weight: float) -> list[tuple[Told, Array]]:
+    def joined(weight: float) -> list[tuple[PastIntervals, Array]]:
         return [(told, _joined(told, dataclasses.replace(others, growth_weight=weight))) for told, others in each]
 
     by_weight = {weight: joined(weight) for weight in WEIGHTS}
@@ -169,7 +169,7 @@ def prior_from(outcomes: Sequence[Outcome]) -> Prior:
     return dataclasses.replace(prior, growth_weight=best, joined_widening=wider)
 
 
-def _joined(told: Told, prior: Prior) -> Array:
+def _joined(told: PastIntervals, prior: Prior) -> Array:
     """Intervals [rows, 3] of a run that ended, joined with what other runs say."""
     rows = zip(told.growth, told.lived, told.since_onset, strict=True)
     said = [
@@ -190,11 +190,11 @@ def _laws(outcomes: Sequence[Outcome]) -> Prior:
     return Prior(
         life,
         _log_normal(after) if after else None,
-        widening=widening([o.told.errors() for o in outcomes if o.told is not None]),
+        widening=widening([o.past.errors() for o in outcomes if o.past is not None]),
     )
 
 
-def told_of(estimates: Sequence[Estimate], lived: Sequence[float], at_onset: float) -> Told | None:
+def past_intervals(estimates: Sequence[Estimate], lived: Sequence[float], at_onset: float) -> PastIntervals | None:
     """What a run that has ended tells of its own estimates, from the rows of its anomaly, but for the last one.
 
     Parameters
@@ -208,7 +208,7 @@ def told_of(estimates: Sequence[Estimate], lived: Sequence[float], at_onset: flo
 
     Returns
     -------
-    Told or None
+    PastIntervals or None
         None where nothing was estimated.
     """
     rows = [
@@ -221,7 +221,7 @@ def told_of(estimates: Sequence[Estimate], lived: Sequence[float], at_onset: flo
     turns = np.array([lived[row] for row in rows])
     growth = np.array([(e.revolutions_lo, e.revolutions, e.revolutions_hi) for e in said])
     per_row = lived[-1] / (len(lived) - 1)
-    return Told(growth, turns, turns - at_onset, lived[-1] - turns, per_row).thinned()
+    return PastIntervals(growth, turns, turns - at_onset, lived[-1] - turns, per_row).thinned()
 
 
 def usual_end(outcomes: Sequence[Outcome]) -> float | None:

@@ -33,7 +33,7 @@ _CALIBRATED: Final = np.asarray(ndtri(0.5 + 0.5 * (np.arange(ROWS) + 0.5) / ROWS
 
 
 @dataclass(frozen=True, eq=False)
-class Told:
+class PastIntervals:
     """What growth alone said of a run that has ended, after its alarm.
 
     Parameters
@@ -52,10 +52,10 @@ class Told:
     left: Array
     per_row: float
 
-    def thinned(self) -> Told:
+    def thinned(self) -> PastIntervals:
         """Of evenly spaced rows with an estimate, at most `ROWS`."""
         rows = spaced(np.isfinite(self.growth[:, 1]) & np.isfinite(self.left))
-        return Told(self.growth[rows], self.lived[rows], self.since_onset[rows], self.left[rows], self.per_row)
+        return PastIntervals(self.growth[rows], self.lived[rows], self.since_onset[rows], self.left[rows], self.per_row)
 
     def errors(self, said: Array | None = None) -> Array:
         """`errors` of these intervals [rows, 3], or of growth alone."""

@@ -16,7 +16,8 @@ from typing import Final, NamedTuple
 from twingap.bearing import Bearing
 from twingap.errors import TwingapError
 from twingap.files import kind_of
-from twingap.records import Condition, RecordSet
+from twingap.records.folder import read_record_set
+from twingap.records.model import Condition
 from twingap.records.table import COLUMNS, Row, extras, read_table
 
 _MOST_SAMPLES: Final = 5 * 10**7
@@ -97,7 +98,7 @@ def read_conditions(
 
 
 def _of_set(folder: Path) -> Conditions:
-    records = RecordSet.read(folder)
+    records = read_record_set(folder)
     return Conditions(records.conditions, records.bearing, records.unit)
 
 

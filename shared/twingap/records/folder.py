@@ -1,13 +1,13 @@
 """Record sets on disk: recordset.toml, records.csv and the files of samples.
 
-folder --read_record_set--> RecordSet, samples still on disk;  Record, Record, ... --write_records--> folder
+folder --read_record_set--> RecordSet, samples still on disk
+RecordSet --write_record_set--> folder;  Record, Record, ... --write_records--> folder
 """
 
 from __future__ import annotations
 
-import hashlib
-import json
 import os
+from collections import Counter
 from collections.abc import Iterable
 from dataclasses import asdict, dataclass
 from pathlib import Path, PurePosixPath, PureWindowsPath
@@ -19,7 +19,7 @@ from twingap.bearing import Bearing
 from twingap.config import build, read_toml, to_toml
 from twingap.errors import TwingapError
 from twingap.files import kind_of, replacing_folder, save_npy
-from twingap.records import UNITS, Condition, Record, RecordSet
+from twingap.records.model import UNITS, Condition, Record, RecordSet
 from twingap.records.samples import Array, Channel, SampleFile, inspect
 from twingap.records.table import COLUMNS, Row, extras, read_table, write_table
 
@@ -182,21 +182,23 @@ def write_records(
     return Path(folder)
 
 
-def digest(records: RecordSet) -> str:
-    """Hex sha256 of all that the records say: unit, bearing, conditions and samples, in order.
+def write_record_set(records: RecordSet, folder: str | os.PathLike[str]) -> Path:
+    """Write a record set, whole or not at all; see `write_records`.
 
-    The set's name, and how and where it is stored, do not enter. Samples enter as little-endian float64. Reads every
-    sample, one record at a time.
+    Parameters
+    ----------
+    records : RecordSet
+        The rate of most of its records is stated once.
+    folder : path-like
+        Must not exist, or be empty.
+
+    Returns
+    -------
+    Path
+        The folder.
     """
-    total = hashlib.sha256()
-    bearing = None if records.bearing is None else asdict(records.bearing)
-    total.update(_canonical({"unit": records.unit, "bearing": bearing}))
-    for record in records:
-        about = asdict(record.condition)
-        about["extra"] = {key: value for key, value in record.condition.extra.items() if value is not None}
-        total.update(_canonical(about))
-        total.update(np.ascontiguousarray(record.samples, dtype="<f8").tobytes())
-    return total.hexdigest()
+    (fs_hz, _), *_ = Counter(condition.fs_hz for condition in records.conditions).most_common(1)
+    return write_records(folder, records.name, records.unit, records.bearing, fs_hz, records)
 
 
 def _channel(folder: Path, row: Row, rate: float, opened: dict[str, SampleFile]) -> Channel:
@@ -260,10 +262,3 @@ def _describe(name: str, unit: str, bearing: Bearing | None, fs_hz: float | None
     if bearing is not None:
         about["bearing"] = asdict(bearing)
     return to_toml(about)
-
-
-def _canonical(value: Any) -> bytes:
-    def plain(item: Any) -> Any:
-        return item.item() if isinstance(item, np.generic) else str(item)
-
-    return json.dumps(value, sort_keys=True, separators=(",", ":"), default=plain).encode()

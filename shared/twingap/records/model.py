@@ -1,4 +1,4 @@
-"""Conditions, records and record sets: the one form in which vibration enters and leaves.
+"""Conditions, records and record sets: the form of vibration records in all of twingap.
 
 Condition --(a twin, a rig, a machine)--> Record = Condition + samples;  RecordSet = many, of one machine
 
@@ -7,12 +7,11 @@ On disk: `twingap.records.folder`; splits: `twingap.records.split`.
 
 from __future__ import annotations
 
-import os
-from collections import Counter
+import hashlib
+import json
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import asdict, dataclass, field, replace
 from numbers import Integral, Real
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, overload
 
 import numpy as np
@@ -30,7 +29,7 @@ UNITS = ("m/s^2", "g", "")
 
 @dataclass(frozen=True)
 class Condition:
-    """What a record is of: everything about it but its samples.
+    """What a record was measured or simulated under: everything about it but its samples.
 
     Parameters
     ----------
@@ -161,27 +160,22 @@ class RecordSet(Sequence[Record]):
         samples = tuple(r.samples for r in held)
         return cls(name, unit, bearing, (r.condition for r in held), samples.__getitem__)
 
-    @classmethod
-    def read(cls, folder: str | os.PathLike[str]) -> RecordSet:
-        """Read a record set; samples stay on disk until asked for. See `twingap.records.folder.read_record_set`."""
-        from twingap.records.folder import read_record_set  # it builds on this module
-
-        return read_record_set(folder)
-
-    def write(self, folder: str | os.PathLike[str]) -> Path:
-        """Write this set, whole or not at all. See `twingap.records.folder.write_records`, also for streams."""
-        from twingap.records.folder import write_records
-
-        # The rate of most records is stated once.
-        (fs_hz, _), *_ = Counter(condition.fs_hz for condition in self.conditions).most_common(1)
-        return write_records(folder, self.name, self.unit, self.bearing, fs_hz, self)
-
     @property
     def digest(self) -> str:
-        """Hex sha256 of what the records say, however they are stored. See `twingap.records.folder.digest`."""
-        from twingap.records.folder import digest
+        """Hex sha256 of the contents: unit, bearing, conditions and samples, in order.
 
-        return digest(self)
+        The set's name, and how and where it is stored, do not enter. Samples enter as little-endian float64. Reads
+        every sample, one record at a time.
+        """
+        total = hashlib.sha256()
+        bearing = None if self.bearing is None else asdict(self.bearing)
+        total.update(_canonical({"unit": self.unit, "bearing": bearing}))
+        for record in self:
+            about = asdict(record.condition)
+            about["extra"] = {key: value for key, value in record.condition.extra.items() if value is not None}
+            total.update(_canonical(about))
+            total.update(np.ascontiguousarray(record.samples, dtype="<f8").tobytes())
+        return total.hexdigest()
 
     def __len__(self) -> int:
         return len(self.conditions)
@@ -240,22 +234,8 @@ class RecordSet(Sequence[Record]):
         theirs = set(other.groups)
         return tuple(group for group in self.groups if group in theirs)
 
-    def split(
-        self, fractions: Sequence[float], rng: np.random.Generator, *, cover_faults: bool = True
-    ) -> tuple[RecordSet, ...]:
-        """Random parts that share no group, every fault in each. See `twingap.records.split.split`."""
-        from twingap.records.split import split
-
-        return split(self, fractions, rng, cover_faults=cover_faults)
-
-    def leave_one_group_out(self, *, cover_faults: bool = True) -> Iterator[tuple[RecordSet, RecordSet]]:
-        """Pairs (all others, one group). See `twingap.records.split.leave_one_group_out`."""
-        from twingap.records.split import leave_one_group_out
-
-        return leave_one_group_out(self, cover_faults=cover_faults)
-
     def without_labels(self) -> RecordSet:
-        """The same records with every fault unknown: what a diagnosis of unlabelled data may see."""
+        """The same records with every fault unknown, as a diagnosis of unlabelled records needs them."""
         hidden = tuple(replace(c, fault=None) for c in self.conditions)
         return RecordSet(self.name, self.unit, self.bearing, hidden, self._load)
 
@@ -269,3 +249,12 @@ class _Taken:
 
     def __call__(self, index: int) -> Array:
         return self.load(self.kept[index])
+
+
+def _canonical(value: Any) -> bytes:
+    """JSON text that is the same for equal values."""
+
+    def plain(item: Any) -> Any:
+        return item.item() if isinstance(item, np.generic) else str(item)
+
+    return json.dumps(value, sort_keys=True, separators=(",", ":"), default=plain).encode()

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twingap.errors import TwingapError
-from twingap.records import RecordSet
+from twingap.records.model import RecordSet
 
 _ATTEMPTS = 50  # where groups hold several faults, dealing them out can end in a dead end
 

@@ -18,7 +18,7 @@ import numpy as np
 
 from twingap.bearing import FAULTS
 from twingap.errors import TwingapError
-from twingap.records import Condition
+from twingap.records.model import Condition
 
 COLUMNS: Final = ("record", "file", "channel", "speed_rpm", "fault", "load_n", "time_s", "fs_hz", "group")
 """Columns whose meaning is set; all others are handed on as `Condition.extra`."""

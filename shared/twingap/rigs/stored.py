@@ -26,7 +26,7 @@ from twingap.rigs.life_bench import STEP_G
 from twingap.rigs.smart_maintenance import SmartMaintenanceRig
 
 Array = NDArray[np.float64]
-Report = Callable[[str, float], None]
+Progress = Callable[[str, float], None]
 
 _CODE: Final = (
     "life_bench.py", "rolling.py", "smart_maintenance.py", "spall.py", "speed_profile.py", "stored.py", "structure.py",
@@ -46,11 +46,11 @@ def stored_folder() -> Path:
 
 
 def quiet(what: str, fraction: float) -> None:
-    """Report nothing."""
+    """Do nothing."""
 
 
 def stored_records(
-    rig: SmartMaintenanceRig, seed: int = 0, *, folder: str | os.PathLike[str] | None = None, report: Report = quiet
+    rig: SmartMaintenanceRig, seed: int = 0, *, folder: str | os.PathLike[str] | None = None, progress: Progress = quiet
 ) -> RecordSet:
     """The records of `rig.records(seed)`, read from files that are made when missing.
 
@@ -61,7 +61,7 @@ def stored_records(
     folder : path-like, optional
         `stored_folder()` when absent. Each rig, seed and version of the code has a folder of its own in it, and runs
         are shared between rigs that differ only in which they have.
-    report : callable (what, fraction)
+    progress : callable (what, fraction)
         Called while records are made.
 
     Returns
@@ -83,7 +83,7 @@ def stored_records(
         count = rig.times_s(bearing_id).size
         path = place / f"{bearing_id}.npy"
         if not _is_whole(path):
-            _write(path, made[first : first + count], rig.n_samples, partial(report, bearing_id))
+            _write(path, made[first : first + count], rig.n_samples, partial(progress, bearing_id))
         paths += [path] * count
         rows += range(count)
         first += count
@@ -145,16 +145,16 @@ def _digest(path: Path, size: int, mtime_ns: int, inode: int) -> str:
     return sha256(path)
 
 
-def _write(path: Path, records: RecordSet, n_samples: int, report: Callable[[float], None]) -> None:
+def _write(path: Path, records: RecordSet, n_samples: int, progress: Callable[[float], None]) -> None:
     """Write a run, whole or not at all."""
     header = {"descr": "<i2", "fortran_order": False, "shape": (len(records), n_samples)}
     with replacing(path) as temporary:
         with temporary.open("wb") as stream:
             np.lib.format.write_array_header_1_0(stream, header)
             for place, record in enumerate(records):
-                report(place / len(records))
+                progress(place / len(records))
                 stream.write(np.round(record.samples / STEP_G).astype("<i2").tobytes())
         # The file that vouches comes first: between the two, the old or missing run does not match and is made again.
         with replacing(_checksum(path)) as beside:
             beside.write_text(f"{sha256(temporary)}  {path.name}\n", encoding="ascii")
-    report(1.0)
+    progress(1.0)

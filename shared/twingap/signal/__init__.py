@@ -39,7 +39,6 @@ from twingap.signal.spectrum import (
     power_spectral_density,
 )
 from twingap.signal.vmd import Modes, vmd, vmd_hz
-from twingap.signal.wavelets import scalogram
 
 __all__ = [
     "PAPER2_FEATURES",
@@ -65,7 +64,6 @@ __all__ = [
     "order_spectrum",
     "paper2_features",
     "power_spectral_density",
-    "scalogram",
     "spectral_kurtosis",
     "spectral_kurtosis_features",
     "squared_envelope_spectrum",

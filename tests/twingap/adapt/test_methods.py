@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 import torch
 
+from papers.paper3_zoa_dann.noise import with_noise
 from twingap.adapt import (
     CRITERIA,
     METHODS,
@@ -20,7 +21,6 @@ from twingap.adapt import (
     fit,
     judge,
     steps_of_epochs,
-    with_noise,
 )
 from twingap.adapt.mode_svm import mode_features, train_svm
 from twingap.adapt.training import varied

@@ -15,7 +15,7 @@ import pytest
 from scipy.io import savemat
 
 from tests.twingap.cli.typed import Run, Said
-from twingap.records import RecordSet
+from twingap.records.folder import read_record_set
 
 
 @pytest.fixture
@@ -93,7 +93,7 @@ def test_export_writes_a_record_set(twingap: Run, root: Path, tmp_path: Path) ->
     said = twingap("export", "cwru", "--root", root, "--out", out, "--where", "load_hp=2")
     assert (said.status, said.err) == (0, "")
     assert said.out.splitlines()[-1] == str(out)
-    records = RecordSet.read(out)
+    records = read_record_set(out)
     [condition] = records.conditions
     assert (condition.name, condition.fault, condition.speed_rpm, condition.fs_hz) == ("107", "inner", 1750.0, 12_000.0)
     assert (condition.extra["load_hp"], condition.extra["bearing_id"]) == (2, "inner-0.007")
@@ -112,7 +112,7 @@ def test_export_json_and_options(twingap: Run, root: Path, tmp_path: Path) -> No
         "groups": 2,
         "faults": {"inner": 2},
     }
-    assert {c.n_samples for c in RecordSet.read(out).conditions} == {240}
+    assert {c.n_samples for c in read_record_set(out).conditions} == {240}
 
 
 def test_export_of_a_virtual_rig_repeats_itself(twingap: Run, tmp_path: Path) -> None:
@@ -120,7 +120,7 @@ def test_export_of_a_virtual_rig_repeats_itself(twingap: Run, tmp_path: Path) ->
     for name, seed in (("a", 1), ("b", 1), ("c", 2)):
         arguments = ("--where", "load_hp=0", "--where", "fault=inner", "--option", "duration_s=0.2", "--seed", seed)
         assert twingap("export", "virtual_cwru", "--out", tmp_path / name, *arguments).status == 0
-        digests.append(RecordSet.read(tmp_path / name).digest)
+        digests.append(read_record_set(tmp_path / name).digest)
     assert digests[0] == digests[1] != digests[2]
 
 

@@ -10,7 +10,7 @@ import pytest
 
 from tests.twingap.cli.typed import Run, Said, refused
 from twingap.bearing import BEARINGS
-from twingap.records import RecordSet
+from twingap.records.folder import read_record_set
 from twingap.twins.twin_file import Provenance, TwinSpec, write_twin
 
 
@@ -44,7 +44,7 @@ def test_a_table_becomes_a_record_set(twingap: Run, twin: Path, table: Path, tmp
     said = simulate(twingap, twin, table, out)
     assert said.status == 0 and said.err == ""
     assert said.out.splitlines()[-1] == str(out)
-    made = RecordSet.read(out)
+    made = read_record_set(out)
     assert len(made) == 6 and made.bearing == BEARINGS["6205"] and made.unit == "m/s^2"
     assert made.conditions[4].fault == "inner" and made.conditions[4].speed_rpm == 1600
     assert made.conditions[4].time_s == 10 and made.conditions[4].extra["rig"] == "i"
@@ -71,7 +71,7 @@ def test_a_record_set_gives_conditions_bearing_and_unit(twingap: Run, twin: Path
     assert said.status == 0
     about = json.loads(said.out)
     assert about["records"] == 6 and about["unit"] == "g" and about["out"] == str(tmp_path / "b")
-    one, two = RecordSet.read(tmp_path / "a"), RecordSet.read(tmp_path / "b")
+    one, two = read_record_set(tmp_path / "a"), read_record_set(tmp_path / "b")
     assert two.conditions == one.conditions
     assert two.bearing == BEARINGS["6205"] and two.unit == "g"  # the records' bearing, the twin's unit
 
@@ -89,7 +89,7 @@ def test_another_bearing_than_the_record_sets_is_said(twingap: Run, twin: Path, 
     assert [f"note: {note}" for note in json.loads(said.out)["notes"]] == notes
     said = twingap("simulate", twin, "--records", tmp_path / "a", "--out", tmp_path / "d", "--json")
     assert json.loads(said.out)["notes"] == []
-    assert RecordSet.read(tmp_path / "b").bearing == BEARINGS["6205"]
+    assert read_record_set(tmp_path / "b").bearing == BEARINGS["6205"]
 
 
 @pytest.mark.parametrize("inside", ["", "records.csv", "recordset.toml"])
@@ -101,7 +101,7 @@ def test_the_unit_is_the_record_sets_however_it_is_named(
     about.write_text(about.read_text(encoding="utf-8").replace('"m/s^2"', '""'), encoding="utf-8")
     said = twingap("simulate", twin, "--records", tmp_path / "a" / inside, "--out", tmp_path / "b")
     assert said.status == 0, said.err
-    assert RecordSet.read(tmp_path / "b").unit == ""
+    assert read_record_set(tmp_path / "b").unit == ""
 
 
 def test_a_speed_of_another_unit_is_refused_before_memory_runs_out(twingap: Run, twin: Path, tmp_path: Path) -> None:
@@ -120,7 +120,7 @@ def test_a_record_set_takes_no_rate_or_length(twingap: Run, twin: Path, table: P
 def test_contact_twin(twingap: Run, table: Path, tmp_path: Path) -> None:
     write_twin(tmp_path / "c.toml", TwinSpec("contact", (), "physical", bearing=BEARINGS["6205"]))
     assert simulate(twingap, tmp_path / "c.toml", table, tmp_path / "out").status == 0
-    assert len(RecordSet.read(tmp_path / "out")) == 6
+    assert len(read_record_set(tmp_path / "out")) == 6
 
 
 @pytest.mark.parametrize(("unit", "factor"), [("g", 9.80665), ("", 1.0), ("m/s^2", 1.0)])
@@ -135,7 +135,7 @@ def test_a_contact_twin_without_a_scale_makes_samples_in_the_record_sets_unit(
     about.write_text(about.read_text(encoding="utf-8").replace('"m/s^2"', f'"{unit}"'), encoding="utf-8")
     said = twingap("simulate", own, "--records", tmp_path / "a", "--out", tmp_path / "b", "--json")
     assert said.status == 0, said.err
-    plain, made = RecordSet.read(tmp_path / "a"), RecordSet.read(tmp_path / "b")
+    plain, made = read_record_set(tmp_path / "a"), read_record_set(tmp_path / "b")
     assert made.unit == unit
     assert all(np.allclose(x.samples, factor * y.samples, rtol=1e-4) for x, y in zip(plain, made, strict=True))
     notes = [line.removeprefix("note: ") for line in said.err.splitlines() if line.startswith("note: ")]

@@ -305,7 +305,6 @@ def test_installed_package_brings_effects(tmp_path: Path, broken: bool, code: in
         assert "package plugin: effects cannot be loaded: Hum is not a subclass of Effect; mend" in done.stderr
 
 
-
 @pytest.mark.parametrize("name", NAMES)
 def test_every_effect_says_what_it_may_be_taken_for_and_what_decides(name: str) -> None:
     kind = catalogue()[name]

@@ -48,7 +48,7 @@ def coverage(scenario: str, sets: int) -> dict[str, float]:
     given: Counter[str] = Counter()
     for seed in range(sets):
         rng = np.random.default_rng([seed, 7])
-        found = identify(TwinSpec("phenomenological"), twin.simulate(conditions, rng), rng).estimates
+        found = identify(twin.simulate(conditions, rng), TwinSpec("phenomenological"), seed=rng).estimates
         for name, estimate in found.items():
             if estimate.interval is not None:
                 given[name] += 1

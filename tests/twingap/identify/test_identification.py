@@ -45,7 +45,7 @@ def records(
 
 
 def identified(of: RecordSet, spec: TwinSpec = FREE, **options: object):  # type: ignore[no-untyped-def]
-    return identify(spec, of, np.random.default_rng(1), **options)  # type: ignore[arg-type]
+    return identify(of, spec, seed=1, **options)  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize("harmonic", [2.5, 4.5, 7.5])

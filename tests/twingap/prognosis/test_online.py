@@ -16,7 +16,7 @@ from twingap.prognosis.estimate import Estimate, LifeOptions
 from twingap.prognosis.follow import _shortened
 from twingap.prognosis.interval_study import check_bench, covered, informed, learn, study
 from twingap.prognosis.online import OnlineLife
-from twingap.prognosis.outcomes import told_of
+from twingap.prognosis.outcomes import past_intervals
 from twingap.prognosis.prior import LogNormal, Prior
 from twingap.prognosis.simulated_runs import LAWS, SimulatedRun, simulate_run
 
@@ -209,7 +209,7 @@ def test_without_a_healthy_start_what_remains_has_no_lower_end_and_tells_others_
     assert all(e.revolutions_lo == 0 and e.closed_lo is not None for e in said)
     assert said[0].closed().revolutions_lo == said[0].closed_lo and said[0].time_s()[1] == 0
     lived = np.cumsum(np.ones(len(found)))
-    told = told_of(found, lived.tolist(), lived[life.onset_row])
+    told = past_intervals(found, lived.tolist(), lived[life.onset_row])
     assert told is not None and (told.growth[:, 0] > 0).any()
 
 

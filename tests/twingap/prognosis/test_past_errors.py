@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from twingap.prognosis.estimate import Estimate
-from twingap.prognosis.outcomes import Outcome, prior_from, told_of
-from twingap.prognosis.past_errors import ROWS, Told, errors, widened, widening
+from twingap.prognosis.outcomes import Outcome, past_intervals, prior_from
+from twingap.prognosis.past_errors import ROWS, PastIntervals, errors, widened, widening
 from twingap.prognosis.prior import LogNormal, Prior
 
 
@@ -67,7 +67,7 @@ def test_ends_move_in_logarithms_about_the_median() -> None:
 def test_a_run_that_ended_tells_how_far_off_it_was() -> None:
     lived = [0.0, 10.0, 20.0, 30.0, 40.0]
     said = [Estimate(False), *(Estimate(True, m, m / 2, m * 2) for m in (30.0, 5.0, 10.0, 0.0))]
-    told = told_of(said, lived, 5.0)
+    told = past_intervals(said, lived, 5.0)
     assert told is not None and told.per_row == 10.0
     np.testing.assert_array_equal(told.lived, [10.0, 20.0, 30.0])
     np.testing.assert_array_equal(told.since_onset, [5.0, 15.0, 25.0])
@@ -76,7 +76,7 @@ def test_a_run_that_ended_tells_how_far_off_it_was() -> None:
     # Half a row is 5 revolutions.
     assert told.errors() == pytest.approx((0.0, np.log(25 / 10) / half, 0.0))
     assert told.log_error(told.growth) == pytest.approx(np.log(25 / 10) / 3)
-    assert told_of([Estimate(False)] * 5, lived, 5.0) is None
+    assert past_intervals([Estimate(False)] * 5, lived, 5.0) is None
     assert prior_from([Outcome("t", 40.0, None, None)]).widening == 1.0
     long = replace(told, growth=np.ones((500, 3)), lived=np.ones(500), since_onset=np.ones(500), left=np.ones(500))
     assert long.thinned().growth.shape == (ROWS, 3)
@@ -86,11 +86,11 @@ def test_an_anomaly_that_passed_tells_nothing() -> None:
     """Of two the last one counts; with none left at the end there is nothing to tell, and no NaN either."""
     said = [Estimate(False), Estimate(True, 9.0, 5.0, 15.0), Estimate(False), *(Estimate(True, 20.0, 10.0, 30.0),) * 2]
     lived = [0.0, 10.0, 20.0, 30.0, 40.0]
-    told = told_of(said, lived, 25.0)
+    told = past_intervals(said, lived, 25.0)
     assert told is not None
     np.testing.assert_array_equal(told.lived, [30.0])
     np.testing.assert_array_equal(told.since_onset, [5.0])
-    assert told_of(said, lived, float("nan")) is None
+    assert past_intervals(said, lived, float("nan")) is None
 
 
 def _ended(rng: np.random.Generator, spread: float, off: float, rows: int = 16) -> Outcome:
@@ -100,7 +100,7 @@ def _ended(rng: np.random.Generator, spread: float, off: float, rows: int = 16) 
     left = life - lived
     middle = left * np.exp(off * (np.sqrt(0.7) * rng.normal() + np.sqrt(0.3) * rng.normal(size=rows)))
     growth = middle[:, None] * np.exp(1.645 * 0.5 * np.array([-1, 0, 1]))
-    return Outcome("run", life, None, None, Told(growth, lived, lived, left, 1.0))
+    return Outcome("run", life, None, None, PastIntervals(growth, lived, lived, left, 1.0))
 
 
 @pytest.mark.parametrize(("spread", "off", "weights"), [(0.1, 0.7, (0.0, 0.5)), (1.5, 0.3, (0.9, 1.0))])
@@ -117,7 +117,7 @@ def test_joined_intervals_hold_what_they_say_where_both_sources_are_right() -> N
     shares = []
     for _ in range(40):
         own, *others = (_ended(rng, 0.3, 0.5) for _ in range(6))
-        prior, told = prior_from(others), own.told
+        prior, told = prior_from(others), own.past
         assert told is not None
         for used in (prior, replace(prior, joined_widening=1.0)):
             rows = zip(told.growth, told.lived, told.left, strict=True)
@@ -134,11 +134,11 @@ def test_a_run_is_judged_by_what_the_others_say_and_not_by_its_own_life() -> Non
         ended = [_ended(rng, spread, 0.7) for _ in range(3)]
         found, told_errors = prior_from(ended), []
         for place, own in enumerate(ended):
-            assert own.told is not None
+            assert own.past is not None
             others = replace(prior_from([*ended[:place], *ended[place + 1 :]]), growth_weight=found.growth_weight)
-            rows = zip(own.told.growth, own.told.lived, own.told.since_onset, strict=True)
-            said = np.array([others.joined(tuple(g), lived, since, own.told.per_row) for g, lived, since in rows])
-            told_errors.append(own.told.errors(said))
+            rows = zip(own.past.growth, own.past.lived, own.past.since_onset, strict=True)
+            said = np.array([others.joined(tuple(g), lived, since, own.past.per_row) for g, lived, since in rows])
+            told_errors.append(own.past.errors(said))
         assert found.joined_widening == pytest.approx(widening(told_errors))
 
 

@@ -14,6 +14,7 @@ from twingap.bearing import BEARINGS
 from twingap.errors import TwingapError
 from twingap.records import Condition, Record, RecordSet
 from twingap.records.conditions import read_conditions
+from twingap.records.folder import write_record_set
 
 CONDITIONS = (
     Condition("r1", 1797.0, 12000.0, 50, "inner", 500.0, 0.0, "g", {"hp": 2}),
@@ -33,7 +34,7 @@ def _csv(path: Path, text: str) -> Path:
 
 @pytest.mark.parametrize("inside", ["", "records.csv", "recordset.toml"])
 def test_a_record_set_gives_its_conditions_bearing_and_unit(tmp_path: Path, inside: str) -> None:
-    folder = _records().write(tmp_path / "a set")
+    folder = write_record_set(_records(), tmp_path / "a set")
     assert read_conditions(folder / inside) == (CONDITIONS, BEARINGS["6205"], "g")
 
 
@@ -47,7 +48,7 @@ def test_a_table_gives_conditions_without_a_bearing(tmp_path: Path) -> None:
 
 
 def test_a_table_may_be_a_records_csv_without_its_samples(tmp_path: Path) -> None:
-    (_records().write(tmp_path / "set") / "records.csv").rename(tmp_path / "records.csv")
+    (write_record_set(_records(), tmp_path / "set") / "records.csv").rename(tmp_path / "records.csv")
     got, bearing, _ = read_conditions(tmp_path / "records.csv", fs_hz=12000.0, duration_s=0.25)
     assert bearing is None
     assert [(c.name, c.fs_hz, c.n_samples, dict(c.extra)) for c in got] == [
@@ -79,7 +80,7 @@ def test_a_length_for_all_that_is_out_of_reach_is_named(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("inside", ["", "records.csv"])
 def test_a_record_set_takes_no_rate_or_length(tmp_path: Path, inside: str) -> None:
-    folder = _records().write(tmp_path / "a set")
+    folder = write_record_set(_records(), tmp_path / "a set")
     for options, named in (
         ({"fs_hz": 48000.0}, "--fs-hz"),
         ({"duration_s": 0.1}, "--duration-s"),

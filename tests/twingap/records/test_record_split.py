@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from twingap.bearing import FAULTS
 from twingap.errors import TwingapError
 from twingap.records import Condition, Record, RecordSet
+from twingap.records.split import leave_one_group_out, split
 
 
 def _grouped(groups: list[tuple[list[str | None], int]]) -> RecordSet:
@@ -38,7 +39,7 @@ def test_splits_are_disjoint_by_group_and_lose_nothing(
 ) -> None:
     records = _grouped(groups)
     try:
-        parts = records.split(fractions, np.random.default_rng(seed), cover_faults=cover)
+        parts = split(records, fractions, np.random.default_rng(seed), cover_faults=cover)
     except TwingapError:
         # Refused only for cause: too few groups, or a fault that some part cannot have.
         holders = [{c.group for c in records.conditions if c.fault == f} for f in FAULTS]
@@ -66,7 +67,7 @@ def test_splits_are_disjoint_by_group_and_lose_nothing(
 @settings(max_examples=40, deadline=None)
 def test_shares_are_met_per_fault(sizes: list[int], seed: int) -> None:
     groups: list[tuple[list[str | None], int]] = [([FAULTS[f]], 1) for f, n in enumerate(sizes) for _ in range(n)]
-    parts = _grouped(groups).split((0.6, 0.3, 0.1), np.random.default_rng(seed))
+    parts = split(_grouped(groups), (0.6, 0.3, 0.1), np.random.default_rng(seed))
     for f, n in enumerate(sizes):
         for part, share in zip(parts, (0.6, 0.3, 0.1), strict=True):
             assert abs(sum(c.fault == FAULTS[f] for c in part.conditions) - share * n) <= 1
@@ -74,7 +75,7 @@ def test_shares_are_met_per_fault(sizes: list[int], seed: int) -> None:
 
 def test_splits_are_random_and_repeatable() -> None:
     records = _grouped([(["inner"], 1)] * 8 + [(["outer"], 1)] * 8)
-    splits = [records.split((1, 1), np.random.default_rng(seed))[0].groups for seed in (0, 0, 1, 2)]
+    splits = [split(records, (1, 1), np.random.default_rng(seed))[0].groups for seed in (0, 0, 1, 2)]
     assert splits[0] == splits[1]
     assert len(set(splits)) == 3
 
@@ -83,28 +84,28 @@ def test_a_class_does_not_vanish_silently() -> None:
     records = _grouped([(["healthy"], 2), (["healthy"], 2), (["inner"], 5)])
     rng = np.random.default_rng(0)
     with pytest.raises(TwingapError, match="fault 'inner' cannot be in each of 2 parts with groups kept whole: 1 have"):
-        records.split((0.5, 0.5), rng)
-    assert len(records.split((0.5, 0.5), rng, cover_faults=False)) == 2
+        split(records, (0.5, 0.5), rng)
+    assert len(split(records, (0.5, 0.5), rng, cover_faults=False)) == 2
     with pytest.raises(TwingapError, match="fault 'inner' occurs in group 'g2' only and would be lost with it"):
-        records.leave_one_group_out()
-    assert len(list(records.leave_one_group_out(cover_faults=False))) == 3
+        leave_one_group_out(records)
+    assert len(list(leave_one_group_out(records, cover_faults=False))) == 3
 
 
 def test_too_few_groups() -> None:
     records = _grouped([(["inner", "outer"], 9)])
     with pytest.raises(TwingapError, match="has 1 groups, too few for 2 parts"):
-        records.split((0.5, 0.5), np.random.default_rng(0))
+        split(records, (0.5, 0.5), np.random.default_rng(0))
     with pytest.raises(TwingapError, match="has one group only"):
-        records.leave_one_group_out()
+        leave_one_group_out(records)
     for fractions in ((), (0.5, 0.0), (0.5, -0.5), (np.nan, 1.0), (np.inf,)):
         with pytest.raises(TwingapError, match="positive numbers expected"):
-            records.split(fractions, np.random.default_rng(0))
+            split(records, fractions, np.random.default_rng(0))
 
 
 def test_leave_one_group_out_holds_each_group_out_once() -> None:
     records = _grouped([(["inner"], 2), (["inner", None], 3), (["outer"], 1), (["outer"], 2)])
     held = []
-    for rest, out in records.leave_one_group_out():
+    for rest, out in leave_one_group_out(records):
         assert rest.common_groups(out) == ()
         assert len(rest) + len(out) == len(records)
         held += list(out.groups)

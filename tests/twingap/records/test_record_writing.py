@@ -18,7 +18,7 @@ import pytest
 from twingap.bearing import BEARINGS
 from twingap.errors import TwingapError
 from twingap.records import Condition, Record, RecordSet
-from twingap.records.folder import write_records
+from twingap.records.folder import read_record_set, write_record_set, write_records
 
 BEARING = BEARINGS["6205"]
 X = np.sin(np.arange(50.0))
@@ -83,7 +83,7 @@ def test_streams_are_written_and_read_in_bounded_memory(tmp_path: Path) -> None:
             yield Record(_condition(i, n_samples=length), np.full(length, float(i)))
 
     write_records(tmp_path / "warm", "n", "g", BEARING, 12000.0, [next(stream())])
-    RecordSet.read(tmp_path / "warm")[0]  # so that no import is counted
+    read_record_set(tmp_path / "warm")[0]  # so that no import is counted
     tracemalloc.start()
     try:
         write_records(tmp_path / "set", "n", "g", BEARING, 12000.0, stream())
@@ -92,7 +92,7 @@ def test_streams_are_written_and_read_in_bounded_memory(tmp_path: Path) -> None:
         for _ in range(2):  # Python's own table of names may grow by megabytes in one of them
             tracemalloc.reset_peak()
             before = tracemalloc.get_traced_memory()[0]
-            records = RecordSet.read(tmp_path / "set")
+            records = read_record_set(tmp_path / "set")
             total = sum(float(record.samples[0]) for record in records)
             peaks.append(tracemalloc.get_traced_memory()[1] - before)
             del records
@@ -106,7 +106,7 @@ def test_streams_are_written_and_read_in_bounded_memory(tmp_path: Path) -> None:
 def test_many_records_are_spread_over_folders(tmp_path: Path) -> None:
     write_records(tmp_path / "s", "n", "", None, None, (Record(_condition(i, n_samples=1), X[:1]) for i in range(1001)))
     assert sorted(p.name for p in (tmp_path / "s" / "samples").iterdir()) == ["0000", "0001"]
-    assert len(RecordSet.read(tmp_path / "s")) == 1001
+    assert len(read_record_set(tmp_path / "s")) == 1001
 
 
 WRITER = """
@@ -146,7 +146,7 @@ def test_a_full_disk_while_streaming(tmp_path: Path, limit: int) -> None:
     resource.setrlimit(resource.RLIMIT_FSIZE, (limit, hard))
     try:
         with pytest.raises(TwingapError, match=r"set: cannot be written: .*; choose a folder that is writable and has"):
-            records.write(tmp_path / "set")
+            write_record_set(records, tmp_path / "set")
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
     assert list(tmp_path.iterdir()) == []

@@ -17,6 +17,7 @@ from scipy.io import savemat, wavfile
 from twingap.bearing import BEARINGS, FAULTS
 from twingap.errors import TwingapError
 from twingap.records import Condition, Record, RecordSet
+from twingap.records.folder import read_record_set, write_record_set
 
 BEARING = BEARINGS["6205"]
 TOML = """
@@ -65,7 +66,7 @@ def test_a_record_set_as_the_specification_has_it(tmp_path: Path) -> None:
         "r3,x.wav,,1500,healthy,,,,g,1.5,,c\r\n"
         "\r\n,,,,,,,,,,,\r\n"
     )
-    records = RecordSet.read(_folder(tmp_path / "a b ü", rows))
+    records = read_record_set(_folder(tmp_path / "a b ü", rows))
     assert (records.name, records.unit, records.bearing, len(records)) == ("rig-7", "m/s^2", BEARING, 3)
     assert records.conditions == (
         Condition("r1", 1797.0, 12000.0, 50, "inner", 500.0, 0.0, "g", {"hp": 2.0, "serial": "007", "note": "a, b"}),
@@ -80,7 +81,7 @@ def test_a_record_set_as_the_specification_has_it(tmp_path: Path) -> None:
 
 def test_what_may_be_left_out(tmp_path: Path) -> None:
     rows = "file,record,fs_hz,speed_rpm\nx.npy,r1,100,60"
-    records = RecordSet.read(_folder(tmp_path / "plain", rows, "[recordset]\n"))
+    records = read_record_set(_folder(tmp_path / "plain", rows, "[recordset]\n"))
     assert (records.name, records.unit, records.bearing) == ("plain", "", None)
     assert records.conditions == (Condition("r1", 60.0, 100.0, 50),)
 
@@ -88,11 +89,11 @@ def test_what_may_be_left_out(tmp_path: Path) -> None:
 def test_files_may_lie_elsewhere_but_not_at_absolute_places(tmp_path: Path) -> None:
     _folder(tmp_path / "data", "")
     np.testing.assert_array_equal(
-        RecordSet.read(_folder(tmp_path / "set", "record,file,speed_rpm\nr1,../data/x.npy,60\n"))[0].samples, X
+        read_record_set(_folder(tmp_path / "set", "record,file,speed_rpm\nr1,../data/x.npy,60\n"))[0].samples, X
     )
     for name in (f"{tmp_path}/data/x.npy", r"C:\data\x.npy"):
         with pytest.raises(TwingapError, match="is an absolute path; name it relative to the folder"):
-            RecordSet.read(_folder(tmp_path / "set", f"record,file,speed_rpm\nr1,{name},60\n"))
+            read_record_set(_folder(tmp_path / "set", f"record,file,speed_rpm\nr1,{name},60\n"))
 
 
 HEAD = "record,file,channel,speed_rpm,fault,load_n,fs_hz\n"
@@ -135,7 +136,7 @@ HEAD = "record,file,channel,speed_rpm,fault,load_n,fs_hz\n"
 def test_faults_in_the_table_are_named_by_row_and_column(tmp_path: Path, rows: str, reason: str) -> None:
     folder = _folder(tmp_path / "s", rows)
     with pytest.raises(TwingapError) as caught:
-        RecordSet.read(folder)
+        read_record_set(folder)
     assert reason.replace("SET", str(folder)) in str(caught.value)
     assert str(caught.value).startswith(str(folder / "records.csv"))
 
@@ -163,33 +164,33 @@ def test_faults_in_the_table_are_named_by_row_and_column(tmp_path: Path, rows: s
 def test_faults_in_the_description_are_named_by_key(tmp_path: Path, old: str, new: str, reason: str) -> None:
     folder = _folder(tmp_path, "record,file,speed_rpm\nr1,x.npy,60\n", TOML.replace(old, new))
     with pytest.raises(TwingapError) as caught:
-        RecordSet.read(folder)
+        read_record_set(folder)
     assert reason in str(caught.value)
     assert str(tmp_path) in str(caught.value)
 
 
 def test_folders_that_are_no_record_sets(tmp_path: Path) -> None:
     with pytest.raises(TwingapError, match=r"gone: no such folder; name the folder that holds recordset.toml"):
-        RecordSet.read(tmp_path / "gone")
+        read_record_set(tmp_path / "gone")
     with pytest.raises(TwingapError, match=r"recordset.toml: cannot be read: No such file"):
-        RecordSet.read(tmp_path)
+        read_record_set(tmp_path)
     with pytest.raises(TwingapError, match=r"cannot be read: File name too long"):
-        RecordSet.read(tmp_path / ("x" * 300))
+        read_record_set(tmp_path / ("x" * 300))
     _folder(tmp_path, "")
     with pytest.raises(TwingapError, match=r"recordset.toml: is not a folder"):
-        RecordSet.read(tmp_path / "recordset.toml")
+        read_record_set(tmp_path / "recordset.toml")
     (tmp_path / "records.csv").unlink()
     with pytest.raises(TwingapError, match=r"records.csv: cannot be read: No such file"):
-        RecordSet.read(tmp_path)
+        read_record_set(tmp_path)
     (tmp_path / "records.csv").write_bytes("record,file,speed_rpm\nr,größe.npy,1".encode("latin-1"))
     with pytest.raises(TwingapError, match=r"records.csv: is not UTF-8 text; save it as UTF-8"):
-        RecordSet.read(tmp_path)
+        read_record_set(tmp_path)
 
 
 def test_values_are_checked_when_a_record_is_taken(tmp_path: Path) -> None:
     folder = _folder(tmp_path, "record,file,speed_rpm\nr1,x.npy,60\nr2,bad.npy,60\n")
     np.save(folder / "bad.npy", [0.0, np.nan])
-    records = RecordSet.read(folder)
+    records = read_record_set(folder)
     assert records[0].samples.size == 50
     with pytest.raises(TwingapError, match=r"records.csv, row 3, column file: .*bad.npy.*: sample 1 is nan, finite"):
         records[1]
@@ -237,7 +238,7 @@ def _sets(draw: st.DrawFn) -> RecordSet:
 @settings(max_examples=100, deadline=None)
 def test_what_is_written_is_read_back_to_the_last_bit(records: RecordSet) -> None:
     with tempfile.TemporaryDirectory() as folder:
-        back = RecordSet.read(records.write(Path(folder) / "set"))
+        back = read_record_set(write_record_set(records, Path(folder) / "set"))
         assert (back.name, back.unit, back.bearing) == (records.name, records.unit, records.bearing)
         assert back.conditions == records.conditions
         for mine, theirs in zip(records, back, strict=True):
@@ -268,15 +269,15 @@ def test_awkward_text_survives(tmp_path: Path) -> None:
         "größe",
     ]
     records = _set([Condition(t, 1.0, 1.0, 1, group=t + "g", extra={"e " + t: t, "f": t}) for t in texts])
-    assert [c.name for c in RecordSet.read(records.write(tmp_path / "s")).conditions] == texts
+    assert [c.name for c in read_record_set(write_record_set(records, tmp_path / "s")).conditions] == texts
     for one in range(len(texts)):
-        back = RecordSet.read(records.take([one]).write(tmp_path / str(one)))
+        back = read_record_set(write_record_set(records.take([one]), tmp_path / str(one)))
         assert back.conditions == records.take([one]).conditions
 
 
 def test_one_file_may_serve_many_records(tmp_path: Path) -> None:
     rows = "record,file,channel,speed_rpm\n" + "".join(f"r{i},two.npz,{'ab'[i % 2]},60\n" for i in range(20))
-    records = RecordSet.read(_folder(tmp_path, rows))
+    records = read_record_set(_folder(tmp_path, rows))
     np.testing.assert_array_equal(records[19].samples, 2 * X)
 
 
@@ -301,7 +302,7 @@ def test_the_digest_is_of_what_the_records_say(tmp_path: Path) -> None:
 
 def test_sets_travel_to_worker_processes(tmp_path: Path) -> None:
     held = _set([_condition(i) for i in range(3)])
-    for records in (held, RecordSet.read(held.write(tmp_path / "s"))):
+    for records in (held, read_record_set(write_record_set(held, tmp_path / "s"))):
         there = pickle.loads(pickle.dumps(records.take([2, 0]).without_labels()))
         np.testing.assert_array_equal(there[0].samples, held[2].samples)
 
@@ -337,14 +338,14 @@ def test_any_text_is_a_record_set_or_one_line(
             TOML if which == "rows" else _edited(TOML, toml),
         )
         try:
-            records = RecordSet.read(folder)
+            records = read_record_set(folder)
             samples = [record.samples for record in records]
         except TwingapError as error:
             assert "\n" not in str(error)
             assert place in str(error)
             return
         assume(all(np.isfinite(x).all() for x in samples))
-        again = RecordSet.read(records.write(Path(place) / "again"))
+        again = read_record_set(write_record_set(records, Path(place) / "again"))
         assert again.conditions == records.conditions
         assert again.digest == records.digest
 
@@ -359,13 +360,13 @@ def test_a_real_cwru_recording(tmp_path: Path) -> None:
         "105,data/105.mat,X105_DE_time,1797,inner,,0\n"
         "97,data/97.mat,X097_DE_time,1796,healthy,48000,0\n"
     )
-    records = RecordSet.read(tmp_path)
+    records = read_record_set(tmp_path)
     assert [c.n_samples for c in records.conditions] == [121_265, 243_938]
     assert 0.2 < np.std(records[0].samples) < 0.4  # g
     assert 0.05 < np.std(records[1].samples) < 0.1
-    assert RecordSet.read(records.write(tmp_path / "copy")).digest == records.digest
+    assert read_record_set(write_record_set(records, tmp_path / "copy")).digest == records.digest
     (tmp_path / "records.csv").write_text("record,file,channel,speed_rpm\n105,data/105.mat,,1797\n")
     with pytest.raises(
         TwingapError, match=r"column channel: .*105.mat: holds 4 channels and none is named; name one of X"
     ):
-        RecordSet.read(tmp_path)
+        read_record_set(tmp_path)

@@ -26,19 +26,19 @@ def files(folder: Path) -> list[str]:
 
 def test_stored_records_are_the_simulated_ones(tmp_path: Path, simulated: str) -> None:
     seen: list[tuple[str, float]] = []
-    stored = stored_records(RIG, 1, folder=tmp_path, report=lambda what, at: seen.append((what, at)))
+    stored = stored_records(RIG, 1, folder=tmp_path, progress=lambda what, at: seen.append((what, at)))
     assert digest(stored) == simulated
     assert files(tmp_path) == ["A148.npy", "A148.npy.sha256", "A154.npy", "A154.npy.sha256"]
     assert {what for what, _ in seen} == {"A148", "A154"} and seen[-1] == ("A154", 1.0)
     before = {p: p.stat().st_mtime_ns for p in tmp_path.rglob("*.npy")}
-    again = stored_records(RIG, 1, folder=tmp_path, report=lambda *_: pytest.fail("made twice"))
+    again = stored_records(RIG, 1, folder=tmp_path, progress=lambda *_: pytest.fail("made twice"))
     assert {p: p.stat().st_mtime_ns for p in tmp_path.rglob("*.npy")} == before
     sent: RecordSet = pickle.loads(pickle.dumps(again))
     assert sent[3].samples.tobytes() == RIG.records(1)[3].samples.tobytes()
     assert sent[3].samples.flags.writeable and type(sent[3].samples) is np.ndarray
     # A rig of fewer bearings finds its run there already.
     few = SmartMaintenanceRig(interval_s=300.0, duration_s=0.1, bearings=("A154",))
-    assert len(stored_records(few, 1, folder=tmp_path, report=lambda *_: pytest.fail("made twice"))) == 26
+    assert len(stored_records(few, 1, folder=tmp_path, progress=lambda *_: pytest.fail("made twice"))) == 26
     # Another seed or snapshot lies elsewhere.
     assert len(list(tmp_path.iterdir())) == 1
     stored_records(few, 2, folder=tmp_path)
@@ -79,7 +79,7 @@ def test_an_interruption_leaves_no_half_file(tmp_path: Path, simulated: str) -> 
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        stored_records(RIG, 1, folder=tmp_path, report=stop)
+        stored_records(RIG, 1, folder=tmp_path, progress=stop)
     assert files(tmp_path) == ["A148.npy", "A148.npy.sha256"]
     assert digest(stored_records(RIG, 1, folder=tmp_path)) == simulated
 

@@ -1,0 +1,253 @@
+"""The twin without history: what paper 1 reads off one bearing's run, up to now, to simulate how it may go on.
+
+healthy rows ----> eq. 8: mode            ----------------------------+
+             \\--> eqs. 9, 10: S(speed) --> eq. 11 --> K_anomaly ------+--> AdaptiveTwin: lives with speeds, S, D and
+rows K_anomaly .. now --> eq. 12: rate a, give or take ---------------+    remaining revolutions (eq. 14)
+
+No row after `now_row` is looked at: `adapt` is handed none. Source: section 3 of paper 1 (Simulation-based remaining
+useful life prediction of rolling element bearings under varying operating conditions).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+
+from papers.paper1_rul_varying_speed.methods.degradation import DamageFit, Trajectory, fit_damage, trajectories
+from papers.paper1_rul_varying_speed.methods.healthy import healthy_mode
+from papers.paper1_rul_varying_speed.methods.run import Array, Run, period_rows, planned_speed
+from twingap.errors import TwingapError
+from twingap.identify import HealthyFit
+from twingap.prognosis.anomaly import Anomaly, AnomalyRule, detect_anomaly
+from twingap.prognosis.speed_influence import SpeedInfluence, fit_speed_influence, normalised_peak_to_peak
+from twingap.records import RecordSet
+
+
+class NoLifeError(TwingapError):
+    """No simulated life ends within the run's: nothing can be predicted of it, though all of it can be read."""
+
+
+@dataclass(frozen=True)
+class Adaptation:
+    """How a run is read.
+
+    Parameters
+    ----------
+    reference_min : float
+        Length of the healthy beginning [t0, t1], min; a whole number of periods of the speed profile serves best.
+    after_alarm_min : float
+        Measurements after the alarm that are waited for before damage is fitted: 10 in the paper.
+    limit : float
+        Peak to peak at which a life ends, unit of the records: 15 g in the paper.
+    level : {"one", "free"}
+        Of the damage curve at K_anomaly, see `fit_damage`; "one" as printed.
+    lives : int
+        Simulated for training: 6 in the paper.
+    held_out_lives : int
+        Simulated at rates between those, to choose a checkpoint by.
+    simulation_range_min : float
+        Greatest difference between two simulated ends: 40 in the paper.
+    horizon_min : float
+        Longest life after K_anomaly that is thought possible.
+    mode_records : int
+        Healthy records from which the mode is read, evenly spread over the beginning.
+    lowest_mode_hz : float
+        The mode is sought above it, Hz.
+    rule : AnomalyRule
+    """
+
+    reference_min: float = 40.0
+    after_alarm_min: float = 10.0
+    limit: float = 15.0
+    level: Literal["one", "free"] = "one"
+    lives: int = 6
+    held_out_lives: int = 2
+    simulation_range_min: float = 40.0
+    horizon_min: float = 240.0
+    mode_records: int = 44
+    lowest_mode_hz: float = 0.0
+    rule: AnomalyRule = field(default_factory=AnomalyRule)
+
+
+@dataclass(frozen=True)
+class AdaptiveTwin:
+    """One bearing's twin at one moment.
+
+    Parameters
+    ----------
+    mode : HealthyFit
+        Resonance and damping, eq. 8, and the two noises of healthy records.
+    influence : SpeedInfluence
+        S, eqs. 9 and 10.
+    anomaly : Anomaly
+        With its limit; found.
+    damage : DamageFit
+        D, eq. 12.
+    lives : tuple of Trajectory
+        For training, shortest first.
+    held_out : tuple of Trajectory
+        Between them, for the choice of a checkpoint.
+    period_rows : int
+        Of the speed profile: what was taken to come after now repeats it.
+    now_row : int
+        Last row that was looked at.
+    """
+
+    mode: HealthyFit
+    influence: SpeedInfluence
+    anomaly: Anomaly
+    damage: DamageFit
+    lives: tuple[Trajectory, ...]
+    held_out: tuple[Trajectory, ...]
+    period_rows: int
+    now_row: int
+
+    @property
+    def onset_row(self) -> int:
+        """K_anomaly."""
+        assert self.anomaly.onset_row is not None
+        return self.anomaly.onset_row
+
+    @property
+    def most_revolutions(self) -> float:
+        """Labels are divided by it: revolutions of the longest simulated life from K_anomaly on."""
+        return max(float(life.remaining_revolutions[0]) for life in (*self.lives, *self.held_out))
+
+
+def find_anomaly(run: Run, options: Adaptation) -> tuple[SpeedInfluence, Array, Anomaly]:
+    """S from the healthy beginning, normalised peak to peak [rows], and the first anomaly if there is one.
+
+    Raises
+    ------
+    TwingapError
+        When the beginning is too short.
+    """
+    healthy = run.rows_in(options.reference_min)
+    influence = fit_speed_influence(run.peak_to_peak[:healthy], run.speed_rpm[:healthy])
+    normalised = normalised_peak_to_peak(run.peak_to_peak, run.speed_rpm, influence)
+    return influence, normalised, detect_anomaly(normalised, healthy, options.rule, speeds=influence.speeds_rpm.size)
+
+
+def read_mode(records: RecordSet, run: Run, options: Adaptation) -> HealthyFit:
+    """Eq. 8 from healthy records of a run."""
+    healthy = run.rows_in(options.reference_min)
+    places = np.unique(np.linspace(0, healthy - 1, min(options.mode_records, healthy)).round().astype(int))
+    return healthy_mode(records.take(places.tolist()), lowest_hz=options.lowest_mode_hz)
+
+
+def adapt(run: Run, mode: HealthyFit, options: Adaptation | None = None) -> AdaptiveTwin:
+    """Read a run up to its last row, which is now.
+
+    Parameters
+    ----------
+    run : Run
+        Up to now (`Run.until`).
+    mode : HealthyFit
+        From `read_mode`, which may have been done once for all moments.
+    options : Adaptation
+
+    Returns
+    -------
+    AdaptiveTwin
+
+    Raises
+    ------
+    TwingapError
+        When there is no anomaly yet, no growth, or no life that could follow; the message says which.
+    """
+    options = options or Adaptation()
+    influence, normalised, anomaly = find_anomaly(run, options)
+    if anomaly.onset_row is None:
+        raise TwingapError("no anomaly up to now", where="run", mend="wait for more measurements")
+    now, onset = run.time_s.size - 1, anomaly.onset_row
+    damage = fit_damage(np.arange(now + 1), normalised, onset, level=options.level)
+    lives, held_out, period = lives_that_may_follow(run, influence, damage, options)
+    return AdaptiveTwin(mode, influence, anomaly, damage, lives, held_out, period, now)
+
+
+def lives_that_may_follow(
+    run: Run, influence: SpeedInfluence, damage: DamageFit, options: Adaptation
+) -> tuple[tuple[Trajectory, ...], tuple[Trajectory, ...], int]:
+    """Lives about the end that a rate of growth foretells.
+
+    Parameters
+    ----------
+    run : Run
+        Up to now: none of them ends before.
+    influence : SpeedInfluence
+    damage : DamageFit
+        In rows.
+    options : Adaptation
+
+    Returns
+    -------
+    lives, held_out : tuple of Trajectory
+        Shortest first; those held out lie between the others.
+    period_rows : int
+        Of the speed profile, which is taken to go on as it was.
+
+    Raises
+    ------
+    TwingapError
+        When no life could follow.
+    """
+    now, onset = run.time_s.size - 1, round(damage.onset)
+    # The period is read where the machine still ran as usual; at least as many rows as it needs are there.
+    period = period_rows(run.speed_rpm[: onset + 1])
+    wanted = onset + 1 + int(60 * options.horizon_min / run.dt_s)
+    profile = planned_speed(run.speed_rpm, max(wanted, now + 1), min(period, now + 1))[onset:]
+    total = options.lives + options.held_out_lives
+    lives = trajectories(
+        damage, influence, profile, run.dt_s, options.limit, count=total,
+        simulation_range_s=60 * options.simulation_range_min, not_before_row=now,
+    )  # fmt: skip
+    # Held-out lives lie evenly between the others: never the shortest nor the longest.
+    held = {round((i + 1) * total / (options.held_out_lives + 1) - 0.5) for i in range(options.held_out_lives)}
+    return (
+        tuple(life for place, life in enumerate(lives) if place not in held),
+        tuple(life for place, life in enumerate(lives) if place in held),
+        period,
+    )
+
+
+def adapt_when_possible(
+    run: Run, mode: HealthyFit, options: Adaptation, tell: Callable[[str], None] = lambda why: None
+) -> AdaptiveTwin:
+    """Adapt at the first moment at which the paper's recipe can be followed.
+
+    That is `after_alarm_min` after the alarm where damage has been seen to grow by then and lives may follow; else a
+    minute later, and so on. Each attempt is handed the rows up to its own moment and no other.
+
+    Parameters
+    ----------
+    run : Run
+        Rows after the returned twin's `now_row` are not looked at.
+    mode : HealthyFit
+    options : Adaptation
+    tell : callable
+        Called with the reason of each failed attempt.
+
+    Raises
+    ------
+    NoLifeError
+        When the run is over before an attempt succeeds.
+    TwingapError
+        When there is no anomaly.
+    """
+    _, _, anomaly = find_anomaly(run, options)
+    if anomaly.alarm_row is None:
+        raise TwingapError("no anomaly in the whole run", where="run", mend="check the reference and the rule")
+    step = max(1, round(60 / run.dt_s))
+    now = anomaly.alarm_row + int(np.ceil(60 * options.after_alarm_min / run.dt_s))
+    why = f"the run ends within {options.after_alarm_min:g} min of the alarm"
+    while now < run.time_s.size:
+        try:
+            return adapt(run.until(now), mode, options)
+        except TwingapError as error:
+            why = str(error)
+            tell(f"row {now}: {why}")
+        now += step
+    raise NoLifeError(f"no life could be simulated before the run's end: {why}", where="run")

@@ -1,0 +1,113 @@
+"""The network from one record, its speed and its place in the run to remaining life; plain or adversarial.
+
+record [batch, samples] --conv, pool, conv, pool--> features [batch, 112] --+
+sequence encoding [batch, 24] ----------------------------------------------+--> joined --> regressor --> life
+speed encoding [batch, 24] -------------------------------------------------+        \\--> reversal --> discriminator
+
+Which of the encodings and whether the discriminator take part are options of one network, so that two models differ in
+nothing else. Source: section 3.7, tables 1, 2 and 4 of paper 1.
+"""
+
+from __future__ import annotations
+
+import torch
+from torch import Tensor, nn
+
+from papers.paper1_rul_varying_speed.methods.architecture import LifeArchitecture
+from twingap.adapt.dann import reverse_gradient
+from twingap.errors import TwingapError
+
+
+class LifeNetwork(nn.Module):
+    """Feature extractor, regressor and (adversarial only) discriminator of paper 1.
+
+    Parameters
+    ----------
+    architecture : LifeArchitecture
+
+    Raises
+    ------
+    TwingapError
+        When records are too short to leave a feature.
+
+    Notes
+    -----
+    Of 25,000 samples: 4 x 1555 -> 4 x 194 -> 16 x 60 -> 16 x 7 = 112 features. The regressor's last unit is a ReLU, as
+    printed: a unit that is 0 for all records learns nothing more, so its bias begins at 0.5, the middle of labels that
+    are scaled to between 0 and 1.
+    """
+
+    def __init__(self, architecture: LifeArchitecture | None = None) -> None:
+        super().__init__()
+        own = architecture or LifeArchitecture()
+        if own.features < 1:
+            raise TwingapError(
+                f"{own.length} samples leave no feature", where="network", mend="give longer records or smaller strides"
+            )
+        self.architecture = own
+        (first, second), (wide, narrow), (stride, step), pools = own.filters, own.kernels, own.strides, own.pools
+        self.extractor = nn.Sequential(
+            nn.Conv1d(1, first, wide, stride), nn.ReLU(), nn.MaxPool1d(pools[0]),
+            nn.Conv1d(first, second, narrow, step), nn.ReLU(), nn.MaxPool1d(pools[1]), nn.Flatten(),
+        )  # fmt: skip
+        # The layer of 32 that figure 13 shows is the end of `hidden`.
+        self.hidden = nn.Sequential(nn.Linear(own.joined, 64), nn.ReLU(), nn.Linear(64, 32), nn.ReLU())
+        self.output = nn.Linear(32, 1)
+        nn.init.constant_(self.output.bias, 0.5)
+        self.discriminator: nn.Sequential | None = None
+        if own.adversarial:
+            self.discriminator = nn.Sequential(
+                nn.Linear(own.joined, 64), nn.ReLU(), nn.Linear(64, 32), nn.ReLU(), nn.Linear(32, 1)
+            )
+
+    def join(self, x: Tensor, sequence: Tensor | None = None, speed: Tensor | None = None) -> Tensor:
+        """Features of records with the encodings behind them.
+
+        Parameters
+        ----------
+        x : Tensor [batch, length]
+        sequence, speed : Tensor [batch, d_model], optional
+            Needed by a network that takes them, and not looked at by one that does not.
+
+        Returns
+        -------
+        Tensor [batch, `architecture.joined`]
+        """
+        own = self.architecture
+        if x.ndim != 2 or x.shape[1] != own.length:
+            raise TwingapError(f"records of shape {tuple(x.shape)}, [batch, {own.length}] expected", where="network")
+        parts = [self.extractor(x[:, None])]
+        for wanted, name, value in ((own.sequence, "sequence", sequence), (own.speed, "speed", speed)):
+            if not wanted:
+                continue
+            if value is None or value.shape != (x.shape[0], own.d_model):
+                shape = None if value is None else tuple(value.shape)
+                raise TwingapError(f"{name} encoding {shape}, {(x.shape[0], own.d_model)} expected", where="network")
+            parts.append(value)
+        return torch.cat(parts, dim=1)
+
+    def embed(self, joined: Tensor) -> Tensor:
+        """The regressor's second layer [batch, 32], which figure 13 shows."""
+        out: Tensor = self.hidden(joined)
+        return out
+
+    def life(self, joined: Tensor) -> Tensor:
+        """Remaining life [batch], at least 0, in the unit of the labels."""
+        return torch.relu(self.output(self.hidden(joined)).squeeze(1))
+
+    def domain(self, joined: Tensor) -> Tensor:
+        """Logits [batch] of "this is a real record", behind the gradient reversal; table 2's sigmoid is in the loss.
+
+        Raises
+        ------
+        TwingapError
+            For a network without discriminator.
+        """
+        if self.discriminator is None:
+            raise TwingapError("this network has no discriminator", where="network", mend="choose an adversarial model")
+        logits: Tensor = self.discriminator(reverse_gradient(joined, self.architecture.reversal)).squeeze(1)
+        return logits
+
+    def forward(self, x: Tensor, sequence: Tensor | None = None, speed: Tensor | None = None) -> Tensor:
+        """Remaining life [batch] of records [batch, length]."""
+        return self.life(self.join(x, sequence, speed))

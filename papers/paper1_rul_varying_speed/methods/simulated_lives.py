@@ -1,0 +1,424 @@
+"""Vibration snapshots of simulated lives, labelled; and those of the real run, without labels.
+
+lives: speed, S(k) D(k), revolutions --amplitude for that peak to peak--> phenomenological twin --> Snapshots, labelled
+records of the run after K_anomaly, speed, place ------------------------------------------------> Snapshots, no labels
+
+Eq. 1 of paper 1: x_k = S(k) D(k) sum_i h(t - iT - tau_i) q(iT) A_i + n(t). S and D scale the impacts, and n(t) stays as
+it is: `effects.SpeedGain`, which drives all excitation, is not what eq. 1 says. The end of life is defined on peak to
+peak, so each record's impacts are given the strength with which it, noise included, has S(k) D(k) peak to peak, give or
+take what healthy records scatter about S.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+from typing import ClassVar, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from papers.paper1_rul_varying_speed.methods.adaptive_twin import AdaptiveTwin
+from papers.paper1_rul_varying_speed.methods.degradation import Trajectory
+from papers.paper1_rul_varying_speed.methods.encoding import sequence_position
+from papers.paper1_rul_varying_speed.methods.excited_modes import excited_modes
+from twingap.bearing import Bearing
+from twingap.effects import Draft, Effect, ImpactScatter, LoadZone, Mode, SlipJitter, Stage
+from twingap.errors import TwingapError
+from twingap.records import Condition, RecordSet
+from twingap.twins.phenomenological import PhenomenologicalParameters, PhenomenologicalTwin
+
+Array = NDArray[np.float64]
+Samples = NDArray[np.float32]
+
+CHUNK = 128
+"""Records made at once."""
+
+
+@dataclass(frozen=True)
+class Snapshots:
+    """Records of one or several lives, as a network is shown them.
+
+    Parameters
+    ----------
+    samples : Samples [records, length]
+        In the unit of the measurements.
+    speed_rpm : Array [records]
+    position : Array [records]
+        Rows after K_anomaly, the pos of eq. 13.
+    life : NDArray[int64] [records]
+        Which life each is of.
+    revolutions : Array [records] or None
+        Remaining, eq. 14. None: not known, as of a bearing that still runs.
+    """
+
+    samples: Samples
+    speed_rpm: Array
+    position: Array
+    life: NDArray[np.int64]
+    revolutions: Array | None = None
+
+    def __len__(self) -> int:
+        return int(self.samples.shape[0])
+
+    def unlabelled(self) -> Snapshots:
+        """The same without labels."""
+        return replace(self, revolutions=None)
+
+    def take(self, places: NDArray[np.int64] | NDArray[np.bool_]) -> Snapshots:
+        """Some of the records."""
+        left = None if self.revolutions is None else self.revolutions[places]
+        return Snapshots(
+            self.samples[places], self.speed_rpm[places], self.position[places], self.life[places], left
+        )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class SignalModel:
+    """What eq. 1 leaves open.
+
+    Parameters
+    ----------
+    jitter : float
+        Standard deviation of tau_i, impact spacings.
+    load_zone : float
+        Depth of q.
+    scatter : float
+        Standard deviation of A_i.
+    strikes : {"given", "matched"}
+        Depth of q and scatter of A as given, or those of `STRIKES` with which simulated records are as impulsive as the
+        measured ones after the anomaly (peak to peak over RMS).
+    noise : {"constant", "with_speed", "measured"}
+        n(t) of eq. 1 is the same at all speeds. "with_speed": what passes the structure follows S, as healthy vibration
+        of real machines does; the measuring chain's white noise does not. "measured": n(t) is a healthy record of the
+        run at the nearest speed, shifted in time.
+    noise_share : float
+        Peak to peak of simulated noise over that of a healthy record, at the speed where that is least.
+    path : {"healthy", "struck"}
+        h(t) of eq. 1 is the dominant mode of healthy records (eq. 8). "struck": the modes that stand out of records
+        after the anomaly, see `excited_modes`.
+    modes : int
+        Most modes of a struck path.
+    """
+
+    jitter: float = 0.02
+    load_zone: float = 0.3
+    scatter: float = 0.1
+    strikes: Literal["given", "matched"] = "given"
+    noise: Literal["constant", "with_speed", "measured"] = "constant"
+    noise_share: float = 0.8
+    path: Literal["healthy", "struck"] = "healthy"
+    modes: int = 4
+
+
+STRIKES = tuple((zone, scatter) for zone in (0.3, 1.0) for scatter in (0.1, 0.2, 0.3, 0.45, 0.6))
+"""Depths of q and scatters of A among which is matched."""
+
+
+@dataclass(frozen=True)
+class _NoiseGain(Effect):
+    """The record's level of structure noise, from its columns."""
+
+    stage: ClassVar[Stage] = Stage.EXCITATION
+
+    def apply(self, draft: Draft, rng: np.random.Generator) -> None:
+        draft.amplify_force(float(draft.condition.extra["noise_gain"]))
+
+
+@dataclass(frozen=True)
+class _MoreModes(Effect):
+    """Modes beside the first."""
+
+    stage: ClassVar[Stage] = Stage.PATH
+    modes: tuple[Mode, ...] = ()
+
+    def apply(self, draft: Draft, rng: np.random.Generator) -> None:
+        draft.modes.extend(self.modes)
+
+
+class LifeSimulator:
+    """Eq. 1 for one bearing, its amplitudes set by peak to peak.
+
+    Parameters
+    ----------
+    twin : AdaptiveTwin
+    bearing : Bearing
+    fault : {"inner", "outer", "ball", "cage"}
+    fs_hz : float
+    n_samples : int
+    rng : numpy.random.Generator
+        For the pilots from which amplitudes are set.
+    model : SignalModel
+    unit : str
+    healthy, struck : Snapshots, optional
+        Of the run: its healthy beginning, and after K_anomaly up to now: what "measured", "struck" and
+        "struck" and "matched" read.
+
+    Raises
+    ------
+    TwingapError
+        When the mode lies beyond half the sampling rate, or records are missing that the model needs.
+    """
+
+    def __init__(
+        self,
+        twin: AdaptiveTwin,
+        bearing: Bearing,
+        fault: str,
+        fs_hz: float,
+        n_samples: int,
+        rng: np.random.Generator,
+        model: SignalModel | None = None,
+        unit: str = "g",
+        *,
+        healthy: Snapshots | None = None,
+        struck: Snapshots | None = None,
+    ) -> None:
+        self.twin, self.fault, self.fs_hz, self.n_samples = twin, fault, fs_hz, n_samples
+        self.model = model or SignalModel()
+        self._healthy = healthy if self.model.noise == "measured" else None
+        if (self.model.noise == "measured" or self.model.path == "struck") and (healthy is None or struck is None):
+            raise TwingapError("needs healthy records and those after the anomaly", where="signal model")
+        own, mode = self.model, twin.mode
+        total = float(np.hypot(mode.structure_noise_rms, mode.white_noise_rms))
+        structure = mode.structure_noise_rms / total if total > 0 else 0.0
+        white = float(np.sqrt(max(1 - structure**2, 0.0)))
+        path: tuple[Mode, ...] = (Mode(mode.resonance_hz, mode.damping_ratio),)
+        if own.path == "struck" and healthy is not None and struck is not None:
+            path = excited_modes(
+                struck.samples, struck.speed_rpm, healthy.samples, healthy.speed_rpm, fs_hz, own.modes
+            )  # fmt: skip
+        self.path = path
+        parameters = PhenomenologicalParameters(
+            path[0].frequency_hz, path[0].damping_ratio, {fault: 1.0}, structure, max(white, 1e-9), 1.0
+        )
+        self._bearing, self._unit = bearing, unit
+        self._parameters = parameters
+        # Noise of unit RMS has this peak to peak in a record of this length; then n(t) is known.
+        self._least = float(twin.influence.amplitude(twin.influence.speeds_rpm).min())
+        unit_noise = PhenomenologicalTwin(bearing, parameters, (_NoiseGain(), _MoreModes(path[1:])), unit)
+        pilots = np.full(8, twin.influence.speeds_rpm[0])
+        height = float(np.mean(np.ptp(self._made(unit_noise, pilots, 1.0, rng, "healthy"), axis=1)))
+        self.noise_rms = own.noise_share * self._least / height
+        scaled = replace(
+            parameters,
+            structure_noise_rms=structure * self.noise_rms,
+            white_noise_rms=max(white * self.noise_rms, 1e-9),
+        )
+        self._quiet = PhenomenologicalTwin(bearing, scaled, unit_noise.effects, unit)
+        self.strikes = (own.load_zone, own.scatter)
+        if own.strikes == "matched":
+            if struck is None:
+                raise TwingapError("needs records after the anomaly", where="signal model")
+            self.strikes = self._matched(struck, rng)
+
+    def noise_gain(self, speed_rpm: Array) -> Array:
+        """Factor on the structure noise at speeds [...]."""
+        if self.model.noise == "constant":
+            return np.ones_like(speed_rpm)
+        return self.twin.influence.amplitude(speed_rpm) / self._least
+
+    def snapshots(self, lives: Iterable[Trajectory], rng: np.random.Generator, most: int | None = None) -> Snapshots:
+        """Labelled records of lives, every row after K_anomaly to the end.
+
+        Parameters
+        ----------
+        lives : iterable of Trajectory
+        rng : numpy.random.Generator
+        most : int, optional
+            Records in all; where there are more rows, evenly spread ones are made.
+
+        Returns
+        -------
+        Snapshots
+        """
+        lives = list(lives)
+        speed = np.concatenate([life.speed_rpm[1:] for life in lives])
+        height = np.concatenate([life.peak_to_peak[1:] for life in lives])
+        position = np.concatenate([life.positions[1:] for life in lives])
+        left = np.concatenate([life.remaining_revolutions[1:] for life in lives])
+        number = np.concatenate([np.full(life.speed_rpm.size - 1, i) for i, life in enumerate(lives)])
+        running = np.flatnonzero(speed > 0)
+        if most is not None and running.size > most:
+            running = running[np.unique(np.linspace(0, running.size - 1, most).round().astype(int))]
+        speed, height = speed[running], height[running]
+        spread = self.twin.anomaly.std
+        height = height * np.exp(spread * rng.standard_normal(height.size) - spread**2 / 2)
+        samples = self.records(speed, height, rng)
+        return Snapshots(samples, speed, position[running], number[running].astype(np.int64), left[running])
+
+    def records(
+        self,
+        speed_rpm: Array,
+        peak_to_peak: Array,
+        rng: np.random.Generator,
+        strikes: tuple[float, float] | None = None,
+    ) -> Samples:
+        """Records of a struck bearing with just these peaks to peak; of noise alone where that has more.
+
+        Parameters
+        ----------
+        speed_rpm, peak_to_peak : Array [records]
+        rng : numpy.random.Generator
+        strikes : (float, float), optional
+            Depth of q and scatter of A; the simulator's own when absent.
+        """
+        zone, scatter = strikes or self.strikes
+        silent = replace(self._parameters, structure_noise_rms=0.0, white_noise_rms=1e-12)
+        effects = (
+            SlipJitter(sigma=self.model.jitter), LoadZone(depth=zone), ImpactScatter(sigma=scatter),
+            _MoreModes(self.path[1:]),
+        )  # fmt: skip
+        struck = PhenomenologicalTwin(self._bearing, silent, effects, self._unit)
+        out = np.empty((speed_rpm.size, self.n_samples), np.float32)
+        for start in range(0, speed_rpm.size, CHUNK):
+            own = slice(start, start + CHUNK)
+            impacts = self._made(struck, speed_rpm[own], 1.0, rng, self.fault)
+            noise = self.noise(speed_rpm[own], rng)
+            out[own] = noise + strengths(noise, impacts, peak_to_peak[own])[:, None] * impacts
+        return out
+
+    def _matched(self, struck: Snapshots, rng: np.random.Generator) -> tuple[float, float]:
+        """Of `STRIKES`, those whose records have the crest of the measured ones, at their speeds and peaks to peak."""
+        height = np.ptp(struck.samples, axis=1).astype(float)
+        wanted = float(np.mean(np.log(height / struck.samples.std(axis=1))))
+        # A third of the records is enough, and the same for all candidates.
+        few = np.arange(0, len(struck), max(1, len(struck) // 12))
+        seeds = rng.integers(0, 2**32, len(STRIKES))
+
+        def miss(place: int) -> float:
+            made = self.records(struck.speed_rpm[few], height[few], np.random.default_rng(seeds[place]), STRIKES[place])
+            return abs(float(np.mean(np.log(height[few] / made.std(axis=1)))) - wanted)
+
+        return STRIKES[min(range(len(STRIKES)), key=miss)]
+
+    def noise(self, speed_rpm: Array, rng: np.random.Generator) -> Samples:
+        """n(t) of each record [records, length]: what the twin says of a healthy bearing at these speeds."""
+        if self._healthy is not None:
+            return self._background(speed_rpm, rng)
+        return self._made(self._quiet, speed_rpm, self.noise_gain(speed_rpm), rng, "healthy")
+
+    def _background(self, speed_rpm: Array, rng: np.random.Generator) -> Samples:
+        """Healthy records of the nearest speeds, each shifted (cyclically) and turned over at random."""
+        assert self._healthy is not None
+        own = self._healthy.speed_rpm
+        out = np.empty((speed_rpm.size, self.n_samples), np.float32)
+        for i, speed in enumerate(speed_rpm):
+            far = np.abs(own - speed)
+            chosen = int(rng.choice(np.flatnonzero(far <= far.min() * 1.001)))
+            out[i] = np.roll(self._healthy.samples[chosen], int(rng.integers(self.n_samples)))
+            out[i] *= rng.choice((-1.0, 1.0))
+        return out
+
+    def _made(
+        self,
+        chain: PhenomenologicalTwin,
+        speed_rpm: Array,
+        noise_gain: Array | float,
+        rng: np.random.Generator,
+        fault: str,
+    ) -> Samples:
+        gains = np.broadcast_to(noise_gain, speed_rpm.shape)
+        conditions = (
+            Condition(
+                str(i), float(speed), self.fs_hz, self.n_samples, fault, extra={"noise_gain": float(gains[i])}
+            )
+            for i, speed in enumerate(speed_rpm)
+        )  # fmt: skip
+        out = np.empty((speed_rpm.size, self.n_samples), np.float32)
+        for i, record in enumerate(chain.stream(conditions, rng, threads=1)):
+            out[i] = record.samples
+        return out
+
+
+def strengths(noise: Samples, impacts: Samples, peak_to_peak: Array) -> Array:
+    """Factors [records] on impacts with which records have the wanted peak to peak; 0 where noise alone has more.
+
+    Parameters
+    ----------
+    noise, impacts : Samples [records, samples]
+    peak_to_peak : Array [records]
+
+    Returns
+    -------
+    Array [records]
+        To a thousandth of the peak to peak.
+    """
+    out = np.zeros(len(noise))
+    for i, wanted in enumerate(peak_to_peak):
+        own, struck = noise[i], impacts[i]
+        floor, unit = float(np.ptp(own)), float(np.ptp(struck))
+        if floor >= wanted or unit == 0:
+            continue
+        # Peak to peak is a convex function of the factor: the secant from beyond it comes down to it.
+        low, at_low, high = 0.0, floor, (wanted + floor) / unit
+        at_high = float(np.ptp(own + np.float32(high) * struck))
+        for _ in range(40):
+            factor = low + (wanted - at_low) * (high - low) / (at_high - at_low)
+            if not 0.02 < (factor - low) / (high - low) < 0.98:  # a secant that barely moves
+                factor = (low + high) / 2
+            height = float(np.ptp(own + np.float32(factor) * struck))
+            if abs(height - wanted) <= 1e-3 * wanted:
+                break
+            if height < wanted:
+                low, at_low = factor, height
+            else:
+                high, at_high = factor, height
+        out[i] = factor
+    return out
+
+
+def measured_snapshots(records: RecordSet, onset_row: int, rows: Iterable[int], n_samples: int) -> Snapshots:
+    """Records of a real run, without labels.
+
+    Parameters
+    ----------
+    records : RecordSet
+        The run, a record per row.
+    onset_row : int
+        K_anomaly.
+    rows : iterable of int
+        Which.
+    n_samples : int
+        From the beginning of each record.
+
+    Returns
+    -------
+    Snapshots
+
+    Raises
+    ------
+    TwingapError
+        When a record is shorter.
+    """
+    places = list(rows)
+    out = np.empty((len(places), n_samples), np.float32)
+    for i, record in enumerate(records.take(places)):
+        if record.samples.size < n_samples:
+            raise TwingapError(
+                f"{record.samples.size} samples, {n_samples} needed", where=f"record {record.condition.name!r}",
+                mend="choose a shorter window",
+            )  # fmt: skip
+        out[i] = record.samples[:n_samples]
+    speed = np.array([records.conditions[p].speed_rpm for p in places], float)
+    return Snapshots(out, speed, sequence_position(np.array(places), onset_row), np.zeros(len(places), np.int64))
+
+
+def joined(parts: Sequence[Snapshots]) -> Snapshots:
+    """Snapshots one after the other; labels where all parts have them.
+
+    Parameters
+    ----------
+    parts : sequence of Snapshots
+        At least one.
+    """
+    if len(parts) == 1:
+        return parts[0]
+    labels = [p.revolutions for p in parts if p.revolutions is not None]
+    return Snapshots(
+        np.concatenate([p.samples for p in parts]),
+        np.concatenate([p.speed_rpm for p in parts]),
+        np.concatenate([p.position for p in parts]),
+        np.concatenate([p.life for p in parts]),
+        np.concatenate(labels) if len(labels) == len(parts) else None,
+    )

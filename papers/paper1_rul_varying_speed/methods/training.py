@@ -1,0 +1,348 @@
+"""Training of the network for remaining life: simulated lives with labels, the real run's records without.
+
+simulated: record, place, speed --> features --+--> regressor ------------> eq. 7, mean squared error
+real, up to now: the same, no labels ----------+--> reversal --> discriminator --> eq. 15     (adversarial models)
+
+Labels are remaining revolutions over those of the longest simulated life, so from 0 to 1; one number scales the samples
+of both domains. Checkpoints are chosen without a label of the real run (`judge_checkpoints`). Source: sections 2.2, 3.7
+and 4 of paper 1.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field
+from typing import Final
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+
+from papers.paper1_rul_varying_speed.methods.architecture import LifeArchitecture
+from papers.paper1_rul_varying_speed.methods.encoding import positional_encoding, speed_position
+from papers.paper1_rul_varying_speed.methods.losses import REAL, SIMULATED, descended, domain_loss, regression_loss
+from papers.paper1_rul_varying_speed.methods.network import LifeNetwork
+from papers.paper1_rul_varying_speed.methods.simulated_lives import Snapshots
+from twingap.adapt.nets import best_device
+from twingap.adapt.training import reproducible
+from twingap.errors import TwingapError
+
+Array = NDArray[np.float64]
+State = dict[str, Tensor]
+
+
+@dataclass(frozen=True)
+class LifeTraining:
+    """How to train.
+
+    Parameters
+    ----------
+    steps : int
+        Gradient steps.
+    batch : int
+        Simulated records per step, and as many real ones.
+    learning_rate, weight_decay : float
+        Of AdamW; the rate falls to 0 along a half cosine, so that the last states do not hang on the last batches.
+    checkpoints : int
+        States kept for selection, evenly spaced, the last at the end.
+    vary : bool
+        Show every record, each time, with a random sign, and every batch shifted in time (cyclically) by a random
+        amount: neither where a record begins nor which way a sensor points says anything. Not in the paper; without it
+        networks learn a thousand simulated records by heart within a hundred steps.
+    alike : bool
+        Show the discriminator only those simulated records that are of no later row of a life than the real ones. Real
+        records are all of the first minutes after the anomaly: asked to tell them from whole simulated lives, the
+        discriminator learns the age, and its reversed gradient wipes that out. Not in the paper.
+    """
+
+    steps: int = 1200
+    batch: int = 16
+    learning_rate: float = 1e-3
+    weight_decay: float = 1e-4
+    checkpoints: int = 8
+    vary: bool = True
+    alike: bool = False
+
+
+@dataclass(frozen=True)
+class LifeScales:
+    """What numbers are divided by before a network sees them, and which speeds have a place of their own.
+
+    Parameters
+    ----------
+    sample : float
+        Unit of the records; the same for simulated and real ones.
+    revolutions : float
+        At which a label is 1.
+    speeds_rpm : tuple of float
+        Operating speeds, increasing.
+    """
+
+    sample: float
+    revolutions: float
+    speeds_rpm: tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class LifeCheckpoint:
+    """The network after some steps.
+
+    Parameters
+    ----------
+    step : int
+    state : State
+        Weights, on the processor.
+    loss : float
+        Mean regression loss on simulated batches since the last checkpoint.
+    domain_accuracy : float
+        Share of records whose domain the discriminator told right since then; NaN without one.
+    """
+
+    step: int
+    state: State
+    loss: float
+    domain_accuracy: float
+
+
+@dataclass(frozen=True)
+class TrainedLife:
+    """A finished training.
+
+    Parameters
+    ----------
+    architecture : LifeArchitecture
+    scales : LifeScales
+    checkpoints : tuple of LifeCheckpoint
+    device : str
+        Where it was trained.
+    """
+
+    architecture: LifeArchitecture
+    scales: LifeScales
+    checkpoints: tuple[LifeCheckpoint, ...]
+    device: str = field(compare=False)
+
+    def network(self, place: int = -1) -> LifeNetwork:
+        """The network of one checkpoint, on the processor, ready to predict."""
+        net = LifeNetwork(self.architecture)
+        net.load_state_dict(self.checkpoints[place].state)
+        return net.eval()
+
+    def predict(self, snapshots: Snapshots, place: int = -1, batch: int = 256) -> Array:
+        """Remaining revolutions [records] by one checkpoint; each depends on its own record alone."""
+        return self._run(snapshots, place, batch, lambda net, joined: net.life(joined)) * self.scales.revolutions
+
+    def embed(self, snapshots: Snapshots, place: int = -1, batch: int = 256) -> Array:
+        """The regressor's second layer [records, 32], which figure 13 shows."""
+        return self._run(snapshots, place, batch, lambda net, joined: net.embed(joined))
+
+    def _run(
+        self, snapshots: Snapshots, place: int, batch: int, wanted: Callable[[LifeNetwork, Tensor], Tensor]
+    ) -> Array:
+        net, out = self.network(place), []
+        with reproducible(0), torch.no_grad():
+            for start in range(0, len(snapshots), batch):
+                part = snapshots.take(np.arange(start, min(start + batch, len(snapshots))))
+                out.append(wanted(net, net.join(*_shown(part, self.architecture, self.scales))).numpy())
+        return np.concatenate(out).astype(np.float64)
+
+
+def scales_of(simulated: Snapshots, speeds_rpm: Sequence[float] | Array) -> LifeScales:
+    """Scales from the simulated records alone: their RMS, the longest remaining life."""
+    if simulated.revolutions is None:
+        raise TwingapError("simulated records without labels", where="training")
+    rms = float(np.sqrt(np.mean(np.square(simulated.samples, dtype=np.float64))))
+    return LifeScales(rms, float(simulated.revolutions.max()), tuple(float(s) for s in speeds_rpm))
+
+
+def train_life(
+    simulated: Snapshots,
+    real: Snapshots,
+    architecture: LifeArchitecture,
+    scales: LifeScales,
+    settings: LifeTraining | None = None,
+    seed: int = 0,
+    device: str = "auto",
+) -> TrainedLife:
+    """Train one model.
+
+    Parameters
+    ----------
+    simulated : Snapshots
+        Labelled.
+    real : Snapshots
+        Of the run up to now, after the anomaly; not looked at by a model that is not adversarial.
+    architecture : LifeArchitecture
+    scales : LifeScales
+    settings : LifeTraining
+    seed : int
+        Of weights and order of batches.
+    device : str
+        "auto", "cpu" or "cuda".
+
+    Returns
+    -------
+    TrainedLife
+        Same seed, same bytes on the same kind of device.
+
+    Raises
+    ------
+    TwingapError
+        When simulated records lack labels, or real ones bring them.
+    """
+    settings = settings or LifeTraining()
+    if simulated.revolutions is None:
+        raise TwingapError("simulated records without labels", where="training")
+    if real.revolutions is not None:
+        raise TwingapError("labels of the real run may not reach training", where="training", mend="use unlabelled()")
+    place = best_device(device)
+    with reproducible(seed):
+        net = LifeNetwork(architecture).to(place)
+        optimiser = torch.optim.AdamW(net.parameters(), lr=settings.learning_rate, weight_decay=settings.weight_decay)
+        falling = torch.optim.lr_scheduler.CosineAnnealingLR(optimiser, settings.steps)
+        shown = [t.to(place) for t in _shown(simulated, architecture, scales)]
+        labels = torch.from_numpy((simulated.revolutions / scales.revolutions).astype(np.float32)).to(place)
+        other = [t.to(place) for t in _shown(real, architecture, scales)]
+        # Streams of their own: simulated batches are the same whether or not real ones are drawn.
+        batches = _batches(len(simulated), settings.batch, np.random.default_rng([seed, 0]))
+        real_batches = _batches(len(real), settings.batch, np.random.default_rng([seed, 1]))
+        last = real.position.max() if settings.alike else np.inf
+        alike = torch.from_numpy(simulated.position <= last).to(place)
+        varying, real_varying = (np.random.default_rng([seed, s]) if settings.vary else None for s in (10, 11))
+        marks = {round((i + 1) * settings.steps / settings.checkpoints) for i in range(settings.checkpoints)}
+        kept: list[LifeCheckpoint] = []
+        losses: list[Tensor] = []
+        told: list[Tensor] = []
+        for step in range(settings.steps):
+            chosen = next(batches).to(place)
+            joined = net.join(*_taken(shown, chosen, varying))
+            loss = regression_loss(net.life(joined), labels[chosen])
+            losses.append(loss.detach())
+            if architecture.adversarial:
+                away = net.domain(joined[alike[chosen]])
+                here = net.domain(net.join(*_taken(other, next(real_batches).to(place), real_varying)))
+                told.append(torch.cat((away.detach() < 0, here.detach() > 0)).float().mean())
+                told_apart = domain_loss(away, SIMULATED) if len(away) else loss.new_zeros(())
+                loss = descended(loss, told_apart, domain_loss(here, REAL))
+            optimiser.zero_grad(set_to_none=True)
+            loss.backward()  # type: ignore[no-untyped-call]
+            optimiser.step()
+            falling.step()
+            if step + 1 in marks:
+                state = {name: value.detach().cpu().clone() for name, value in net.state_dict().items()}
+                accuracy = float(torch.stack(told).mean()) if told else float("nan")
+                kept.append(LifeCheckpoint(step + 1, state, float(torch.stack(losses).mean()), accuracy))
+                losses, told = [], []
+    return TrainedLife(architecture, scales, tuple(kept), str(place))
+
+
+def _shown(snapshots: Snapshots, architecture: LifeArchitecture, scales: LifeScales) -> tuple[Tensor, ...]:
+    """Scaled records and the two encodings: what a network is shown."""
+    speeds = speed_position(snapshots.speed_rpm, np.array(scales.speeds_rpm))
+    encodings = (positional_encoding(p, architecture.d_model) for p in (snapshots.position, speeds))
+    samples = snapshots.samples / np.float32(scales.sample)
+    return (torch.from_numpy(samples), *(torch.from_numpy(e.astype(np.float32)) for e in encodings))
+
+
+def _taken(tensors: Sequence[Tensor], chosen: Tensor, varying: np.random.Generator | None) -> list[Tensor]:
+    """A batch; its records shifted and turned over where they are to vary."""
+    x, *encodings = (t[chosen] for t in tensors)
+    if varying is not None:
+        sign = torch.from_numpy(varying.choice(np.array([-1.0, 1.0], dtype=np.float32), len(x))).to(x.device)
+        x = torch.roll(x, int(varying.integers(x.shape[1])), dims=1) * sign[:, None]
+    return [x, *encodings]
+
+
+def _batches(count: int, batch: int, rng: np.random.Generator) -> Iterator[Tensor]:
+    """Endless batches of places: every record once before any comes again."""
+    pool = np.empty(0, dtype=np.int64)
+    while True:
+        while pool.size < batch:
+            pool = np.concatenate([pool, rng.permutation(count)])
+        yield torch.from_numpy(pool[:batch].copy())
+        pool = pool[batch:]
+
+
+# -- which checkpoint -------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class LifeEvidence:
+    """What may be looked at when choosing: nothing here knows a label of the real run.
+
+    Parameters
+    ----------
+    held_out : Array [records]
+        Predicted less true remaining revolutions of simulated lives that were not trained on, over the label scale.
+    real_total : Array [real records]
+        Revolutions since the first real record plus those predicted to remain, over the label scale: the whole life,
+        which is one number, however often it is predicted.
+    """
+
+    held_out: Array
+    real_total: Array
+
+
+def simulated_error(evidence: LifeEvidence) -> float:
+    """RMS error on held-out simulated lives."""
+    return float(np.sqrt(np.mean(evidence.held_out**2)))
+
+
+def steadiness(evidence: LifeEvidence) -> float:
+    """Scatter of the whole life that the real records, one by one, are predicted to have."""
+    return float(np.std(evidence.real_total))
+
+
+def error_and_steadiness(evidence: LifeEvidence) -> float:
+    """Both in quadrature. A constant answer is steady, and a network that knows simulated records alone is exact there;
+    neither helps on the real run."""
+    return float(np.hypot(simulated_error(evidence), steadiness(evidence)))
+
+
+CRITERIA: Final[dict[str, Callable[[LifeEvidence], float]]] = {
+    "error_and_steadiness": error_and_steadiness,
+    "simulated_error": simulated_error,
+    "steadiness": steadiness,
+}
+"""Label-free criteria by name; lower is better."""
+
+
+def judge_checkpoints(trained: TrainedLife, held_out: Snapshots, real: Snapshots, dt_s: float) -> list[LifeEvidence]:
+    """Evidence on every checkpoint.
+
+    Parameters
+    ----------
+    trained : TrainedLife
+    held_out : Snapshots
+        Labelled records of simulated lives that were not trained on.
+    real : Snapshots
+        Unlabelled, in order of time: those of training.
+    dt_s : float
+        Time from row to row.
+    """
+    if held_out.revolutions is None:
+        raise TwingapError("held-out simulated records without labels", where="checkpoints")
+    scale = trained.scales.revolutions
+    turned = np.concatenate(([0.0], np.cumsum(real.speed_rpm[1:] * np.diff(real.position)) * dt_s / 60))
+    return [
+        LifeEvidence(
+            (trained.predict(held_out, place) - held_out.revolutions) / scale,
+            (trained.predict(real, place) + turned) / scale,
+        )
+        for place in range(len(trained.checkpoints))
+    ]
+
+
+def choose(evidence: Sequence[LifeEvidence], criterion: str = "error_and_steadiness") -> int:
+    """Place of the checkpoint that the criterion prefers; the latest of equals.
+
+    Raises
+    ------
+    TwingapError
+        For an unknown criterion.
+    """
+    if criterion not in CRITERIA:
+        raise TwingapError(f"no criterion {criterion!r}", where="checkpoints", mend=f"use {', '.join(CRITERIA)}")
+    scores = np.array([CRITERIA[criterion](e) for e in evidence])
+    return int(len(scores) - 1 - np.argmin(scores[::-1]))

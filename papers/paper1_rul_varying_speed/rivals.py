@@ -1,0 +1,177 @@
+"""Usual estimators of remaining life, to be compared with: each causal, each given what the estimator here is given.
+
+rows since the onset: revolutions, log amplitude --exponential fit, particle filter--> remaining revolutions
+features of every row, runs that ended ----------random forest----------------------> remaining revolutions
+
+They share the health indicator, the alarm and the end level with `online`, so that what differs is the prediction
+alone; and what other runs say (a usual life after the onset) where their own model has no answer.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from papers.paper1_rul_varying_speed.methods.degradation import fit_damage
+from twingap.errors import TwingapError
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Growth:
+    """A run since the onset of its anomaly, and what is known of its end.
+
+    Parameters
+    ----------
+    revolutions : Array [rows]
+        Since the onset, 0 at its first row.
+    log_amplitude : Array [rows]
+        Natural logarithm of normalised amplitude.
+    scatter : float
+        Standard deviation of healthy log amplitude.
+    first : int
+        Row at which the alarm is given: the first with a prediction.
+    end : float
+        Log amplitude at the end of life.
+    usual_life : float
+        Revolutions that other runs lasted from onset to end.
+    """
+
+    revolutions: Array
+    log_amplitude: Array
+    scatter: float
+    first: int
+    end: float
+    usual_life: float
+
+    def __post_init__(self) -> None:
+        if self.revolutions.shape != self.log_amplitude.shape or self.revolutions.ndim != 1:
+            raise TwingapError("one amplitude per row expected", where="growth")
+
+
+def exponential_extrapolation(growth: Growth) -> Array:
+    """Least squares of log amplitude over all rows since the onset (eq. 12 with a free level), carried on to the end.
+
+    Returns
+    -------
+    Array [rows]
+        Remaining revolutions; NaN before the alarm. Where no growth was fitted, or its end lies beyond ten usual lives,
+        what is left of the usual life.
+    """
+    found = np.full(growth.revolutions.size, np.nan)
+    for row in range(growth.first, growth.revolutions.size):
+        u = growth.revolutions[: row + 1]
+        usual = max(growth.usual_life - u[-1], 0.0)
+        # The onset itself is left out by `fit_damage`: rows "after" it are meant.
+        try:
+            fit = fit_damage(u, np.exp(growth.log_amplitude[: row + 1]), -1e-9, level="free")
+        except TwingapError:
+            found[row] = usual
+            continue
+        left = growth.end - np.log(fit.level) - fit.rate * (u[-1] + 1e-9)
+        beyond = fit.rate <= 0 or left / fit.rate > 10 * growth.usual_life
+        found[row] = max(usual if beyond else left / fit.rate, 0.0)
+    return found
+
+
+def particle_filter(growth: Growth, rng: np.random.Generator, particles: int = 1000) -> tuple[Array, Array, Array]:
+    """Bootstrap filter of (log amplitude, log rate) under eq. 12 whose rate wanders (Gordon, Salmond, Smith 1993,
+    DOI 10.1049/ip-f-2.1993.0015).
+
+    Parameters
+    ----------
+    growth : Growth
+    rng : Generator
+    particles : int
+
+    Returns
+    -------
+    median, low, high : Array [rows]
+        Remaining revolutions and 90 % interval; NaN before the alarm. A median beyond ten usual lives gives way to what
+        is left of the usual life. The rate begins log-normally about that which
+        lasts a usual life, a factor of e either way, and wanders by a tenth a row; it does not wander in the future.
+    """
+    u, x = growth.revolutions, growth.log_amplitude
+    out = np.full((3, u.size), np.nan)
+    level = x[0] + growth.scatter * rng.normal(size=particles)
+    rate = np.log(max(growth.end, 0.1) / max(growth.usual_life, 1e-9)) + rng.normal(size=particles)
+    scatter = max(growth.scatter, 0.02)
+    for row in range(u.size):
+        if row:
+            step = u[row] - u[row - 1]
+            rate = rate + 0.1 * rng.normal(size=particles)
+            level = level + np.minimum(np.exp(rate) * step, 5.0) + 0.02 * rng.normal(size=particles)
+        weight = -2.5 * np.log1p(((x[row] - level) / scatter) ** 2 / 4)
+        weight = np.exp(weight - weight.max())
+        places = (np.arange(particles) + rng.uniform()) / particles
+        chosen = np.minimum(np.searchsorted(np.cumsum(weight) / weight.sum(), places), particles - 1)
+        level, rate = level[chosen], rate[chosen]
+        if row >= growth.first:
+            left = np.maximum(growth.end - level, 0.0) / np.exp(rate)
+            out[:, row] = np.quantile(left, (0.5, 0.05, 0.95))
+            if out[0, row] > 10 * growth.usual_life:
+                out[0, row] = max(growth.usual_life - u[row], 0.0)
+    return out[0], out[1], out[2]
+
+
+def causal_features(columns: ArrayLike, revolutions: ArrayLike, healthy_rows: int = 60) -> Array:
+    """Features of every row for a regression, each from rows up to it.
+
+    Parameters
+    ----------
+    columns : array_like [rows, features]
+        Positive features of single records, NaN where a record was unusable.
+    revolutions : array_like [rows]
+        Since the first row.
+    healthy_rows : int
+
+    Returns
+    -------
+    Array [rows, 4 features + 1]
+        Logarithm over that of the median of the healthy rows; its mean over the last 5 and 30 rows; its greatest such
+        mean so far; and revolutions. During the healthy rows, relative to the rows so far.
+    """
+    x = np.log(np.maximum(np.asarray(columns, float), 1e-12))
+    u = np.asarray(revolutions, float)
+    base = np.array([np.nanmedian(x[: min(row + 1, healthy_rows)], axis=0) for row in range(min(len(x), healthy_rows))])
+    base = np.concatenate((base, np.repeat(base[-1:], max(len(x) - healthy_rows, 0), axis=0)))
+    total = np.concatenate((np.zeros((1, x.shape[1])), np.cumsum(x, axis=0)))
+    rows = np.arange(1, len(x) + 1)
+    means = []
+    for width in (5, 30):
+        first = np.maximum(rows - width, 0)
+        means.append((total[rows] - total[first]) / (rows - first)[:, None] - base)
+    return np.column_stack((x - base, *means, np.maximum.accumulate(means[0], axis=0), u))
+
+
+def random_forest(
+    train: Sequence[tuple[Array, Array]], features: Array, seed: int, trees: int = 200
+) -> tuple[Array, Array, Array]:
+    """Regression forest on runs that ended (Breiman 2001, DOI 10.1023/A:1010933404324).
+
+    Parameters
+    ----------
+    train : sequence of (Array [rows, features], Array [rows])
+        Features and remaining revolutions of other runs; every run weighs the same.
+    features : Array [rows, features]
+    seed, trees : int
+
+    Returns
+    -------
+    mean, low, high : Array [rows]
+        Mean over trees, and 5 % and 95 % of the single trees' answers.
+    """
+    from sklearn.ensemble import RandomForestRegressor
+
+    x = np.concatenate([f for f, _ in train])
+    y = np.concatenate([r for _, r in train])
+    weight = np.concatenate([np.full(len(r), 1 / len(r)) for _, r in train])
+    forest = RandomForestRegressor(trees, min_samples_leaf=5, max_features=1 / 3, random_state=seed, n_jobs=1)
+    forest.fit(x, y, sample_weight=weight / weight.mean())
+    each = np.stack([tree.predict(features) for tree in forest.estimators_])
+    low, high = np.quantile(each, (0.05, 0.95), axis=0)
+    return np.asarray(each.mean(axis=0)), np.asarray(low), np.asarray(high)

@@ -1,0 +1,88 @@
+"""Hand-made features of a bearing's condition, for methods that learn from few records.
+
+windows --time-domain shape, level in bands--> window features --mean over a piece--+
+pieces --order spectra of all carriers (`scalograms`)--> fault lines --+--> piece features
+"""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import fft
+
+from papers.paper2_digital_twin.methods.scalograms import ImageOptions, Modulation
+from twingap.bearing import Bearing
+from twingap.signal.features import time_features
+
+Array = NDArray[np.float64]
+BANDS: Final = 8
+"""Equal bands from 0 to half the sampling rate."""
+SHAPES: Final = ("kurtosis", "crest_factor", "shape_factor", "impulse_factor", "clearance_factor")
+FAULTS: Final = ("inner", "outer", "ball")
+WINDOW_FEATURES: Final = (
+    "log_std", *(f"log_{name}" for name in SHAPES), *(f"log_band_{i}" for i in range(BANDS))
+)  # fmt: skip
+PIECE_FEATURES: Final = (*WINDOW_FEATURES, *(f"lines_{fault}" for fault in FAULTS), "unordered")
+_TOLERANCE = 0.02
+_HARMONICS = 2
+
+
+def window_features(x: Array) -> Array:
+    """Level, shape and level in bands, as logarithms: a fault multiplies them, and so does a machine's size.
+
+    Parameters
+    ----------
+    x : Array [windows, samples]
+        The mean is taken out.
+
+    Returns
+    -------
+    Array [windows, features]
+        `WINDOW_FEATURES`; natural logarithms.
+    """
+    centred = x - x.mean(axis=-1, keepdims=True)
+    tiny = np.finfo(np.float64).tiny
+    table = time_features(centred)
+    power = np.abs(fft.rfft(centred * np.hanning(x.shape[-1]), axis=-1)) ** 2
+    edges = np.linspace(0, power.shape[-1], BANDS + 1).round().astype(int)
+    bands = np.stack([power[:, a:b].mean(axis=-1) for a, b in pairwise(edges)], axis=-1)
+    shapes = np.stack([table[name] for name in ("std", *SHAPES)], axis=-1)
+    return np.concatenate((np.log(np.maximum(shapes, tiny)), np.log(np.maximum(bands, tiny)) / 2), axis=-1)
+
+
+def line_features(found: Modulation, bearing: Bearing, options: ImageOptions) -> Array:
+    """How far each fault's order stands out, and how restless the envelope is at no order in particular.
+
+    Parameters
+    ----------
+    found : Modulation
+    bearing : Bearing
+    options : ImageOptions
+        As given to `modulation`.
+
+    Returns
+    -------
+    Array [pieces, 4]
+        For inner race, outer race and ball the largest log10 prominence of the first harmonics, mean over the two
+        carriers in which it is largest; then the same mean of the rows' median over Gaussian noise.
+    """
+    lines, orders = found.lines, options.orders
+    floor = np.median(lines, axis=-1)
+    columns = []
+    for fault in FAULTS:
+        heights = []
+        for harmonic in range(1, _HARMONICS + 1):
+            order = harmonic * bearing.fault_order(fault)
+            near = np.abs(orders - order) <= max(_TOLERANCE * order, 0.5 / options.turns)
+            if near.any():
+                heights.append(np.log10(lines[..., near].max(axis=-1) / floor))
+        columns.append(_top(np.mean(heights, axis=0)))
+    columns.append(_top(np.log10(floor)))
+    return np.stack(columns, axis=-1)
+
+
+def _top(rows: Array) -> Array:
+    return np.asarray(np.sort(rows, axis=-1)[..., -2:].mean(axis=-1))

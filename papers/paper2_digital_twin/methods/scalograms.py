@@ -1,0 +1,174 @@
+"""Wavelet images in which a bearing fault looks alike on every machine: carrier frequency by envelope order.
+
+x [pieces, samples] --wavelet scalogram--> |W|^2 of each carrier --spectrum over the shaft's angle--> lines
+                                                |                                                      |
+                                            level of each carrier                       over Gaussian noise, over floor
+                                                +--- over that of the healthy machine ---+-------------+
+                                                                                         v
+                                                                     image [3, carriers, orders]
+
+A scalogram as it is shows ringing at the machine's own resonances: what one machine taught is wrong on the next. The
+spectrum of each of its rows, over orders, shows what repeats: an outer-race defect at BPFO, an inner-race one at BPFI
+between side lines of the shaft, whatever resonance carries them; a network that moves along carriers need not know
+which. What repeats at no order (a ball whose spin axis wanders) raises the floor instead, and the level. Rows are
+whitened, so that the loudest resonance does not hide the others.
+
+Related: the squared-envelope spectrum (Randall and Antoni 2011, DOI 10.1016/j.ymssp.2010.07.017) and the cyclic
+modulation spectrum (Antoni and Hanson 2012, DOI 10.1109/JOE.2012.2195852), here with the wavelets of paper 2's network.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import fft, ndimage
+
+from papers.paper2_digital_twin.methods.wavelets import scalogram
+from twingap.errors import TwingapError
+
+Array = NDArray[np.float64]
+Images = NDArray[np.float32]
+CHANNELS = 3
+_WAVELET = 1.0
+"""Bandwidth parameter B of the Morlet wavelet, centre 1: relative bandwidth 0.16, so that rows know modulations up to a
+third of their carrier."""
+_FLOOR_ORDERS = 1.0
+"""Half width of the stretch whose median is the floor."""
+
+
+@dataclass(frozen=True)
+class ImageOptions:
+    """What an image shows.
+
+    Parameters
+    ----------
+    turns : int
+        Of the shaft in a piece; 1 / turns is the distance of its orders.
+    highest_order : float
+        Last column.
+    carriers : int
+        Rows, their frequencies in geometric progression.
+    lowest, highest : float
+        First and last carrier, as a share of the sampling rate.
+    """
+
+    turns: int = 8
+    highest_order: float = 12.0
+    carriers: int = 16
+    lowest: float = 0.06
+    highest: float = 0.42
+
+    def __post_init__(self) -> None:
+        if self.turns < 2 or self.carriers < 4 or not 0 < self.lowest < self.highest < 0.5 or self.highest_order < 1:
+            raise TwingapError(f"{self} makes no image", where="image options")
+
+    @property
+    def orders(self) -> Array:
+        """Orders of the columns."""
+        return np.arange(1, round(self.turns * self.highest_order) + 1) / self.turns
+
+    def carriers_hz(self, fs_hz: float) -> Array:
+        """Carrier frequencies of the rows, Hz."""
+        return np.asarray(fs_hz * np.geomspace(self.lowest, self.highest, self.carriers))
+
+    def piece_samples(self, fs_hz: float, speed_rpm: float) -> int:
+        """Samples of a piece."""
+        return round(self.turns * 60 * fs_hz / speed_rpm)
+
+
+@dataclass(frozen=True)
+class Modulation:
+    """What pieces of one recording say, before it is made an image.
+
+    Parameters
+    ----------
+    lines : Array [pieces, carriers, orders]
+        Power of the normalised squared envelope over what stationary Gaussian noise would show; 1 is noise (up to 15 %
+        more on a carrier so high that its band reaches beyond half the sampling rate).
+    power : Array [pieces, carriers]
+        Mean power of each row, unit of the samples squared.
+    """
+
+    lines: Array
+    power: Array
+
+    def __len__(self) -> int:
+        return len(self.lines)
+
+    def pooled(self) -> Modulation:
+        """All pieces as one: averaging powers steadies the floor and leaves lines standing."""
+        return Modulation(self.lines.mean(axis=0, keepdims=True), self.power.mean(axis=0, keepdims=True))
+
+
+def pieces_of(x: Array, length: int) -> Array:
+    """A record cut into consecutive pieces of `length` samples; the rest is left out. [pieces, length]"""
+    count = x.size // length
+    if count == 0:
+        raise TwingapError(f"{x.size} samples, a piece needs {length}", where="pieces", mend="ask for fewer turns")
+    return np.asarray(x[: count * length].reshape(count, length))
+
+
+def modulation(x: Array, fs_hz: float, speed_rpm: float, options: ImageOptions) -> Modulation:
+    """Scalogram of each piece and the order spectrum of each of its rows.
+
+    Parameters
+    ----------
+    x : Array [pieces, samples]
+        A piece that is shorter than `options.turns` shows the same orders, with less resolution.
+    fs_hz, speed_rpm : float
+    options : ImageOptions
+
+    Raises
+    ------
+    TwingapError
+        For pieces longer than `options.turns`, or samples that are not finite.
+    """
+    full = options.piece_samples(fs_hz, speed_rpm)
+    if x.shape[-1] > full:
+        raise TwingapError(f"pieces of {x.shape[-1]} samples, at most {full} expected", where="modulation")
+    carriers = options.carriers_hz(fs_hz)
+    envelope = scalogram(x, fs_hz, carriers, bandwidth=_WAVELET) ** 2 / 2
+    window = np.hanning(x.shape[-1])
+    power = envelope @ (window / window.sum())
+    safe = np.where(power > 0, power, 1.0)
+    spectrum = fft.rfft((envelope / safe[..., None] - (power > 0)[..., None]) * window, full, axis=-1)
+    spectrum = spectrum[..., 1 : options.orders.size + 1]
+    # Squared envelope of Gaussian noise: spectrum = the row's power spectrum convolved with itself (unit area), which
+    # for this wavelet is a bell of standard deviation sqrt(2) s, s = carrier / (2 pi sqrt(B)).
+    width = carriers / (2 * math.pi * math.sqrt(_WAVELET))
+    hz = options.orders * speed_rpm / 60
+    noise = fs_hz * np.exp(-(hz**2) / (4 * width[:, None] ** 2)) / (2 * math.sqrt(math.pi) * width[:, None])
+    lines = (spectrum.real**2 + spectrum.imag**2) / (window**2).sum() / noise
+    return Modulation(lines, power)
+
+
+def images(found: Modulation, healthy_power: Array, options: ImageOptions) -> Images:
+    """What the network sees.
+
+    Parameters
+    ----------
+    found : Modulation
+    healthy_power : Array [carriers]
+        Of the same machine in good order: its baseline.
+    options : ImageOptions
+
+    Returns
+    -------
+    Images [pieces, 3, carriers, orders]
+        log10 of: lines over Gaussian noise; lines over the median of their row around them; level over the baseline,
+        the same in all columns.
+    """
+    lines = np.maximum(found.lines, 1e-6)
+    width = 2 * round(_FLOOR_ORDERS * options.turns) + 1
+    floor = ndimage.median_filter(lines, size=(1, 1, width), mode="nearest")
+    tiny = np.finfo(np.float64).tiny
+    level = np.log10(np.maximum(found.power, tiny) / np.maximum(healthy_power, tiny))
+    channels = (
+        np.clip(np.log10(lines), -2, 3),
+        np.clip(np.log10(lines / floor), -2, 3),
+        np.broadcast_to(np.clip(level, -3, 3)[..., None], lines.shape),
+    )
+    return np.stack(channels, axis=1).astype(np.float32)
