@@ -41,15 +41,15 @@ _AS_NEAR = 0.01
 """Distance within which simulated records are of one condition."""
 _MOST_REPLICATES: Final = 12
 _MOST_QUIET: Final = 5
-"""Healthy records, nearest in speed, that tell what is not strikes."""
+"""Healthy records, nearest in speed, that tell what is not impacts."""
 _MOST_KEPT: Final = 96
-"""Records of which it is kept what is not strikes."""
+"""Records of which it is kept what is not impacts."""
 _MOST_MEASURED: Final = 40
 """Records that levels are read from."""
 
 
-class OwnSimulator:
-    """Records of a simulator of the user's own, as far as they can be brought to the real conditions.
+class ExternalSimulator:
+    """Records of the user's own simulator, as far as they can be brought to the real conditions.
 
     Parameters
     ----------
@@ -150,7 +150,7 @@ class OwnSimulator:
         a healthy machine that has them vibrates more, and all the more so the stronger they are."""
         return self._healthy_rms * self.gain
 
-    def with_gain(self, gain: float) -> OwnSimulator:
+    def with_gain(self, gain: float) -> ExternalSimulator:
         """The same records, times another factor."""
         own = copy.copy(self)
         own.gain = gain
@@ -188,7 +188,7 @@ class OwnSimulator:
         return min(max(least, 1), _MOST_REPLICATES)
 
     def _still(self, record: Record, effects: Sequence[Effect], chances: tuple[int, int]) -> Array | None:
-        """What of a record with a defect is not its strikes'; None where no effect asks, or no healthy record tells.
+        """What of a record with a defect is not its impacts'; None where no effect asks, or no healthy record tells.
 
         The same for all values of effects, which are tried by the hundred: the last ones are kept.
         """

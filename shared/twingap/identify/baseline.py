@@ -40,19 +40,19 @@ _FINAL_STEP: Final = 0.1
 _GRID: Final = (0.08, 0.16, 0.27, 0.4)
 """Parts of the sampling rate at which broad modes are tried: they have no peak to begin at."""
 _STRETCH: Final = 128
-"""Samples: a knock and what rings after it are not much longer."""
+"""Samples: a impulse and what rings after it are not much longer."""
 _FEWEST_STRETCHES: Final = 16
 _KNOCK: Final = 20.0
-"""Median deviations by which the power of a stretch with a knock exceeds the usual one: of the noise of a sharp mode,
+"""Median deviations by which the power of a stretch with a impulse exceeds the usual one: of the noise of a sharp mode,
 whose power is nearly exponential, one stretch in thirty thousand does."""
 _MOST_KNOCKS: Final = 0.08
-"""Part of a record's stretches; where more are loud, there are enough knocks for their mean to say something."""
+"""Part of a record's stretches; where more are loud, there are enough impulses for their mean to say something."""
 _BESIDE: Final = 0.06
 """Logarithm of the ratio of two places within which a search that begins at one finds the other."""
 
 
 @dataclass(frozen=True)
-class Side:
+class StateSpectrum:
     """Records of one state at one rate: mean power density in bands, tones left out."""
 
     fault: str
@@ -108,7 +108,7 @@ def match_baseline(
     root = root_entropy(rng)
     fixed = set(flat(free.parameters)) if free is not None else set()
     values = {k: float(v) for k, v in flat(all_parameters(spec)).items()}
-    sides = sides_of(list(fit_records), frame)
+    sides = state_spectra(list(fit_records), frame)
     quiet = [s for s in sides if s.fault == "healthy"]
     loud = [s for s in sides if s.fault != "healthy"]
     noise_free = not {"structure_noise_rms", "white_noise_rms", "scale"} & fixed
@@ -131,7 +131,7 @@ def match_baseline(
         conditions = [c for s in sides for c in s.conditions]
         band = mode_band(values["resonance_hz"], values["damping_ratio"], conditions, frame.bearing)
         matcher = replace(matcher, frame=replace(frame, band_hz=band))
-        loud = [s for s in sides_of(list(fit_records), matcher.frame) if s.fault != "healthy"]
+        loud = [s for s in state_spectra(list(fit_records), matcher.frame) if s.fault != "healthy"]
     for _ in range(2 if steps else 1):
         for fault in sorted({s.fault for s in loud}):
             name = f"impact_amplitude.{fault}"
@@ -142,7 +142,10 @@ def match_baseline(
 
 
 def match_level(
-    made: Callable[[float, Sequence[Condition]], Sequence[Record]], sides: Sequence[Side], frame: Frame, now: float
+    made: Callable[[float, Sequence[Condition]], Sequence[Record]],
+    sides: Sequence[StateSpectrum],
+    frame: Frame,
+    now: float,
 ) -> float:
     """The factor on a simulator's waveforms that brings its spectra nearest to records', effects and all.
 
@@ -184,8 +187,8 @@ def match_level(
 
 def _mode_search(
     matcher: _Matcher,
-    quiet: Sequence[Side],
-    loud: Sequence[Side],
+    quiet: Sequence[StateSpectrum],
+    loud: Sequence[StateSpectrum],
     values: dict[str, float],
     fixed: set[str],
     steps: int,
@@ -228,7 +231,7 @@ def _mode_search(
     return best[2], best[1]
 
 
-def _struck_hz(quiet: Side, loud: Sequence[Side]) -> Iterator[float]:
+def _struck_hz(quiet: StateSpectrum, loud: Sequence[StateSpectrum]) -> Iterator[float]:
     """Where defects add most to healthy spectra: in power, and in proportion."""
     struck = [side for side in loud if side.fs_hz == quiet.fs_hz]
     if not struck:
@@ -255,7 +258,7 @@ def _moved(point: tuple[float, float], axis: int, by: float) -> tuple[float, flo
     return (point[0] * factor, point[1]) if axis == 0 else (point[0], point[1] * factor)
 
 
-def sides_of(records: Sequence[Record], frame: Frame) -> list[Side]:
+def state_spectra(records: Sequence[Record], frame: Frame) -> list[StateSpectrum]:
     """Records gathered by state and rate."""
     by: dict[tuple[str, float], list[Record]] = {}
     for record in records:
@@ -264,7 +267,7 @@ def sides_of(records: Sequence[Record], frame: Frame) -> list[Side]:
     for (fault, fs_hz), own in by.items():
         measured = [_bands(r, frame) for r in own]
         out.append(
-            Side(
+            StateSpectrum(
                 fault, fs_hz, tuple(r.condition for r in own), np.mean([m[0] for m in measured], axis=0),
                 float(np.mean([m[1] for m in measured])),
             )
@@ -275,14 +278,15 @@ def sides_of(records: Sequence[Record], frame: Frame) -> list[Side]:
 def _bands(record: Record, frame: Frame) -> tuple[Array, float]:
     """Power density in `BANDS` bands without tones, and mean square in the frame's band, tones and all.
 
-    Of healthy records without knocks either: a few strong ones in a handful of records say little of their mean power,
-    and mode and noises would be made up for what they happen to have. With a defect the loud stretches may be its own.
+    Of healthy records without impulses either: a few strong ones in a handful of records say little of their mean
+    power, and mode and noises would be made up for what they happen to have. With a defect the loud stretches may be
+    its own.
     """
     import scipy.fft
 
     x, fs_hz = record.samples, record.condition.fs_hz
     x = x - x.mean()
-    kept = _between_knocks(x) if record.condition.fault == "healthy" else None
+    kept = _between_impulses(x) if record.condition.fault == "healthy" else None
     transform = scipy.fft.rfft(x if kept is None else x * kept)
     weight = x.size if kept is None else float(kept @ kept)
     power = (transform.real**2 + transform.imag**2) * (2 / (fs_hz * weight))
@@ -300,7 +304,7 @@ def _bands(record: Record, frame: Frame) -> tuple[Array, float]:
     return np.asarray(np.minimum(blocks, level * (math.log(per) + 3)).mean(axis=1)), energy
 
 
-def _between_knocks(x: Array) -> Array | None:
+def _between_impulses(x: Array) -> Array | None:
     """[samples] 0 where something short and far louder than the rest of the record is, 1 elsewhere; None without."""
     count = x.size // _STRETCH
     if count < _FEWEST_STRETCHES:
@@ -311,7 +315,7 @@ def _between_knocks(x: Array) -> Array | None:
     loud = power > usual + _KNOCK * max(float(medians(np.abs(power - usual))), 0.1 * usual)
     if not 0 < loud.sum() <= _MOST_KNOCKS * count:
         return None
-    # What rings on after a knock, and what begins before it, lies beside it.
+    # What rings on after a impulse, and what begins before it, lies beside it.
     quiet = np.convolve(loud, np.ones(3), mode="same") == 0
     kept = np.repeat(quiet, _STRETCH).astype(float)
     kept = np.pad(kept, (0, x.size - kept.size), mode="edge")
@@ -349,7 +353,9 @@ class _Matcher:
         own = TwinSimulator(self.spec_with(values), self.frame.bearing, self.unit)
         return own.simulate((), conditions, self.root, 0)
 
-    def noise(self, quiet: Sequence[Side], f: float, zeta: float, values: dict[str, float]) -> tuple[float, Array]:
+    def noise(
+        self, quiet: Sequence[StateSpectrum], f: float, zeta: float, values: dict[str, float]
+    ) -> tuple[float, Array]:
         """Misfit of the healthy spectra and the powers of structure and white noise that give it."""
         loss, powers, weights = 0.0, np.zeros(2), 0.0
         for side in quiet:
@@ -392,7 +398,7 @@ class _Matcher:
                 short = [replace(c, fault="healthy", n_samples=min(c.n_samples, 512)) for c in conditions]
                 values = {"resonance_hz": conditions[0].fs_hz / 8, "damping_ratio": 0.05}
                 pair = (replace(self, spec=s).simulated(short, values) for s in (self.spec, self.plain))
-                # Most change the strikes of a defect only, and a healthy record has none.
+                # Most change the impacts of a defect only, and a healthy record has none.
                 self.idle[key] = all(np.array_equal(a.samples, b.samples) for a, b in zip(*pair, strict=True))
             if self.idle[key]:
                 return "nothing"
@@ -400,7 +406,7 @@ class _Matcher:
 
     @cached_property
     def linear(self) -> bool:
-        """Whether no effect acts on what has been measured: rails and steps mind how strong a strike is."""
+        """Whether no effect acts on what has been measured: rails and steps mind how strong a impact is."""
         return Stage.ACQUISITION not in {catalogue()[name].stage for name in self.spec.effects}
 
     def density(self, conditions: Sequence[Condition], values: dict[str, float], spec: TwinSpec) -> Array:
@@ -408,7 +414,7 @@ class _Matcher:
         made = replace(self, spec=spec).simulated(conditions, values)
         return np.asarray(np.mean([_bands(r, self.frame)[0] for r in made], axis=0))
 
-    def amplitude(self, fault: str, sides: Sequence[Side], values: dict[str, float]) -> float:
+    def amplitude(self, fault: str, sides: Sequence[StateSpectrum], values: dict[str, float]) -> float:
         """Impact amplitude that brings the energy in the band to what it is in the records."""
         name = f"impact_amplitude.{fault}"
         number = np.array([len(side.conditions) for side in sides], float)
@@ -419,7 +425,7 @@ class _Matcher:
 
         without = energy(0.0)
         wanted = float(number @ (np.array([side.energy for side in sides]) - without))
-        if wanted <= 0:  # knocks by chance fewer here than there hide the strikes: nothing is known of them
+        if wanted <= 0:  # impulses by chance fewer here than there hide the impacts: nothing is known of them
             return values[name]
         now = max(values[name], _LEAST_BEGUN)
         for _ in range(_MOST_STEPS):

@@ -7,7 +7,7 @@ fit     --mode, level-----> Frame: bearing, band, yardstick    (`gap.view`)
 twin with more effects --spectra of its own records against the fit part's--> baseline anew (`match_baseline`)
 
 Everything that a diagnosis reports is measured on the held-out part; what calibration hardly moves is asked of both
-(`whole`): trends of levels within a fault, lines of many records, the comb of a second strike. Values are read off the
+(`whole`): trends of levels within a fault, lines of many records, the comb of a second impact. Values are read off the
 fit part, but for slopes over speed and time: the fit part alone may have met a fault at one speed only.
 """
 
@@ -98,7 +98,7 @@ def calibrate(
     Raises
     ------
     TwingapError
-        When nobody knows the bearing, or records cannot be read.
+        When the bearing is not known, or records cannot be read.
     """
     bearing = records.bearing or (spec.bearing if spec is not None else None) or (sim.bearing if sim else None)
     if bearing is None:
@@ -208,7 +208,7 @@ def split_parts(
 
     Groups of one fault are sorted by speed (then load and time) and dealt out in threes, by lot one of three to the fit
     part: a handful of values needs fewer records than a decision. Two groups go one to each. Where every fault would
-    give one group, one fault of three or four gives two, far apart: what strikes do with speed shows where a fault was
+    give one group, one fault of three or four gives two, far apart: what impacts do with speed shows where a fault was
     seen at two. A fault with one group only stands in both parts, which `notes` say.
     """
     groups: dict[str, list[int]] = {}

@@ -5,7 +5,7 @@ all records: log ratio (shaft) = c_j, log ratio (comb) = c_j + k(fault) slip + s
 
 A wrong speed moves every order alike; a cage that slips moves BPFO by 1 - s and BPFI the other way, see
 `Bearing.slipped`. So one record tells speed from slip only where it shows the shaft itself, and a set does where its
-speeds are wrong by one factor (the tachometer's) and it holds faults of both races. Rollers' strikes follow BPFI where
+speeds are wrong by one factor (the tachometer's) and it holds faults of both races. Rollers' impacts follow BPFI where
 they keep rolling on the inner ring; where they do not, their order has a shift of its own (spin), which says nothing of
 the cage.
 """
@@ -134,7 +134,7 @@ def estimate_speeds(records: RecordSet, bearing: Bearing | None = None) -> Speed
     Raises
     ------
     TwingapError
-        When nobody knows the bearing.
+        When the bearing is not known.
     """
     own = bearing or records.bearing
     if own is None:

@@ -1,6 +1,6 @@
 """One record as all measurements of a comparison see it: its transforms, computed once.
 
-Frame (bearing, band, scale) + samples + condition --> RecordView: periodogram, smooth spectrum, squared envelope
+Frame (bearing, band, scale) + samples + condition --> RecordTransforms: periodogram, smooth spectrum, squared envelope
 """
 
 from __future__ import annotations
@@ -78,7 +78,7 @@ class Envelope:
         return self.fs_hz / self.values.size
 
 
-class RecordView:
+class RecordTransforms:
     """A record, prepared for measuring.
 
     Parameters

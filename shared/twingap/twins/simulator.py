@@ -1,7 +1,7 @@
 """Simulators that a diagnosis can question: the same conditions, the same chances, other effects.
 
 conditions + effects --TwinSimulator--> the twin with those effects, streams by record and replicate --> records
-                     --OwnSimulator---> the user's simulated records, see `own_simulator` -------------> records
+                     --ExternalSimulator---> the user's simulated records, see `own_simulator` -------------> records
 
 What a record draws depends on the root, the replicate, its condition's name and the purpose alone: records simulated
 with and without an effect differ by that effect and by nothing else.

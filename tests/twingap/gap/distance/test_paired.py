@@ -10,9 +10,10 @@ import pytest
 from numpy.typing import NDArray
 
 from twingap.errors import TwingapError
-from twingap.gap.distance.feature_vectors import Axis, Views
-from twingap.gap.distance.paired import Paired, _tempered, gap_distance
-from twingap.gap.report.model import Domain
+from twingap.gap.distance.domain_names import DomainName
+from twingap.gap.distance.feature_vectors import FeatureVectors
+from twingap.gap.distance.grid import Axis
+from twingap.gap.distance.paired import Paired, _compressed
 from twingap.records import Condition
 
 Array = NDArray[np.float64]
@@ -26,10 +27,10 @@ def conditions_of(n: int, faults: Sequence[str] = ("healthy", "outer"), per_grou
     )
 
 
-def views_of(conditions: Sequence[Condition], rng: np.random.Generator, shift: Array | float = 0.0) -> Views:
+def views_of(conditions: Sequence[Condition], rng: np.random.Generator, shift: Array | float = 0.0) -> FeatureVectors:
     edges = np.arange(BINS + 1.0)
-    axes: dict[Domain, Axis] = {"order": Axis(edges[:-1], edges[1:], ("lines",) * BINS, "shaft orders")}
-    return Views({"order": rng.standard_normal((len(conditions), BINS)) + shift}, axes, tuple(conditions))
+    axes: dict[DomainName, Axis] = {"order": Axis(edges[:-1], edges[1:], ("lines",) * BINS, "shaft orders")}
+    return FeatureVectors({"order": rng.standard_normal((len(conditions), BINS)) + shift}, axes, tuple(conditions))
 
 
 def pair_of(n: int, m: int, rng: np.random.Generator, shift: Array | float = 0.0) -> Paired:
@@ -84,7 +85,7 @@ def test_a_gap_of_opposite_signs_in_two_faults_does_not_cancel() -> None:
     rng = np.random.default_rng(4)
     conditions = conditions_of(16)
     sign = np.where(np.arange(16) % 2 == 0, 2.0, -2.0)[:, None]
-    found = gap_distance(views_of(conditions, rng, sign), [views_of(conditions, rng) for _ in range(5)], rng)
+    found = Paired(views_of(conditions, rng, sign), [views_of(conditions, rng) for _ in range(5)]).distance(rng)
     assert found.overall > 1.5
 
 
@@ -136,10 +137,10 @@ def test_replicates_must_match_the_records() -> None:
 
 def test_what_is_plain_counts_by_its_logarithm_and_what_is_small_as_it_is() -> None:
     squares = np.array([-100.0, -0.5, 0.0, 3.0, 15.9, 16.0, 1e4, 1e6])
-    found = _tempered(squares)
+    found = _compressed(squares)
     np.testing.assert_array_equal(found[1:6], squares[1:6])
     assert np.all(np.diff(found) > 0)
-    assert found[0] == pytest.approx(-_tempered(np.array([100.0]))[0])
+    assert found[0] == pytest.approx(-_compressed(np.array([100.0]))[0])
     assert found[7] - found[6] == pytest.approx(16 * np.log(100))
 
 
@@ -147,12 +148,12 @@ def test_the_misfit_keeps_the_noise_of_means_and_is_never_less_than_what_lies_ap
     rng = np.random.default_rng(8)
     for shift in (0.0, 2.0):
         pair = pair_of(6, 1, rng, shift)
-        distance = float(pair.over_views(pair.squares())[0][0])
+        distance = float(pair.over_domains(pair.squares())[0][0])
         assert pair.misfit() > distance
     # Of one record a stratum the mean is the record.
     few = pair_of(1, 1, rng)
     assert few.misfit() == pytest.approx(
-        float(np.sqrt(np.mean(_tempered((few.difference[0] / few.scale) ** 2)))), rel=1e-9
+        float(np.sqrt(np.mean(_compressed((few.difference[0] / few.scale) ** 2)))), rel=1e-9
     )
 
 
@@ -164,7 +165,7 @@ def test_the_misfit_gains_nothing_from_simulations_that_scatter_less() -> None:
         for _ in range(200):
             conditions = conditions_of(6)
             real, sims = views_of(conditions, rng, 2.0), [views_of(conditions, rng) for _ in range(2)]
-            noisy = [Views({"order": spread * sim.matrix}, sim.axes, conditions) for sim in sims]
+            noisy = [FeatureVectors({"order": spread * sim.matrix}, sim.axes, conditions) for sim in sims]
             squares.append([Paired(real, noisy[:m], None, np.ones(BINS)).misfit() ** 2 for m in (1, 2)])
         found[spread] = np.mean(squares, axis=0)
     one, two = found[2.0] - found[0.2]
@@ -181,5 +182,5 @@ def test_residuals_are_those_of_the_misfit_and_what_is_plain_counts_less() -> No
     assert plain.counts().sum() < 0.5
     # The weight is the slope of the tempered square: a little more of the gap adds as much to the misfit's square.
     squares = (plain.residuals() ** 2).sum(axis=0)
-    more = (_tempered(1.001 * squares) - _tempered(squares)) @ plain.real.weight
+    more = (_compressed(1.001 * squares) - _compressed(squares)) @ plain.real.weight
     assert more == pytest.approx(0.001 * squares @ plain.counts(), rel=1e-3)
