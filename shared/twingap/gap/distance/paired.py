@@ -15,8 +15,7 @@ says how large chance is.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
 from functools import cached_property
 from typing import Final, NamedTuple
 
@@ -44,29 +43,6 @@ _LEAST_SPREAD: Final = 0.05
 _LARGE: Final = 16.0
 """Square, in standard deviations, beyond which squares grow with their logarithm: larger, and one strong tone or
 repeated samples make up all of the gap."""
-
-
-@dataclass(frozen=True)
-class Distance:
-    """Gap between records and twin: standard deviations between records, root mean square over bins and domains.
-
-    Squares beyond four standard deviations count with their logarithm.
-
-    Parameters
-    ----------
-    overall : float
-        Root of the mean over domains of their squared distances; a domain's is the mean over its kinds of bins.
-    domains : Mapping, domain -> float
-    floor : float
-        What records measured against other records of the same machine show on average: the overall gap of a twin that
-        lacks nothing.
-    view_floors : Mapping, domain -> float
-    """
-
-    overall: float
-    domains: Mapping[DomainName, float]
-    floor: float
-    domain_floors: Mapping[DomainName, float]
 
 
 class Drawn(NamedTuple):
@@ -425,18 +401,6 @@ class Paired:
         domains = {d: means[:, self.real.columns(d)] @ self.real.axes[d].weight for d in self.real.domains}
         overall = np.mean(list(domains.values()), axis=0)
         return _root(overall), {d: _root(v) for d, v in domains.items()}
-
-    def distance(self, rng: np.random.Generator, splits: int = 100) -> Distance:
-        """The gap, and its floor from random splits of the records.
-
-        Parameters
-        ----------
-        rng : numpy.random.Generator
-        splits : int
-        """
-        overall, domains = self.over_domains(self.squares())
-        floor, floors = self.floor(rng, splits)
-        return Distance(float(overall[0]), {d: float(v[0]) for d, v in domains.items()}, floor, floors)
 
     def floor(self, rng: np.random.Generator, splits: int = 100) -> tuple[float, dict[DomainName, float]]:
         """Floor: mean distance of records from other records of the machine, overall and per domain, at this number of
