@@ -179,7 +179,7 @@ def _known(records: RecordSet, bearing: Bearing, notes: list[str]) -> tuple[Reco
     else:
         counted = ", ".join(f"{number} {fault}" for fault, number in counts.items())
         notes.append(
-            f"no record says what fault it is of: faults were read off the strongest comb of the envelopes ({counted}); "
+            f"no record names its fault: faults were read off the strongest comb of the envelopes ({counted}); "
             "a comb moved by slip or wrong speed onto another fault's place, or a fault without a comb, would be "
             "mistaken"
         )
