@@ -90,8 +90,8 @@ def measure(record: RecordTransforms) -> dict[str, float]:
     dict[str, float]
         One value for each of `NAMES`; NaN where there is no known defect, or where the impacts cannot be tracked.
         `jitter_sigma`, `walk_sigma` in impact spacings; `scatter_sigma`, `*_depth` over the mean strength;
-        `wander_level` rms relative speed; `arc_deg` as in `effects.EntryExit`; `strike_level` log of the root energy of a
-        impact (in the band, s^1/2) over frame.scale.
+        `wander_level` rms relative speed; `arc_deg` as in `effects.EntryExit`; `strike_level` log of the root energy of
+        an impact (in the band, s^1/2) over frame.scale.
     """
     out = dict.fromkeys(NAMES, np.nan)
     if record.fault_order is None or not record.shaft_hz > 0 or record.x.size < 256:

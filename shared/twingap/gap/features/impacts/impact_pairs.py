@@ -3,10 +3,10 @@
 samples, impact times -> mean waveform of a pass, sub-sample aligned -> all-pole model of its tail -> inverse filter
     -> two-pulse fit over all delays -> gain over one pulse, delay, ratio
 
-A rolling element hits a defect of finite length on entry and on exit (`effects.EntryExit`). Both impacts excite the same
-path, so inverse filtering leaves two pulses, even where the ring-down of the first covers the second. The poles come
-from the end of the mean waveform, where only ring-down is left. Sawalhi and Randall 2011 whiten with an autoregressive
-model in the same spirit.
+A rolling element hits a defect of finite length on entry and on exit (`effects.EntryExit`). Both impacts excite the
+same path, so inverse filtering leaves two pulses, even where the ring-down of the first covers the second. The poles
+come from the end of the mean waveform, where only ring-down is left. Sawalhi and Randall 2011 whiten with an
+autoregressive model in the same spirit.
 """
 
 from __future__ import annotations
