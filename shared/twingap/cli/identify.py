@@ -33,7 +33,6 @@ def identify(
     """Identify the twin's free parameters from records, with intervals and the fit's figures."""
     from dataclasses import replace
 
-
     from twingap.errors import TwingapError
     from twingap.files import replacing
     from twingap.identify import identify as run

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from twingap.cli.options import AnySeed, Effects, Json, refuse_overwriting, say_json, show, wrote
-from twingap.cli.progress import steps
 
 if TYPE_CHECKING:
     from twingap.prognosis.estimate import LifeOptions
@@ -104,8 +103,8 @@ def rul(
             refuse_repeats(ended)
         before = [outcome for _, outcome in ended]
         learnt = prior_from(before) if before else None
-        with progress(f"{run.name}: remaining life", len(run.rows)) as step:
-            found = follow(run, options, learnt, progress=lambda what, fraction: step())
+        with progress(f"{run.name}: remaining life") as shown:
+            found = follow(run, options, learnt, progress=shown.share)
         refuse_repeats(ended, found.outcome)
         rows = found.rows()
         write_table(table, rows, COLUMNS)
@@ -168,8 +167,8 @@ def _outcomes(path: Path, options: LifeOptions, recordset: Path, unit: str, note
         elif not unit:
             notes.append(f"units are unknown: those of {path} are taken to be in the unit of --limit")
         options = replace(options, limit=limit)
-    with progress(f"{run.name}: prior", len(run.rows)) as step:
-        found = follow(run, options, progress=lambda what, fraction: step())
+    with progress(f"{run.name}: prior") as shown:
+        found = follow(run, options, progress=shown.share)
     kept = [*run.notes, *(note for note in found.notes if note.startswith(REACHED))]
     notes += [f"--prior {path}: {note}" for note in kept]
     return [found.outcome]

@@ -23,13 +23,15 @@ from threadpoolctl import threadpool_limits
 from twingap.effects import Effect, catalogue
 from twingap.errors import TwingapError
 from twingap.files import replacing, replacing_folder
-from twingap.gap.distance.closure import Closure, Lessons, closure_interval, curves, paired, shrink_metrics
-from twingap.gap.distance.exchange_test import exchange_p
-from twingap.gap.distance.feature_vectors import Grid, Views
+from twingap.gap.distance.closure import Closure, closure_interval, paired
+from twingap.gap.distance.closure_metrics import TrainingSets, closure_metrics
+from twingap.gap.distance.curves import curves
+from twingap.gap.distance.feature_vectors import FeatureVectors
+from twingap.gap.distance.grid import Grid
 from twingap.gap.distance.localisation import locate
 from twingap.gap.distance.paired import Paired
 from twingap.gap.distance.two_sample_tests import overall_tests
-from twingap.gap.external_simulator import OwnSimulator
+from twingap.gap.external_simulator import ExternalSimulator
 from twingap.gap.knowledge import shipped
 from twingap.gap.knowledge.learnt import Learnt
 from twingap.gap.report.files import write_report
@@ -37,6 +39,7 @@ from twingap.gap.report.model import Candidate, GapReport, ParameterValue, Place
 from twingap.gap.search.closest_twin import closest_spec, stand_ins
 from twingap.gap.search.effect_search import ALPHA, ALPHA_REST, SURE, Estimated, Explanation, estimate, explain
 from twingap.gap.search.evidence import THOROUGH, Compared, Evidence, replicates_of, simulator_of
+from twingap.gap.search.exchange_test import exchange_p_value
 from twingap.gap.search.modelled_effects import completed
 from twingap.identify.calibrate import Calibrated, calibrate_prepared, prepare
 from twingap.provenance import versions
@@ -274,7 +277,7 @@ def _diagnosed(
     pairs = paired(trial.real, before[:count], after[:count])
     floors = pairs[1].floor(rng)
     floor, _ = floors
-    metrics = shrink_metrics(trial.real, before[:count], after[:count], rng, more=trial.lessons(), floors=floors)
+    metrics = closure_metrics(trial.real, before[:count], after[:count], rng, more=trial.lessons(), floors=floors)
     closed = closure_interval(*pairs, floor, rng)
     progress("candidates", 0.8)
     candidates = tuple(trial.candidates(learnt, floor, rng, lambda part: progress("candidates", 0.8 + 0.18 * part)))
@@ -314,7 +317,7 @@ def _diagnosed(
 
 def _with_stand_ins(
     trial: _Trial,
-    verdict: tuple[list[Views], list[Views]],
+    verdict: tuple[list[FeatureVectors], list[FeatureVectors]],
     learnt: Learnt,
     rng: np.random.Generator,
     progress: Progress,
@@ -334,7 +337,7 @@ def _with_stand_ins(
         return None, None, none
     pairs = paired(trial.real, before, views)
     closed = closure_interval(*pairs, pairs[1].floor(rng)[0], rng)
-    metrics = shrink_metrics(trial.real, before, views, rng, more=trial.lessons(now))
+    metrics = closure_metrics(trial.real, before, views, rng, more=trial.lessons(now))
     values = {effect.name: _of_effect(effect, {}) for effect in now.effects}
     return StandIns(closer.added, values, closed.closure, closed.ci, metrics), now, []
 
@@ -342,10 +345,10 @@ def _with_stand_ins(
 def _confirmed(found: Explanation, evidence: Evidence) -> tuple[Explanation, list[str]]:
     """What was found; no gap where it is to a simulator of the user's own, no effect is sure to be missing, and the
     records differ from one another as much."""
-    own = isinstance(found.before.simulator, OwnSimulator)
+    own = isinstance(found.before.simulator, ExternalSimulator)
     if not own or not found.gap or max(found.probability.values(), default=0.0) >= SURE:
         return found, []
-    p = exchange_p(evidence)
+    p = exchange_p_value(evidence)
     if p is None or p <= ALPHA:
         return replace(found, p_value=max(found.p_value, p or 0.0)), []
     told = (
@@ -365,30 +368,30 @@ class _Trial:
         self.evidence, self.found = evidence, found
         self.part = evidence.calibrated.held_out
         self.grid = Grid.of(self.part.conditions, evidence.frame.bearing)
-        self.real = evidence.views(self.part, self.grid)
+        self.real = evidence.vectors(self.part, self.grid)
         n = len(self.part)
         simulator = found.before.simulator
         self.most = replicates_of(simulator, self.part.conditions, int(np.clip(np.ceil(_SIMULATED / n), 3, 39)))
         self.fewer = min(self.most, int(np.clip(np.ceil(_SIMULATED / 3 / n), 2, 12)))
 
-    def replicates(self, simulator: Simulator, effects: tuple[Effect, ...], count: int) -> list[Views]:
-        """Views of so many simulations of the held-out part."""
+    def replicates(self, simulator: Simulator, effects: tuple[Effect, ...], count: int) -> list[FeatureVectors]:
+        """Feature vectors of so many simulations of the held-out part."""
         numbers = range(2, 2 + count)
         made = self.evidence.simulated
-        return [self.evidence.views(made(simulator, effects, self.part.conditions, k), self.grid) for k in numbers]
+        return [self.evidence.vectors(made(simulator, effects, self.part.conditions, k), self.grid) for k in numbers]
 
-    def lessons(self, after: Compared | None = None) -> Lessons:
+    def lessons(self, after: Compared | None = None) -> TrainingSets:
         """What a classifier can be trained on besides: of finished records, those of the fit part's conditions too."""
         found = self.found
-        if not isinstance(found.before.simulator, OwnSimulator):
+        if not isinstance(found.before.simulator, ExternalSimulator):
             return None, None
         fit = self.evidence.calibrated.fit.conditions
         after = after or (found.after if found.gap else found.before)
         return self._lesson(found.before, fit), self._lesson(after, fit)
 
-    def _lesson(self, compared: Compared, conditions: Sequence[Condition]) -> tuple[Views, list[str]]:
+    def _lesson(self, compared: Compared, conditions: Sequence[Condition]) -> tuple[FeatureVectors, list[str]]:
         made = self.evidence.simulated(compared.simulator, compared.effects, conditions, 2)
-        return self.evidence.views(made, self.grid), [str(c.fault) for c in conditions]
+        return self.evidence.vectors(made, self.grid), [str(c.fault) for c in conditions]
 
     def candidates(
         self, learnt: Learnt, floor: float, rng: np.random.Generator, progress: Callable[[float], None]
@@ -405,7 +408,7 @@ class _Trial:
             probability = min(max(found.probability.get(name, 0.0), 0.0), 1.0)
             others = tuple(other for other in named if other != name)
             if name in found.cannot:
-                gap = float(base[1].over_views(base[1].squares())[0][0])
+                gap = float(base[1].over_domains(base[1].squares())[0][0])
                 own = named.get(name)
                 yield Candidate(
                     name,
@@ -440,11 +443,11 @@ class _Trial:
                 others,
             )
 
-    def _of(self, compared: Compared) -> tuple[list[Views], Paired]:
+    def _of(self, compared: Compared) -> tuple[list[FeatureVectors], Paired]:
         views = self.replicates(compared.simulator, compared.effects, min(self.most, 2))
         return views, Paired(self.real, views)
 
-    def _with(self, effect: Effect, probability: float, count: int) -> list[Views]:
+    def _with(self, effect: Effect, probability: float, count: int) -> list[FeatureVectors]:
         """The twin with the named effects and one more."""
         after = self.evidence.against(self.found.after.effects)
         effects = (*after.effects, effect)

@@ -1,10 +1,10 @@
-"""The user's own simulated records in place of a twin.
+"""External simulator: the user's own simulated records in place of a twin.
 
 conditions --nearest in fault, speed, load, time--> simulated record --rate, length, level--> record
            --its speed where theirs is not near, effects on the finished waveform-----------> record
 
 Effects act where they can on a finished waveform (path, disturbance, acquisition, by resampling over the shaft angle,
-and on what of it is more than healthy records hold), and say where they cannot.
+and on the part that exceeds healthy records), and say where they cannot.
 """
 
 from __future__ import annotations
@@ -30,54 +30,57 @@ from twingap.twins.simulator import streams_of, why_not
 Array = NDArray[np.float64]
 
 NEAR_SPEED: Final = 0.06
-"""Log ratio of speeds up to which a simulated record keeps its own: what is compared goes by each record's orders, and
+"""Log ratio of speeds up to which a simulated record keeps its own: features follow each record's orders, and
 resampling would move its resonances."""
 SAME_GAIN: Final = math.log(1.1)
-"""Log ratio of levels below which records in one unit are taken to be of one gain."""
-_OTHER_FAULT = 1e6
-_TOO_SLOW = 1e3
-"""Of a record at a lower rate than the real one's: taken where there is no other, and then refused."""
-_AS_NEAR = 0.01
-"""Distance within which simulated records are of one condition."""
+"""Log ratio of levels below which records in the same unit count as of equal gain."""
+_OTHER_FAULT: Final = 1e6
+"""Distance of a record of another fault: larger than all others."""
+_TOO_SLOW: Final = 1e3
+"""Distance of a record at a lower sampling rate than the real one's: chosen where there is no other, and then
+refused."""
+_AS_NEAR: Final = 0.01
+"""Difference of distances within which simulated records count as of one condition."""
 _MOST_REPLICATES: Final = 12
+"""Replicates of a condition: more are slower and sharpen tests."""
 _MOST_QUIET: Final = 5
-"""Healthy records, nearest in speed, that tell what is not strikes."""
+"""Healthy records, nearest in speed, that the background of faulty ones is estimated from."""
 _MOST_KEPT: Final = 96
-"""Records of which it is kept what is not strikes."""
+"""Records whose background is cached: more take memory and save time."""
 _MOST_MEASURED: Final = 40
-"""Records that levels are read from."""
+"""Records that levels are measured on."""
 
 
-class OwnSimulator:
-    """Records of a simulator of the user's own, as far as they can be brought to the real conditions.
+class ExternalSimulator:
+    """The user's own simulated records, brought to the real conditions as far as possible.
 
     Parameters
     ----------
     sim : RecordSet
-        Simulated by whatever.
+        The simulated records.
     real : RecordSet
-        The real records that calibrate: their conditions are what is asked for, their level sets the gain.
+        Real records that calibrate: their level sets the gain.
     bearing : Bearing
     reference_rms : float
-        RMS of the real machine's healthy vibration (`Frame.scale`): the yardstick of effects where no simulated record
-        is healthy.
+        RMS of the real machine's healthy vibration (`Frame.scale`): the amplitude scale of effects where no simulated
+        record is healthy.
     name : str, optional
     others : sequence of Condition
-        Of further real records, by which nothing is calibrated: all records share the simulated ones between them.
+        Conditions of further real records, which are not calibrated on: simulated records are shared out among all.
 
     Attributes
     ----------
     gain : float
         Factor on all simulated samples: 1 where units are the same and levels within a tenth.
     level_free : bool
-        Whether that factor had to be found: then it is found anew once effects are added.
+        Whether that factor was estimated: then it is estimated anew once effects are added.
     notes : tuple[str, ...]
-        What was matched, and how, for people.
+        What was matched, and how, for the report.
 
     Raises
     ------
     TwingapError
-        When no simulated record is of a fault that the real ones have, or nothing of a known fault is there.
+        When no simulated record is of a fault that the real ones have.
     """
 
     def __init__(
@@ -104,7 +107,7 @@ class OwnSimulator:
             )
         self._made = _Made(sim.conditions)
         self._quiet: dict[tuple[float, ...], Background | None] = {}
-        self._known_still: dict[tuple[object, ...], NDArray[np.float32]] = {}
+        self._known_background: dict[tuple[object, ...], NDArray[np.float32]] = {}
         notes: list[str] = []
         self.missing = frozenset(wanted - faults)
         self._first, self._alike = self._shared_out([*real.conditions, *others])
@@ -139,18 +142,18 @@ class OwnSimulator:
             samples, speed_rpm = self._waveform(condition, streams, replicate)
             record = Record(replace(condition, speed_rpm=speed_rpm), samples)
             if effects:
-                still = self._still(record, effects, (streams_root, replicate))
-                record = apply_to_waveform(effects, record, self.bearing, self.reference_rms, streams, still)
+                background = self._background_of(record, effects, (streams_root, replicate))
+                record = apply_to_waveform(effects, record, self.bearing, self.reference_rms, streams, background)
             out.append(record)
         return out
 
     @property
     def reference_rms(self) -> float:
-        """RMS of the simulated healthy vibration at the present level, the yardstick of effects as it is of a twin's:
-        a healthy machine that has them vibrates more, and all the more so the stronger they are."""
+        """RMS of the simulated healthy vibration at the present level: the amplitude scale of effects, as of a
+        twin's."""
         return self._healthy_rms * self.gain
 
-    def with_gain(self, gain: float) -> OwnSimulator:
+    def with_gain(self, gain: float) -> ExternalSimulator:
         """The same records, times another factor."""
         own = copy.copy(self)
         own.gain = gain
@@ -161,7 +164,7 @@ class OwnSimulator:
         return why_not(name, self.conditions, self.bearing, self.reference_rms, "waveform")
 
     def _ranked(self, condition: Condition) -> list[int]:
-        """Simulated records of this fault that are as near to the condition as any, nearest first."""
+        """Simulated records of this fault that are nearest to the condition, nearest first."""
         if condition.fault is None:
             raise TwingapError(
                 "the fault is unknown, so no simulated record matches it",
@@ -180,17 +183,18 @@ class OwnSimulator:
     def replicates(self, conditions: Sequence[Condition]) -> int:
         """How many simulated records each of these has to itself, at least 1.
 
-        Beyond them records come again. Cut or turned, the same waveform is no other chance: comparisons that take it
-        for one find differences where there are none.
+        Beyond that number records repeat. Cut or shifted, the same waveform is not independent: comparisons that take
+        it as such find differences where there are none.
         """
         known = [c for c in conditions if c.name in self._alike]
         least = min((len(self._ranked(c)) // self._alike[c.name] for c in known), default=1)
         return min(max(least, 1), _MOST_REPLICATES)
 
-    def _still(self, record: Record, effects: Sequence[Effect], chances: tuple[int, int]) -> Array | None:
-        """What of a record with a defect is not its strikes'; None where no effect asks, or no healthy record tells.
+    def _background_of(self, record: Record, effects: Sequence[Effect], draw: tuple[int, int]) -> Array | None:
+        """Background of a record with a defect, its impacts taken out; None where no effect needs it or no record is
+        healthy.
 
-        The same for all values of effects, which are tried by the hundred: the last ones are kept.
+        The same for all values of effects, of which hundreds are tried: the last ones are cached.
         """
         c = record.condition
         if c.fault in (None, "healthy") or not any(effect.stage is Stage.EXCITATION for effect in effects):
@@ -198,18 +202,18 @@ class OwnSimulator:
         quiet = self._background(c.fs_hz, c.speed_rpm)
         if quiet is None:
             return None
-        key = c.name, c.fault, c.n_samples, c.fs_hz, c.speed_rpm, chances
-        if key not in self._known_still:
-            if len(self._known_still) >= _MOST_KEPT:
-                self._known_still.pop(next(iter(self._known_still)))
+        key = c.name, c.fault, c.n_samples, c.fs_hz, c.speed_rpm, draw
+        if key not in self._known_background:
+            if len(self._known_background) >= _MOST_KEPT:
+                self._known_background.pop(next(iter(self._known_background)))
             rate_hz = self.bearing.fault_order(str(c.fault)) * c.speed_rpm / 60
             x = np.asarray(record.samples / self.gain, float)
-            strikes = quiet.impacts(x, np.arange(c.n_samples, dtype=float) * (rate_hz / c.fs_hz))
-            self._known_still[key] = np.asarray(x - strikes, np.float32)
-        return np.asarray(self.gain * self._known_still[key], float)
+            impacts = quiet.impacts(x, np.arange(c.n_samples, dtype=float) * (rate_hz / c.fs_hz))
+            self._known_background[key] = np.asarray(x - impacts, np.float32)
+        return np.asarray(self.gain * self._known_background[key], float)
 
     def _background(self, fs_hz: float, speed_rpm: float) -> Background | None:
-        """What the healthy records of about this speed hold, as they were brought, at this rate; None without any."""
+        """Background from healthy records of about this speed, unscaled, at this rate; None without any."""
         made = self.sim.conditions
         quiet = [i for i, c in enumerate(made) if c.fault == "healthy" and c.fs_hz >= 0.999 * fs_hz]
         key = fs_hz, *sorted(quiet, key=lambda i: abs(math.log(made[i].speed_rpm / speed_rpm)))[:_MOST_QUIET]
@@ -218,22 +222,22 @@ class OwnSimulator:
             for place in key[1:]:
                 try:
                     waveforms.append(self._at_rate(int(place), fs_hz))
-                except TwingapError:  # at a rate that nobody asked for
+                except TwingapError:  # no simple ratio of rates
                     continue
             self._quiet[key] = Background.of(waveforms)
         return self._quiet[key]
 
     def _of_healthy(self) -> float | None:
-        """RMS of simulated healthy records about their means, as they were brought; None without any."""
+        """RMS of simulated healthy records about their means, unscaled; None without any."""
         places = [i for i, c in enumerate(self.sim.conditions) if c.fault == "healthy"][:_MOST_MEASURED]
         power = [float(self.sim[i].samples.var()) for i in places]
         return math.sqrt(float(np.mean(power))) if power and max(power) > 0 else None
 
     def _shared_out(self, conditions: Sequence[Condition]) -> tuple[dict[str, int], dict[str, int]]:
-        """Which simulated record each real one gets first, and how many real ones share those that are as near.
+        """First simulated record of each real one, and the number of real ones that share the equally near records.
 
-        The one of its name, or else of those as near the one that the fewest others have got: what two real records
-        are compared with should be two chances.
+        The record of the same name, else of the equally near ones the least used: two real records should be compared
+        with independent ones.
         """
         first: dict[str, int] = {}
         taken = np.zeros(len(self.sim.conditions), int)
@@ -266,7 +270,7 @@ class OwnSimulator:
             begin = int(streams("segment").integers(spare + 1))
         if spare >= 0:
             x = x[begin : begin + condition.n_samples]
-        else:  # round the record: a seam is the lesser evil beside a gap
+        else:  # repeated: a seam is better than missing samples
             x = np.take(x, np.arange(condition.n_samples), mode="wrap")
         return (np.asarray(x * self.gain) if self.gain != 1 else np.array(x, dtype=float)), speed_rpm
 

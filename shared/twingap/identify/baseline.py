@@ -1,4 +1,4 @@
-"""The baseline of a twin that has further effects, matched to records through the twin itself.
+"""Baseline of a twin with effects, matched to records through simulations by the twin itself.
 
 spec with effects --simulated with each noise alone--> spectra [BANDS] --least squares--> two noise powers, per mode
                   --simulated with and without impacts--> energy in the band --fixed point--> impact amplitudes
@@ -26,33 +26,35 @@ from twingap.twins.twin_file import TwinSpec, all_parameters, flat, nested
 Array = NDArray[np.float64]
 
 MOST_SIMULATED: Final = 4
-"""Records of each state that are simulated to match a baseline."""
+"""Records of each state that are simulated to match a baseline: more are slower and make levels surer."""
 BANDS: Final = 128
 """Bands of the spectra that baselines are matched in."""
 _MOST_STEPS: Final = 4
-"""Steps, of ten times at most, to an impact amplitude: one that was read in another band than the mode's may be nil."""
+"""Steps, of a factor of ten at most, to an impact amplitude: the first value may be far off, if read in another
+band."""
 _LEAST_BEGUN: Final = 1.0
-"""Impact amplitude to begin at: what weaker ones add to a band's energy is chance."""
+"""Least impact amplitude to begin at: the energy that weaker ones add is within the noise."""
 _SURE_STEP: Final = math.log(9.9)
-"""Logarithm of a step below which it led where it should: energy goes with the square of amplitude."""
+"""Logarithm of a step below which no other follows: energy goes with the square of amplitude, so one step suffices."""
 _FINAL_STEP: Final = 0.1
-"""The same where energy does not."""
+"""The same with effects of acquisition, where energy does not go with the square."""
 _GRID: Final = (0.08, 0.16, 0.27, 0.4)
-"""Parts of the sampling rate at which broad modes are tried: they have no peak to begin at."""
+"""Parts of the sampling rate at which broad modes are tried, which show no peak."""
 _STRETCH: Final = 128
-"""Samples: a knock and what rings after it are not much longer."""
+"""Samples of a stretch: about as long as an impulse and its ring-down."""
 _FEWEST_STRETCHES: Final = 16
+"""Stretches that a record must have for impulses to be sought."""
 _KNOCK: Final = 20.0
-"""Median deviations by which the power of a stretch with a knock exceeds the usual one: of the noise of a sharp mode,
-whose power is nearly exponential, one stretch in thirty thousand does."""
+"""Median deviations above the usual power from which a stretch holds an impulse: noise of a sharp mode, whose power is
+nearly exponential, exceeds it in one stretch of thirty thousand."""
 _MOST_KNOCKS: Final = 0.08
-"""Part of a record's stretches; where more are loud, there are enough knocks for their mean to say something."""
+"""Largest part of a record's stretches that is left out; where more are loud, the mean over impulses is reliable."""
 _BESIDE: Final = 0.06
-"""Logarithm of the ratio of two places within which a search that begins at one finds the other."""
+"""Log ratio of frequencies below which one start of a search suffices for both."""
 
 
 @dataclass(frozen=True)
-class Side:
+class StateSpectrum:
     """Records of one state at one rate: mean power density in bands, tones left out."""
 
     fault: str
@@ -63,7 +65,7 @@ class Side:
 
     @property
     def peak_hz(self) -> float:
-        """Where the spectrum is highest, the ends left out."""
+        """Frequency at which the spectrum is highest, the ends left out."""
         smooth = np.convolve(self.psd[2:], np.ones(3) / 3, mode="same")
         return (int(np.argmax(smooth[: int(0.9 * smooth.size)])) + 2.5) / BANDS * self.fs_hz / 2
 
@@ -78,7 +80,7 @@ def match_baseline(
     free: TwinSpec | None = None,
     dampings: Sequence[float] = (0.04,),
 ) -> TwinSpec:
-    """Bring the baseline of a twin with effects to records, through the twin itself.
+    """Match the baseline of a twin with effects to records.
 
     The healthy spectrum is linear in two powers (structure noise, white noise; disturbances go with their sum), whose
     spectra are simulated with one of them alone; so they come by weighted non-negative least squares, for each of a few
@@ -90,7 +92,7 @@ def match_baseline(
     spec : TwinSpec
         Phenomenological, with all parameters and the effects.
     fit_records : RecordSet
-        A few of each state do.
+        A few of each state suffice.
     frame : Frame
     rng : numpy.random.Generator
     steps : int
@@ -98,8 +100,8 @@ def match_baseline(
     free : TwinSpec, optional
         What it fixes stays as it is.
     dampings : sequence of float
-        At which modes are tried first, at the present place and at the highest peak: a search from one alone may end
-        in a broad mode that stands for a sharp one and for what an effect has done to it.
+        Damping ratios at which searches for the mode begin, at the present frequency and at the highest peaks: a search
+        from one alone may end in a broad mode that compensates for an effect.
 
     Returns
     -------
@@ -108,7 +110,7 @@ def match_baseline(
     root = root_entropy(rng)
     fixed = set(flat(free.parameters)) if free is not None else set()
     values = {k: float(v) for k, v in flat(all_parameters(spec)).items()}
-    sides = sides_of(list(fit_records), frame)
+    sides = state_spectra(list(fit_records), frame)
     quiet = [s for s in sides if s.fault == "healthy"]
     loud = [s for s in sides if s.fault != "healthy"]
     noise_free = not {"structure_noise_rms", "white_noise_rms", "scale"} & fixed
@@ -127,11 +129,11 @@ def match_baseline(
                     if name in values and name not in fixed:
                         values[name] *= before / scale
     if {"resonance_hz", "damping_ratio"} - fixed and loud:
-        # Impacts are weighed where they ring now, which need not be where envelopes are compared.
+        # Impact energy is measured in the band of the matched mode, which may differ from the frame's.
         conditions = [c for s in sides for c in s.conditions]
         band = mode_band(values["resonance_hz"], values["damping_ratio"], conditions, frame.bearing)
         matcher = replace(matcher, frame=replace(frame, band_hz=band))
-        loud = [s for s in sides_of(list(fit_records), matcher.frame) if s.fault != "healthy"]
+        loud = [s for s in state_spectra(list(fit_records), matcher.frame) if s.fault != "healthy"]
     for _ in range(2 if steps else 1):
         for fault in sorted({s.fault for s in loud}):
             name = f"impact_amplitude.{fault}"
@@ -142,18 +144,21 @@ def match_baseline(
 
 
 def match_level(
-    made: Callable[[float, Sequence[Condition]], Sequence[Record]], sides: Sequence[Side], frame: Frame, now: float
+    made: Callable[[float, Sequence[Condition]], Sequence[Record]],
+    sides: Sequence[StateSpectrum],
+    frame: Frame,
+    now: float,
 ) -> float:
-    """The factor on a simulator's waveforms that brings its spectra nearest to records', effects and all.
+    """Factor on a simulator's waveforms that matches its spectra to those of records, effects included.
 
-    A simulator of the user's own has no baseline but its level; with effects added, another level may be right: what a
-    sensor loses had been taken for a weak machine.
+    The user's own simulator has no baseline but its level. With effects added, another level may be right: without a
+    roll-off of the sensor, say, the level was too low.
 
     Parameters
     ----------
     made : callable
-        Level, conditions -> simulated records; the same chances at all levels.
-    sides : sequence of Side
+        Level, conditions -> simulated records; with the same random numbers at all levels.
+    sides : sequence of StateSpectrum
         Of the records.
     frame : Frame
     now : float
@@ -184,8 +189,8 @@ def match_level(
 
 def _mode_search(
     matcher: _Matcher,
-    quiet: Sequence[Side],
-    loud: Sequence[Side],
+    quiet: Sequence[StateSpectrum],
+    loud: Sequence[StateSpectrum],
     values: dict[str, float],
     fixed: set[str],
     steps: int,
@@ -193,9 +198,9 @@ def _mode_search(
 ) -> tuple[tuple[float, float], Array]:
     """Resonance and damping that fit best, and the powers of structure and white noise that go with them.
 
-    From the best of a few starts (where the fit of one mode to what further effects make is far off), along each axis
-    in turn; a step that leads on is kept, one that does not is halved. What a defect adds rings in the mode, and what
-    disturbs healthy records as well does not hide it.
+    Coordinate search from the best of a few starts, since effects may have spoiled the first fit; a step that leads on
+    is kept, one that does not is halved. Starts include peaks of what a defect adds, which rings in the mode and is not
+    hidden by disturbances of healthy records.
     """
     top = 0.49 * min(s.fs_hz for s in quiet)
     names = ("resonance_hz", "damping_ratio")
@@ -209,7 +214,7 @@ def _mode_search(
     best = tried(start)
     if steps and len(free) == 2:
         loudest = max(quiet, key=lambda s: len(s.conditions))
-        centres = _apart((start[0], loudest.peak_hz, *_struck_hz(loudest, loud)))
+        centres = _apart((start[0], loudest.peak_hz, *_impact_peaks_hz(loudest, loud)))
         broad = [(part * loudest.fs_hz, max(dampings)) for part in _GRID]
         starts = [*((f, d) for d in dampings for f in centres), *broad]
         best = min([best, *(tried(point) for point in starts)], key=lambda t: t[0])
@@ -228,12 +233,12 @@ def _mode_search(
     return best[2], best[1]
 
 
-def _struck_hz(quiet: Side, loud: Sequence[Side]) -> Iterator[float]:
-    """Where defects add most to healthy spectra: in power, and in proportion."""
-    struck = [side for side in loud if side.fs_hz == quiet.fs_hz]
-    if not struck:
+def _impact_peaks_hz(quiet: StateSpectrum, loud: Sequence[StateSpectrum]) -> Iterator[float]:
+    """Frequencies at which defects add most to healthy spectra: in power, and in proportion."""
+    sides = [side for side in loud if side.fs_hz == quiet.fs_hz]
+    if not sides:
         return
-    psd = np.average([side.psd for side in struck], axis=0, weights=[len(side.conditions) for side in struck])
+    psd = np.average([side.psd for side in sides], axis=0, weights=[len(side.conditions) for side in sides])
     smooth = np.ones(5) / 5
     with_defect, without = (np.convolve(p, smooth, mode="same") for p in (psd, quiet.psd))
     for more in (with_defect - without, with_defect / np.maximum(without, 1e-300)):
@@ -241,7 +246,7 @@ def _struck_hz(quiet: Side, loud: Sequence[Side]) -> Iterator[float]:
 
 
 def _apart(places: Sequence[float]) -> list[float]:
-    """Those that are not beside an earlier one."""
+    """Frequencies that are not within `_BESIDE` of an earlier one."""
     kept: list[float] = []
     for place in places:
         if all(abs(math.log(place / other)) > _BESIDE for other in kept):
@@ -255,7 +260,7 @@ def _moved(point: tuple[float, float], axis: int, by: float) -> tuple[float, flo
     return (point[0] * factor, point[1]) if axis == 0 else (point[0], point[1] * factor)
 
 
-def sides_of(records: Sequence[Record], frame: Frame) -> list[Side]:
+def state_spectra(records: Sequence[Record], frame: Frame) -> list[StateSpectrum]:
     """Records gathered by state and rate."""
     by: dict[tuple[str, float], list[Record]] = {}
     for record in records:
@@ -264,7 +269,7 @@ def sides_of(records: Sequence[Record], frame: Frame) -> list[Side]:
     for (fault, fs_hz), own in by.items():
         measured = [_bands(r, frame) for r in own]
         out.append(
-            Side(
+            StateSpectrum(
                 fault, fs_hz, tuple(r.condition for r in own), np.mean([m[0] for m in measured], axis=0),
                 float(np.mean([m[1] for m in measured])),
             )
@@ -275,14 +280,14 @@ def sides_of(records: Sequence[Record], frame: Frame) -> list[Side]:
 def _bands(record: Record, frame: Frame) -> tuple[Array, float]:
     """Power density in `BANDS` bands without tones, and mean square in the frame's band, tones and all.
 
-    Of healthy records without knocks either: a few strong ones in a handful of records say little of their mean power,
-    and mode and noises would be made up for what they happen to have. With a defect the loud stretches may be its own.
+    Impulses are left out of healthy records: a few strong ones in a handful of records give a poor mean, to which mode
+    and noises would be fitted. With a defect, loud stretches may be its impacts.
     """
     import scipy.fft
 
     x, fs_hz = record.samples, record.condition.fs_hz
     x = x - x.mean()
-    kept = _between_knocks(x) if record.condition.fault == "healthy" else None
+    kept = _between_impulses(x) if record.condition.fault == "healthy" else None
     transform = scipy.fft.rfft(x if kept is None else x * kept)
     weight = x.size if kept is None else float(kept @ kept)
     power = (transform.real**2 + transform.imag**2) * (2 / (fs_hz * weight))
@@ -295,13 +300,13 @@ def _bands(record: Record, frame: Frame) -> tuple[Array, float]:
     blocks = power[1 : 1 + per * BANDS].reshape(BANDS, per)
     if per < 8:
         return np.asarray(blocks.mean(axis=1)), energy
-    # Tones lie above what chance does to the largest of so many bins: each bin counts as at most that.
+    # Each bin is clipped at the expected largest of so many bins of noise, which removes tones.
     level = medians(blocks)[:, None] / math.log(2)
     return np.asarray(np.minimum(blocks, level * (math.log(per) + 3)).mean(axis=1)), energy
 
 
-def _between_knocks(x: Array) -> Array | None:
-    """[samples] 0 where something short and far louder than the rest of the record is, 1 elsewhere; None without."""
+def _between_impulses(x: Array) -> Array | None:
+    """[samples] Weights: 0 at short stretches far louder than the rest of the record, 1 elsewhere; None without any."""
     count = x.size // _STRETCH
     if count < _FEWEST_STRETCHES:
         return None
@@ -311,7 +316,7 @@ def _between_knocks(x: Array) -> Array | None:
     loud = power > usual + _KNOCK * max(float(medians(np.abs(power - usual))), 0.1 * usual)
     if not 0 < loud.sum() <= _MOST_KNOCKS * count:
         return None
-    # What rings on after a knock, and what begins before it, lies beside it.
+    # Neighbouring stretches hold the beginning and the ring-down of an impulse.
     quiet = np.convolve(loud, np.ones(3), mode="same") == 0
     kept = np.repeat(quiet, _STRETCH).astype(float)
     kept = np.pad(kept, (0, x.size - kept.size), mode="edge")
@@ -349,7 +354,9 @@ class _Matcher:
         own = TwinSimulator(self.spec_with(values), self.frame.bearing, self.unit)
         return own.simulate((), conditions, self.root, 0)
 
-    def noise(self, quiet: Sequence[Side], f: float, zeta: float, values: dict[str, float]) -> tuple[float, Array]:
+    def noise(
+        self, quiet: Sequence[StateSpectrum], f: float, zeta: float, values: dict[str, float]
+    ) -> tuple[float, Array]:
         """Misfit of the healthy spectra and the powers of structure and white noise that give it."""
         loss, powers, weights = 0.0, np.zeros(2), 0.0
         for side in quiet:
@@ -370,7 +377,7 @@ class _Matcher:
         return loss / weights, powers / weights
 
     def _changed(self, conditions: Sequence[Condition], values: dict[str, float]) -> Array | float:
-        """Factor by which effects change the healthy spectrum [BANDS], read off records with the same chances."""
+        """Factor by which effects change the healthy spectrum [BANDS], from records with the same random numbers."""
         acts = self.acts(conditions)
         if acts == "nothing":
             return 1.0
@@ -384,7 +391,7 @@ class _Matcher:
         return factor
 
     def acts(self, conditions: Sequence[Condition]) -> Literal["nothing", "after the mode", "more"]:
-        """What the effects do to healthy records of these conditions."""
+        """Where the effects act on healthy records of these conditions."""
         stages = {catalogue()[name].stage for name in self.spec.effects}
         if stages <= {Stage.SHAFT, Stage.EXCITATION}:
             key = tuple((c.speed_rpm, c.time_s, c.load_n) for c in conditions)
@@ -392,7 +399,7 @@ class _Matcher:
                 short = [replace(c, fault="healthy", n_samples=min(c.n_samples, 512)) for c in conditions]
                 values = {"resonance_hz": conditions[0].fs_hz / 8, "damping_ratio": 0.05}
                 pair = (replace(self, spec=s).simulated(short, values) for s in (self.spec, self.plain))
-                # Most change the strikes of a defect only, and a healthy record has none.
+                # Most change only the impacts of a defect, which healthy records do not have.
                 self.idle[key] = all(np.array_equal(a.samples, b.samples) for a, b in zip(*pair, strict=True))
             if self.idle[key]:
                 return "nothing"
@@ -400,7 +407,7 @@ class _Matcher:
 
     @cached_property
     def linear(self) -> bool:
-        """Whether no effect acts on what has been measured: rails and steps mind how strong a strike is."""
+        """Whether no effect of acquisition acts: clipping and quantisation are not linear in the impacts."""
         return Stage.ACQUISITION not in {catalogue()[name].stage for name in self.spec.effects}
 
     def density(self, conditions: Sequence[Condition], values: dict[str, float], spec: TwinSpec) -> Array:
@@ -408,8 +415,8 @@ class _Matcher:
         made = replace(self, spec=spec).simulated(conditions, values)
         return np.asarray(np.mean([_bands(r, self.frame)[0] for r in made], axis=0))
 
-    def amplitude(self, fault: str, sides: Sequence[Side], values: dict[str, float]) -> float:
-        """Impact amplitude that brings the energy in the band to what it is in the records."""
+    def amplitude(self, fault: str, sides: Sequence[StateSpectrum], values: dict[str, float]) -> float:
+        """Impact amplitude that matches the energy in the band to that of the records."""
         name = f"impact_amplitude.{fault}"
         number = np.array([len(side.conditions) for side in sides], float)
 
@@ -419,7 +426,7 @@ class _Matcher:
 
         without = energy(0.0)
         wanted = float(number @ (np.array([side.energy for side in sides]) - without))
-        if wanted <= 0:  # knocks by chance fewer here than there hide the strikes: nothing is known of them
+        if wanted <= 0:  # simulated impulses, more than the records' by chance, hide the impacts
             return values[name]
         now = max(values[name], _LEAST_BEGUN)
         for _ in range(_MOST_STEPS):
@@ -428,7 +435,7 @@ class _Matcher:
                 return now
             step = math.sqrt(float(np.clip(wanted / added, 0.01, 100.0)))
             now *= step
-            # Energy goes with the square, unless a rail cuts it off; too long a step may lead astray.
+            # Energy goes with the square of amplitude unless the record clips; too long a step may miss.
             if abs(math.log(step)) < (_SURE_STEP if self.linear else _FINAL_STEP):
                 break
         return now

@@ -1,14 +1,13 @@
-"""Calibrate first: what calibration removes is no gap.
+"""Calibration of a twin to records before they are compared: what calibration removes is no gap.
 
 records --split by group--> fit part, held-out part
-both    --lines-----------> true speeds                        (`gap.speed`)
+both    --lines-----------> true speeds                        (`identify.speed`)
 fit     --spectra---------> the twin's free parameters         (`identify`, without its intervals)
-fit     --mode, level-----> Frame: bearing, band, yardstick    (`gap.view`)
+fit     --mode, level-----> Frame: bearing, band, amplitude scale
 twin with more effects --spectra of its own records against the fit part's--> baseline anew (`match_baseline`)
 
-Everything that a diagnosis reports is measured on the held-out part; what calibration hardly moves is asked of both
-(`whole`): trends of levels within a fault, lines of many records, the comb of a second strike. Values are read off the
-fit part, but for slopes over speed and time: the fit part alone may have met a fault at one speed only.
+Everything that a diagnosis reports is measured on the held-out part. What calibration hardly moves is measured on both
+parts (pooled features): trends of levels within a fault, lines of many records, the comb of entry and exit impacts.
 """
 
 from __future__ import annotations
@@ -36,14 +35,15 @@ from twingap.twins.twin_file import TwinSpec, all_parameters, build_twin, flat, 
 Array = NDArray[np.float64]
 
 MOST_FIT: Final = 12
-"""Records of each state that parameters are read from: more hardly sharpen them."""
+"""Records of each state that parameters are identified from: more take longer and hardly sharpen them."""
 CLEAR_COMB: Final = 6.0
-"""Height of a fault's comb (see `speed.COMB`) from which a record of unknown state is taken to have that fault."""
+"""Height of a fault's comb (see `speed_reading.COMB`) from which a record of unknown state counts as of that fault:
+higher, and weak faults pass for healthy."""
 
 
 @dataclass(frozen=True)
 class Calibrated:
-    """Records and twin, ready to be compared.
+    """Records and calibrated twin, ready to be compared.
 
     Parameters
     ----------
@@ -61,7 +61,7 @@ class Calibrated:
     aside : tuple[str, ...]
         Records left out, their fault unknown.
     notes : tuple[str, ...]
-        What was done and what cannot be decided, for people.
+        What was done, and what cannot be decided, for the report.
     """
 
     fit: RecordSet
@@ -114,7 +114,7 @@ def calibrate(
     Raises
     ------
     TwingapError
-        When nobody knows the bearing, or records cannot be read.
+        When the bearing is not known, or records cannot be read.
     """
     return calibrate_prepared(prepare(records, spec, rng, sim=sim), None if sim is not None else spec, rng)
 
@@ -192,15 +192,13 @@ def _with_bearing(records: RecordSet, bearing: Bearing) -> RecordSet:
 
 
 def _known(records: RecordSet, bearing: Bearing, notes: list[str]) -> tuple[RecordSet, tuple[str, ...]]:
-    """Records whose state is known or, where none is, what their envelopes say it is; and the names of the others."""
+    """Records of known state (where no state is known, as read from envelopes), and the names of the others."""
     unknown = [i for i, c in enumerate(records.conditions) if c.fault is None]
     if not unknown:
         return records, ()
     if len(unknown) < len(records):
         names = tuple(records.conditions[i].name for i in unknown)
-        notes.append(
-            f"{len(names)} records of unknown fault were left aside: a twin cannot simulate a fault that nobody names"
-        )
+        notes.append(f"{len(names)} records of unknown fault were left aside: a twin can simulate named faults only")
         left = set(unknown)
         return records.take(i for i in range(len(records)) if i not in left), names
     found: list[str] = []
@@ -215,9 +213,9 @@ def _known(records: RecordSet, bearing: Bearing, notes: list[str]) -> tuple[Reco
             "cannot be compared"
         )
     else:
-        told = ", ".join(f"{number} {fault}" for fault, number in counts.items())
+        counted = ", ".join(f"{number} {fault}" for fault, number in counts.items())
         notes.append(
-            f"no record says what fault it is of: faults were read off the strongest comb of the envelopes ({told}); "
+            f"no record names its fault: faults were read off the strongest comb of the envelopes ({counted}); "
             "a comb moved by slip or wrong speed onto another fault's place, or a fault without a comb, would be "
             "mistaken"
         )
@@ -226,7 +224,7 @@ def _known(records: RecordSet, bearing: Bearing, notes: list[str]) -> tuple[Reco
 
 
 def _simulated_too(records: RecordSet, sim: RecordSet, notes: list[str]) -> tuple[RecordSet, tuple[str, ...]]:
-    """Records of faults that are simulated too, where there are any, and the names of the others."""
+    """Records of faults that the simulated set holds too, and the names of the others; all where it holds none."""
     made = {c.fault for c in sim.conditions}
     kept = [i for i, c in enumerate(records.conditions) if c.fault in made]
     if not kept or len(kept) == len(records):
@@ -244,8 +242,8 @@ def split_parts(
 
     Groups of one fault are sorted by speed (then load and time) and dealt out in threes, by lot one of three to the fit
     part: a handful of values needs fewer records than a decision. Two groups go one to each. Where every fault would
-    give one group, one fault of three or four gives two, far apart: what strikes do with speed shows where a fault was
-    seen at two. A fault with one group only stands in both parts, which `notes` say.
+    give one group, one fault of three or four gives two, far apart: change with speed shows only where a fault was
+    recorded at two. A fault with one group is in both parts, which `notes` state.
     """
     groups: dict[str, list[int]] = {}
     for place, condition in enumerate(records.conditions):
@@ -271,7 +269,7 @@ def split_parts(
     held = [set[str](), set[str]()]
     lone: list[str] = []
     spare = int(rng.integers(2))
-    # Faults before what is healthy: the first that can is seen at two speeds.
+    # Faults before healthy: the first with enough groups gets two speeds in the fit part.
     in_order = sorted(by_fault.items(), key=lambda item: item[0] == {"healthy"})
     spanned = any(len(own_groups) > 4 for own, own_groups in in_order if own != {"healthy"})
     for own, own_groups in in_order:
@@ -312,7 +310,7 @@ def _fitted(count: int, spans: bool, rng: np.random.Generator) -> list[int]:
     if spans:
         first = int(rng.integers(count - 2))
         return [first, first + 2]
-    # A single one at the end is one more to decide with.
+    # A single group at the end goes to the held-out part.
     blocks = [(begin, min(3, count - begin)) for begin in range(0, count, 3)]
     return [begin + int(rng.integers(size)) for begin, size in blocks if size > 1]
 
@@ -341,7 +339,7 @@ def healthy_rms(records: RecordSet) -> float | None:
 
 
 def _frame(records: RecordSet, bearing: Bearing, rng: np.random.Generator) -> Frame:
-    """Band and yardstick from records alone: the band of their dominant mode, and healthy RMS."""
+    """Frame from records alone: the band of their dominant mode, and healthy RMS."""
     own = thinned(records, 6)
     scale = healthy_rms(records)
     if scale is None:  # the quietest there is
@@ -376,10 +374,10 @@ def _impulsive_band(records: RecordSet, bearing: Bearing) -> tuple[float, float]
 def _identified(
     spec: TwinSpec, fit: RecordSet, bearing: Bearing, rng: np.random.Generator, notes: list[str]
 ) -> tuple[TwinSpec, Frame]:
-    """The twin with what the fit part shows, and the frame that goes with it."""
+    """The twin with its free parameters from the fit part, and the frame that goes with it."""
     if spec.model == "phenomenological":
-        found, told = quick_identify(spec, thinned(fit), rng)
-        notes += told
+        found, more = quick_identify(spec, thinned(fit), rng)
+        notes += more
         given = flat(found.parameters)
         band = mode_band(given["resonance_hz"], given["damping_ratio"], fit.conditions, bearing)
         frame = Frame(bearing, band, healthy_rms(fit) or build_twin(found, bearing, fit.unit).reference_rms)
@@ -400,7 +398,7 @@ def _identified(
 
 
 def _scaled(spec: TwinSpec, fit: RecordSet, rng: np.random.Generator, notes: list[str]) -> TwinSpec:
-    """A model of the user's own: only its level is brought to the records', where it has a `scale`."""
+    """A user's model: only its level is matched to the records, where it has a `scale`."""
     names = flat(all_parameters(spec))
     if "scale" not in names or spec.given("scale"):
         notes.append(f"model {spec.model!r} has nothing to identify: its parameters are taken as they are")
@@ -426,7 +424,7 @@ def recalibrate(
     steps: int = 4,
     dampings: Sequence[float] = (0.04,),
 ) -> Calibrated:
-    """The same parts with a twin that has further effects: its baseline is matched to the fit part anew.
+    """The same parts with a twin that has further effects, its baseline matched to the fit part anew.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Where impacts ring: the band around a mode that envelopes and energies of impacts are taken in."""
+"""Impact band: the band around a mode in which envelopes and energies of impacts are measured."""
 
 from __future__ import annotations
 
@@ -13,20 +13,20 @@ from twingap.records import Condition
 def mode_band(
     resonance_hz: float, damping_ratio: float, conditions: Sequence[Condition], bearing: Bearing
 ) -> tuple[float, float]:
-    """Band in which impacts ring, Hz: the mode's, wide enough for envelopes to show the impact rate's harmonics.
+    """Impact band, Hz: that of the mode, wide enough for envelopes to show harmonics of the impact rate.
 
     Parameters
     ----------
     resonance_hz, damping_ratio : float
         Of the mode.
     conditions : sequence of Condition
-        Of the records that are to show it.
+        Of the records that envelopes are taken of.
     bearing : Bearing
     """
     top = min(c.fs_hz for c in conditions) / 2
     rate = float(np.median([impact_hz(c, bearing) for c in conditions]))
     wanted = min(4 * rate, 0.2 * top)
-    # A very broad mode is a poor fit to several: the band does not follow it.
+    # A very broad mode is usually a poor fit to several modes: the band does not follow it.
     half = max(min(3 * damping_ratio * resonance_hz, 0.12 * top), wanted)
     low, high = resonance_hz - half, resonance_hz + half
     # A mode close to either end keeps the width of its band.

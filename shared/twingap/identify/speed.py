@@ -1,13 +1,12 @@
-"""The true shaft speed of records whose metadata are poor.
+"""True shaft speeds of a record set, and the slip of its cage, from speed readings of single records.
 
 record --speed_reading--> log ratios to nominal: of the shaft itself, of the fault's comb
 all records: log ratio (shaft) = c_j, log ratio (comb) = c_j + k(fault) slip + spin --Gaussian, closed--> c_j, slip
 
-A wrong speed moves every order alike; a cage that slips moves BPFO by 1 - s and BPFI the other way, see
-`Bearing.slipped`. So one record tells speed from slip only where it shows the shaft itself, and a set does where its
-speeds are wrong by one factor (the tachometer's) and it holds faults of both races. Rollers' strikes follow BPFI where
-they keep rolling on the inner ring; where they do not, their order has a shift of its own (spin), which says nothing of
-the cage.
+A wrong speed moves all orders alike; a cage that slips moves BPFO by 1 - s and BPFI the other way, see
+`Bearing.slipped`. So one record separates speed from slip only where it shows the shaft itself; a set does where its
+speeds are wrong by one factor (the tachometer's) and it holds faults of both races. Impacts of rollers follow BPFI as
+long as these keep rolling on the inner ring; otherwise their order has a shift of its own (spin), independent of slip.
 """
 
 from __future__ import annotations
@@ -31,15 +30,15 @@ Array = NDArray[np.float64]
 COMBINED: Final = "common factor from inner and outer"
 COMB_ONLY: Final = "fault comb"
 
-_COMMON_SD, _SLIP_SD, _SPIN_SD = 0.03, 0.02, 0.02
-_SCATTERS = (1e-5, 3e-4, 1e-3, 4e-3, 0.015)
-_OUTLIER = math.log(0.02 / 0.16)  # log density of a reading that is wrong: anywhere within the search, 2 % of them
-_MARGIN = 3.0  # of log evidence, by which slip has to beat speeds that are off
+_COMMON_SD, _SLIP_SD, _SPIN_SD = 0.03, 0.02, 0.02  # prior standard deviations: wider admit larger errors
+_SCATTERS = (1e-5, 3e-4, 1e-3, 4e-3, 0.015)  # standard deviations of records' own speed errors that are tried
+_OUTLIER = math.log(0.02 / 0.16)  # log density of a wrong reading: 2 % of readings, anywhere within the search
+_MARGIN = 3.0  # of log evidence of slip over wrong speeds: larger, and weak slip passes for wrong speeds
 
 
 @dataclass(frozen=True)
 class SpeedEstimate:
-    """What one record's speed is taken to be.
+    """Estimated speed of one record.
 
     Parameters
     ----------
@@ -74,16 +73,15 @@ class Speeds:
     slip_sigma : float
         Its standard error; infinite where the records cannot show slip.
     slip_free : float
-        What slip would be were it and a common factor free, whether or not it is established: weak slip beside poor
-        speeds is not, and is evidence all the same.
+        Estimate of slip with slip and a common factor free, whether or not slip is established.
     slip_evidence : float
-        Log evidence of the best account with slip over the best one without.
+        Log evidence of the best model with slip over the best one without.
     scatter : float
         Standard deviation of the records' own deviations from `common_ratio`.
     decidable : bool
-        Whether the records tell slip from a wrong speed.
+        Whether the records separate slip from a wrong speed.
     notes : tuple[str, ...]
-        For people.
+        For the report.
     """
 
     estimates: tuple[SpeedEstimate, ...]
@@ -118,7 +116,7 @@ class _Samples:
 
 
 def estimate_speeds(records: RecordSet, bearing: Bearing | None = None) -> Speeds:
-    """True speeds of records, as far as they show them.
+    """True speeds of records, as far as these show them.
 
     Parameters
     ----------
@@ -134,7 +132,7 @@ def estimate_speeds(records: RecordSet, bearing: Bearing | None = None) -> Speed
     Raises
     ------
     TwingapError
-        When nobody knows the bearing.
+        When the bearing is not known.
     """
     own = bearing or records.bearing
     if own is None:
@@ -146,8 +144,8 @@ def estimate_speeds(records: RecordSet, bearing: Bearing | None = None) -> Speed
 
 
 @dataclass(frozen=True)
-class _Account:
-    """One way to account for all readings: a common factor or none, own deviations or none, slip (and spin) or none."""
+class _Model:
+    """One model of all readings: with or without a common factor, own deviations, slip (and spin)."""
 
     evidence: float
     scatter: float
@@ -155,14 +153,14 @@ class _Account:
     slip: float
     spin: float
     covariance: Array  # of common, slip and spin
-    kept: NDArray[np.bool_]  # readings [records, 2] that it takes to be right
+    kept: NDArray[np.bool_]  # readings [records, 2] that count as right under it
 
 
 def combine(readings: Sequence[Reading], conditions: Sequence[Condition], bearing: Bearing) -> Speeds:
-    """Speeds of a set from what its records show.
+    """Speeds of a set from readings of its records.
 
-    Records' log ratios are c + own deviation, the comb's moved by slip besides; all Gaussian, so the evidence for each
-    account is closed. Of accounts that do about equally well, one without slip is taken.
+    Records' log ratios are c + own deviation, the comb's moved by slip besides; all Gaussian, so the evidence of each
+    model has a closed form. Of models with about equal evidence, one without slip is taken.
     """
     y = np.array([(r.shaft, r.comb) for r in readings])
     sigma = np.array([(r.shaft_sigma, r.comb_sigma) for r in readings])
@@ -170,12 +168,12 @@ def combine(readings: Sequence[Reading], conditions: Sequence[Condition], bearin
     seen = np.isfinite(sigma)
     sigma = np.where(seen, np.hypot(sigma, 3e-5), 1.0)
     kinds = ((False, False), (True, False)) + (((True, True),) if _rollers_apart(seen, conditions) else ())
-    accounts = [
-        _account(y, sigma, seen, moves, scatter, common, slip, spin)
+    models = [
+        _model(y, sigma, seen, moves, scatter, common, slip, spin)
         for scatter, common, (slip, spin) in product(_SCATTERS, (False, True), kinds)
     ]
-    without = max((a for a in accounts if a.covariance[1, 1] == 0), key=lambda a: a.evidence)
-    with_slip = max((a for a in accounts if a.covariance[1, 1] > 0), key=lambda a: a.evidence)
+    without = max((a for a in models if a.covariance[1, 1] == 0), key=lambda a: a.evidence)
+    with_slip = max((a for a in models if a.covariance[1, 1] > 0), key=lambda a: a.evidence)
     best = with_slip if with_slip.evidence > without.evidence + _MARGIN else without
     notes: list[str] = []
     estimates, mean_sigma = _estimates(best, y, sigma, moves, readings)
@@ -216,7 +214,7 @@ def combine(readings: Sequence[Reading], conditions: Sequence[Condition], bearin
 
 
 def _rollers_apart(seen: NDArray[np.bool_], conditions: Sequence[Condition]) -> bool:
-    """Whether combs of both races tell of the cage, so that those of rollers are not needed for it."""
+    """Whether combs of both races show the cage, so that those of rollers are not needed for it."""
     return {"inner", "outer", "ball"} <= {str(c.fault) for c, (_, comb) in zip(conditions, seen, strict=True) if comb}
 
 
@@ -236,16 +234,15 @@ def _precision(sigma: Array, seen: NDArray[np.bool_], scatter: float) -> Array:
     return np.asarray(out)
 
 
-def _account(
+def _model(
     y: Array, sigma: Array, seen: NDArray[np.bool_], moves: Array, scatter: float, common: bool, slip: bool, spin: bool
-) -> _Account:
-    """Evidence and estimates of one account; readings that it makes absurd count as wrong ones."""
+) -> _Model:
+    """Evidence and estimates of one model; readings that are very unlikely under it count as wrong."""
     design = np.zeros((len(y), 2, 3))  # [records, (shaft, comb), (common, slip, spin)]
     design[:, :, 0], design[:, 1, 1:] = 1.0, moves
     free = np.array([common, slip, spin])
     prior = np.diag(np.where(free, np.array([_COMMON_SD, _SLIP_SD, _SPIN_SD]) ** -2, 1e18))
     kept = seen.copy()
-    # A start that single wrong readings do not pull: medians of what the account may explain by a common factor.
     evidence, mean, covariance = -math.inf, np.zeros(3), np.zeros((3, 3))
     for turn in range(4):
         p = _precision(sigma, kept, scatter)
@@ -261,30 +258,30 @@ def _account(
         spread = np.sqrt(sigma**2 + scatter**2)
         density = -0.5 * (rest / spread) ** 2 - np.log(spread * math.sqrt(2 * math.pi))
         right = seen & (density > _OUTLIER)
-        # No account may discard more than a fifth of what was read.
+        # No model may discard more than a fifth of the readings.
         if (right == kept).all() or turn == 3 or right.sum() < 0.8 * seen.sum():
             break
         kept = right
     covariance = np.where(np.outer(free, free), covariance, 0.0)
     evidence -= 1.0 * int(free.sum()) + 1.0 * (scatter > 1e-5)
     found = np.where(free, mean, 0.0)
-    return _Account(evidence, scatter, float(found[0]), float(found[1]), float(found[2]), covariance, kept)
+    return _Model(evidence, scatter, float(found[0]), float(found[1]), float(found[2]), covariance, kept)
 
 
-def _free_slip(y: Array, sigma: Array, seen: NDArray[np.bool_], moves: Array, best: _Account) -> tuple[float, float]:
-    """Slip and how well it is told were both it and a common factor free."""
-    both = _account(y, sigma, seen, moves, best.scatter, True, True, best.spin != 0)
+def _free_slip(y: Array, sigma: Array, seen: NDArray[np.bool_], moves: Array, best: _Model) -> tuple[float, float]:
+    """Slip and its standard error with slip and a common factor free."""
+    both = _model(y, sigma, seen, moves, best.scatter, True, True, best.spin != 0)
     return both.slip, math.sqrt(both.covariance[1, 1])
 
 
 def _estimates(
-    best: _Account,
+    best: _Model,
     y: Array,
     sigma: Array,
     moves: Array,
     readings: Sequence[Reading],
 ) -> tuple[list[SpeedEstimate], float]:
-    """Each record's own speed given the account, and the error of the common factor."""
+    """Speed of each record under the model, and the error of the common factor."""
     mean_sigma = math.sqrt(best.covariance[0, 0])
     shares, of_comb = moves[:, 0], moves @ np.array([best.slip, best.spin])
     kinds = {"outer" if m < 0 else "inner" for m, (_, comb) in zip(shares, best.kept, strict=True) if comb and m != 0}

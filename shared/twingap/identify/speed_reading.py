@@ -1,4 +1,4 @@
-"""What one record shows of its shaft's speed.
+"""Speed reading of one record: log ratios of shaft rate and fault rate to nominal, with errors.
 
 record --periodogram----------> tones at 1x, 2x, 3x, half orders; triplets one order apart -----> ratio (shaft)  --+
        --envelopes of bands --> comb at the fault's order -> its rate -> side lines one order away -> ratio (shaft) +
@@ -26,12 +26,13 @@ from twingap.signal.record_transforms import medians, tone_power
 Array = NDArray[np.float64]
 
 REACH: Final = 0.06
-"""How far speeds are taken to lie from nominal, as a fraction."""
+"""Largest error of nominal speeds that is searched, as a fraction: wider finds worse speeds, and more chance
+matches."""
 SLIP_REACH: Final = 0.02
-"""How much farther slip may move a comb."""
+"""Further shift of a comb by slip that is searched, as a fraction."""
 COMB: Final = 4.5
-"""Sum of log(1 + z / 3) over a comb's harmonics from which it is taken to be there: white noise reaches it in about one
-record of ten thousand (bands and places searched included)."""
+"""Sum of log(1 + z / 3) over a comb's harmonics from which it counts as present: white noise reaches it in about one
+record of ten thousand (over all bands and places searched)."""
 SHAFT_LINE: Final = 16.0
 """Power over its neighbourhood's mean from which a line counts: noise reaches it once in 1e7 bins."""
 LONE_LINE: Final = 40.0
@@ -49,14 +50,14 @@ NOT_VISIBLE: Final = "not visible"
 
 @dataclass(frozen=True)
 class Reading:
-    """What one record shows of its speed, as log ratios to nominal with standard errors; infinite = nothing.
+    """Speed reading of one record: log ratios to nominal with standard errors, infinite where not visible.
 
     Parameters
     ----------
     shaft, shaft_sigma : float
         Of the shaft itself.
     found_by : str
-        How.
+        "shaft lines", "sidebands" or "not visible".
     comb, comb_sigma : float
         Of the fault's rate over its kinematic rate at nominal speed.
     height : float
@@ -72,7 +73,7 @@ class Reading:
 
 
 def read_speed(samples: Array, condition: Condition, bearing: Bearing) -> Reading:
-    """What one record shows of its speed.
+    """Read the speed off one record.
 
     Parameters
     ----------
@@ -108,7 +109,7 @@ def read_speed(samples: Array, condition: Condition, bearing: Bearing) -> Readin
 
 
 def comb_heights(samples: Array, condition: Condition, bearing: Bearing) -> dict[str, float]:
-    """How high the comb of each fault stands in a record of unknown fault: fault -> height, 0 where there is none."""
+    """Height of the comb of each fault in a record of unknown fault: fault -> height, 0 without a comb."""
     x, shaft_hz = np.asarray(samples, float), condition.speed_rpm / 60
     out = {}
     for fault in ("inner", "outer", "ball"):
@@ -210,8 +211,8 @@ def _find_comb(envelopes: Sequence[_Band], rate_hz: float, cage_hz: float) -> _C
 def _mean_rate(squared: Array, place: float, widest: float, power: Array, z: Array) -> tuple[float, float] | None:
     """Cycles of a smeared comb within the record and their relative error; None where its first harmonic is sharp.
 
-    Where the speed wanders, the highest point of a smeared line says little about its mean. The phase that the first
-    harmonic gathers from the record's beginning to its end does, where it stands out of the noise.
+    Where the speed varies, the highest point of a smeared line is a poor estimate of the mean. The phase that the first
+    harmonic gathers over the record gives it, where the harmonic is above the noise.
     """
     half = int(min(max(4.0, 0.08 * place), widest))  # short of side lines at cage rate
     k = round(place)
@@ -332,7 +333,7 @@ def _chain(power: Array, z: Array, shaft: float, start: float) -> tuple[float, t
     Parameters
     ----------
     power, z : Array [bins]
-        Of the raw spectrum, and over its neighbourhood; 0 where nothing of the shaft's can be told.
+        Of the raw spectrum, and over its neighbourhood; 0 where lines are not the shaft's.
     shaft : float
         Nominal 1x, bins.
     start : float

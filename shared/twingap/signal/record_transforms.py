@@ -1,6 +1,6 @@
-"""One record as all measurements of a comparison see it: its transforms, computed once.
+"""Transforms of one record that all its measurements share, each computed once.
 
-Frame (bearing, band, scale) + samples + condition --> RecordView: periodogram, smooth spectrum, squared envelope
+Frame (bearing, band, scale) + samples + condition --> RecordTransforms: periodogram, smooth spectrum, squared envelope
 """
 
 from __future__ import annotations
@@ -21,21 +21,21 @@ from twingap.records import Condition
 Array = NDArray[np.float64]
 
 SMOOTH_SEGMENTS: Final = 512
-"""Bins of the smooth spectrum between 0 and half the sampling rate."""
+"""Bins of the smooth spectrum between 0 and half the sampling rate: more resolve sharper modes with more noise."""
 
 
 @dataclass(frozen=True)
 class Frame:
-    """What a comparison holds fixed for all its records, measured and simulated alike.
+    """Bearing, band and amplitude scale of a comparison, the same for measured and simulated records.
 
     Parameters
     ----------
     bearing : Bearing
         Under test.
     band_hz : (float, float)
-        Where impacts ring, Hz: envelopes are taken in this band unless another is asked for.
+        Where impacts ring, Hz: the default band of envelopes.
     scale : float
-        RMS of the machine's healthy vibration, in the unit of the records: the yardstick of amplitudes.
+        RMS of the machine's healthy vibration, in the unit of the records: the scale of amplitudes.
     """
 
     bearing: Bearing
@@ -78,8 +78,8 @@ class Envelope:
         return self.fs_hz / self.values.size
 
 
-class RecordView:
-    """A record, prepared for measuring.
+class RecordTransforms:
+    """A record and its transforms, each computed when first needed.
 
     Parameters
     ----------

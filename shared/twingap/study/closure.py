@@ -45,7 +45,7 @@ def true_closure(world: Any, seed: int) -> float | None:
     float or None
         None where there is no effect to add, or no gap to close.
     """
-    from twingap.gap.distance.feature_vectors import Grid
+    from twingap.gap.distance.grid import Grid
     from twingap.gap.distance.paired import Paired
     from twingap.rigs.worlds import replay
     from twingap.signal.record_transforms import Frame
@@ -106,7 +106,7 @@ def left_without_effects(world: Any, seed: int) -> float | None:
 
 
 def _left(bare: Blind, rng: np.random.Generator) -> float:
-    from twingap.gap.distance.feature_vectors import Grid
+    from twingap.gap.distance.grid import Grid
     from twingap.gap.distance.paired import Paired
     from twingap.gap.search.evidence import THOROUGH, Evidence, replicates_of, simulator_of
     from twingap.gap.search.optimise import bring_nearest
@@ -118,15 +118,17 @@ def _left(bare: Blind, rng: np.random.Generator) -> float:
     part = calibrated.held_out
     grid = Grid.of(part.conditions, evidence.frame.bearing)
     made = [
-        evidence.views(evidence.simulated(simulator, (), part.conditions, 2 + k), grid)
+        evidence.vectors(evidence.simulated(simulator, (), part.conditions, 2 + k), grid)
         for k in range(replicates_of(simulator, part.conditions, REPLICATES))
     ]
-    pair = Paired(evidence.views(part, grid), made)
-    return float(pair.over_views(pair.squares())[0][0])
+    pair = Paired(evidence.vectors(part, grid), made)
+    return float(pair.over_domains(pair.squares())[0][0])
 
 
 def _views(records: RecordSet, conditions: Sequence[Condition], frame: Any, grid: Any) -> Any:
-    from twingap.gap.distance.feature_vectors import measure
-    from twingap.signal.record_transforms import RecordView
+    from twingap.gap.distance.feature_vectors import measure_vectors
+    from twingap.signal.record_transforms import RecordTransforms
 
-    return measure((RecordView(r.samples, c, frame) for r, c in zip(records, conditions, strict=True)), grid)
+    return measure_vectors(
+        (RecordTransforms(r.samples, c, frame) for r, c in zip(records, conditions, strict=True)), grid
+    )

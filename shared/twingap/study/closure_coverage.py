@@ -19,13 +19,13 @@ import numpy as np
 
 from twingap.errors import TwingapError
 from twingap.gap.distance.closure import closure, closure_interval, paired
-from twingap.gap.distance.feature_vectors import Grid, Views
-from twingap.gap.distance.feature_vectors import measure as measure_views
+from twingap.gap.distance.feature_vectors import FeatureVectors, measure_vectors
+from twingap.gap.distance.grid import Grid
 from twingap.gap.distance.paired import Paired
 from twingap.gap.search.effect_search import explain
 from twingap.gap.search.evidence import THOROUGH, Evidence, simulator_of
 from twingap.identify.calibrate import calibrate
-from twingap.signal.record_transforms import RecordView
+from twingap.signal.record_transforms import RecordTransforms
 from twingap.study.blind import anonymous, blinded
 
 if TYPE_CHECKING:
@@ -85,29 +85,29 @@ def check(case: Case, seed: int, learnt: Learnt) -> Checked | None:
     grid = Grid.of(part.conditions, evidence.frame.bearing)
     places = {c.name: place for place, c in enumerate(blind.records.conditions)}
 
-    def twins(first: int) -> tuple[list[Views], list[Views]]:
+    def twins(first: int) -> tuple[list[FeatureVectors], list[FeatureVectors]]:
         """Replicates before and after, from replicate number `first` on."""
         before, after = (
             [
-                evidence.views(evidence.simulated(c.simulator, c.effects, part.conditions, first + k), grid)
+                evidence.vectors(evidence.simulated(c.simulator, c.effects, part.conditions, first + k), grid)
                 for k in range(REPLICATES)
             ]
             for c in (found.before, found.after)
         )
         return before, after
 
-    real = evidence.views(part, grid)
+    real = evidence.vectors(part, grid)
     pairs = paired(real, *twins(2))
     floor, _ = pairs[1].floor(rng)
     own = closure_interval(*pairs, floor, rng)
     sums = np.zeros(3)
     for run in range(RUNS):
         again = list(anonymous(replay(world, effects=case.effect_names, seed=run), "again"))
-        views = measure_views(
-            (RecordView(again[places[c.name]].samples, c, evidence.frame) for c in part.conditions), grid
+        views = measure_vectors(
+            (RecordTransforms(again[places[c.name]].samples, c, evidence.frame) for c in part.conditions), grid
         )
         before, after = (Paired(views, sims, None, pairs[0].scale) for sims in twins(20 + REPLICATES * run))
-        (b,), (a,) = (p.over_views(p.squares())[0] for p in (before, after))
+        (b,), (a,) = (p.over_domains(p.squares())[0] for p in (before, after))
         sums += np.array([b, a, after.floor(rng)[0]]) / RUNS
     return Checked(case.name, found.names, own.closure, own.ci, closure(*(float(v) for v in sums)))
 

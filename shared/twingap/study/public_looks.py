@@ -11,11 +11,11 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from twingap.gap.features import NAMES, measure
+from twingap.gap.features.registry import NAMES, measure
 from twingap.identify.calibrate import CLEAR_COMB, calibrate
 from twingap.identify.speed_reading import comb_heights
 from twingap.records import RecordSet
-from twingap.signal.record_transforms import RecordView
+from twingap.signal.record_transforms import RecordTransforms
 from twingap.twins.twin_file import TwinSpec
 
 Array = NDArray[np.float64]
@@ -49,7 +49,7 @@ def look_at(records: RecordSet, rng: np.random.Generator) -> list[dict[str, Any]
     rows: list[dict[str, Any]] = []
     for group in records.groups:
         own = list(records.take(i for i, c in enumerate(records.conditions) if c.group == group))
-        table = np.array([measure(RecordView(r.samples, r.condition, frame)) for r in own])
+        table = np.array([measure(RecordTransforms(r.samples, r.condition, frame)) for r in own])
         measured[group] = _medians(table)
         heights = [comb_heights(r.samples, r.condition, records.bearing) for r in own]
         comb = {fault: float(np.median([h[fault] for h in heights])) for fault in heights[0]}

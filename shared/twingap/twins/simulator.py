@@ -1,10 +1,10 @@
-"""Simulators that a diagnosis can question: the same conditions, the same chances, other effects.
+"""Simulators for a diagnosis: records of given conditions with any effects, at the same random numbers.
 
-conditions + effects --TwinSimulator--> the twin with those effects, streams by record and replicate --> records
-                     --OwnSimulator---> the user's simulated records, see `own_simulator` -------------> records
+conditions + effects --TwinSimulator------> the twin with those effects, streams by record and replicate --> records
+                     --ExternalSimulator--> the user's simulated records (`gap.external_simulator`) ------> records
 
-What a record draws depends on the root, the replicate, its condition's name and the purpose alone: records simulated
-with and without an effect differ by that effect and by nothing else.
+The random numbers of a record depend on the root, the replicate, its condition's name and the purpose alone: records
+simulated with and without an effect differ by that effect and by nothing else.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twingap.bearing import Bearing
-from twingap.effects import Draft, Effect, catalogue, make_effect
+from twingap.effects import Draft, Effect, catalogue, in_order, make_effect
 from twingap.errors import TwingapError
 from twingap.records import Condition, Record
 from twingap.streams import Streams
@@ -28,12 +28,12 @@ Array = NDArray[np.float64]
 
 
 class Simulator(Protocol):
-    """What a diagnosis needs of whatever makes the simulated records.
+    """Interface of what makes the simulated records of a diagnosis.
 
     Attributes
     ----------
     name : str
-        For people.
+        For the report.
     has : tuple[str, ...]
         Effects that it models already.
     """
@@ -52,9 +52,9 @@ class Simulator(Protocol):
             One that it has already is not added again.
         conditions : sequence of Condition
         streams_root : int
-            Entropy of all chances: the same root gives the same chances whatever the effects.
+            Entropy of all random numbers: the same root gives the same ones for all effects.
         replicate : int
-            Number of the repetition, from 0: each has chances of its own.
+            Number of the repetition, from 0: each has random numbers of its own.
         """
         ...
 
@@ -87,7 +87,7 @@ class TwinSimulator:
     unit : str
         Of the records.
     conditions : sequence of Condition, optional
-        Those to be simulated, for `can_add` to ask about.
+        Those to be simulated, which `can_add` checks.
 
     Raises
     ------
@@ -138,9 +138,7 @@ class TwinSimulator:
 
 
 def _chained(twin: Twin, effects: tuple[Effect, ...]) -> Twin:
-    """The same twin with another chain; it is nobody else's, so it may be changed."""
-    from twingap.effects import in_order
-
+    """The twin, of which there is no other user, with another chain."""
     twin.effects = in_order(effects)
     return twin
 
@@ -154,14 +152,14 @@ def why_not(
 ) -> str | None:
     """Why an effect cannot act on any record of these conditions, None when it can act on one.
 
-    What its default parameters forbid on single conditions (a carrier above half the rate), other parameters may allow;
-    so only reasons that do not go with the rate count.
+    Its default parameters may forbid it at some sampling rates (a carrier above half the rate) where others would not,
+    so conditions are checked at a very high rate.
     """
     if name not in catalogue():
         return f"unknown effect {name!r}"
-    asked = conditions or (Condition("any", 1800.0, 1e6, 64, "inner"),)
+    checked = conditions or (Condition("any", 1800.0, 1e6, 64, "inner"),)
     reasons = set()
-    for fault in dict.fromkeys(c.fault for c in asked):
+    for fault in dict.fromkeys(c.fault for c in checked):
         condition = Condition("any", 1800.0, 1e6, 64, fault)
         t = np.arange(64) / condition.fs_hz
         draft = Draft(condition, bearing, reference_rms, t, t * 30.0, excitation=excitation)

@@ -15,7 +15,7 @@ from twingap.data import cut, load, where
 from twingap.effects import catalogue, make_effect
 from twingap.effects.on_waveform import apply_to_waveform
 from twingap.errors import TwingapError
-from twingap.gap.external_simulator import OwnSimulator
+from twingap.gap.external_simulator import ExternalSimulator
 from twingap.gap.features.comparison import feature_names
 from twingap.gap.search.evidence import Evidence, simulator_of
 from twingap.identify.calibrate import calibrate, healthy_rms
@@ -83,7 +83,7 @@ def test_the_plain_twin_takes_every_effect_and_the_contact_twin_says_which_it_do
 def test_own_records_come_back_to_the_byte() -> None:
     made = sim()
     real = sim(seed=1)
-    own = OwnSimulator(made, real, BEARING, 1.0)
+    own = ExternalSimulator(made, real, BEARING, 1.0)
     assert own.gain == 1.0
     for record, given in zip(own.simulate((), real.conditions, 5, 0), made, strict=True):
         assert record.samples.tobytes() == given.samples.tobytes()
@@ -92,7 +92,7 @@ def test_own_records_come_back_to_the_byte() -> None:
 def test_own_records_are_left_as_they_are_by_effects() -> None:
     made = sim()
     before = [r.samples.copy() for r in made]
-    own = OwnSimulator(made, sim(seed=1), BEARING, 1.0)
+    own = ExternalSimulator(made, sim(seed=1), BEARING, 1.0)
     noisy = own.simulate((make_effect("mains_interference"),), CONDITIONS, 5, 0)
     assert not np.array_equal(noisy[0].samples, before[0])
     for record, kept in zip(made, before, strict=True):
@@ -105,7 +105,7 @@ def test_effects_on_strikes_leave_the_simulators_noise_where_healthy_records_tel
     made = sim(timed, 2)
     struck = made.select(lambda c: c.fault != "healthy")
 
-    def power_between(own: OwnSimulator, replicate: int = 0) -> list[float]:
+    def power_between(own: ExternalSimulator, replicate: int = 0) -> list[float]:
         """Of a fifth of the short stretches, the quietest, with the effect over without it; by record of a defect."""
         out = []
         for condition in timed:
@@ -117,9 +117,9 @@ def test_effects_on_strikes_leave_the_simulators_noise_where_healthy_records_tel
         return out
 
     gain = math.exp(2 * 2.0)
-    whole = power_between(OwnSimulator(struck, sim(timed, 1), BEARING, 1.0))
+    whole = power_between(ExternalSimulator(struck, sim(timed, 1), BEARING, 1.0))
     assert whole == pytest.approx([gain] * 4)
-    own = OwnSimulator(made, sim(timed, 1), BEARING, 1.0)
+    own = ExternalSimulator(made, sim(timed, 1), BEARING, 1.0)
     apart = power_between(own)
     assert max(apart) < 0.5 * gain, "strikes ring on into the quietest fifth"
     # The same again, at another level too: what is kept is of the records as they were brought.
@@ -140,7 +140,7 @@ def test_disturbances_go_by_the_simulators_own_vibration() -> None:
         for i, r in enumerate(sim(seed=1))
     ]
     real = RecordSet.from_records("real", "", BEARING, (Record(r.condition, units * r.samples) for r in loud))
-    own = OwnSimulator(made, real, BEARING, healthy_rms(real)).with_gain(units)
+    own = ExternalSimulator(made, real, BEARING, healthy_rms(real)).with_gain(units)
     tone = [
         b.samples - a.samples
         for a, b in zip(own.simulate((), CONDITIONS, 5, 0), own.simulate((hum,), CONDITIONS, 5, 0), strict=True)
@@ -152,7 +152,7 @@ def test_disturbances_go_by_the_simulators_own_vibration() -> None:
 
 def test_without_a_healthy_simulated_record_the_real_ones_are_the_yardstick() -> None:
     struck = [c for c in CONDITIONS if c.fault != "healthy"]
-    own = OwnSimulator(sim(struck), sim(seed=1), BEARING, 0.8)
+    own = ExternalSimulator(sim(struck), sim(seed=1), BEARING, 0.8)
     assert own.reference_rms == pytest.approx(0.8)
     assert own.with_gain(3 * own.gain).reference_rms == pytest.approx(2.4)
 
@@ -160,7 +160,7 @@ def test_without_a_healthy_simulated_record_the_real_ones_are_the_yardstick() ->
 def test_another_unit_is_calibrated_away() -> None:
     made = sim()
     in_g = RecordSet.from_records("g", "g", BEARING, [Record(r.condition, r.samples / 9.80665) for r in sim(seed=1)])
-    own = OwnSimulator(made, in_g, BEARING, 0.1)
+    own = ExternalSimulator(made, in_g, BEARING, 0.1)
     assert own.gain == pytest.approx(1 / 9.80665, rel=0.05)
     assert any("multiplied" in note for note in own.notes)
 
@@ -169,22 +169,22 @@ def test_of_simulated_records_at_several_rates_those_that_reach_the_real_one_are
     slow = [replace(c, name=f"slow {c.name}", fs_hz=8_000.0, n_samples=4000) for c in CONDITIONS]
     fast = [replace(c, name=f"fast {c.name}") for c in CONDITIONS]
     both = RecordSet.from_records("both", "m/s^2", BEARING, [*sim(slow), *sim(fast)])
-    own = OwnSimulator(both, sim(seed=1), BEARING, 1.0)
+    own = ExternalSimulator(both, sim(seed=1), BEARING, 1.0)
     assert {r.condition.fs_hz for r in own.simulate((), CONDITIONS, 5, 0)} == {10_000.0}
     with pytest.raises(TwingapError, match="is sampled at 8000 Hz"):
-        OwnSimulator(sim(slow), sim(seed=1), BEARING, 1.0)
+        ExternalSimulator(sim(slow), sim(seed=1), BEARING, 1.0)
 
 
 def test_short_simulated_records_are_repeated_and_that_is_said() -> None:
     short = [replace(c, n_samples=500) for c in CONDITIONS]
-    own = OwnSimulator(sim(short), sim(seed=1), BEARING, 1.0)
+    own = ExternalSimulator(sim(short), sim(seed=1), BEARING, 1.0)
     assert any("repeated to their length" in note for note in own.notes)
-    assert not any("repeated" in note for note in OwnSimulator(sim(), sim(seed=1), BEARING, 1.0).notes)
+    assert not any("repeated" in note for note in ExternalSimulator(sim(), sim(seed=1), BEARING, 1.0).notes)
 
 
 def test_a_record_of_nearly_the_real_speed_is_left_alone() -> None:
     wanted = Condition("x", 1560.0, 10_000.0, 10_000, "inner")
-    own = OwnSimulator(sim([Condition("m", 1500.0, 10_000.0, 10_000, "inner")], 1), sim([wanted], 2), BEARING, 1.0)
+    own = ExternalSimulator(sim([Condition("m", 1500.0, 10_000.0, 10_000, "inner")], 1), sim([wanted], 2), BEARING, 1.0)
     own.gain = 1.0
     (record,) = own.simulate((), [wanted], 0, 0)
     assert record.condition == replace(wanted, speed_rpm=1500.0)
@@ -199,7 +199,7 @@ def test_a_simulated_record_is_brought_to_the_real_speed() -> None:
     )
     wanted = Condition("x", 1680.0, 10_000.0, 10_000, "inner")
     real = sim([wanted], 2)
-    own = OwnSimulator(tone, real, BEARING, 1.0)
+    own = ExternalSimulator(tone, real, BEARING, 1.0)
     own.gain = 1.0
     (record,) = own.simulate((), [wanted], 0, 0)
     spectrum = np.abs(np.fft.rfft(record.samples * np.hanning(10_000)))
@@ -209,11 +209,11 @@ def test_a_simulated_record_is_brought_to_the_real_speed() -> None:
 
 def test_a_higher_rate_is_brought_down_and_a_lower_one_refused() -> None:
     fast = [replace(c, fs_hz=20_000.0, n_samples=10_000) for c in CONDITIONS]
-    own = OwnSimulator(sim(fast), sim(seed=1), BEARING, 1.0)
+    own = ExternalSimulator(sim(fast), sim(seed=1), BEARING, 1.0)
     assert {r.samples.size for r in own.simulate((), CONDITIONS, 0, 0)} == {5000}
     slow = [replace(c, fs_hz=8000.0, n_samples=4000) for c in CONDITIONS]
     with pytest.raises(TwingapError, match="sampled at 8000 Hz"):
-        OwnSimulator(sim(slow), sim(seed=1), BEARING, 1.0)
+        ExternalSimulator(sim(slow), sim(seed=1), BEARING, 1.0)
 
 
 def test_replicates_are_other_records_as_far_as_there_are_any() -> None:
@@ -221,7 +221,7 @@ def test_replicates_are_other_records_as_far_as_there_are_any() -> None:
     conditions = [replace(CONDITIONS[1], name=f"s{i}") for i in range(2)]
     made = sim(conditions)
     real = sim([replace(CONDITIONS[1], name="x")], 3)
-    own = OwnSimulator(made, real, BEARING, 1.0)
+    own = ExternalSimulator(made, real, BEARING, 1.0)
     own.gain = 1.0
     assert own.replicates(real.conditions) == 2
     first, second, third = (own.simulate((), real.conditions, 0, k)[0].samples for k in range(3))
@@ -233,7 +233,7 @@ def test_replicates_are_other_records_as_far_as_there_are_any() -> None:
 def test_records_that_nothing_is_calibrated_by_get_simulated_ones_of_their_own() -> None:
     made = sim([replace(CONDITIONS[1], name=f"s{i}") for i in range(4)])
     real = sim([replace(CONDITIONS[1], name=f"x{i}") for i in range(4)], 3)
-    own = OwnSimulator(made, real.take([0, 1]), BEARING, 1.0, others=real.conditions[2:])
+    own = ExternalSimulator(made, real.take([0, 1]), BEARING, 1.0, others=real.conditions[2:])
     for replicate in range(3):
         got = own.simulate((), real.conditions, 0, replicate)
         assert len({r.samples.tobytes() for r in got}) == 4
@@ -261,13 +261,13 @@ def test_a_simulator_of_the_machine_itself_is_at_no_distance_from_it() -> None:
 def test_like_records_get_different_simulated_ones() -> None:
     made = sim([replace(CONDITIONS[1], name=f"s{i}") for i in range(3)])
     real = sim([replace(CONDITIONS[1], name=f"x{i}") for i in range(3)], 3)
-    own = OwnSimulator(made, real, BEARING, 1.0)
+    own = ExternalSimulator(made, real, BEARING, 1.0)
     got = own.simulate((), real.conditions, 0, 0)
     assert len({r.samples.tobytes() for r in got}) == 3
 
 
 def test_what_a_waveform_cannot_take_is_said() -> None:
-    own = OwnSimulator(sim(), sim(seed=1), BEARING, 1.0)
+    own = ExternalSimulator(sim(), sim(seed=1), BEARING, 1.0)
     assert "finished waveform" in str(own.can_add("mean_slip"))
     assert "no path" in str(own.can_add("distributed_roughness"))
     assert own.can_add("speed_fluctuation") is None
@@ -276,12 +276,12 @@ def test_what_a_waveform_cannot_take_is_said() -> None:
 
 def test_faults_that_nobody_simulated() -> None:
     healthy = sim([CONDITIONS[0]])
-    own = OwnSimulator(healthy, sim(seed=1), BEARING, 1.0)
+    own = ExternalSimulator(healthy, sim(seed=1), BEARING, 1.0)
     assert own.missing == {"inner", "outer"}
     with pytest.raises(TwingapError, match="no simulated record of fault 'inner'"):
         own.simulate((), CONDITIONS, 0, 0)
     with pytest.raises(TwingapError, match="no record of inner"):
-        OwnSimulator(healthy, sim([CONDITIONS[1]], 1), BEARING, 1.0)
+        ExternalSimulator(healthy, sim([CONDITIONS[1]], 1), BEARING, 1.0)
     with pytest.raises(TwingapError, match="fault is unknown"):
         own.simulate((), [replace(CONDITIONS[0], fault=None)], 0, 0)
 
@@ -303,7 +303,7 @@ def test_simulated_records_are_ranked_by_fault_speed_load_and_time() -> None:
         return out
 
     made, real = (RecordSet.from_records(name, "g", BEARING, some(30, name)) for name in ("made", "real"))
-    own = OwnSimulator(made, real, BEARING, 1.0)
+    own = ExternalSimulator(made, real, BEARING, 1.0)
     times = [c.time_s for c in made.conditions if c.time_s is not None]
 
     def apart(a: Condition, b: Condition) -> float:
@@ -407,7 +407,7 @@ def test_one_half_of_real_recordings_simulates_the_other() -> None:
     odd = pieces.take([i for i in range(len(pieces)) if i % 2])
     even = pieces.take([i for i in range(len(pieces)) if i % 2 == 0][:40])
     found = calibrate(even, None, np.random.default_rng(0), sim=odd)
-    own = OwnSimulator(odd, found.fit, found.frame.bearing, found.frame.scale)
+    own = ExternalSimulator(odd, found.fit, found.frame.bearing, found.frame.scale)
     assert own.gain == 1.0
     real = [*found.fit, *found.held_out]  # defects of one fault differ in size: one part may have the small ones
     conditions = [record.condition for record in real]

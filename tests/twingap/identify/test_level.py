@@ -10,11 +10,11 @@ import pytest
 from tests.twingap.gap.search.test_optimise import OWN, machine
 from twingap.bearing import BEARINGS
 from twingap.effects import make_effect
-from twingap.gap.external_simulator import OwnSimulator
+from twingap.gap.external_simulator import ExternalSimulator
 from twingap.gap.search.evidence import THOROUGH, Evidence, level_of, simulator_of
 from twingap.gap.search.initial_values import observations
 from twingap.gap.search.optimise import bring_nearest
-from twingap.identify.baseline import match_level, sides_of
+from twingap.identify.baseline import match_level, state_spectra
 from twingap.identify.calibrate import calibrate
 from twingap.records import Condition, Record, RecordSet
 from twingap.signal.record_transforms import Frame
@@ -40,7 +40,7 @@ def evidence_of(records: RecordSet, sim: RecordSet) -> Evidence:
 
 
 def gain_of(simulator: object) -> float:
-    assert isinstance(simulator, OwnSimulator)
+    assert isinstance(simulator, ExternalSimulator)
     return simulator.gain
 
 
@@ -99,7 +99,7 @@ def test_strong_tones_and_bands_that_an_effect_fills_do_not_decide() -> None:
     x = rng.standard_normal(40000)
     hiss = np.fft.irfft(np.fft.rfft(rng.standard_normal(40000)) * (np.fft.rfftfreq(40000) < 0.04), 40000) * 100
     tone = 30 * np.sin(np.arange(40000) * 0.7)
-    (side,) = sides_of([Record(condition, 3 * x + hiss + tone)], frame)
+    (side,) = state_spectra([Record(condition, 3 * x + hiss + tone)], frame)
 
     def made(level: float, conditions: object) -> list[Record]:
         return [Record(condition, level * rng.permutation(x))]

@@ -1,12 +1,12 @@
-"""Where the gap lies: bins in which records and twin differ, with a family-wise error rate, and the share of each.
+"""Localisation of a gap: bins in which records and twin differ, at a family-wise error rate, and the share of each.
 
 Paired --deviation of record and of each replicate, per bin--> means over all records, and over those of each fault
        --deviation of few scalars--> contrasts between conditions (fault against the rest, trends over speed, ...)
 all of them --exchange of record and replicate within conditions--> step-down max-T --> Places, with shares
 
-Who plays the record is exchanged within each condition as in `two_sample_tests`: the null is exact when the twin
-equals the machine, whatever the dependence between bins. Step-down (Westfall and Young, Resampling-based multiple
-testing, 1993) takes out what is found, so that a loud place does not hide a faint one.
+Record and replicates are exchanged within each condition as in `two_sample_tests`: the null is exact when the twin
+equals the machine, for any dependence between bins. Step-down (Westfall and Young, Resampling-based multiple testing,
+1993) removes what is found, so that a large difference does not hide a small one.
 """
 
 from __future__ import annotations
@@ -20,20 +20,24 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import norm
 
-from twingap.gap.distance.feature_vectors import Views
+from twingap.gap.distance.domain_names import DomainName
 from twingap.gap.distance.paired import Paired
 from twingap.gap.distance.two_sample_tests import Choice, Exchange, exchanges
-from twingap.gap.report.model import Domain, Place
+from twingap.gap.report.model import Place
 from twingap.records import Condition
 
 Array = NDArray[np.float64]
 Single = NDArray[np.float32]
 
 _CLIP: Final = 4.0
-"""Standardised deviations count at most this much: a bin with rare outliers must not set the threshold of all."""
+"""Bound of standardised deviations: larger, and bins with rare outliers raise the threshold of all bins."""
 _LEAST_SPREAD: Final = 0.03
+"""Least spread of a bin (log units): smaller, and bins that hardly vary are found more easily."""
 _VARIES: Final = 0.05
+"""Part of its mean by which speed, load or time must vary for a contrast over it."""
 _FEWEST_EXCHANGES: Final = 1000
+"""Possible exchanges that a subset of records must have: fewer cannot be significant, and raise the threshold of
+others."""
 _NUMBERS: Final = ("speed_rpm", "load_n", "time_s")
 
 
@@ -46,7 +50,7 @@ class Located:
     places : tuple of Place
         Significant at the family-wise level, largest share first.
     remainder : float
-        Part of the whole gap that lies in no significant place, 0 to 1; places and remainder add up to 1.
+        Part of the gap that lies in no significant place, 0 to 1; places and remainder add up to 1.
     p_value : float
         Of no difference anywhere: the smallest adjusted one.
     """
@@ -54,17 +58,6 @@ class Located:
     places: tuple[Place, ...]
     remainder: float
     p_value: float
-
-
-def localise(
-    real: Views,
-    sims: Sequence[Views],
-    conditions: Sequence[Condition],
-    rng: np.random.Generator,
-    alpha: float = 0.05,
-) -> tuple[Place, ...]:
-    """Places in which records and twin differ. See `locate`."""
-    return locate(Paired(real, sims, conditions), rng, alpha).places
 
 
 def locate(
@@ -101,7 +94,7 @@ def locate(
     plain = np.ones(deviations.shape[2], bool)
     plain[condition] = False
 
-    # Too few records cannot be significant however they are exchanged, and would only set the others' threshold.
+    # Too few records cannot be significant, and would only raise the threshold of others.
     fewest = math.ceil(math.log(_FEWEST_EXCHANGES) / math.log(pair.m + 1)) if exchange != "world" else 1
     if exchange == "group":
         fewest *= max(round(pair.n / len(set(groups))), 1)
@@ -121,9 +114,9 @@ def locate(
     part = pair.real.weight * pair.over_strata(pair.squares())[0]
     found = _Found(pair, alpha, np.maximum(part, 0.0), p_bins, tuple(subsets), np.abs(per_bin[0]), plain)
     places = [*found.bins(), *found.conditions(contrasts, p_contrasts)]
-    # Bins without a gap are as often below zero as above: the sum is the unbiased whole, unless places exceed it.
-    whole = max(float(part.sum()), sum(place.share for place in places), 1e-300)
-    shared = tuple(_with_share(place, place.share / whole) for place in places)
+    # Bins without a gap are as often below zero as above: the sum is an unbiased total, unless places exceed it.
+    total = max(float(part.sum()), sum(place.share for place in places), 1e-300)
+    shared = tuple(_with_share(place, place.share / total) for place in places)
     ordered = tuple(sorted(shared, key=lambda place: (-place.share, place.p_value)))
     return Located(ordered, max(1.0 - sum(place.share for place in ordered), 0.0), float(p.min()))
 
@@ -151,7 +144,7 @@ def adjusted(statistics: Single) -> Array:
 
 
 def _standardised(pair: Paired) -> Single:
-    """[records, members, bins] How far each member lies from the mean of the others, in robust standard deviations.
+    """[records, members, bins] Deviation of each member from the mean of the others, in robust standard deviations.
 
     The spread is taken over all members alike, so that exchanging them changes nothing.
     """
@@ -159,7 +152,7 @@ def _standardised(pair: Paired) -> Single:
     m = pair.m
     deviations = ((m + 1) * stacked - stacked.sum(axis=1, keepdims=True)) / m
     flat = np.abs(deviations).reshape(-1, deviations.shape[2])
-    if m == 1:  # the record's deviation is its replicate's: only their size is common to both exchanges
+    if m == 1:  # the deviations of record and replicate are equal but for sign
         spread = np.sqrt((flat**2).mean(axis=0))
     else:  # a quantile that the record itself, one of m + 1, does not reach
         level = min(0.8, 1 - 1.5 / (m + 1))
@@ -183,7 +176,7 @@ def _subsets(conditions: Sequence[Condition], fewest: int) -> dict[str | None, N
 
 
 def _subset_statistics(deviations: Single, choices: Choice, subsets: Sequence[NDArray[np.int64]]) -> Single:
-    """[draws, subsets, bins] |sum| / sqrt(count) of the deviations of who plays the record."""
+    """[draws, subsets, bins] |sum| / sqrt(count) of the deviations of the members chosen as record."""
     members, bins = deviations.shape[1:]
     sums = np.zeros((len(choices), len(subsets), bins), dtype=np.float32)
     # The sum over all is that over the faults, unless some fault has too few records for a subset of its own.
@@ -205,7 +198,7 @@ def _subset_statistics(deviations: Single, choices: Choice, subsets: Sequence[ND
 
 @dataclass(frozen=True)
 class _Contrast:
-    """A comparison between conditions: weights [records] that sum to 0, and what it is about."""
+    """A comparison between conditions: weights [records] that sum to 0, its variable and fault."""
 
     variable: str
     weights: Array
@@ -253,7 +246,7 @@ def _contrast_statistics(deviations: Single, choices: Choice, weights: Sequence[
 
 
 class _Found:
-    """Turns significant bins and contrasts into places whose `share` is still in units of the squared gap."""
+    """Significant bins and contrasts as places, whose `share` is still in units of the squared gap."""
 
     def __init__(
         self,
@@ -289,13 +282,13 @@ class _Found:
                 out[key] = place
         return list(out.values())
 
-    def _place(self, domain: Domain, lo: float, hi: float, unit: str, columns: NDArray[np.int64]) -> Place:
+    def _place(self, domain: DomainName, lo: float, hi: float, unit: str, columns: NDArray[np.int64]) -> Place:
         p = self.p[:, columns]
         condition = self._only_some_faults(columns)
         return Place(domain, float(lo), float(hi), unit, float(self.part[columns].sum()), float(p.min()), condition)
 
     def _only_some_faults(self, columns: NDArray[np.int64]) -> Mapping[str, Any] | None:
-        """The faults for which a place was found, when there is no sign of it for any of the others."""
+        """Faults for which a place was found, where no other fault shows it."""
         if len(self.subsets) < 2:
             return None
         with_it = [

@@ -1,22 +1,21 @@
-"""How far records and twin lie apart, in each view and overall, with the floor beside it.
+"""Distance between records and their simulated replicates, in each domain and overall, and its floor.
 
-Views of records --+
-                   +--Paired--> differences [records, bins] --strata, slopes--> squares per bin, unbiased
-Views of replicates+                                                             |
-                                          standardised by the records' spread <--+--> per view --> overall, floor
+FeatureVectors of records --+
+                            +--Paired--> differences [records, bins] --strata, slopes--> squares per bin, unbiased
+FeatureVectors of replicates+                                                                |
+                                     standardised by the spread between records <--+--> per domain --> overall, floor
 
-The difference of a record is its view less the mean of its simulated replicates of the same condition. What of it is
-the same in a stratum of conditions, and what goes straight with speed, load or time within all strata, is the gap: a
-twin whose level is right in the middle and wrong at both ends of the speeds, or of the run, is not right. Its square is
-that of estimated means and slopes less the variance that scatter about them leaves (one-way U-statistic; analysis of
-covariance, Scheffe 1959, ch. 6), so noise between records adds nothing on average: two sets of one machine are at
-distance 0 but for chance. The floor says how large chance is.
+The difference of a record is its vector less the mean of its replicates of the same condition. The gap is what
+differences in a stratum of conditions have in common, and what is linear in speed, load or time within all strata: a
+twin whose level is right at mid speed and wrong at both ends is not right. Its square is that of estimated means and
+slopes less the variance that scatter adds to them (one-way U-statistic; analysis of covariance, Scheffe 1959, ch. 6),
+so noise between records adds nothing on average: two sets of one machine are at distance 0 but for chance. The floor
+says how large chance is.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
 from functools import cached_property
 from typing import Final, NamedTuple
 
@@ -24,51 +23,30 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twingap.errors import TwingapError
-from twingap.gap.distance.feature_vectors import Views
-from twingap.gap.distance.stratification import about_trend, slopes, strata, witnesses
-from twingap.gap.report.model import Domain
+from twingap.gap.distance.domain_names import DomainName
+from twingap.gap.distance.feature_vectors import FeatureVectors
+from twingap.gap.distance.stratification import detrended, independent_units, slopes, strata
 from twingap.records import Condition
 
 Array = NDArray[np.float64]
 Places = NDArray[np.int64]
 
-_LARGEST_POOL = 512
+_LARGEST_POOL: Final = 512
+"""Residuals that a bootstrap draws from: more are slower and hardly change intervals."""
 _LEAST_LEFT: Final = 0.1
-"""Part of a unit's scatter that means and slopes must leave for it to say anything of scatter."""
+"""Part of a unit's scatter that means and slopes must leave for its residual to enter the pool."""
 _ALIKE: Final = 4.0
-"""Degrees of freedom that the spread of a kind's other bins is worth to one bin's, where records alone tell of it."""
-_LEAST_SPREAD = 0.05
-"""No bin's spread counts as less (log units): a bin that never varies would drown all others."""
-_PLAIN: Final = 16.0
-"""Square of four standard deviations: what is plain to anyone gets little plainer. By squares alone, one strong tone or
-a converter's repeated samples would be all of the gap, and nothing else that is closed would count."""
-
-
-@dataclass(frozen=True)
-class Distance:
-    """Gap between records and twin: standard deviations between records, root mean square over bins and views.
-
-    Squares beyond four standard deviations count with their logarithm.
-
-    Parameters
-    ----------
-    overall : float
-        Root of the mean over views of the squared distances per view; a view's is the mean over its kinds of bins.
-    views : Mapping, domain -> float
-    floor : float
-        What records measured against other records of the same machine show on average: the overall gap of a twin that
-        lacks nothing.
-    view_floors : Mapping, domain -> float
-    """
-
-    overall: float
-    views: Mapping[Domain, float]
-    floor: float
-    view_floors: Mapping[Domain, float]
+"""Degrees of freedom that the median spread of a kind is worth to each of its bins, where there is one replicate: more,
+and spreads are more equal."""
+_LEAST_SPREAD: Final = 0.05
+"""Least spread of a bin (log units): without it, a bin that never varies dominates all others."""
+_LARGE: Final = 16.0
+"""Square, in standard deviations, beyond which squares grow with their logarithm: larger, and one strong tone or
+repeated samples make up all of the gap."""
 
 
 class Drawn(NamedTuple):
-    """How often residuals of a pool stand for the units of a stratum.
+    """How often each residual of a pool was drawn for the units of a stratum.
 
     Parameters
     ----------
@@ -90,14 +68,14 @@ class Paired:
 
     Parameters
     ----------
-    real : Views
-    sims : sequence of Views [m replicates]
+    real : FeatureVectors
+    sims : sequence of FeatureVectors [m replicates]
         Each holds one record per real record, in the same order and of the same condition, from its own random numbers.
     conditions : sequence of Condition, optional
         Of the records; those of `real` when None.
     scale : Array [bins], optional
-        Spread to standardise by, from another `Paired` of the same records: distances before and after are then
-        measured with one yardstick. None = its own.
+        Spread to standardise by, from another `Paired` of the same records, so that distances before and after compare.
+        None = its own.
 
     Raises
     ------
@@ -107,8 +85,8 @@ class Paired:
 
     def __init__(
         self,
-        real: Views,
-        sims: Sequence[Views],
+        real: FeatureVectors,
+        sims: Sequence[FeatureVectors],
         conditions: Sequence[Condition] | None = None,
         scale: Array | None = None,
     ) -> None:
@@ -144,21 +122,21 @@ class Paired:
     @cached_property
     def units(self) -> tuple[Array, ...]:
         """Per stratum [units, bins]: means of the differences of its units' records."""
-        return tuple(np.stack([self.difference[unit].mean(axis=0) for unit in own]) for own in self._witnesses)
+        return tuple(np.stack([self.difference[unit].mean(axis=0) for unit in own]) for own in self._units)
 
     @cached_property
-    def _witnesses(self) -> tuple[list[Places], ...]:
+    def _units(self) -> tuple[list[Places], ...]:
         """Per stratum, places of the records of each of its units."""
         return tuple(
-            [places[unit] for unit in witnesses([self.conditions[i] for i in places])] for places in self.strata
+            [places[unit] for unit in independent_units([self.conditions[i] for i in places])] for places in self.strata
         )
 
     @cached_property
     def scale(self) -> Array:
         """[bins] Spread between records under equal conditions, real and simulated pooled, never less than 0.05.
 
-        A fifth of the median spread of a bin's kind is added in squares, lest a bin that is quiet by chance counts
-        most; where records alone tell of spread, the kind's counts as some more records.
+        A fifth of the median spread of a bin's kind is added in squares, so that a bin with little spread by chance
+        does not dominate; with one replicate, the kind's spread counts as `_ALIKE` more records.
         """
         if self._scale is not None:
             return self._scale
@@ -187,15 +165,15 @@ class Paired:
         rows: list[Array] = [self.difference[p] for p in self.strata]
         tilts = slopes([[[self.conditions[i]] for i in p] for p in self.strata])
         free = sum(len(d) - 1 for d in rows) - tilts[0].shape[1]
-        square = np.sum([np.sum(rest**2, axis=0) for rest in about_trend(rows, tilts)[0]], axis=0)
+        square = np.sum([np.sum(rest**2, axis=0) for rest in detrended(rows, tilts)[0]], axis=0)
         return np.asarray(square / max(free, 1) / (1 + 1 / self.m)), free
 
     @cached_property
     def _by_own_scatter(self) -> Array | float:
-        """[bins] By how much noise counts more where the scale is of the records' own scatter.
+        """[bins] Factor on the noise where the scale is estimated from the records' own scatter.
 
-        A bin that scatters little by chance is standardised by little: its mean counts for more, and the noise that is
-        taken out of it does not, since it is small by the same chance. The mean square over an estimated variance of
+        A bin with little scatter by chance is divided by little: its mean grows, and the noise that is subtracted does
+        not, since it is small by the same chance. The mean square over an estimated variance of
         nu degrees of freedom exceeds that over the true one by nu / (nu - 2) (F distribution); here the first order of
         the same for a variance that is partly a kind's.
         """
@@ -214,8 +192,8 @@ class Paired:
     def squares(self) -> Array:
         """Unbiased squared gap of each bin in each stratum, standardised.
 
-        In the condition view, of which the strata are the bins proper, what all strata have in common is taken out: it
-        is seen by the other views, and would not say where.
+        In the domain "condition", the common part of all strata is taken out: other domains show it, and it does not
+        say in which condition the gap is.
 
         Returns
         -------
@@ -227,22 +205,23 @@ class Paired:
     @cached_property
     def tilts(self) -> tuple[Array, ...]:
         """Per stratum [units, slopes]: see `slopes`."""
-        return slopes([[[self.conditions[i] for i in unit] for unit in own] for own in self._witnesses])
+        return slopes([[[self.conditions[i] for i in unit] for unit in own] for own in self._units])
 
     @cached_property
     def _count(self) -> int:
         """Of all units."""
-        return sum(len(own) for own in self._witnesses)
+        return sum(len(own) for own in self._units)
 
     @cached_property
     def _fitted(self) -> tuple[list[Array], list[Array], Array]:
         """Units, standardised; what is left of them beside their stratum's mean and slopes; slopes [slopes, bins]."""
         units = [u / self.scale for u in self.units]
-        return units, *about_trend(units, self.tilts)
+        return units, *detrended(units, self.tilts)
 
     @cached_property
     def _variances(self) -> list[Array]:
-        """[bins] of one unit, per stratum: what its own scatter does not know for the slopes, all strata's says."""
+        """Per stratum [bins]: variance of one unit; what slopes take from its own scatter is replaced by that of all
+        strata."""
         _, rests, steepness = self._fitted
         squares = [np.sum(rest**2, axis=0) for rest in rests]
         free = sum(len(rest) - 1 for rest in rests) - len(steepness)
@@ -274,11 +253,11 @@ class Paired:
         return steepness, np.asarray((steepness**2 - noise).sum(axis=0, keepdims=True) / self._count)
 
     def misfit(self) -> float:
-        """Distance with the noise of the records' means left in: smooth in whatever makes the replicates.
+        """Distance with the noise of the records' means left in: a smooth function of the parameters of the replicates.
 
-        For fitting values: what is taken out of `squares` may leave nothing, or nothing to go by. With more than one
-        replicate the noise of simulations is taken out, since values that make it small would come nearer by that
-        alone: many small knocks for a few large ones, strikes that hardly scatter.
+        The objective of fitted values, where the unbiased `squares` may be negative. With more than one replicate the
+        noise of simulations is taken out: otherwise values that reduce it, such as many small impulses instead of a few
+        large ones, seem closer.
         """
         steepness, noises = self._fitted[2], self._simulated_variances
         trend = (steepness**2).sum(axis=0, keepdims=True) / self._count
@@ -286,11 +265,11 @@ class Paired:
             trend = trend - float(np.sum(tilt**2)) * noise / self._count
         parts = [
             (mean**2 - noise / len(own), mean)
-            for (_, mean), noise, own in zip(self._squares, noises, self._witnesses, strict=True)
+            for (_, mean), noise, own in zip(self._squares, noises, self._units, strict=True)
         ]
-        # Where noise by chance seems larger than it is, less than nothing would be left, and values be sought for that.
+        # Where noise is overestimated by chance, the rest would be negative, and attract the fit.
         means = np.maximum(self.over_strata(self._contrasted(parts, trend)), 0.0)
-        return float(self._of_views(means)[0][0])
+        return float(self._of_domains(means)[0][0])
 
     @cached_property
     def _simulated_variances(self) -> list[Array]:
@@ -298,15 +277,13 @@ class Paired:
         if self.m < 2:
             return [np.zeros(self.scale.size)] * len(self.strata)
         of_record = self.stacked[:, 1:].var(axis=1, ddof=1) / self.m / self.scale**2
-        return [
-            np.mean([of_record[unit].sum(axis=0) / len(unit) ** 2 for unit in own], axis=0) for own in self._witnesses
-        ]
+        return [np.mean([of_record[unit].sum(axis=0) / len(unit) ** 2 for unit in own], axis=0) for own in self._units]
 
     def residuals(self) -> Array:
         """[strata + slopes, bins] Standardised means and slopes: `misfit` is the root of their squares, tempered, less
         what simulations scatter by.
 
-        Of the condition view what strata do not have in common, as everywhere.
+        In the domain "condition", without the common part of all strata.
         """
         means = np.stack([mean[0] for _, mean in self._squares])
         if "condition" in self.real.domains:
@@ -316,15 +293,15 @@ class Paired:
         return np.concatenate(parts)
 
     def counts(self) -> Array:
-        """[bins] How much a little more of a bin's square adds to that of the misfit, as it stands."""
+        """[bins] Derivative of the squared misfit by a bin's square."""
         squares = (self.residuals() ** 2).sum(axis=0)
-        return np.asarray(self.real.weight * np.minimum(1, _PLAIN / np.maximum(squares, 1e-12)))
+        return np.asarray(self.real.weight * np.minimum(1, _LARGE / np.maximum(squares, 1e-12)))
 
     def resampled(self, drawn: Sequence[Drawn]) -> Array:
-        """Squares as they might have come out with other records of the same machine.
+        """Bootstrap of the squares: as with other records of the same machine.
 
         Each unit becomes its stratum's mean and trend plus a random residual of random sign, drawn from the residuals
-        of all strata: few units in a stratum would not do to draw from. The bias that the noise of means and slopes
+        of all strata, since a stratum has few units. The bias that the noise of means and slopes
         adds is taken out.
 
         Parameters
@@ -387,7 +364,7 @@ class Paired:
         kept = []
         for rest, tilt in zip(self._fitted[1], self.tilts, strict=True):
             left = 1 - 1 / len(rest) - (tilt**2).sum(axis=1)
-            known = left > _LEAST_LEFT  # a unit that a slope passes through says nothing of scatter
+            known = left > _LEAST_LEFT  # a unit on which a slope depends alone shows no scatter
             kept.append(rest[known] / np.sqrt(left[known])[:, None])
         pool = np.concatenate(kept)
         if not len(pool) and self.m > 1:
@@ -412,33 +389,22 @@ class Paired:
         return np.array([len(p) for p in self.strata]) / self.n
 
     def over_strata(self, squares: Array) -> Array:
-        """[draws, bins] Mean of `squares` [draws, strata, bins], what is plain anyway tempered."""
-        return _tempered(np.einsum("dsb,s->db", squares, self.stratum_weight))
+        """[draws, bins] Mean of `squares` [draws, strata, bins], large ones compressed (see `_LARGE`)."""
+        return _compressed(np.einsum("dsb,s->db", squares, self.stratum_weight))
 
-    def over_views(self, squares: Array) -> tuple[Array, dict[Domain, Array]]:
-        """Overall and per-view distances from `squares` [draws, strata, bins]; each [draws]."""
-        return self._of_views(self.over_strata(squares))
+    def over_domains(self, squares: Array) -> tuple[Array, dict[DomainName, Array]]:
+        """Distances overall and per domain from `squares` [draws, strata, bins]; each [draws]."""
+        return self._of_domains(self.over_strata(squares))
 
-    def _of_views(self, means: Array) -> tuple[Array, dict[Domain, Array]]:
+    def _of_domains(self, means: Array) -> tuple[Array, dict[DomainName, Array]]:
         """The same from means over strata [draws, bins]."""
-        views = {d: means[:, self.real.columns(d)] @ self.real.axes[d].weight for d in self.real.domains}
-        overall = np.mean(list(views.values()), axis=0)
-        return _root(overall), {d: _root(v) for d, v in views.items()}
+        domains = {d: means[:, self.real.columns(d)] @ self.real.axes[d].weight for d in self.real.domains}
+        overall = np.mean(list(domains.values()), axis=0)
+        return _root(overall), {d: _root(v) for d, v in domains.items()}
 
-    def distance(self, rng: np.random.Generator, splits: int = 100) -> Distance:
-        """The gap, and its floor from random splits of the records.
-
-        Parameters
-        ----------
-        rng : numpy.random.Generator
-        splits : int
-        """
-        overall, views = self.over_views(self.squares())
-        floor, floors = self.floor(rng, splits)
-        return Distance(float(overall[0]), {d: float(v[0]) for d, v in views.items()}, floor, floors)
-
-    def floor(self, rng: np.random.Generator, splits: int = 100) -> tuple[float, dict[Domain, float]]:
-        """Records against records, overall and per view, at the number of records in hand.
+    def floor(self, rng: np.random.Generator, splits: int = 100) -> tuple[float, dict[DomainName, float]]:
+        """Floor: mean distance of records from other records of the machine, overall and per domain, at this number of
+        records.
 
         Differences of units about their stratum's mean are drawn from all strata, with random signs: the mean of such a
         draw is half the difference of two random halves of the records, whose noise is that of all records against a
@@ -454,25 +420,14 @@ class Paired:
             noise = lots.plain @ pool**2 / k if k > 1 else np.mean(pool**2, axis=0)
             kept.append(((k * means**2 - noise) / (k - 1) if k > 1 else means**2 - noise, means))
         level = np.zeros_like(self._trend[0])
-        overall, views = self.over_views(self._contrasted(kept, self._trend_moved(drawn, level)))
-        return float(overall.mean()), {d: float(v.mean()) for d, v in views.items()}
+        overall, domains = self.over_domains(self._contrasted(kept, self._trend_moved(drawn, level)))
+        return float(overall.mean()), {d: float(v.mean()) for d, v in domains.items()}
 
 
-def gap_distance(
-    real: Views,
-    sims: Sequence[Views],
-    rng: np.random.Generator,
-    conditions: Sequence[Condition] | None = None,
-    scale: Array | None = None,
-) -> Distance:
-    """Gap between records and twin, with floors. Arguments as `Paired` and `Paired.distance`."""
-    return Paired(real, sims, conditions, scale).distance(rng)
-
-
-def _tempered(squares: Array) -> Array:
-    """Squares that grow with the logarithm beyond `_PLAIN`, on either side of zero."""
+def _compressed(squares: Array) -> Array:
+    """Squares that grow with the logarithm beyond `_LARGE`, on either side of zero."""
     size = np.abs(squares)
-    return np.where(size > _PLAIN, np.sign(squares) * _PLAIN * (1 + np.log(np.maximum(size, _PLAIN) / _PLAIN)), squares)
+    return np.where(size > _LARGE, np.sign(squares) * _LARGE * (1 + np.log(np.maximum(size, _LARGE) / _LARGE)), squares)
 
 
 def _root(square: Array) -> Array:

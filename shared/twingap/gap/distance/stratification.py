@@ -1,7 +1,7 @@
-"""Records of like condition, and what goes with their conditions all the same: strata, units, slopes.
+"""Strata of records of like condition, independent units within them, and common slopes over speed, load and time.
 
 conditions --fault, speed, load, time--> strata --groups--> units --places on log speed, load, time--> slopes
-rows of units less their strata's means and the slopes --> what is left: scatter
+rows of units less their strata's means and the slopes --> residuals: scatter
 """
 
 from __future__ import annotations
@@ -18,19 +18,19 @@ Array = NDArray[np.float64]
 Places = NDArray[np.int64]
 
 _VARIES: Final = 0.05
-"""Part of its mean size by which speed, load or time vary where they are worth a slope."""
+"""Part of its mean by which speed, load or time must vary to get strata and a slope."""
 _FREE: Final = 5
-"""Degrees of freedom within strata for each slope: with fewer, scatter would be taken for a trend."""
+"""Degrees of freedom within strata for each slope: with fewer, scatter passes for a trend."""
 
 
 def strata(conditions: Sequence[Condition], fewest: int = 3, most: int = 3) -> tuple[Places, ...]:
-    """Records of like condition: by fault, then in up to `most` stretches of what varies first of speed, load, time.
+    """Strata: records by fault, then in up to `most` intervals of the first of speed, load and time that varies.
 
     Parameters
     ----------
     conditions : sequence of Condition [n]
     fewest : int
-        Records in a stretch. Faults of a single record are put together with the largest stratum.
+        Records in an interval. Faults of a single record are put together with the largest stratum.
     most : int
 
     Returns
@@ -51,7 +51,7 @@ def strata(conditions: Sequence[Condition], fewest: int = 3, most: int = 3) -> t
         cut: list[int] = []
         at = np.sort(values)
         for part in np.array_split(np.arange(len(own)), count)[1:]:
-            # Records of one and the same speed stay together, and those of one recording.
+            # Records of one speed stay together, and those of one recording.
             first = int(np.searchsorted(at, at[part[0]]))
             while first > 0 and groups[order[first]] is not None and groups[order[first]] == groups[order[first - 1]]:
                 first -= 1
@@ -92,8 +92,8 @@ def slopes(strata: Sequence[Sequence[Sequence[Condition]]]) -> tuple[Array, ...]
     Returns
     -------
     tuple of Array [units, slopes]
-        Centred in each stratum, orthonormal over all; as many slopes as vary within strata and as there are units to
-        tell from chance, in the order of speed, load and time.
+        Centred in each stratum, orthonormal over all; one for each of speed, load and time (in this order)
+        that varies within strata, as far as there are `_FREE` degrees of freedom for each.
     """
     counts = [len(units) for units in strata]
     most = (sum(counts) - len(counts)) // _FREE
@@ -111,7 +111,7 @@ def slopes(strata: Sequence[Sequence[Sequence[Condition]]]) -> tuple[Array, ...]
         for other in found:
             own = own - (own @ other) * other
         left = float(np.linalg.norm(own))
-        # What varies between strata alone, or as another does, has no slope of its own.
+        # A variable that varies between strata alone, or along with another, has no slope of its own.
         if size > _VARIES * max(float(np.linalg.norm(v - v.mean())), 1e-12) and left > 0.1 * size:
             found.append(own / left)
     table = np.array(found).reshape(len(found), sum(counts)).T
@@ -123,17 +123,17 @@ def _mean_of(unit: Sequence[Condition], name: str) -> float | None:
     return None if any(v is None for v in values) else float(np.mean(values))
 
 
-def about_trend(rows: Sequence[Array], tilts: Sequence[Array]) -> tuple[list[Array], Array]:
-    """What is left of rows beside their strata's means and common slopes, and the slopes [slopes, bins]."""
+def detrended(rows: Sequence[Array], tilts: Sequence[Array]) -> tuple[list[Array], Array]:
+    """Residuals of rows from their strata's means and common slopes, and the slopes [slopes, bins]."""
     inner = [own - own.mean(axis=0) for own in rows]
     steepness = np.sum([tilt.T @ own for tilt, own in zip(tilts, inner, strict=True)], axis=0)
     return [own - tilt @ steepness for tilt, own in zip(tilts, inner, strict=True)], np.asarray(steepness)
 
 
-def witnesses(conditions: Sequence[Condition]) -> list[Places]:
-    """Places of the records that are one witness: those of a group, or single ones where the stratum has one group.
+def independent_units(conditions: Sequence[Condition]) -> list[Places]:
+    """Places of the records of each independent unit: a group, or single records where the stratum has one group.
 
-    Windows of one recording share that recording's peculiarities and are no independent witnesses.
+    Windows of one recording share that recording's peculiarities and are not independent.
     """
     names = list(dict.fromkeys(c.group for c in conditions))
     if not 1 < len(names) < len(conditions):

@@ -1,4 +1,4 @@
-"""Can records and twin be told apart at all? A classifier two-sample test and MMD, with exact nulls.
+"""Two-sample tests between records and twin: classifier AUC and MMD, with exact null distributions.
 
 Paired (records, m replicates each) --centred within each condition--> classifier, cross-validated by group --> AUC
                                                                    --> kernel --> MMD^2
@@ -6,9 +6,9 @@ null of both: within each condition one of the m replicates takes the record's p
 
 If the twin equals the machine, a record and its m replicates of the same condition are exchangeable, so p-values of
 (1 + #{null >= observed}) / (1 + draws) are valid at any number of records; two records with 19 replicates each can
-still be significant. A twin whose parameters were calibrated is tested *as calibrated*: an error of calibration is a
-difference like any other. Where the replicates are drawn with parameters from the calibration's own uncertainty, one
-draw per replicate for all records, ask for the exchange of whole "worlds", and have at least 19.
+still be significant. A calibrated twin is tested as calibrated: an error of calibration is a difference like any other.
+Where replicates are drawn with parameters from the calibration's uncertainty, one draw for all records of a replicate,
+exchange whole "worlds", and use at least 19.
 
 Sources: Lopez-Paz and Oquab, Revisiting classifier two-sample tests, ICLR 2017, arXiv:1610.06545; Gretton et al., A
 kernel two-sample test, JMLR 13 (2012) 723.
@@ -33,20 +33,22 @@ Exchange = Literal["record", "group", "world"]
 
 MOST_RECORDS: Final = 200
 _MOST_ROWS: Final = 500
+"""Records, and records and replicates together, that tests use: more are slower, with the square, and more powerful."""
 _RIDGE: Final = 0.1
+"""Ridge over the mean variance of the classifier's inputs: more suppresses noise and small differences alike."""
 
 
 @dataclass(frozen=True)
 class TwoSample:
-    """An overall test and what an interval of it needs.
+    """Result of an overall test.
 
     Parameters
     ----------
     statistic : float
-        AUC (0.5: no telling), or MMD^2 (0 on average where nothing differs).
+        AUC (0.5: indistinguishable), or MMD^2 (0 on average where nothing differs).
     p_value : float
     null_mean : float
-        Mean of the statistic when a simulated record plays the real one: its floor.
+        Mean of the statistic under the null: its floor.
     name : str
     """
 
@@ -64,11 +66,11 @@ class TwoSample:
 def classifier_test(
     pair: Paired, rng: np.random.Generator, draws: int = 999, exchange: Exchange = "record", folds: int = 5
 ) -> TwoSample:
-    """Classifier two-sample test: is the record picked out among its replicates by a classifier that never saw it?
+    """Classifier two-sample test: can a classifier distinguish held-out records from their replicates?
 
     The classifier is linear, by least squares with a ridge (Fisher's discriminant): its predictions are linear in the
     labels, so every permutation costs a matrix product instead of a training. It has weights for all records and more
-    for each fault. Views are standardised by the spread between replicates, with all views of equal weight.
+    for each fault. Bins are standardised by the spread between replicates; domains have equal weight.
 
     Parameters
     ----------
@@ -103,7 +105,7 @@ def auc_of_records(pair: Paired, rng: np.random.Generator, folds: int = 5) -> tu
 
 
 def mmd_test(pair: Paired, rng: np.random.Generator, draws: int = 999, exchange: Exchange = "record") -> TwoSample:
-    """Maximum mean discrepancy, RBF kernel of median width, on the views less their mean within each condition.
+    """Maximum mean discrepancy, RBF kernel of median width, on feature vectors less their mean within each condition.
 
     Arguments as `classifier_test`. The statistic leaves out the products of a record with itself and with its own
     replicates, so that it is about 0 where nothing differs.
@@ -134,11 +136,12 @@ def overall_tests(
 def exchanges(
     groups: Sequence[str | None], m: int, draws: int, rng: np.random.Generator, exchange: Exchange = "record"
 ) -> Choice:
-    """[1 + draws, n] Which member of each condition plays the record: 0 is the record itself, 1..m its replicates.
+    """[1 + draws, n] Member of each condition that takes the record's place: 0 is the record itself, 1..m its
+    replicates.
 
-    The first row is the truth. All members are equally likely, the record included. Records of a group change together
-    where "group" is asked for: right when replicates share a recording's peculiarities as the records do (recordings
-    that stand in for a simulator). For whole worlds every one of the 1 + m is listed once.
+    The first row is the observed one. All members are equally likely, the record included. With "group", records of a
+    group are exchanged together: right where replicates share a recording's peculiarities as the records do. With
+    "world", each of the 1 + m exchanges of all records is listed once.
     """
     n = len(groups)
     if exchange == "world":
@@ -165,17 +168,17 @@ def rbf(rows: Array) -> Array:
 
 
 def mmd_statistics(kernel: Array, choices: Choice, members: int) -> Array:
-    """[draws] MMD^2 for each choice of who plays the record."""
+    """[draws] MMD^2 for each choice of members as records."""
     draws, n = choices.shape
     signs = np.full((draws, n, members), -1 / (members - 1))
     np.put_along_axis(signs, choices[:, :, None], 1.0, axis=2)
     flat = signs.reshape(draws, -1)
-    whole = np.einsum("dk,dk->d", flat @ kernel, flat)
+    total = np.einsum("dk,dk->d", flat @ kernel, flat)
     if n == 1:
-        return np.asarray(whole)
+        return np.asarray(total)
     blocks = kernel.reshape(n, members, n, members)[np.arange(n), :, np.arange(n), :]
     own = np.einsum("dna,nab,dnb->d", signs, blocks, signs)
-    return np.asarray((whole - own) / (n * (n - 1)))
+    return np.asarray((total - own) / (n * (n - 1)))
 
 
 def _rows(pair: Paired, rng: np.random.Generator) -> tuple[Array, Choice]:
@@ -183,7 +186,7 @@ def _rows(pair: Paired, rng: np.random.Generator) -> tuple[Array, Choice]:
     n, m = min(pair.n, MOST_RECORDS), pair.m
     m = min(m, max(_MOST_ROWS // n - 1, 1))
     kept = np.sort(rng.permutation(pair.n)[:n])
-    # A fixed yardstick, the same whoever plays the record: spread within conditions over all members.
+    # The scale is the spread within conditions over all members, the same for every exchange.
     rows = pair.stacked[kept][:, : m + 1]
     spread = np.sqrt(pair.stacked.var(axis=1, ddof=1).mean(axis=0))
     usual = np.median(spread[spread > 0]) if np.any(spread > 0) else 1.0
@@ -200,7 +203,7 @@ def _scores(
     labels = np.full((draws, n, members), -1 / (members - 1))
     np.put_along_axis(labels, choices[:, :, None], 1.0, axis=2)
     x = rows.reshape(n * members, -1)
-    # Each fault has weights of its own besides those of all: what a twin lacks may show in opposite ways.
+    # Each fault has weights of its own besides common ones: a missing effect may show in opposite ways.
     faults = np.repeat(np.array([c.fault or "" for c in conditions]), members)
     gram = x @ x.T * (1.0 + (faults[:, None] == faults))
     fold = np.repeat(_folds([c.group for c in conditions], folds, rng), members)
@@ -208,7 +211,7 @@ def _scores(
     flat = labels.reshape(draws, -1)
     for f in np.unique(fold):
         test, train = fold == f, fold != f
-        if not train.any():  # nothing to learn from: how far it stands out
+        if not train.any():  # nothing to train on: its own size
             scores[test] = np.diagonal(gram)[test, None]
             continue
         inner = gram[np.ix_(train, train)]

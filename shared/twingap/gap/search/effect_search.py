@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twingap.effects import Effect, catalogue
-from twingap.gap.external_simulator import OwnSimulator
+from twingap.gap.external_simulator import ExternalSimulator
 from twingap.gap.knowledge.learnt import Learnt
 from twingap.gap.knowledge.score_calibration import Outcome
 from twingap.gap.search.evidence import Compared, Evidence, values_of
@@ -213,7 +213,7 @@ def explain(evidence: Evidence, learnt: Learnt, report: Report) -> Explanation:
 
 def level_of_gap(evidence: Evidence, surest: float = 0.0) -> float:
     """P-value of no gap at and below which one is called, where the likeliest effect is as probable as `surest`."""
-    asked_again = not isinstance(evidence.against().simulator, OwnSimulator) or evidence.exchangeable
+    asked_again = not isinstance(evidence.against().simulator, ExternalSimulator) or evidence.exchangeable
     return ALPHA if asked_again or surest >= SURE else CAUTIOUS_ALPHA
 
 

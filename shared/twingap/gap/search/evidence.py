@@ -1,4 +1,4 @@
-"""The records against the twin with any set of effects added: what a search over effects asks again and again.
+"""Evidence on effects: the records, measured once, and their comparison with the twin with any set of effects added.
 
 records --calibrate--> fit part, held-out part, frame, twin
 twin + effects --recalibrate on the fit part, simulate both parts--> Compared: features of each part
@@ -15,45 +15,46 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twingap.effects import Draft, Effect
-from twingap.gap.distance.feature_vectors import Grid, Views
-from twingap.gap.distance.feature_vectors import measure as measure_views
+from twingap.gap.distance.feature_vectors import FeatureVectors, measure_vectors
+from twingap.gap.distance.grid import Grid
 from twingap.gap.distance.paired import Paired
-from twingap.gap.external_simulator import OwnSimulator
+from twingap.gap.external_simulator import ExternalSimulator
 from twingap.gap.features import comparison
-from twingap.gap.features.comparison import Measured
-from twingap.gap.features.pooled import features as whole
-from twingap.gap.features.pooled.features import Whole
+from twingap.gap.features.measured import Measured, Pair
+from twingap.gap.features.pooled import features as pooled
+from twingap.gap.features.pooled.features import PooledRecords
 from twingap.gap.features.pooled.trends import Levels
-from twingap.gap.features.spectrum.record_summary import Outline, outline_of
+from twingap.gap.features.spectrum.record_summary import RecordSummary, summarise
 from twingap.gap.search.parameter_scale import Setting
-from twingap.identify.baseline import MOST_SIMULATED, Side, match_level, sides_of
+from twingap.identify.baseline import MOST_SIMULATED, StateSpectrum, match_level, state_spectra
 from twingap.identify.calibrate import Calibrated, recalibrate, thinned
 from twingap.records import Condition, Record, RecordSet
-from twingap.signal.record_transforms import RecordView
+from twingap.signal.record_transforms import RecordTransforms
 from twingap.twins.simulator import Simulator, TwinSimulator
 from twingap.twins.twin_file import TwinSpec, all_parameters, flat, nested
 
 Array = NDArray[np.float64]
 
 MOST_TRIED: Final = 6
-"""Records of each state that trials of values are made on."""
+"""Records of each state that trial simulations are made of: more make fitted values finer, and trials fewer."""
 LONGEST_TRIED: Final = 1 << 15
-"""Samples of each."""
+"""Samples of each of them."""
 SAMPLES_TRIED: Final = 5e7
-"""Samples that one search for values may simulate, about ten seconds' work."""
+"""Samples that one search for values may simulate: more make fitted values finer and the diagnosis slower."""
 TRIALS: Final = (24, 320)
-"""Fewest and most trials of one search for values."""
+"""Fewest and most trials of one search for values, whatever a simulation takes."""
 THOROUGH: Final = (0.012, 0.04, 0.12)
-"""Dampings at which a mode is tried first in diagnoses; machines to learn from are given the middle one alone."""
+"""Damping ratios at which searches for a mode begin in diagnoses; fewer are faster and miss sharp or broad modes.
+Training uses the middle one alone."""
 FEWEST_GROUPS: Final = 6
-"""That can be exchanged with simulated ones: of fewer no more than 16 exchanges can be told apart, since all groups
-turned are as good as none."""
+"""Groups of records from which an exchange test is made: fewer allow no more than 16 different exchanges, too few for a
+small p-value."""
 CONTACT_COSTS: Final = 13
-"""A sample of the contact twin takes about so many times as long as one of the phenomenological twin."""
+"""Time that a sample of the contact twin takes over that of the phenomenological twin; divides the number of trials."""
 
 
 class Compared:
-    """The records against one simulation of them; each part is simulated when it is asked for.
+    """The records compared with one simulation of them; each part is simulated when it is first needed.
 
     Attributes
     ----------
@@ -74,29 +75,29 @@ class Compared:
 
     @cached_property
     def held_out(self) -> Array:
-        """[features] Comparison on the part that is reported; of both parts what `whole` asks."""
+        """[features] Comparison on the part that is reported; pooled features over both parts."""
         return self._features(1)
 
     def _features(self, part: int) -> Array:
         of, real = self._evidence, self._evidence.parts[part]
-        simulated = comparison.measure(self._made(part), of.frame, Grid.of(real.conditions, of.frame.bearing))
+        simulated = comparison.measure_records(self._made(part), of.frame, Grid.of(real.conditions, of.frame.bearing))
         if part == 0:
-            # Values are read off the fit part: lines and combs that are held out must not say which.
+            # Initial values come from the fit part: lines and combs of the held-out part must not enter them.
             if self._levels is None:
-                self._levels = whole.levels(of.whole, self._whole(part, simulated.outlines))
-            of_whole = whole.compare(real.alone, simulated.alone, self._levels)
+                self._levels = pooled.levels(of.pooled, self._pooled(part, simulated.summaries))
+            of_pooled = pooled.compare(real.pooled, simulated.pooled, self._levels)
         else:
-            both = self._whole(part, simulated.outlines)
-            self._levels = whole.levels(of.whole, both)
-            of_whole = whole.compare(of.whole, both, self._levels)
-        own, models = isinstance(self.simulator, OwnSimulator), bool(of.modelled)
-        return comparison.compare(real, simulated, of.calibrated.speeds, of_whole, own=own, models=models)
+            both = self._pooled(part, simulated.summaries)
+            self._levels = pooled.levels(of.pooled, both)
+            of_pooled = pooled.compare(of.pooled, both, self._levels)
+        pair = Pair(real, simulated, isinstance(self.simulator, ExternalSimulator))
+        return comparison.compare(pair, of.calibrated.speeds, of_pooled, has_effects=bool(of.modelled))
 
-    def _whole(self, part: int, outlines: Sequence[Outline]) -> Whole:
-        """Of both parts; of the other one no more is measured than is kept."""
+    def _pooled(self, part: int, summaries: Sequence[RecordSummary]) -> PooledRecords:
+        """Simulated records of both parts; of the part that is not compared, only summaries are made."""
         of = self._evidence
-        others = [outline_of(RecordView(r.samples, r.condition, of.frame)) for r in self._made(1 - part)]
-        return of.together(*((others, outlines) if part else (outlines, others)))
+        others = [summarise(RecordTransforms(r.samples, r.condition, of.frame)) for r in self._made(1 - part)]
+        return of.pool(*((others, summaries) if part else (summaries, others)))
 
     def _made(self, part: int) -> Iterator[Record]:
         of = self._evidence
@@ -104,18 +105,18 @@ class Compared:
 
 
 def simulator_of(calibrated: Calibrated, sim: RecordSet | None = None) -> Simulator:
-    """The calibrated twin, or the user's own simulated records, as what a diagnosis questions."""
+    """Simulator of a diagnosis: the calibrated twin, or the user's own simulated records."""
     fit = calibrated.fit
     if sim is not None:
         others = calibrated.held_out.conditions
-        return OwnSimulator(sim, fit, calibrated.frame.bearing, calibrated.frame.scale, others=others)
+        return ExternalSimulator(sim, fit, calibrated.frame.bearing, calibrated.frame.scale, others=others)
     assert calibrated.spec is not None  # `calibrate` gives one where no simulated records were brought
     conditions = (*fit.conditions, *calibrated.held_out.conditions)
     return TwinSimulator(calibrated.spec, calibrated.frame.bearing, fit.unit, conditions)
 
 
 class Evidence:
-    """The records, measured once, and every twin that has been held against them.
+    """The records, measured once, and every twin that they were compared with.
 
     Parameters
     ----------
@@ -123,12 +124,12 @@ class Evidence:
     simulator : Simulator
         The calibrated twin, or the user's own.
     spec : TwinSpec
-        The twin as it was given: what it fixes stays fixed, what it models is not missing.
+        The twin as given: parameters that it fixes stay fixed, effects that it has are not candidates.
     root : int
-        Entropy of all simulations: a chain of effects meets the same strikes and the same noise as the next chain, so
-        that differences between chains are not chance.
+        Entropy of all simulations: every chain of effects is simulated with the same random impacts and noise, so that
+        differences between chains are not chance.
     dampings : sequence of float
-        At which a twin with effects is given its mode first, see `baseline.match_baseline`.
+        Damping ratios at which the search for the mode of a twin with effects begins, see `baseline.match_baseline`.
     """
 
     def __init__(
@@ -142,20 +143,20 @@ class Evidence:
         self.spec, self.dampings = spec, tuple(dampings)
         self.calibrated, self.root, self.frame = calibrated, root, calibrated.frame
         self.fit, self.held_out = (
-            comparison.measure(part, self.frame, Grid.of(part.conditions, self.frame.bearing))
+            comparison.measure_records(part, self.frame, Grid.of(part.conditions, self.frame.bearing))
             for part in (calibrated.fit, calibrated.held_out)
         )
         self.parts = self.fit, self.held_out
-        self.whole = self.together(self.fit.outlines, self.held_out.outlines)
+        self.pooled = self.pool(self.fit.summaries, self.held_out.summaries)
         conditions = (*calibrated.fit.conditions, *calibrated.held_out.conditions)
         self.setting = Setting.of(conditions)
         self._simulator = simulator
         self._known: dict[tuple[Effect, ...], Compared] = {}
 
-    def together(self, fit: Sequence[Outline], held_out: Sequence[Outline]) -> Whole:
+    def pool(self, fit: Sequence[RecordSummary], held_out: Sequence[RecordSummary]) -> PooledRecords:
         """All records, those that stand in both parts once."""
         shared = self.calibrated.shared
-        return Whole((*fit, *(outline for outline in held_out if outline.condition.name not in shared)))
+        return PooledRecords((*fit, *(summary for summary in held_out if summary.condition.name not in shared)))
 
     def against(self, effects: Sequence[Effect] = ()) -> Compared:
         """The twin with these effects added, recalibrated on the fit part, against both parts."""
@@ -176,7 +177,7 @@ class Evidence:
 
     @property
     def exchangeable(self) -> bool:
-        """Whether records are of enough groups for exchanges of these with simulated ones to be rare."""
+        """Whether there are enough groups of records for an exchange test with simulated ones."""
         return int(np.unique(self.groups).size) >= FEWEST_GROUPS
 
     def can_add(self, name: str) -> str | None:
@@ -191,14 +192,14 @@ class Evidence:
 
     @cached_property
     def _tried(self) -> RecordSet:
-        """A few records of each state of the fit part, no longer than values need, for trials by the hundred."""
+        """A few records of each state of the fit part, shortened, for hundreds of trial simulations."""
         few = thinned(self.calibrated.fit, MOST_TRIED)
         conditions = [replace(c, n_samples=min(c.n_samples, LONGEST_TRIED)) for c in few.conditions]
         return RecordSet(few.name, few.unit, few.bearing, conditions, lambda i: few[i].samples[:LONGEST_TRIED])
 
     @property
     def trials(self) -> int:
-        """Simulations of `misfit` that one search for values may ask for: fewer where each takes longer."""
+        """Number of simulations that one search for values may make: fewer where each takes longer."""
         conditions = self._tried.conditions
         samples = len(self._two(self._simulator, conditions)) * sum(c.n_samples for c in conditions)
         dear = CONTACT_COSTS if self.spec.model == "contact" else 1
@@ -214,34 +215,34 @@ class Evidence:
         return Grid.of(self._tried.conditions, self.frame.bearing)
 
     @cached_property
-    def _tried_views(self) -> Views:
-        return self.views(self._tried, self._tried_grid)
+    def _tried_views(self) -> FeatureVectors:
+        return self.vectors(self._tried, self._tried_grid)
 
     @cached_property
     def _yardstick(self) -> Array:
         """Spread that distances on the fit part are measured with, one for all twins."""
         grid, conditions = Grid.of(self.fit.conditions, self.frame.bearing), self.fit.conditions
         made = [self.simulated(self._simulator, (), conditions, k) for k in self._two(self._simulator, conditions)]
-        return Paired(self.fit.views, [self.views(records, grid) for records in made]).scale
+        return Paired(self.fit.vectors, [self.vectors(records, grid) for records in made]).scale
 
     @cached_property
     def _trial_yardstick(self) -> Array:
-        views = [self._trial(self._simulator, (), k) for k in self._two(self._simulator, self._tried.conditions)]
-        return Paired(self._tried_views, views).scale
+        vectors = [self._trial(self._simulator, (), k) for k in self._two(self._simulator, self._tried.conditions)]
+        return Paired(self._tried_views, vectors).scale
 
     def _two(self, simulator: Simulator, conditions: Sequence[Condition]) -> Sequence[int]:
-        """Two replicates to see chance by, or the one that there is."""
+        """Numbers of two replicates, so that chance shows, or of the one that there is."""
         return (3, 4)[: replicates_of(simulator, conditions, 2)]
 
     def gap(self, simulator: Simulator, effects: Sequence[Effect], replicate: int = 3) -> float:
         """Overall distance of the fit part from one simulation of it: for choosing, never for reporting."""
         grid = Grid.of(self.fit.conditions, self.frame.bearing)
-        made = self.views(self.simulated(simulator, effects, self.fit.conditions, replicate), grid)
-        pair = Paired(self.fit.views, [made], None, self._yardstick)
-        return float(pair.over_views(pair.squares())[0][0])
+        made = self.vectors(self.simulated(simulator, effects, self.fit.conditions, replicate), grid)
+        pair = Paired(self.fit.vectors, [made], None, self._yardstick)
+        return float(pair.over_domains(pair.squares())[0][0])
 
     def misfit(self, simulator: Simulator, effects: Sequence[Effect]) -> float:
-        """The same of a few records, with the noise of their own means in it: what fitted values are to make small."""
+        """Distance of a few records, the noise of their means included: the objective of fitted values."""
         return self.tried(simulator, effects).misfit()
 
     def tried(self, simulator: Simulator, effects: Sequence[Effect]) -> Paired:
@@ -252,14 +253,14 @@ class Evidence:
         made = [self._trial(simulator, effects, k) for k in self._two(simulator, self._tried.conditions)]
         return Paired(self._tried_views, made, None, self._trial_yardstick)
 
-    def _trial(self, simulator: Simulator, effects: Sequence[Effect], replicate: int) -> Views:
-        return self.views(self.simulated(simulator, effects, self._tried.conditions, replicate), self._tried_grid)
+    def _trial(self, simulator: Simulator, effects: Sequence[Effect], replicate: int) -> FeatureVectors:
+        return self.vectors(self.simulated(simulator, effects, self._tried.conditions, replicate), self._tried_grid)
 
     def with_values(
         self, simulator: Simulator, effects: Sequence[Effect], baseline: Mapping[str, float] | None = None
     ) -> Simulator:
         """A simulator with other values of the effects that it has, and of its baseline where they are given."""
-        if isinstance(simulator, OwnSimulator):
+        if isinstance(simulator, ExternalSimulator):
             return simulator.with_gain(baseline["gain"]) if baseline else simulator
         if not isinstance(simulator, TwinSimulator):
             return simulator
@@ -269,11 +270,11 @@ class Evidence:
         return TwinSimulator(spec, self.frame.bearing, simulator.unit, simulator.conditions)
 
     def matched(self, effects: tuple[Effect, ...]) -> Simulator:
-        """What simulates these effects, its mode as calibrated and its levels matched anew: for trials by the dozen."""
+        """Simulator with these effects, its mode as calibrated and its levels matched anew: for many quick trials."""
         return self._recalibrated(effects, steps=0)
 
     def _recalibrated(self, effects: tuple[Effect, ...], steps: int = 4) -> Simulator:
-        """What simulates these effects, its baseline matched anew: what the effects explain is no noise of the twin."""
+        """Simulator with these effects, its baseline matched anew: what the effects explain is no noise of the twin."""
         spec = self.calibrated.spec
         if not effects:
             return self._simulator
@@ -286,9 +287,10 @@ class Evidence:
         return simulator_of(own)
 
     def _levelled(self, effects: tuple[Effect, ...]) -> Simulator:
-        """What simulates these effects and has one level for a baseline, which is matched anew where it is free.
+        """Simulator with these effects whose only baseline parameter is a level, matched anew where it is free.
 
-        Not so that of the contact twin, which takes too long for every chain: it moves with the values in the end.
+        The level of the contact twin is not matched for every chain, which would take too long: it is fitted together
+        with the values at the end.
         """
         level = level_of(self._simulator, self.spec)
         if level is None or (self._simulator.name == "contact" and isinstance(self._simulator, TwinSimulator)):
@@ -304,16 +306,16 @@ class Evidence:
         )  # fmt: skip
         return at(found)
 
-    def bare_psd(self, side: Side) -> Array:
-        """[baseline.BANDS] Power density, 1/Hz, of the simulator as given under some conditions of a side."""
+    def bare_psd(self, side: StateSpectrum) -> Array:
+        """[baseline.BANDS] Power density, 1/Hz, of the simulator as given under some conditions of a state."""
         made = self.simulated(self._simulator, (), side.conditions[:MOST_SIMULATED], 0)
-        (simulated,) = sides_of(list(made), self.frame)
+        (simulated,) = state_spectra(list(made), self.frame)
         return simulated.psd
 
     @cached_property
-    def _levels_of(self) -> list[Side]:
+    def _levels_of(self) -> list[StateSpectrum]:
         """Spectra that levels are matched to: of healthy records of the fit part, of all where there are none."""
-        sides = sides_of(list(thinned(self.calibrated.fit, 6)), self.frame)
+        sides = state_spectra(list(thinned(self.calibrated.fit, 6)), self.frame)
         return [side for side in sides if side.fault == "healthy"] or sides
 
     def simulated(
@@ -322,19 +324,19 @@ class Evidence:
         """Records of these conditions, one at a time."""
         yield from simulator.simulate(tuple(effects), conditions, self.root, replicate)
 
-    def views(self, records: RecordSet | Iterable[Record], grid: Grid) -> Views:
-        """Interpretable views of records, which are not kept."""
-        return measure_views((RecordView(r.samples, r.condition, self.frame) for r in records), grid)
+    def vectors(self, records: RecordSet | Iterable[Record], grid: Grid) -> FeatureVectors:
+        """Feature vectors of records; the samples are not kept."""
+        return measure_vectors((RecordTransforms(r.samples, r.condition, self.frame) for r in records), grid)
 
 
 def replicates_of(simulator: Simulator, conditions: Sequence[Condition], most: int) -> int:
-    """How many simulations of these conditions, up to `most`, are chances of their own: finished records are few."""
-    return min(simulator.replicates(conditions), most) if isinstance(simulator, OwnSimulator) else most
+    """Number of independent simulations of these conditions, up to `most`: the user's own records are few."""
+    return min(simulator.replicates(conditions), most) if isinstance(simulator, ExternalSimulator) else most
 
 
 def level_of(simulator: Simulator, given: TwinSpec) -> tuple[str, float] | None:
-    """Name and value of the one factor on all that a simulator makes; None where it has none, or where it is fixed."""
-    if isinstance(simulator, OwnSimulator):
+    """Name and value of the factor on all samples of a simulator; None where it has none, or where it is fixed."""
+    if isinstance(simulator, ExternalSimulator):
         return ("gain", simulator.gain) if simulator.level_free else None
     if isinstance(simulator, TwinSimulator) and not given.given("scale"):
         scale = flat(all_parameters(simulator.spec)).get("scale")

@@ -17,14 +17,15 @@ from numpy.typing import NDArray
 
 from twingap.effects import Effect
 from twingap.effects.observations import HealthySpectrum, ModePair, Observations
-from twingap.gap.distance.feature_vectors import Grid, Views
+from twingap.gap.distance.feature_vectors import FeatureVectors
+from twingap.gap.distance.grid import Grid
 from twingap.gap.distance.paired import Paired
 from twingap.gap.features.comparison import feature_names
 from twingap.gap.features.spectrum.path import two_modes
 from twingap.gap.search.evidence import replicates_of
 from twingap.gap.search.parameter_prior import Key, Said, pull, strain
 from twingap.gap.search.parameter_scale import to_number
-from twingap.identify.baseline import mode_density, sides_of
+from twingap.identify.baseline import mode_density, state_spectra
 from twingap.identify.calibrate import thinned
 from twingap.twins.twin_file import flat
 
@@ -123,12 +124,12 @@ def _by_many(evidence: Evidence, effects: tuple[Effect, ...]) -> Callable[[Simul
     conditions = evidence.fit.conditions
     grid = Grid.of(conditions, evidence.frame.bearing)
 
-    def made(simulator: Simulator, effects: tuple[Effect, ...]) -> list[Views]:
+    def made(simulator: Simulator, effects: tuple[Effect, ...]) -> list[FeatureVectors]:
         count = replicates_of(simulator, conditions, _MANY)
-        return [evidence.views(evidence.simulated(simulator, effects, conditions, k), grid) for k in range(count)]
+        return [evidence.vectors(evidence.simulated(simulator, effects, conditions, k), grid) for k in range(count)]
 
-    yardstick = Paired(evidence.fit.views, made(evidence.against(effects).simulator, effects)).scale
-    return lambda simulator, effects: Paired(evidence.fit.views, made(simulator, effects), None, yardstick).misfit()
+    yardstick = Paired(evidence.fit.vectors, made(evidence.against(effects).simulator, effects)).scale
+    return lambda simulator, effects: Paired(evidence.fit.vectors, made(simulator, effects), None, yardstick).misfit()
 
 
 def observations(evidence: Evidence, features: Array) -> Observations:
@@ -147,7 +148,7 @@ def observations(evidence: Evidence, features: Array) -> Observations:
     def mode_pairs() -> list[ModePair]:
         return [
             ModePair((pair.places[0] * rate_hz, pair.places[1] * rate_hz), pair.dampings, pair.gain)
-            for pair in two_modes(evidence.fit.outlines)
+            for pair in two_modes(evidence.fit.summaries)
         ]
 
     return Observations(
@@ -169,7 +170,7 @@ def _own_mode(evidence: Evidence) -> tuple[float, float] | None:
 def _healthy_spectrum(evidence: Evidence) -> HealthySpectrum | None:
     """Of the healthy records, where there are any with something in them."""
     sides = [
-        side for side in sides_of(list(thinned(evidence.calibrated.fit, _RECORDS)), evidence.frame)
+        side for side in state_spectra(list(thinned(evidence.calibrated.fit, _RECORDS)), evidence.frame)
         if side.fault == "healthy"
     ]  # fmt: skip
     side = max(sides, key=lambda s: len(s.conditions), default=None)

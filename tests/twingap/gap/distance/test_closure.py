@@ -10,9 +10,12 @@ import pytest
 from numpy.typing import NDArray
 from scipy.stats import binom
 
-from twingap.gap.distance.closure import accuracy_between_records, closure, curves, gap_closure, shrink_metrics
-from twingap.gap.distance.feature_vectors import Axis, Views
-from twingap.gap.report.model import Domain
+from twingap.gap.distance.closure import Closure, closure, closure_interval, paired
+from twingap.gap.distance.closure_metrics import accuracy_between_records, closure_metrics
+from twingap.gap.distance.curves import curves
+from twingap.gap.distance.domain_names import DomainName
+from twingap.gap.distance.feature_vectors import FeatureVectors
+from twingap.gap.distance.grid import Axis
 from twingap.records import Condition
 
 Array = NDArray[np.float64]
@@ -25,14 +28,27 @@ def conditions_of(n: int) -> tuple[Condition, ...]:
     return tuple(Condition(f"r{i}", 1500 + 500 * ((i * 7) % n) / n, 12000, 600, faults[i % 4]) for i in range(n))
 
 
-def views_of(conditions: Sequence[Condition], rng: np.random.Generator, shift: Array | float = 0.0) -> Views:
+def views_of(conditions: Sequence[Condition], rng: np.random.Generator, shift: Array | float = 0.0) -> FeatureVectors:
     edges = np.arange(BINS + 1.0)
-    axes: dict[Domain, Axis] = {"order": Axis(edges[:-1], edges[1:], ("lines",) * BINS, "shaft orders")}
-    return Views({"order": rng.standard_normal((len(conditions), BINS)) + shift}, axes, tuple(conditions))
+    axes: dict[DomainName, Axis] = {"order": Axis(edges[:-1], edges[1:], ("lines",) * BINS, "shaft orders")}
+    return FeatureVectors({"order": rng.standard_normal((len(conditions), BINS)) + shift}, axes, tuple(conditions))
 
 
-def many(conditions: Sequence[Condition], rng: np.random.Generator, shift: Array | float, m: int = 10) -> list[Views]:
+def many(
+    conditions: Sequence[Condition], rng: np.random.Generator, shift: Array | float, m: int = 10
+) -> list[FeatureVectors]:
     return [views_of(conditions, rng, shift) for _ in range(m)]
+
+
+def gap_closure(
+    real: FeatureVectors,
+    before: list[FeatureVectors],
+    after: list[FeatureVectors],
+    rng: np.random.Generator,
+    draws: int = 400,
+) -> Closure:
+    pairs = paired(real, before, after)
+    return closure_interval(*pairs, pairs[1].floor(rng)[0], rng, draws)
 
 
 def test_closure_is_bounded_and_needs_a_gap() -> None:
@@ -80,7 +96,7 @@ def test_metrics_fall_to_their_floors_when_what_is_missing_is_added() -> None:
     for i, c in enumerate(conditions):  # faults differ in a way that the first twin has wrong
         effect[i, {"healthy": 0, "outer": 1, "inner": 2, "ball": 3}[c.fault or ""]] = 8.0
     wrong = np.roll(effect, 1, axis=0)
-    metrics = shrink_metrics(
+    metrics = closure_metrics(
         views_of(conditions, rng, effect), many(conditions, rng, wrong), many(conditions, rng, effect), rng
     )
     by_name = {m.metric: m for m in metrics}
@@ -98,7 +114,7 @@ def test_where_nothing_is_added_no_measure_moves() -> None:
     rng = np.random.default_rng(8)
     conditions = conditions_of(16)
     sims = many(conditions, rng, 0.0, 4)
-    for metric in shrink_metrics(views_of(conditions, rng, 0.1 * MISSING), sims, sims, rng):
+    for metric in closure_metrics(views_of(conditions, rng, 0.1 * MISSING), sims, sims, rng):
         assert metric.before == metric.after, metric.metric
 
 
@@ -107,14 +123,14 @@ def test_accuracy_is_left_out_where_one_record_of_a_fault_has_no_other_to_be_lea
     for each, told in ((1, False), (2, True)):
         few = tuple(c for c in conditions_of(16) if c.fault in ("inner", "outer"))
         kept = [c for fault in ("inner", "outer") for c in [c for c in few if c.fault == fault][:each]]
-        metrics = shrink_metrics(views_of(kept, rng), many(kept, rng, 0.0, 3), many(kept, rng, 0.0, 3), rng)
+        metrics = closure_metrics(views_of(kept, rng), many(kept, rng, 0.0, 3), many(kept, rng, 0.0, 3), rng)
         assert any(m.higher_is_better for m in metrics) == told
 
 
 def test_accuracy_is_left_out_where_faults_are_unknown() -> None:
     rng = np.random.default_rng(4)
     hidden = tuple(replace(c, fault=None) for c in conditions_of(8))
-    metrics = shrink_metrics(views_of(hidden, rng), many(hidden, rng, 0.0, 3), many(hidden, rng, 0.0, 3), rng)
+    metrics = closure_metrics(views_of(hidden, rng), many(hidden, rng, 0.0, 3), many(hidden, rng, 0.0, 3), rng)
     assert not any(m.higher_is_better for m in metrics)
 
 
@@ -137,7 +153,7 @@ def test_labels_of_the_same_group_are_not_learnt_from() -> None:
 def test_few_records_are_enough_to_run(n: int) -> None:
     rng = np.random.default_rng(6)
     conditions = conditions_of(n)
-    metrics = shrink_metrics(
+    metrics = closure_metrics(
         views_of(conditions, rng, MISSING), many(conditions, rng, 0.0, 4), many(conditions, rng, MISSING, 4), rng
     )
     for metric in metrics:

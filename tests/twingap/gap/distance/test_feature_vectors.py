@@ -1,4 +1,4 @@
-"""Views: finite on any record, and each kind of difference shows in the bin that is named after it."""
+"""Feature vectors: finite on any record, and each kind of difference shows in the bin that is named after it."""
 
 from __future__ import annotations
 
@@ -10,10 +10,11 @@ from numpy.typing import NDArray
 
 from twingap.bearing import BEARINGS
 from twingap.errors import TwingapError
-from twingap.gap.distance.feature_vectors import DOMAINS, Grid, Views, measure
-from twingap.gap.report.model import Domain
+from twingap.gap.distance.domain_names import DOMAIN_NAMES, DomainName
+from twingap.gap.distance.feature_vectors import FeatureVectors, measure_vectors
+from twingap.gap.distance.grid import Grid
 from twingap.records import Condition
-from twingap.signal.record_transforms import Frame, RecordView
+from twingap.signal.record_transforms import Frame, RecordTransforms
 
 Array = NDArray[np.float64]
 BEARING = BEARINGS["6205"]
@@ -24,18 +25,18 @@ def condition(fs_hz: float = 12000.0, n: int = 12000, rpm: float = 1800.0) -> Co
     return Condition("r", rpm, fs_hz, n, "outer")
 
 
-def views_of(*records: Array, at: Condition | None = None) -> Views:
+def views_of(*records: Array, at: Condition | None = None) -> FeatureVectors:
     at = at or condition(n=records[0].size)
     conditions = [replace(at, name=f"r{i}", group=None) for i in range(len(records))]
     grid = Grid.of(conditions, BEARING)
-    return measure((RecordView(x, c, FRAME) for x, c in zip(records, conditions, strict=True)), grid)
+    return measure_vectors((RecordTransforms(x, c, FRAME) for x, c in zip(records, conditions, strict=True)), grid)
 
 
-def changed(views: Views, domain: Domain, kind: str) -> tuple[Array, Array, Array]:
+def changed(vectors: FeatureVectors, domain: DomainName, kind: str) -> tuple[Array, Array, Array]:
     """Second record less first, with the bins' bounds."""
-    axis = views.axes[domain]
+    axis = vectors.axes[domain]
     own = np.array(axis.kind) == kind
-    return (views.values[domain][1] - views.values[domain][0])[own], axis.lo[own], axis.hi[own]
+    return (vectors.values[domain][1] - vectors.values[domain][0])[own], axis.lo[own], axis.hi[own]
 
 
 @pytest.fixture(scope="module")
@@ -55,7 +56,7 @@ def test_any_record_gives_finite_vectors_that_fit_their_bins(fs_hz: float, n: in
         1e6 * np.eye(1, n, 5)[0],
     )  # fmt: skip
     made = views_of(*some, at=condition(fs_hz, n))
-    assert made.domains == DOMAINS
+    assert made.domains == DOMAIN_NAMES
     assert np.isfinite(made.matrix).all()
     for domain, values in made.values.items():
         axis = made.axes[domain]
@@ -119,7 +120,7 @@ def test_rates_and_lengths_may_differ_within_a_set() -> None:
     rng = np.random.default_rng(2)
     conditions = [Condition("a", 1500, 12000, 12000), Condition("b", 1800, 20000, 10000)]
     grid = Grid.of(conditions, BEARING)
-    made = measure((RecordView(rng.standard_normal(c.n_samples), c, FRAME) for c in conditions), grid)
+    made = measure_vectors((RecordTransforms(rng.standard_normal(c.n_samples), c, FRAME) for c in conditions), grid)
     levels = made.values["frequency"][:, np.array(made.axes["frequency"].kind) == "level"]
     # White noise of unit power has density 2 / fs: log of its ratio between the rates.
     assert (levels[0] - levels[1]).mean() == pytest.approx(np.log(20 / 12), abs=0.05)
@@ -132,4 +133,4 @@ def test_what_cannot_be_measured_is_refused() -> None:
     with pytest.raises(TwingapError, match="no records"):
         Grid.of([], BEARING)
     with pytest.raises(TwingapError, match="no records"):
-        measure([], Grid.of([condition()], BEARING))
+        measure_vectors([], Grid.of([condition()], BEARING))

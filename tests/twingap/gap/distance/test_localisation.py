@@ -12,13 +12,15 @@ from scipy.stats import binom
 
 from twingap.bearing import BEARINGS
 from twingap.effects import Effect, make_effect
-from twingap.gap.distance.feature_vectors import Axis, Grid, Views, measure
-from twingap.gap.distance.localisation import adjusted, localise, locate
+from twingap.gap.distance.domain_names import DomainName
+from twingap.gap.distance.feature_vectors import FeatureVectors, measure_vectors
+from twingap.gap.distance.grid import Axis, Grid
+from twingap.gap.distance.localisation import adjusted, locate
 from twingap.gap.distance.paired import Paired
 from twingap.gap.distance.two_sample_tests import Exchange
-from twingap.gap.report.model import Domain, Place
+from twingap.gap.report.model import Place
 from twingap.records import Condition
-from twingap.signal.record_transforms import Frame, RecordView
+from twingap.signal.record_transforms import Frame, RecordTransforms
 from twingap.twins.phenomenological import PhenomenologicalParameters, PhenomenologicalTwin
 
 Array = NDArray[np.float64]
@@ -36,25 +38,25 @@ def simulate(
     rng: np.random.Generator,
     effects: Sequence[Effect] = (),
     resonance_hz: float = 3000.0,
-) -> Views:
+) -> FeatureVectors:
     twin = PhenomenologicalTwin(BEARING, PhenomenologicalParameters(resonance_hz=resonance_hz), effects)
     frame = Frame(BEARING, (0.7 * resonance_hz, 1.3 * resonance_hz), 1.0)
-    views = (RecordView(r.samples, r.condition, frame) for r in twin.stream(conditions, rng))
-    return measure(views, Grid.of(conditions, BEARING))
+    vectors = (RecordTransforms(r.samples, r.condition, frame) for r in twin.stream(conditions, rng))
+    return measure_vectors(vectors, Grid.of(conditions, BEARING))
 
 
 def gaussian(
     conditions: Sequence[Condition], rng: np.random.Generator, shift: Array | float = 0.0, tails: bool = False
-) -> Views:
+) -> FeatureVectors:
     edges = np.arange(BINS + 1.0)
-    axes: dict[Domain, Axis] = {
+    axes: dict[DomainName, Axis] = {
         "order": Axis(edges[:-1], edges[1:], ("lines",) * BINS, "shaft orders"),
         "condition": Axis(np.zeros(2), np.ones(2), ("level", "kurtosis"), ""),
     }
     n = len(conditions)
     noise = rng.standard_t(2, (n, BINS + 2)) if tails else rng.standard_normal((n, BINS + 2))
     both = noise + shift
-    return Views({"order": both[:, :BINS], "condition": both[:, BINS:]}, axes, tuple(conditions))
+    return FeatureVectors({"order": both[:, :BINS], "condition": both[:, BINS:]}, axes, tuple(conditions))
 
 
 @pytest.fixture(scope="module")
@@ -63,17 +65,17 @@ def conditions() -> list[Condition]:
 
 
 @pytest.fixture(scope="module")
-def replicates(conditions: list[Condition]) -> list[Views]:
+def replicates(conditions: list[Condition]) -> list[FeatureVectors]:
     rng = np.random.default_rng(0)
     return [simulate(conditions, rng) for _ in range(20)]
 
 
 def places_of(
-    effect: Effect | str, conditions: list[Condition], replicates: list[Views], seed: int = 1
+    effect: Effect | str, conditions: list[Condition], replicates: list[FeatureVectors], seed: int = 1
 ) -> tuple[Place, ...]:
     rng = np.random.default_rng(seed)
     real = simulate(conditions, rng, [make_effect(effect) if isinstance(effect, str) else effect])
-    return localise(real, replicates, conditions, rng)
+    return locate(Paired(real, replicates, conditions), rng).places
 
 
 @pytest.mark.parametrize("tails", [False, True])
@@ -85,7 +87,9 @@ def test_family_wise_error_of_any_shape_of_noise(n: int, m: int, tails: bool) ->
     assert named <= binom.ppf(0.999, worlds, 0.05)
 
 
-def _world(conditions: Sequence[Condition], m: int, rng: np.random.Generator, tails: bool) -> tuple[Views, list[Views]]:
+def _world(
+    conditions: Sequence[Condition], m: int, rng: np.random.Generator, tails: bool
+) -> tuple[FeatureVectors, list[FeatureVectors]]:
     return gaussian(conditions, rng, tails=tails), [gaussian(conditions, rng, tails=tails) for _ in range(m)]
 
 
@@ -115,7 +119,7 @@ def test_family_wise_error_where_recordings_or_worlds_have_a_mood_of_their_own(e
     assert named <= binom.ppf(0.999, worlds, 0.05)
 
 
-def test_shares_and_remainder_add_up(conditions: list[Condition], replicates: list[Views]) -> None:
+def test_shares_and_remainder_add_up(conditions: list[Condition], replicates: list[FeatureVectors]) -> None:
     rng = np.random.default_rng(3)
     for effects in ((), ("looseness",), ("sensor_rolloff", "slip_jitter")):
         found = locate(Paired(simulate(conditions, rng, [make_effect(e) for e in effects]), replicates), rng)
@@ -126,33 +130,35 @@ def test_shares_and_remainder_add_up(conditions: list[Condition], replicates: li
         assert bool(found.places) == (found.p_value <= 0.05)
 
 
-def test_mains_are_found_at_their_frequencies(conditions: list[Condition], replicates: list[Views]) -> None:
+def test_mains_are_found_at_their_frequencies(conditions: list[Condition], replicates: list[FeatureVectors]) -> None:
     lines = [p for p in places_of("mains_interference", conditions, replicates) if p.domain == "frequency"]
     assert any(p.lo is not None and p.hi is not None and p.lo <= 50 <= p.hi <= p.lo + 20 for p in lines)
     assert all(p.unit == "Hz" for p in lines)
 
 
-def test_a_rolloff_is_found_above_its_corner(conditions: list[Condition], replicates: list[Views]) -> None:
+def test_a_rolloff_is_found_above_its_corner(conditions: list[Condition], replicates: list[FeatureVectors]) -> None:
     found = [p for p in places_of("sensor_rolloff", conditions, replicates) if p.domain == "frequency"]
     widest = max(found, key=lambda p: (p.hi or 0) - (p.lo or 0))
     assert (widest.lo or 0) > 2000 and (widest.hi or 0) > 4000
 
 
-def test_half_orders_are_found_at_half_orders(conditions: list[Condition], replicates: list[Views]) -> None:
+def test_half_orders_are_found_at_half_orders(conditions: list[Condition], replicates: list[FeatureVectors]) -> None:
     orders = [p for p in places_of("looseness", conditions, replicates) if p.domain == "order"]
     for half in (0.5, 1.5, 2.5):
         assert any((p.lo or 0) <= half <= (p.hi or 0) for p in orders)
     assert all((p.hi or 99) <= 20 for p in orders)
 
 
-def test_what_only_faulty_bearings_do_is_said_of_them(conditions: list[Condition], replicates: list[Views]) -> None:
+def test_what_only_faulty_bearings_do_is_said_of_them(
+    conditions: list[Condition], replicates: list[FeatureVectors]
+) -> None:
     found = places_of("slip_jitter", conditions, replicates)
     named = [p.condition["fault"] for p in found if p.condition and "fault" in p.condition]
     assert named and all("healthy" not in fault for fault in named)
 
 
 def test_modulation_of_the_inner_race_is_found_at_shaft_sidebands(
-    conditions: list[Condition], replicates: list[Views]
+    conditions: list[Condition], replicates: list[FeatureVectors]
 ) -> None:
     found = places_of("load_zone", conditions, replicates)
     lines = [p for p in found if p.domain == "envelope_order" and (p.hi or 0) - (p.lo or 0) < 0.5]
@@ -169,7 +175,11 @@ def test_a_bin_is_found_among_many_with_few_records_or_few_replicates(n: int, m:
     hits = wrong = 0
     for _ in range(20):
         sims = [gaussian(conditions, rng) for _ in range(m)]
-        found = [p for p in localise(gaussian(conditions, rng, shift), sims, conditions, rng) if p.domain == "order"]
+        found = [
+            p
+            for p in locate(Paired(gaussian(conditions, rng, shift), sims, conditions), rng).places
+            if p.domain == "order"
+        ]
         hits += {(20.0, 22.0), (40.0, 41.0)} <= {(p.lo, p.hi) for p in found}
         wrong += any(p.lo not in (20.0, 21.0, 40.0) for p in found)
     assert hits >= 14
@@ -182,7 +192,7 @@ def test_a_loud_bin_does_not_hide_a_faint_one() -> None:
     shift = np.zeros(BINS + 2)
     shift[5], shift[30] = 100.0, 2.0
     sims = [gaussian(conditions, rng) for _ in range(10)]
-    found = localise(gaussian(conditions, rng, shift), sims, conditions, rng)
+    found = locate(Paired(gaussian(conditions, rng, shift), sims, conditions), rng).places
     assert {5.0, 30.0} <= {p.lo for p in found}
     assert found[0].lo == 5.0 and found[0].share > 0.9
 
@@ -194,7 +204,7 @@ def test_a_level_that_grows_with_speed_is_a_place_of_condition() -> None:
     shift = np.zeros((24, BINS + 2))
     shift[:, BINS] = (speed - speed.min()) / 80
     sims = [gaussian(conditions, rng) for _ in range(10)]
-    found = localise(gaussian(conditions, rng, shift), sims, conditions, rng)
+    found = locate(Paired(gaussian(conditions, rng, shift), sims, conditions), rng).places
     (place,) = [p for p in found if p.domain == "condition" and p.condition and "speed_rpm" in p.condition]
     assert place.condition is not None
     lo, hi = place.condition["speed_rpm"]
@@ -208,7 +218,7 @@ def test_a_level_of_one_fault_is_a_place_of_condition_that_names_it() -> None:
     shift = np.zeros((16, BINS + 2))
     shift[[c.fault == "inner" for c in conditions], BINS] = 6.0
     sims = [gaussian(conditions, rng) for _ in range(10)]
-    found = localise(gaussian(conditions, rng, shift), sims, conditions, rng)
+    found = locate(Paired(gaussian(conditions, rng, shift), sims, conditions), rng).places
     assert {"fault": "inner"} in [p.condition for p in found if p.domain == "condition"]
 
 

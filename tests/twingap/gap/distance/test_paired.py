@@ -10,9 +10,10 @@ import pytest
 from numpy.typing import NDArray
 
 from twingap.errors import TwingapError
-from twingap.gap.distance.feature_vectors import Axis, Views
-from twingap.gap.distance.paired import Paired, _tempered, gap_distance
-from twingap.gap.report.model import Domain
+from twingap.gap.distance.domain_names import DomainName
+from twingap.gap.distance.feature_vectors import FeatureVectors
+from twingap.gap.distance.grid import Axis
+from twingap.gap.distance.paired import Paired, _compressed
 from twingap.records import Condition
 
 Array = NDArray[np.float64]
@@ -26,15 +27,19 @@ def conditions_of(n: int, faults: Sequence[str] = ("healthy", "outer"), per_grou
     )
 
 
-def views_of(conditions: Sequence[Condition], rng: np.random.Generator, shift: Array | float = 0.0) -> Views:
+def views_of(conditions: Sequence[Condition], rng: np.random.Generator, shift: Array | float = 0.0) -> FeatureVectors:
     edges = np.arange(BINS + 1.0)
-    axes: dict[Domain, Axis] = {"order": Axis(edges[:-1], edges[1:], ("lines",) * BINS, "shaft orders")}
-    return Views({"order": rng.standard_normal((len(conditions), BINS)) + shift}, axes, tuple(conditions))
+    axes: dict[DomainName, Axis] = {"order": Axis(edges[:-1], edges[1:], ("lines",) * BINS, "shaft orders")}
+    return FeatureVectors({"order": rng.standard_normal((len(conditions), BINS)) + shift}, axes, tuple(conditions))
 
 
 def pair_of(n: int, m: int, rng: np.random.Generator, shift: Array | float = 0.0) -> Paired:
     conditions = conditions_of(n)
     return Paired(views_of(conditions, rng, shift), [views_of(conditions, rng) for _ in range(m)])
+
+
+def overall_of(pair: Paired) -> float:
+    return float(pair.over_domains(pair.squares())[0][0])
 
 
 @pytest.mark.parametrize(("n", "m"), [(1, 10), (2, 10), (24, 5)])
@@ -66,8 +71,8 @@ def test_standardised_by_their_own_scatter_equal_sets_are_still_at_distance_noug
 @pytest.mark.parametrize("n", [4, 12, 30])
 def test_the_floor_is_what_a_perfect_twin_shows(n: int) -> None:
     rng = np.random.default_rng(2)
-    found = [pair_of(n, 20, rng).distance(rng, 40) for _ in range(150)]
-    overall, floor = np.mean([d.overall for d in found]), np.mean([d.floor for d in found])
+    pairs = [pair_of(n, 20, rng) for _ in range(150)]
+    overall, floor = np.mean([overall_of(p) for p in pairs]), np.mean([p.floor(rng, 40)[0] for p in pairs])
     assert 0.75 * floor < overall < 1.35 * floor
 
 
@@ -75,17 +80,17 @@ def test_one_line_and_a_broad_change_both_stand_above_the_floor() -> None:
     rng = np.random.default_rng(3)
     line = np.where(np.arange(BINS) == 7, 6.0, 0.0)
     for shift in (line, np.full(BINS, 1.0)):
-        found = pair_of(16, 10, rng, shift).distance(rng)
-        assert found.overall > 4 * found.floor
-        assert found.overall == pytest.approx(np.sqrt(np.mean(shift**2)), rel=0.2)
+        pair = pair_of(16, 10, rng, shift)
+        assert overall_of(pair) > 4 * pair.floor(rng)[0]
+        assert overall_of(pair) == pytest.approx(np.sqrt(np.mean(shift**2)), rel=0.2)
 
 
 def test_a_gap_of_opposite_signs_in_two_faults_does_not_cancel() -> None:
     rng = np.random.default_rng(4)
     conditions = conditions_of(16)
     sign = np.where(np.arange(16) % 2 == 0, 2.0, -2.0)[:, None]
-    found = gap_distance(views_of(conditions, rng, sign), [views_of(conditions, rng) for _ in range(5)], rng)
-    assert found.overall > 1.5
+    pair = Paired(views_of(conditions, rng, sign), [views_of(conditions, rng) for _ in range(5)])
+    assert overall_of(pair) > 1.5
 
 
 def test_windows_of_one_recording_are_one_witness() -> None:
@@ -136,10 +141,10 @@ def test_replicates_must_match_the_records() -> None:
 
 def test_what_is_plain_counts_by_its_logarithm_and_what_is_small_as_it_is() -> None:
     squares = np.array([-100.0, -0.5, 0.0, 3.0, 15.9, 16.0, 1e4, 1e6])
-    found = _tempered(squares)
+    found = _compressed(squares)
     np.testing.assert_array_equal(found[1:6], squares[1:6])
     assert np.all(np.diff(found) > 0)
-    assert found[0] == pytest.approx(-_tempered(np.array([100.0]))[0])
+    assert found[0] == pytest.approx(-_compressed(np.array([100.0]))[0])
     assert found[7] - found[6] == pytest.approx(16 * np.log(100))
 
 
@@ -147,12 +152,12 @@ def test_the_misfit_keeps_the_noise_of_means_and_is_never_less_than_what_lies_ap
     rng = np.random.default_rng(8)
     for shift in (0.0, 2.0):
         pair = pair_of(6, 1, rng, shift)
-        distance = float(pair.over_views(pair.squares())[0][0])
+        distance = float(pair.over_domains(pair.squares())[0][0])
         assert pair.misfit() > distance
     # Of one record a stratum the mean is the record.
     few = pair_of(1, 1, rng)
     assert few.misfit() == pytest.approx(
-        float(np.sqrt(np.mean(_tempered((few.difference[0] / few.scale) ** 2)))), rel=1e-9
+        float(np.sqrt(np.mean(_compressed((few.difference[0] / few.scale) ** 2)))), rel=1e-9
     )
 
 
@@ -164,7 +169,7 @@ def test_the_misfit_gains_nothing_from_simulations_that_scatter_less() -> None:
         for _ in range(200):
             conditions = conditions_of(6)
             real, sims = views_of(conditions, rng, 2.0), [views_of(conditions, rng) for _ in range(2)]
-            noisy = [Views({"order": spread * sim.matrix}, sim.axes, conditions) for sim in sims]
+            noisy = [FeatureVectors({"order": spread * sim.matrix}, sim.axes, conditions) for sim in sims]
             squares.append([Paired(real, noisy[:m], None, np.ones(BINS)).misfit() ** 2 for m in (1, 2)])
         found[spread] = np.mean(squares, axis=0)
     one, two = found[2.0] - found[0.2]
@@ -181,5 +186,5 @@ def test_residuals_are_those_of_the_misfit_and_what_is_plain_counts_less() -> No
     assert plain.counts().sum() < 0.5
     # The weight is the slope of the tempered square: a little more of the gap adds as much to the misfit's square.
     squares = (plain.residuals() ** 2).sum(axis=0)
-    more = (_tempered(1.001 * squares) - _tempered(squares)) @ plain.real.weight
+    more = (_compressed(1.001 * squares) - _compressed(squares)) @ plain.real.weight
     assert more == pytest.approx(0.001 * squares @ plain.counts(), rel=1e-3)

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from tests.twingap.gap.distance.test_paired import conditions_of, run_of
-from twingap.gap.distance.stratification import slopes, strata, witnesses
+from twingap.gap.distance.stratification import independent_units, slopes, strata
 from twingap.records import Condition
 
 
@@ -44,6 +44,6 @@ def test_no_recording_is_cut_in_two_and_each_is_one_witness() -> None:
     assert len(parts) > 1
     groups = [{conditions[i].group for i in part} for part in parts]
     assert sum(map(len, groups)) == len(set.union(*groups))
-    found = witnesses(conditions[:8])
+    found = independent_units(conditions[:8])
     assert [one.tolist() for one in found] == [[0, 1, 2, 3], [4, 5, 6, 7]]
-    assert len(witnesses(conditions[:4])) == 4  # one recording: then its windows are all there is
+    assert len(independent_units(conditions[:4])) == 4  # one recording: then its windows are all there is

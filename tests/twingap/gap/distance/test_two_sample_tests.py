@@ -7,7 +7,9 @@ import pytest
 from numpy.typing import NDArray
 from scipy.stats import binom
 
-from twingap.gap.distance.feature_vectors import Axis, Views
+from twingap.gap.distance.domain_names import DomainName
+from twingap.gap.distance.feature_vectors import FeatureVectors
+from twingap.gap.distance.grid import Axis
 from twingap.gap.distance.paired import Paired
 from twingap.gap.distance.two_sample_tests import (
     Exchange,
@@ -18,7 +20,6 @@ from twingap.gap.distance.two_sample_tests import (
     overall_tests,
     p_value,
 )
-from twingap.gap.report.model import Domain
 from twingap.records import Condition
 
 Array = NDArray[np.float64]
@@ -29,13 +30,13 @@ def pair_of(
     n: int, m: int, rng: np.random.Generator, shift: Array | float = 0.0, bins: int = BINS, per_world: float = 0.0
 ) -> Paired:
     edges = np.arange(bins + 1.0)
-    axes: dict[Domain, Axis] = {"order": Axis(edges[:-1], edges[1:], ("lines",) * bins, "shaft orders")}
+    axes: dict[DomainName, Axis] = {"order": Axis(edges[:-1], edges[1:], ("lines",) * bins, "shaft orders")}
     conditions = tuple(Condition(f"r{i}", 1500 + 20 * i, 12000, 600, ("healthy", "outer")[i % 2]) for i in range(n))
     common = rng.standard_normal((n, bins)) * 3  # what the condition does to records and replicates alike
 
-    def draw(by: Array | float) -> Views:
+    def draw(by: Array | float) -> FeatureVectors:
         world = per_world * rng.standard_normal(bins)
-        return Views({"order": common + by + world + rng.standard_normal((n, bins))}, axes, conditions)
+        return FeatureVectors({"order": common + by + world + rng.standard_normal((n, bins))}, axes, conditions)
 
     return Paired(draw(shift), [draw(0.0) for _ in range(m)])
 

@@ -1,4 +1,4 @@
-"""Records of several machines, with and without effects, as views."""
+"""Records of several machines, with and without effects."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 from twingap.bearing import BEARINGS
 from twingap.effects import Effect
 from twingap.records import Condition
-from twingap.signal.record_transforms import Frame, RecordView
+from twingap.signal.record_transforms import Frame, RecordTransforms
 from twingap.twins.phenomenological import PhenomenologicalParameters, PhenomenologicalTwin
 
 
@@ -24,15 +24,15 @@ class Machine:
     speeds_rpm: tuple[float, ...] = (1130.0, 1770.0, 2870.0)
     error: float = 0.025
 
-    def views(
+    def records(
         self,
         effects: Sequence[Effect] = (),
         fault: str = "healthy",
         count: int = 3,
         seed: int = 0,
         length_s: float = 1.0,
-    ) -> list[tuple[RecordView, float]]:
-        """Views, and their true shaft rates over the stated ones."""
+    ) -> list[tuple[RecordTransforms, float]]:
+        """Records, and their true shaft rates over the stated ones."""
         rng = np.random.default_rng(seed)
         at = self.resonance * self.fs_hz
         twin = PhenomenologicalTwin(BEARINGS[self.bearing], PhenomenologicalParameters(resonance_hz=at), list(effects))
@@ -45,7 +45,7 @@ class Machine:
         for record in twin.stream(true, rng):
             ratio = 1 + self.error * rng.uniform(-1, 1)
             stated = replace(record.condition, speed_rpm=record.condition.speed_rpm / ratio)
-            out.append((RecordView(record.samples, stated, frame), ratio))
+            out.append((RecordTransforms(record.samples, stated, frame), ratio))
         return out
 
 

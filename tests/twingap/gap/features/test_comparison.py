@@ -5,9 +5,11 @@ import pytest
 
 from twingap.bearing import BEARINGS
 from twingap.effects import make_effect
-from twingap.gap.distance.feature_vectors import Grid
-from twingap.gap.features.comparison import _paired, compare, feature_names, measure
-from twingap.gap.features.pooled import features as whole
+from twingap.gap.distance.grid import Grid
+from twingap.gap.features.comparison import compare, feature_names, measure_records
+from twingap.gap.features.group_statistics import paired_z
+from twingap.gap.features.measured import Pair
+from twingap.gap.features.pooled import features as pooled
 from twingap.records import Condition
 from twingap.signal.record_transforms import Frame
 from twingap.twins.phenomenological import PhenomenologicalParameters, PhenomenologicalTwin
@@ -18,10 +20,10 @@ def beyond(z, limit=2.0):
     return np.mean(np.abs(z) > limit)
 
 
-def told(real, simulated):
+def compared(real, simulated):
     """Features by name, of these records alone."""
-    ours, theirs = real.alone, simulated.alone
-    values = compare(real, simulated, None, whole.compare(ours, theirs, whole.levels(ours, theirs)))
+    ours, theirs = real.pooled, simulated.pooled
+    values = compare(Pair(real, simulated), None, pooled.compare(ours, theirs, pooled.levels(ours, theirs)))
     return dict(zip(feature_names(), values, strict=True))
 
 
@@ -31,11 +33,11 @@ def test_pairs_share_what_conditions_do():
     condition = 30.0 * rng.standard_normal((10, width))  # of speed and fault: the same in both of a pair
     ours, theirs = (condition + rng.standard_normal((10, width)) for _ in range(2))
     small, nothing = np.full(width, 1e-3), np.full(width, np.nan)
-    assert beyond(_paired(ours - theirs, kinds, small, nothing)) == pytest.approx(0.045, abs=0.02)
-    moved = _paired(ours + 3.0 - theirs, kinds, small, nothing)
+    assert beyond(paired_z(ours - theirs, kinds, small, nothing)) == pytest.approx(0.045, abs=0.02)
+    moved = paired_z(ours + 3.0 - theirs, kinds, small, nothing)
     assert np.median(moved) > 3
     # One pair of a kind has no spread: what the records of each side say stands instead.
-    assert np.isnan(_paired(ours[:1] - theirs[:1], kinds[:1], small, nothing)).all()
+    assert np.isnan(paired_z(ours[:1] - theirs[:1], kinds[:1], small, nothing)).all()
 
 
 def test_distances_are_features_of_the_view_in_which_sets_lie_apart():
@@ -45,11 +47,11 @@ def test_distances_are_features_of_the_view_in_which_sets_lie_apart():
 
     def measured(seed, *effects):
         twin = PhenomenologicalTwin(bearing, PhenomenologicalParameters(2500.0, 0.05), effects)
-        return measure(twin.simulate(conditions, np.random.default_rng(seed)), frame, grid)
+        return measure_records(twin.simulate(conditions, np.random.default_rng(seed)), frame, grid)
 
     plain = measured(1)
     tones = measured(2, make_effect("shaft_harmonics", {"level_1x": 0.2, "level_2x": 0.2, "level_3x": 0.2}))
-    same, apart = told(plain, measured(3)), told(plain, tones)
+    same, apart = compared(plain, measured(3)), compared(plain, tones)
     assert abs(same["view|overall"]) < 0.6
     assert apart["view|order"] > 0.6 > abs(same["view|order"])
     assert apart["view|frequency_lines"] > abs(apart["view|frequency_level"])
@@ -67,8 +69,8 @@ def test_rates_of_several_faults_give_one_slip(slip):
     def measured(seed, *effects):
         parameters = PhenomenologicalParameters(2500.0, 0.05, impact_amplitude={"inner": 8.0, "outer": 8.0})
         twin = PhenomenologicalTwin(bearing, parameters, effects)
-        return measure(twin.simulate(conditions, np.random.default_rng(seed)), frame, grid)
+        return measure_records(twin.simulate(conditions, np.random.default_rng(seed)), frame, grid)
 
-    found = told(measured(1, make_effect("mean_slip", {"slip": slip})), measured(2))
+    found = compared(measured(1, make_effect("mean_slip", {"slip": slip})), measured(2))
     assert found["context|slip_seen"] == pytest.approx(slip, abs=8e-4)
     assert found["context|slip_seen_rest"] < np.log(1e-3)

@@ -9,7 +9,7 @@ import warnings
 import numpy as np
 import pytest
 
-from twingap.gap.features.impacts import envelope_comb as comb
+from twingap.gap.features.impacts import envelope_comb
 from twingap.gap.features.spectrum import change, difference, path
 from twingap.gap.features.tones import tones
 from twingap.signal.record_transforms import known_medians, local_floor, medians
@@ -80,12 +80,12 @@ def test_best_path_is_the_best_of_all_paths() -> None:
         return sum(float(power[row, at]) for row, at in enumerate(path)) - steps
 
     expected = max(itertools.product(range(4), repeat=5), key=gain)
-    assert tuple(comb._best_path(power, penalty)) == expected
+    assert tuple(envelope_comb._best_path(power, penalty)) == expected
 
 
 def test_turns_are_exponentials() -> None:
     rates, grid = np.linspace(-9, 9, 7), np.asarray((np.arange(75) + 0.5) * 0.01, np.float64)
-    assert np.abs(comb._turns(rates, grid) - np.exp(1j * rates[:, None] * grid)).max() < 1e-12
+    assert np.abs(envelope_comb._turns(rates, grid) - np.exp(1j * rates[:, None] * grid)).max() < 1e-12
 
 
 def test_what_differs_is_settled_as_repeated_weighted_least_squares_do() -> None:

@@ -1,4 +1,4 @@
-"""Shape of the amplitude distribution, and asymmetries in time and in sign.
+"""Features of the amplitude distribution: moments, quantiles, and asymmetries in time and in sign.
 
 samples / RMS --> moments, crest, quantiles; steps --> skewness of the steps; halves --> power above and below zero
 """
@@ -11,17 +11,17 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from twingap.signal.record_transforms import RecordView
+from twingap.signal.record_transforms import RecordTransforms
 
 Array = NDArray[np.float64]
 
 _QUANTILES: Final = (0.5, 0.9, 0.99, 0.999)
 
 
-def measure_amplitudes(view: RecordView, out: dict[str, float]) -> None:
-    """Shape of the amplitude distribution."""
-    scale, rms = max(view.frame.scale, 1e-300), math.sqrt(view.mean_square)
-    z = view.centred / rms
+def measure_amplitudes(record: RecordTransforms, out: dict[str, float]) -> None:
+    """Fill the features of the amplitude distribution: `rms_log` to `half_wave_asymmetry`."""
+    scale, rms = max(record.frame.scale, 1e-300), math.sqrt(record.mean_square)
+    z = record.centred / rms
     square = z * z
     out["rms_log"] = math.log10(rms / scale)
     out["kurtosis_log"] = math.log10(max(float(square @ square) / z.size / 3, 1e-6))
@@ -30,14 +30,14 @@ def measure_amplitudes(view: RecordView, out: dict[str, float]) -> None:
     out["crest_log"] = math.log10(float(size.max()))
     places = [min(int(q * z.size), z.size - 1) for q in _QUANTILES]
     rest, values, passed = size, [], 0
-    for place in places:  # each in what lies above the last: several places at once take longer
+    for place in places:  # each within the values above the last: faster than several places at once
         rest = np.partition(rest, place - passed)[place - passed :]
         values.append(rest[0])
         passed = place
     q = np.log10(np.maximum(values, 1e-6))
     out["quantile_50"] = float(q[0]) + out["rms_log"]
     out["quantile_90_50"], out["quantile_99_90"], out["quantile_999_99"] = (float(v) for v in np.diff(q))
-    # Time reversed, a ringing or a saw tooth is another signal; upside down, a one-sided force is.
+    # Ring-down and saw teeth are asymmetric in time, one-sided forces in sign.
     step = np.diff(z)
     out["time_asymmetry"] = math.tanh(
         float(np.mean(step * step * step)) / max(float(step @ step) / step.size, 1e-200) ** 1.5

@@ -1,8 +1,8 @@
-"""Signatures of what converter and recording do to samples: rails, a grid, missing stretches.
+"""Features of converter and recording: clipping, quantisation and missing stretches.
 
-samples --> largest and smallest --> how often are they visited, against the levels just inside --> clipping
-        --> sorted distinct values --> smallest differences --> step of a grid -----------------> quantisation
-        --> runs of equal samples, less those on the rails and those a grid makes itself -------> dropout
+samples --> largest and smallest --> visits of them, over those of the levels just inside --> clipping
+        --> sorted distinct values --> smallest differences --> step of a grid -----------> quantisation
+        --> runs of equal samples, less those at the rails and those due to a grid -------> dropout
 
 Source: IEEE Std 1057, Digitizing waveform recorders; Little & Rubin 2019, Statistical analysis with missing data.
 """
@@ -15,7 +15,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from twingap.signal.record_transforms import RecordView, medians
+from twingap.signal.record_transforms import RecordTransforms, medians
 
 Array = NDArray[np.float64]
 
@@ -42,18 +42,18 @@ NAMES: Final[tuple[str, ...]] = (
 """Keys of `measure`."""
 
 FINEST: Final = 3e-3
-"""Step over the healthy RMS below which grids are not told apart: 16 bits over a fair range, or none at all."""
+"""Step over the healthy RMS below which grids count as this fine: about 16 bits over a fair range."""
 
 _SHORTEST: Final = 4
-"""Equal samples that continuous noise never shows in a row."""
+"""Equal samples in a row from which a stretch counts as missing: continuous noise never shows as many."""
 
 
-def measure(view: RecordView) -> dict[str, float]:
-    """Signatures of the acquisition.
+def measure(record: RecordTransforms) -> dict[str, float]:
+    """Features of the acquisition.
 
     Parameters
     ----------
-    view : RecordView
+    record : RecordTransforms
 
     Returns
     -------
@@ -61,16 +61,16 @@ def measure(view: RecordView) -> dict[str, float]:
         `NAMES` -> value, NaN where it does not apply.
     """
     out = dict.fromkeys(NAMES, math.nan)
-    x, scale = view.x, max(view.frame.scale, 1e-300)
+    x, scale = record.x, max(record.frame.scale, 1e-300)
     if x.size < 64 or not np.isfinite(x).all():
         return out
     high, low = float(x.max()), float(x.min())
     span = high - low
-    # Single precision and unit conversions leave this much between what was equal once.
+    # Single precision and unit conversions separate equal values by this much.
     same = max(4e-7 * max(abs(high), abs(low)), 1e-300)
     if span <= 8 * same:
         return out
-    rms = max(math.sqrt(view.mean_square), 1e-300)
+    rms = max(math.sqrt(record.mean_square), 1e-300)
     begins = np.flatnonzero(np.concatenate(([True], np.abs(np.diff(x)) > same)))
     lengths = np.diff(np.append(begins, x.size))
     runs = x[begins]
@@ -82,7 +82,7 @@ def measure(view: RecordView) -> dict[str, float]:
     out["grid_distinct_log"] = math.log10(distinct / runs.size)
     out["grid_repeats"] = float(np.count_nonzero(lengths > 1)) / runs.size
     clipped = _clipping(x, runs, high, low, same, step if gridded else 0.0, scale, out)
-    _gaps(view, runs, lengths, (high, low) if clipped else None, same, step if gridded else 0.0, rms, out)
+    _gaps(record, runs, lengths, (high, low) if clipped else None, same, step if gridded else 0.0, rms, out)
     return out
 
 
@@ -109,8 +109,8 @@ def grid(values: Array, span: float, same: float) -> tuple[float, float, int]:
     distinct = differences.size + 1
     if distinct < 3:
         return (float(differences[0]) if differences.size else 0.0), 0.0, distinct
-    # Between the values of a grid lie few different distances, the smallest of which is the step: the smaller ones
-    # tell it finely, before multiples add up rounding.
+    # Differences between values of a grid are multiples of its step: the smallest ones give it, before rounding of
+    # larger multiples adds up.
     small = np.partition(differences, differences.size // 20)[: max(differences.size // 20, 2)]
     step = float(medians(small[small < 1.5 * small.min()]))
     near = differences[differences < 20.5 * step]
@@ -120,7 +120,7 @@ def grid(values: Array, span: float, same: float) -> tuple[float, float, int]:
         misfit = float(np.sqrt(np.mean((near / step - np.rint(near / step)) ** 2)))
     else:
         misfit = 0.29
-    # Distances that are a few roundings long prove nothing.
+    # Distances of a few rounding errors show no grid.
     if step < 50 * same:
         misfit = max(misfit, 0.29)
     return step, misfit, distinct
@@ -129,7 +129,7 @@ def grid(values: Array, span: float, same: float) -> tuple[float, float, int]:
 def _clipping(
     x: Array, runs: Array, high: float, low: float, same: float, step: float, scale: float, out: dict[str, float]
 ) -> bool:
-    """Visits of the extremes against those of a strip just inside them."""
+    """Visits of the extremes compared with those of a strip just inside them; whether the record is clipped."""
     span = high - low
     strip = max(0.02 * span, 1.5 * step)
     at_high, at_low = runs >= high - same, runs <= low + same
@@ -144,7 +144,7 @@ def _clipping(
     out["clip_fraction_log"] = math.log10(both / x.size)
     out["peak_to_peak_log"] = math.log10(span / 2 / scale)
     if step == 0:
-        # Continuous noise never visits the same place twice.
+        # Continuous noise never visits the same value twice.
         beyond = (n_high, n_low)
         rails = (n_high >= 2, n_low >= 2)
     else:
@@ -160,7 +160,7 @@ def _clipping(
 
 
 def _gaps(
-    view: RecordView,
+    record: RecordTransforms,
     runs: Array,
     lengths: NDArray[np.int64],
     rails: tuple[float, float] | None,
@@ -170,11 +170,11 @@ def _gaps(
     out: dict[str, float],
 ) -> None:
     """Runs of equal samples longer than the grid makes them."""
-    fs_hz, n = view.fs_hz, view.x.size
+    fs_hz, n = record.fs_hz, record.x.size
     shortest = _SHORTEST
     if step > 0:
-        # Runs of a quantised noise end at a constant rate; a slow signal's do not, so the common long ones set it.
-        # A quiet signal stays longest on one level, its commonest: gaps are judged by how long that one holds.
+        # Runs of quantised noise end at a constant rate; for slow signals the common long runs set the limit. A quiet
+        # signal stays longest on its commonest level, whose runs a gap has to exceed.
         levels = np.rint((runs - runs[0]) / step).astype(np.int64)
         visits = np.bincount(levels - levels.min())
         common = levels == int(np.argmax(visits)) + levels.min()
@@ -193,13 +193,13 @@ def _gaps(
     out["gap_fraction_log"] = math.log10(float(own.sum()) / n + 1e-4)
     rate = count / duration
     if count:
-        # Exponential lengths have no memory: what exceeds the shortest is as long as a whole gap, in the mean.
+        # Exponential lengths have no memory: the mean excess over the shortest is the mean length of a gap.
         mean = max(float(own.mean()) - shortest + 0.5, 0.5)
         out["gap_length_log"] = math.log10(mean / fs_hz)
         rate *= math.exp(min((shortest - 1.5) / mean, 2.0))
         ends = places[places + 1 < runs.size]
         if ends.size:
-            # Missing stretches end in a leap, quiet ones in a single step.
+            # A missing stretch ends in a jump, a quiet one in a single step.
             leap = np.abs(runs[ends + 1] - runs[ends])
             out["gap_jump"] = float(np.mean(leap > max(2.5 * step, 0.05 * rms)))
             out["gap_weight"] = math.log10(float(leap.mean()) / rms + 1e-3)

@@ -1,10 +1,10 @@
-"""Finding the strikes' lines: the rate of a defect in the spectrum of the squared envelope, and its smooth course.
+"""Comb of envelope lines at the impact rate: search for the rate, and tracking of its slow variation.
 
-RecordView -> band signal z -> |z|^2 -> comb search around the kinematic rate -> phase tracking of harmonics 1..4
+RecordTransforms -> band signal z -> |z|^2 -> comb search around the kinematic rate -> phase tracking of harmonics 1..4
 
-The comb search finds the rate even where its lines are smeared; tracking follows slow wander of the phase with the
-window that most sharpens the harmonics which it has not been fitted to. Where the rate wanders too far for a smoothed
-phase, the course is first found as the ridge of short spectra, by dynamic programming.
+The comb search finds the rate even where its lines are smeared. Tracking follows slow phase variation with the window
+that most sharpens the harmonics to which it was not fitted. Where the rate varies too much for a smoothed phase, the
+course is first found as the ridge of short spectra, by dynamic programming.
 Source: Randall and Antoni, Rolling element bearing diagnostics: a tutorial, MSSP 25 (2011) 485,
 doi:10.1016/j.ymssp.2010.07.017 (envelope, order tracking).
 """
@@ -20,20 +20,19 @@ import scipy.fft
 from numba import njit
 from numpy.typing import NDArray
 
-from twingap.signal.record_transforms import RecordView, band_medians, medians
+from twingap.signal.record_transforms import RecordTransforms, band_medians, medians
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
 SEARCH: Final = 0.06
-"""Largest log ratio of the strike rate to the kinematic one that is searched: wrong speed and slip together."""
+"""Largest log ratio of the impact rate to the kinematic one that is searched: wrong speed and slip together."""
 
 HARMONICS: Final = 8
-"""Lines of the comb that count in the search."""
+"""Lines of the comb that count in the search: more help sharp combs and hurt smeared ones."""
 
 EVIDENCE: Final = 10.0
-"""Log likelihood ratio of the comb from which on there is something to follow; white noise alone reached 7 in one of a
-hundred records."""
+"""Log likelihood ratio of the comb from which impacts are tracked; white noise reaches 7 in one record of a hundred."""
 
 
 @dataclass(frozen=True)
@@ -57,12 +56,12 @@ class BandSignal:
 
 @dataclass(frozen=True)
 class Comb:
-    """Where the lines of the strikes stand in the spectrum of the squared envelope.
+    """Lines of the impacts in the spectrum of the squared envelope.
 
     Attributes
     ----------
     rate_hz : float
-        Best strike rate, Hz.
+        Best impact rate, Hz.
     evidence : float
         Log likelihood ratio of lines against none, over all harmonics.
     lines : Complex [bins]
@@ -82,19 +81,19 @@ class Comb:
 
 @dataclass(frozen=True)
 class Track:
-    """The smooth course of the strike train.
+    """Smooth course of the impact rate.
 
     Attributes
     ----------
     rate_hz : float
-        Mean strike rate, Hz.
+        Mean impact rate, Hz.
     grid_s, phase : Array [grid]
         Passes since the record's start over time: rate_hz grid_s + wander.
     before, after : Array [4]
         |line|^2 of harmonics 1..4 of the squared envelope at constant rate, and along the track, over the mean squared
         envelope squared.
     floor : Array [4]
-        What noise has there.
+        The same of noise.
     window_passes : float
         Passes over which the phase was smoothed; infinite for a constant rate.
     """
@@ -108,14 +107,14 @@ class Track:
     window_passes: float
 
 
-def band_signal(view: RecordView) -> BandSignal:
-    """The complex signal whose squared modulus is `view.envelope`."""
-    z, first = view.band
-    return BandSignal(z * (2 * z.size / view.x.size), z.size * view.df_hz, first * view.df_hz)
+def band_signal(record: RecordTransforms) -> BandSignal:
+    """The complex signal whose squared modulus is `record.envelope`."""
+    z, first = record.band
+    return BandSignal(z * (2 * z.size / record.x.size), z.size * record.df_hz, first * record.df_hz)
 
 
 def find_comb(band: BandSignal, kinematic_hz: float) -> Comb | None:
-    """Search the strike rate around the kinematic one, with all harmonics and for sharp and smeared lines alike.
+    """Search the impact rate around the kinematic one, with all harmonics and for sharp and smeared lines alike.
 
     The mean excess e of n bins over the floor has the log likelihood ratio n (e - 1 - log e) against noise; each
     harmonic counts with the logarithm of it, so that no single tone outweighs a comb.
@@ -200,7 +199,7 @@ def track(comb: Comb, duration_s: float) -> Track | None:
     constant = 2 * np.pi * shift * grid
     wander, window = constant, np.inf
     kept = _power(lines, k, constant)
-    # What is not fitted judges; with the fundamental alone there is nothing to judge by, and no wander is assumed.
+    # Harmonics that were not fitted judge; with the fundamental alone no wander is assumed.
     judges = slice(1, None)
     best_score = float((kept[judges] / floor[judges]).sum())
     passes = float(rate * duration_s)
@@ -219,10 +218,10 @@ def track(comb: Comb, duration_s: float) -> Track | None:
                 np.mean(np.abs(_smooth(lines[0], size / passes * 8)) ** 2)
             ):
                 break
-            # Where the line is smeared, the rate may run through more than a smoothed phase can follow.
+            # Where the line is smeared, the rate may vary more than a smoothed phase can follow.
             starts.append(_ridge(lines, k, floor * size, size / passes))
     if np.isfinite(window):
-        # Had the comb missed the rate, tracking would have made good for it: a straight line is tried there too.
+        # Tracking corrects a wrong rate of the comb search: a constant rate is tried there too.
         trend = np.polyfit(grid, wander, 1)
         straight = np.polyval(trend, grid)
         shift = _fine_shift(lines * np.exp(-1j * k[:, None] * straight), k, floor, grid, comb.df_hz)

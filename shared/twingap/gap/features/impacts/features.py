@@ -1,13 +1,14 @@
-"""What is measured on the strikes of a defect: their rate, timing, strength, modulation, shape and level.
+"""Features of the impacts of a defect: rate, timing, strength, modulation, shape and level.
 
-RecordView --(comb.py, strikes.py)--> lines, track, strikes --+--> rate, harmonics, smear, wander      (speed, slip)
-                                                    +--> timing differences                  (jitter, walk)
-                                                    +--> strengths: scatter, shaft, cage     (scatter, load zone, cage)
-                        strikes --(echo.py)---------+--> second strike of a pass             (entry and exit)
-                                                    +--> level
-Noise is taken out of variances by what the matched filter shows between strikes, so that a faint record and a loud one
-measure alike. Sources: Randall and Antoni 2011, doi:10.1016/j.ymssp.2010.07.017; Antoni 2007 (jitter: harmonic n falls
-as exp(-(2 pi n sigma)^2 / 2), a walk's lines broaden as n^2).
+RecordTransforms --(envelope_comb, impacts)--> lines, track, impacts
+    lines, track ----------> rate, harmonics, smear, wander        (speed, slip)
+    times of impacts ------> timing differences                    (jitter, walk)
+    strengths of impacts --> scatter, lines at shaft and cage rate (scatter, load zone, cage)
+    mean waveform ---------> second impact of a pass, by impact_pairs (entry and exit); level
+
+The matched filter's output between impacts gives the noise, which is taken out of variances: a faint record and a loud
+one measure alike. Sources: Randall and Antoni 2011, doi:10.1016/j.ymssp.2010.07.017; Antoni 2007 (jitter: harmonic n
+falls as exp(-(2 pi n sigma)^2 / 2), a walk's lines broaden as n^2).
 """
 
 from __future__ import annotations
@@ -18,10 +19,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import nnls
 
-from twingap.gap.features.impacts import envelope_comb as comb
-from twingap.gap.features.impacts import impact_pairs as echo
-from twingap.gap.features.impacts import impacts as strikes
-from twingap.signal.record_transforms import RecordView, medians
+from twingap.gap.features.impacts import envelope_comb, impact_pairs, impacts
+from twingap.signal.record_transforms import RecordTransforms, medians
 
 Array = NDArray[np.float64]
 
@@ -73,64 +72,64 @@ NAMES: Final[tuple[str, ...]] = (
 """Keys of `measure`. Natural logs where the name ends in log, level, snr, gain or evidence."""
 
 _TIMING_FLOOR: Final = 1e-3
-"""Passes; logs of timing spreads flatten below it."""
+"""Passes; logs of timing spreads flatten below it: smaller, and noise of the measurement looks like differences."""
 
 _STRENGTH_FLOOR: Final = 0.02
-"""Relative; logs of strength spreads flatten below it."""
+"""Relative; logs of strength spreads flatten below it, for the same reason."""
 
 
-def measure(view: RecordView) -> dict[str, float]:
-    """Measure the strikes of one record.
+def measure(record: RecordTransforms) -> dict[str, float]:
+    """Measure the impacts of one record.
 
     Parameters
     ----------
-    view : RecordView
+    record : RecordTransforms
 
     Returns
     -------
     dict[str, float]
-        One value for each of `NAMES`; NaN where there is no known defect, or where the strikes cannot be followed.
+        One value for each of `NAMES`; NaN where there is no known defect, or where the impacts cannot be tracked.
         `jitter_sigma`, `walk_sigma` in impact spacings; `scatter_sigma`, `*_depth` over the mean strength;
         `wander_level` rms relative speed; `arc_deg` as in `effects.EntryExit`; `strike_level` log of the root energy of
         an impact (in the band, s^1/2) over frame.scale.
     """
     out = dict.fromkeys(NAMES, np.nan)
-    if view.fault_order is None or not view.shaft_hz > 0 or view.x.size < 256:
+    if record.fault_order is None or not record.shaft_hz > 0 or record.x.size < 256:
         return out
     with np.errstate(all="ignore"):
-        # Squares of squares are taken: beyond these levels nothing can be told from nothing.
-        if not 1e-60 < float(np.abs(view.x).max()) < 1e60 or not view.mean_square > 0:
+        # Fourth powers are taken: beyond these levels they overflow or vanish.
+        if not 1e-60 < float(np.abs(record.x).max()) < 1e60 or not record.mean_square > 0:
             return out
-        _fill(view, view.fault_order, out)
+        _fill(record, record.fault_order, out)
     return {name: value if np.isfinite(value) else np.nan for name, value in out.items()}
 
 
-def _fill(view: RecordView, order: float, out: dict[str, float]) -> None:
-    kinematic_hz = order * view.shaft_hz
-    band = comb.band_signal(view)
-    found = comb.find_comb(band, kinematic_hz)
+def _fill(record: RecordTransforms, order: float, out: dict[str, float]) -> None:
+    kinematic_hz = order * record.shaft_hz
+    band = envelope_comb.band_signal(record)
+    found = envelope_comb.find_comb(band, kinematic_hz)
     if found is None:
         return
     out["strike_evidence"] = float(np.log1p(found.evidence))
-    if found.evidence < comb.EVIDENCE:
+    if found.evidence < envelope_comb.EVIDENCE:
         return
-    course = comb.track(found, view.duration_s)
+    course = envelope_comb.track(found, record.duration_s)
     if course is None:
         return
     out["rate_log_ratio"] = float(np.log(course.rate_hz / kinematic_hz))
     _lines(course, out)
-    seen = strikes.measure_strikes(band, course)
+    seen = impacts.measure_impacts(band, course)
     if seen is None:
         return
     rate = _timing(seen, course, out)
     out["rate_log_ratio"] = float(np.log(rate / kinematic_hz))
-    _strengths(view, seen, rate, out)
-    _level(view, band, seen, out)
-    echo.measure_echo(view, seen, rate, out)
+    _strengths(record, seen, rate, out)
+    _level(record, band, seen, out)
+    impact_pairs.measure_second_impact(record, seen, rate, out)
 
 
-def _lines(course: comb.Track, out: dict[str, float]) -> None:
-    """Levels of the tracked harmonics among each other, and what tracking gains at each."""
+def _lines(course: envelope_comb.Track, out: dict[str, float]) -> None:
+    """Relative levels of the tracked harmonics, and the gain of tracking at each."""
     tidy = np.maximum(course.after - course.floor * 1e-1, 0.3 * course.floor)
     share = 0.5 * np.log(tidy / np.nansum(tidy))
     for k in range(4):
@@ -143,11 +142,11 @@ def _lines(course: comb.Track, out: dict[str, float]) -> None:
         out[f"smear_{k + 1}"] = float(np.log(gain))
 
 
-def _timing(seen: strikes.Strikes, course: comb.Track, out: dict[str, float]) -> float:
-    """Scalars of the strikes' times; returns the mean strike rate, Hz."""
+def _timing(seen: impacts.Impacts, course: envelope_comb.Track, out: dict[str, float]) -> float:
+    """Features of the impact times; returns the mean impact rate, Hz."""
     number, weight = seen.number, seen.strength**2
     weight = np.minimum(weight, 4 * medians(weight))
-    # Strikes that drown in noise have no time.
+    # Impacts below the noise have no time.
     sure = seen.strength**2 > max(4 * seen.noise, 0.3 * float(np.mean(seen.strength**2)))
     if sure.sum() < 8:
         return course.rate_hz
@@ -159,7 +158,7 @@ def _timing(seen: strikes.Strikes, course: comb.Track, out: dict[str, float]) ->
     late = (seen.time_s - start) * rate - number
     error = seen.time_error_s * rate
     if np.isfinite(course.window_passes):
-        # The course's own ends tell the mean of a wandering rate better than a straight line.
+        # The ends of the track give the mean of a wandering rate better than a straight line does.
         few = max(seen.number.size // 40, 1)
         rate = float((number[-few:].mean() - number[:few].mean()) / (seen.time_s[-few:] - seen.time_s[:few]).mean())
         if not abs(np.log(rate / course.rate_hz)) < 0.02:
@@ -215,39 +214,39 @@ def _wander(
     level = float(excess.sum())
     out["wander_level"] = float(np.sqrt(max(level, 0.0)))
     out["wander_log"] = 0.5 * float(np.log(max(level, 0.0) + 5e-4**2))
-    # Only where there is a wander has it a bandwidth: cosines spread evenly below it have their centroid near 0.525.
+    # A bandwidth is defined only where there is wander: cosines spread evenly below it have their centroid near 0.525.
     if level > 3 * float(expected[slow].sum()) / np.sqrt(slow.sum()) and level > 1e-6:
         positive = np.maximum(excess, 0.0)
         centroid = float((positive * frequency[slow]).sum() / max(float(positive.sum()), 1e-300)) * rate
-        # The mean is taken out and lines are a bin wide: both push the centroid up, by about 0.6 bins.
+        # Taking out the mean and the width of a bin both raise the centroid, by about 0.6 bins.
         out["wander_bandwidth_hz"] = max(centroid - 0.6 * rate / n, 0.2 * rate / n) / 0.525
 
 
-def _strengths(view: RecordView, seen: strikes.Strikes, rate: float, out: dict[str, float]) -> None:
-    """Modulation at shaft and cage rate, and what is random beyond it and the noise."""
+def _strengths(record: RecordTransforms, seen: impacts.Impacts, rate: float, out: dict[str, float]) -> None:
+    """Modulation at shaft and cage rate, and random scatter beyond modulation and noise."""
     strength, number = seen.strength, seen.number
     mean = float(strength.mean())
     if not mean > 0 or strength.size < 12:
         return
     relative = strength / mean
     noise = 0.5 * seen.noise / mean**2
-    per_shaft, per_cage, zone = _orders(view)
+    per_shaft, per_cage, zone = _orders(record)
     columns = [np.ones_like(relative)]
     found: dict[str, float] = {}
     slots: dict[str, int] = {}
     # The cage's rate per pass is all but fixed; the shaft's moves with slip by up to a few per cent.
     for name, per_pass, width in (("shaft", per_shaft, 0.03), ("cage", per_cage, 0.03)):
         if not per_pass < 0.45:
-            continue  # faster than every other pass shows
+            continue  # above the Nyquist rate of passes
         slots[name] = len(columns)
-        fixed = name == "cage" and str(view.condition.fault) == "outer"
+        fixed = name == "cage" and str(record.condition.fault) == "outer"
         place, columns_here = _line(relative, number, per_pass, 0.0 if fixed else width)
         found[name] = place
         columns += columns_here
     design = np.stack(columns, axis=1)
     weights, *_ = np.linalg.lstsq(design, relative, rcond=None)
     rest = relative - design @ weights
-    # Energies less the noise are free of what noise adds to faint strikes; (1 + d cos)^2 has lines of 2 d and d^2 / 2.
+    # Energies less the noise are unbiased for faint impacts; (1 + d cos)^2 has lines of 2 d and d^2 / 2.
     faint = strength**2 - float(np.mean((seen.strength_clean + seen.strength_error) ** 2 - seen.strength_clean**2))
     energies, *_ = np.linalg.lstsq(design, faint, rcond=None)
     free = max(relative.size - design.shape[1], 1)
@@ -256,11 +255,11 @@ def _strengths(view: RecordView, seen: strikes.Strikes, rate: float, out: dict[s
         square = float((weights[slot : slot + 2] ** 2).sum())
         ratio = float(np.hypot(*energies[slot : slot + 2])) / max(float(energies[0]), 1e-300)
         depth = (1 - np.sqrt(max(1 - min(ratio, 1.4) ** 2 / 2, 0.0))) * 2 / max(ratio, 1e-9)
-        # What noise and scatter put into two coefficients, more where the line was searched.
+        # Noise and scatter add to two coefficients, the more where the line was searched.
         out[f"{name}_depth"] = float(np.sqrt(max(depth**2 - 5 * variance / relative.size, 0.0)))
         out[f"{name}_line_log"] = 0.5 * float(np.log(square + _STRENGTH_FLOOR**2))
         if name == "shaft" and square > 30 * variance / relative.size:
-            out["shaft_log_ratio"] = float(np.log(found[name] * rate / view.shaft_hz))
+            out["shaft_log_ratio"] = float(np.log(found[name] * rate / record.shaft_hz))
     if zone in slots:
         out["zone_depth"] = out[f"{zone}_depth"]
     clean = max(variance - noise, 0.0)
@@ -273,9 +272,9 @@ def _strengths(view: RecordView, seen: strikes.Strikes, rate: float, out: dict[s
     out["strength_neighbours"] = float(np.mean(deviation[1:] * deviation[:-1]))
 
 
-def _orders(view: RecordView) -> tuple[float, float, str | None]:
-    """Shaft and cage turns per pass, and at which of the two a load zone weighs strikes of this defect."""
-    bearing, fault = view.bearing, str(view.condition.fault)
+def _orders(record: RecordTransforms) -> tuple[float, float, str | None]:
+    """Shaft and cage turns per pass, and the one of the two at whose rate a load zone modulates this defect."""
+    bearing, fault = record.bearing, str(record.condition.fault)
     order = bearing.fault_order(fault)
     zone = {"inner": "shaft", "ball": "cage"}.get(fault)
     return 1.0 / order, bearing.ftf / order, zone
@@ -301,12 +300,14 @@ def _line(values: Array, number: Array, per_pass: float, width: float) -> tuple[
     return place, [np.cos(angle), np.sin(angle)]
 
 
-def _level(view: RecordView, band: comb.BandSignal, seen: strikes.Strikes, out: dict[str, float]) -> None:
-    """How strong a strike is, over the machine's healthy vibration and over the noise between strikes."""
+def _level(
+    record: RecordTransforms, band: envelope_comb.BandSignal, seen: impacts.Impacts, out: dict[str, float]
+) -> None:
+    """Level of the impacts over the healthy RMS, and over the noise between impacts."""
     energy = float(np.mean(seen.strength**2) - seen.noise)
     energy = max(energy, 1e-3 * float(np.mean(seen.strength**2)))
     # Per second of the cycle at 1 kHz: a length that does not depend on rates makes the level dimensionless.
-    scale = view.frame.scale**2 * band.fs_hz / 1000
+    scale = record.frame.scale**2 * band.fs_hz / 1000
     out["strike_level"] = 0.5 * float(np.log(energy / max(scale, 1e-300)))
     out["strike_snr"] = 0.5 * float(np.log(energy / max(seen.noise, 1e-6 * energy)))
     out["phase_lock"] = seen.phase_locked

@@ -1,12 +1,12 @@
-"""The comb over harmonics of the impact rate that a second strike makes, asked of all records of a set together.
+"""Entry-exit comb: modulation over harmonics of the impact rate by a second impact, from all records of a set together.
 
-power around each harmonic (answer.Struck), measured and simulated, of every record
-    --mean over the records of a fault, the clearest first--> ratio over harmonics
-    --less what is slow, and what noise on the same path shows too-->
-    against |1 + r exp(i k a)|^2 --> how much of it each comb explains, its delay and ratio
+power around each harmonic (`ImpactSpectrum`), measured and simulated, of every record
+    --mean over the records of a fault, weighted by their clarity--> ratio over harmonics
+    --smooth part, and the part that the noise of the same path shows too, taken out-->
+    fitted by |1 + r exp(i k a)|^2 --> how much each comb explains, its delay and ratio
 
-A second strike that follows at a fixed angle is a comb over harmonics at any speed, while paths stand still in Hz. How
-much a comb explains of a few harmonics by chance falls with their number: `score` counts in roots of it.
+A second impact that follows at a fixed angle is a comb over harmonics at any speed, while the path is fixed in Hz. The
+part of a few harmonics that a comb explains by chance falls with their number: `score` is scaled by its square root.
 """
 
 from __future__ import annotations
@@ -20,8 +20,8 @@ import scipy.fft
 from numpy.typing import NDArray
 
 from twingap.bearing import Bearing
-from twingap.gap.features.impacts.impulse_response import Struck, standing_out
-from twingap.gap.features.impacts.smooth_path import likelier
+from twingap.gap.features.impacts.impulse_response import ImpactSpectrum, standing_out
+from twingap.gap.features.impacts.smooth_path import log_likelihood_ratios
 from twingap.gap.features.tones.peaks import highest
 
 Array = NDArray[np.float64]
@@ -32,34 +32,35 @@ NAMES: Final[tuple[str, ...]] = tuple(
     for kind in _KINDS
     for name in ("known", "gain", "score", "same", "opposed", "arc_log", "ratio", "likelier", "likelier_ratio")
 )  # fmt: skip
-"""Keys of `compare`: of harmonics that stand out clearly each by itself, and of all in stretches that do."""
+"""Keys of `compare`: from harmonics that are each well above the noise ("clear"), and from all harmonics in stretches
+that are ("faint")."""
 
 _LEAST_PART: Final = 0.01
-"""Of a pass, from one strike to the next: at more than half of one, the comb is that of what is left of it."""
+"""Shortest delay between the two impacts, part of a pass; the longest is half a pass, beyond which combs repeat."""
 _GRID: Final = 8
-"""Delays that are looked at per harmonic: combs of many harmonics are as sharp as there are harmonics."""
+"""Delays per harmonic that are searched: combs are the sharper, the more harmonics there are."""
 _CANDIDATES: Final = 12
-"""Delays of either sign that whole combs are held against: where the comb's own first term is strongest."""
+"""Delays of either sign for which the full comb is fitted: those where its first term is strongest."""
 _RATIOS: Final = (0.1, 0.2, 0.35, 0.6, 0.9)
 _NOISE: Final = 0.01
-"""Variance of a log ratio that no fit goes below: what jitter leaves."""
+"""Least residual variance of a log ratio, due to jitter: larger, and combs count for less."""
 _LEAST_SCORE: Final = 1.5
-"""From which a comb has a delay: one more mode scores as much, where healthy records do not show it exactly."""
+"""Score from which a delay is reported: a mode that healthy records do not show exactly can reach as much."""
 _DROWNED: Final = 2.0
-"""Errors of the power of all harmonics that a record is at least as loud as."""
+"""Least total power of a record, in standard errors: keeps records without visible impacts from dominating the mean."""
 _STANDING: Final = 4.0
-"""Standard deviations of the noise by which a stretch of harmonics has to stand out to count in full."""
+"""Standard deviations above the noise from which a stretch of harmonics counts in full."""
 _COUNTED: Final = 0.15
-"""Weight below which a harmonic is left out: its logarithm is of noise."""
+"""Weight below which a harmonic is left out: its logarithm is mostly noise."""
 _JITTER: Final = (0.02, 0.01)
-"""Part of a harmonic's power that fills the gaps of a comb whatever the noise: of clear harmonics, of faint ones."""
+"""Least part of a harmonic's power in the minima of a comb (clear, faint ones): larger, and combs are shallower."""
 _FEWEST: Final = 6.0
-"""Harmonics, by weight, below which nothing is said."""
+"""Sum of weights below which nothing is reported."""
 
 
 class _Ratio(NamedTuple):
     """[harmonics] ln of measured over simulated power; its weight; noise over power, which fills a comb's gaps; and ln
-    of measured over simulated noise at the same frequencies, 0 where nobody knows."""
+    of measured over simulated noise at the same frequencies, 0 where it is not known."""
 
     log: Array
     weight: Array
@@ -68,25 +69,25 @@ class _Ratio(NamedTuple):
 
 
 def compare(
-    real: Sequence[Struck], simulated: Sequence[Struck], bearing: Bearing, noise: Array | None = None
+    real: Sequence[ImpactSpectrum], simulated: Sequence[ImpactSpectrum], bearing: Bearing, noise: Array | None = None
 ) -> dict[str, float]:
-    """What combs over harmonics tell measured strikes from simulated ones.
+    """Combs in the ratio of measured to simulated power over harmonics.
 
     Parameters
     ----------
-    real, simulated : sequence of Struck
-        Of all records that there are.
+    real, simulated : sequence of ImpactSpectrum
+        Of all records.
     bearing : Bearing
-    noise : Array [answer.PLACES], optional
-        ln of the measured over the simulated spectrum of noise, which comes the same way: what is alike in the ratio of
-        strikes is of the path.
+    noise : Array [impulse_response.PLACES], optional
+        ln of the measured over the simulated spectrum of noise, which passes the same path: what the ratio of impacts
+        shares with it is taken out.
 
     Returns
     -------
     dict[str, float]
-        `NAMES` -> value, NaN where nobody knows. `known` ln of the number of harmonics; `gain` ln of what is left
+        `NAMES` -> value, NaN where it is not known. `known` ln of the number of harmonics; `gain` ln of what is left
         without a comb over what the best one leaves; `score` ln(1 + gain root of known); `same`, `opposed` the gain
-        where the second strike goes the way of the first or the other; `arc_log` ln deg, `ratio` signed. `likelier`
+        where the second impact has the sign of the first or the other; `arc_log` ln deg, `ratio` signed. `likelier`
         ln(1 + log likelihood ratio) of the best comb where the path may be any curve, `likelier_ratio` its ratio.
     """
     out = dict.fromkeys(NAMES, math.nan)
@@ -99,9 +100,9 @@ def compare(
 
 
 def _comb(ratios: Iterable[tuple[str, _Ratio]], bearing: Bearing) -> dict[str, float]:
-    """Of the comb |1 + r exp(i k a)|^2 over harmonics k that a second strike, r times the first, would make.
+    """Of the comb |1 + r exp(i k a)|^2 over harmonics k that a second impact, r times the first, would make.
 
-    Faults share r, but each is a defect of its own, as long as it is.
+    All faults share r; each has a delay of its own.
     """
     before = known = 0.0
     after, over_path = np.zeros((2, 2, len(_RATIOS)))
@@ -111,7 +112,7 @@ def _comb(ratios: Iterable[tuple[str, _Ratio]], bearing: Bearing) -> dict[str, f
         known += float(ratio.weight.sum())
         before += own.energy
         after += own.left
-        over_path += likelier(*ratio, np.array(_RATIOS), _LEAST_PART)
+        over_path += log_likelihood_ratios(*ratio, np.array(_RATIOS), _LEAST_PART)
         found.append((fault, own))
     if not found:
         return {}
@@ -127,7 +128,7 @@ def _comb(ratios: Iterable[tuple[str, _Ratio]], bearing: Bearing) -> dict[str, f
     out["likelier"] = math.log1p(max(float(over_path[way, size]), 0.0))
     out["likelier_ratio"] = (1.0 if way == 0 else -1.0) * _RATIOS[size]
     if out["score"] > _LEAST_SCORE:
-        # Of the fault whose comb is plainest. A ball is struck twice a turn.
+        # Of the fault whose comb is clearest. A ball defect makes two impacts a turn.
         fault, plainest = max(found, key=lambda of: of[1].energy - of[1].left[i, j])
         per_pass = 180.0 if fault == "ball" else 360 / bearing.n_rollers
         out["arc_log"] = math.log(plainest.part[i, j] * per_pass)
@@ -174,12 +175,12 @@ def _explained(ratio: _Ratio) -> _Explained:
 
 
 def _over_harmonics(
-    real: Sequence[Struck], simulated: Sequence[Struck], noise: Array | None, fault: str, *, faint: bool
+    real: Sequence[ImpactSpectrum], simulated: Sequence[ImpactSpectrum], noise: Array | None, fault: str, *, faint: bool
 ) -> _Ratio:
     """Of the mean power around the harmonics of one fault.
 
-    With `faint`, a harmonic counts where those about it stand out: in the gaps of a comb there is only noise, and that
-    is what tells a comb.
+    With `faint`, a harmonic counts where its neighbours are above the noise: the minima of a comb hold noise alone, and
+    are what shows it.
     """
     logs, weights, noises = [], [], []
     for own in (real, simulated):
@@ -199,10 +200,10 @@ def _over_harmonics(
     return _Ratio(logs[0][:both] - logs[1][:both], np.where(weight > _COUNTED, weight, 0.0), filled, path)
 
 
-def _mean(kept: Sequence[Struck]) -> tuple[Array, Array]:
+def _mean(kept: Sequence[ImpactSpectrum]) -> tuple[Array, Array]:
     """[harmonics] Mean power of records as loud as one another, and its error; as far as half of the records reach.
 
-    Records weigh by the inverse of their variance: one whose strikes drown must not drown those of the others.
+    Records are weighted by inverse variance, so that records without visible impacts do not hide the others'.
     """
     most = max(s.power.size for s in kept)
     power, squares, weights, count = np.zeros((4, most))
@@ -218,10 +219,10 @@ def _mean(kept: Sequence[Struck]) -> tuple[Array, Array]:
     return power[:reached] / weights[:reached], np.sqrt(squares[:reached]) / weights[:reached]
 
 
-def _on_path(simulated: Sequence[Struck], noise: Array) -> Array:
-    """[harmonics] ln of what the mean power of simulated strikes would be over what it is, were the path the noise's.
+def _on_path(simulated: Sequence[ImpactSpectrum], noise: Array) -> Array:
+    """[harmonics] ln of what the mean power of simulated impacts would be over what it is, were the path the noise's.
 
-    One harmonic lies at another frequency at every speed: where it is loud is where the path counts.
+    A harmonic's frequency changes with speed; the path is weighted by the harmonic's power there.
     """
     most = max(s.power.size for s in simulated)
     before, after = np.full((2, most), 1e-300)

@@ -1,12 +1,12 @@
-"""The second strike of a pass: whether the waveform of a strike is two copies of one answer, how far apart, how strong.
+"""Entry and exit impacts of a pass: does the mean waveform hold two copies of one response, how far apart, how strong?
 
-samples, strike times -> mean waveform of a pass, sub-sample aligned -> all-pole model of its tail -> inverse filter
+samples, impact times -> mean waveform of a pass, sub-sample aligned -> all-pole model of its tail -> inverse filter
     -> two-pulse fit over all delays -> gain over one pulse, delay, ratio
 
-A defect of finite length is struck on entry and exit (`effects.EntryExit`). Both impacts pass the same path, so
-taking the path out leaves two pulses, even where the ringing of the first covers the second. The poles come from the
-end of the mean waveform, where whatever struck has gone and only ringing is left. Sawalhi and Randall 2011 whiten with
-an autoregressive model in the same spirit.
+A rolling element hits a defect of finite length on entry and on exit (`effects.EntryExit`). Both impacts excite the
+same path, so inverse filtering leaves two pulses, even where the ring-down of the first covers the second. The poles
+come from the end of the mean waveform, where only ring-down is left. Sawalhi and Randall 2011 whiten with an
+autoregressive model in the same spirit.
 """
 
 from __future__ import annotations
@@ -17,58 +17,58 @@ import numpy as np
 import scipy.fft
 from numpy.typing import NDArray
 
-from twingap.gap.features.impacts.impacts import PHASES, Strikes
-from twingap.signal.record_transforms import RecordView, medians
+from twingap.gap.features.impacts.impacts import PHASES, Impacts
+from twingap.signal.record_transforms import RecordTransforms, medians
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
 FINEST_SAMPLES: Final = 2.0
-"""Shortest delay that is searched; below it, two strikes are one of another shape."""
+"""Shortest delay that is searched, samples; below it, two impacts cannot be distinguished from one."""
 
 UPSAMPLE: Final = 4
-"""Grid of delays: this many places per sample."""
+"""Delays per sample: more are finer and slower."""
 
 TOLERANCE: Final = 0.02
-"""Part of the spectrum that a model of two poles may miss; without it, frequencies of no noise decide alone."""
+"""Part of the spectrum that a model of two poles may miss; without it, frequencies with little noise dominate."""
 
 EDGE: Final = 8
-"""Samples at either end of a waveform that are spent on aligning it."""
+"""Samples at either end of a waveform that alignment by parts of a sample spoils."""
 
 LEAD: Final = 0.34
-"""Part of the mean waveform before the strike, which may have been followed by its second half."""
+"""Part of the mean waveform before the impact, so that an earlier impact of the same pass lies in it too."""
 
 FINEST_DEG: Final = 0.4
-"""Shortest arc that is searched; the longest takes nearly half a pass."""
+"""Shortest arc that is searched, degrees; the longest takes nearly half a pass."""
 
 
-def measure_echo(view: RecordView, seen: Strikes, rate_hz: float, out: dict[str, float]) -> None:
+def measure_second_impact(record: RecordTransforms, seen: Impacts, rate_hz: float, out: dict[str, float]) -> None:
     """Fill `echo_gain`, `arc_deg`, `arc_log`, `exit_ratio`, `cycle_width_deg`, `cycle_rise`, `cycle_rise_part`.
 
     Parameters
     ----------
-    view : RecordView
-    seen : Strikes
+    record : RecordTransforms
+    seen : Impacts
     rate_hz : float
-        Strikes per second.
+        Impacts per second.
     out : dict
         Filled in place.
     """
-    shaft_hz = rate_hz / float(view.fault_order or np.nan)
-    deg_per_s = 360 * shaft_hz * _body_rate(view)
+    shaft_hz = rate_hz / float(record.fault_order or np.nan)
+    deg_per_s = 360 * shaft_hz * _body_rate(record)
     out["cycle_width_deg"] = float(np.log(max(_width(seen.cycle), 0.2 / PHASES) / rate_hz * deg_per_s))
     out["cycle_rise"], part = _rise(seen.cycle)
     if out["cycle_rise"] > 0.03:
         out["cycle_rise_part"] = part
-    spacing = view.fs_hz / rate_hz
-    waveform, noise, blur = mean_waveform(view.x, seen, view.fs_hz, spacing)
+    spacing = record.fs_hz / rate_hz
+    waveform, noise, blur = mean_waveform(record.x, seen, record.fs_hz, spacing)
     if waveform is None:
         return
-    shortest = max(FINEST_DEG / deg_per_s * view.fs_hz, FINEST_SAMPLES)
+    shortest = max(FINEST_DEG / deg_per_s * record.fs_hz, FINEST_SAMPLES)
     longest = 0.47 * spacing
     if longest < shortest + 1:
         return
-    # A pass may be seen from its second strike on: then the first of the next pass follows, at the rest of the spacing.
+    # Tracking may lock on the exit impact: then the entry of the next pass follows, at the rest of the spacing.
     fit = two_pulses(waveform, noise, blur, shortest, 0.7 * spacing)
     if fit is None:
         return
@@ -76,34 +76,34 @@ def measure_echo(view: RecordView, seen: Strikes, rate_hz: float, out: dict[str,
     if delay > 0.5 * spacing:
         delay, ratio = spacing - delay, 1 / ratio
     out["echo_gain"] = gain
-    arc = delay / view.fs_hz * deg_per_s
+    arc = delay / record.fs_hz * deg_per_s
     if gain > 0.7:
         out["arc_deg"], out["arc_log"], out["exit_ratio"] = arc, float(np.log(arc)), ratio
 
 
-def mean_waveform(x: Array, seen: Strikes, fs_hz: float, spacing: float) -> tuple[Array | None, Array, Array]:
-    """Mean waveform of all strikes, each weighted by its strength and aligned to a fraction of a sample.
+def mean_waveform(x: Array, seen: Impacts, fs_hz: float, spacing: float) -> tuple[Array | None, Array, Array]:
+    """Mean waveform of all impacts, each weighted by its strength and aligned to a fraction of a sample.
 
     Returns
     -------
     Array [length] or None
-        Beginning `LEAD` of its length before the strike.
+        Beginning `LEAD` of its length before the impact.
     Array [length // 2 + 1]
         Variance that the noise leaves in its spectrum.
     Array [length // 2 + 1]
-        What errors of alignment leave of each frequency, 0 to 1.
+        Attenuation by errors of alignment, 0 to 1.
     """
     length = int(np.clip(1.04 * spacing, 24, 1024)) // 2 * 2
     long = length + 2 * EDGE
     start = seen.time_s * fs_hz - LEAD * length - EDGE
-    whole = np.floor(start).astype(int)
-    inside = (whole >= 0) & (whole + long <= x.size)
+    first_sample = np.floor(start).astype(int)
+    inside = (first_sample >= 0) & (first_sample + long <= x.size)
     if inside.sum() < 8:
         return None, np.zeros(0), np.zeros(0)
-    whole, part = whole[inside], (start - np.floor(start))[inside]
+    first_sample, part = first_sample[inside], (start - np.floor(start))[inside]
     strength = seen.strength[inside] / max(float(seen.strength.mean()), 1e-300)
-    # Ends are cut off after the shift by parts of a sample, which rings there.
-    spectra = scipy.fft.rfft(x[whole[:, None] + np.arange(long)] * _soft(long, EDGE), axis=1)
+    # The ends are cut off after the shift by parts of a sample, which rings there.
+    spectra = scipy.fft.rfft(x[first_sample[:, None] + np.arange(long)] * _soft(long, EDGE), axis=1)
     spectra = spectra * np.exp(2j * np.pi * np.arange(long // 2 + 1) / long * part[:, None])
     weight = strength / float((strength**2).sum())
     mean = weight @ spectra
@@ -135,7 +135,7 @@ def two_pulses(
     noise : Array [length // 2 + 1]
         Variance of its spectrum.
     blur : Array [length // 2 + 1]
-        What alignment has left of each frequency.
+        Attenuation by errors of alignment, 0 to 1.
     shortest, longest : float
         Delays that are searched, samples.
 
@@ -159,32 +159,32 @@ def two_pulses(
     shape = 1 / np.maximum(inverse.real**2 + inverse.imag**2, 1e-12)
     # Maximum likelihood: the spectrum is path * pulses + noise of variance `quiet`, which weighs every frequency.
     trust = weight * shape / (quiet + TOLERANCE * wide + 1e-300)
-    # Filtered in time, what strikes before the window ring into it vanishes with the rest of the ringing.
+    # Filtered in time, the ring-down of impacts before the window vanishes with the rest.
     driven = np.convolve(waveform, poles)[:n]
     driven[: poles.size - 1] = 0.0
     pulses = scipy.fft.rfft(driven * _soft(n, 3))
     m = n * UPSAMPLE
-    answer = scipy.fft.irfft(pulses * trust * blur, m)
+    response = scipy.fft.irfft(pulses * trust * blur, m)
     kernel = scipy.fft.irfft(trust * blur**2 + 0j, m)
     total = float(scipy.fft.irfft((pulses.real**2 + pulses.imag**2) * trust + 0j, m)[0])
     if not kernel[0] > 0 or not total > 0:
         return None
-    kernel, answer, total = kernel / kernel[0], answer / kernel[0], total / kernel[0]
+    kernel, response, total = kernel / kernel[0], response / kernel[0], total / kernel[0]
     near = np.arange(0, int(0.75 * m))
-    # One strike of a sampled mode is two neighbouring samples: it may fall between them.
-    single = _pair(answer, kernel, near, np.array([UPSAMPLE]), one_sign=False)[0][:, 0]
+    # One impact that falls between two samples is two neighbouring pulses.
+    single = _pair(response, kernel, near, np.array([UPSAMPLE]), one_sign=False)[0][:, 0]
     one, place = float(single.max()), int(single.argmax())
     delays = np.arange(int(np.ceil(shortest * UPSAMPLE)), min(int(longest * UPSAMPLE) + 1, m))
     if delays.size < 2:
         return None
-    # Every third place first, then all about the best: the kernel is wider than that. One of the two strikes is near
+    # Every third place first, then all about the best: the kernel is wider than that. One of the two impacts is near
     # what looks like the only one.
     near = np.arange(max(place - int(delays[-1]) - 4 * UPSAMPLE, 0), min(place + 4 * UPSAMPLE, near.size))
-    energy = _pair(answer, kernel, near[::3], delays[::3])[0]
+    energy = _pair(response, kernel, near[::3], delays[::3])[0]
     i, j = np.unravel_index(int(energy.argmax()), energy.shape)
     near = np.arange(near[3 * i] - 4, near[3 * i] + 5)
     delays = delays[max(3 * int(j) - 4, 0) : 3 * int(j) + 5]
-    energy, ratio = _pair(answer, kernel, near, delays)
+    energy, ratio = _pair(response, kernel, near, delays)
     i, j = np.unravel_index(int(energy.argmax()), energy.shape)
     two = float(energy[i, j])
     rest = 0.01 * total
@@ -193,17 +193,17 @@ def two_pulses(
 
 
 def _pair(
-    answer: Array, kernel: Array, near: NDArray[np.int64], delays: NDArray[np.int64], *, one_sign: bool = True
+    response: Array, kernel: Array, near: NDArray[np.int64], delays: NDArray[np.int64], *, one_sign: bool = True
 ) -> tuple[Array, Array]:
     """[near, delays] Energy that two pulses explain, the first at `near`, and second over first."""
-    m = answer.size
-    first = answer[near % m][:, None]
-    second = answer[(near[:, None] + delays) % m]
+    m = response.size
+    first = response[near % m][:, None]
+    second = response[(near[:, None] + delays) % m]
     cross = kernel[delays]
     determinant = np.maximum(1 - cross**2, 0.02)
     energy = (first**2 + second**2 - 2 * first * second * cross) / determinant
     a, b = first - second * cross, second - first * cross
-    # Both strike the same way: the same sign, and neither is a speck of the other.
+    # Entry and exit have the same sign and similar size.
     ratio = b / np.where(np.abs(a) > 1e-300, a, 1e-300)
     return (np.where((ratio > 0.25) & (ratio < 4.0), energy, 0.0) if one_sign else energy), ratio
 
@@ -217,10 +217,10 @@ def _peak(energy: Array, j: int, delays: NDArray[np.int64]) -> float:
 
 
 def _predictor(waveform: Array, start: int, order: int = 2) -> Array | None:
-    """[1 + order] Inverse filter of the path, 1 + a1 z^-1 + ...: least squares on the ringing from `start` on.
+    """[1 + order] Inverse filter of the path, 1 + a1 z^-1 + ...: least squares on the ring-down from `start` on.
 
-    Strikes are few, ringing is long: predictions from all of the waveform are right but at the strikes, so those that
-    miss most are left out and the rest is fitted again.
+    Impacts are short and ring-down is long: predictions fail only at impacts, so the largest errors are left out and
+    the rest is fitted again.
     """
     columns = [waveform[order - i - 1 : waveform.size - i - 1] for i in range(order)]
     design, target = np.stack(columns, axis=1), waveform[order:]
@@ -237,15 +237,15 @@ def _predictor(waveform: Array, start: int, order: int = 2) -> Array | None:
     return out if np.isfinite(out).all() else None
 
 
-def _body_rate(view: RecordView) -> float:
+def _body_rate(record: RecordTransforms) -> float:
     """Turns of the struck body past the roller per turn of the shaft, at kinematic orders (see `effects.EntryExit`)."""
-    fault, cage = str(view.condition.fault), view.bearing.ftf
-    rates = {"outer": cage, "inner": 1 - cage, "ball": view.bearing.bsf, "cage": 1 - cage}
+    fault, cage = str(record.condition.fault), record.bearing.ftf
+    rates = {"outer": cage, "inner": 1 - cage, "ball": record.bearing.bsf, "cage": 1 - cage}
     return rates[fault]
 
 
 def _width(cycle: Array) -> float:
-    """Root mean square width of the strike in the mean cycle, passes."""
+    """Root mean square width of the impact in the mean cycle, passes."""
     bottom = float(np.sort(cycle)[: PHASES // 4].mean())
     above = np.maximum(cycle - bottom - 0.05 * (cycle.max() - bottom), 0.0)
     total = float(above.sum())
@@ -257,7 +257,7 @@ def _width(cycle: Array) -> float:
 
 
 def _rise(cycle: Array) -> tuple[float, float]:
-    """How far the mean cycle's autocorrelation rises again, and at which part of a pass: one strike's only falls."""
+    """Rise of the mean cycle's autocorrelation, and its part of a pass: with one impact it only falls."""
     above = np.maximum(cycle - float(np.sort(cycle)[: PHASES // 4].mean()), 0.0)
     power = np.abs(np.fft.rfft(above)) ** 2
     likeness = np.fft.irfft(power, PHASES)[: PHASES // 2 + 1]

@@ -1,11 +1,11 @@
-"""Every strike of a defect: when each falls, how strong it is, and with what error both are known.
+"""Impacts of a defect: time and strength of each, and the errors of both.
 
-band signal, course of the rate (comb.py) -> mean cycle -> predicted strikes -> waveform of one strike
-    -> matched filter -> time and strength of every strike; its output between strikes -> their errors
+band signal, track of the rate (envelope_comb) -> mean cycle -> predicted impacts -> waveform of one impact
+    -> matched filter -> time and strength of every impact; its output between impacts -> their errors
 
-All strikes share one waveform, estimated from them, and a matched filter tells when and how strong each is; the phase
-of its output tells the time to a fraction of a carrier period. The same filter, half a pass off, shows the noise: added
-to ideal strikes that are then measured alike, it tells the errors. The matched filter is textbook.
+All impacts share one waveform, estimated from them. A matched filter of it gives time and strength of each; the phase
+of its output gives the time to a fraction of a carrier period. Its output half a pass off shows the noise, which is
+added to ideal impacts that are then measured in the same way: that gives the errors.
 """
 
 from __future__ import annotations
@@ -27,33 +27,33 @@ PHASES: Final = 96
 """Bins of a pass in the mean cycle."""
 
 _FEWEST: Final = 8
-"""Strikes that a record must have to be followed."""
+"""Impacts that a record must have: with fewer, the common waveform is mostly noise."""
 
 
 @dataclass(frozen=True)
-class Strikes:
-    """Every strike of a record.
+class Impacts:
+    """All impacts of a record.
 
     Attributes
     ----------
     number : Array [N]
-        Whole passes since the first strike.
+        Whole passes since the first impact.
     time_s : Array [N]
-        When each falls, s since the record's start (up to a constant).
+        Time of each, s since the record's start (up to a constant).
     strength : Array [N]
         Root energy of each in the band: output of the matched filter of unit energy, in unit sqrt(samples of z).
     noise : float
-        Mean square output of the filter between the strikes.
+        Mean square output of the filter between the impacts.
     time_error_s, strength_error : Array [N]
-        Error that the noise makes, drawn once for each strike.
+        Errors due to noise, drawn once for each impact.
     strength_clean : Array [N]
         Strength less the noise; what `strength_error` was drawn about.
     cycle : Array [PHASES]
         Mean squared envelope over a pass, its peak at bin PHASES // 4.
     waveform : Complex [L]
-        Of one strike, unit energy.
+        Of one impact, unit energy.
     phase_locked : float
-        Length of the mean of carrier phases at the strikes, 0 to 1: 1 where all strikes are true copies.
+        Length of the mean of carrier phases at the impacts, 0 to 1: 1 where all impacts are true copies.
     """
 
     number: Array
@@ -68,10 +68,10 @@ class Strikes:
     phase_locked: float
 
 
-def measure_strikes(band: BandSignal, course: Track) -> Strikes | None:
-    """Time and strength of every strike along the track, by a matched filter of the waveform that they share.
+def measure_impacts(band: BandSignal, course: Track) -> Impacts | None:
+    """Time and strength of every impact along the track, by a matched filter of their common waveform.
 
-    Returns None for fewer than eight strikes.
+    Returns None for fewer than eight impacts.
     """
     z, fs = band.z, band.fs_hz
     squared = z.real**2 + z.imag**2
@@ -110,7 +110,7 @@ def measure_strikes(band: BandSignal, course: Track) -> Strikes | None:
         centre = np.round(places).astype(int)
         seen = magnitude[centre[:, None] + lags]
         seen[:, np.abs(lags) > limit] = 0
-        # Strikes scatter about their place as far as they do, no farther: noise is kept out.
+        # The search is limited to the scatter of the impacts, which keeps noise out.
         offset = lags[seen.argmax(axis=1)]
         at = centre + offset
         usual = medians(offset)
@@ -127,7 +127,7 @@ def measure_strikes(band: BandSignal, course: Track) -> Strikes | None:
     noise = float((np.abs(off) ** 2).mean())
     carrier, locked, tau_fine = _carrier(band, filtered, tau, waveform)
     turn = np.exp(2j * np.pi * band.low_hz * used / fs)
-    # Ideal strikes, each of its own strength at a random place within a sample, in the noise of its own pass.
+    # Ideal impacts: each with its own strength, at a random place within a sample, in the noise of its own pass.
     own = _autocorrelation(waveform, limit)
     clean = np.sqrt(np.maximum(strength**2 - noise, 0.05 * float((strength**2).mean())))
     ideal = clean[:, None] * own[None, :] + off
@@ -135,11 +135,11 @@ def measure_strikes(band: BandSignal, course: Track) -> Strikes | None:
     error = place_off
     if locked > 0.6:
         tau = tau_fine
-        # As for the strikes: the carrier's phase at the envelope's peak, which may pick the wrong one of its periods.
+        # As for real impacts: the carrier's phase at the envelope's peak, which may pick the wrong period.
         top = np.abs(ideal).argmax(axis=1)
         angle = np.angle((ideal * turn)[rows, top] * np.exp(2j * np.pi * carrier * (place_off - used[top]) / fs))
         error = place_off - angle / (2 * np.pi * carrier / fs)
-    return Strikes(
+    return Impacts(
         numbers - numbers[0],
         tau / fs,
         strength,
@@ -160,12 +160,12 @@ def _extended(course: Track, t: Array) -> Array:
 
 
 def _extent(cycle: Array) -> tuple[float, float]:
-    """Passes before and after the peak (bin PHASES // 4) within which a strike stands out of the mean cycle."""
+    """Passes before and after the peak (bin PHASES // 4) within which an impact stands out of the mean cycle."""
     peak = PHASES // 4
     bottom = float(np.sort(cycle)[: PHASES // 6].mean())
     above = (cycle - bottom) > 0.06 * (cycle[peak] - bottom)
     ahead = above[peak : peak + PHASES // 2]
-    # The last bin above, not the first below: a second strike may follow.
+    # The last bin above, not the first below: a second impact may follow.
     high = (int(np.flatnonzero(ahead).max()) + 1) / PHASES
     behind = above[peak - PHASES // 5 : peak + 1][::-1]
     low = (int(np.argmin(behind)) if not behind.all() else behind.size) / PHASES
@@ -193,7 +193,7 @@ def _correlate(transform: Complex, waveform: Complex, before: int, size: int) ->
 
 
 def _autocorrelation(waveform: Complex, limit: int) -> Complex:
-    """[2 limit + 1] Answer of the matched filter to its own waveform."""
+    """[2 limit + 1] Response of the matched filter to its own waveform."""
     full = np.correlate(waveform, waveform, mode="full")
     middle = waveform.size - 1
     out = np.zeros(2 * limit + 1, complex)
@@ -203,7 +203,7 @@ def _autocorrelation(waveform: Complex, limit: int) -> Complex:
 
 
 def _refined(seen: Array, lags: NDArray[np.int64]) -> tuple[Array, Array]:
-    """Place (in samples, by a parabola) and height of the largest value of each row [strikes, lags]."""
+    """Place (in samples, by a parabola) and height of the largest value of each row [impacts, lags]."""
     rows = np.arange(seen.shape[0])
     top = seen.argmax(axis=1).clip(1, lags.size - 2)
     left, middle, right = seen[rows, top - 1], seen[rows, top], seen[rows, top + 1]
@@ -213,7 +213,7 @@ def _refined(seen: Array, lags: NDArray[np.int64]) -> tuple[Array, Array]:
 
 
 def _without(off: Complex, peak: Complex) -> Complex:
-    """Output between strikes [strikes, lags], less what the strikes before and after [strikes] still ring there."""
+    """Output between impacts [impacts, lags], less the ring-down of the impacts before and after [impacts]."""
     both = np.stack((peak, np.concatenate((peak[1:], peak[-1:]))), axis=1)
     square = both.conj().T @ both + 1e-9 * float((np.abs(peak) ** 2).sum() + 1e-300) * np.eye(2)
     rest = off - both @ np.linalg.solve(square, both.conj().T @ off)
@@ -223,8 +223,8 @@ def _without(off: Complex, peak: Complex) -> Complex:
 def _carrier(band: BandSignal, filtered: Complex, tau: Array, waveform: Complex) -> tuple[float, float, Array]:
     """Carrier (Hz, the waveform's centroid), phase lock (0 to 1), and times refined by the carrier's phase.
 
-    True copies of one waveform meet the filter with one phase at their true time; how far the phase is off at the time
-    of the envelope's peak tells the time to a fraction of a carrier period.
+    Copies of one waveform give the filter's output the same phase at their true time; the phase error at the time of
+    the envelope's peak gives the time to a fraction of a carrier period.
     """
     spectrum = np.abs(scipy.fft.fft(waveform, 4 * waveform.size)) ** 2
     frequency = np.arange(spectrum.size) / spectrum.size * band.fs_hz

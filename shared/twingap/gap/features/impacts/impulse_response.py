@@ -1,11 +1,11 @@
-"""Spectrum of what a strike is answered with, and whether the measured answer is the simulated one.
+"""Spectrum of the impacts in a record: power around the harmonics of the impact rate, compared between two sets.
 
-record --power around each harmonic of the impact rate, less the noise beneath--> Struck
-sets of Struck, measured and simulated --> ratio over frequency, held against the ratio of the noise
+record --power around each harmonic of the impact rate, less the noise beneath--> ImpactSpectrum
+sets of ImpactSpectrum, measured and simulated --> ratio over frequency, and its relation to the ratio of the noise
 
-Regular impacts are lines, which robust spectra leave out, so this asks for the opposite: a window one impact rate wide
-holds one line with its sidebands, wherever slip has smeared them. What changes the path (another mode, a roll-off)
-changes this spectrum as it changes the noise of the structure; what adds noise leaves it as it was.
+Regular impacts are lines, which robust noise spectra leave out. A window one impact rate wide holds one line with its
+sidebands, wherever slip has smeared them. What changes the path (another mode, a roll-off) changes this spectrum and
+that of the structure's noise alike; added noise leaves it as it is.
 """
 
 from __future__ import annotations
@@ -19,19 +19,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twingap.gap.features.tones.tones import lines_of
-from twingap.signal.record_transforms import RecordView
+from twingap.signal.record_transforms import RecordTransforms
 
 Array = NDArray[np.float64]
 
 PLACES: Final = 64
 """Equal bands between 0 and half the sampling rate."""
 BANDS: Final = 16
-"""Bands whose ratios are features themselves."""
+"""Bands whose ratios are features."""
 MOST_HARMONICS: Final = 400
+"""Harmonics that are measured; more cost time and are lost in noise."""
 _SHOWN: Final = 4.0
-"""Peaks on a comb of the impact rate, beyond chance, by which lines show the rate."""
+"""Peaks on a comb, beyond chance, from which the impact rate is taken from the lines rather than from geometry."""
 _CLEAR: Final = 6.0
-"""Standard deviations of the noise by which a harmonic has to stand out to count in full."""
+"""Standard deviations above the noise from which a harmonic counts in full."""
 
 NAMES: Final = ("power_log", "clear", "centroid_log", "high_log")
 """Keys of `measure`."""
@@ -46,20 +47,20 @@ COMPARED: Final[tuple[str, ...]] = (
 """Keys of `compare`."""
 
 
-class Struck(NamedTuple):
-    """What is kept of a record with impacts.
+class ImpactSpectrum(NamedTuple):
+    """Spectrum of the impacts in a record.
 
     Parameters
     ----------
     fault : str
     power : Array [harmonics]
-        Around each harmonic less the noise beneath, over the yardstick squared; negative by chance.
+        Around each harmonic less the noise beneath, over scale^2; may be negative by chance.
     error : Array [harmonics]
-        What it is off by chance, as much again.
+        Standard error of each.
     places : NDArray [harmonics]
         Band of each.
     density : Array [PLACES]
-        Mean power density with impacts, over the yardstick squared and per sampling rate.
+        Mean power density, noise included, over scale^2 and times the sampling rate.
     """
 
     fault: str
@@ -69,28 +70,28 @@ class Struck(NamedTuple):
     density: Array
 
 
-_STRUCK: WeakKeyDictionary[RecordView, Struck | None] = WeakKeyDictionary()
+_SPECTRA: WeakKeyDictionary[RecordTransforms, ImpactSpectrum | None] = WeakKeyDictionary()
 
 
-def struck_of(view: RecordView) -> Struck | None:
-    """What strikes leave in the record's spectrum, found once however many ask."""
-    if view not in _STRUCK:
-        _STRUCK[view] = struck(view)
-    return _STRUCK[view]
+def impact_spectrum(record: RecordTransforms) -> ImpactSpectrum | None:
+    """Spectrum of the impacts, computed once a record; None without a known fault, or where the record is too short."""
+    if record not in _SPECTRA:
+        _SPECTRA[record] = _impact_spectrum(record)
+    return _SPECTRA[record]
 
 
-def measure(view: RecordView) -> dict[str, float]:
-    """Signatures of one record's answer to strikes.
+def measure(record: RecordTransforms) -> dict[str, float]:
+    """Features of the impacts' spectrum in one record.
 
     Returns
     -------
     dict[str, float]
-        `power_log` log10 of its RMS over the yardstick, `clear` part of its harmonics that stand out of the noise,
+        `power_log` log10 of its RMS over scale, `clear` part of its harmonics that stand out of the noise,
         `centroid_log` log10 of their centre as a part of the sampling rate, `high_log` log10 of the power above a
         quarter of the sampling rate over that below.
     """
     out = dict.fromkeys(NAMES, math.nan)
-    found = struck_of(view)
+    found = impact_spectrum(record)
     if found is None:
         return out
     weight = standing_out(found.power, found.error)
@@ -106,22 +107,21 @@ def measure(view: RecordView) -> dict[str, float]:
     return out
 
 
-def struck(view: RecordView) -> Struck | None:
-    """What strikes leave in the spectrum; None for a record without a known fault, or too short for its impact rate."""
-    if view.fault_order is None or not view.mean_square > 0:
+def _impact_spectrum(record: RecordTransforms) -> ImpactSpectrum | None:
+    if record.fault_order is None or not record.mean_square > 0:
         return None
-    lines = lines_of(view)
-    power = (view.transform.real**2 + view.transform.imag**2) * (2 / (view.fs_hz * view.x.size))
-    power *= view.fs_hz / max(view.frame.scale, 1e-300) ** 2
-    df_hz = view.fs_hz / view.x.size
-    smooth = view.smooth * (view.fs_hz / max(view.frame.scale, 1e-300) ** 2)
+    lines = lines_of(record)
+    power = (record.transform.real**2 + record.transform.imag**2) * (2 / (record.fs_hz * record.x.size))
+    power *= record.fs_hz / max(record.frame.scale, 1e-300) ** 2
+    df_hz = record.fs_hz / record.x.size
+    smooth = record.smooth * (record.fs_hz / max(record.frame.scale, 1e-300) ** 2)
     smooth_at = np.minimum((np.arange(power.size) * smooth.size) // max(power.size - 1, 1), smooth.size - 1)
-    # Tones that are none of the fault's are no answer to strikes.
+    # Tones that are not the fault's do not come from impacts.
     own = lines.peaks.of(~lines.fault_comb[2])
     for place in np.rint(own.hz / df_hz).astype(int):
         low, high = max(place - 2, 0), min(place + 3, power.size)
         power[low:high] = np.minimum(power[low:high], smooth[smooth_at[low:high]])
-    rate_hz = impact_rate_hz(view)
+    rate_hz = impact_rate_hz(record)
     width = rate_hz / df_hz
     count = min(int((power.size - 1) / width - 0.5), MOST_HARMONICS)
     if count < 6 or width < 3:
@@ -131,47 +131,49 @@ def struck(view: RecordView) -> Struck | None:
     total = np.concatenate(([0.0], np.cumsum(power)))
     beneath = np.concatenate(([0.0], np.cumsum(smooth[smooth_at])))
     mean, floor = (np.diff(np.interp(edges, at, summed)) / width for summed in (total, beneath))
-    unit = rate_hz / view.fs_hz
+    unit = rate_hz / record.fs_hz
     above, error = (mean - floor) * unit, floor / math.sqrt(width) * unit
     centre = np.arange(1, count + 1) * rate_hz
-    places = np.minimum((centre / (view.fs_hz / 2) * PLACES).astype(int), PLACES - 1)
+    places = np.minimum((centre / (record.fs_hz / 2) * PLACES).astype(int), PLACES - 1)
     # Around any frequency, one impact rate or one band, whichever is wider.
     half = 0.5 * max(width, power.size / PLACES)
     middle = (np.arange(PLACES) + 0.5) * (power.size / PLACES)
     ends = [np.clip(middle + side * half, 0, power.size) for side in (-1, 1)]
     sums = [np.interp(end, at, total) for end in ends]
     density = (sums[1] - sums[0]) / np.maximum(ends[1] - ends[0], 1.0)
-    return Struck(str(view.condition.fault), above, error, places, density)
+    return ImpactSpectrum(str(record.condition.fault), above, error, places, density)
 
 
-def impact_rate_hz(view: RecordView) -> float:
-    """Impacts per second of a record with a known fault, as its lines show it, or as its geometry says."""
-    if view.fault_order is None:
+def impact_rate_hz(record: RecordTransforms) -> float:
+    """Impacts per second of a record with a known fault: from its lines where they show it, else from the geometry."""
+    if record.fault_order is None:
         raise ValueError("a record without a fault has no impact rate")
-    # A cage that slips moves the hundredth harmonic by whole ones: where lines show the rate, it is theirs. Tones of
-    # other things lie on some comb about as often as three times beyond chance.
-    ratio, beyond, _ = lines_of(view).fault_comb
-    return float(view.fault_order * view.shaft_hz * (ratio if beyond >= _SHOWN else 1.0))
+    # Slip of the cage moves the hundredth harmonic by more than a spacing, so lines are preferred to geometry.
+    # Unrelated tones reach about three peaks beyond chance on some comb.
+    ratio, beyond, _ = lines_of(record).fault_comb
+    return float(record.fault_order * record.shaft_hz * (ratio if beyond >= _SHOWN else 1.0))
 
 
 def standing_out(power: Array, error: Array, clear: float = _CLEAR) -> Array:
-    """0 to 1: how far power stands out of the noise; in full from about `clear` standard deviations of it on."""
+    """Weights 0 to 1 of power over noise; 1 from about `clear` standard deviations on."""
     return np.asarray(np.clip((power / np.maximum(error, 1e-300) - 1.5) / clear, 0.0, 1.0))
 
 
-def compare(real: Sequence[Struck], simulated: Sequence[Struck], noise: Array | None) -> dict[str, float]:
-    """What tells measured answers from simulated ones.
+def compare(
+    real: Sequence[ImpactSpectrum], simulated: Sequence[ImpactSpectrum], noise: Array | None
+) -> dict[str, float]:
+    """Ratio of measured to simulated impact spectra, as features.
 
     Parameters
     ----------
-    real, simulated : sequence of Struck
+    real, simulated : sequence of ImpactSpectrum
     noise : Array [PLACES] or None
         ln of the measured over the simulated spectrum of healthy records.
 
     Returns
     -------
     dict[str, float]
-        `COMPARED` -> value, NaN where nobody knows. Ratios are log10, frequencies parts of the sampling rate.
+        `COMPARED` -> value, NaN where it is not known. Ratios are log10, frequencies parts of the sampling rate.
     """
     out = dict.fromkeys(COMPARED, math.nan)
     faults = sorted({s.fault for s in real} & {s.fault for s in simulated})
@@ -184,7 +186,9 @@ def compare(real: Sequence[Struck], simulated: Sequence[Struck], noise: Array | 
     return out
 
 
-def _over_places(real: Sequence[Struck], simulated: Sequence[Struck], faults: Iterable[str]) -> tuple[Array, Array]:
+def _over_places(
+    real: Sequence[ImpactSpectrum], simulated: Sequence[ImpactSpectrum], faults: Iterable[str]
+) -> tuple[Array, Array]:
     """[PLACES] Mean log10 ratio, and how well it is known (0 to 1)."""
     total, known = np.zeros(PLACES), np.zeros(PLACES)
     for fault in faults:
@@ -193,7 +197,7 @@ def _over_places(real: Sequence[Struck], simulated: Sequence[Struck], faults: It
             kept = [s for s in own if s.fault == fault]
             places = np.concatenate([s.places for s in kept])
             count = np.maximum(np.bincount(places, minlength=PLACES), 1)
-            # Power adds up over records before it is held against its noise: weak strikes show in many records.
+            # Power is averaged over records before it is compared with noise: weak impacts show in many records.
             power = np.bincount(places, np.concatenate([s.power for s in kept]), PLACES) / count
             error = np.sqrt(np.bincount(places, np.concatenate([s.error for s in kept]) ** 2, PLACES)) / count
             means.append(np.log10(np.maximum(power, 1e-12)))

@@ -1,12 +1,12 @@
-"""One more mode in parallel with a path that is known by its spectra alone: what it does to noise and strikes.
+"""A mode in parallel with a path that is known by its spectra alone: how it changes noise and impacts.
 
 simulated spectrum less its white noise --least phase--> response of the path, complex
     --one more mode g H2 added--> |1 + g H2 / H|^2 on what has passed the path, white noise left alone
 
 Two modes that move a sensor together or against each other raise the spectrum at one place and lower it at another,
-which no noise does; and both, noise of the structure and what strikes leave, by the same factor. Phases are the least
-that go with the spectrum's magnitude (Oppenheim and Schafer, Discrete-Time Signal Processing, 2010, ch. 12): right for
-one mode, and near its peaks for several.
+which added noise does not; and they change structure noise and impacts by the same factor. The phase is the minimum
+phase of the spectrum's magnitude (Oppenheim and Schafer, Discrete-Time Signal Processing, 2010, ch. 12): exact for one
+mode, approximate near the peaks of several.
 """
 
 from __future__ import annotations
@@ -24,15 +24,15 @@ Complex = NDArray[np.complex128]
 Values = tuple[float, float, float]
 
 _WITHIN: Final = 4
-"""Frequencies at which a mode is taken within each band: sharp ones are narrower."""
+"""Frequencies per band at which a mode is computed: sharp modes are narrower than a band."""
 _LEAST_PASSED: Final = 0.02
-"""Part of a band's power that has passed the path, at least: what is less is not known."""
+"""Least part of a band's power that is taken to have passed the path: below white noise the path is not known."""
 _CANCELLED: Final = 1e-3
-"""Factor below which two modes do not cancel: bands are wider than that."""
+"""Least factor of two modes that cancel: averaged over a band they never cancel fully."""
 
 
 class Path:
-    """What one more mode would make of spectra.
+    """Effect of one more mode on spectra.
 
     Parameters
     ----------
@@ -49,7 +49,7 @@ class Path:
         for power, floor, there in zip(spectra, white, known, strict=True):
             part = np.clip(1 - floor / power, _LEAST_PASSED, 1.0)
             response = least_phase(part * power)
-            # Forces differ between noise and strikes, and gains are of responses: one unit for both.
+            # Forces of noise and impacts differ, but gains are of responses: both are scaled to the same maximum.
             loudest = math.sqrt(float((part * np.abs(response) ** 2).max())) if there else 1.0
             passed.append(part)
             inverse.append(loudest / response)
@@ -80,9 +80,9 @@ class Path:
 
 
 def ringing(f: Array, place: Array | float, damping: Array | float) -> Complex:
-    """Response of least phase of sampled ringing, about 1 at its peak.
+    """Minimum-phase response of sampled ring-down, about 1 at its peak.
 
-    Of a path, the delay of a sample that goes with it is not known either: both are left out, and cancel in the ratio.
+    The delay of one sample is left out here and in `least_phase`; it cancels in their ratio.
 
     Parameters
     ----------
@@ -100,7 +100,7 @@ def ringing(f: Array, place: Array | float, damping: Array | float) -> Complex:
 
 
 def least_phase(power: Array) -> Complex:
-    """The response of least phase with this power [bands], at the middle of each band from 0 to half the rate."""
+    """Minimum-phase response with this power [bands], at the middle of each band from 0 to half the rate."""
     to_cepstrum, to_phase = _transforms(power.size)
     log = 0.5 * np.log(power)
     return np.asarray(np.exp(log - 1j * (to_phase @ (to_cepstrum @ log))))

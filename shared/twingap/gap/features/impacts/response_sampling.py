@@ -1,6 +1,6 @@
-"""How a response comes to its samples: a structure under a continuous force is not the sum of its ringing's samples.
+"""Sampling of an impulse response: power of a continuous mode over that of samples of its ring-down.
 
-samples of ringing: 1 / (2 (cos w - cos theta)) --ratio, smooth, 1 at the mode--> continuous: 1 / (1 - (f / mode)^2)
+samples of ring-down: 1 / (2 (cos w - cos theta)) --ratio, smooth, 1 at the mode--> continuous: 1 / (1 - (f / mode)^2)
 """
 
 from __future__ import annotations
@@ -14,11 +14,11 @@ Array = NDArray[np.float64]
 
 
 def continuous(f: Array, mode: float) -> Array:
-    """ln of the power of a mode's displacement over that of samples of its ringing, both equal at the mode.
+    """ln of the power of a mode's displacement over that of samples of its ring-down, both equal at the mode.
 
-    Samples of exp(s t), s = j theta fs, are what 1 / (2 (cos(2 pi f) - cos(theta))) answers to a force on the grid of
-    samples; a structure under a force that knows no grid answers as 1 / (1 - (f / mode)^2), and falls more steeply
-    beyond its mode (impulse invariance: Oppenheim and Schafer, Discrete-Time Signal Processing, 2010, ch. 7).
+    Samples of exp(s t), s = j theta fs, are the response 1 / (2 (cos(2 pi f) - cos(theta))) to a force on the grid of
+    samples. The response of a structure to a continuous force is 1 / (1 - (f / mode)^2), which falls more steeply
+    beyond the mode (impulse invariance: Oppenheim and Schafer, Discrete-Time Signal Processing, 2010, ch. 7).
 
     Parameters
     ----------

@@ -1,11 +1,11 @@
-"""Combs over harmonics where the path may be any curve: what is left of a comb once all that is smooth is explained.
+"""Combs over harmonics where the path's gain may be any smooth curve: log likelihood ratios from a Gaussian process.
 
-ln of measured over simulated power of harmonics --covariance of a path that wanders, most likely length and size-->
+ln of measured over simulated power of harmonics --covariance of a smooth path, most likely length and size-->
     whitened, straight lines taken out --each comb |1 + r exp(i k a)|^2 whitened alike--> log likelihood ratio
 
-A twin whose mode was placed beside the machine's leaves a ratio that bends for some harmonics, as a comb of few teeth
-does. The covariance of an Ornstein-Uhlenbeck process says how much of that is usual here; a comb that goes on over all
-harmonics stands out of it. Generalised least squares (Aitken 1935, doi:10.1017/S0370164600014346).
+A twin whose mode is slightly misplaced leaves a ratio that bends over some harmonics, as a comb of few teeth does. The
+covariance of an Ornstein-Uhlenbeck process models such bends; a comb that goes on over all harmonics stands out of it.
+Generalised least squares (Aitken 1935, doi:10.1017/S0370164600014346).
 """
 
 from __future__ import annotations
@@ -22,20 +22,22 @@ from twingap.gap.features.tones.peaks import highest
 Array = NDArray[np.float64]
 
 _LENGTHS: Final = (1.5, 4.0, 10.0)
-"""Harmonics over which a path forgets where it was."""
+"""Correlation lengths of the path that are tried, harmonics."""
 _SIZES: Final = (0.2, 1.0, 4.0, 16.0, 64.0)
-"""Variance of the path over that of a harmonic known in full."""
+"""Variances of the path that are tried, over that of a harmonic of full weight."""
 _GRID: Final = 8
 _FINEST: Final = 200
-"""Delays looked at: eight per harmonic, of two hundred at most."""
+"""Harmonics up to which the grid of delays gets finer; `_GRID` delays each. More are finer and slower."""
 _CANDIDATES: Final = 12
-"""Delays of either sign that whole combs are held against."""
+"""Delays of either sign for which the full comb is fitted."""
 _LEAST: Final = 1e-3
-"""Mean square that no fit goes below."""
+"""Least mean square of a fit: keeps the logarithm finite."""
 
 
-def likelier(log: Array, weight: Array, noise: Array, path: Array, ratios: Array, least_part: float) -> Array:
-    """How much likelier a fault's harmonics are with a comb than without.
+def log_likelihood_ratios(
+    log: Array, weight: Array, noise: Array, path: Array, ratios: Array, least_part: float
+) -> Array:
+    """Log likelihood ratio of combs over none for the harmonics of one fault.
 
     Parameters
     ----------
@@ -44,19 +46,18 @@ def likelier(log: Array, weight: Array, noise: Array, path: Array, ratios: Array
     weight : Array [harmonics]
         Of each, 0 to 1; 0 leaves it out.
     noise : Array [harmonics]
-        Over power: fills the gaps of a comb.
+        Over power: fills the minima of a comb.
     path : Array [harmonics]
-        ln of what the path of the noise would make of them; all alike where nobody knows.
+        ln of the factor by which the path of the noise would change them; all equal where it is not known.
     ratios : Array [ratios]
-        Second strike over first.
+        Second impact over first.
     least_part : float
         Shortest delay, parts of a pass; the longest is half of one.
 
     Returns
     -------
     Array [2, ratios]
-        Log likelihood ratio of the best comb of each kind over none, the second strike the way of the first and the
-        other.
+        Of the best comb of each ratio; second impact with the sign of the first, and with the other.
     """
     seen = np.flatnonzero(weight)
     harmonic = np.asarray(seen + 1.0, float)

@@ -1,7 +1,7 @@
-"""Lines that no single record shows: combs, pairs and places of spectra averaged over a set of records.
+"""Lines in spectra averaged over a set of records: combs, pairs and single lines that no single record shows.
 
 Whitened of each record --mean in Hz and in orders--> z on combs of mains, shaft, another bearing --> lines
-                        --record by record, at the speed where a comb stands highest--> gear, waves of races
+                        --record by record, at the speed where a comb stands highest--> gear mesh, race waviness
 """
 
 from __future__ import annotations
@@ -14,21 +14,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twingap.bearing import Bearing
-from twingap.gap.features.tones import carrier
-from twingap.gap.features.tones import gear_mesh as mesh
-from twingap.gap.features.tones import race_waviness as races
-from twingap.gap.features.tones.whitened_spectra import MOST_Z, Mean, Whitened, most, together
+from twingap.gap.features.tones import carrier, gear_mesh, race_waviness
+from twingap.gap.features.tones.whitened_spectra import MOST_Z, Mean, Whitened, combined_z, most
 
 Array = NDArray[np.float64]
 
 NAMES: Final = (
     "mains_50_1", "mains_50_most", "mains_50_all", "mains_60_1", "mains_60_most", "mains_60_all",
     "order_1", "order_2", "order_3", "order_few", "order_high",
-    "half_1", "half_most", "half_all", *races.NAMES, *mesh.NAMES, *carrier.NAMES, "turning", "turning_order",
+    "half_1", "half_most", "half_all", *race_waviness.NAMES, *gear_mesh.NAMES, *carrier.NAMES,
+    "turning", "turning_order",
     "envelope_1x", "envelope_2x", "envelope_cage", "foreign", "foreign_order", "modulation_fixed", "modulation_hz",
 )  # fmt: skip
 _MOST_BY_ONE: Final = 300
-"""Records that are searched one by one."""
+"""Records that are searched one by one: more find fainter gears and waviness, and take longer."""
 
 
 def measure(records: Sequence[Whitened], bearing: Bearing) -> dict[str, float]:
@@ -41,15 +40,16 @@ def measure(records: Sequence[Whitened], bearing: Bearing) -> dict[str, float]:
     for mains in (50, 60):
         z = hz.at(mains * np.arange(1.0, 7.0))
         out[f"mains_{mains}_1"], out[f"mains_{mains}_most"] = z[0], most(z)
-        out[f"mains_{mains}_all"] = together(z)
+        out[f"mains_{mains}_all"] = combined_z(z)
     z = turns.at(np.arange(1.0, 13.0))
     out["order_1"], out["order_2"], out["order_3"] = z[:3]
-    out["order_few"], out["order_high"] = together(z[:4]), together(z[4:])
+    out["order_few"], out["order_high"] = combined_z(z[:4]), combined_z(z[4:])
     z = turns.at(np.arange(0.5, 6.5))
-    out["half_1"], out["half_most"], out["half_all"] = z[0], most(z), together(z)
+    out["half_1"], out["half_most"], out["half_all"] = z[0], most(z), combined_z(z)
     few = [records[k] for k in np.linspace(0, len(records) - 1, min(len(records), _MOST_BY_ONE)).round().astype(int)]
     deviates = [record.deviates() for record in few]
-    out |= races.measure(few, deviates, bearing) | mesh.measure(few, deviates) | carrier.measure(hz, few, deviates)
+    out |= race_waviness.measure(few, deviates, bearing) | gear_mesh.measure(few, deviates)
+    out |= carrier.measure(hz, few, deviates)
     _turning(turns, bearing, out)
     envelope = Mean.in_orders(healthy, envelope=True)
     out["envelope_1x"], out["envelope_2x"], out["envelope_cage"] = envelope.at(np.array([1.0, 2.0, bearing.ftf]))
@@ -79,7 +79,7 @@ def _foreign(envelope: Mean, bearing: Bearing, out: dict[str, float]) -> None:
     """The comb of the envelope at an order that is not this bearing's nor the shaft's."""
     places = np.arange(1.1, 14.0, 0.004)
     z = np.clip(envelope.at(places[:, None] * np.arange(1, 4)), -MOST_Z, 4 * MOST_Z)
-    # The first line of a comb is the strongest: else its third would be the first of as good a comb.
+    # First lines weigh most: with equal weights, every third line would be as good a comb.
     weight = 1 / np.arange(1.0, 4.0)
     score = np.nan_to_num(z) @ weight / math.sqrt(weight @ weight)
     score[np.isnan(z[:, 0])] = np.nan
@@ -89,13 +89,13 @@ def _foreign(envelope: Mean, bearing: Bearing, out: dict[str, float]) -> None:
     if np.isfinite(score).any():
         best = float(np.nanmax(score))
         near = score >= 0.9 * best if best > 0 else score == best
-        place = int(np.argmax(near))  # of combs as good, the multiples of one, it is the one
+        place = int(np.argmax(near))  # combs at multiples of the true rate are as good: the lowest is the true one
         place += int(np.nanargmax(score[place : place + 4]))
         out["foreign"], out["foreign_order"] = best, math.log(places[place])
 
 
 def _modulation(envelope: Mean, out: dict[str, float]) -> None:
-    """The strongest line of the envelope that is fixed in Hz: a modulation that turns with nothing."""
+    """The strongest line of the envelope that is fixed in Hz: a modulation that is tied to no rotation."""
     z = np.where(envelope.places < 120.0, envelope.z, np.nan)
     if np.isfinite(z).any():
         place = int(np.nanargmax(z))

@@ -1,14 +1,14 @@
-"""What was done to the simulated spectra to give the measured ones: one change at a time, by likelihood.
+"""Spectral change: which one change of the simulated spectra gives the measured ones, by robust likelihood.
 
 pairs of records, measured and simulated, same condition
-    --mean log ratio with its error: noise of healthy records, all power of struck ones-->
-    levels and sampling alone | one more mode | noise in a band | noise of a power law | loss of the sensor
-    | a mode in parallel --> how much likelier each change is, by how much it leads, its values
+    --mean log ratio with its error: noise of healthy records, all power of records with impacts-->
+    levels and sampling alone | one more mode | noise in a band | noise of a power law | roll-off of the sensor
+    | a mode in parallel --> gain of each change, its lead over the others, its values
 
-A mode adds to what strikes leave as it adds to the noise, each in its own proportion; in parallel with the path that is
-there, it takes away on one side of its peak, too; noise adds the same power to both; a loss takes from both alike, but
-for the white noise behind it. Against `path`, which models each side by itself,
-a simulator may have any number of modes: what both sides have cancels.
+A mode adds to the impacts' spectrum as it adds to the noise, each in its own proportion; in parallel with the existing
+path, it also lowers the spectrum on one side of its peak. Noise adds the same power to both; a roll-off lowers both,
+except for the white noise behind it. `path` models the spectra of each side by itself; here a simulator may have any
+number of modes, since what both sides share cancels.
 """
 
 from __future__ import annotations
@@ -23,33 +23,33 @@ from numpy.typing import NDArray
 
 from twingap.gap.features.impacts.parallel_mode import Path
 from twingap.gap.features.impacts.response_sampling import continuous
-from twingap.gap.features.spectrum.record_summary import Outline
+from twingap.gap.features.spectrum.record_summary import RecordSummary
 from twingap.signal.record_transforms import SMOOTH_SEGMENTS
 
 Array = NDArray[np.float64]
 
 QUIET_BANDS: Final = 128
-STRUCK_BANDS: Final = 64
-"""Bands of `answer.Struck.density`."""
-BANDS: Final = QUIET_BANDS + STRUCK_BANDS
+IMPACT_BANDS: Final = 64
+"""Bands of `ImpactSpectrum.density`."""
+BANDS: Final = QUIET_BANDS + IMPACT_BANDS
 _LEAST_ERROR: Final = 0.04
-"""Error of a mean log ratio (0.17 dB) that no number of records goes below: what calibration leaves."""
+"""Least error of a mean log ratio (0.17 dB), left by calibration: smaller, and small misfits count as changes."""
 _ALONE: Final = 0.15
-"""Error of a log ratio known from one pair of records."""
+"""Error of a log ratio where one or two pairs of records cannot show it."""
 _ROBUST: Final = 4.0
-"""Errors beyond which a band counts in proportion, no longer as the square."""
+"""Errors beyond which a misfit counts linearly (Huber): larger, and single bands decide more."""
 _TILT: Final = 2.5
-"""Power of the frequency with which laboratories' responses differ near half the sampling rate."""
+"""Power of the frequency by which responses of acquisition chains differ near half the sampling rate."""
 
 _SETTLED: Final = np.array([1e-6, 1e-6, 1 / 0.3**2, 1 / 0.008**2, 1 / 0.06**2, 1 / 0.7**2])
-"""Precision with which levels (quiet, struck), tilt, place of the spectrum (ln Hz), white noise and how continuous the
-response is are known: what calibration and laboratories leave open is no change."""
+"""Precision of levels (noise, impacts), tilt, place of the spectrum (ln Hz), white noise, continuity of the response:
+differences within these are left by calibration and count as no change."""
 _OF_SAMPLING: Final = np.array([False, False, True, False, False, True])
-"""Those of them that are of how a response is sampled: tilt, and how continuous it is."""
+"""Which of them describe how a response is sampled: tilt, and continuity."""
 _CERTAIN: Final = 1e9
-"""Precision of what is the same on both sides."""
+"""Precision of what is equal on both sides."""
 _WHITE: Final = 0.95
-"""Part of a spectrum's lowest density that is white noise, and no skirt of a mode."""
+"""Part of a spectrum's lowest density that is taken for white noise rather than the skirt of a mode."""
 
 CHANGES: Final = ("mode", "band", "law", "loss")
 NAMES: Final = (
@@ -71,27 +71,28 @@ class _Best(NamedTuple):
     curve: Array
 
 
-def compare(real: Sequence[Outline], simulated: Sequence[Outline], *, own: bool = False) -> dict[str, float]:
-    """Which one change turns the simulated spectra into the measured ones.
+def compare(
+    real: Sequence[RecordSummary], simulated: Sequence[RecordSummary], *, same_sampling: bool = False
+) -> dict[str, float]:
+    """Which one change of the simulated spectra gives the measured ones.
 
     Parameters
     ----------
-    real, simulated : sequence of Outline
+    real, simulated : sequence of RecordSummary
         Of the same conditions, in the same order.
-    own : bool
-        Whether both come of one structure, as where a user's simulator is of the machine itself: then they are
-        sampled alike.
+    same_sampling : bool
+        Whether the response is sampled alike on both sides, as where the user's simulator is of this machine.
 
     Returns
     -------
     dict[str, float]
         `NAMES` -> value; NaN without pairs. `still`: log misfit per band with levels and sampling alone; `left`: with
-        the best change; `tilt`, `continuous`: how else the measured ones are sampled. Gains are ln(1 + misfit taken
-        away), leads a gain less that of the best rival. Frequencies are logarithms of parts of the sampling rate,
+        the best change; `tilt`, `continuous`: how else the measured ones are sampled. Gains are ln(1 + reduction of the
+        misfit), leads a gain less that of the best rival. Frequencies are logarithms of parts of the sampling rate,
         heights natural logarithms of a power ratio.
     """
     out = dict.fromkeys(NAMES, math.nan)
-    pairs = _Pairs.of(real, simulated, own)
+    pairs = _Pairs.of(real, simulated, same_sampling)
     if pairs is None:
         return out
     (level, _), (still, at) = pairs.settled(tilted=False), pairs.settled(tilted=True)
@@ -104,10 +105,10 @@ def compare(real: Sequence[Outline], simulated: Sequence[Outline], *, own: bool 
         out[f"{name}_gain"] = gain
         out[f"{name}_lead"] = gain - max(g for n, g in gains.items() if n != name)
     out["left"] = math.log(min(best.cost for best in found.values()) / pairs.count + 1e-3)
-    place, damping, quiet, struck = found["mode"].at
+    place, damping, quiet, impacts = found["mode"].at
     out["mode_fs"], out["mode_damping"] = math.log(place), math.log(damping)
     out["mode_quiet"], out["mode_struck"] = _heights(found["mode"].curve)
-    out["mode_same"] = pairs.proportion(quiet, struck)
+    out["mode_same"] = pairs.proportion(quiet, impacts)
     low, high, level_of = found["band"].at
     out["band_low"], out["band_high"] = math.log(max(low, 1e-3)), math.log(high)
     out["band_level"] = 0.5 * math.log(max(level_of * (high - low), 1e-8))
@@ -140,18 +141,18 @@ def _lows(curve: Array) -> tuple[float, float]:
 
 _SIDES: Final = (slice(0, QUIET_BANDS), slice(QUIET_BANDS, BANDS))
 _PARALLEL: Final = tuple(sign * level for sign in (1.0, -1.0) for level in (0.05, 0.2, 0.6, 1.8, 6.0, 20.0, 80.0))
-"""Levels of a mode in parallel that are tried first."""
+"""Levels of a mode in parallel that are tried first, power over that of the path; negative against it."""
 
 
 class _Pairs:
     """Mean log ratio of measured and simulated spectra, its error, and the simulated spectra themselves."""
 
-    def __init__(self, ratio: Array, error: Array, base: Array, own: bool) -> None:
+    def __init__(self, ratio: Array, error: Array, base: Array, same_sampling: bool) -> None:
         self.ratio, self.error, self.base = ratio, error, base
-        self.open = np.append(_SETTLED[:-1], _CERTAIN if own else _SETTLED[-1])
+        self.open = np.append(_SETTLED[:-1], _CERTAIN if same_sampling else _SETTLED[-1])
         self.known = error < np.inf
         self.count = int(self.known.sum())
-        self.f = np.concatenate([(np.arange(n) + 0.5) / (2 * n) for n in (QUIET_BANDS, STRUCK_BANDS)])
+        self.f = np.concatenate([(np.arange(n) + 0.5) / (2 * n) for n in (QUIET_BANDS, IMPACT_BANDS)])
         weight = np.where(self.known, 1 / error, 0.0)
         quiet = np.arange(BANDS) < QUIET_BANDS
         self.white = np.where(
@@ -165,23 +166,25 @@ class _Pairs:
         self.weight, self.basis = weight, basis * weight
 
     @classmethod
-    def of(cls, real: Sequence[Outline], simulated: Sequence[Outline], own: bool) -> _Pairs | None:
-        """None when the sets are no pairs, or hold neither healthy records nor struck ones."""
+    def of(
+        cls, real: Sequence[RecordSummary], simulated: Sequence[RecordSummary], same_sampling: bool
+    ) -> _Pairs | None:
+        """None when the sets are no pairs, or hold neither healthy records nor records with impacts."""
         if len(real) != len(simulated):
             return None
         healthy = any(o.condition.fault == "healthy" for o in real)
-        quiet, struck = [], []
+        quiet, impacts = [], []
         for ours, theirs in zip(real, simulated, strict=True):
             # Without healthy records, what lies between the lines of the others is noise too.
             if not healthy or ours.condition.fault == "healthy":
                 quiet.append((_bands(ours), _bands(theirs)))
-            if ours.struck is not None and theirs.struck is not None:
-                struck.append((_log(ours.struck.density), _log(theirs.struck.density)))
-        if not quiet and not struck:
+            if ours.impact_spectrum is not None and theirs.impact_spectrum is not None:
+                impacts.append((_log(ours.impact_spectrum.density), _log(theirs.impact_spectrum.density)))
+        if not quiet and not impacts:
             return None
-        parts = [_mean(quiet, QUIET_BANDS), _mean(struck, STRUCK_BANDS)]
+        parts = [_mean(quiet, QUIET_BANDS), _mean(impacts, IMPACT_BANDS)]
         ratio, error, base = (np.concatenate(column) for column in zip(*parts, strict=True))
-        return cls(ratio, error, base, own)
+        return cls(ratio, error, base, same_sampling)
 
     def _mode(self) -> float:
         """Where the simulated spectrum is strongest, part of the sampling rate."""
@@ -189,14 +192,14 @@ class _Pairs:
         return float(np.clip(self.f[quiet][np.argmax(self.base[quiet])], 0.01, 0.49))
 
     def settled(self, *, tilted: bool) -> tuple[float, Array]:
-        """Misfit once levels and small errors of calibration are taken out, how it is sampled among them or not,
-        and [basis] how much of each there is."""
+        """Misfit once levels and small errors of calibration (with `tilted`, sampling too) are fitted, and [basis]
+        their values."""
         settled = self.open if tilted else np.where(_OF_SAMPLING, _CERTAIN, self.open)
         costs, best = _costs(np.zeros((1, BANDS)), self.ratio * self.weight, self.weight, self.basis, settled)
         return float(costs[0]), best[0]
 
     def mode(self) -> _Best:
-        """One more mode: heights over the noise and over what strikes leave, each by itself."""
+        """One more mode: heights over the noise and over the impacts' spectrum, each by itself."""
         best = self._mode_at(np.geomspace(0.012, 0.49, 72), (0.01, 0.022, 0.05, 0.11))
         place, damping = best.at[:2]
         return min(best, self._mode_at(
@@ -221,7 +224,7 @@ class _Pairs:
         return _Best(cost, (*grid[place], *sizes[place]), curves[place])
 
     def parallel(self) -> _Best:
-        """One more mode that the sensor feels together with all else on the path: frequency, damping, signed gain."""
+        """One more mode in parallel with the path: frequency, damping, signed gain."""
         path = Path(
             [self.base[side] for side in _SIDES], [_WHITE * float(self.white[side][0]) for side in _SIDES],
             [bool(self.known[side].any()) for side in _SIDES],
@@ -239,14 +242,14 @@ class _Pairs:
     def _parallel_at(
         self, path: Path, places: Array, dampings: Sequence[float], levels: Sequence[float]
     ) -> tuple[_Best, float]:
-        curves, values, asked = path.curves(places, dampings, levels)
+        curves, values, candidate_levels = path.curves(places, dampings, levels)
         place, cost = self._least(curves)
-        return _Best(cost, values[place], curves[place]), asked[place]
+        return _Best(cost, values[place], curves[place]), candidate_levels[place]
 
     def band(self) -> _Best:
         """Flat noise between two frequencies, the same power on both."""
-        unit = 1 / (2 * STRUCK_BANDS)
-        lows = np.arange(0, STRUCK_BANDS, 2) * unit
+        unit = 1 / (2 * IMPACT_BANDS)
+        lows = np.arange(0, IMPACT_BANDS, 2) * unit
         best = self._band_at(
             [(low, low + w * unit) for low in lows for w in (2, 4, 7, 12, 20) if low + w * unit < 0.51]
         )
@@ -259,7 +262,7 @@ class _Pairs:
 
     def _band_at(self, grid: Sequence[tuple[float, float]]) -> _Best:
         low, high = np.array(grid).T[:, :, None]
-        half = np.where(np.arange(BANDS) < QUIET_BANDS, 0.25 / QUIET_BANDS, 0.25 / STRUCK_BANDS)
+        half = np.where(np.arange(BANDS) < QUIET_BANDS, 0.25 / QUIET_BANDS, 0.25 / IMPACT_BANDS)
         inside = np.minimum(self.f + half, high) - np.maximum(self.f - half, low)
         return self._added(np.clip(inside / (2 * half), 1e-9, 1.0), grid)
 
@@ -282,7 +285,7 @@ class _Pairs:
         return _Best(cost, (*grid[place], float(size[place]) * mean), curves[place])
 
     def loss(self) -> _Best:
-        """A Butterworth loss, white noise behind it left alone."""
+        """A Butterworth roll-off before the white noise."""
         grid = [
             (corner, float(order), white)
             for corner in np.geomspace(0.015, 0.9, 44) for order in (1, 2, 3, 5) for white in (0.0, 0.6, 0.95)
@@ -299,21 +302,21 @@ class _Pairs:
         place = int(np.argmin(costs))
         return place, float(costs[place])
 
-    def proportion(self, quiet: float, struck: float) -> float:
-        """ln of how a mode's strengths in struck and quiet records compare with those of all else there is."""
+    def proportion(self, quiet: float, impacts: float) -> float:
+        """ln of a mode's strength with impacts over that in noise, relative to the same ratio of the whole spectra."""
         if not self.known[:QUIET_BANDS].any() or not self.known[QUIET_BANDS:].any():
             return math.nan
         others = float(self.base[QUIET_BANDS:].max() / self.base[:QUIET_BANDS].max())
-        return math.log((struck + 1e-6) / (quiet + 1e-6) / max(others, 1e-9))
+        return math.log((impacts + 1e-6) / (quiet + 1e-6) / max(others, 1e-9))
 
 
 def _log(density: Array) -> Array:
     return np.asarray(np.log(np.maximum(density, 1e-30)))
 
 
-def _bands(outline: Outline) -> Array:
-    unit = outline.fs_hz / max(outline.frame.scale, 1e-300) ** 2
-    logs = _log(outline.smooth * unit)
+def _bands(summary: RecordSummary) -> Array:
+    unit = summary.fs_hz / max(summary.frame.scale, 1e-300) ** 2
+    logs = _log(summary.smooth * unit)
     return np.asarray(logs.reshape(QUIET_BANDS, SMOOTH_SEGMENTS // QUIET_BANDS).mean(axis=1))
 
 
@@ -324,7 +327,7 @@ def _mean(pairs: Sequence[tuple[Array, Array]], bands: int) -> tuple[Array, Arra
     ours, theirs = (np.array(side) for side in zip(*pairs, strict=True))
     ratio = ours - theirs
     mean = ratio.mean(axis=0)
-    # Levels differ from record to record; how each band scatters about its record's own level is its error.
+    # Levels differ from record to record: the error of a band is its scatter about its record's own level.
     about = ratio - np.median(ratio, axis=1, keepdims=True)
     if len(pairs) > 2:
         variance = np.convolve(np.pad(about.var(axis=0, ddof=1), 2, mode="edge"), np.full(5, 0.2), "valid")
@@ -362,7 +365,7 @@ def _size(own, about, weight):  # type: ignore[no-untyped-def]  # pragma: no cov
 
 @njit(cache=True, nogil=True, fastmath={"reassoc", "contract", "nsz"})
 def _costs(curves, target, weight, basis, settled):  # type: ignore[no-untyped-def]  # pragma: no cover
-    """[candidates] Robust misfit once what is left open is settled, and [candidates, basis] how it was."""
+    """[candidates] Robust misfit with the basis fitted, and [candidates, basis] its weights."""
     count, bands = curves.shape
     k = basis.shape[0]
     costs, found = np.zeros(count), np.zeros((count, k))

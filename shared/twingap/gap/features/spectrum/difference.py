@@ -1,7 +1,7 @@
-"""What sets two mean spectra apart: real records against simulated ones, fitted with the shapes that effects give.
+"""Difference of two mean spectra, real less simulated, fitted with the shapes that effects give.
 
 mean log smooth spectra, real - simulated --> bump, dip, slope
-        |--> one more mode | loss of the sensor | added noise in a band --> share explained, parameters
+        |--> one more mode | roll-off of the sensor | added noise in a band --> share explained, parameters
 """
 
 from __future__ import annotations
@@ -10,14 +10,15 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Final
+from typing import Final, Protocol
 
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
 from twingap.gap.features.spectrum.smooth_shape import bump, mode_shape, slope_of
-from twingap.signal.record_transforms import RecordView, medians
+from twingap.records import Condition
+from twingap.signal.record_transforms import Frame, medians
 
 Array = NDArray[np.float64]
 
@@ -54,7 +55,7 @@ _OF_SET: Final = (
     "added_high_fs",
     "rest_share",
 )
-COMPARED: Final[tuple[str, ...]] = (
+NAMES: Final[tuple[str, ...]] = (
     *(f"{of}_{what}" for of in _SETS for what in _OF_SET),
     "added_level_change",
     "mode_gain_change",
@@ -62,12 +63,25 @@ COMPARED: Final[tuple[str, ...]] = (
 """Keys of `compare`."""
 
 
-def compare(real: Sequence[RecordView], simulated: Sequence[RecordView], points: int = 128) -> dict[str, float]:
+class SmoothSpectrum(Protocol):
+    """What `compare` reads of a record: a `RecordSummary` or a `RecordTransforms`."""
+
+    @property
+    def condition(self) -> Condition: ...
+    @property
+    def frame(self) -> Frame: ...
+    @property
+    def fs_hz(self) -> float: ...
+    @property
+    def smooth(self) -> Array: ...
+
+
+def compare(real: Sequence[SmoothSpectrum], simulated: Sequence[SmoothSpectrum], points: int = 128) -> dict[str, float]:
     """Shape of the difference of mean log smooth spectra, real less simulated.
 
     Parameters
     ----------
-    real, simulated : sequence of RecordView
+    real, simulated : sequence of SmoothSpectrum
         Of comparable conditions. Sampling rates may differ between records: places are fractions of them.
     points : int
         Bands that curves are held in.
@@ -75,14 +89,14 @@ def compare(real: Sequence[RecordView], simulated: Sequence[RecordView], points:
     Returns
     -------
     dict[str, float]
-        `COMPARED` -> value, once for healthy, for faulty and for all records. Per set: rms, mean and the means of
+        `NAMES` -> value, once for healthy, for faulty and for all records. Per set: rms, mean and the means of
         thirds of the curve in log10 of power; highest and lowest place; and three models, each with its share of the
         curve explained (1 all) and its parameters: one more mode (added in proportion to the simulated level), a
-        Butterworth loss before the white noise, and added noise of a power law in a band. Frequencies over fs.
+        Butterworth roll-off before the white noise, and added noise of a power law in a band. Frequencies over fs.
     """
-    out = dict.fromkeys(COMPARED, math.nan)
+    out = dict.fromkeys(NAMES, math.nan)
     for of in _SETS:
-        curves = [_mean_log(views, of, points) for views in (real, simulated)]
+        curves = [_mean_log(records, of, points) for records in (real, simulated)]
         if curves[0] is not None and curves[1] is not None:
             for what, value in _difference(curves[0], curves[1]).items():
                 out[f"{of}_{what}"] = value if math.isfinite(value) else math.nan
@@ -91,20 +105,20 @@ def compare(real: Sequence[RecordView], simulated: Sequence[RecordView], points:
     return out
 
 
-def _mean_log(views: Sequence[RecordView], of: str, points: int) -> Array | None:
+def _mean_log(records: Sequence[SmoothSpectrum], of: str, points: int) -> Array | None:
     """[points] Mean over records of ln of density times fs / scale^2."""
-    own = [view for view in views if of == "all" or (view.condition.fault == "healthy") == (of == "healthy")]
+    own = [record for record in records if of == "all" or (record.condition.fault == "healthy") == (of == "healthy")]
     if not own:
         return None
     logs = []
-    for view in own:
-        unit = view.fs_hz / max(view.frame.scale, 1e-300) ** 2
-        logs.append(np.log(np.maximum(view.smooth * unit, 1e-30)).reshape(points, -1).mean(axis=1))
+    for record in own:
+        unit = record.fs_hz / max(record.frame.scale, 1e-300) ** 2
+        logs.append(np.log(np.maximum(record.smooth * unit, 1e-30)).reshape(points, -1).mean(axis=1))
     return np.asarray(np.mean(logs, axis=0))
 
 
 def _difference(real: Array, simulated: Array) -> dict[str, float]:
-    """What one pair of mean log spectra shows."""
+    """Features of one pair of mean log spectra."""
     f = (np.arange(real.size) + 0.5) / (2 * real.size)
     curve = real - simulated
     ten = curve / math.log(10)
@@ -131,8 +145,8 @@ def _difference(real: Array, simulated: Array) -> dict[str, float]:
 
     # Heights over the simulated level at the centre.
     level = np.interp(shapes.centre, f, power)[:, None]
-    whole = np.zeros(len(level), np.int64), np.full(len(level), f.size)
-    left, mode, gain = _nearest(curve, shapes.mode * level / power, np.tile(_GAINS, (len(level), 1)), *whole)
+    all_points = np.zeros(len(level), np.int64), np.full(len(level), f.size)
+    left, mode, gain = _nearest(curve, shapes.mode * level / power, np.tile(_GAINS, (len(level), 1)), *all_points)
     out |= {"mode_share": share_of(left), "mode_gain": math.log10(_GAINS[gain]), "mode_fs": float(shapes.centre[mode])}
     out["mode_damping_log"] = math.log10(shapes.damping[mode])
 
@@ -165,7 +179,7 @@ def _difference(real: Array, simulated: Array) -> dict[str, float]:
 
 @dataclass(frozen=True)
 class _Shapes:
-    """What every pair of spectra is fitted with, over its bands.
+    """Shapes that every pair of spectra is fitted with.
 
     Parameters
     ----------

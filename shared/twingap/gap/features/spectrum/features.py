@@ -1,11 +1,9 @@
-"""Signatures of what lies beneath the lines: shape of the spectrum, roughness, knocks, another bearing, drifts.
+"""Features of the background of one record: shape of the spectrum, roughness, impulsive noise, another bearing, drifts.
 
-smooth spectrum (shape.py), amplitudes (amplitudes.py)
-tones taken out (quiet.py) --> envelope at 1x (roughness.py); whitened --> knocks (knocks.py)
-envelopes of four bands (envelope_lines.py) --> comb of a foreign order (foreign.py)
-changes within the record (drifts.py), ripple of the spectrum (cepstrum.py)
-
-`compare` (difference.py) sets mean log spectra of real records against simulated ones.
+smooth spectrum (smooth_shape), amplitudes (acquisition.amplitudes)
+tones taken out (without_tones) --> envelope at 1x (roughness); whitened --> impulses (impulsive_noise)
+envelopes of four bands (tones.envelope_lines) --> comb of another bearing (tones.foreign_bearing)
+changes within the record (drifts), ripple of the spectrum (cepstrum)
 """
 
 from __future__ import annotations
@@ -17,13 +15,12 @@ import numpy as np
 
 from twingap.gap.features.acquisition.amplitudes import measure_amplitudes
 from twingap.gap.features.spectrum.cepstrum import measure_ripple
-from twingap.gap.features.spectrum.difference import COMPARED, compare
 from twingap.gap.features.spectrum.drifts import measure_drifts
-from twingap.gap.features.spectrum.impulsive_noise import measure_knocks
+from twingap.gap.features.spectrum.impulsive_noise import measure_impulsive_noise
 from twingap.gap.features.spectrum.roughness import measure_roughness
 from twingap.gap.features.spectrum.smooth_shape import BANDS, measure_shape
-from twingap.gap.features.tones.foreign_bearing import REGIONS, measure_foreign
-from twingap.signal.record_transforms import RecordView
+from twingap.gap.features.tones.foreign_bearing import REGIONS, measure_foreign_bearing
+from twingap.signal.record_transforms import RecordTransforms
 
 NAMES: Final[tuple[str, ...]] = (
     *(f"band_{i:02d}" for i in range(BANDS)),
@@ -90,12 +87,12 @@ NAMES: Final[tuple[str, ...]] = (
 """Keys of `measure`."""
 
 
-def measure(view: RecordView) -> dict[str, float]:
-    """Signatures of the background.
+def measure(record: RecordTransforms) -> dict[str, float]:
+    """Features of the background.
 
     Parameters
     ----------
-    view : RecordView
+    record : RecordTransforms
 
     Returns
     -------
@@ -104,17 +101,14 @@ def measure(view: RecordView) -> dict[str, float]:
         log10 over what noise shows, frequencies over the sampling rate or log10 of Hz.
     """
     out = dict.fromkeys(NAMES, math.nan)
-    if view.x.size < 256 or not np.isfinite(view.mean_square) or view.mean_square <= 0:
+    if record.x.size < 256 or not np.isfinite(record.mean_square) or record.mean_square <= 0:
         return out
-    smooth = view.smooth
-    measure_shape(view, smooth, out)
-    measure_amplitudes(view, out)
-    measure_roughness(view, out)
-    measure_knocks(view, smooth, out)
-    measure_foreign(view, out)
-    measure_drifts(view, out)
-    measure_ripple(view, out)
+    smooth = record.smooth
+    measure_shape(record, smooth, out)
+    measure_amplitudes(record, out)
+    measure_roughness(record, out)
+    measure_impulsive_noise(record, smooth, out)
+    measure_foreign_bearing(record, out)
+    measure_drifts(record, out)
+    measure_ripple(record, out)
     return {name: value if math.isfinite(value) else math.nan for name, value in out.items()}
-
-
-__all__ = ["BANDS", "COMPARED", "NAMES", "compare", "measure"]

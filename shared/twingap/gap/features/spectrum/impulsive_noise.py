@@ -1,6 +1,6 @@
-"""Knocks at random times: how many, how strong, and what rings after them.
+"""Features of impulsive noise: number and level of impulses at random times, and their ring-down.
 
-record without tones --whitened--> peaks above noise and above what a fault does --> rate, level, frequency, damping
+record without tones --whitened--> peaks above noise and above a fault's impacts --> rate, level, frequency, damping
 
 Source: Borghesani & Antoni 2017 (impulsive background).
 """
@@ -16,18 +16,18 @@ from scipy.signal import find_peaks
 
 from twingap.effects.impulsive_noise import LEAST_RATE_HZ
 from twingap.gap.features.spectrum.without_tones import without_tones
-from twingap.signal.record_transforms import RecordView, medians
+from twingap.signal.record_transforms import RecordTransforms, medians
 
 Array = NDArray[np.float64]
 
 
-def measure_knocks(view: RecordView, smooth: Array, out: dict[str, float]) -> None:
-    """Peaks of the whitened record above noise and above what a fault does once per period."""
-    n, fs_hz = view.x.size, view.fs_hz
+def measure_impulsive_noise(record: RecordTransforms, smooth: Array, out: dict[str, float]) -> None:
+    """Fill the features of impulses: peaks of the whitened record above noise and above the impacts of a fault."""
+    n, fs_hz = record.x.size, record.fs_hz
     root = np.sqrt(np.maximum(smooth, 1e-6 * float(smooth.mean()) + 1e-300))
-    gain = 1 / np.interp(np.arange(view.transform.size), (np.arange(512) + 0.5) * (view.transform.size / 512), root)
-    # Tones would make peaks too: their bins are brought down to the floor.
-    white = without_tones(view).transform * gain
+    gain = 1 / np.interp(np.arange(record.transform.size), (np.arange(512) + 0.5) * (record.transform.size / 512), root)
+    # Tones make peaks too: their bins are reduced to the floor.
+    white = without_tones(record).transform * gain
     w = scipy.fft.irfft(white, n)
     size = np.abs(w)
     sigma = float(medians(size)) / 0.6745
@@ -36,8 +36,8 @@ def measure_knocks(view: RecordView, smooth: Array, out: dict[str, float]) -> No
     square = w * w
     out["white_kurtosis_log"] = math.log10(max(float(square @ square) * n / float(square.sum()) ** 2 / 3, 1e-6))
     threshold = 5.5 * sigma
-    if view.fault_order is not None:
-        period = int(np.clip(fs_hz / max(view.fault_order * view.shaft_hz, 1e-6), 8, n // 8))
+    if record.fault_order is not None:
+        period = int(np.clip(fs_hz / max(record.fault_order * record.shaft_hz, 1e-6), 8, n // 8))
         peaks = size[: n // period * period].reshape(-1, period).max(axis=1)
         middle = float(medians(peaks))
         threshold = max(threshold, middle + max(6 * float(medians(np.abs(peaks - middle))), 0.5 * middle))
@@ -45,27 +45,27 @@ def measure_knocks(view: RecordView, smooth: Array, out: dict[str, float]) -> No
     apart = max(int(0.004 * fs_hz), 1)
     at = np.empty(0, np.int64)
     if size.max() >= threshold:
-        # What lies lower has peaks too, which would only be found to be left out.
+        # Samples below the threshold are zeroed first, which makes the search faster.
         at = find_peaks(np.where(size >= threshold, size, 0.0), height=threshold, distance=apart)[0]
     count = at.size
-    out["knock_count_log"] = math.log10(count / view.duration_s + LEAST_RATE_HZ)
-    rate = count / view.duration_s
+    out["knock_count_log"] = math.log10(count / record.duration_s + LEAST_RATE_HZ)
+    rate = count / record.duration_s
     if count:
-        # Exponential strengths have no memory: what exceeds the threshold is as strong as a knock, in the mean.
+        # Exponential strengths have no memory: the mean excess over the threshold is the mean strength.
         excess = float(size[at].mean()) - threshold
         rate *= math.exp(min(threshold / max(excess, 0.2 * threshold), 3.0)) if count >= 2 else 1.0
         reach = max(int(0.002 * fs_hz), 2)
         around = np.clip(at[:, None] + np.arange(-reach, reach), 0, n - 1)
-        x = view.centred
+        x = record.centred
         raw = np.abs(x[around]).max(axis=1)
         share = max(excess / max(float(size[at].mean()), 1e-300), 0.2)
-        out["knock_level"] = math.log10(max(float(raw.mean()) * share, 1e-300) / max(view.frame.scale, 1e-300))
-        _ringing(view, x, at, out)
+        out["knock_level"] = math.log10(max(float(raw.mean()) * share, 1e-300) / max(record.frame.scale, 1e-300))
+        _ring_down(record, x, at, out)
     out["knock_rate_log"] = math.log10(rate + LEAST_RATE_HZ)
 
 
-def _ringing(view: RecordView, x: Array, at: NDArray[np.int64], out: dict[str, float]) -> None:
-    """Frequency and damping of what rings after the strongest knocks, over what the record shows anyway."""
+def _ring_down(record: RecordTransforms, x: Array, at: NDArray[np.int64], out: dict[str, float]) -> None:
+    """Frequency and damping of the ring-down after the strongest impulses, above the background spectrum."""
     length = 256
     strongest = at[np.argsort(np.abs(x[at]))[::-1][:8]]
     strongest = strongest[strongest + length <= x.size]
@@ -81,7 +81,7 @@ def _ringing(view: RecordView, x: Array, at: NDArray[np.int64], out: dict[str, f
     if power[place] <= 0:
         return
     out["knock_fs"] = place / 1024
-    out["knock_hz_log"] = math.log10(max(place, 1) / 1024 * view.fs_hz)
+    out["knock_hz_log"] = math.log10(max(place, 1) / 1024 * record.fs_hz)
     over = power > power[place] / 2
     low = high = place
     while low > 0 and over[low - 1]:

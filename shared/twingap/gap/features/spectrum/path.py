@@ -1,13 +1,13 @@
-"""What shape the spectra of a set have: one mode and white noise, or that and something more.
+"""Models of the mean spectra of a set: one mode and white noise, or that and something more.
 
-noise of healthy records, all power of struck ones --fit each model--> how much better than the baseline, which values
+noise of healthy records, all power of records with impacts --fit each model--> gain over the baseline, values
 
 The baseline of the phenomenological twin has structure noise and impacts through one mode, and white noise. One more
-mode, a roll-off of the sensor before all of the white noise or part of it, noise of a power law, or noise in a band
-each change the healthy and the faulty spectrum in a way of their own: path effects act on impacts as on structure
-noise, disturbances add the same to both. Strengths enter linearly and are solved for (non-negative least squares);
-places are searched on grids, coarse to fine. Fitted alike to measured and to simulated records, so that what a
-simulator has besides one mode is no difference.
+mode, a roll-off of the sensor before all or part of the white noise, noise of a power law, or noise in a band each
+change the healthy and the faulty spectrum in their own way: path effects act on impacts as on structure noise,
+disturbances add the same to both. Strengths are linear (non-negative least squares); places are searched on grids,
+coarse to fine. Measured and simulated records are fitted alike, so that modes which a simulator has besides its first
+are no difference.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from twingap.gap.features.spectrum.record_summary import Outline
+from twingap.gap.features.spectrum.record_summary import RecordSummary
 from twingap.signal.record_transforms import SMOOTH_SEGMENTS
 
 Array = NDArray[np.float64]
@@ -29,13 +29,14 @@ BANDS: Final = 64
 FINE: Final = 4
 """Points of a model per band: sharp modes are narrower than a band."""
 _ROBUST: Final = 4.0
-"""Standard deviations beyond which a band counts in proportion, no longer as the square."""
+"""Standard deviations beyond which a misfit counts linearly (Huber): larger, and single bands decide more."""
 _LEAST_SIGMA: Final = 0.015
-_LEAST_SIGMA_STRUCK: Final = 0.05
-"""Windows of an impact rate smear sharp modes, which the models do not."""
+_LEAST_SIGMA_IMPACTS: Final = 0.05
+"""Least relative errors of a band; larger with impacts, as windows one impact rate wide smear sharp modes. Smaller:
+narrow misfits decide."""
 _SECONDS: Final = np.geomspace(0.012, 0.485, 26)
 _STRENGTHS: Final = np.array([0.25, 0.8, 2.5])
-"""Of a second mode over the first."""
+"""Places (parts of the sampling rate) and strengths (over the first) of a second mode that `two_modes` tries."""
 MODELS: Final = ("mode", "loss", "slope", "band")
 NAMES: Final = (
     "base_cost", *(f"{m}_gain" for m in MODELS), *(f"{m}_lead" for m in MODELS), "best_cost",
@@ -50,7 +51,7 @@ class _Fit(NamedTuple):
     weights: Array
 
 
-def measure(spectra: Sequence[Outline]) -> dict[str, float]:
+def measure(spectra: Sequence[RecordSummary]) -> dict[str, float]:
     """`NAMES` -> value for a set of records; NaN without records. Frequencies are logarithms of parts of the rate."""
     out = dict.fromkeys(NAMES, math.nan)
     curves = _Curves.of(spectra)
@@ -104,10 +105,10 @@ class TwoModes(NamedTuple):
     gain: float
 
 
-def two_modes(spectra: Sequence[Outline]) -> list[TwoModes]:
-    """The best pair that moves with each other and the best that moves against, the better one first; [] without any.
+def two_modes(spectra: Sequence[RecordSummary]) -> list[TwoModes]:
+    """Best pair of modes in phase and best pair in opposition, the better first; [] without records.
 
-    More thorough than what `measure` does, and slower.
+    More thorough than `measure`, and slower.
     """
     curves = _Curves.of(spectra)
     if curves is None:
@@ -121,40 +122,40 @@ class _Curves:
 
     def __init__(self, curves: list[Array], sigma: list[float], kinds: list[bool]) -> None:
         self.f = (np.arange(BANDS) + 0.5) / (2 * BANDS)
-        self.struck = np.array(kinds)
+        self.with_impacts = np.array(kinds)
         self.curves = np.exp(np.array(curves))
         self.sigma = np.array(sigma)
         self.count = self.curves.size
 
     @classmethod
-    def of(cls, spectra: Sequence[Outline]) -> _Curves | None:
-        """From the records of a set, in units of its yardstick; None without any."""
+    def of(cls, spectra: Sequence[RecordSummary]) -> _Curves | None:
+        """From the records of a set, over scale^2; None without any."""
         quiet: list[Array] = []
-        struck: list[Array] = []
+        impacts: list[Array] = []
         noise: list[Array] = []
         for one in spectra:
             unit = one.fs_hz / max(one.frame.scale, 1e-300) ** 2
             bands = np.log(np.maximum(one.smooth * unit, 1e-30)).reshape(BANDS, SMOOTH_SEGMENTS // BANDS).mean(axis=1)
             (quiet if one.condition.fault == "healthy" else noise).append(bands)
-            if one.struck is not None:
-                struck.append(np.log(np.maximum(one.struck.density, 1e-30)))
+            if one.impact_spectrum is not None:
+                impacts.append(np.log(np.maximum(one.impact_spectrum.density, 1e-30)))
         # Without healthy records, what lies between the lines of the others is noise too.
-        kept = [(own, kind) for own, kind in ((quiet or noise, False), (struck, True)) if own]
+        kept = [(own, kind) for own, kind in ((quiet or noise, False), (impacts, True)) if own]
         if not kept:
             return None
         curves, sigmas = [], []
         for own, kind in kept:
-            # Power adds: the mean of records struck with unlike strength is one path struck with their mean power.
+            # Power adds: records with impacts of unlike strength average to one path driven by their mean power.
             curves.append(np.log(np.mean(np.exp(own), axis=0)) if kind else np.mean(own, axis=0))
-            # Levels differ between records of several faults; the shape of each is what counts.
+            # Levels differ between records of several faults: only the shape is compared.
             about = [o - o.mean() for o in own]
             spread = float(np.median(np.std(about, axis=0, ddof=1))) if len(own) > 2 else 0.12
-            least = _LEAST_SIGMA_STRUCK if kind else _LEAST_SIGMA
+            least = _LEAST_SIGMA_IMPACTS if kind else _LEAST_SIGMA
             sigmas.append(math.hypot(max(spread, 0.03) / math.sqrt(max(len(own), 1)), least))
         return cls(curves, sigmas, [kind for _, kind in kept])
 
     def level(self, weight: float, shape: Array) -> float:
-        """Log RMS of what was added, over the yardstick."""
+        """Log RMS of the added noise, over scale."""
         return 0.5 * math.log(max(float(weight) * float(shape.mean()) / 2, 1e-8))
 
     def base(self) -> _Fit:
@@ -164,7 +165,7 @@ class _Curves:
         return self._finer(fit, (0.03, 0.25), _PLAIN)
 
     def one_more_mode(self, base: _Fit, sign: float) -> _Fit:
-        """Another mode in parallel, with the first or against it; either may be the one that the baseline took."""
+        """Another mode in parallel, in phase with the first or in opposition; either may be the baseline's."""
         gains = sign * np.array([0.15, 0.5, 1.5, 5.0])
         f2, own, gain = np.meshgrid(np.geomspace(0.012, 0.485, 44), (0.012, 0.03, 0.08), gains, indexing="ij")
         rows = np.stack([np.full(f2.size, base.at[0]), np.full(f2.size, base.at[1])], axis=1)
@@ -173,7 +174,7 @@ class _Curves:
         return self._finer(fit, (0.02, 0.25, 0.04, 0.4, 0.5), _TWO)
 
     def two_modes(self, sign: float) -> _Fit:
-        """The same wherever the baseline's own mode is: one mode fitted to two may lie between them."""
+        """The same from several first modes: one mode fitted to two may lie between them."""
         base = self.base()
         firsts = [base.at, *((f, d) for f in self.peaks() for d in (0.025, 0.07))]
         more = np.stack(np.meshgrid(_SECONDS, (0.02, 0.07), sign * _STRENGTHS, indexing="ij"), axis=-1).reshape(-1, 3)
@@ -187,7 +188,7 @@ class _Curves:
         return [float(self.f[i]) for i in places[np.argsort(-smooth[places], kind="stable")[:2]]]
 
     def loss(self, base: _Fit) -> _Fit:
-        """A Butterworth loss after the mode: before the white noise, or before a part of it."""
+        """A Butterworth roll-off after the mode, before all of the white noise or a part of it."""
         f1, damping, corner, order = np.meshgrid(
             base.at[0] * np.array([1.0, 1.07, 1.25]), base.at[1] * np.array([0.6, 1.0]),
             np.geomspace(0.015, 0.6, 22), (1.0, 2.0, 4.0, 6.0), indexing="ij",
@@ -214,7 +215,7 @@ class _Curves:
         return self._best(np.array(rows), _BANDED)
 
     def _finer(self, fit: _Fit, steps: tuple[float, ...], model: int, rounds: int = 3) -> _Fit:
-        """The fit with each place moved by smaller and smaller factors while that helps."""
+        """The fit refined by moving each place by smaller and smaller factors."""
         for shrink in (1.0, 0.4, 0.15):
             for _ in range(rounds):
                 moves = [fit.at]
@@ -232,7 +233,7 @@ class _Curves:
     def _best(self, at: Array, model: int) -> _Fit:
         at = np.ascontiguousarray(at, dtype=float)
         at[:, 0] = np.minimum(at[:, 0], 0.49)
-        costs, weights = _costs(model, at, self.curves, self.sigma, self.struck)
+        costs, weights = _costs(model, at, self.curves, self.sigma, self.with_impacts)
         place = int(np.argmin(costs))
         return _Fit(float(costs[place]), tuple(float(v) for v in at[place]), weights[place])
 
@@ -263,11 +264,11 @@ def _add_mode(real, imag, turns, place, damping, gain):  # type: ignore[no-untyp
 
 
 @njit(cache=True, nogil=True, fastmath={"reassoc", "contract", "nsz"})
-def _costs(model, at, curves, sigma, struck):  # type: ignore[no-untyped-def]  # pragma: no cover
+def _costs(model, at, curves, sigma, with_impacts):  # type: ignore[no-untyped-def]  # pragma: no cover
     """[candidates] Misfit and [candidates, 4] weights of structure noise, impacts, white noise and what is added.
 
-    What is added to a mode with a loss is white noise that has passed it. Misfits beyond the least of the candidates
-    before are not summed to their end.
+    The fourth part of a mode with a roll-off is white noise that has passed it. Misfits beyond the least of the
+    candidates before are not summed to their end.
     """
     count, bands = len(at), curves.shape[1]
     fine = FINE * bands
@@ -322,7 +323,7 @@ def _costs(model, at, curves, sigma, struck):  # type: ignore[no-untyped-def]  #
             for b in range(bands):
                 scale = 1 / (curves[k, b] * sigma[k])
                 basis[0, row] = through[b] / mean * scale
-                basis[1, row] = basis[0, row] if struck[k] else 0.0
+                basis[1, row] = basis[0, row] if with_impacts[k] else 0.0
                 basis[2, row] = scale
                 basis[3, row] = added[b] * scale
                 row += 1

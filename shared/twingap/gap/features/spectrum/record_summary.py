@@ -1,6 +1,6 @@
-"""What is kept of a record once its view is gone: enough for what is asked of many records together.
+"""Summary of a record: the spectra and levels that measurements over many records need; samples are not kept.
 
-RecordView --smooth spectrum, whitened spectra, strikes, RMS--> Outline
+RecordTransforms --smooth spectrum, whitened spectra, spectrum of impacts, RMS--> RecordSummary
 """
 
 from __future__ import annotations
@@ -10,28 +10,28 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from twingap.gap.features.impacts.impulse_response import Struck, struck_of
-from twingap.gap.features.tones.whitened_spectra import Whitened, whitened
+from twingap.gap.features.impacts.impulse_response import ImpactSpectrum, impact_spectrum
+from twingap.gap.features.tones.whitened_spectra import Whitened, whiten
 from twingap.records import Condition
-from twingap.signal.record_transforms import Frame, RecordView
+from twingap.signal.record_transforms import Frame, RecordTransforms
 
 Array = NDArray[np.float64]
 
 
-class Outline(NamedTuple):
-    """Of one record.
+class RecordSummary(NamedTuple):
+    """Summary of one record.
 
     Parameters
     ----------
     condition : Condition
     frame : Frame
     fs_hz : float
-    smooth : Array [view.SMOOTH_SEGMENTS]
+    smooth : Array [record_transforms.SMOOTH_SEGMENTS]
         Power density, unit^2 / Hz.
     whitened : Whitened
-        For lines of many records.
-    struck : Struck or None
-        Of a record with impacts.
+        For lines in means over records.
+    impact_spectrum : ImpactSpectrum or None
+        None without impacts.
     rms : float
         About the mean, in the unit of the records.
     """
@@ -41,11 +41,11 @@ class Outline(NamedTuple):
     fs_hz: float
     smooth: Array
     whitened: Whitened
-    struck: Struck | None
+    impact_spectrum: ImpactSpectrum | None
     rms: float
 
 
-def outline_of(view: RecordView) -> Outline:
-    """What is kept of one record."""
-    struck, rms = struck_of(view), float(np.std(view.x))
-    return Outline(view.condition, view.frame, view.fs_hz, view.smooth, whitened(view), struck, rms)
+def summarise(record: RecordTransforms) -> RecordSummary:
+    """Summary of one record."""
+    spectrum, rms = impact_spectrum(record), float(np.std(record.x))
+    return RecordSummary(record.condition, record.frame, record.fs_hz, record.smooth, whiten(record), spectrum, rms)

@@ -1,8 +1,8 @@
-"""Roughness: noise that swells once a turn, and swelling that no rotation explains.
+"""Features of cyclostationary noise: noise modulated once a turn, and modulation that no rotation explains.
 
-record without tones --> squared envelope --> lines at 1x and 2x, free lines, slow swelling
+record without tones --> squared envelope --> lines at 1x and 2x, free lines, slow modulation
 
-A pair of tones makes an envelope line too, which is why they are taken out first. Source: Antoni & Randall 2003,
+A pair of tones makes an envelope line too, so tones are taken out first. Source: Antoni & Randall 2003,
 doi:10.1115/1.1569940 (second-order cyclostationarity).
 """
 
@@ -16,19 +16,19 @@ from numpy.typing import NDArray
 from twingap.gap.features.spectrum.without_tones import without_tones
 from twingap.gap.features.tones.envelope_lines import envelope_lines, explained
 from twingap.gap.features.tones.tones import SEARCH, Lines, lines_of
-from twingap.signal.record_transforms import RecordView
+from twingap.signal.record_transforms import RecordTransforms
 
 Array = NDArray[np.float64]
 
 
-def measure_roughness(view: RecordView, out: dict[str, float]) -> None:
-    """Envelope lines at shaft rate that no pair of tones makes."""
-    lines, clean = lines_of(view), without_tones(view)
+def measure_roughness(record: RecordTransforms, out: dict[str, float]) -> None:
+    """Fill the features of envelope lines at shaft rate that no pair of tones makes."""
+    lines, clean = lines_of(record), without_tones(record)
     reach = 0.002 if lines.locked else SEARCH
-    raw = envelope_lines(view.envelope, lines.shaft_hz)
+    raw = envelope_lines(record.envelope, lines.shaft_hz)
     if raw is not None:
         out["envelope_1x"] = float(raw.at(np.array([lines.shaft_hz]), reach)[0][0])
-    own = raw if clean is view else envelope_lines(clean.envelope, lines.shaft_hz)
+    own = raw if clean is record else envelope_lines(clean.envelope, lines.shaft_hz)
     if own is not None:
         logs, power = own.at(lines.shaft_hz * np.array([1.0, 2.0]), reach)
         out["rough_1x"], out["rough_2x"] = float(logs[0]), float(logs[1])
@@ -38,11 +38,11 @@ def measure_roughness(view: RecordView, out: dict[str, float]) -> None:
             out["rough_depth"] = 0.5 * math.log10(2 * above)
             if logs[0] > 0.7:
                 out["rough_ratio_log"] = _nearest(own, lines.shaft_hz, reach)
-    full = envelope_lines(clean.envelope_in(0.02 * view.fs_hz, 0.48 * view.fs_hz), lines.shaft_hz)
+    full = envelope_lines(clean.envelope_in(0.02 * record.fs_hz, 0.48 * record.fs_hz), lines.shaft_hz)
     if full is not None:
         out["rough_1x_full"] = float(full.at(np.array([lines.shaft_hz]), reach)[0][0])
     if own is not None:
-        _free_modulation(view, own, out)
+        _free_modulation(record, own, out)
 
 
 def _nearest(lines: Lines, hz: float, reach: float) -> float:
@@ -53,9 +53,9 @@ def _nearest(lines: Lines, hz: float, reach: float) -> float:
     return math.log(float(lines.peaks.hz[near[int(np.argmax(lines.peaks.excess[near]))]]) / hz)
 
 
-def _free_modulation(view: RecordView, own: Lines, out: dict[str, float]) -> None:
-    """The strongest envelope line that no rotation explains, and how much slow swelling there is."""
-    free = own.peaks.of(~explained(view, own.peaks.hz, own.df_hz))
+def _free_modulation(record: RecordTransforms, own: Lines, out: dict[str, float]) -> None:
+    """The strongest envelope line that no rotation explains, and the power of slow modulation."""
+    free = own.peaks.of(~explained(record, own.peaks.hz, own.df_hz))
     best = int(np.argmax(free.excess)) if len(free) else -1
     out["modulation_free"] = math.log10(float(free.excess[best]) / 20) + 0.3 if best >= 0 else 0.0
     if best >= 0:

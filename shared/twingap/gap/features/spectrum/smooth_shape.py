@@ -1,7 +1,7 @@
-"""Shape of one record's smooth spectrum: relative bands, its best single mode, and what that leaves.
+"""Features of one record's smooth spectrum: relative bands, its best single mode, and the residual.
 
 smooth spectrum --> relative bands
-          |-------> best single mode + white noise --> what is left: bump, dip, slopes, steps at edges of a band
+          |-------> best single mode + white noise --> residual: bump, dip, slopes, steps at edges of a band
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from twingap.signal.record_transforms import RecordView
+from twingap.signal.record_transforms import RecordTransforms
 
 Array = NDArray[np.float64]
 
@@ -22,7 +22,7 @@ BANDS: Final = 32
 _DAMPINGS: Final = np.geomspace(0.01, 0.3, 9)
 
 
-def measure_shape(view: RecordView, smooth: Array, out: dict[str, float]) -> None:
+def measure_shape(record: RecordTransforms, smooth: Array, out: dict[str, float]) -> None:
     """Relative bands, and the smooth spectrum against its best single mode over white noise."""
     smooth = np.maximum(smooth, 1e-300)
     total = float(smooth.sum())
@@ -30,7 +30,7 @@ def measure_shape(view: RecordView, smooth: Array, out: dict[str, float]) -> Non
         out[f"band_{i:02d}"] = math.log10(max(value, 1e-12))
     log_s = np.log(smooth).reshape(128, -1).mean(axis=1)
     f = (np.arange(128) + 0.5) / 256
-    low, high = (edge / view.fs_hz for edge in view.frame.band_hz)
+    low, high = (edge / record.fs_hz for edge in record.frame.band_hz)
     inside = np.flatnonzero((f >= low) & (f <= high))
     if inside.size == 0:
         inside = np.array([int(np.argmin(np.abs(f - (low + high) / 2)))])
@@ -38,7 +38,7 @@ def measure_shape(view: RecordView, smooth: Array, out: dict[str, float]) -> Non
     fit, centre, damping, strength, white = _single_mode(f, log_s, top)
     out["mode_fs"], out["mode_damping_log"] = centre, math.log10(damping)
     out["mode_over_white_log"] = math.log10(max(strength, 1e-12) / max(white, 1e-300) + 1e-6)
-    out["white_level"] = 0.5 * math.log10(max(white * view.fs_hz / 2, 1e-300) / max(view.frame.scale, 1e-300) ** 2)
+    out["white_level"] = 0.5 * math.log10(max(white * record.fs_hz / 2, 1e-300) / max(record.frame.scale, 1e-300) ** 2)
     rest = (log_s - np.log(fit)) / math.log(10)
     out["rest_rms"] = float(np.sqrt(np.mean(rest[1:] ** 2)))
     below, above = (f < 0.6 * centre), (f > min(1.6 * centre, 0.4))
@@ -51,7 +51,7 @@ def measure_shape(view: RecordView, smooth: Array, out: dict[str, float]) -> Non
     wide = np.convolve(rest, [0.25, 0.5, 0.25], mode="same")
     height, place, width = bump(wide)
     out["rest_bump"], out["rest_bump_fs"], out["rest_bump_width"] = height, float(f[place]), width / 128
-    out["rest_bump_hz_log"] = math.log10(f[place] * view.fs_hz)
+    out["rest_bump_hz_log"] = math.log10(f[place] * record.fs_hz)
     depth, place, _ = bump(-wide)
     out["rest_dip"], out["rest_dip_fs"] = depth, float(f[place])
     # Ends of a band of noise: the largest step between eight bands on either side, resonance left out.
@@ -61,7 +61,7 @@ def measure_shape(view: RecordView, smooth: Array, out: dict[str, float]) -> Non
     steps = (summed[at + 8] - 2 * summed[at] + summed[at - 8]) / 8
     steps *= np.abs(at / 1024 - centre) > 5 * damping * centre + 8 / 1024
     best = int(np.argmax(np.abs(steps)))
-    out["edge_step"], out["edge_hz_log"] = float(steps[best]), math.log10(at[best] / 1024 * view.fs_hz)
+    out["edge_step"], out["edge_hz_log"] = float(steps[best]), math.log10(at[best] / 1024 * record.fs_hz)
 
 
 def _single_mode(f: Array, log_s: Array, top: float) -> tuple[Array, float, float, float, float]:

@@ -1,10 +1,10 @@
-"""Combs in records whose speeds are known roughly: each record is moved until the comb stands highest in it.
+"""Comb scores over records whose speeds are uncertain: each record is shifted to where the comb is strongest.
 
 record --normal deviates of its bins--> sum over the comb's lines, for each speed within reach --highest--> score
                                                                                      mean over records --> one comb
 
-A speed that is wrong by half a per cent moves the fortieth order by as many bins as a mean over records forgives. The
-highest of many tries is high by chance as well; it is so for every comb that is sought in the same way.
+At the fortieth order, a speed error of half a per cent shifts lines by more than a mean over records tolerates. The
+highest of many tries is high by chance too, so scores are compared between combs that are searched in the same way.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ Single = NDArray[np.float32]
 
 @dataclass(frozen=True)
 class Aligned:
-    """What combs score in a set of records.
+    """Scores of combs in a set of records.
 
     Parameters
     ----------
@@ -58,7 +58,7 @@ def aligned(
         Shaft orders of each comb's lines.
     weights : Array [lines]
     reach : sequence of float
-        How far each record's speed may lie from the stated one, relative.
+        Largest relative error of each record's speed.
     """
     score, total, count = np.full((len(combs), len(records)), np.nan), np.zeros(combs.shape), np.zeros(len(combs))
     for k, (record, own, far) in enumerate(zip(records, deviates, reach, strict=True)):
@@ -70,7 +70,7 @@ def aligned(
 def _search(
     deviates: Single, combs: Array, weights: Array, reach: float, score: Array, total: Array, count: Array
 ) -> None:
-    """Adds to what `aligned` gathers; `combs` in bins of the record."""
+    """Add one record to the sums of `aligned`; `combs` in bins of the record."""
     end = deviates.size - 3
     for c in range(combs.shape[0]):
         first = combs[c, 0]

@@ -1,10 +1,10 @@
-"""Tones fixed in frequency, and lines beside them that turn with the shaft: carriers of drives.
+"""Carrier tones of drives: tones fixed in frequency with side lines that turn with the shaft.
 
-mean of whitened spectra in Hz --peaks that no mains, no shaft and no one state of the bearing has--> candidates
-            records about each --lines at equal distances, in shaft orders; how steady, how sharp--> the best carrier
+mean of whitened spectra in Hz --peaks that neither mains, shaft nor a single state of the bearing explain--> candidates
+          records about each --lines at equal distances, in shaft orders; steadiness, sharpness--> the best carrier
 
-A tone is as strong in each record; the power of a sharp mode, which may be as narrow as a bin, is drawn anew for each
-(exponentially). Strikes at one speed leave many lines fixed in Hz, a drive leaves a few.
+A tone has the same strength in each record; the power of a sharp mode, which may be as narrow as a bin, varies between
+records (exponentially). Impacts at one speed make many lines fixed in Hz, a drive makes a few.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from twingap.gap.features.tones.whitened_spectra import MOST_Z, Mean, Whitened, together
+from twingap.gap.features.tones.whitened_spectra import MOST_Z, Mean, Whitened, combined_z
 from twingap.signal.record_transforms import medians
 
 Array = NDArray[np.float64]
@@ -27,30 +27,33 @@ _BOTH: Final = ("fixed", "carrier")
 NAMES: Final = (*(f"{name}{part}" for name in _BOTH for part in _EACH), "fixed_others", "fixed_count")
 
 _MAINS_TO_HZ: Final = 1300.0
-"""Up to where a line on a multiple of 50 or 60 Hz is taken for the mains': beyond, one place in seven is on one."""
+"""Frequency up to which lines on multiples of 50 or 60 Hz count as the mains'; beyond, one bin in seven is on one."""
 _MAINS_SHOWN: Final = 3.5
-"""z of other multiples of the mains from which a line on one of them is theirs; its first few always are."""
+"""z of the mains' harmonics from which all its multiples are excluded; below, only those up to `_FIRST_FEW`."""
 _FIRST_FEW: Final = 230.0
+"""Frequency, Hz, up to which multiples of the mains are always excluded."""
 _LOWEST: Final = 0.06
-"""Of half the sampling rate, below which no carrier is sought: there the mains has its skirts."""
+"""Part of half the sampling rate below which no carrier is sought, as the mains is strong there."""
 _HARMONICS: Final = 8
 _TURNING: Final = 0.6
-"""Part of the records in which a whole order lies at a place, from which a line there is the shaft's."""
+"""Part of the records with a whole order at a frequency from which a line there counts as the shaft's."""
 _CARRIERS: Final = 14
-"""Lines fixed in Hz that are looked at."""
+"""Strongest lines fixed in Hz that are evaluated as carriers."""
 _SIDES: Final = (0.7, 8.6)
 """Distances of side lines, shaft orders."""
 _MOST_SIDES: Final = 3000
+"""Distances that are tried: more are finer and slower."""
 _BY_CHANCE: Final = 3.5
-"""z that the highest of so many distances has where there is nothing."""
+"""z of the best of these distances where there are no side lines; taken off."""
 _SHOWN: Final = 4.0
+"""z from which a line counts as present."""
 _UNSTEADY: Final = 6.0
-"""z that a line is worth less if its level scatters as that of noise does."""
+"""z taken off a line whose level scatters as that of noise does."""
 _BESIDE: Final = np.array([-6, -5, -4, 4, 5, 6])
 _SKIRT: Final = 5
-"""Bins from a line at which side lines are sought."""
+"""Least distance of side lines from their carrier, bins."""
 _SAME: Final = 2.5
-"""Bins within which two places are one."""
+"""Distance within which two lines are one, bins."""
 
 
 def measure(hz: Mean, records: Sequence[Whitened], deviates: Sequence[Single]) -> dict[str, float]:
@@ -105,13 +108,13 @@ def measure(hz: Mean, records: Sequence[Whitened], deviates: Sequence[Single]) -
 
 
 def _unclaimed(hz: Mean, records: Sequence[Whitened], top: float) -> Array:
-    """[places] z of what all states of the bearing have in common, where neither mains nor shaft have lines."""
+    """[places] z of lines common to all states of the bearing, where neither mains nor shaft have lines."""
     z = np.where((hz.places > max(65.0, _LOWEST * top)) & (hz.places < top), hz.common, np.nan)
     for mains in (50.0, 60.0):
-        shown = together(hz.at(mains * np.arange(1.0, _HARMONICS + 1))) > _MAINS_SHOWN
+        shown = combined_z(hz.at(mains * np.arange(1.0, _HARMONICS + 1))) > _MAINS_SHOWN
         off = np.abs(hz.places / mains - np.rint(hz.places / mains)) * mains
         z[(off < _SAME * hz.step) & (hz.places < (_MAINS_TO_HZ if shown else _FIRST_FEW))] = np.nan
-    # Of records at one speed, what turns with the shaft is fixed in Hz as well.
+    # With records at one speed, the shaft's lines are fixed in Hz too.
     speeds, times = np.unique(np.round([r.shaft_hz for r in records], 2), return_counts=True)
     turning = np.zeros(hz.places.size)
     for shaft_hz, count in zip(speeds, times, strict=True):
@@ -129,7 +132,7 @@ def _beside(records: Sequence[Whitened], deviates: Sequence[Single], places: Arr
     for record, own in zip(records, deviates, strict=True):
         for side, sign in enumerate((-1, 1)):
             bins = np.rint((places[:, None] + sign * orders * record.shaft_hz) / record.df_hz).astype(int)
-            # Nearer, a sharp mode's own skirts are the highest.
+            # Nearer, the skirts of a sharp mode are highest.
             inside = (bins > 5) & (bins < own.size - 5) & (orders * record.shaft_hz > _SKIRT * record.df_hz)
             total[side] += np.where(inside, own[np.clip(bins, 0, own.size - 1)], 0.0)
             seen[side] += inside

@@ -1,4 +1,4 @@
-"""Lines of envelope spectra, and which of them rotation explains.
+"""Lines of envelope spectra, and whether shaft, cage or fault explain them.
 
 Envelope --> Lines (found once); frequencies --> on the shaft's, the cage's or the fault's lines?
 """
@@ -14,13 +14,13 @@ from numba import njit
 from numpy.typing import NDArray
 
 from twingap.gap.features.tones.tones import SEARCH, Lines, lines_of
-from twingap.signal.record_transforms import Envelope, RecordView
+from twingap.signal.record_transforms import Envelope, RecordTransforms
 
 Array = NDArray[np.float64]
 
 _SPECTRA: WeakKeyDictionary[Envelope, dict[float, Lines]] = WeakKeyDictionary()
 _FAULT_HARMONICS: Final = np.arange(1.0, 6.0)
-_FAULT_HZ: WeakKeyDictionary[RecordView, float] = WeakKeyDictionary()
+_FAULT_HZ: WeakKeyDictionary[RecordTransforms, float] = WeakKeyDictionary()
 
 
 def envelope_lines(envelope: Envelope, shaft_hz: float) -> Lines | None:
@@ -34,13 +34,13 @@ def envelope_lines(envelope: Envelope, shaft_hz: float) -> Lines | None:
     return known[shaft_hz]
 
 
-def explained(view: RecordView, hz: Array, df_hz: float) -> NDArray[np.bool_]:
+def explained(record: RecordTransforms, hz: Array, df_hz: float) -> NDArray[np.bool_]:
     """Whether shaft, cage, or the fault with its side lines explain envelope lines."""
-    lines = lines_of(view)
-    fault = math.nan if view.fault_order is None else fault_hz(view)
+    lines = lines_of(record)
+    fault = math.nan if record.fault_order is None else fault_hz(record)
     loose = 0.0 if lines.locked else SEARCH / 2
     return np.asarray(
-        _rotation_explains(hz, lines.shaft_hz, view.bearing.ftf * lines.shaft_hz, fault, loose, 2.2 * df_hz)
+        _rotation_explains(hz, lines.shaft_hz, record.bearing.ftf * lines.shaft_hz, fault, loose, 2.2 * df_hz)
     )
 
 
@@ -62,22 +62,22 @@ def _rotation_explains(hz, shaft, cage, fault, loose, width):  # type: ignore[no
     return out
 
 
-def fault_hz(view: RecordView) -> float:
-    """Rate of the fault, off its comb in the raw spectrum or in the envelope; found once."""
-    found = _FAULT_HZ.get(view)
+def fault_hz(record: RecordTransforms) -> float:
+    """Rate of the fault, from its comb in the raw spectrum or in the envelope; computed once."""
+    found = _FAULT_HZ.get(record)
     if found is None:
-        found = _FAULT_HZ[view] = _search_fault(view)
+        found = _FAULT_HZ[record] = _search_fault(record)
     return found
 
 
-def _search_fault(view: RecordView) -> float:
-    lines = lines_of(view)
-    assert view.fault_order is not None
-    stated = view.fault_order * view.shaft_hz
+def _search_fault(record: RecordTransforms) -> float:
+    lines = lines_of(record)
+    assert record.fault_order is not None
+    stated = record.fault_order * record.shaft_hz
     ratio = lines.fault_comb[0]
     if math.isfinite(ratio):
         return stated * ratio
-    env = envelope_lines(view.envelope, view.shaft_hz)
+    env = envelope_lines(record.envelope, record.shaft_hz)
     if env is None:
         return stated
     ratios = np.linspace(1 - SEARCH - 0.02, 1 + SEARCH + 0.02, 301)

@@ -1,8 +1,8 @@
-"""Signatures of tones in the raw spectrum: whose they are, how strong, and what belongs to nobody.
+"""Features of tones in the raw spectrum: shaft, mains, gear, waviness, and tones that none of these explain.
 
-Lines (tones.py) --> whole and half orders, mains, gear, waviness
-           |
-           +--> what is left: free tones, pairs about them
+Lines (tones) --> whole and half orders, mains, gear, waviness
+         |
+         +--> the rest: free tones, pairs about them
 
 Excesses are log10 of power over the local floor, levels log10 of amplitude over the healthy RMS.
 Source: Randall, Vibration-based condition monitoring, Wiley 2011.
@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twingap.gap.features.tones.tones import HIGHEST_ORDER, LOCKED, PEAK, SEARCH, SLIP, Lines, lines_of
-from twingap.signal.record_transforms import RecordView
+from twingap.signal.record_transforms import RecordTransforms
 
 Array = NDArray[np.float64]
 
@@ -73,12 +73,12 @@ NAMES: Final[tuple[str, ...]] = (
 """Keys of `measure`."""
 
 
-def measure(view: RecordView) -> dict[str, float]:
-    """Signatures of tones.
+def measure(record: RecordTransforms) -> dict[str, float]:
+    """Features of tones.
 
     Parameters
     ----------
-    view : RecordView
+    record : RecordTransforms
 
     Returns
     -------
@@ -86,9 +86,9 @@ def measure(view: RecordView) -> dict[str, float]:
         `NAMES` -> value, NaN where it does not apply.
     """
     out = dict.fromkeys(NAMES, math.nan)
-    if view.x.size < 64 or not np.isfinite(view.mean_square) or view.mean_square <= 0:
+    if record.x.size < 64 or not np.isfinite(record.mean_square) or record.mean_square <= 0:
         return out
-    lines, scale = lines_of(view), max(view.frame.scale, 1e-300)
+    lines, scale = lines_of(record), max(record.frame.scale, 1e-300)
     out["shaft_ratio_log"] = math.log(lines.lock[0]) if lines.locked else 0.0
     out["shaft_lock"] = lines.lock[1]
     base, strength, alien = lines.alien_comb
@@ -97,20 +97,20 @@ def measure(view: RecordView) -> dict[str, float]:
         out["comb_order"] = base / lines.shaft_hz
         out["comb_level"] = _level(float(lines.peaks.power[alien].sum()), scale)
     known = lines.fault_comb[2] | lines.of_mains | alien
-    waves = _waviness(view, lines, scale, out)
+    waves = _waviness(record, lines, scale, out)
     _orders(lines, scale, out, known | waves)
     _mains(lines, scale, out)
     known |= waves
     taken = known | (lines.on_comb(lines.shaft_hz / 2, highest=42) if lines.locked else _near_orders(lines))
     taken |= _gear(lines, scale, out, known)
-    _pair(lines, view.fs_hz, scale, out, taken)
-    total = max(view.mean_square, 1e-300)
+    _pair(lines, record.fs_hz, scale, out, taken)
+    total = max(record.mean_square, 1e-300)
     ratio, beyond, own = lines.fault_comb
-    out["fault_comb_peaks"] = math.log1p(beyond) if view.fault_order is not None else math.nan
-    if view.fault_order is not None:
+    out["fault_comb_peaks"] = math.log1p(beyond) if record.fault_order is not None else math.nan
+    if record.fault_order is not None:
         out["fault_comb_share"] = min(float(lines.peaks.power[own].sum()) / total, 1.0)
         out["fault_ratio_log"] = math.log(ratio) if math.isfinite(ratio) else math.nan
-        base = view.fault_order * lines.stated_hz * (ratio if math.isfinite(ratio) else 1.0)
+        base = record.fault_order * lines.stated_hz * (ratio if math.isfinite(ratio) else 1.0)
         out["fault_low_excess"] = _mean(lines.at(base * np.arange(1.0, 4.0), 0.002)[0])
     free = lines.peaks.of(~taken)
     out["free_count_log"] = math.log1p(len(free))
@@ -122,7 +122,7 @@ def measure(view: RecordView) -> dict[str, float]:
             out[f"free_{i}_excess"] = math.log10(free.excess[place])
             out[f"free_{i}_level"] = _level(free.power[place], scale)
             out[f"free_{i}_hz_log"] = math.log10(free.hz[place])
-            out[f"free_{i}_fs"] = float(free.hz[place]) / view.fs_hz
+            out[f"free_{i}_fs"] = float(free.hz[place]) / record.fs_hz
         else:
             out[f"free_{i}_excess"] = math.log10(PEAK)
     out["peaks_log"] = math.log1p(len(lines.peaks))
@@ -131,7 +131,7 @@ def measure(view: RecordView) -> dict[str, float]:
 
 
 def _near_orders(lines: Lines) -> NDArray[np.bool_]:
-    """Peaks that the first three shaft orders may explain while the speed is only known to `SEARCH`."""
+    """Peaks that the first three shaft orders may explain where the speed is only known within `SEARCH`."""
     order = lines.peaks.hz / lines.stated_hz
     k = np.clip(np.rint(order), 1, 3)
     return np.asarray(np.abs(order / k - 1) < 0.01)
@@ -161,7 +161,7 @@ def _mains(lines: Lines, scale: float, out: dict[str, float]) -> None:
     """Multiples of 50 and of 60 Hz."""
     k = np.arange(1.0, 7.0)
     means, found = [], []
-    # What belongs to the shaft or the fault is no hum, unless it is the hum that looks like them.
+    # Lines of the shaft or the fault are not the mains', unless the mains explains them better.
     without = (lines.fault_comb[2] | (lines.on_comb(lines.shaft_hz / 2, highest=42) & lines.locked)) & ~lines.of_mains
     for hz in (50, 60):
         logs, p = lines.at(hz * k, 0.0, without)
@@ -181,16 +181,16 @@ def _mains(lines: Lines, scale: float, out: dict[str, float]) -> None:
         out["mains_decay"] = float(10 ** np.polyfit(k[strong], levels[strong], 1)[0])
 
 
-def _waviness(view: RecordView, lines: Lines, scale: float, out: dict[str, float]) -> NDArray[np.bool_]:
+def _waviness(record: RecordTransforms, lines: Lines, scale: float, out: dict[str, float]) -> NDArray[np.bool_]:
     """Multiples of the ball-pass orders of both races."""
     taken = np.zeros(len(lines.peaks), bool)
     reach = SLIP if lines.locked else SEARCH + SLIP / 2
     free = ~(lines.of_mains | lines.alien_comb[2])
     if lines.locked:
         free &= ~lines.on_comb(lines.shaft_hz / 2, highest=42)
-    for race, order in (("outer", view.bearing.bpfo), ("inner", view.bearing.bpfi)):
-        # The fault's own comb has the lines of its race, which nobody can tell from waviness.
-        own = view.condition.fault == race
+    for race, order in (("outer", record.bearing.bpfo), ("inner", record.bearing.bpfi)):
+        # The comb of a race's fault has the same lines as that race's waviness.
+        own = record.condition.fault == race
         base = order * lines.shaft_hz
         ratio, strength = lines.wave(base, reach, free if own else free & ~lines.fault_comb[2])
         found = strength > 0.2
@@ -218,7 +218,7 @@ def _gear(lines: Lines, scale: float, out: dict[str, float], taken: NDArray[np.b
         return none
     order = lines.peaks.hz / lines.shaft_hz
     half = np.rint(2 * order)
-    # Half of a bin and what an unlocked speed leaves.
+    # Half a bin, and the error of a speed without lock.
     near = np.abs(lines.peaks.hz - half * lines.shaft_hz / 2) < 2.5 * lines.widths + lines.df_hz * 0.2
     near &= ~taken
     ladder, power = np.zeros(2 * top + 8), np.zeros(2 * top + 8)
@@ -232,7 +232,7 @@ def _gear(lines: Lines, scale: float, out: dict[str, float], taken: NDArray[np.b
     against = capped[2 * z - 4] + capped[2 * z + 4] + capped[2 * z - 1] + capped[2 * z + 1]
     double = np.where(4 * z < ladder.size, capped[np.minimum(4 * z, ladder.size - 1)], 0.0)
     score = np.where(capped[2 * z] > 0, capped[2 * z] + side - against + 0.5 * double, 0.0)
-    # Side lines are never stronger than what they stand about.
+    # Side lines are never stronger than their carrier.
     score -= 2.0 * (power[2 * z] < 0.9 * np.maximum(power[2 * z - 2], power[2 * z + 2]))
     best = int(np.argmax(score))
     out["gear_score"] = max(float(score[best]), 0.0) * min(lines.lock[1] / LOCKED, 1.0)
@@ -252,7 +252,7 @@ def _gear(lines: Lines, scale: float, out: dict[str, float], taken: NDArray[np.b
 
 
 def _pair(lines: Lines, fs_hz: float, scale: float, out: dict[str, float], taken: NDArray[np.bool_]) -> None:
-    """The strongest tone with two equal ones at equal distances: a modulated carrier, at whatever frequency."""
+    """The strongest tone with two equal ones at equal distances: a modulated carrier, at any frequency."""
     out["pair_score"] = 0.0
     use = ~taken
     use &= lines.peaks.hz > 6 * lines.shaft_hz
@@ -273,7 +273,7 @@ def _pair(lines: Lines, fs_hz: float, scale: float, out: dict[str, float], taken
         score = np.where((miss < allowed) & (unlike < 2.0), np.log10(weaker / PEAK) + 0.3 - 0.2 * unlike, 0.0)
         # A carrier is not weaker than its side lines.
         score *= own.power[centre] > 0.7 * np.minimum(own.power[above][:, None], own.power[below][None, :])
-        # Side lines of one modulation stand alone; those of a comb go on at twice the distance.
+        # One modulation has one pair of side lines; a comb has more at twice the distance.
         spacing = 0.5 * (distance[above][:, None] - distance[below][None, :])
         onward = np.zeros(score.shape)
         for sign in (2.0, -2.0):

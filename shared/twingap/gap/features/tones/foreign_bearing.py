@@ -1,4 +1,4 @@
-"""Another bearing: the strongest comb of envelope lines at an order that is not this one's.
+"""Impacts of another bearing: the strongest comb of envelope lines at an order that is not this bearing's.
 
 envelopes of four bands, own lines masked --> score of every comb --> order, excess, depth, band
 
@@ -16,33 +16,34 @@ from numpy.typing import NDArray
 
 from twingap.gap.features.tones.envelope_lines import envelope_lines, explained
 from twingap.gap.features.tones.tones import Lines, lines_of
-from twingap.signal.record_transforms import RecordView
+from twingap.signal.record_transforms import RecordTransforms
 
 Array = NDArray[np.float64]
 
 REGIONS: Final = ((0.02, 0.12), (0.12, 0.25), (0.25, 0.48), (0.02, 0.48))
-"""Bands over the sampling rate in which another bearing is looked for."""
+"""Bands, parts of the sampling rate, in which another bearing is sought."""
 _COMB: Final = 4
+"""Lines of a comb that are scored."""
 
 
-def measure_foreign(view: RecordView, out: dict[str, float]) -> None:
+def measure_foreign_bearing(record: RecordTransforms, out: dict[str, float]) -> None:
     """The strongest comb of envelope lines at an order that is not this bearing's, over four bands."""
-    lines = lines_of(view)
+    lines = lines_of(record)
     shaft = lines.shaft_hz
     best = (-1.0, 0, 0.0)
     spectra: list[tuple[Lines, Array] | None] = []
     for place, (low, high) in enumerate(REGIONS):
-        env = envelope_lines(view.envelope_in(low * view.fs_hz, high * view.fs_hz), shaft)
+        env = envelope_lines(record.envelope_in(low * record.fs_hz, high * record.fs_hz), shaft)
         if env is None or env.tones.size < 40:
             spectra.append(None)
             continue
         logs = np.log10(np.maximum(env.excess, 1e-2))
         logs[:2] = 0.0
         strong = np.flatnonzero(logs > 0.6)
-        own = strong[explained(view, np.asarray(strong * env.df_hz, float), env.df_hz)]
+        own = strong[explained(record, np.asarray(strong * env.df_hz, float), env.df_hz)]
         logs[own] = 0.0
         spectra.append((env, logs))
-        score, hz = _comb(view, env, logs, own)
+        score, hz = _comb(record, env, logs, own)
         out[f"foreign_score_{place}"] = score
         if score > best[0]:
             best = (score, place, hz)
@@ -53,7 +54,7 @@ def measure_foreign(view: RecordView, out: dict[str, float]) -> None:
     out["foreign_score"] = score
     env, logs = found
     hz = _refined(env, hz)
-    # Where own lines hide some of its envelope's, the third of three may look like the first: the raw comb tells.
+    # Where lines of this bearing hide some of the comb's, a multiple may look like the first: the raw comb decides.
     raw_hz = lines.alien_comb[0]
     if math.isfinite(raw_hz):
         multiple = round(hz / raw_hz)
@@ -67,7 +68,7 @@ def measure_foreign(view: RecordView, out: dict[str, float]) -> None:
         out["foreign_fs"] = sum(REGIONS[place]) / 2
 
 
-def _comb(view: RecordView, env: Lines, logs: Array, hidden: NDArray[np.int64]) -> tuple[float, float]:
+def _comb(record: RecordTransforms, env: Lines, logs: Array, hidden: NDArray[np.int64]) -> tuple[float, float]:
     """Score and rate of the strongest comb in one envelope spectrum; nothing is known at hidden bins."""
     shaft, df_hz = env.stated_hz, env.df_hz
     wide = logs.copy()
@@ -79,9 +80,9 @@ def _comb(view: RecordView, env: Lines, logs: Array, hidden: NDArray[np.int64]) 
     if top <= 1.5 * shaft:
         return 0.0, shaft
     hz = np.arange(1.5 * shaft, top, df_hz / 4)
-    bearing = view.bearing
+    bearing = record.bearing
     own_hz = shaft * np.array([bearing.bpfo, bearing.bpfi, 2 * bearing.bsf, bearing.bsf])
-    score = _foreign_scores(wide, hz, df_hz, shaft, own_hz, 0.025 if view.fault_order is None else 0.01)
+    score = _foreign_scores(wide, hz, df_hz, shaft, own_hz, 0.025 if record.fault_order is None else 0.01)
     best = int(np.argmax(score))
     return float(score[best]), float(hz[best])
 
@@ -107,7 +108,7 @@ def _foreign_scores(wide, hz, df_hz, shaft, own_hz, tolerance):  # type: ignore[
             largest = max(largest, wide[at])
             if k == 1:
                 first, sees_first = wide[at], True
-        # The strongest line proves no comb: the others do. Where the band is narrow, fewer are asked.
+        # The strongest line is no evidence of a comb, the others are. Fewer are required where the band is narrow.
         score = (total - largest) * (_COMB - 1) / max(seen - 1, 1)
         if seen < min(3, reached):
             score *= 0.6

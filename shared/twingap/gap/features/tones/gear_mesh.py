@@ -1,10 +1,10 @@
-"""A gear's mesh: the whole order that stands highest with lines one order beside it, over a set of records.
+"""Gear mesh: the whole order that is highest with lines one order beside it, over a set of records.
 
 records --each at the speed where it stands highest--> score of every number of teeth --over what is usual--> z
 
-Speeds of records with a defect are read off its comb, those of healthy ones may be off by per cents. So teeth are
-sought twice: at the speeds as they are known, where whole orders can be told from others, and with healthy records
-moved freely, where side lines alone tell the shaft's rate and a mesh from a carrier.
+Speeds of records with a defect come from its comb; those of healthy ones may be wrong by per cents. So the mesh is
+sought twice: at the stated speeds, where whole orders can be distinguished from others, and with healthy records
+shifted freely, where side lines alone give the shaft's rate and distinguish a mesh from a carrier.
 """
 
 from __future__ import annotations
@@ -31,13 +31,15 @@ _TEETH: Final = np.arange(6.0, 100.0)
 _LINES: Final = np.array([0.0, -1.0, 1.0])
 _WEIGHTS: Final = np.array([1.0, 0.7, 0.7, 0.5])
 _KNOWN: Final = 0.0015
-"""How far a speed lies off, at most, that was read off a comb."""
+"""Largest relative error of a speed that was read from a comb."""
 _FREE: Final = 0.03
+"""The same of a stated speed."""
 _OFF: Final = np.array([-0.5, -0.4, -0.3, 0.3, 0.4, 0.5])
-"""Orders off a whole one at which a mesh does not stand."""
+"""Distances from a whole order at which no mesh lies, orders."""
 _ABOUT: Final = 25
-"""Numbers of teeth about one that say how much is usual there: the more bins are tried, the higher the highest."""
+"""Numbers of teeth about one whose median score is subtracted: the more bins are tried, the higher a chance score."""
 _FEWEST: Final = 12
+"""Scored numbers of teeth below which nothing is reported."""
 
 
 def measure(records: Sequence[Whitened], deviates: Sequence[Single]) -> dict[str, float]:
@@ -52,9 +54,9 @@ def measure(records: Sequence[Whitened], deviates: Sequence[Single]) -> dict[str
     Returns
     -------
     dict
-        Of each way to seek: z of the best number of teeth; mean deviate of its first line and of its side lines; its
-        logarithm; z of the best that is neither beside it nor its half or double. And how far the whole order stands
-        above what is found between whole orders.
+        Of each search: z of the best number of teeth; mean deviate of its first line and of its side lines; its
+        logarithm; z of the best that is neither beside it nor its half or double. And the score at the whole order less
+        the highest between whole orders.
     """
     out = dict.fromkeys(NAMES, math.nan)
     for name, far in (("gear", _KNOWN), ("gear_free", _FREE)):

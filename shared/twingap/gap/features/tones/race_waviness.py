@@ -1,4 +1,4 @@
-"""Waves of races: tones on multiples of the ball-pass orders, in records whose defect is not of that race.
+"""Race waviness: tones on multiples of the ball-pass orders, in records whose defect is not of that race.
 
 records --each at the speed where the comb stands highest--> score at the ball-pass order, and at orders that nothing
                                                             of the bearing has --one over the others--> z
@@ -26,16 +26,16 @@ _EACH: Final = ("", "_lead", "_first", "_second", "_share")
 NAMES: Final = (*(f"wave_{race}{part}" for race in _RACES for part in _EACH), "wave_most", "wave_most_lead")
 
 _BESIDE: Final = np.array([0.085, 0.1, 0.115, 0.13, 0.145, 0.16])
-"""How far off the ball-pass order others are sought, relative."""
+"""Relative distances from the ball-pass order at which the scores of chance are measured."""
 _ORDERS: Final = 1 + np.concatenate(([0.0], -_BESIDE, _BESIDE))
 _HARMONICS: Final = np.arange(1.0, 6.0)
 _WEIGHTS: Final = np.array([1.0, 0.8, 0.6, 0.5, 0.4])
 _FREE: Final = 0.035
-"""How far off the order may be in a healthy record, whose speed and slip nobody knows."""
+"""Largest relative error of the order in a healthy record, whose speed and slip are uncertain."""
 _STRUCK: Final = 0.02
-"""The same where another race's comb tells the speed: cages slip."""
+"""The same where another race's comb shows the speed, and only slip is uncertain."""
 _EVEN: Final = 1.2
-"""Spread of one record's score where there is nothing."""
+"""Least spread of one record's score without waviness: larger, and z is smaller."""
 
 
 def measure(records: Sequence[Whitened], deviates: Sequence[Single], bearing: Bearing) -> dict[str, float]:

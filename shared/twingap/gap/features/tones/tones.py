@@ -1,4 +1,4 @@
-"""Tones of a spectrum, and whose combs they lie on: each step found once, whoever asks.
+"""Tones of a spectrum, and the combs they lie on: each step computed once a record.
 
 spectrum / local floor --> peaks --> fault comb, mains, comb of something else --> shaft rate locked --> look-ups
 
@@ -18,23 +18,24 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from twingap.signal.record_transforms import RecordView, medians
+from twingap.signal.record_transforms import RecordTransforms, medians
 
 Array = NDArray[np.float64]
 
 SEARCH: Final = 0.055
-"""How far the true speed may lie from the stated one, relative."""
+"""Largest relative error of the stated speed: wider searches find worse speeds, and more chance matches."""
 
 SLIP: Final = 0.035
-"""How far the cage may slip, relative."""
+"""Largest relative slip of the cage, with the same trade-off."""
 
 PEAK: Final = 20.0
-"""Power over the floor's median that noise passes in about one record of twenty."""
+"""Power over the floor's median from which a bin is a peak: noise passes it in about one record of twenty."""
 
 _MOST_PEAKS: Final = 150
+"""The strongest peaks of a spectrum are kept: more cost time and add faint ones."""
 HIGHEST_ORDER: Final = 120
 LOCKED: Final = 0.7
-"""Lock strength from which the shaft's rate is read off the lines."""
+"""Lock strength from which the shaft's rate is taken from the lines rather than as stated."""
 
 
 @dataclass(frozen=True)
@@ -64,7 +65,7 @@ class Peaks:
 
 
 class Lines:
-    """What `measure` and its neighbours need to know of a record's tones; each step computed once.
+    """Tones of one spectrum and their combs, each step computed once.
 
     Parameters
     ----------
@@ -75,11 +76,11 @@ class Lines:
     shaft_hz : float
         As stated.
     fault_hz : float or None
-        Where a fault's impacts should lie at the stated speed.
+        Impact rate of a fault at the stated speed.
     race_hz : tuple of float
         Ball-pass rates of the races at the stated speed.
     fs_hz : float or None
-        Sampling rate, about half of which lines may have folded.
+        Sampling rate: lines above half of it fold back.
     """
 
     def __init__(
@@ -109,7 +110,7 @@ class Lines:
             return Peaks(np.empty(0), np.empty(0), np.empty(0))
         at = np.flatnonzero(e[2:-2] > PEAK) + 2
         at = at[(e[at] >= e[at - 1]) & (e[at] > e[at + 1])]
-        # The side lobes of a strong tone are no peaks: -31 dB and falling, within a few bins.
+        # Side lobes of a strong tone (-31 dB and falling) are no peaks.
         strongest = np.sort(at[np.argsort(e[at])[::-1][:_MOST_PEAKS]])
         p = self.tones
         about = p[np.clip(strongest[:, None] + np.arange(-6, 7), 0, p.size - 1)]
@@ -124,12 +125,12 @@ class Lines:
 
     @cached_property
     def weights(self) -> Array:
-        """[peaks] What each peak counts for in a comb: log10 of its excess over the threshold, capped."""
+        """[peaks] Weight of each peak in a comb: log10 of its excess over the threshold, capped."""
         return np.asarray(np.minimum(0.3 + np.log10(self.peaks.excess / PEAK), 1.5))
 
     @cached_property
     def widths(self) -> Array:
-        """[peaks] How far a peak's frequency may be off, Hz."""
+        """[peaks] Largest error of a peak's frequency, Hz."""
         return self.df_hz * (0.12 + 0.8 / np.sqrt(self.peaks.excess))
 
     def on_comb(self, base_hz: float, widths: Array | None = None, highest: float = math.inf) -> NDArray[np.bool_]:
@@ -186,11 +187,11 @@ class Lines:
 
     @cached_property
     def lock(self) -> tuple[float, float]:
-        """Shaft rate over the stated one, and how much speaks for it (0 nothing, 1 and more: two lines or more)."""
+        """Shaft rate over the stated one, and its evidence (0 none; from 1 on, two lines or more)."""
         use = ~(self.fault_comb[2] | self.of_mains) & (self.peaks.hz < HIGHEST_ORDER * self.stated_hz)
         use &= ~self.alien_comb[2]
         first = self._locked_with(use)
-        # Waviness may sit on whole orders of a wrong speed by chance: whose comb explains more?
+        # Waviness may lie on whole orders of a wrong speed by chance: the comb that explains more is taken.
         rival = np.zeros(len(self.peaks), bool)
         for base_hz in self.race_hz:
             ratio, score = self.wave(base_hz, SEARCH + SLIP / 2, use)
@@ -200,7 +201,7 @@ class Lines:
 
     @cached_property
     def alien_comb(self) -> tuple[float, float, NDArray[np.bool_]]:
-        """Rate, strength and peaks of a comb that is neither the shaft's nor the fault's: impacts of something else.
+        """Rate, strength and peaks of a comb that is neither the shaft's nor the fault's, as of another bearing.
 
         Between one and a half and fourteen shaft orders; it has to explain more than the shaft does.
         """
@@ -224,16 +225,16 @@ class Lines:
         for multiple in (2, 3):
             if not np.any(k % multiple):
                 base, k = base * multiple, k / multiple
-        # A rate is proven by neighbouring multiples, not by any numbers that happen to fit.
+        # A comb needs neighbouring multiples: single ones fit by chance.
         if np.count_nonzero(np.diff(k) == 1) < 2:
             return math.nan, 0.0, none
         base = float((k @ self.peaks.hz[own]) / (k @ k))
         strength = float(score[best] - self.weights[own].max())
-        # By the same count: a gear's lines lie on the shaft's comb, however high their orders.
+        # The shaft's comb by the same measure: a gear's lines lie on it, however high their orders.
         shaft = np.linspace(1 - SEARCH, 1 + SEARCH, int(np.clip(6 * SEARCH * float(hz[-1]) / self.df_hz, 41, 4001)))
         rival = float(comb_scores(hz, weights, widths, shaft * self.stated_hz, 1e9, False).max())
         rival -= 5 * float(widths.mean()) * float(weights.sum()) / self.stated_hz
-        # Of two combs that explain as much, the sparser one does not do so by chance.
+        # Of two combs that explain as much, the sparser one is less likely to do so by chance.
         if strength < 1.0 or float(score[best]) < 0.95 * rival:
             return math.nan, 0.0, none
         if any(self.wave(race_hz, SEARCH + SLIP / 2, use)[1] > 0.85 * strength for race_hz in self.race_hz):
@@ -241,7 +242,7 @@ class Lines:
         return base, strength, use & self.on_comb(base, np.maximum(self.widths, 0.25 * self.df_hz))
 
     def wave(self, base_hz: float, reach: float, use: NDArray[np.bool_]) -> tuple[float, float]:
-        """Rate of the comb about `base_hz` that holds most of the peaks, over `base_hz`, and how much it holds."""
+        """Rate of the comb about `base_hz` that holds most of the peaks, over `base_hz`, and their weight."""
         if not use.any():
             return 1.0, 0.0
         count = int(np.clip(10 * reach * 8 * base_hz / self.df_hz, 41, 4001)) | 1
@@ -263,7 +264,7 @@ class Lines:
         best = float(ratios[int(np.argmax(preferred))])
         k = np.rint(hz / (best * self.stated_hz))
         own = (k >= 1) & (np.abs(hz - k * best * self.stated_hz) < 2.5 * widths)
-        # One line lies on some comb at any speed: what the others add is what speaks for it.
+        # One line lies on some comb at any speed: only what the others add is evidence.
         strength = float(score[int(np.argmax(preferred))] - (weights[own].max() if own.any() else 0.0))
         if own.any() and strength > 0.3:
             trust = 1 / widths[own] ** 2
@@ -272,12 +273,12 @@ class Lines:
 
     @property
     def locked(self) -> bool:
-        """Whether the lines tell the shaft's rate."""
+        """Whether the lines show the shaft's rate."""
         return self.lock[1] >= LOCKED
 
     @property
     def shaft_hz(self) -> float:
-        """The shaft's rate: off its lines where they tell, else as stated."""
+        """Shaft rate: from its lines where they show it, else as stated."""
         return self.stated_hz * (self.lock[0] if self.locked else 1.0)
 
     def at(self, hz: Array, relative: float = 0.0, without: NDArray[np.bool_] | None = None) -> tuple[Array, Array]:
@@ -309,16 +310,16 @@ class Lines:
         return logs, power
 
 
-_LINES: WeakKeyDictionary[RecordView, Lines] = WeakKeyDictionary()
+_LINES: WeakKeyDictionary[RecordTransforms, Lines] = WeakKeyDictionary()
 
 
-def lines_of(view: RecordView) -> Lines:
-    """The tones of a record, found once however many ask."""
-    found = _LINES.get(view)
+def lines_of(record: RecordTransforms) -> Lines:
+    """Tones of a record, computed once."""
+    found = _LINES.get(record)
     if found is None:
-        fault_hz = None if view.fault_order is None else view.fault_order * view.shaft_hz
-        races = (view.bearing.bpfo * view.shaft_hz, view.bearing.bpfi * view.shaft_hz)
-        found = _LINES[view] = Lines(view.tones, view.df_hz, view.shaft_hz, fault_hz, races, view.fs_hz)
+        fault_hz = None if record.fault_order is None else record.fault_order * record.shaft_hz
+        races = (record.bearing.bpfo * record.shaft_hz, record.bearing.bpfi * record.shaft_hz)
+        found = _LINES[record] = Lines(record.tones, record.df_hz, record.shaft_hz, fault_hz, races, record.fs_hz)
     return found
 
 

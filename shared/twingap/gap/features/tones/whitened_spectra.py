@@ -2,10 +2,10 @@
 
 record --periodogram over its floor, logarithm--> Whitened --mean over records, in Hz and in orders--> z of every place
 
-A line far below the noise of one record stands in the mean of many, where the noise is even. What is fixed in Hz
-(mains, a carrier) adds up in Hz, what turns with the shaft in orders, and each smears in the other's mean. Power of
-noise goes as gamma variates, whose cube root is all but normal (Wilson and Hilferty 1931, doi:10.1073/pnas.17.12.684):
-so z means the same of one record and of a hundred, and z of several lines may be added (Stouffer).
+A line far below the noise of one record stands out in the mean of many. Lines fixed in Hz (mains, a carrier) add up in
+Hz, lines of the shaft in orders, and each smears in the other's mean. Power of noise is gamma distributed, and its cube
+root nearly normal (Wilson and Hilferty 1931, doi:10.1073/pnas.17.12.684): so z means the same of one record and of a
+hundred, and z of several lines may be added (Stouffer).
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twingap.gap.features.impacts.impulse_response import impact_rate_hz
-from twingap.signal.record_transforms import RecordView, local_floor, medians
+from twingap.signal.record_transforms import RecordTransforms, local_floor, medians
 
 Array = NDArray[np.float64]
 Single = NDArray[np.float32]
@@ -29,29 +29,29 @@ NOISE: Final = 1 / math.log(2)
 SPREAD: Final = 0.258
 """Standard deviation of the cube root of smoothed noise power over its median, of one record (Hann, 1/4 1/2 1/4)."""
 MOST_Z: Final = 12.0
-"""Beyond which a line adds no more to the z of its comb: one line is no comb."""
+"""z beyond which a line adds no more to its comb: larger, and one line passes for a comb."""
 _CAP: Final = 9.0
-"""Excess beyond which one record's line counts no more: the mean is of many records, not of the loudest."""
+"""Excess at which one record's line is capped, so that the loudest record does not dominate the mean."""
 _ENVELOPE_CAP: Final = 40.0
-"""The same of envelopes, whose combs are told by how their lines fall off."""
+"""The same of envelopes; higher, since the decay of their harmonics is needed."""
 _LEAST_DEVIATE: Final = -2.0
 _MOST_DEVIATE: Final = 6.0
-"""The same of one record's line on a comb that is sought record by record."""
+"""Bounds of one record's deviate on a comb that is sought record by record."""
 _ABOUT: Final = 45
-"""Bins about a line that say how much is usual there."""
+"""Bins about a line that its floor is taken from: fewer follow sharp modes, more are steadier."""
 _TOP_ORDER: Final = 125.0
 _STEP: Final = 0.01
 """Of the order axis, unless a record resolves more: one of a second at ten turns resolves a tenth."""
 _NEAR: Final = np.arange(4, 10)
-"""Bins from a line at which nothing of it is left, and all of a mode."""
+"""Bins from a line that hold nothing of the line, and all of a mode."""
 _FLOOR_STEP: Final = 8
-"""Bins from one value of the floor that is kept to the next."""
+"""Bins between stored values of the floor."""
 _WIDE: Final = 0.22
-"""Part of a comb's spacing that one of its lines may take on either side, to be left out: beyond, lines smear."""
+"""Part of a comb's spacing up to which smeared lines are masked; beyond, lines and gaps cannot be separated."""
 
 
 class Whitened(NamedTuple):
-    """What is kept of a record for means over many.
+    """Spectra of one record over their floors, for means over many records.
 
     Parameters
     ----------
@@ -65,7 +65,7 @@ class Whitened(NamedTuple):
     envelope_df_hz : float
     shaft_hz, fs_hz : float
     kind : str
-        State of the bearing: what strikes leave is in the records of one kind alone.
+        State of the bearing: lines of impacts are in the records of one state alone.
     rate_hz : float
         Impacts per second; NaN without a defect.
     """
@@ -81,7 +81,7 @@ class Whitened(NamedTuple):
     rate_hz: float
 
     def power(self) -> Single:
-        """[bins] Power over its floor, capped; a defect's own comb counts as nothing special."""
+        """[bins] Power over its floor, capped; lines of the defect's own comb are replaced by noise."""
         out = np.minimum(np.exp(self.logs.astype(np.float32)), np.float32(_CAP))
         if math.isfinite(self.rate_hz):
             at = self._own_comb()
@@ -91,7 +91,7 @@ class Whitened(NamedTuple):
 
     def deviates(self) -> Single:
         """[bins] Normal deviates of the power where there is noise, capped; 0 on a defect's own comb, as far as its
-        lines can be told from what lies between them."""
+        lines are separate from the gaps between them."""
         root = np.exp(self.logs.astype(np.float32) / 3)
         out = np.asarray(np.clip((root - math.cbrt(NOISE)) / SPREAD, _LEAST_DEVIATE, _MOST_DEVIATE), np.float32)
         if math.isfinite(self.rate_hz):
@@ -114,23 +114,23 @@ class Whitened(NamedTuple):
         return np.asarray(np.arange(1, int(0.5 * self.fs_hz / self.rate_hz) + 1) * self.rate_hz / self.df_hz, float)
 
 
-def whitened(view: RecordView) -> Whitened:
-    """Of one record."""
-    envelope = view.envelope_in(0.02 * view.fs_hz, 0.48 * view.fs_hz)
-    top = min(envelope.spectrum.size, round(45 * view.shaft_hz / envelope.df_hz) + 60)
-    floor = np.maximum(local_floor(view.tones), 1e-300)
-    rate_hz = math.nan if view.fault_order is None else impact_rate_hz(view)
+def whiten(record: RecordTransforms) -> Whitened:
+    """Whitened spectra of one record."""
+    envelope = record.envelope_in(0.02 * record.fs_hz, 0.48 * record.fs_hz)
+    top = min(envelope.spectrum.size, round(45 * record.shaft_hz / envelope.df_hz) + 60)
+    floor = np.maximum(local_floor(record.tones), 1e-300)
+    rate_hz = math.nan if record.fault_order is None else impact_rate_hz(record)
     spectrum = envelope.spectrum[:top]
     white = np.minimum(_smooth(spectrum / np.maximum(local_floor(spectrum), 1e-300)), _ENVELOPE_CAP)
     return Whitened(
-        np.log(np.clip(_smooth(view.tones / floor), 1e-4, 1e25)).astype(np.float16),
-        np.log(floor[::_FLOOR_STEP]).astype(np.float32), view.df_hz, white.astype(np.float32), envelope.df_hz,
-        view.shaft_hz, view.fs_hz, str(view.condition.fault), rate_hz,
+        np.log(np.clip(_smooth(record.tones / floor), 1e-4, 1e25)).astype(np.float16),
+        np.log(floor[::_FLOOR_STEP]).astype(np.float32), record.df_hz, white.astype(np.float32), envelope.df_hz,
+        record.shaft_hz, record.fs_hz, str(record.condition.fault), rate_hz,
     )  # fmt: skip
 
 
 def _smooth(over: Array) -> Array:
-    """A line between two bins stands in both; a speed that is a little off moves it by one."""
+    """Smoothed over three bins: a line between two bins is in both, and a small speed error moves it by one."""
     over[:3] = NOISE
     smooth = over.copy()
     smooth[1:-1] = 0.5 * over[1:-1] + 0.25 * (over[:-2] + over[2:])
@@ -149,7 +149,7 @@ class Mean:
     indices : sequence of NDArray [places]
         Bin of each place in each record.
     about : int
-        Places about each that say how much is usual there.
+        Places about each that its floor is taken from.
     kinds : sequence of str
         State of the bearing of each record.
 
@@ -160,9 +160,8 @@ class Mean:
     z : Array [places]
         Normal deviates where there is nothing but noise; NaN beyond what most of the records reach.
     common : Array [places]
-        Above what is usual on either side of a line, where a sharp mode is no less high; and the least that is left
-        when the records of any one kind are left out: what is a machine's own is there whatever the state of its
-        bearing, and what strikes leave beside their harmonics is not.
+        z above the higher of both sides of a line, which a sharp mode does not exceed; and the least z when the records
+        of any one state are left out, so that lines of impacts, which only one state has, do not count.
     """
 
     def __init__(
@@ -192,7 +191,7 @@ class Mean:
             return (np.cbrt(total / np.maximum(count, 1) / floor) - 1) * np.sqrt(count) / SPREAD
 
         z = deviates(total[known], count[known])
-        # Noise that comes and goes is less even than that.
+        # Non-stationary noise scatters more.
         spread = max(1.4826 * float(medians(np.abs(z))), 1.0)
         self.z[known] = z / spread
         floor = np.maximum(floor, _beside_each(total[known] / count[known], _NEAR * max(about // _ABOUT, 1)))
@@ -203,7 +202,7 @@ class Mean:
 
     @classmethod
     def in_hz(cls, records: Sequence[Whitened], envelope: bool = False) -> Mean:
-        """Of what is fixed in Hz."""
+        """Mean on a frequency axis, Hz."""
         powers, resolutions, tops = _spectra(records, envelope)
         # As fine as the longest record: a coarser one is read more than once, but no line falls between two places.
         step = min(resolutions)
@@ -213,7 +212,7 @@ class Mean:
 
     @classmethod
     def in_orders(cls, records: Sequence[Whitened], envelope: bool = False) -> Mean:
-        """Of what turns with the shaft."""
+        """Mean on an axis of shaft orders."""
         powers, resolutions, _ = _spectra(records, envelope)
         units = [r.shaft_hz / df for r, df in zip(records, resolutions, strict=True)]
         step = min(_STEP, 1 / max(units))
@@ -229,7 +228,7 @@ class Mean:
 
 
 def _beside_each(mean: Array, offsets: NDArray[np.int64]) -> Array:
-    """[places] What is usual just below each place or just above it, whichever is more."""
+    """[places] Level just below each place or just above it, whichever is higher."""
     reach = int(offsets.max())
     padded = np.pad(mean, reach, mode="edge")
     sides = [
@@ -247,8 +246,8 @@ def _spectra(records: Sequence[Whitened], envelope: bool) -> tuple[Iterable[Sing
     return (r.power() for r in records), [r.df_hz for r in records], [r.logs.size * r.df_hz for r in records]
 
 
-def together(z: Array) -> Any:
-    """z of lines [..., lines] together, what is not known left out; a strong one counts as `MOST_Z`."""
+def combined_z(z: Array) -> Any:
+    """Combined z (Stouffer) of lines [..., lines], unknown ones left out; each counts as at most `MOST_Z`."""
     known = np.isfinite(z)
     total = np.where(known, np.clip(z, -MOST_Z, MOST_Z), 0.0).sum(axis=-1)
     return np.where(known.any(axis=-1), total / np.sqrt(np.maximum(known.sum(axis=-1), 1)), np.nan)

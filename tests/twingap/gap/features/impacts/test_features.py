@@ -19,7 +19,7 @@ from twingap.effects import (
 )
 from twingap.gap.features.impacts.features import NAMES, measure
 from twingap.records import Condition
-from twingap.signal.record_transforms import Frame, RecordView
+from twingap.signal.record_transforms import Frame, RecordTransforms
 from twingap.twins.phenomenological import PhenomenologicalParameters, PhenomenologicalTwin
 
 WORLDS = [
@@ -35,7 +35,9 @@ WORLDS = [
 World = tuple[str, str, float, float, float, float]
 
 
-def views(world: World, *effects: Effect, count: int = 5, speed_error: float = 0.0, seed: int = 1) -> list[RecordView]:
+def records(
+    world: World, *effects: Effect, count: int = 5, speed_error: float = 0.0, seed: int = 1
+) -> list[RecordTransforms]:
     """One-second records whose metadata claim speeds (1 + speed_error) times the true ones."""
     name, fault, fs, rpm, amplitude, resonance = world
     bearing = BEARINGS[name]
@@ -48,12 +50,12 @@ def views(world: World, *effects: Effect, count: int = 5, speed_error: float = 0
     for record in twin.simulate(conditions, rng):
         own = record.condition
         claimed = Condition(own.name, own.speed_rpm * (1 + speed_error), own.fs_hz, own.n_samples, own.fault)
-        out.append(RecordView(record.samples, claimed, frame))
+        out.append(RecordTransforms(record.samples, claimed, frame))
     return out
 
 
 def values(name: str, world: World, *effects: Effect, speed_error: float = 0.0) -> np.ndarray:
-    return np.array([measure(view)[name] for view in views(world, *effects, speed_error=speed_error)])
+    return np.array([measure(transforms)[name] for transforms in records(world, *effects, speed_error=speed_error)])
 
 
 @pytest.mark.parametrize("world", WORLDS)
@@ -69,14 +71,14 @@ def test_rate_tells_slip_and_wrong_speed_to_a_thousandth(world: World, speed_err
 @pytest.mark.parametrize("world", WORLDS)
 def test_jitter_is_recovered_and_is_not_a_walk(world: World) -> None:
     for sigma in (0.02, 0.05):
-        measured = [measure(view) for view in views(world, SlipJitter(sigma))]
+        measured = [measure(transforms) for transforms in records(world, SlipJitter(sigma))]
         assert np.median([m["jitter_sigma"] for m in measured]) == pytest.approx(sigma, rel=0.3)
         assert np.median([m["walk_sigma"] for m in measured]) < 0.35 * sigma
 
 
 @pytest.mark.parametrize("world", WORLDS)
 def test_accumulating_jitter_is_a_walk(world: World) -> None:
-    measured = [measure(view) for view in views(world, SlipJitter(0.02, accumulating=True))]
+    measured = [measure(transforms) for transforms in records(world, SlipJitter(0.02, accumulating=True))]
     assert np.median([m["walk_sigma"] for m in measured]) == pytest.approx(0.02, rel=0.3)
     assert np.median([m["jitter_sigma"] for m in measured]) < 0.01
 
@@ -84,14 +86,14 @@ def test_accumulating_jitter_is_a_walk(world: World) -> None:
 @pytest.mark.parametrize("world", WORLDS)
 def test_scatter_is_recovered_and_moves_no_timing(world: World) -> None:
     for sigma in (0.25, 0.5):
-        measured = [measure(view) for view in views(world, ImpactScatter(sigma))]
+        measured = [measure(transforms) for transforms in records(world, ImpactScatter(sigma))]
         assert np.median([m["scatter_sigma"] for m in measured]) == pytest.approx(sigma, rel=0.2)
         assert np.median([m["jitter_sigma"] for m in measured]) < 0.01
 
 
 @pytest.mark.parametrize("world", WORLDS)
 def test_baseline_has_none_of_it(world: World) -> None:
-    measured = [measure(view) for view in views(world)]
+    measured = [measure(transforms) for transforms in records(world)]
 
     def middle(name: str) -> float:
         return float(np.median([m[name] for m in measured]))
@@ -117,7 +119,7 @@ def test_depth_of_modulation(world: World, effect: Callable[[float], Effect], na
 
 
 def test_load_zone_of_the_inner_race_shows_the_shaft_rate_and_not_the_cage() -> None:
-    measured = [measure(view) for view in views(WORLDS[1], LoadZone(0.5), speed_error=0.02)]
+    measured = [measure(transforms) for transforms in records(WORLDS[1], LoadZone(0.5), speed_error=0.02)]
     assert np.median([m["shaft_log_ratio"] for m in measured]) == pytest.approx(-math.log(1.02), abs=3e-3)
     assert np.median([m["cage_depth"] for m in measured]) < 0.1
 
@@ -125,7 +127,7 @@ def test_load_zone_of_the_inner_race_shows_the_shaft_rate_and_not_the_cage() -> 
 @pytest.mark.parametrize("world", WORLDS)
 @pytest.mark.parametrize("level", [0.002, 0.008, 0.03])
 def test_wander_is_followed(world: World, level: float) -> None:
-    measured = [measure(view) for view in views(world, SpeedFluctuation(level))]
+    measured = [measure(transforms) for transforms in records(world, SpeedFluctuation(level))]
     assert np.median([m["wander_level"] for m in measured]) == pytest.approx(level, rel=0.3)
     assert np.median([m["jitter_sigma"] for m in measured]) < 0.008
     assert np.median([abs(m["rate_log_ratio"]) for m in measured]) < 3e-3
@@ -133,8 +135,8 @@ def test_wander_is_followed(world: World, level: float) -> None:
 
 @pytest.mark.parametrize("bandwidth_hz", [2.0, 8.0])
 def test_wander_has_its_bandwidth(bandwidth_hz: float) -> None:
-    worlds = views(WORLDS[0], SpeedFluctuation(0.01, bandwidth_hz), count=12)
-    found = [measure(view)["wander_bandwidth_hz"] for view in worlds]
+    worlds = records(WORLDS[0], SpeedFluctuation(0.01, bandwidth_hz), count=12)
+    found = [measure(transforms)["wander_bandwidth_hz"] for transforms in worlds]
     assert np.median(found) == pytest.approx(bandwidth_hz, rel=0.4)
 
 
@@ -144,7 +146,7 @@ def test_arc_of_the_defect(world: World, arc_deg: float) -> None:
     bearing, fault, fs, rpm = BEARINGS[world[0]], world[1], world[2], world[3]
     body = {"outer": bearing.ftf, "inner": 1 - bearing.ftf, "ball": bearing.bsf}[fault]
     delay = arc_deg / 360 / body / (rpm / 60) * fs
-    measured = [measure(view) for view in views(world, EntryExit(arc_deg), count=8)]
+    measured = [measure(transforms) for transforms in records(world, EntryExit(arc_deg), count=8)]
     assert np.nanmedian([m["arc_deg"] for m in measured]) == pytest.approx(arc_deg, rel=0.1)
     assert np.median([m["echo_gain"] for m in measured]) > 0.7
     # Within half a period of the resonance the two strikes all but cancel where they would be seen best.
@@ -180,7 +182,7 @@ def test_noise_without_strikes_is_not_followed() -> None:
     rng = np.random.default_rng(5)
     frame = Frame(BEARINGS["6205"], (2000.0, 5000.0), 1.0)
     condition = Condition("noise", 1800.0, 20000.0, 20000, "outer")
-    measured = [measure(RecordView(rng.standard_normal(20000), condition, frame)) for _ in range(20)]
+    measured = [measure(RecordTransforms(rng.standard_normal(20000), condition, frame)) for _ in range(20)]
     assert sum(np.isfinite(m["rate_log_ratio"]) for m in measured) <= 1
     assert all(np.isfinite(m["strike_evidence"]) for m in measured)
 
@@ -203,7 +205,7 @@ def test_any_samples_can_be_measured(fault: str | None) -> None:
         for band in ((2000.0, 5000.0), (9900.0, 10000.0)):
             for rpm in (30.0, 1800.0, 60000.0):
                 condition = Condition("odd", rpm, 20000.0, samples.size, fault)
-                out = measure(RecordView(samples, condition, Frame(BEARINGS["6205"], band, 1.0)))
+                out = measure(RecordTransforms(samples, condition, Frame(BEARINGS["6205"], band, 1.0)))
                 assert tuple(out) == NAMES
                 assert not np.isinf(list(out.values())).any()
                 if fault in ("healthy", None):

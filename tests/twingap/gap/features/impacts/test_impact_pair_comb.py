@@ -6,12 +6,11 @@ import pytest
 from twingap.bearing import BEARINGS
 from twingap.effects import EntryExit, make_effect
 from twingap.effects.entry_exit import SoftEntryExit
-from twingap.gap.features.impacts import impact_pair_comb as two_strikes
-from twingap.gap.features.impacts import impulse_response as answer
-from twingap.gap.features.pooled.features import Whole
-from twingap.gap.features.spectrum.record_summary import outline_of
+from twingap.gap.features.impacts import impact_pair_comb, impulse_response
+from twingap.gap.features.pooled.features import PooledRecords
+from twingap.gap.features.spectrum.record_summary import summarise
 from twingap.records import Condition
-from twingap.signal.record_transforms import Frame, RecordView
+from twingap.signal.record_transforms import Frame, RecordTransforms
 from twingap.twins.phenomenological import PhenomenologicalParameters, PhenomenologicalTwin
 
 RATES = {"6205": 12000.0, "UER204": 25600.0, "ZA-2115": 20000.0}
@@ -29,11 +28,11 @@ def struck(name, effects=(), faults=("outer", "inner"), seed=0, amplitude=12.0, 
     frame = Frame(bearing, (0.15 * fs_hz, 0.25 * fs_hz), 1.0)
     twin = PhenomenologicalTwin(bearing, parameters, effects)
     records = twin.simulate(conditions, np.random.default_rng(seed))
-    return [answer.struck(RecordView(r.samples, r.condition, frame)) for r in records]
+    return [impulse_response.impact_spectrum(RecordTransforms(r.samples, r.condition, frame)) for r in records]
 
 
 def compared(name, effects, seed=1, **more):
-    return two_strikes.compare(struck(name, effects, seed=seed, **more), struck(name, **more), BEARINGS[name])
+    return impact_pair_comb.compare(struck(name, effects, seed=seed, **more), struck(name, **more), BEARINGS[name])
 
 
 @pytest.mark.parametrize("name", RATES)
@@ -104,11 +103,11 @@ def test_a_score_counts_harmonics():
         power = np.full(harmonics, 100.0)
         error, places = np.ones(harmonics), np.zeros(harmonics, int)
         noisy = power * comb * np.exp(0.3 * rng.standard_normal(harmonics))
-        return answer.Struck("outer", noisy, error, places, np.ones(64))
+        return impulse_response.ImpactSpectrum("outer", noisy, error, places, np.ones(64))
 
     def score(harmonics, depth):
         found = [
-            two_strikes.compare([of(harmonics, depth)], [of(harmonics, 0.0)], BEARINGS["6205"])["clear_score"]
+            impact_pair_comb.compare([of(harmonics, depth)], [of(harmonics, 0.0)], BEARINGS["6205"])["clear_score"]
             for _ in range(20)
         ]
         return float(np.mean(found))
@@ -118,7 +117,7 @@ def test_a_score_counts_harmonics():
 
 
 def test_nothing_is_said_without_impacts():
-    assert all(np.isnan(v) for v in two_strikes.compare([], struck("6205"), BEARINGS["6205"]).values())
+    assert all(np.isnan(v) for v in impact_pair_comb.compare([], struck("6205"), BEARINGS["6205"]).values())
 
 
 def mixed(effects, amplitudes, seed):
@@ -133,7 +132,7 @@ def mixed(effects, amplitudes, seed):
 @pytest.mark.parametrize("more", [(1.0,), (2.0,), (3.0,) * 4, (1.0, 2.5, 4.0, 5.5, 7.0, 9.0)])
 def test_records_that_drown_do_not_silence_the_comb_of_the_others(more):
     second, loud = [make_effect("entry_exit", {"arc_deg": 4.0, "exit_ratio": 0.5})], (12.0,) * 4
-    found = two_strikes.compare(mixed(second, loud + more, 1), mixed((), loud + more, 50), BEARINGS["6205"])
+    found = impact_pair_comb.compare(mixed(second, loud + more, 1), mixed((), loud + more, 50), BEARINGS["6205"])
     assert found["clear_score"] > 2.5
     assert np.exp(found["clear_arc_log"]) == pytest.approx(4.0, rel=0.03)
     assert found["clear_ratio"] > 0
@@ -149,11 +148,13 @@ def of_path(resonance_hz, effects, seed):
     frame = Frame(BEARINGS["6205"], (1800.0, 3000.0), 1.0)
     twin = PhenomenologicalTwin(BEARINGS["6205"], parameters, effects)
     records = twin.simulate(conditions, np.random.default_rng(seed))
-    return Whole(tuple(outline_of(RecordView(r.samples, r.condition, frame)) for r in records))
+    return PooledRecords(tuple(summarise(RecordTransforms(r.samples, r.condition, frame)) for r in records))
 
 
 def combs(real, simulated):
-    return two_strikes.compare(real.struck, simulated.struck, BEARINGS["6205"], real.noise - simulated.noise)
+    return impact_pair_comb.compare(
+        real.impact_spectra, simulated.impact_spectra, BEARINGS["6205"], real.noise - simulated.noise
+    )
 
 
 @pytest.mark.parametrize("moved", [0.95, 1.1])
@@ -163,7 +164,7 @@ def test_a_mode_that_calibration_missed_is_no_comb(moved):
     found = combs(real, simulated)
     assert max(found["clear_score"], found["faint_score"]) < 0.7
     assert np.isnan(found["clear_arc_log"])
-    unaware = two_strikes.compare(real.struck, simulated.struck, BEARINGS["6205"])
+    unaware = impact_pair_comb.compare(real.impact_spectra, simulated.impact_spectra, BEARINGS["6205"])
     assert unaware["clear_score"] > found["clear_score"] + 0.4
 
 

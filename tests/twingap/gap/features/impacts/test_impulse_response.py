@@ -5,9 +5,9 @@ import pytest
 
 from twingap.bearing import BEARINGS
 from twingap.effects import make_effect
-from twingap.gap.features.impacts import impulse_response as answer
+from twingap.gap.features.impacts import impulse_response
 from twingap.records import Condition
-from twingap.signal.record_transforms import Frame, RecordView
+from twingap.signal.record_transforms import Frame, RecordTransforms
 from twingap.twins.phenomenological import PhenomenologicalParameters, PhenomenologicalTwin
 
 RATES = {"6205": 12000.0, "UER204": 25600.0, "ZA-2115": 20000.0}
@@ -27,11 +27,11 @@ def struck(name, effects=(), faults=("outer", "inner"), seed=0, amplitude=12.0):
     ]  # fmt: skip
     frame = Frame(bearing, (0.15 * fs_hz, 0.25 * fs_hz), 1.0)
     records = twin.simulate(conditions, np.random.default_rng(seed))
-    return [answer.struck(RecordView(r.samples, r.condition, frame)) for r in records]
+    return [impulse_response.impact_spectrum(RecordTransforms(r.samples, r.condition, frame)) for r in records]
 
 
 def compared(name, effects, noise=None, **more):
-    return answer.compare(struck(name, effects, seed=1, **more), struck(name, **more), noise)
+    return impulse_response.compare(struck(name, effects, seed=1, **more), struck(name, **more), noise)
 
 
 @pytest.mark.parametrize("name", RATES)
@@ -56,7 +56,7 @@ def test_another_mode_shows_in_the_answer_and_a_band_of_noise_does_not(name):
 @pytest.mark.parametrize("name", RATES)
 def test_a_sensor_that_rolls_off_takes_from_the_answer_what_it_takes_from_the_noise(name):
     fs_hz = RATES[name]
-    f = (np.arange(answer.PLACES) + 0.5) / (2 * answer.PLACES)
+    f = (np.arange(impulse_response.PLACES) + 0.5) / (2 * impulse_response.PLACES)
     lost = -np.log1p((f / 0.2) ** 8)
     found = compared(name, [make_effect("sensor_rolloff", {"corner_hz": 0.2 * fs_hz, "order": 4})], lost)
     assert found["common"] > 0.9
@@ -70,7 +70,7 @@ def test_weak_strikes_are_seen_in_many_records():
 
 
 def test_nothing_is_said_without_impacts():
-    assert all(np.isnan(v) for v in answer.compare([], struck("6205"), None).values())
+    assert all(np.isnan(v) for v in impulse_response.compare([], struck("6205"), None).values())
     assert struck("6205", faults=("healthy",)) == [None] * 3
 
 
@@ -88,7 +88,9 @@ def test_tones_of_other_things_are_no_impact_rate(name):
         conditions = [Condition(f"{f}{s}", s, fs_hz, int(fs_hz), f) for f in ("outer", "inner") for s in SPEEDS]
         twin = PhenomenologicalTwin(bearing, parameters, effects)
         for record in twin.simulate(conditions, np.random.default_rng(seed)):
-            view = RecordView(record.samples, record.condition, frame)
-            rate_hz = view.fault_order * view.shaft_hz
-            moved += answer.struck(view).power.size != int((0.5 * fs_hz - 0.5 * rate_hz) / rate_hz)
+            transforms = RecordTransforms(record.samples, record.condition, frame)
+            rate_hz = transforms.fault_order * transforms.shaft_hz
+            moved += impulse_response.impact_spectrum(transforms).power.size != int(
+                (0.5 * fs_hz - 0.5 * rate_hz) / rate_hz
+            )
     assert moved <= 1

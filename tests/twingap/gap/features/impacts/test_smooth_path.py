@@ -5,11 +5,10 @@ import pytest
 
 from twingap.bearing import BEARINGS
 from twingap.effects import make_effect
-from twingap.gap.features.impacts import impact_pair_comb as two_strikes
-from twingap.gap.features.impacts import impulse_response as answer
-from twingap.gap.features.impacts.smooth_path import likelier
+from twingap.gap.features.impacts import impact_pair_comb, impulse_response
+from twingap.gap.features.impacts.smooth_path import log_likelihood_ratios
 from twingap.records import Condition
-from twingap.signal.record_transforms import Frame, RecordView
+from twingap.signal.record_transforms import Frame, RecordTransforms
 from twingap.twins.phenomenological import PhenomenologicalParameters, PhenomenologicalTwin
 
 RATIOS = np.array([0.1, 0.2, 0.35, 0.6, 0.9])
@@ -31,7 +30,7 @@ def ratio(seed, comb=0.0, part=0.21, beside=3.0):
 
 def best(log, least=0.01):
     every = np.ones(HARMONICS.size)
-    return likelier(log, every, 0.02 * every, 0 * every, RATIOS, least)
+    return log_likelihood_ratios(log, every, 0.02 * every, 0 * every, RATIOS, least)
 
 
 @pytest.mark.parametrize("comb", [0.35, -0.35])
@@ -54,7 +53,9 @@ def test_what_one_path_does_to_noise_and_strikes_alike_is_taken_out():
     every = np.ones(HARMONICS.size)
     bend = mode(30.0, 0.02) - mode(24.0, 0.02)
     log = bend + 0.05 * np.random.default_rng(0).standard_normal(HARMONICS.size)
-    told, untold = (likelier(log, every, 0.02 * every, path, RATIOS, 0.01).max() for path in (bend, 0 * every))
+    told, untold = (
+        log_likelihood_ratios(log, every, 0.02 * every, path, RATIOS, 0.01).max() for path in (bend, 0 * every)
+    )
     assert told < 8
     assert told < untold
 
@@ -66,7 +67,7 @@ def struck(bearing, place, effects=(), seed=0, fs_hz=20000.0):
     conditions = [Condition(f"r{s}", s, fs_hz, int(fs_hz), "outer") for s in (1100.0, 1450.0, 1900.0)]
     records = PhenomenologicalTwin(bearing, parameters, effects).simulate(conditions, np.random.default_rng(seed))
     frame = Frame(bearing, (0.15 * fs_hz, 0.25 * fs_hz), 1.0)
-    return [answer.struck(RecordView(r.samples, r.condition, frame)) for r in records]
+    return [impulse_response.impact_spectrum(RecordTransforms(r.samples, r.condition, frame)) for r in records]
 
 
 @pytest.mark.parametrize("name", ["6205", "UER204", "ZA-2115"])
@@ -75,7 +76,7 @@ def test_records_of_a_second_strike_are_likelier_with_it_though_the_twin_has_ano
     effect = make_effect("entry_exit", {"arc_deg": 0.23 * 360 / bearing.n_rollers, "exit_ratio": 0.5})
     twin = struck(bearing, 0.225)
     found = {
-        there: two_strikes.compare(struck(bearing, 0.2, effects, seed=1), twin, bearing)["clear_likelier"]
+        there: impact_pair_comb.compare(struck(bearing, 0.2, effects, seed=1), twin, bearing)["clear_likelier"]
         for there, effects in ((True, (effect,)), (False, ()))
     }
     assert found[True] > np.log1p(20) > np.log1p(12) > found[False]

@@ -6,13 +6,13 @@ import pytest
 from twingap.bearing import BEARINGS
 from twingap.effects import make_effect
 from twingap.gap.features.comparison import feature_names
-from twingap.gap.features.pooled import features as whole
-from twingap.gap.features.pooled.features import Whole
-from twingap.gap.features.spectrum.record_summary import outline_of
+from twingap.gap.features.pooled import features as pooled
+from twingap.gap.features.pooled.features import PooledRecords
+from twingap.gap.features.spectrum.record_summary import summarise
 from twingap.gap.search.evidence import Evidence, simulator_of
 from twingap.identify.calibrate import calibrate
 from twingap.records import Condition, Record, RecordSet
-from twingap.signal.record_transforms import Frame, RecordView
+from twingap.signal.record_transforms import Frame, RecordTransforms
 from twingap.twins.phenomenological import PhenomenologicalParameters, PhenomenologicalTwin
 from twingap.twins.twin_file import TwinSpec
 
@@ -22,7 +22,7 @@ CONDITIONS = tuple(
     for fault in ("healthy", "outer") for i in range(6)
 )  # fmt: skip
 OF_WHOLE = slice(
-    feature_names().index(whole.feature_names()[0]), -len([n for n in feature_names() if n[:8] == "context|"])
+    feature_names().index(pooled.feature_names()[0]), -len([n for n in feature_names() if n[:8] == "context|"])
 )
 SECOND = make_effect("entry_exit", {"arc_deg": 4.0, "exit_ratio": 0.7})
 
@@ -58,20 +58,26 @@ def test_a_comb_is_asked_of_both_parts_but_its_values_of_the_fit_part(calibrated
     compared = evidence.against()
     both, fit = named(compared.held_out), named(compared.fit)
     simulated = [
-        Whole(tuple(outline_of(RecordView(r.samples, r.condition, evidence.frame)) for r in compared._made(part)))
+        PooledRecords(
+            tuple(summarise(RecordTransforms(r.samples, r.condition, evidence.frame)) for r in compared._made(part))
+        )
         for part in (0, 1)
     ]
-    together = evidence.together(*(part.outlines for part in simulated))
+    together = evidence.pool(*(part.summaries for part in simulated))
     expected = dict(
         zip(
-            whole.feature_names(),
-            whole.compare(evidence.whole, together, whole.levels(evidence.whole, together)),
+            pooled.feature_names(),
+            pooled.compare(evidence.pooled, together, pooled.levels(evidence.pooled, together)),
             strict=True,
         )
     )
-    alone = evidence.fit.alone
+    of_fit_part = evidence.fit.pooled
     of_fit = dict(
-        zip(whole.feature_names(), whole.compare(alone, simulated[0], whole.levels(alone, simulated[0])), strict=True)
+        zip(
+            pooled.feature_names(),
+            pooled.compare(of_fit_part, simulated[0], pooled.levels(of_fit_part, simulated[0])),
+            strict=True,
+        )
     )
     for name in expected:
         assert both[name] == pytest.approx(expected[name], nan_ok=True)
@@ -84,7 +90,7 @@ def test_a_comb_is_asked_of_both_parts_but_its_values_of_the_fit_part(calibrated
 def test_slopes_are_of_both_parts_whoever_asks(calibrated):
     compared = evidence_of(calibrated).against()
     fit, held_out = named(compared.fit), named(compared.held_out)
-    trends = [name for name in whole.feature_names() if name.startswith("trend|")]
+    trends = [name for name in pooled.feature_names() if name.startswith("trend|")]
     assert trends
     for name in trends:
         assert fit[name] == pytest.approx(held_out[name], nan_ok=True)
@@ -106,7 +112,7 @@ def test_what_is_held_out_does_not_say_which_values_to_start_from(calibrated):
         ),
     )
     before, after = (named(evidence_of(of).against().fit) for of in (calibrated, replace(calibrated, held_out=louder)))
-    for name in whole.feature_names():
+    for name in pooled.feature_names():
         if not name.startswith("trend|"):
             assert after[name] == pytest.approx(before[name], nan_ok=True), name
 
@@ -114,13 +120,15 @@ def test_what_is_held_out_does_not_say_which_values_to_start_from(calibrated):
 def test_levels_are_paired_by_name():
     frame = Frame(BEARING, (1800.0, 3200.0), 1.0)
     ours, theirs = (
-        Whole(tuple(outline_of(RecordView(r.samples, r.condition, frame)) for r in records(seed=seed)))
+        PooledRecords(tuple(summarise(RecordTransforms(r.samples, r.condition, frame)) for r in records(seed=seed)))
         for seed in (1, 2)
     )
-    shuffled = Whole(tuple(theirs.outlines[i] for i in np.random.default_rng(0).permutation(len(theirs.outlines))[:9]))
-    paired = whole.levels(ours, shuffled)
+    shuffled = PooledRecords(
+        tuple(theirs.summaries[i] for i in np.random.default_rng(0).permutation(len(theirs.summaries))[:9])
+    )
+    paired = pooled.levels(ours, shuffled)
     assert len(paired.conditions) == 9
-    straight = whole.levels(ours, theirs)
+    straight = pooled.levels(ours, theirs)
     by_name = {
         c.name: (m, s) for c, m, s in zip(straight.conditions, straight.measured, straight.simulated, strict=True)
     }

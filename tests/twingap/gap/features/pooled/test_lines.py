@@ -7,11 +7,10 @@ import pytest
 
 from twingap.bearing import BEARINGS
 from twingap.effects import make_effect
-from twingap.gap.features.pooled import lines as pooled
-from twingap.gap.features.tones.whitened_spectra import Mean
-from twingap.gap.features.tones.whitened_spectra import whitened as whitened_of
+from twingap.gap.features.pooled import lines
+from twingap.gap.features.tones.whitened_spectra import Mean, whiten
 from twingap.records import Condition
-from twingap.signal.record_transforms import Frame, RecordView
+from twingap.signal.record_transforms import Frame, RecordTransforms
 from twingap.twins.phenomenological import PhenomenologicalTwin
 
 RATES = {"6205": 12000.0, "UER204": 25600.0, "ZA-2115": 20000.0}
@@ -25,11 +24,11 @@ def whitened(name, effects=(), count=12, faults=("healthy", "outer", "inner"), s
     ]
     frame = Frame(bearing, (2500.0, 4500.0), 1.0)
     records = PhenomenologicalTwin(bearing, None, effects).simulate(conditions, np.random.default_rng(seed))
-    return [whitened_of(RecordView(r.samples, r.condition, frame)) for r in records]
+    return [whiten(RecordTransforms(r.samples, r.condition, frame)) for r in records]
 
 
 def measured(name, *effects, **options):
-    return pooled.measure(whitened(name, effects, **options), BEARINGS[name])
+    return lines.measure(whitened(name, effects, **options), BEARINGS[name])
 
 
 @pytest.mark.parametrize("name", RATES)
@@ -71,7 +70,7 @@ def of_noise(count, seed, *tones):
         x = rng.standard_normal(12000)
         x += sum(level * np.sin(2 * np.pi * hz * t) for hz, level, records in tones if i < records)
         condition = Condition(f"r{i}", 1130.0 + 31 * i, 12000.0, 12000, "healthy")
-        kept.append(whitened_of(RecordView(x, condition, Frame(BEARINGS["6205"], (2500.0, 4500.0), 1.0))))
+        kept.append(whiten(RecordTransforms(x, condition, Frame(BEARINGS["6205"], (2500.0, 4500.0), 1.0))))
     return kept
 
 
@@ -86,7 +85,7 @@ def test_z_of_noise_is_a_normal_deviate_whatever_the_number_of_records(count):
 
 
 def test_an_even_hum_is_a_hum_whose_first_harmonic_is_not_there():
-    found = pooled.measure(of_noise(12, 3, (240.0, 0.05, 12)), BEARINGS["6205"])
+    found = lines.measure(of_noise(12, 3, (240.0, 0.05, 12)), BEARINGS["6205"])
     assert found["mains_60_most"] > 2 > found["mains_60_1"] + 0.5
 
 
@@ -108,7 +107,7 @@ def test_one_record_with_a_strong_line_is_no_line_of_all():
 
 
 def test_no_record_says_nothing():
-    assert all(np.isnan(value) for value in pooled.measure([], BEARINGS["6205"]).values())
+    assert all(np.isnan(value) for value in lines.measure([], BEARINGS["6205"]).values())
 
 
 def test_a_short_record_takes_no_line_from_the_longer_ones():
@@ -120,10 +119,10 @@ def test_a_short_record_takes_no_line_from_the_longer_ones():
         t = np.arange(samples) / 12000.0
         signals = rng.standard_normal((count, samples)) + 0.08 * np.sin(2 * np.pi * 3005 * t)
         conditions = [Condition(f"r{start + i}", 1130.0 + 31 * i, 12000.0, samples, "healthy") for i in range(count)]
-        return [whitened_of(RecordView(x, c, frame)) for x, c in zip(signals, conditions, strict=True)]
+        return [whiten(RecordTransforms(x, c, frame)) for x, c in zip(signals, conditions, strict=True)]
 
     long = of(12, 12000)
-    alone, beside = (pooled.measure(kept, bearing) for kept in (long, [*long, *of(1, 1200, 12)]))
+    alone, beside = (lines.measure(kept, bearing) for kept in (long, [*long, *of(1, 1200, 12)]))
     assert beside["fixed"] == pytest.approx(alone["fixed"], abs=0.15)
     assert 12000 * np.exp(beside["fixed_fs"]) == pytest.approx(3005, abs=1.5)
 
@@ -139,7 +138,7 @@ def test_a_line_of_long_records_is_found_whatever_its_order():
         for i in range(3):
             x = rng.standard_normal(samples) + 0.03 * np.sin(2 * np.pi * order * (28.0 + i) * t)
             condition = Condition(f"r{i}", 60 * (28.0 + i), 12000.0, samples, "healthy")
-            kept.append(whitened_of(RecordView(x, condition, frame)))
+            kept.append(whiten(RecordTransforms(x, condition, frame)))
         z = Mean.in_orders(kept)
         found.append(float(np.nanmax(z.at(order + np.linspace(-0.002, 0.002, 9)))))
     assert min(found) > 4.5
@@ -159,8 +158,8 @@ def shaped(count, seed, kinds=("healthy",), hz=None, only="", low_hz=0.0, rpm=11
         if hz is not None and only in ("", kind):
             x += level * np.sin(2 * np.pi * hz * t + rng.random())
         condition = Condition(f"r{i}", rpm + step * i, 12000.0, 12000, kind)
-        kept.append(whitened_of(RecordView(x, condition, Frame(bearing, (2500.0, 4500.0), 1.0))))
-    return pooled.measure(kept, bearing)
+        kept.append(whiten(RecordTransforms(x, condition, Frame(bearing, (2500.0, 4500.0), 1.0))))
+    return lines.measure(kept, bearing)
 
 
 def test_a_carrier_is_there_whatever_the_state_of_the_bearing():
@@ -203,8 +202,8 @@ def with_wrong_speeds(effect, seed=0, off=0.01, count=16, faults=("healthy", "ou
         true = record.condition
         wrong = true.speed_rpm * (1 + off * rng.uniform(-1, 1))
         stated = replace(true, speed_rpm=wrong if true.fault == "healthy" else true.speed_rpm)
-        kept.append(whitened_of(RecordView(record.samples, stated, frame)))
-    return pooled.measure(kept, bearing)
+        kept.append(whiten(RecordTransforms(record.samples, stated, frame)))
+    return lines.measure(kept, bearing)
 
 
 def test_teeth_are_counted_though_healthy_speeds_are_wrong_by_a_per_cent():
@@ -256,9 +255,11 @@ def test_a_tone_is_as_strong_in_each_record_and_a_mode_of_one_bin_is_not():
         tone = np.sqrt(2) * np.sin(2 * np.pi * 3003 * t + 6.28 * rng.random())
         condition = Condition(f"r{i}", 1130.0 + 31 * i, 12000.0, 12000, "healthy")
         for name, line in (("tone", tone), ("mode", narrow)):
-            view = RecordView(noise + 0.15 * line, condition, Frame(BEARINGS["6205"], (2500.0, 4500.0), 1.0))
-            kept[name].append(whitened_of(view))
-    tone, mode = (pooled.measure(kept[name], BEARINGS["6205"]) for name in ("tone", "mode"))
+            transforms = RecordTransforms(
+                noise + 0.15 * line, condition, Frame(BEARINGS["6205"], (2500.0, 4500.0), 1.0)
+            )
+            kept[name].append(whiten(transforms))
+    tone, mode = (lines.measure(kept[name], BEARINGS["6205"]) for name in ("tone", "mode"))
     for found in (tone, mode):
         assert 12000 * np.exp(found["fixed_fs"]) == pytest.approx(3003, abs=1)
     assert tone["fixed_steady"] < 0.3 < 0.5 < mode["fixed_steady"]

@@ -6,12 +6,12 @@ from scipy import stats
 
 from twingap.bearing import BEARINGS
 from twingap.effects import make_effect
-from twingap.gap.features.pooled.trends import Levels, courses, normal, slope
-from twingap.gap.features.spectrum.record_summary import outline_of
+from twingap.gap.features.pooled.trends import Levels, covariates, normal_deviate, slope
+from twingap.gap.features.spectrum.record_summary import summarise
 from twingap.gap.search.evidence import Evidence, simulator_of
 from twingap.identify.calibrate import calibrate
 from twingap.records import Condition, RecordSet
-from twingap.signal.record_transforms import Frame, RecordView
+from twingap.signal.record_transforms import Frame, RecordTransforms
 from twingap.twins.phenomenological import PhenomenologicalParameters, PhenomenologicalTwin
 from twingap.twins.twin_file import TwinSpec
 
@@ -22,7 +22,7 @@ AMPLITUDES = {"inner": 6.0, "outer": 4.0}
 def test_a_deviate_is_as_unlikely_as_its_t(free):
     t = np.array([-20.0, -4.0, -1.0, 0.0, 0.5, 2.0, 8.0])
     exact = np.sign(t) * stats.norm.isf(stats.t.sf(np.abs(t), free))
-    np.testing.assert_allclose(normal(t, np.full(t.size, free)), exact, atol=0.2)
+    np.testing.assert_allclose(normal_deviate(t, np.full(t.size, free)), exact, atol=0.2)
 
 
 @pytest.mark.parametrize("per_kind", [2, 3, 8])
@@ -68,7 +68,7 @@ def test_records_of_a_fault_at_one_speed_are_one_observation():
         for fault in ("healthy", "inner", "outer") for speed in (1000.0, 1400.0) for k in range(7)
     )  # fmt: skip
     kinds = np.array([c.fault for c in conditions])
-    speed = courses(conditions)[0]
+    speed = covariates(conditions)[0]
     for _ in range(300):
         met = {(f, s): 0.06 * rng.standard_normal() for f in ("inner", "outer") for s in (1000.0, 1400.0)}
         off = np.array([met.get((str(c.fault), c.speed_rpm), 0.0) for c in conditions])
@@ -120,9 +120,9 @@ def test_growth_along_a_run_is_told_from_the_speeds_of_the_run():
 
 def test_a_run_is_counted_in_parts_of_itself():
     conditions = tuple(Condition(f"r{k}", 1000.0, 1e4, 100, time_s=50.0 + 10 * k) for k in range(3))
-    _, time = courses(conditions)
+    _, time = covariates(conditions)
     assert np.ptp(time) == pytest.approx(1.0)
-    assert np.isnan(courses(tuple(Condition(f"r{k}", 1e3, 1e4, 100) for k in range(3)))[1]).all()
+    assert np.isnan(covariates(tuple(Condition(f"r{k}", 1e3, 1e4, 100) for k in range(3)))[1]).all()
 
 
 def test_a_record_that_stands_in_both_parts_counts_once():
@@ -137,13 +137,13 @@ def test_a_record_that_stands_in_both_parts_counts_once():
     calibrated = calibrate(records, spec, np.random.default_rng(1))
     assert calibrated.shared  # a group of its own each fault: nothing is left to hold out
     evidence = Evidence(calibrated, simulator_of(calibrated), spec, 3)
-    assert sorted(outline.condition.name for outline in evidence.whole.outlines) == sorted(c.name for c in conditions)
+    assert sorted(summary.condition.name for summary in evidence.pooled.summaries) == sorted(c.name for c in conditions)
     by_name = {r.condition.name: float(r.samples.std()) for r in records}
-    of_all = Levels.of(evidence.whole.outlines, evidence.whole.outlines)
+    of_all = Levels.of(evidence.pooled.summaries, evidence.pooled.summaries)
     assert of_all.measured == pytest.approx([by_name[c.name] for c in of_all.conditions])
 
 
-def outlines(*effects, seed=0):
+def summaries(*effects, seed=0):
     """What is kept of records of two faults at four speeds."""
     conditions = [
         Condition(f"{fault}{speed:.0f}-{k}", speed, 12000.0, 12000, fault)
@@ -153,17 +153,17 @@ def outlines(*effects, seed=0):
     parameters = PhenomenologicalParameters(2500.0, 0.05, impact_amplitude=AMPLITUDES)
     made = PhenomenologicalTwin(bearing, parameters, effects).simulate(conditions, np.random.default_rng(seed))
     frame = Frame(bearing, (1800.0, 3200.0), 1.0)
-    return [outline_of(RecordView(r.samples, r.condition, frame)) for r in made]
+    return [summarise(RecordTransforms(r.samples, r.condition, frame)) for r in made]
 
 
 def test_strikes_are_followed_by_their_harmonics_where_tones_drown_them():
     """Strong tones widen what the RMS says of strikes; what stands at harmonics hears none of them."""
     gain = make_effect("speed_gain", {"exponent": 1.4, "reference_speed_rpm": 1500.0, "on_noise": 0.0})
     tone = make_effect("drive_interference", {"level": 4.0, "depth": 0.2, "carrier_hz": 4100.0, "sideband_order": 3.0})
-    plain = Levels.of(outlines(tone, seed=1), outlines()).trends()
+    plain = Levels.of(summaries(tone, seed=1), summaries()).trends()
     assert abs(plain["speed_answer"]) < 0.1
-    found = Levels.of(outlines(tone, gain, seed=1), outlines()).trends()
-    alone = Levels.of(outlines(gain, seed=1), outlines()).trends()
+    found = Levels.of(summaries(tone, gain, seed=1), summaries()).trends()
+    alone = Levels.of(summaries(gain, seed=1), summaries()).trends()
     assert found["speed_answer"] == pytest.approx(1.4, abs=0.35)
     assert found["speed_answer"] == pytest.approx(alone["speed_answer"], abs=0.02)
     assert found["speed_strikes_z"] < 0.7 * alone["speed_strikes_z"]

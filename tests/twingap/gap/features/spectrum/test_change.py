@@ -6,10 +6,10 @@ import pytest
 from twingap.bearing import BEARINGS
 from twingap.effects import Mode, make_effect
 from twingap.gap.features.spectrum import change
-from twingap.gap.features.spectrum.record_summary import outline_of
+from twingap.gap.features.spectrum.record_summary import summarise
 from twingap.gap.knowledge.machines import StructuredTwin
 from twingap.records import Condition
-from twingap.signal.record_transforms import Frame, RecordView
+from twingap.signal.record_transforms import Frame, RecordTransforms
 from twingap.twins.phenomenological import PhenomenologicalParameters
 
 FS_HZ = 12000.0
@@ -18,7 +18,7 @@ OWN_MODES = (Mode(0.33 * FS_HZ, 0.03, 0.7), Mode(0.08 * FS_HZ, 0.05, 0.4))
 """What machine and simulator both have."""
 
 
-def outlines(effects=(), seed=0, *, scale=1.0, tilt=0.0, part=0.0, modes=OWN_MODES, resonance=0.2, faults=FAULTS):
+def summaries(effects=(), seed=0, *, scale=1.0, tilt=0.0, part=0.0, modes=OWN_MODES, resonance=0.2, faults=FAULTS):
     bearing = BEARINGS["6205"]
     parameters = PhenomenologicalParameters(
         resonance_hz=resonance * FS_HZ, damping_ratio=0.05, impact_amplitude=dict.fromkeys(("inner", "outer"), 8.0),
@@ -27,12 +27,14 @@ def outlines(effects=(), seed=0, *, scale=1.0, tilt=0.0, part=0.0, modes=OWN_MOD
     twin = StructuredTwin(bearing, parameters, effects, modes, 0.0, tilt, part)
     conditions = [Condition(f"r{i}", 1500.0 + 20 * i, FS_HZ, 12000, fault) for i, fault in enumerate(faults)]
     frame = Frame(bearing, (0.15 * FS_HZ, 0.25 * FS_HZ), 1.0)
-    views = [RecordView(r.samples, r.condition, frame) for r in twin.simulate(conditions, np.random.default_rng(seed))]
-    return [outline_of(v) for v in views]
+    records = [
+        RecordTransforms(r.samples, r.condition, frame) for r in twin.simulate(conditions, np.random.default_rng(seed))
+    ]
+    return [summarise(v) for v in records]
 
 
 def compared(*effects, own=False, **about):
-    return change.compare(outlines(effects, 1, **about), outlines(seed=2), own=own)
+    return change.compare(summaries(effects, 1, **about), summaries(seed=2), own=own)
 
 
 @pytest.mark.parametrize("about", [{}, {"scale": 1.3}, {"tilt": 0.15}, {"tilt": -0.3}, {"resonance": 0.201}])
@@ -45,11 +47,11 @@ def test_levels_and_small_errors_of_calibration_are_no_change(about):
 
 @pytest.mark.parametrize("effects", [(), (make_effect("sensor_rolloff", {"corner_hz": 0.22 * FS_HZ, "order": 2}),)])
 def test_a_response_that_is_no_sum_of_samples_of_ringing_loses_nothing_by_a_sensor(effects):
-    found = change.compare(outlines(effects, 1, part=0.8, modes=()), outlines(seed=2, modes=()))
+    found = change.compare(summaries(effects, 1, part=0.8, modes=()), summaries(seed=2, modes=()))
     assert (found["loss_gain"] > np.log1p(150)) == bool(effects)
     if not effects:
         assert found["continuous"] == pytest.approx(0.8, abs=0.35)
-        alike = change.compare(outlines(seed=1, part=0.8, modes=()), outlines(seed=2, modes=()), own=True)
+        alike = change.compare(summaries(seed=1, part=0.8, modes=()), summaries(seed=2, modes=()), own=True)
         assert alike["still"] > found["still"] + 0.1  # a simulator of the machine's own is sampled as the machine is
 
 
@@ -66,8 +68,8 @@ def test_another_mode_is_found_where_it_is_among_those_that_both_have(place):
 def test_a_mode_that_moves_a_sensor_against_the_others_is_no_noise(modes):
     """It takes away below its peak what it adds above: noise does neither, and one more heap of power not both."""
     extra = {"frequency_hz": 0.12 * FS_HZ, "damping_ratio": 0.06, "gain": 0.7, "opposed": True}
-    real = outlines((make_effect("second_resonance", extra),), 1, modes=modes)
-    found = change.compare(real, outlines(seed=2, modes=modes))
+    real = summaries((make_effect("second_resonance", extra),), 1, modes=modes)
+    found = change.compare(real, summaries(seed=2, modes=modes))
     assert found["parallel_lead"] > 0.3
     assert found["parallel_over_mode"] > 0.2
     assert np.exp(found["parallel_fs"]) == pytest.approx(0.12, rel=0.08)
@@ -102,12 +104,12 @@ def test_a_sensor_that_rolls_off_leads_and_says_where():
 def test_healthy_records_alone_are_enough_to_see_a_mode():
     extra = make_effect("second_resonance", {"frequency_hz": 0.14 * FS_HZ, "damping_ratio": 0.03, "gain": 0.5})
     healthy = ("healthy",) * 8
-    found = change.compare(outlines([extra], 1, faults=healthy), outlines(seed=2, faults=healthy))
+    found = change.compare(summaries([extra], 1, faults=healthy), summaries(seed=2, faults=healthy))
     assert found["mode_gain"] > np.log1p(100)
     assert np.isnan(found["mode_same"])
 
 
 def test_sets_that_are_no_pairs_say_nothing():
-    ours = outlines()
+    ours = summaries()
     assert all(np.isnan(value) for value in change.compare(ours, ours[:-1]).values())
     assert all(np.isnan(value) for value in change.compare([], []).values())

@@ -18,23 +18,24 @@ from twingap.effects import (
     SecondResonance,
     SensorRolloff,
 )
-from twingap.gap.features.spectrum import features as background
+from twingap.gap.features.spectrum import difference
+from twingap.gap.features.spectrum import features as spectrum
 from twingap.records import Condition
-from twingap.signal.record_transforms import Frame, RecordView
+from twingap.signal.record_transforms import Frame, RecordTransforms
 
 every_machine = pytest.mark.parametrize("machine", MACHINES, ids=NAMES)
 
 
 def measured(machine: Machine, effects: list, name: str, fault: str = "healthy", **more: float) -> np.ndarray:
-    return np.array([background.measure(view)[name] for view, _ in machine.views(effects, fault, **more)])
+    return np.array([spectrum.measure(record)[name] for record, _ in machine.records(effects, fault, **more)])
 
 
 @every_machine
 @pytest.mark.parametrize("fault", ["healthy", "outer"])
 def test_baseline_is_one_mode_over_white_noise(machine: Machine, fault: str) -> None:
-    for view, _ in machine.views(fault=fault, count=2):
-        found = background.measure(view)
-        assert set(found) == set(background.NAMES)
+    for record, _ in machine.records(fault=fault, count=2):
+        found = spectrum.measure(record)
+        assert set(found) == set(spectrum.NAMES)
         assert found["mode_fs"] == pytest.approx(machine.resonance, rel=0.06)
         assert found["mode_damping_log"] == pytest.approx(math.log10(0.05), abs=0.3)
         assert found["foreign_score"] < 3.2
@@ -64,8 +65,8 @@ def test_knocks_are_counted(machine: Machine) -> None:
 @pytest.mark.parametrize("order", [4.37, 6.63])
 def test_foreign_order(machine: Machine, order: float) -> None:
     effect = ForeignBearing(level=5.0, order=order, resonance_hz=0.1 * machine.fs_hz)
-    for view, ratio in machine.views([effect]):
-        found = background.measure(view)
+    for record, ratio in machine.records([effect]):
+        found = spectrum.measure(record)
         assert found["foreign_score"] > 3.2
         assert found["foreign_order"] == pytest.approx(order * ratio, rel=0.005)
 
@@ -74,15 +75,15 @@ def pairs(machine: Machine, effects: list) -> dict[str, float]:
     """`compare` of records with effects against records without."""
     sides = []
     for own, seed in ((effects, 1), ([], 2)):
-        made = [v for fault in ("healthy", "outer") for v, _ in machine.views(own, fault, count=3, seed=seed)]
+        made = [v for fault in ("healthy", "outer") for v, _ in machine.records(own, fault, count=3, seed=seed)]
         sides.append(made)
-    return background.compare(*sides)
+    return difference.compare(*sides)
 
 
 @every_machine
 def test_no_difference_without_an_effect(machine: Machine) -> None:
     found = pairs(machine, [])
-    assert set(found) == set(background.COMPARED)
+    assert set(found) == set(difference.NAMES)
     assert found["all_rms"] < 0.1, "three records a side"
 
 
@@ -115,5 +116,5 @@ def test_added_noise_has_its_level_and_slope(machine: Machine) -> None:
 @pytest.mark.parametrize("samples", [np.zeros(1000), np.r_[1.0, np.zeros(999)], np.arange(300.0), np.ones(10)])
 def test_odd_records_do_no_harm(samples: np.ndarray) -> None:
     frame = Frame(BEARINGS["6205"], (2000.0, 4000.0), 1.0)
-    view = RecordView(samples, Condition("r", 1800.0, 12000.0, samples.size, "outer"), frame)
-    assert not any(math.isinf(value) for value in background.measure(view).values())
+    record = RecordTransforms(samples, Condition("r", 1800.0, 12000.0, samples.size, "outer"), frame)
+    assert not any(math.isinf(value) for value in spectrum.measure(record).values())

@@ -6,26 +6,26 @@ import pytest
 from twingap.bearing import BEARINGS
 from twingap.effects import make_effect
 from twingap.gap.features.spectrum import path
-from twingap.gap.features.spectrum.record_summary import outline_of
+from twingap.gap.features.spectrum.record_summary import summarise
 from twingap.records import Condition
-from twingap.signal.record_transforms import Frame, RecordView
+from twingap.signal.record_transforms import Frame, RecordTransforms
 from twingap.twins.phenomenological import PhenomenologicalParameters, PhenomenologicalTwin
 
 RATES = {"6205": 12000.0, "UER204": 25600.0, "ZA-2115": 20000.0}
 
 
 def measured(name, effects=(), faults=("healthy",) * 6, seed=0):
-    return path.measure(outlines(name, effects, faults, seed))
+    return path.measure(summaries(name, effects, faults, seed))
 
 
-def outlines(name, effects=(), faults=("healthy",) * 6, seed=0):
+def summaries(name, effects=(), faults=("healthy",) * 6, seed=0):
     fs_hz, bearing = RATES[name], BEARINGS[name]
     parameters = PhenomenologicalParameters(resonance_hz=0.2 * fs_hz, damping_ratio=0.05)
     twin = PhenomenologicalTwin(bearing, parameters, effects)
     conditions = [Condition(f"r{i}", 1500.0, fs_hz, 12000, fault) for i, fault in enumerate(faults)]
     frame = Frame(bearing, (0.15 * fs_hz, 0.25 * fs_hz), 1.0)
     records = twin.simulate(conditions, np.random.default_rng(seed))
-    return [outline_of(RecordView(r.samples, r.condition, frame)) for r in records]
+    return [summarise(RecordTransforms(r.samples, r.condition, frame)) for r in records]
 
 
 @pytest.mark.parametrize("name", RATES)
@@ -63,7 +63,7 @@ def test_whether_a_mode_moves_against_the_first_is_seen(name, opposed):
 @pytest.mark.parametrize("opposed", [False, True])
 def test_two_modes_are_found_where_one_fitted_to_both_lies_between(opposed, gain):
     values = {"frequency_hz": 0.3 * RATES["6205"], "damping_ratio": 0.05, "gain": gain, "opposed": opposed}
-    best, other = path.two_modes(outlines("6205", [make_effect("second_resonance", values)]))
+    best, other = path.two_modes(summaries("6205", [make_effect("second_resonance", values)]))
     (first, second), strength = best.places, abs(best.gain)
     if first > second:
         first, second, strength = second, first, 1 / strength

@@ -7,14 +7,14 @@ from twingap.bearing import BEARINGS
 from twingap.gap.features.tones.aligned_combs import aligned
 from twingap.gap.features.tones.whitened_spectra import NOISE, whitened
 from twingap.records import Condition
-from twingap.signal.record_transforms import Frame, RecordView
+from twingap.signal.record_transforms import Frame, RecordTransforms
 
 FRAME = Frame(BEARINGS["6205"], (2500.0, 4500.0), 1.0)
 
 
 def record(x, rpm, fault="healthy"):
     condition = Condition("r", rpm, 12000.0, x.size, fault)
-    return whitened(RecordView(x, condition, FRAME))
+    return whitened(RecordTransforms(x, condition, FRAME))
 
 
 def test_deviates_of_noise_are_small_and_of_unit_spread():

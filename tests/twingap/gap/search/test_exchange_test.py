@@ -12,9 +12,9 @@ import pytest
 from twingap.bearing import BEARINGS
 from twingap.effects import Effect, make_effect
 from twingap.gap.api import _confirmed
-from twingap.gap.distance.exchange_test import exchange_p, turned_p
 from twingap.gap.search.effect_search import Explanation
 from twingap.gap.search.evidence import FEWEST_GROUPS, Evidence, simulator_of
+from twingap.gap.search.exchange_test import exchange_p_value, sign_flip_p_value
 from twingap.identify.calibrate import calibrate
 from twingap.records import Condition, Record, RecordSet
 from twingap.twins.phenomenological import PhenomenologicalParameters, PhenomenologicalTwin
@@ -48,8 +48,8 @@ def test_the_p_value_holds_whatever_signatures_have_in_common() -> None:
         common = rng.standard_normal((10, 4)) @ rng.standard_normal((4, 30))
         heavy = np.repeat(rng.standard_t(2, (10, 30)) + common, 2, axis=0)  # of a group alike
         heavy[rng.random(heavy.shape) < 0.1] = np.nan
-        courses = np.stack([np.arange(20.0) // 7, np.zeros(20)], axis=1)
-        p.append(turned_p(heavy + 0.1 * rng.standard_normal(heavy.shape), courses, groups, rng, draws=199))
+        covariates = np.stack([np.arange(20.0) // 7, np.zeros(20)], axis=1)
+        p.append(sign_flip_p_value(heavy + 0.1 * rng.standard_normal(heavy.shape), covariates, groups, rng, draws=199))
     for level in (0.05, 0.2, 0.5):
         assert (np.array(p) <= level).mean() <= level + 3 * np.sqrt(level * (1 - level) / len(p))
     assert (np.array(p) <= 0.05).mean() > 0.02
@@ -60,24 +60,24 @@ def test_what_all_pairs_have_or_what_grows_shows_and_one_signature_alone_does_no
     groups = np.array([f"g{i}" for i in range(12)])
     noise, few = rng.standard_normal((12, 100)), np.arange(100) < 20
     speed = np.stack([np.arange(12.0) - 5.5, np.zeros(12)], axis=1)
-    assert turned_p(noise + few, speed, groups, rng) < 0.01
-    assert turned_p(noise + 0.4 * few * speed[:, :1], speed, groups, rng) < 0.01
-    assert turned_p(noise + 0.4 * few * speed[:, :1], 0 * speed, groups, rng) > 0.05
-    assert turned_p(noise + 100.0 * (np.arange(100) == 0), speed, groups, rng) > 0.05
-    assert turned_p(np.full((12, 3), np.nan), speed, groups, rng) == 1.0
-    assert turned_p(np.zeros((12, 3)), speed, groups, rng) == 1.0
+    assert sign_flip_p_value(noise + few, speed, groups, rng) < 0.01
+    assert sign_flip_p_value(noise + 0.4 * few * speed[:, :1], speed, groups, rng) < 0.01
+    assert sign_flip_p_value(noise + 0.4 * few * speed[:, :1], 0 * speed, groups, rng) > 0.05
+    assert sign_flip_p_value(noise + 100.0 * (np.arange(100) == 0), speed, groups, rng) > 0.05
+    assert sign_flip_p_value(np.full((12, 3), np.nan), speed, groups, rng) == 1.0
+    assert sign_flip_p_value(np.zeros((12, 3)), speed, groups, rng) == 1.0
 
 
 def test_recordings_that_differ_among_themselves_are_no_gap_and_what_all_have_is_one() -> None:
     sim = recordings(1)
-    assert exchange_p(evidence_of(recordings(2), sim)) > 0.1
+    assert exchange_p_value(evidence_of(recordings(2), sim)) > 0.1
     rough = make_effect("quantisation", {"step": 1.5})
-    assert exchange_p(evidence_of(recordings(2, rough), sim)) <= 0.01
+    assert exchange_p_value(evidence_of(recordings(2, rough), sim)) <= 0.01
 
 
 def test_few_groups_cannot_be_exchanged() -> None:
     few = recordings(2, count=FEWEST_GROUPS - 2)
-    assert exchange_p(evidence_of(few, recordings(1))) is None
+    assert exchange_p_value(evidence_of(few, recordings(1))) is None
 
 
 @pytest.mark.parametrize("surest", [0.5, 0.95])

@@ -1,0 +1,220 @@
+"""Measures of the gap before and after effects are added: distances, classifier AUC, MMD and classification accuracy.
+
+records, replicates before and after --> overall gap, gap in each domain, AUC, MMD^2, accuracy --> Metrics
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twingap.gap.distance.closure import paired, percentile_interval
+from twingap.gap.distance.domain_names import DomainName
+from twingap.gap.distance.feature_vectors import FeatureVectors
+from twingap.gap.distance.paired import Paired
+from twingap.gap.distance.two_sample_tests import auc_of_records, classifier_test, mmd_kernel, mmd_test
+from twingap.gap.report.model import Interval, Metric
+from twingap.records import Condition
+
+Array = NDArray[np.float64]
+TrainingSets = tuple[tuple[FeatureVectors, Sequence[str]] | None, tuple[FeatureVectors, Sequence[str]] | None]
+"""Simulated records and their faults, of the twin before and after."""
+
+_NO_TRAINING_SETS: Final[TrainingSets] = (None, None)
+_MOST_TRAINING: Final = 2000
+"""Simulated records that a classifier is trained on: more take longer and hardly raise its accuracy."""
+_MOST_EVALUATED: Final = 1000
+"""Real records that its accuracy is computed on."""
+
+
+def closure_metrics(
+    real: FeatureVectors,
+    before: Sequence[FeatureVectors],
+    after: Sequence[FeatureVectors],
+    rng: np.random.Generator,
+    conditions: Sequence[Condition] | None = None,
+    draws: int = 400,
+    *,
+    more: TrainingSets | None = None,
+    floors: tuple[float, Mapping[DomainName, float]] | None = None,
+) -> tuple[Metric, ...]:
+    """The gap before and after, in several measures; the first is the overall gap, which closures refer to.
+
+    Parameters
+    ----------
+    real : FeatureVectors
+        Held-out records.
+    before, after : sequence of FeatureVectors [replicates]
+    rng : numpy.random.Generator
+    conditions : sequence of Condition, optional
+        With the records' faults where they are known; those of `real` when None.
+    draws : int
+        Of each bootstrap.
+    more : TrainingSets, optional
+        Further simulated records to train on, where those of the held-out conditions are few.
+    floors : (float, Mapping), optional
+        Of the comparison after, overall and by domain, from `Paired.floor`; drawn anew when None.
+
+    Returns
+    -------
+    tuple of Metric
+        Overall gap, gap in each domain, AUC of the classifier two-sample test, MMD^2, and, with at least two known
+        faults of two records or more each, the accuracy on the records of a classifier trained on the twin alone.
+    """
+    pairs = paired(real, before, after, conditions)
+    floor, of_domains = pairs[1].floor(rng) if floors is None else floors
+    signs = pairs[0].draw_residuals(rng, draws)
+    (b, domains_b), (a, domains_a) = (p.over_domains(p.squares()) for p in pairs)
+    (db, drawn_b), (da, drawn_a) = (p.over_domains(p.resampled(signs)) for p in pairs)
+    unit = "standard deviations"
+    out = [Metric("overall gap", b[0], a[0], floor, percentile_interval(da, a[0]), percentile_interval(db, b[0]), unit)]
+    for domain in real.domains:
+        vb, va = float(domains_b[domain][0]), float(domains_a[domain][0])
+        ci_a, ci_b = percentile_interval(drawn_a[domain], va), percentile_interval(drawn_b[domain], vb)
+        out.append(Metric(f"gap in {domain}", vb, va, of_domains[domain], ci_a, ci_b, unit))
+    out = [_plain(metric) for metric in out]
+    return (*out, _auc(pairs, rng, draws), _mmd(pairs, rng, draws), *_accuracy(pairs, rng, draws, more))
+
+
+def accuracy_on_records(
+    sims: Sequence[FeatureVectors],
+    real: FeatureVectors,
+    faults: Sequence[str],
+    rng: np.random.Generator,
+    more: tuple[FeatureVectors, Sequence[str]] | None = None,
+) -> NDArray[np.bool_]:
+    """[records] Whether a classifier trained on simulated records alone names each real record's fault.
+
+    Parameters
+    ----------
+    sims : sequence of FeatureVectors [replicates]
+        Record i of each is simulated under fault i of `faults`.
+    real : FeatureVectors
+    faults : sequence of str [records]
+        Used to label the simulated records, and to score the real ones.
+    rng : numpy.random.Generator
+    more : (FeatureVectors, sequence of str), optional
+        Further simulated records to train on, and their faults.
+    """
+    x = np.concatenate([sim.matrix for sim in sims])
+    y = np.tile(np.asarray(faults), len(sims))
+    if more is not None:
+        x, y = np.concatenate((x, more[0].matrix)), np.concatenate((y, np.asarray(more[1])))
+    kept = rng.permutation(len(x))[:_MOST_TRAINING]
+    return _right(x[kept], y[kept], real.matrix, np.asarray(faults), rng)
+
+
+def accuracy_between_records(
+    real: FeatureVectors, faults: Sequence[str], groups: Sequence[str | None], rng: np.random.Generator, folds: int = 5
+) -> NDArray[np.bool_]:
+    """[records] The same, trained on the other real records: of other groups, where each fault has several.
+
+    A fault of a single group cannot be learned from another group: then windows of one recording are on both sides, and
+    the accuracy is optimistic.
+    """
+    y = np.asarray(faults)
+    by_fault = {f: {g for g, own in zip(groups, y, strict=True) if own == f} for f in np.unique(y)}
+    names = list(groups) if all(len(g) > 1 for g in by_fault.values()) else [str(i) for i in range(len(y))]
+    fold = np.zeros(len(y), dtype=int)
+    for f in np.unique(y):  # each fault spread over the folds
+        own = list(dict.fromkeys(n for n, fault in zip(names, y, strict=True) if fault == f))
+        place = {name: i % folds for i, name in enumerate(own[k] for k in rng.permutation(len(own)))}
+        for i in np.flatnonzero(y == f):
+            fold[i] = place[names[i]]
+    right = np.zeros(len(y), bool)
+    for k in np.unique(fold):
+        test = fold == k
+        if np.unique(y[~test]).size > 1:
+            right[test] = _right(real.matrix[~test], y[~test], real.matrix[test], y[test], rng)
+        else:
+            right[test] = y[test] == (y[~test][0] if (~test).any() else None)
+    return right
+
+
+def _auc(pairs: tuple[Paired, Paired], rng: np.random.Generator, draws: int) -> Metric:
+    # The same random numbers for both: where nothing was added, nothing differs.
+    seed = int(rng.integers(2**63))
+    (b, groups_b), (a, groups_a) = (auc_of_records(p, np.random.default_rng(seed)) for p in pairs)
+    floor = classifier_test(pairs[1], rng, draws=99).null_mean
+    name = "AUC of a classifier, records against twin"
+    ci_a, ci_b = _mean_interval(a, groups_a, rng, draws), _mean_interval(b, groups_b, rng, draws)
+    return Metric(name, float(b.mean()), float(a.mean()), floor, ci_a, ci_b)
+
+
+def _mmd(pairs: tuple[Paired, Paired], rng: np.random.Generator, draws: int) -> Metric:
+    values, intervals = [], []
+    for p in pairs:
+        h, groups = mmd_kernel(p, rng)
+        units = list(_members(groups))
+        table = np.array([[h[np.ix_(i, j)].mean() for j in units] for i in units])
+        k = len(units)
+        if k == 1:
+            values.append(float(table[0, 0]))
+            intervals.append((values[-1], values[-1]))
+            continue
+        weights = np.concatenate((np.ones((1, k)), rng.multinomial(k, np.full(k, 1 / k), draws)))
+        own = weights**2 @ np.diagonal(table)
+        off = weights.sum(axis=1) ** 2 - (weights**2).sum(axis=1)
+        means = (np.einsum("dk,kl,dl->d", weights, table, weights) - own) / np.maximum(off, 1e-12)
+        values.append(float(means[0]))
+        intervals.append(percentile_interval(means[1:][off[1:] > 0], values[-1]))
+    floor = mmd_test(pairs[1], rng, draws=99).null_mean
+    return Metric("MMD^2 between records and twin", values[0], values[1], floor, intervals[1], intervals[0])
+
+
+def _accuracy(
+    pairs: tuple[Paired, Paired], rng: np.random.Generator, draws: int, more: TrainingSets | None
+) -> Iterator[Metric]:
+    faults = [c.fault for c in pairs[0].conditions]
+    known = [int(i) for i in np.sort(rng.permutation(len(faults))[:_MOST_EVALUATED]) if faults[i] is not None]
+    of_each = Counter(str(faults[i]) for i in known)
+    if len(of_each) < 2 or min(of_each.values()) < 2:  # a class of one record has nothing to train on
+        return
+    labels, groups = [str(faults[i]) for i in known], [pairs[0].conditions[i].group for i in known]
+    real = pairs[0].real.take(known)
+    # The same random numbers for both: a difference between them is the records', not the trees'.
+    seed = int(rng.integers(2**63))
+    b, a = (
+        accuracy_on_records([s.take(known) for s in p.sims], real, labels, np.random.default_rng(seed), further).astype(
+            float
+        )
+        for p, further in zip(pairs, _NO_TRAINING_SETS if more is None else more, strict=True)
+    )
+    among = accuracy_between_records(real, labels, groups, rng)
+    ci_a, ci_b = _mean_interval(a, groups, rng, draws), _mean_interval(b, groups, rng, draws)
+    name = "accuracy on the records of a classifier trained on the twin (higher is better)"
+    yield Metric(name, float(b.mean()), float(a.mean()), float(among.mean()), ci_a, ci_b, higher_is_better=True)
+
+
+def _right(
+    x: Array, y: NDArray[np.str_], test: Array, truth: NDArray[np.str_], rng: np.random.Generator
+) -> NDArray[np.bool_]:
+    from sklearn.ensemble import ExtraTreesClassifier  # a second that the command line need not wait
+
+    trees = ExtraTreesClassifier(120, max_features="sqrt", random_state=int(rng.integers(2**31)), n_jobs=1)
+    return np.asarray(trees.fit(x, y).predict(test) == truth)
+
+
+def _members(groups: Sequence[str | None]) -> Iterator[list[int]]:
+    """Places of the records of each group."""
+    for name in dict.fromkeys(groups):
+        yield [i for i, g in enumerate(groups) if g == name]
+
+
+def _mean_interval(values: Array, groups: Sequence[str | None], rng: np.random.Generator, draws: int) -> Interval:
+    """90 % interval of the mean of values [records], groups drawn together."""
+    units = list(_members(groups))
+    sums, counts = (np.array([f(values[i]) for i in units], float) for f in (np.sum, np.size))
+    weights = rng.multinomial(len(units), np.full(len(units), 1 / len(units)), draws)
+    return percentile_interval((weights @ sums) / (weights @ counts), float(values.mean()))
+
+
+def _plain(metric: Metric) -> Metric:
+    return Metric(
+        metric.metric, float(metric.before), float(metric.after), metric.floor,
+        metric.ci_after, metric.ci_before, metric.unit,
+    )  # fmt: skip

@@ -1,0 +1,92 @@
+"""Curves for figures: medians of each domain's bins over records, measured and simulated, with 90 % bands."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twingap.gap.distance.domain_names import DomainName
+from twingap.gap.distance.domains import DOMAIN, PER_DECIBEL
+from twingap.gap.distance.feature_vectors import FeatureVectors
+from twingap.gap.distance.paired import Paired
+from twingap.gap.report.model import Curve
+from twingap.records import Condition
+
+Array = NDArray[np.float64]
+
+
+def curves(
+    real: FeatureVectors,
+    before: Sequence[FeatureVectors],
+    after: Sequence[FeatureVectors] | None = None,
+    conditions: Sequence[Condition] | None = None,
+) -> Mapping[str, Curve]:
+    """Curves of each domain: medians over records, with the stretch in which 90 % of them lie.
+
+    Returns
+    -------
+    Mapping, name -> Curve
+        "spectrum", "lines", "envelope", "order", "amplitude", "time", and "condition" (RMS by fault or speed).
+    """
+    pair = Paired(real, before, conditions)
+    out = {}
+    for name in real.domains:
+        axis = real.axes[name]
+        for style in DOMAIN[name].curves:
+            chosen = np.flatnonzero(np.array(axis.kind) == style.kind)
+            x = tuple(float(v) for v in (axis.lo[chosen] + axis.hi[chosen])[: chosen.size] / 2)
+            values = partial(_columns, domain=name, columns=chosen, factor=style.factor)
+            out[style.name] = _curve(x, axis.unit, style.y_unit, style.title, name, values, real, before, after)
+    if "condition" in real.domains:
+        labels = tuple(_label([pair.conditions[i] for i in places]) for places in pair.strata)
+
+        def by_stratum(v: FeatureVectors) -> Array:
+            rms = v.values["condition"][:, 0] * 2 * PER_DECIBEL
+            longest = max(len(p) for p in pair.strata)
+            table = np.full((longest, len(pair.strata)), np.nan)
+            for k, places in enumerate(pair.strata):
+                table[: len(places), k] = rms[places]
+            return table
+
+        title, unit = "Level by condition", "dB of healthy rms"
+        out["condition"] = _curve(labels, "condition", unit, title, "condition", by_stratum, real, before, after)
+    return out
+
+
+def _columns(vectors: FeatureVectors, domain: DomainName, columns: NDArray[np.int64], factor: float) -> Array:
+    return vectors.values[domain][:, columns] * factor
+
+
+def _curve(
+    x: tuple[float, ...] | tuple[str, ...],
+    x_unit: str,
+    y_unit: str,
+    title: str,
+    domain: DomainName,
+    values: Callable[[FeatureVectors], Array],
+    real: FeatureVectors,
+    before: Sequence[FeatureVectors],
+    after: Sequence[FeatureVectors] | None,
+) -> Curve:
+    sets = {"real": values(real), "before": np.concatenate([values(v) for v in before])}
+    if after is not None:
+        sets["after"] = np.concatenate([values(v) for v in after])
+    middle = {name: tuple(np.nanmedian(v, axis=0).tolist()) for name, v in sets.items()}
+    bands = {
+        name: (tuple(np.nanquantile(v, 0.05, axis=0).tolist()), tuple(np.nanquantile(v, 0.95, axis=0).tolist()))
+        for name, v in sets.items()
+    }
+    return Curve(x, x_unit, middle["real"], middle["before"], middle.get("after"), y_unit, title, domain, bands)
+
+
+def _label(conditions: Sequence[Condition]) -> str:
+    faults = dict.fromkeys(c.fault or "unknown fault" for c in conditions)
+    speeds = [c.speed_rpm for c in conditions]
+    low, high = min(speeds), max(speeds)
+    speed = f"{low:.0f}" if high - low < 0.01 * high else f"{low:.0f} to {high:.0f}"
+    loads = [c.load_n for c in conditions if c.load_n is not None]
+    load = "" if not loads or len(loads) < len(speeds) else f", {min(loads):g} to {max(loads):g} N"
+    return f"{'/'.join(faults)}, {speed} rpm{load}"

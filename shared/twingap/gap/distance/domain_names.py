@@ -1,0 +1,8 @@
+"""Names of the domains in which a gap is measured, tested and localised, in the order of the feature vector."""
+
+from __future__ import annotations
+
+from typing import Final, Literal, get_args
+
+DomainName = Literal["frequency", "envelope_order", "order", "amplitude", "time", "condition"]
+DOMAIN_NAMES: Final[tuple[DomainName, ...]] = get_args(DomainName)

@@ -1,0 +1,329 @@
+"""Domains: what a gap is measured in, one object each, with its bins, its vector, its labels and its advice.
+
+record --frequency, envelope_order, order, amplitude, time, condition--> one vector each, on the bins of a Grid
+
+All values are logarithms of dimensionless quantities, so that differences between records and twin add up. To add a
+domain, add its name to `domain_names` and an object to `DOMAINS`; distances, tests, localisation, figures and advice
+read them from here.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twingap.gap.distance.domain_names import DomainName
+from twingap.gap.distance.grid import SEGMENTS, Axis, Grid
+from twingap.signal.order_statistics import order_statistics
+from twingap.signal.record_transforms import RecordTransforms, medians
+
+Array = NDArray[np.float64]
+
+PER_DECIBEL: Final = 10 / np.log(10)
+"""Decibels of a natural logarithm of power."""
+_QUANTILES: Final = np.array([0.1, 0.25, 0.5, 0.75, 0.9, 0.95, 0.98, 0.99, 0.995, 0.998, 0.999, 0.9995, 1.0])
+_TAILS: Final = np.array([0.5, 0.9, 0.99, 0.999])
+_TINY: Final = 1e-300
+
+
+@dataclass(frozen=True)
+class CurveStyle:
+    """How one kind of a domain's bins is shown as a curve over its axis.
+
+    Parameters
+    ----------
+    name : str
+        Of the curve in a report.
+    kind : str
+        Of the bins, as in `Axis.kind`.
+    title, y_unit : str
+    factor : float
+        From the vector's natural logarithms to `y_unit`.
+    """
+
+    name: str
+    kind: str
+    title: str
+    y_unit: str
+    factor: float
+
+
+@dataclass(frozen=True)
+class Domain:
+    """A domain in which a gap is measured.
+
+    Parameters
+    ----------
+    name : str
+    axis : callable
+        Grid -> bins.
+    vector : callable
+        Record, grid -> Array [bins].
+    label, short_label, phrase : str
+        For tables, for figures, and within a sentence ("lies in ...").
+    advice : str
+        Where to look when a gap lies here and no effect explains it, and the measurement that would decide.
+    curves : tuple of CurveStyle
+        Curves of the domain in a report.
+    """
+
+    name: DomainName
+    axis: Callable[[Grid], Axis]
+    vector: Callable[[RecordTransforms, Grid], Array]
+    label: str
+    short_label: str
+    phrase: str
+    advice: str
+    curves: tuple[CurveStyle, ...] = ()
+
+
+def _bins(unit: str, **edges: Sequence[float] | Array) -> Axis:
+    lo = np.concatenate([np.asarray(e, float)[:-1] for e in edges.values()])
+    hi = np.concatenate([np.asarray(e, float)[1:] for e in edges.values()])
+    kind = [name for name, e in edges.items() for _ in range(len(e) - 1)]
+    return Axis(lo, hi, tuple(kind), unit)
+
+
+# ----------------------------------------------------------------------------------------------------------- frequency
+
+
+def _frequency_axis(grid: Grid) -> Axis:
+    return _bins("Hz", level=grid.levels_hz, lines=grid.lines_hz)
+
+
+def _frequency(record: RecordTransforms, grid: Grid) -> Array:
+    """Log level of the spectrum between its lines, over scale^2 per band; log excess of each band's largest line."""
+    unit = record.frame.scale**2
+    edges = np.searchsorted(record.smooth_hz, grid.levels_hz)
+    starts = np.minimum(edges[:-1], record.smooth.size - 1)
+    sums = np.add.reduceat(record.smooth[: max(edges[-1], starts[-1] + 1)], starts)
+    level = sums / np.maximum(np.diff(edges), 1) * (grid.top_hz / unit)
+    lines = _largest(_raw_excess(record), record.df_hz, grid.lines_hz)
+    return np.concatenate((np.log(level + 1e-10), lines))
+
+
+# ---------------------------------------------------------------------------------------------------------------- order
+
+
+def _order_axis(grid: Grid) -> Axis:
+    return _bins("shaft orders", lines=grid.orders)
+
+
+def _order(record: RecordTransforms, grid: Grid) -> Array:
+    """Log excess of the largest line near each shaft order."""
+    return _largest(_raw_excess(record), record.df_hz, grid.orders * record.shaft_hz)
+
+
+# ------------------------------------------------------------------------------------------------------- envelope order
+
+
+def _envelope_order_axis(grid: Grid) -> Axis:
+    return _bins("shaft orders", lines=grid.envelope_orders, floor=_floor_edges(grid))
+
+
+def _floor_edges(grid: Grid) -> Array:
+    return np.linspace(0.15, grid.top_envelope_order, 9)
+
+
+def _envelope_order(record: RecordTransforms, grid: Grid) -> Array:
+    """Log excess of the lines of the squared-envelope spectrum, and its log floor."""
+    envelope = record.envelope
+    spectrum, df_orders = envelope.spectrum, envelope.df_hz / record.shaft_hz
+    # Orders beyond the width of the band show the end of its spectrum, in records and twin alike.
+    cut = spectrum[: max(int(grid.top_envelope_order * 1.1 / df_orders) + 2, 16)]
+    floor = _floor(cut) + 1e-15
+    lines = _largest(np.log(cut / floor + 1e-3), df_orders, grid.envelope_orders)
+    broad = _floor_edges(grid)
+    places = np.clip(((broad[1:] + broad[:-1]) / 2 / df_orders).astype(int), 0, cut.size - 1)
+    # The floor falls with the length of the record; its density per order does not.
+    return np.concatenate((lines, np.log(floor[places] / df_orders)))
+
+
+# ------------------------------------------------------------------------------------------------------------ amplitude
+
+
+def _amplitude_axis(grid: Grid) -> Axis:
+    middles = np.concatenate(([0.0], (_QUANTILES[1:] + _QUANTILES[:-1]) / 2, [1.0]))
+    tails = np.concatenate((_TAILS, [1.0]))
+    return _bins(
+        "quantile", shape=middles, asymmetry=tails, level=[0.0, 1.0], extreme=[0.999, 1.0], repeated=[0.0, 1.0]
+    )
+
+
+def _amplitude(record: RecordTransforms, grid: Grid) -> Array:
+    """Log quantiles of |x| / rms, log asymmetry, log rms / scale, and how often the extreme and equal samples occur."""
+    x = record.x - record.x.mean()
+    n, rms = x.size, max(np.sqrt(record.mean_square), 1e-9 * record.frame.scale)
+    modulus = np.abs(x)
+    places = np.minimum(np.ceil(_QUANTILES * n).astype(int), n) - 1
+    quantiles = order_statistics(modulus, places)
+    shape = np.log(quantiles / rms + 1e-3)
+    far = np.minimum((0.5 + _TAILS / 2) * n, n - 1).astype(int)
+    tails = order_statistics(x, np.concatenate((far, n - 1 - far)))
+    high, low = tails[: far.size], -tails[far.size :]
+    asymmetry = np.log((np.maximum(high, 0) + 0.05 * rms) / (np.maximum(low, 0) + 0.05 * rms))
+    # Gaussian noise has one sample at its extreme, a clipped record has many. The floor makes small parts equal.
+    extreme = np.count_nonzero(modulus >= 0.999 * quantiles[-1]) / n
+    repeated = np.count_nonzero(record.x[1:] == record.x[:-1]) / n
+    rest = (np.log(rms / record.frame.scale), np.log(extreme + 3e-4 + 2 / n), np.log(repeated + 3e-3))
+    return np.concatenate((shape, asymmetry, rest))
+
+
+# ----------------------------------------------------------------------------------------------------------------- time
+
+
+def _time_axis(grid: Grid) -> Axis:
+    parts = np.linspace(0, grid.duration_s, SEGMENTS + 1)
+    return _bins("s", level=parts, kurtosis=parts, unrest=[0.0, grid.duration_s], peak=[0.0, grid.duration_s])
+
+
+def _time(record: RecordTransforms, grid: Grid) -> Array:
+    """Log rms (over the record's) and log kurtosis of 16 parts; how unequal they are, and the largest kurtosis."""
+    x = record.x - record.x.mean()
+    parts = x[: x.size // SEGMENTS * SEGMENTS].reshape(SEGMENTS, -1)
+    square = parts * parts
+    power = square.mean(axis=1)
+    fourth = np.einsum("ij,ij->i", square, square) / square.shape[1]
+    level = 0.5 * np.log(power / max(record.mean_square, _TINY) + 1e-4)
+    kurtosis = np.log((fourth + _TINY) / (power**2 + 1e-8 * record.mean_square**2 + _TINY) + 0.1)
+    return np.concatenate((level, kurtosis, (np.log(level.std() + 0.01), kurtosis.max())))
+
+
+# ------------------------------------------------------------------------------------------------------------ condition
+
+
+def _condition_axis(grid: Grid) -> Axis:
+    return _bins("", level=[0.0, 1.0], kurtosis=[0.0, 1.0], band=[0.0, 1.0], lines=[0.0, 1.0])
+
+
+def _condition(record: RecordTransforms, grid: Grid) -> Array:
+    """Scalars compared between conditions: log rms, log kurtosis, log power in the band of impacts, log part of
+    lines."""
+    x = record.x - record.x.mean()
+    power = record.mean_square
+    square = x * x
+    kurtosis = float(square @ square) / x.size / max(power**2, _TINY)
+    smooth = float(record.smooth.sum()) * record.fs_hz / 2 / record.smooth.size
+    return np.array(
+        [
+            0.5 * np.log(power / record.frame.scale**2 + 1e-18),
+            np.log(kurtosis + 0.1),
+            0.5 * np.log(record.envelope.mean / record.frame.scale**2 + 1e-18),
+            # Part of the power that a smooth spectrum leaves unexplained.
+            np.log(max(1 - smooth / max(power, _TINY), 0.0) + 0.1),
+        ]
+    )
+
+
+# -------------------------------------------------------------------------------------------------------------- helpers
+
+
+def _raw_excess(record: RecordTransforms) -> Array:
+    """[bins] Log of the raw tone spectrum over its local floor; made once a record."""
+    cached: Array | None = record.__dict__.get("_raw_excess")
+    if cached is None:
+        tones = record.tones
+        cached = np.log(tones / (_floor(tones) + 1e-9 * record.mean_square / tones.size + _TINY) + 1e-3)
+        record.__dict__["_raw_excess"] = cached
+    return cached
+
+
+def _floor(power: Array, width: int = 40) -> Array:
+    """[bins] Level between the lines: medians of blocks, interpolated in the logarithm (faster than running
+    medians)."""
+    width = max(min(width, power.size // 4), 1)
+    count = power.size // width
+    levels = medians(power[: count * width].reshape(count, width))
+    at = (np.arange(count) + 0.5) * width
+    return np.asarray(np.exp(np.interp(np.arange(power.size) + 0.5, at, np.log(levels + _TINY))))
+
+
+def _largest(values: Array, step: float, edges: Array) -> Array:
+    """[edges - 1] Largest of a spectrum's bins between each two edges; the nearest bin where none lies between."""
+    bins = np.clip(np.round(edges / step).astype(int), 1, values.size - 1)
+    bins[1:] = np.maximum(bins[1:], bins[:-1])
+    stop = min(max(bins[-1], bins[-2] + 1), values.size)
+    return np.asarray(np.maximum.reduceat(values[:stop], np.minimum(bins[:-1], stop - 1)))
+
+
+DOMAINS: Final = (
+    Domain(
+        "frequency",
+        _frequency_axis,
+        _frequency,
+        "spectrum",
+        "spectrum",
+        "the spectrum",
+        "Look there in the raw spectrum: a hump that stays in Hz points to a mode or to noise, narrow lines to a "
+        "disturbance. To decide, strike the housing with an instrumented hammer at standstill: the response shows the "
+        "modes and the sensor's own roll-off without the bearing's excitation.",
+        (
+            CurveStyle("spectrum", "level", "Spectrum between its lines", "dB", PER_DECIBEL),
+            CurveStyle("lines", "lines", "Lines of the spectrum", "dB over the floor", PER_DECIBEL),
+        ),
+    ),
+    Domain(
+        "envelope_order",
+        _envelope_order_axis,
+        _envelope_order,
+        "envelope spectrum",
+        "envelope",
+        "the envelope spectrum",
+        "Impacts or modulations repeat at these multiples of shaft speed. Check the bearing's geometry and what else "
+        "turns on the machine. To decide, record a tacho or encoder signal along with the vibration: it measures the "
+        "shaft angle, so that what stays in the lines after order tracking belongs to the cage and not to the shaft.",
+        (CurveStyle("envelope", "lines", "Envelope spectrum", "dB over the floor", PER_DECIBEL),),
+    ),
+    Domain(
+        "order",
+        _order_axis,
+        _order,
+        "order spectrum",
+        "orders",
+        "the order spectrum",
+        "Something turns at these multiples of shaft speed: list shafts, gears and fans with their ratios. To decide, "
+        "record the same machine at another speed: lines of mains, drive and structure stay at their frequency, lines "
+        "of shaft, gears and bearings move with the speed.",
+        (CurveStyle("order", "lines", "Order spectrum", "dB over the floor", PER_DECIBEL),),
+    ),
+    Domain(
+        "amplitude",
+        _amplitude_axis,
+        _amplitude,
+        "amplitude distribution",
+        "amplitude",
+        "the amplitude distribution",
+        "The distribution of the samples differs there. To decide, check the acquisition: range and resolution of the "
+        "converter against the largest sample, and whether samples were lost on the way.",
+        (CurveStyle("amplitude", "shape", "Amplitudes |x|", "dB of rms", 2 * PER_DECIBEL),),
+    ),
+    Domain(
+        "time",
+        _time_axis,
+        _time,
+        "time within the record",
+        "time",
+        "time within the record",
+        "The records change within themselves there: look for run-up, load steps, or a fault of the recorder. To "
+        "decide, record longer at constant speed and load.",
+        (CurveStyle("time", "level", "Level within the record", "dB of the record's rms", 2 * PER_DECIBEL),),
+    ),
+    Domain(
+        "condition",
+        _condition_axis,
+        _condition,
+        "operating condition",
+        "condition",
+        "the operating conditions",
+        "The gap sits at some operating conditions. Check the metadata of those records first (speed, load, fault "
+        "label), then record that condition again.",
+    ),
+)
+"""In the order of the feature vector."""
+
+DOMAIN: Final = {domain.name: domain for domain in DOMAINS}
+"""By name."""

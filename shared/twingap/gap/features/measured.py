@@ -1,0 +1,80 @@
+"""Sets of records, measured: features of each record, summaries for pooled measurements, and feature vectors."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twingap.gap.distance.feature_vectors import FeatureVectors
+from twingap.gap.features.pooled.features import PooledRecords
+from twingap.gap.features.spectrum import path
+from twingap.gap.features.spectrum.record_summary import RecordSummary
+from twingap.records import Condition
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Measured:
+    """A set of records, measured.
+
+    Parameters
+    ----------
+    values : Array [records, features]
+        In the order of `registry.NAMES`; NaN where a feature does not apply.
+    summaries : tuple of RecordSummary [records]
+        What measurements over several records need.
+    vectors : FeatureVectors [records]
+        What distances are measured in.
+    """
+
+    values: Array
+    summaries: tuple[RecordSummary, ...]
+    vectors: FeatureVectors
+
+    @property
+    def conditions(self) -> tuple[Condition, ...]:
+        """Conditions of the records."""
+        return tuple(summary.condition for summary in self.summaries)
+
+    def take(self, places: Sequence[int] | NDArray[np.int64]) -> Measured:
+        """The records at these places."""
+        kept = np.asarray(places, dtype=int)
+        return Measured(self.values[kept], tuple(self.summaries[i] for i in kept), self.vectors.take(kept))
+
+    @cached_property
+    def pooled(self) -> PooledRecords:
+        """These records for pooled measurements, without those of the other part."""
+        return PooledRecords(self.summaries)
+
+    @cached_property
+    def spectral_fit(self) -> Array:
+        """[path.NAMES] Which models fit the mean spectra, and their values."""
+        found = path.measure(self.summaries)
+        return np.array([found[name] for name in path.NAMES])
+
+    def faults(self) -> NDArray[np.str_]:
+        """[records] Fault of each, "" when unknown."""
+        return np.array([c.fault or "" for c in self.conditions])
+
+
+@dataclass(frozen=True)
+class Pair:
+    """Measured records and simulated ones.
+
+    Parameters
+    ----------
+    real, simulated : Measured
+        Where both have the same conditions in the same order, features compare record by record.
+    external : bool
+        Whether the simulated records are the user's own, of a simulator of this machine: both sides are then sampled
+        alike, nothing had to be matched, and small differences mean more.
+    """
+
+    real: Measured
+    simulated: Measured
+    external: bool = False

@@ -1,0 +1,142 @@
+"""Exchange test: does the user's own simulator differ from the machine by more than its recordings from each other?
+
+pairs of a record and a simulated one --differences of their features, and slopes of these over speed and time-->
+t of each feature --random signs of whole groups--> mean of squared t under each draw --> p-value
+
+Without a gap, a record and the one simulated for it are exchangeable, whatever recordings are like; nothing else is
+assumed (randomisation test, groups of random sign flips: Hemerik and Goeman 2018, doi:10.1007/s11749-017-0571-1). The
+learned null assumes recordings that are alike but for chance, which mounting, wear and defect size break on real
+machines. The exchange test is less powerful, and so is used for gaps that no single effect explains with certainty.
+
+The statistic is over all features, not the largest: finished records that were resampled to another speed differ a
+little in a few features whenever there is no gap.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twingap.gap.distance.grid import Grid
+from twingap.gap.features import comparison
+from twingap.gap.features.measured import Measured
+from twingap.gap.features.registry import NAMES
+from twingap.gap.search.evidence import Evidence
+from twingap.records import Record
+
+Array = NDArray[np.float64]
+
+EXCHANGES: Final = 999
+"""Random draws of signs: more make small p-values finer."""
+_LARGEST_T: Final = 6.0
+"""Larger t count as this: with a larger bound, one feature decides more by itself."""
+_LEAST_VARIANCE: Final = 1e-12
+"""Least variance over the mean square: keeps t finite where a difference is the same in all groups."""
+_LEVEL: Final = "background.rms_log"
+
+
+def exchange_p_value(evidence: Evidence) -> float | None:
+    """P-value of no difference beyond that between recordings.
+
+    Parameters
+    ----------
+    evidence : Evidence
+        With the user's own simulator, which has a record for each of the machine's.
+
+    Returns
+    -------
+    float or None
+        None where the records are of too few groups, see `Evidence.exchangeable`.
+    """
+    real = evidence.parts
+    conditions = [c for part in real for c in part.conditions]
+    if not evidence.exchangeable:
+        return None
+    # The level was matched on the fit part alone: what is left of it over both parts is taken out.
+    louder = np.nan_to_num(_mean(_differences(real, _made(evidence)))[NAMES.index(_LEVEL)])
+    differences = _differences(real, _made(evidence, float(np.exp(louder))))
+    timed = all(c.time_s is not None for c in conditions)
+    covariates = np.array([(math.log(c.speed_rpm), c.time_s if timed else 0.0) for c in conditions], dtype=float)
+    return sign_flip_p_value(
+        differences, covariates, evidence.groups, np.random.default_rng([evidence.root, len(real)])
+    )
+
+
+def sign_flip_p_value(
+    differences: Array, covariates: Array, groups: NDArray[np.str_], rng: np.random.Generator, draws: int = EXCHANGES
+) -> float:
+    """P-value of differences that are as often negative as positive, all of a group together.
+
+    Parameters
+    ----------
+    differences : Array [pairs, features]
+        NaN where a feature does not apply.
+    courses : Array [pairs, courses]
+        What differences may change with, such as log speed and time.
+    groups : NDArray[str] [pairs]
+    rng : numpy.random.Generator
+    draws : int
+        Of signs.
+
+    Returns
+    -------
+    float
+        Part of all draws, the first among them, that are as rare, by the rarest of the mean difference and its
+        slopes; 1 where no feature applies to half of the groups.
+    """
+    names = list(dict.fromkeys(groups))
+    signs = rng.choice([-1.0, 1.0], size=(1 + draws, len(names)))
+    signs[0] = 1.0
+    weights = (np.ones(len(groups)), *(covariates - covariates.mean(axis=0)).T)
+    statistics = []
+    for weight in weights:
+        weighed = differences * weight[:, None]
+        statistics.append(_squared_t(np.array([_mean(weighed[groups == name]) for name in names]), signs))
+    each = np.array(statistics).T
+    rarity = np.array([(each >= own * (1 - 1e-9)).mean(axis=0) for own in each]).min(axis=1)
+    return float((rarity <= rarity[0]).mean())
+
+
+def _squared_t(means: Array, signs: Array) -> Array:
+    """[draws] Mean over features of the squared t of what all groups [groups, features] have in common."""
+    count = np.isfinite(means).sum(axis=0)
+    known = count >= max(3, len(means) / 2)
+    if not known.any():
+        return np.zeros(len(signs))
+    count, means = count[known], np.nan_to_num(means[:, known])
+    mean, square = signs @ means / count, (means**2).sum(axis=0) / count
+    variance = np.maximum(square - mean**2, _LEAST_VARIANCE * square) / (count - 1)
+    t = np.abs(np.divide(mean, np.sqrt(variance), out=np.zeros_like(mean), where=square > 0))
+    return np.asarray((np.minimum(t, _LARGEST_T) ** 2).mean(axis=1))
+
+
+def _mean(rows: Array) -> Array:
+    """Mean of what is finite; NaN where nothing is."""
+    known = np.isfinite(rows)
+    count = known.sum(axis=0)
+    total = np.where(known, rows, 0.0).sum(axis=0)
+    return np.asarray(np.divide(total, count, out=np.full(rows.shape[1], np.nan), where=count > 0))
+
+
+def _made(evidence: Evidence, louder: float = 1.0) -> tuple[Measured, ...]:
+    """Simulated records of each part, measured."""
+    simulator, bearing = evidence.against().simulator, evidence.frame.bearing
+    return tuple(
+        comparison.measure_records(
+            (
+                Record(record.condition, record.samples * louder)
+                for record in evidence.simulated(simulator, (), part.conditions, number)
+            ),
+            evidence.frame,
+            Grid.of(part.conditions, bearing),
+        )
+        for number, part in enumerate(evidence.parts)
+    )
+
+
+def _differences(real: tuple[Measured, ...], made: tuple[Measured, ...]) -> Array:
+    """[pairs, features] Measured less simulated."""
+    return np.concatenate([ours.values - theirs.values for ours, theirs in zip(real, made, strict=True)])
