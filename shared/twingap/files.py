@@ -12,8 +12,8 @@ import os
 import secrets
 import shutil
 import stat
-from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from collections.abc import Iterable, Iterator
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from typing import Any, Literal
 
@@ -102,6 +102,26 @@ def try_folder(folder: str | os.PathLike[str]) -> None:
     with replacing(probe) as temporary:
         temporary.touch()
     probe.unlink()
+
+
+class _UndoError(Exception):
+    """Ends `try_outputs`: what it prepared is removed again."""
+
+
+def try_outputs(folder: str | os.PathLike[str], files: Iterable[str], folders: Iterable[str] = ()) -> None:
+    """Check that these files and new folders can be written into a folder, and leave it as it was.
+
+    Raises
+    ------
+    TwingapError
+        As `replacing` and `replacing_folder`.
+    """
+    with suppress(_UndoError), ExitStack() as places:
+        for name in files:
+            places.enter_context(replacing(Path(folder) / name))
+        for name in folders:
+            places.enter_context(replacing_folder(Path(folder) / name))
+        raise _UndoError
 
 
 def kind_of(path: str | os.PathLike[str]) -> Literal["file", "folder", "other", "missing"]:

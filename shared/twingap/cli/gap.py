@@ -8,11 +8,9 @@ twingap gap train ...                                what the diagnosis learns b
 
 from __future__ import annotations
 
-import dataclasses
 import sys
-import time
-from collections.abc import Callable, Iterable, Iterator
-from contextlib import ExitStack, contextmanager
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Final
 
@@ -21,15 +19,12 @@ from typer.core import TyperCommand, TyperGroup
 
 from twingap.cli.gap_public import public
 from twingap.cli.gap_study import study
-from twingap.cli.options import Json, Seed, TrackingUri, progress_console, say, say_json, show, steps, wrote
+from twingap.cli.options import Json, Seed, TrackingUri, progress_console, say, say_json, show, wrote
 from twingap.errors import TwingapError
 
 if TYPE_CHECKING:
-    from twingap.gap.api import Diagnosis
     from twingap.gap.report.model import GapReport
-    from twingap.records import Record, RecordSet
     from twingap.track import Tracker
-    from twingap.twins.twin_file import TwinSpec
 
 _MAIN: Final = "RECORDSET"
 """What the help lists the diagnosis as. It is never typed: whatever names no other command is a record set."""
@@ -84,12 +79,12 @@ def diagnose(
     export: Annotated[
         bool, typer.Option("--export", help="Write record sets DIR/sim_before and DIR/sim_after too.")
     ] = False,
-    nearest: Annotated[
+    closest: Annotated[
         bool,
         typer.Option(
-            "--nearest",
-            help="Where a rest remains, also look for effects that stand in for it (minutes), and write the nearest "
-            "twin: DIR/nearest.toml; with --export its records too, DIR/sim_nearest.",
+            "--closest",
+            help="Where a rest remains, also look for effects that stand in for it (minutes), and write the closest "
+            "twin: DIR/closest.toml; with --export its records too, DIR/sim_closest.",
         ),
     ] = False,
     track: Annotated[
@@ -100,52 +95,32 @@ def diagnose(
     as_json: Json = False,
 ) -> None:
     """Where records and twin differ, which effect the twin lacks, and how far the gap shrinks when it is added."""
-    import numpy as np
-
-    from twingap.files import replacing, replacing_folder
-    from twingap.gap.report.files import dumped
-    from twingap.gap.report.page import page
-    from twingap.records.folder import read_record_set, write_records
+    from twingap.files import try_outputs
+    from twingap.gap.report.files import to_json
+    from twingap.records.folder import read_record_set
     from twingap.twins.twin_file import read_twin
 
-    begin = time.monotonic()
-    spec = read_twin(twin)
+    read_twin(twin)  # what was mistyped is told before anything slow is imported
     records = read_record_set(recordset)
     simulated = None if sim is None else read_record_set(sim)
     # An address that was typed must work; the default one is tried when there is something to keep.
     tracker = _tracker(tracking_uri) if track and tracking_uri is not None else None
-    paths = [out / "gap.json", out / "report.html"]
-    if nearest and simulated is None:
-        paths.append(out / "nearest.toml")
-    exports = _EXPORTS[: 3 if nearest else 2] if export else ()
-    # All places are tried before the work begins, and filled only after it has ended well.
-    with ExitStack() as places:
-        data, text, *twins = (places.enter_context(replacing(path)) for path in paths)
-        folders = [places.enter_context(replacing_folder(out / name)) for name in exports]
-        with _bar() as report_step:
-            from twingap.gap import diagnose as run  # slow to import: what was mistyped is told before
+    twins = ("closest.toml",) if closest and simulated is None else ()
+    exports = ("sim_before", "sim_after", "sim_closest")[: 3 if closest else 2] if export else ()
+    try_outputs(out, ("gap.json", "report.html", *twins), exports)
+    with _bar() as progress:
+        from twingap.gap import diagnose as run
 
-            rng = np.random.default_rng(seed)
-            found = run(records, spec, rng, sim=simulated, report=report_step, nearest=nearest)
-        about = _with_provenance(found.report, records, spec, twin, sim, seed, begin)
-        table = about.to_json()
-        data.write_text(dumped(table), encoding="utf-8", newline="\n")
-        text.write_text(page(about), encoding="utf-8", newline="\n")
-        for place in twins:
-            _write_nearest(place, found, records, about)
-        makers = (found.sim_before, found.sim_after, found.sim_nearest)
-        for folder, name, made in zip(folders, exports, makers, strict=False):
-            label = f"{records.name}, {name.removeprefix('sim_')}"
-            bearing = records.bearing or spec.bearing
-            total = int(about.provenance.get("n_used", len(records)))
-            write_records(folder, label, records.unit, bearing, None, _counted(made(), name, total))
+        found = run(records, twin, seed=seed, sim=simulated, closest=closest, progress=progress)
+        paths = found.write(out, export=export, progress=progress)
+    about = found.report
     if track:
-        _keep(about, paths, tracker)
+        _keep(about, paths[:2], tracker)
     if as_json:
-        say_json(table)
+        say_json(to_json(about))
     else:
         _tell(about)
-    wrote(*paths, *(out / name for name in exports), as_json=as_json)
+    wrote(*paths, as_json=as_json)
 
 
 @app.command("train")
@@ -176,9 +151,6 @@ def train(
 app.command("study")(study)
 app.command("public")(public)
 
-_EXPORTS: Final = ("sim_before", "sim_after", "sim_nearest")
-"""Record sets of `--export`; the last one with `--nearest` alone."""
-
 
 @contextmanager
 def _bar() -> Iterator[Callable[[str, float], None]]:
@@ -190,52 +162,13 @@ def _bar() -> Iterator[Callable[[str, float], None]]:
         yield lambda what, fraction: progress.update(task, description=what, completed=fraction)
 
 
-def _counted(made: Iterable[Record], name: str, total: int) -> Iterator[Record]:
-    yield from steps(made, f"write {name}", total)
-
-
-def _write_nearest(path: Path, found: Diagnosis, records: RecordSet, about: GapReport) -> None:
-    """The nearest twin's file, with where its values come from."""
-    from twingap.twins.twin_file import Provenance, write_twin
-
-    spec = found.nearest_twin()
-    assert spec is not None  # asked for twins alone
-    stated = about.provenance
-    source = Provenance(
-        str(stated["records_sha256"]), records.unit, version=str(stated["version"]), method="twingap gap --nearest",
-        seed=int(stated["seed"]),
-    )  # fmt: skip
-    write_twin(path, dataclasses.replace(spec, bearing=records.bearing or spec.bearing, identified=source))
-
-
-def _with_provenance(
-    report: GapReport, records: RecordSet, spec: TwinSpec, twin: Path, sim: Path | None, seed: int, begin: float
-) -> GapReport:
-    """The report with what only the command knows; what the diagnosis has stated stays."""
-    from twingap.provenance import versions
-
-    known: dict[str, Any] = {
-        "records": records.name,
-        "twin": twin.name,
-        "twin_model": spec.model,
-        "twin_effects": spec.effects,
-        "version": versions()["twingap"],
-    }
-    if sim is not None:
-        known["simulator"] = sim.name
-    stated = {**known, **report.provenance, "seed": seed, "runtime_s": round(time.monotonic() - begin, 2)}
-    if not stated.get("records_sha256"):
-        stated["records_sha256"] = records.digest
-    return dataclasses.replace(report, provenance=stated)
-
-
 def _tracker(uri: str | None) -> Tracker:
     from twingap.track import MlflowTracker
 
     return MlflowTracker(uri)
 
 
-def _keep(report: GapReport, paths: list[Path], tracker: Tracker | None) -> None:
+def _keep(report: GapReport, paths: Sequence[Path], tracker: Tracker | None) -> None:
     """Track the diagnosis. It is done and written: a store that cannot be used is worth a line, no more."""
     from twingap.gap.report.tracking import track_report
 
@@ -282,10 +215,10 @@ def _tell(report: GapReport) -> None:
         ]
         show(rows, False, title="Which effect is missing")
     if report.metrics:
-        nearer = {} if report.stand_ins is None else {m.metric: m.after for m in report.stand_ins.metrics}
+        closest = {} if report.stand_ins is None else {m.metric: m.after for m in report.stand_ins.metrics}
         measures = [
             {"measure": m.metric, "before": m.before, "after": m.after}
-            | ({"nearest": nearer.get(m.metric)} if nearer else {})
+            | ({"closest": closest.get(m.metric)} if closest else {})
             | {"floor": m.floor}
             for m in report.metrics
         ]

@@ -1,4 +1,4 @@
-"""The whole diagnosis: calibrate, measure, where, which, how far, report.
+"""The diagnosis of a twin: calibrate, search for missing effects, test on held-out records, report.
 
 records, twin (or simulated records) --calibrate--> Evidence --explain--> effects that the twin lacks
 held-out part against replicates of the twin, before and after --> places, tests, closures --> GapReport
@@ -7,16 +7,22 @@ held-out part against replicates of the twin, before and after --> places, tests
 from __future__ import annotations
 
 import copy
+import dataclasses
 import math
+import os
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Final
 
 import numpy as np
+from threadpoolctl import threadpool_limits
 
 from twingap.effects import Effect, catalogue
 from twingap.errors import TwingapError
+from twingap.files import replacing, replacing_folder
 from twingap.gap.distance.closure import Closure, Lessons, closure_interval, curves, paired, shrink_metrics
 from twingap.gap.distance.exchange_test import exchange_p
 from twingap.gap.distance.feature_vectors import Grid, Views
@@ -26,19 +32,23 @@ from twingap.gap.distance.two_sample_tests import overall_tests
 from twingap.gap.external_simulator import OwnSimulator
 from twingap.gap.knowledge import shipped
 from twingap.gap.knowledge.learnt import Learnt
+from twingap.gap.report.files import write_report
 from twingap.gap.report.model import Candidate, GapReport, ParameterValue, Place, StandIns, Status, Verdict
-from twingap.gap.search.closest_twin import nearest_spec, stand_ins
+from twingap.gap.search.closest_twin import closest_spec, stand_ins
 from twingap.gap.search.effect_search import ALPHA, ALPHA_REST, SURE, Estimated, Explanation, estimate, explain
 from twingap.gap.search.evidence import THOROUGH, Compared, Evidence, replicates_of, simulator_of
 from twingap.gap.search.modelled_effects import completed
-from twingap.identify.calibrate import Calibrated, calibrate
+from twingap.identify.calibrate import Calibrated, calibrate_prepared, prepare
 from twingap.provenance import versions
 from twingap.records import Condition, Record, RecordSet
+from twingap.records.folder import read_record_set, write_records
 from twingap.streams import root_entropy
 from twingap.twins.simulator import Simulator, TwinSimulator
-from twingap.twins.twin_file import TwinSpec, flat, overruled
+from twingap.twins.twin_file import Provenance, TwinSpec, flat, overruled, read_twin, write_twin
 
-Report = Callable[[str, float], None]
+Progress = Callable[[str, float], None]
+"""progress(what, fraction): what is being done, and which part of the whole is done, 0 to 1."""
+FilePath = str | os.PathLike[str]
 
 MOST_RECORDS: Final = 240
 """Records that a diagnosis looks at; of more, as many of each fault and speed are taken as this allows."""
@@ -62,49 +72,99 @@ _LIKELY: Final = 0.02
 
 @dataclass(frozen=True)
 class Diagnosis:
-    """A diagnosis, with what simulates the records before and after.
+    """A finished diagnosis: its report, and simulators of the twin before and after.
 
     Parameters
     ----------
     report : GapReport
     explanation : Explanation
     calibrated : Calibrated
-    conditions : tuple of Condition
-        Of all records that were looked at, with their true speeds.
     root : int
-    nearest : Compared or None
-        With the verdict's effects and stand-ins, where they were asked for and bring it nearer.
+        Entropy that all simulated records derive from.
+    closest : Compared or None
+        The twin with the verdict's effects and stand-ins; None where stand-ins were not asked for or do not help.
+    closest_asked : bool
+        Whether `write` writes the closest twin too.
     """
 
     report: GapReport
     explanation: Explanation
     calibrated: Calibrated
     root: int
-    nearest: Compared | None = None
+    closest: Compared | None = None
+    closest_asked: bool = False
 
     def sim_before(self) -> Iterator[Record]:
-        """The twin's records as given, calibrated, under the conditions of all records that were looked at."""
-        return self._made(self.explanation.before.simulator, ())
+        """Records of the calibrated twin as given, for the conditions of all records used."""
+        return self._simulated(self.explanation.before.simulator, ())
 
     def sim_after(self) -> Iterator[Record]:
-        """The same once the named effects are added."""
+        """The same with the verdict's effects added."""
         after = self.explanation.after if self.explanation.gap else self.explanation.before
-        return self._made(after.simulator, after.effects)
+        return self._simulated(after.simulator, after.effects)
 
-    def sim_nearest(self) -> Iterator[Record]:
-        """The same with stand-ins too; as `sim_after` where there are none."""
-        return self._made(self._nearest.simulator, self._nearest.effects)
+    def sim_closest(self) -> Iterator[Record]:
+        """The same with stand-ins too; equal to `sim_after` where there are none."""
+        return self._simulated(self._closest.simulator, self._closest.effects)
 
-    def nearest_twin(self) -> TwinSpec | None:
-        """The twin with the named effects and stand-ins, all at their fitted values; None for finished records."""
-        return nearest_spec(self._nearest)
+    def closest_twin(self) -> TwinSpec | None:
+        """The twin with the verdict's effects and stand-ins at their fitted values; None for finished records."""
+        spec = closest_spec(self._closest)
+        if spec is None:
+            return None
+        stated = self.report.provenance
+        source = Provenance(
+            str(stated["records_sha256"]), self.calibrated.fit.unit, version=str(stated["version"]),
+            method="twingap gap --closest", seed=int(stated["seed"]),
+        )  # fmt: skip
+        return replace(spec, bearing=self.calibrated.frame.bearing, identified=source)
+
+    def write(self, folder: FilePath, *, export: bool = False, progress: Progress | None = None) -> tuple[Path, ...]:
+        """Write gap.json and report.html into a folder, all files or none.
+
+        A diagnosis with ``closest=True`` also writes closest.toml, unless it was of finished simulated records.
+
+        Parameters
+        ----------
+        folder : path-like
+            Made when missing.
+        export : bool
+            Also write the record sets sim_before and sim_after, and with ``closest=True`` sim_closest.
+        progress : callable, optional
+            Called with what is done and the part of the whole, 0 to 1.
+
+        Returns
+        -------
+        tuple of Path
+            What was written, gap.json first.
+
+        Raises
+        ------
+        TwingapError
+            When the folder cannot be written, or holds one of the record sets already.
+        """
+        folder, told = Path(folder), progress or _quiet
+        sets = {"sim_before": self.sim_before, "sim_after": self.sim_after, "sim_closest": self.sim_closest}
+        names = tuple(sets)[: 3 if self.closest_asked else 2] if export else ()
+        twin = self.closest_twin() if self.closest_asked else None
+        records, bearing = self.calibrated.fit, self.calibrated.frame.bearing
+        further = [*([folder / "closest.toml"] if twin is not None else []), *(folder / name for name in names)]
+        with ExitStack() as places:
+            if twin is not None:
+                write_twin(places.enter_context(replacing(folder / "closest.toml")), twin)
+            for done, name in enumerate(names):
+                told(f"write {name}", done / len(names))
+                label = f"{self.report.provenance['records']}, {name.removeprefix('sim_')}"
+                place = places.enter_context(replacing_folder(folder / name))
+                write_records(place, label, records.unit, bearing, None, sets[name]())
+            return (*write_report(self.report, folder), *further)
 
     @property
-    def _nearest(self) -> Compared:
+    def _closest(self) -> Compared:
         found = self.explanation
-        return self.nearest or (found.after if found.gap else found.before)
+        return self.closest or (found.after if found.gap else found.before)
 
-    def _made(self, simulator: Simulator, effects: tuple[Effect, ...]) -> Iterator[Record]:
+    def _simulated(self, simulator: Simulator, effects: tuple[Effect, ...]) -> Iterator[Record]:
         parts = (self.calibrated.fit, self.calibrated.held_out)
         by_name = {condition.name: condition for part in parts for condition in part.conditions}
         for name in self.calibrated.names:
@@ -113,32 +173,33 @@ class Diagnosis:
 
 
 def diagnose(
-    records: RecordSet,
-    spec: TwinSpec,
-    rng: np.random.Generator,
+    records: RecordSet | FilePath,
+    twin: TwinSpec | FilePath,
     *,
-    sim: RecordSet | None = None,
-    report: Report = lambda what, fraction: None,
+    seed: int | np.random.Generator = 0,
+    sim: RecordSet | FilePath | None = None,
+    closest: bool = False,
     learnt: Learnt | None = None,
-    nearest: bool = False,
+    progress: Progress | None = None,
 ) -> Diagnosis:
-    """Where records and twin differ, which effects the twin lacks, and how far the gap shrinks when they are added.
+    """Diagnose where records and twin differ, which effects the twin lacks, and what adding them closes.
 
     Parameters
     ----------
-    records : RecordSet
-        Of the machine.
-    spec : TwinSpec
-        What is modelled already.
-    rng : numpy.random.Generator
-    sim : RecordSet, optional
+    records : RecordSet or path-like
+        Records of the machine, or the folder that holds them.
+    twin : TwinSpec or path-like
+        What is modelled already, or its twin file.
+    seed : int or numpy.random.Generator
+        Same seed, same result. The report states -1 for a generator.
+    sim : RecordSet or path-like, optional
         Simulated records of the user's own simulator, in place of the twin's.
-    report : callable
-        Told of progress: what is done, and which part of the whole, 0 to 1.
+    closest : bool
+        Whether to look, where a rest remains, for effects that bring the twin closer (stand-ins): takes minutes.
     learnt : Learnt, optional
         What was learnt from simulated gaps; None takes what the package ships with.
-    nearest : bool
-        Whether to look, where a rest remains, for effects that stand in for it: minutes of further work.
+    progress : callable, optional
+        Called with what is done and the part of the whole, 0 to 1.
 
     Returns
     -------
@@ -147,16 +208,28 @@ def diagnose(
     Raises
     ------
     TwingapError
-        When the records cannot be diagnosed.
+        When a file cannot be read, or the records cannot be diagnosed.
     """
-    from threadpoolctl import threadpool_limits
-
-    _two_or_more(records)
-    learnt = shipped() if learnt is None else learnt
-    # Trees are asked about one row thousands of times: threads would wait for each other longer than they work, on a
-    # machine that has other work for minutes.
+    begin, told = time.monotonic(), progress or _quiet
+    spec, twin_file = (twin, "") if isinstance(twin, TwinSpec) else (read_twin(twin), Path(twin).name)
+    records, sim = _record_set(records), None if sim is None else _record_set(sim)
+    # One row at a time is predicted from, thousands of times: more threads only wait for each other.
     with threadpool_limits(1, user_api="openmp"):
-        return _diagnosed(records, spec, rng, sim, report, learnt, nearest)
+        found = _diagnosed(records, spec, np.random.default_rng(seed), sim, told, learnt, closest)
+    known = {
+        "records": records.name,
+        "twin": twin_file,
+        "twin_model": spec.model,
+        "twin_effects": list(spec.effects),
+        "version": versions()["twingap"],
+        "simulator": "" if sim is None else sim.name,
+        "seed": -1 if isinstance(seed, np.random.Generator) else int(seed),
+        "records_sha256": records.digest,
+        "runtime_s": round(time.monotonic() - begin, 2),
+        "n_records": len(records),
+    }
+    told("done", 1.0)
+    return replace(found, report=replace(found.report, provenance={**known, **found.report.provenance}))
 
 
 def _diagnosed(
@@ -164,27 +237,30 @@ def _diagnosed(
     spec: TwinSpec,
     rng: np.random.Generator,
     sim: RecordSet | None,
-    report: Report,
-    learnt: Learnt,
-    nearest: bool,
+    progress: Progress,
+    learnt: Learnt | None,
+    closest: bool,
 ) -> Diagnosis:
-    begin = time.monotonic()
+    """The diagnosis; the provenance of its report states only what is known here."""
+    _two_or_more(records)
     brought = spec if sim is None else replace(spec, bearing=sim.bearing)
     notes = [told] if (told := overruled(brought, records.bearing, "twin file" if sim is None else sim.name)) else []
     used = _thinned(records, notes)
-    report("calibration", 0.02)
+    progress("calibration", 0.02)
+    prepared = prepare(used, None if sim is not None else spec, rng, sim=sim)
+    learnt = shipped() if learnt is None else learnt
     if sim is None:
-        spec, completing = completed(used, spec, copy.deepcopy(rng), learnt)
+        spec, completing = completed(prepared, spec, copy.deepcopy(rng), learnt)
         notes += completing
-    calibrated = calibrate(used, None if sim is not None else spec, rng, sim=sim)
+    calibrated = calibrate_prepared(prepared, None if sim is not None else spec, rng)
     root = root_entropy(rng) >> 66
     simulator = simulator_of(calibrated, sim)
     evidence = Evidence(calibrated, simulator, spec, root, THOROUGH)
-    found = explain(evidence, learnt, lambda what, part: report(what, 0.1 + 0.5 * part))
-    report("exchange of records", 0.6)
+    found = explain(evidence, learnt, lambda what, part: progress(what, 0.1 + 0.5 * part))
+    progress("exchange of records", 0.6)
     found, unlike = _confirmed(found, evidence)
     notes += unlike
-    report("places and tests", 0.65)
+    progress("places and tests", 0.65)
     trial = _Trial(evidence, found)
     before = trial.replicates(found.before.simulator, found.before.effects, trial.most)
     first = Paired(trial.real, before)
@@ -194,14 +270,14 @@ def _diagnosed(
     if found.gap and found.after.effects:
         after = trial.replicates(found.after.simulator, found.after.effects, trial.fewer)
     count = min(len(before), len(after))
-    report("how far", 0.75)
+    progress("closure", 0.75)
     pairs = paired(trial.real, before[:count], after[:count])
     floors = pairs[1].floor(rng)
     floor, _ = floors
     metrics = shrink_metrics(trial.real, before[:count], after[:count], rng, more=trial.lessons(), floors=floors)
     closed = closure_interval(*pairs, floor, rng)
-    report("candidates", 0.8)
-    candidates = tuple(trial.candidates(learnt, floor, rng, lambda part: report("candidates", 0.8 + 0.18 * part)))
+    progress("candidates", 0.8)
+    candidates = tuple(trial.candidates(learnt, floor, rng, lambda part: progress("candidates", 0.8 + 0.18 * part)))
     rest = locate(Paired(trial.real, after), rng).places if found.gap else ()
     status = _status(found, closed, rest)
     verdict = Verdict(
@@ -209,15 +285,23 @@ def _diagnosed(
         found.p_value, *((closed.closure, closed.ci) if found.after.effects and found.gap else (None, None)),
     )  # fmt: skip
     closer, told_closer = None, None
-    if nearest and status in ("partly_explained", "unexplained"):
-        told_closer, closer, tried = _with_stand_ins(trial, (before, after), learnt, rng, report)
+    if closest and status in ("partly_explained", "unexplained"):
+        told_closer, closer, tried = _with_stand_ins(trial, (before, after), learnt, rng, progress)
         notes += tried
-    whole = GapReport(
+    rates = sorted({c.fs_hz for c in records.conditions})
+    report = GapReport(
         verdict=verdict,
         places=located.places if found.gap else (),
         candidates=candidates,
         metrics=metrics,
-        provenance=_provenance(records, used, calibrated, spec, sim, learnt, begin),
+        provenance={
+            "n_used": len(used),
+            "n_fit": len(calibrated.fit),
+            "n_held_out": len(calibrated.held_out),
+            "bearing": calibrated.frame.bearing.name,
+            "fs_hz": rates[0] if len(rates) == 1 else rates,
+            "learnt": {key: learnt.about[key] for key in ("version", "machines", "seed") if key in learnt.about},
+        },
         notes=(*notes, *calibrated.notes, *_told(found)),
         calibration=_calibration(calibrated, found),
         rest=rest if status in ("partly_explained", "unexplained") else (),
@@ -225,8 +309,7 @@ def _diagnosed(
         curves=curves(trial.real, before[:count], after[:count] if after is not before else None),
         stand_ins=told_closer,
     )
-    report("done", 1.0)
-    return Diagnosis(whole, found, calibrated, root, closer)
+    return Diagnosis(report, found, calibrated, root, closer, closest)
 
 
 def _with_stand_ins(
@@ -234,11 +317,11 @@ def _with_stand_ins(
     verdict: tuple[list[Views], list[Views]],
     learnt: Learnt,
     rng: np.random.Generator,
-    report: Report,
+    progress: Progress,
 ) -> tuple[StandIns | None, Compared | None, list[str]]:
     """What stands in for the rest; nothing where held-out records do not say that it comes nearer for sure."""
     found = trial.found
-    closer = stand_ins(trial.evidence, found, learnt, lambda what, _: report(what, 0.98))
+    closer = stand_ins(trial.evidence, found, learnt, lambda what, _: progress(what, 0.98))
     none = ["of the other effects none brings the twin nearer to held-out records for sure"]
     if closer is None:
         return None, None, none
@@ -308,7 +391,7 @@ class _Trial:
         return self.evidence.views(made, self.grid), [str(c.fault) for c in conditions]
 
     def candidates(
-        self, learnt: Learnt, floor: float, rng: np.random.Generator, report: Callable[[float], None]
+        self, learnt: Learnt, floor: float, rng: np.random.Generator, progress: Callable[[float], None]
     ) -> Iterator[Candidate]:
         """Every catalogued effect, judged among the named ones: the gap without it and with it."""
         found = self.found
@@ -318,7 +401,7 @@ class _Trial:
         base = self._of(after)
         names = [name for name in catalogue() if name not in self.evidence.modelled]
         for done, name in enumerate(names):
-            report(done / len(names))
+            progress(done / len(names))
             probability = min(max(found.probability.get(name, 0.0), 0.0), 1.0)
             others = tuple(other for other in named if other != name)
             if name in found.cannot:
@@ -418,8 +501,6 @@ def _values(found: Estimated) -> Mapping[str, ParameterValue]:
 
 
 def _of_effect(effect: Effect, intervals: Mapping[str, tuple[float, float]]) -> Mapping[str, ParameterValue]:
-    import dataclasses
-
     return {
         field.name: ParameterValue(
             float(getattr(effect, field.name)), field.metadata["unit"], intervals.get(field.name)
@@ -455,25 +536,9 @@ def _told(found: Explanation) -> Iterator[str]:
         )
 
 
-def _provenance(
-    records: RecordSet, used: RecordSet, calibrated: Calibrated, spec: TwinSpec, sim: RecordSet | None,
-    learnt: Learnt, begin: float,
-) -> dict[str, object]:  # fmt: skip
-    rates: Sequence[float] = sorted({c.fs_hz for c in records.conditions})
-    return {
-        "seed": -1,
-        "version": versions()["twingap"],
-        "records_sha256": records.digest,
-        "runtime_s": round(time.monotonic() - begin, 3),
-        "records": records.name,
-        "twin_model": spec.model,
-        "twin_effects": list(spec.effects),
-        "n_records": len(records),
-        "n_used": len(used),
-        "n_fit": len(calibrated.fit),
-        "n_held_out": len(calibrated.held_out),
-        "bearing": calibrated.frame.bearing.name,
-        "fs_hz": rates[0] if len(rates) == 1 else list(rates),
-        "simulator": "" if sim is None else sim.name,
-        "learnt": {key: learnt.about[key] for key in ("version", "machines", "seed") if key in learnt.about},
-    }
+def _record_set(records: RecordSet | FilePath) -> RecordSet:
+    return records if isinstance(records, RecordSet) else read_record_set(records)
+
+
+def _quiet(what: str, fraction: float) -> None:
+    """Show no progress."""

@@ -75,6 +75,22 @@ class Calibrated:
     notes: tuple[str, ...]
 
 
+@dataclass(frozen=True)
+class Prepared:
+    """Records ready to calibrate a twin with: speeds corrected, split into a fit part and a held-out part.
+
+    Fields as in `Calibrated`.
+    """
+
+    fit: RecordSet
+    held_out: RecordSet
+    speeds: Speeds
+    names: tuple[str, ...]
+    shared: tuple[str, ...]
+    aside: tuple[str, ...]
+    notes: tuple[str, ...]
+
+
 def calibrate(
     records: RecordSet, spec: TwinSpec | None, rng: np.random.Generator, *, sim: RecordSet | None = None
 ) -> Calibrated:
@@ -100,6 +116,16 @@ def calibrate(
     TwingapError
         When nobody knows the bearing, or records cannot be read.
     """
+    return calibrate_prepared(prepare(records, spec, rng, sim=sim), None if sim is not None else spec, rng)
+
+
+def prepare(
+    records: RecordSet, spec: TwinSpec | None, rng: np.random.Generator, *, sim: RecordSet | None = None
+) -> Prepared:
+    """Check the records, correct their speeds and split them: the part of `calibrate` that needs no twin model.
+
+    Parameters and errors are those of `calibrate`.
+    """
     bearing = records.bearing or (spec.bearing if spec is not None else None) or (sim.bearing if sim else None)
     if bearing is None:
         raise TwingapError(
@@ -112,7 +138,6 @@ def calibrate(
             "neither a twin nor simulated records are given", mend="give a twin file, or records to --sim"
         )
     _refuse_unreadable(records)
-    spec = spec if spec is None else in_unit(spec, records.unit)
     notes: list[str] = []
     if sim is not None:
         _refuse_unreadable(sim, "simulated record")
@@ -124,14 +149,25 @@ def calibrate(
     notes += speeds.notes
     known = _with_bearing(speeds.corrected(known), bearing)
     fit, held_out, shared = split_parts(known, rng, notes)
+    return Prepared(fit, held_out, speeds, tuple(c.name for c in known.conditions), shared, aside, tuple(notes))
+
+
+def calibrate_prepared(prepared: Prepared, spec: TwinSpec | None, rng: np.random.Generator) -> Calibrated:
+    """Identify what the twin leaves free on the fit part; None, for a user's simulated records, finds the frame alone.
+
+    `rng` is in the state in which `prepare` left it, or a copy of that.
+    """
+    fit, notes = prepared.fit, list(prepared.notes)
+    assert fit.bearing is not None  # `prepare` sets it
     identified = None
-    if spec is not None and sim is None:
-        identified, frame = _identified(spec, fit, bearing, rng, notes)
+    if spec is not None:
+        identified, frame = _identified(in_unit(spec, fit.unit), fit, fit.bearing, rng, notes)
     else:
-        frame = _frame(fit, bearing, rng)
+        frame = _frame(fit, fit.bearing, rng)
     return Calibrated(
-        fit, held_out, identified, frame, speeds, tuple(c.name for c in known.conditions), shared, aside, tuple(notes)
-    )
+        fit, prepared.held_out, identified, frame, prepared.speeds, prepared.names, prepared.shared, prepared.aside,
+        tuple(notes),
+    )  # fmt: skip
 
 
 # ------------------------------------------------------------------------------------------------------------- records

@@ -164,8 +164,7 @@ def run_job(job: PublicJob, root: str | None = None) -> dict[str, Any]:
     if job.kind == "withheld":
         spec = with_effects(spec, json.loads(job.chain), job.effect)
     left_out = twin_spec(job.twin, records)[1]
-    nearest = job.kind == "twin"
-    found = diagnosed(records, spec, rng, nearest=nearest)
+    found = diagnosed(records, spec, rng, closest=job.kind == "twin")
     return {**about, "left_out": list(left_out), "twin_effects": list(spec.effects), **found}
 
 
@@ -175,15 +174,15 @@ def diagnosed(
     rng: np.random.Generator,
     sim: RecordSet | None = None,
     *,
-    nearest: bool = False,
+    closest: bool = False,
 ) -> dict[str, Any]:
-    """The diagnosis in plain values, or why it was refused; with what stands in for a rest if `nearest`."""
+    """The diagnosis in plain values, or why it was refused; with stand-ins for a rest if `closest`."""
     from twingap.gap import diagnose
 
     begin = time.perf_counter()
     size = {"records": len(records), "recordings": len(records.groups)}
     try:
-        found = diagnose(records, spec, rng, sim=sim, nearest=nearest)
+        found = diagnose(records, spec, seed=rng, sim=sim, closest=closest)
     except TwingapError as error:
         return {**size, "refused": str(error), "seconds": time.perf_counter() - begin}
     return {**size, "refused": "", "seconds": time.perf_counter() - begin, **summary(found.report)}
@@ -201,7 +200,7 @@ def summary(report: GapReport) -> dict[str, Any]:
         "closure": verdict.closure,
         "closure_ci": None if verdict.closure_ci is None else list(verdict.closure_ci),
         **_measures(report.metrics),
-        "nearest": _nearest(report.stand_ins),
+        "closest": _closest(report.stand_ins),
         "where": [
             {"place": f"{p.domain}: {place_words(p)}", "share": p.share, "p_value": p.p_value}
             for p in report.places[:5]
@@ -227,7 +226,7 @@ def _measures(metrics: Sequence[Metric]) -> dict[str, dict[str, float] | None]:
     }
 
 
-def _nearest(found: StandIns | None) -> dict[str, Any] | None:
+def _closest(found: StandIns | None) -> dict[str, Any] | None:
     if found is None:
         return None
     values = {effect: {k: v.value for k, v in of.items()} for effect, of in found.parameters.items()}

@@ -50,8 +50,8 @@ def markdown(table: Mapping[str, Any]) -> str:
         ]),
         "## What each paper's twin lacks",
         "Accuracy: of a classifier that learns from the twin's records alone, on held-out real records, before and "
-        "after the verdict's effects are added; in brackets, learning from other real records. Nearest adds: "
-        "effects that are not named, and bring the twin nearer all the same (`--nearest`); what it closes then is "
+        "after the verdict's effects are added; in brackets, learning from other real records. Closest adds: "
+        "effects that are not named, and bring the twin nearer all the same (`--closest`); what it closes then is "
         "measured with the verdict's effects, on held-out records, by fewer simulations.",
         grid(twin_rows(table)),
         *(part for row in table["twins"] for part in _details(row, titles)),
@@ -101,10 +101,10 @@ def _twin(row: Mapping[str, Any], titles: Mapping[str, str]) -> dict[str, str]:
     first = {"set": titles[row["set"]], "twin": f"{row['twin']} ({TWINS[row['twin']]})"}
     if row["refused"]:
         empty = dict.fromkeys(
-            ("lacks", "closes", "gap", "accuracy", "nearest adds", "closes then", "accuracy then"), ""
+            ("lacks", "closes", "gap", "accuracy", "closest adds", "closes then", "accuracy then"), ""
         )
         return {**first, "verdict": f"refused: {row['refused']}", **empty}
-    gap, nearest = row["gap"], row.get("nearest")
+    gap, closest = row["gap"], row.get("closest")
     return {
         **first,
         "verdict": f"{row['status']} (p {row['p_value']:.2g})",
@@ -112,9 +112,9 @@ def _twin(row: Mapping[str, Any], titles: Mapping[str, str]) -> dict[str, str]:
         "closes": _closure(row),
         "gap": f"{gap['before']:.2f} to {gap['after']:.2f} (floor {gap['floor']:.2f})",
         "accuracy": _accuracy(row["accuracy"]),
-        "nearest adds": ", ".join(nearest["effects"]) if nearest else "none",
-        "closes then": _closure(nearest) if nearest else "",
-        "accuracy then": _accuracy(nearest["accuracy"]) if nearest else "",
+        "closest adds": ", ".join(closest["effects"]) if closest else "none",
+        "closes then": _closure(closest) if closest else "",
+        "accuracy then": _accuracy(closest["accuracy"]) if closest else "",
     }
 
 
@@ -128,9 +128,9 @@ def _details(row: Mapping[str, Any], titles: Mapping[str, str]) -> list[str]:
          "values": _values(c["parameters"]), "cannot be added": c["cannot"] or ""}
         for c in row["which"]
     ]  # fmt: skip
-    nearest = [
-        {"nearest twin": effect, "values, fitted together": _values(values)}
-        for effect, values in (row.get("nearest") or {"parameters": {}})["parameters"].items()
+    closest = [
+        {"closest twin": effect, "values, fitted together": _values(values)}
+        for effect, values in (row.get("closest") or {"parameters": {}})["parameters"].items()
     ]
     places = [
         {"where": w["place"], "share": f"{w['share']:.0%}", "p": f"{w['p_value']:.2g}"} for w in row["where"]
@@ -140,7 +140,7 @@ def _details(row: Mapping[str, Any], titles: Mapping[str, str]) -> list[str]:
         f"### {titles[row['set']]}, {row['twin']}",
         row["sentence"],
         grid(named) if named else "",
-        grid(nearest) if nearest else "",
+        grid(closest) if closest else "",
         grid(places) if places else "",
         "\n".join(f"- {note}" for note in notes),
     ]

@@ -15,6 +15,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from twingap.errors import TwingapError
+from twingap.gap.report.files import to_json
+from twingap.gap.report.model import GapReport
 from twingap.records import RecordSet
 from twingap.study import rivals, statistics
 from twingap.study.blind import Blind, blinded
@@ -25,7 +27,7 @@ if TYPE_CHECKING:
     from twingap.rigs.worlds import Case
 
 Diagnose = Callable[..., Any]
-"""diagnose(records, spec, rng, *, sim=None) -> something with a `report` in the form of gap_report.schema.json."""
+"""diagnose(records, twin, *, seed, sim=None) -> a `Diagnosis`, or the content of a gap.json."""
 Prepare = Callable[[RecordSet, TwinSpec, np.random.Generator, RecordSet | None], tuple[RecordSet, RecordSet]]
 """prepare(records, spec, rng, sim) -> (records, simulated records of the calibrated twin, same conditions)."""
 Triples = Callable[[int, np.random.Generator], Iterable[tuple[RecordSet, RecordSet, frozenset[str]]]]
@@ -135,7 +137,8 @@ def asked(blind: Blind, root: Sequence[int], diagnose: Diagnose) -> dict[str, An
     report, refused = None, ""
     with Usage() as used:
         try:
-            report = report_of(diagnose(blind.records, blind.twin, np.random.default_rng([*root, 0]), sim=blind.sim))
+            rng = np.random.default_rng([*root, 0])
+            report = report_of(diagnose(blind.records, blind.twin, seed=rng, sim=blind.sim))
         except TwingapError as error:
             refused = str(error)
     return {"report": report, "refused": refused, "seconds": used.seconds, "peak_mb": used.peak_mb}
@@ -163,7 +166,7 @@ def learn_from(job: LearnJob, worlds: Triples) -> dict[str, Any]:
 def report_of(diagnosis: Any) -> dict[str, Any]:
     """Content of gap.json, without what only figures need."""
     report = getattr(diagnosis, "report", diagnosis)
-    table = dict(report.to_json() if hasattr(report, "to_json") else report)
+    table = to_json(report) if isinstance(report, GapReport) else dict(report)
     table.pop("curves", None)
     return table
 

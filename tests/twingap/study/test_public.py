@@ -146,9 +146,9 @@ def test_a_report_becomes_a_row_and_its_verdict_a_chain_for_the_twin() -> None:
     assert row["gap"] == {"before": 2.0, "after": 1.0, "floor": 0.1}
     assert row["accuracy"] == {"before": 0.4, "after": 0.6, "floor": 0.9}
     assert [one["effect"] for one in row["which"]] == ["clipping", "mean_slip"]
-    assert row["nearest"]["gap"]["after"] == 0.7 and row["nearest"]["accuracy"] is None
-    assert row["nearest"]["effects"] == ["looseness"] and row["nearest"]["parameters"] == {"looseness": {"level": 0.2}}
-    assert public_jobs.summary(dataclasses.replace(report, stand_ins=None))["nearest"] is None
+    assert row["closest"]["gap"]["after"] == 0.7 and row["closest"]["accuracy"] is None
+    assert row["closest"]["effects"] == ["looseness"] and row["closest"]["parameters"] == {"looseness": {"level": 0.2}}
+    assert public_jobs.summary(dataclasses.replace(report, stand_ins=None))["closest"] is None
     assert "10 to 20 Hz" in row["where"][0]["place"]
     chain = public_jobs.chain_of(row)
     assert chain == {"clipping": {"rail": 3.0}}
@@ -287,7 +287,7 @@ def table(title: str, real: bool) -> dict[str, Any]:
         "where": [{"place": "frequency: 10 to 20 Hz", "share": 0.3, "p_value": 0.001}], "notes": ["a note"],
         "which": [{"effect": "clipping", "probability": 0.9, "closure": 0.5, "ci": [0.4, 0.6], "cannot": None,
                    "parameters": {"rail": 3.0}}],
-        "nearest": {"effects": ["looseness"], "closure": 0.72, "closure_ci": [0.66, 0.78], "gap": None,
+        "closest": {"effects": ["looseness"], "closure": 0.72, "closure_ci": [0.66, 0.78], "gap": None,
                     "accuracy": {"before": 0.41, "after": 0.53, "floor": 0.91},
                     "parameters": {"looseness": {"level": 0.25}}},
     }  # fmt: skip

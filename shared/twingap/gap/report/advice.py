@@ -87,7 +87,7 @@ def next_steps(report: GapReport) -> tuple[str, ...]:
         for domain in dict.fromkeys(p.domain for p in left[:6]):
             at = "; ".join(place_words(p) for p in [p for p in left if p.domain == domain][:3])
             steps.append(f"The {subject} lies in {_WORDS[domain]}: {at}. {_LOOK[domain]}")
-        steps.append(_nearest(report))
+        steps.append(_closest(report))
         steps.append(
             "Once you have a suspicion, write it as an effect of your own (five lines, see `twingap.effects`) and "
             "register it: the diagnosis tries it like any other."
@@ -95,25 +95,25 @@ def next_steps(report: GapReport) -> tuple[str, ...]:
     return tuple(steps)
 
 
-def _nearest(report: GapReport) -> str:
-    """Of the nearest twin: ask for it, use it, or not, by what a classifier learns from it."""
+def _closest(report: GapReport) -> str:
+    """Of the closest twin: ask for it, use it, or not, by what a classifier learns from it."""
     found = report.stand_ins
     if found is None:
         return (
-            "If a twin to train on matters more than names, ask for the nearest one, with effects that stand in for "
-            "the rest: run the diagnosis with `--nearest`."
+            "If a twin to train on matters more than names, ask for the closest one, with effects that stand in for "
+            "the rest: run the diagnosis with `--closest`."
         )
     added = listed(found.effects)
     accuracy = next((m for m in found.metrics if m.higher_is_better), None)
     if accuracy is None:
-        return f"If a twin to train on matters more than names, use the nearest one, with {added} standing in."
+        return f"If a twin to train on matters more than names, use the closest one, with {added} standing in."
     verdict = next((m.after for m in report.metrics if m.metric == accuracy.metric), accuracy.before)
     named, as_it_was, by_verdict = (f"{100 * part:.0f} %" for part in (accuracy.after, accuracy.before, verdict))
     right = f"{named} of held-out records; {as_it_was} after the twin as calibrated, {by_verdict} after the verdict's"
     if accuracy.after > max(accuracy.before, verdict):
-        return f"To train on, use the nearest twin, with {added} standing in: a classifier then names {right}."
+        return f"To train on, use the closest twin, with {added} standing in: a classifier then names {right}."
     return (
-        f"The nearest twin, with {added} standing in, teaches a classifier no more (it names {right}): nearer is not "
+        f"The closest twin, with {added} standing in, teaches a classifier no more (it names {right}): nearer is not "
         "better for every use."
     )
 

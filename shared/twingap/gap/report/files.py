@@ -28,6 +28,7 @@ from twingap.gap.report.model import (
     TwoSampleTest,
     Verdict,
 )
+from twingap.gap.report.page import page
 from twingap.gap.report.schema import SCHEMA, problems
 from twingap.provenance import plain
 
@@ -61,7 +62,7 @@ def to_json(report: GapReport) -> dict[str, Any]:
     return table
 
 
-def write(report: GapReport, folder: str | os.PathLike[str]) -> tuple[Path, Path]:
+def write_report(report: GapReport, folder: str | os.PathLike[str]) -> tuple[Path, Path]:
     """Write gap.json and report.html into a folder, both or none.
 
     Returns
@@ -76,8 +77,6 @@ def write(report: GapReport, folder: str | os.PathLike[str]) -> tuple[Path, Path
     ValueError
         As `to_json`.
     """
-    from twingap.gap.report.page import page  # draws figures: a report is read without that
-
     table = to_json(report)
     as_json, as_html = Path(folder) / "gap.json", Path(folder) / "report.html"
     with replacing(as_json) as data, replacing(as_html) as text:

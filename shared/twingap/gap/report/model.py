@@ -14,9 +14,6 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, Final, Literal
 
 if TYPE_CHECKING:
-    import os
-    from pathlib import Path
-
     import pandas as pd
 
 Status = Literal["no_gap", "explained", "partly_explained", "unexplained"]
@@ -392,18 +389,6 @@ class GapReport:
             for m in self.metrics
         )
         return _frame(rows, columns)
-
-    def to_json(self) -> dict[str, Any]:
-        """The content of gap.json; see `twingap.gap.report.files.to_json`."""
-        from twingap.gap.report.files import to_json
-
-        return to_json(self)
-
-    def write(self, folder: str | os.PathLike[str]) -> tuple[Path, Path]:
-        """Write gap.json and report.html into a folder, both or none; see `twingap.gap.report.files.write`."""
-        from twingap.gap.report.files import write
-
-        return write(self, folder)
 
 
 def listed(effects: Iterable[str], last: str = "and") -> str:

@@ -1,6 +1,6 @@
 """report.html: a diagnosis as one page that needs nothing beside it.
 
-GapReport --page--> verdict, where, which, how far, what is left, the nearest twin, what to do next; figures by plotly,
+GapReport --page--> verdict, where, which, how far, what is left, the closest twin, what to do next; figures by plotly,
                     embedded once
 
 The page opens offline and asks nothing of the network. Whatever comes from the user's data is escaped. Its bytes
@@ -246,12 +246,12 @@ def _stand_ins(report: GapReport) -> str:
     ]
     text = (
         f"{found.sentence} Real machines differ from a twin in much that has no name here; these effects, at these "
-        "values, bring the twin nearest to the records. Whether a model learns more from it, the accuracy says where "
+        "values, bring the twin closest to the records. Whether a model learns more from it, the accuracy says where "
         "faults are known. Before and after, on held-out records."
         + (" ◆ marks the verdict." if report.verdict.effects else "")
     )
     head = ("effect", "values, fitted together")
-    return _section("The nearest twin", html.escape(text), _metrics(found.metrics) + _table(head, rows))
+    return _section("The closest twin", html.escape(text), _metrics(found.metrics) + _table(head, rows))
 
 
 def _metrics(metrics: Sequence[Metric]) -> str:

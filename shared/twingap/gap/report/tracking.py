@@ -87,7 +87,7 @@ def _metrics(report: GapReport) -> dict[str, Any]:
         found |= {f"probability/{c.effect}": c.probability, f"candidate_closure/{c.effect}": c.closure}
     if report.stand_ins is not None:
         found |= {"stand_ins": len(report.stand_ins.effects), "closure_with_stand_ins": report.stand_ins.closure}
-        found |= {f"nearest/{metric.metric}": metric.after for metric in report.stand_ins.metrics}
+        found |= {f"closest/{metric.metric}": metric.after for metric in report.stand_ins.metrics}
     found |= {f"test_p/{test.name}": test.p_value for test in report.tests}
     found |= {f"calibration/{name}": p.value for name, p in report.calibration.items()}
     return found

@@ -104,7 +104,7 @@ def stand_ins(
     return Closer(now, added) if added else None
 
 
-def nearest_spec(compared: Compared) -> TwinSpec | None:
+def closest_spec(compared: Compared) -> TwinSpec | None:
     """The twin file of a twin with these effects at these values; None for a simulator that has no such file."""
     if not isinstance(compared.simulator, TwinSimulator):
         return None

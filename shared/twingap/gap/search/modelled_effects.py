@@ -1,9 +1,9 @@
-"""Effects that the twin file names without a value: read off the fit part, as whatever else it leaves open.
+"""Values of effects that the twin file names without a value, estimated on the fit part.
 
-twin without them --calibrated--> features of the fit part --estimates, brought nearest--> twin with their values
+twin without them --calibrate--> features of the fit part --estimates, then optimised--> twin with their values
 
-A modelled effect at a default that is not the machine's is a gap of the file's making, not of the twin's: it would be
-blamed on whatever looks like the difference. Effects of which the file gives any value keep defaults for the others.
+At a default value that is not the machine's, a modelled effect would cause a gap of its own, and the diagnosis would
+name some other effect for it. An effect with any value given keeps the defaults of its other parameters.
 """
 
 from __future__ import annotations
@@ -16,8 +16,8 @@ import numpy as np
 
 from twingap.gap.search.effect_search import valued
 from twingap.gap.search.evidence import THOROUGH, Evidence, simulator_of, values_of
-from twingap.identify.calibrate import calibrate
-from twingap.records import RecordSet
+from twingap.gap.search.parameter_scale import coordinates
+from twingap.identify.calibrate import Prepared, calibrate_prepared
 from twingap.streams import root_entropy
 from twingap.twins.twin_file import TwinSpec
 
@@ -27,25 +27,23 @@ if TYPE_CHECKING:
 
 
 def without_values(spec: TwinSpec) -> tuple[str, ...]:
-    """Effects of the twin file of which it gives no value, and which have one to give."""
-    from twingap.gap.search.parameter_scale import coordinates
-
+    """Effects with learnable parameters of which the twin file gives no value."""
     learnable = {name for name, _ in coordinates()}
     return tuple(dict.fromkeys(n for n in spec.effects if n in learnable and not spec.parameters.get(n)))
 
 
 def completed(
-    records: RecordSet, spec: TwinSpec, rng: np.random.Generator, learnt: Learnt
+    prepared: Prepared, spec: TwinSpec, rng: np.random.Generator, learnt: Learnt
 ) -> tuple[TwinSpec, tuple[str, ...]]:
-    """The twin with values for all its effects, and notes of those that were found.
+    """The twin with values for all its effects, and notes that name the estimated ones.
 
     Parameters
     ----------
-    records : RecordSet
-        All of them; only the fit part is looked at.
+    prepared : Prepared
+        The records, split; only the fit part is used.
     spec : TwinSpec
     rng : numpy.random.Generator
-        In the state in which the calibration will get it, so that the fit part is the same.
+        A copy of the generator that the calibration will get.
     learnt : Learnt
 
     Raises
@@ -58,7 +56,7 @@ def completed(
         return spec, ()
     kept = {name: value for name, value in spec.parameters.items() if name not in names}
     bare = replace(spec, effects=tuple(n for n in spec.effects if n not in names), parameters=kept)
-    calibrated = calibrate(records, bare, rng)
+    calibrated = calibrate_prepared(prepared, bare, rng)
     evidence = Evidence(calibrated, simulator_of(calibrated), bare, root_entropy(rng) >> 66, THOROUGH)
     found = valued(evidence, learnt, names)
     values = {effect.name: values_of(effect) for effect in found}
@@ -71,4 +69,4 @@ def _told(found: Sequence[Effect]) -> tuple[str, ...]:
     each = "; ".join(
         f"{e.name} ({', '.join(f'{name} = {value:.4g}' for name, value in values_of(e).items())})" for e in found
     )
-    return (f"the twin file gives no value of effects that it names; they were read off the fit part: {each}",)
+    return (f"the twin file names effects without a value; they were estimated on the fit part: {each}",)

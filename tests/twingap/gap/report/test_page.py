@@ -106,16 +106,16 @@ def test_what_names_close_is_not_claimed_beyond_its_interval(
     assert [one for one in every if one in shown] == [says]
 
 
-def test_the_nearest_twin_is_shown_apart_from_the_verdict(make_report: MakeReport) -> None:
+def test_the_closest_twin_is_shown_apart_from_the_verdict(make_report: MakeReport) -> None:
     report = make_report("partly_explained")
     values = {name: {"depth": ParameterValue(0.3171)} for name in ("second_resonance", "load_zone")}
     metrics = (dataclasses.replace(report.metrics[0], after=0.7654),)
     told = dataclasses.replace(report, stand_ins=StandIns(("load_zone",), values, 0.6, (0.5, 0.7), metrics))
     before, shown = (" ".join(Reader(own(page(one))).words.split()) for one in (report, told))
-    assert "The nearest twin" not in before and "run the diagnosis with --nearest" in before
+    assert "The closest twin" not in before and "run the diagnosis with --closest" in before
     assert "With load zone standing in" in shown and "0.7654" in shown and "0.3171" in shown
-    assert "run the diagnosis with --nearest" not in shown and "use the nearest one, with load zone" in shown
-    better, no_more = "To train on, use the nearest twin", "teaches a classifier no more"
+    assert "run the diagnosis with --closest" not in shown and "use the closest one, with load zone" in shown
+    better, no_more = "To train on, use the closest twin", "teaches a classifier no more"
     for after, says in ((0.97, better), (0.9, no_more), (0.5, no_more)):  # the verdict's twin teaches 0.95
         accuracy = Metric("accuracy", 0.6, after, 1.0, (0.4, 0.95), higher_is_better=True)
         taught = StandIns(("load_zone",), values, 0.6, (0.5, 0.7), (*metrics, accuracy))

@@ -1,4 +1,4 @@
-"""The nearest twin: effects stand in for whatever the machine has, as far as they bring records and twin together."""
+"""The closest twin: stand-ins for whatever the machine has bring records and twin together."""
 
 from __future__ import annotations
 
@@ -11,9 +11,10 @@ import pytest
 from twingap.bearing import BEARINGS
 from twingap.effects import Effect, make_effect
 from twingap.gap import diagnose
+from twingap.gap.report.files import to_json
 from twingap.gap.report.schema import problems
 from twingap.gap.search import evidence as evidence_module
-from twingap.gap.search.closest_twin import Closer, nearest_spec, stand_ins
+from twingap.gap.search.closest_twin import Closer, closest_spec, stand_ins
 from twingap.gap.search.effect_search import Explanation
 from twingap.gap.search.evidence import Compared, Evidence, simulator_of
 from twingap.gap.search.optimise import bring_nearest, left_over
@@ -78,15 +79,15 @@ def test_what_nobody_named_is_brought_nearer(closer: tuple[Evidence, Explanation
     assert nearer.added[0] == "impact_scatter"  # of the two the plainer one
 
 
-def test_the_nearest_twins_file_makes_the_same_records(
+def test_the_closest_twins_file_makes_the_same_records(
     closer: tuple[Evidence, Explanation, Closer], tmp_path: Any
 ) -> None:
     evidence, _, nearer = closer
-    spec = nearest_spec(nearer.compared)
+    spec = closest_spec(nearer.compared)
     assert spec is not None
     assert set(spec.effects) == set(nearer.added)
-    write_twin(tmp_path / "nearest.toml", spec)
-    again = TwinSimulator(read_twin(tmp_path / "nearest.toml"), BEARINGS["6205"])
+    write_twin(tmp_path / "closest.toml", spec)
+    again = TwinSimulator(read_twin(tmp_path / "closest.toml"), BEARINGS["6205"])
     conditions = evidence.fit.conditions[:3]
     one, other = (
         simulator.simulate(effects, conditions, 5, 0)
@@ -106,34 +107,32 @@ def test_a_twin_as_near_as_chance_allows_gets_nothing(learnt: Any) -> None:
 
 def test_a_diagnosis_tells_of_them_beside_the_verdict_and_changes_nothing_else(learnt: Any) -> None:
     records = machine(*PLAIN)
-    plain, asked = (
-        diagnose(records, SPEC, np.random.default_rng(0), learnt=learnt, nearest=nearest) for nearest in (False, True)
-    )
+    plain, asked = (diagnose(records, SPEC, learnt=learnt, closest=closest) for closest in (False, True))
     told = asked.report.stand_ins
     assert told is not None and plain.report.stand_ins is None
     assert asked.report.verdict == plain.report.verdict
     assert asked.report.metrics == plain.report.metrics
-    assert problems(asked.report.to_json()) == []
+    assert problems(to_json(asked.report)) == []
     assert not set(told.effects) & set(asked.report.verdict.effects)
     assert set(told.parameters) >= set(told.effects)
     overall = told.metrics[0]
     assert overall.after < asked.report.metrics[0].after
     assert told.closure_ci[0] <= told.closure <= told.closure_ci[1]
-    spec = asked.nearest_twin()
+    spec = asked.closest_twin()
     assert spec is not None and set(told.effects) <= set(spec.effects)
-    nearest, after = list(asked.sim_nearest()), list(asked.sim_after())
-    assert [r.condition.name for r in nearest] == [r.condition.name for r in after]
-    assert any(not np.array_equal(a.samples, b.samples) for a, b in zip(nearest, after, strict=True))
-    # Without any, the nearest twin is the verdict's.
-    same = zip(plain.sim_nearest(), plain.sim_after(), strict=True)
+    closest, after = list(asked.sim_closest()), list(asked.sim_after())
+    assert [r.condition.name for r in closest] == [r.condition.name for r in after]
+    assert any(not np.array_equal(a.samples, b.samples) for a, b in zip(closest, after, strict=True))
+    # Without any, the closest twin is the verdict's.
+    same = zip(plain.sim_closest(), plain.sim_after(), strict=True)
     assert all(np.array_equal(a.samples, b.samples) for a, b in same)
 
 
 def test_finished_records_have_no_twin_file(learnt: Any) -> None:
     calibrated = calibrate(machine(*LACKS), None, np.random.default_rng(1), sim=machine())
     evidence = Evidence(calibrated, simulator_of(calibrated, machine()), SPEC, 7)
-    assert nearest_spec(evidence.against()) is None
+    assert closest_spec(evidence.against()) is None
     now = evidence.against()
     found = Explanation(0.01, True, (), {}, ((),), 0.01, now, now, {})
     nearer = stand_ins(evidence, found, learnt)
-    assert nearer is None or nearest_spec(nearer.compared) is None
+    assert nearer is None or closest_spec(nearer.compared) is None

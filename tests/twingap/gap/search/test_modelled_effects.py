@@ -11,6 +11,7 @@ from tests.twingap.gap.search.test_optimise import machine
 from twingap.effects import make_effect
 from twingap.gap import diagnose
 from twingap.gap.search.modelled_effects import completed, without_values
+from twingap.identify.calibrate import prepare
 from twingap.twins.twin_file import TwinSpec
 
 
@@ -27,14 +28,15 @@ def test_values_are_read_off_the_fit_part_and_stand_in_the_report(learnt: Any) -
     named = TwinSpec("phenomenological", ("mains_interference",))
     rng = np.random.default_rng(3)
     before = copy.deepcopy(rng.bit_generator.state)
-    spec, notes = completed(records, named, copy.deepcopy(rng), learnt)
+    prepared = prepare(records, named, copy.deepcopy(rng))
+    spec, notes = completed(prepared, named, copy.deepcopy(rng), learnt)
     assert rng.bit_generator.state == before
     found = spec.parameters["mains_interference"]
     assert isinstance(found, dict) and abs(np.log(found["level"] / 0.8)) < 0.5
     assert found["mains_hz"] == 50.0
     assert len(notes) == 1 and "mains_interference (level = " in notes[0]
     given = TwinSpec("phenomenological", ("mains_interference",), None, {"mains_interference": dict(found)})
-    assert completed(records, given, rng, learnt) == (given, ())
-    report = diagnose(records, named, np.random.default_rng(3), learnt=learnt).report
+    assert completed(prepared, given, rng, learnt) == (given, ())
+    report = diagnose(records, named, seed=3, learnt=learnt).report
     assert notes[0] in report.notes
     assert "mains_interference" not in report.verdict.effects
