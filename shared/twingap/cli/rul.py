@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from twingap.cli.options import AnySeed, Effects, Json, refuse_overwriting, say_json, show, wrote
+from twingap.cli.progress import progress
 
 if TYPE_CHECKING:
     from twingap.prognosis.estimate import LifeOptions

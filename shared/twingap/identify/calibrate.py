@@ -126,16 +126,6 @@ def prepare(
 
     Parameters and errors are those of `calibrate`.
     """
-    return calibrate_prepared(prepare(records, spec, rng, sim=sim), None if sim is not None else spec, rng)
-
-
-def prepare(
-    records: RecordSet, spec: TwinSpec | None, rng: np.random.Generator, *, sim: RecordSet | None = None
-) -> Prepared:
-    """Check the records, correct their speeds and split them: the part of `calibrate` that needs no twin model.
-
-    Parameters and errors are those of `calibrate`.
-    """
     bearing = records.bearing or (spec.bearing if spec is not None else None) or (sim.bearing if sim else None)
     if bearing is None:
         raise TwingapError(
