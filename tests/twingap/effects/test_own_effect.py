@@ -124,7 +124,7 @@ def test_a_measurement_that_isolates_its_stage_decides(belt_tones: type[Effect])
     )
     steps = next_steps(SimpleNamespace(verdict=verdict, tests=(), candidates=()))  # type: ignore[arg-type]
     (decides,) = (step for step in steps if "To decide" in step)
-    assert "belt_tones" in decides
+    assert "belt tones" in decides
     assert decides.count(measurements.OTHER_SPEED) == 1
 
 
