@@ -3,17 +3,14 @@
 from __future__ import annotations
 
 import dataclasses
-import importlib
 import math
-import sys
-from collections.abc import Iterator
 from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from twingap.effects import Draft, Effect, Stage, base, catalogue, effect_name, make_effect, measurements
+from twingap.effects import Draft, Effect, Stage, catalogue, effect_name, make_effect, measurements, registry
 from twingap.effects.observations import Observations
 from twingap.gap.knowledge.effect_features import columns
 from twingap.gap.knowledge.machines import draw_machine
@@ -53,14 +50,13 @@ MACHINE = draw_machine(np.random.default_rng(0), own_simulator=False, most_recor
 
 
 @pytest.fixture
-def belt_tones(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[type[Effect]]:
+def belt_tones(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> type[Effect]:
     """The effect, registered from a file of its own."""
     coordinates()  # whatever was asked before the effect was known
-    monkeypatch.setattr(base, "_REGISTRY", dict(base._REGISTRY))
-    (tmp_path / "belt_tones_of_a_user.py").write_text(MODULE)
-    monkeypatch.syspath_prepend(tmp_path)
-    yield importlib.import_module("belt_tones_of_a_user").BeltTones
-    del sys.modules["belt_tones_of_a_user"]
+    monkeypatch.setattr(registry, "_OWN", {})
+    (tmp_path / "belt_tones.py").write_text(MODULE)
+    (name,) = registry.load_effects(tmp_path / "belt_tones.py")
+    return catalogue()[name]
 
 
 def observations(bearing: object) -> Observations:
@@ -124,7 +120,7 @@ def test_a_measurement_that_isolates_its_stage_decides(belt_tones: type[Effect])
     )
     steps = next_steps(SimpleNamespace(verdict=verdict, tests=(), candidates=()))  # type: ignore[arg-type]
     (decides,) = (step for step in steps if "To decide" in step)
-    assert "belt_tones" in decides
+    assert "belt tones" in decides
     assert decides.count(measurements.OTHER_SPEED) == 1
 
 
@@ -138,9 +134,9 @@ def test_a_form_of_a_known_effect_bears_its_name_unless_it_is_registered() -> No
 
 
 def test_a_registered_form_of_a_known_effect_is_another_effect(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(base, "_REGISTRY", dict(base._REGISTRY))
+    monkeypatch.setattr(registry, "_OWN", {})
 
-    @base.register
+    @registry.register
     @dataclasses.dataclass(frozen=True)
     class WornClipping(catalogue()["clipping"]):  # type: ignore[misc]
         """Registered."""

@@ -17,7 +17,19 @@ import scipy.fft
 from numpy.typing import NDArray
 
 from twingap.bearing import Bearing
-from twingap.effects import Draft, Effect, Mode, make_effect
+from twingap.effects import (
+    ColouredNoise,
+    Draft,
+    Effect,
+    ImpactScatter,
+    LoadZone,
+    MeanSlip,
+    Mode,
+    Quantisation,
+    SlipJitter,
+    SpeedFluctuation,
+    SpeedGain,
+)
 from twingap.gap.features.impacts.response_sampling import continuous
 from twingap.records import Condition
 from twingap.streams import Streams
@@ -248,15 +260,14 @@ def draw_conditions(
 
 def _imperfections(rng: np.random.Generator, fs_hz: float) -> tuple[Effect, ...]:
     """Departures from the baseline that every machine has, each well below what deserves a name."""
-    small = [
-        ("slip_jitter", {"sigma": 0.002 * rng.random(), "accumulating": bool(rng.random() < 0.5)}),
-        ("impact_scatter", {"sigma": 0.03 * rng.random()}),
-        ("load_zone", {"depth": 0.03 * rng.random()}),
-        ("speed_fluctuation", {"level": 0.0003 * rng.random(), "bandwidth_hz": 2.0}),
-        ("mean_slip", {"slip": 0.0006 * rng.standard_normal()}),
-        ("quantisation", {"step": 0.002 * rng.random() + 1e-5}),
-        ("coloured_noise", {"level": 0.03 * rng.random(), "slope": 1.0, "low_hz": 10.0, "high_hz": fs_hz * 0.5}),
-        ("speed_gain", {"exponent": 0.03 * rng.standard_normal(), "reference_speed_rpm": 1500.0}),
-    ]
-    chance = {"slip_jitter": 0.3}  # rollers never come quite evenly
-    return tuple(make_effect(name, about) for name, about in small if rng.random() < chance.get(name, 0.15))
+    small = (  # chance and effect; rollers never come quite evenly
+        (0.3, SlipJitter(sigma=0.002 * rng.random(), accumulating=bool(rng.random() < 0.5))),
+        (0.15, ImpactScatter(sigma=0.03 * rng.random())),
+        (0.15, LoadZone(depth=0.03 * rng.random())),
+        (0.15, SpeedFluctuation(level=0.0003 * rng.random(), bandwidth_hz=2.0)),
+        (0.15, MeanSlip(slip=0.0006 * rng.standard_normal())),
+        (0.15, Quantisation(step=0.002 * rng.random() + 1e-5)),
+        (0.15, ColouredNoise(level=0.03 * rng.random(), slope=1.0, low_hz=10.0, high_hz=fs_hz * 0.5)),
+        (0.15, SpeedGain(exponent=0.03 * rng.standard_normal(), reference_speed_rpm=1500.0)),
+    )
+    return tuple(effect for chance, effect in small if rng.random() < chance)

@@ -1,10 +1,10 @@
-"""What estimates say of values, while a search moves them to where the twin comes nearest.
+"""Priors of parameters: penalties on values that a search moves away from their estimates.
 
-estimate: number, and how far nine of ten are off --Student's t--> strain of a value that is moved away from it
+estimate: number, and how far nine of ten are off --Student's t--> penalty ("strain") of another value
 
-Estimates read what no distance on a few records shows: a trend of level over all speeds, a line's frequency to a part
-in ten thousand. Where distance is flat in a value, the estimate stands; where it is steep, it gives way, and the
-farther off the records' own answer lies, the less it still pulls.
+Estimates use what no distance on a few records shows: a trend of level over all speeds, a line's frequency to a part in
+ten thousand. Where the distance is flat in a value, the estimate stands; where it is steep, the value moves, and the
+farther off the records' own optimum lies, the less the estimate still pulls.
 """
 
 from __future__ import annotations
@@ -16,24 +16,24 @@ from typing import Final, NamedTuple
 from scipy.stats import norm
 
 FREEDOM: Final = 4.0
-"""Degrees of freedom of the t-distribution: now and then an estimate is far off without knowing it."""
+"""Degrees of freedom of the t-distribution. Fewer give way sooner to records that contradict an estimate."""
 BINS: Final = 30.0
-"""Bins that say something of their own, of the hundreds that a record is compared in."""
+"""Independent bins among the hundreds in which records are compared. More weaken all priors beside the distance."""
 _NINE_OF_TEN: Final = float(norm.ppf(0.95))
 _EXACT: Final = 1e-6
-"""Scale of the error of an estimate that has never been off: it holds, but for plain evidence."""
+"""Least scale of an estimate's error, so that even one that has never been off gives way to plain evidence."""
 
 Key = tuple[str, str]
 """Effect and parameter."""
 
 
 class Said(NamedTuple):
-    """What an estimate says of a value.
+    """Prior of one value, from its estimate.
 
     Parameters
     ----------
     number : float
-        Comparable, see `training.parameters`.
+        Comparable between machines, see `parameter_scale`.
     within : float
         Nine of ten estimates like it are off by less.
     """
@@ -47,20 +47,20 @@ class Said(NamedTuple):
         return max(self.within / _NINE_OF_TEN, _EXACT)
 
     def strain(self, number: float) -> float:
-        """Of another value: -2 ln of how much less likely it is than the estimate."""
+        """Penalty of another value: -2 ln of how much less likely it is than the estimate."""
         return (FREEDOM + 1) * math.log1p((number - self.number) ** 2 / (FREEDOM * self.spread**2))
 
     def stiffness(self, number: float) -> float:
-        """Of a spring that pulls from there as the strain does: weight over the error's variance."""
+        """Stiffness of a spring that pulls from there as the penalty does: weight over the error's variance."""
         off = (number - self.number) ** 2 / self.spread**2
         return (FREEDOM + 1) / (FREEDOM + off) / self.spread**2
 
 
 def strain(said: Mapping[Key, Said], at: Mapping[Key, float]) -> float:
-    """Of several values; 0 at the estimates."""
+    """Penalty of several values; 0 at the estimates."""
     return sum(said[key].strain(at[key]) for key in said if key in at)
 
 
 def pull(records: int) -> float:
-    """By how much a strain adds to a squared distance: as much as noise in means of so many records does."""
+    """Weight of a penalty beside a squared distance: as much as noise in means of so many records."""
     return 1 / (BINS * max(records, 1))

@@ -1,4 +1,4 @@
-"""Values of effects as numbers that compare between machines: relative to sampling rate, run or nothing.
+"""Parameters as numbers that are comparable between machines: relative to sampling rate, run or nothing.
 
 effect on a machine <--> one number per parameter, logarithmic where the parameter is
 """
@@ -27,7 +27,7 @@ _LARGEST_LOG: Final = 60.0
 
 @dataclass(frozen=True)
 class Setting:
-    """What numbers are relative to: the records' rate and run.
+    """Sampling rate, run and speed of a set of records, which comparable numbers are relative to.
 
     Parameters
     ----------
@@ -84,7 +84,7 @@ def to_effect(name: str, numbers: Mapping[str, float], setting: Setting) -> Effe
 
 
 def a_little_off(effect: Effect, error: float, setting: Setting, rng: np.random.Generator) -> Effect:
-    """The effect at values about as wrong as estimates are.
+    """The effect at values with errors as estimates have them.
 
     Parameters
     ----------
