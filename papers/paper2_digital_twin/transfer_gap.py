@@ -4,8 +4,8 @@ contact twin, printed values --------------+--> virtual machines: noise drawn --
 effects named for each data set, as found --+                                                    real recordings --^
 
 Used in: Paper 2, section 3.2.3, and this project's question what its twin lacks. `availability` teaches the network by
-a twin that was written for it; here it is the paper's, whose gap to both data sets `twingap study public` diagnoses. Run
-as part of the paper, or alone: python -m papers.paper2_digital_twin.transfer_gap --profile full --out DIR
+a twin that was written for it; here it is the paper's, whose gap to both data sets `twingap study public` diagnoses.
+Run as part of the paper, or alone: python -m papers.paper2_digital_twin.transfer_gap --profile full --out DIR
 """
 
 from __future__ import annotations
