@@ -8,7 +8,6 @@ On disk: `twingap.records.folder`; splits: `twingap.records.split`.
 from __future__ import annotations
 
 import hashlib
-import html
 import json
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
