@@ -1,4 +1,4 @@
-"""Why proposed model 3 does not beat DANN on every bearing: an encoding at a time, on simulated lives and on true ones.
+"""Ablation of proposed model 3: one encoding at a time, on simulated lives and on true ones.
 
 case --as simulated------------------------> lives --+
 case --rate of growth nearest to the truth-> lives --+--> DANN, + speed, + sequence, + both; seeds --> ablation, summary

@@ -1,4 +1,4 @@
-"""The runs to predict: what is known of each at the moment of prediction, and, for the judge alone, how it went on.
+"""Runs to predict: what is known of each at the moment of prediction, and, for evaluation alone, its continuation.
 
 Smart Maintenance set, or virtual rig --> run by run --> Case: twin, records up to now | later rows, the truth
 """

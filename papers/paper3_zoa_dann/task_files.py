@@ -1,4 +1,4 @@
-"""Tasks A1-A4 and B1-B3, one file each under tasks/: what is adapted to, what is judged on, and how much.
+"""Tasks A1-A4 and B1-B3, one file each under tasks/: records to adapt to and to evaluate on.
 
 tasks/A1.toml --> TaskFile --+
 record set ------------------+--> material: windows to adapt to (no labels), windows to judge on, bearings of both

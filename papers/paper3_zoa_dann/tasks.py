@@ -1,4 +1,4 @@
-"""The target: recordings, and which of them are adapted to and which are judged on.
+"""Target data: recordings to adapt to and to evaluate on.
 
 data set, or virtual rig --> recordings --> Task: adapt (labels taken away) | evaluate (other recordings, labelled)
 """

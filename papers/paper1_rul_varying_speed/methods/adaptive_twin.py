@@ -1,4 +1,4 @@
-"""The twin without history: what paper 1 reads off one bearing's run, up to now, to simulate how it may go on.
+"""Twin of one bearing, fitted to its run up to now, that simulates how the run may go on.
 
 healthy rows ----> eq. 8: mode            ----------------------------+
              \\--> eqs. 9, 10: S(speed) --> eq. 11 --> K_anomaly ------+--> AdaptiveTwin: lives with speeds, S, D and

@@ -1,4 +1,4 @@
-"""Parts and sizes of the network for remaining life, without what runs it.
+"""Parts and sizes of the network for remaining life, without torch.
 
 samples, kernels, strides, pools --> features of a record --> joined with the encodings: what the layers behind see
 """

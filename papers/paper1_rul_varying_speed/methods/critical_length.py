@@ -1,4 +1,4 @@
-"""How long a record must be to hold a stroke of the rarest fault.
+"""Record length that holds at least one impact of the rarest fault (eq. 16).
 
 bearing, lowest speed --> ball spin frequency --eq. 16--> samples
 """

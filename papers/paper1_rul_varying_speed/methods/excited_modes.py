@@ -1,4 +1,4 @@
-"""Modes that a growing defect excites, from what its records have more than healthy ones.
+"""Modes that a growing defect excites, from spectra before and after the anomaly.
 
 records after K_anomaly, up to now --PSD--+
                                           +-- difference --> hills --> frequency, damping (half power), gain

@@ -1,4 +1,4 @@
-"""How good predictions of remaining life were, once the end of life is known.
+"""Metrics of predicted remaining life against the true one.
 
 true remaining life [rows], predicted [rows], interval [rows, 2] --> RMSE, alpha-lambda, relative accuracy, horizon,
                                                                      score of the PHM 2012 challenge, coverage

@@ -1,4 +1,4 @@
-"""The network from one record, its speed and its place in the run to remaining life; plain or adversarial.
+"""Network that predicts remaining life from a record, its speed and its place in the run; plain or adversarial.
 
 record [batch, samples] --conv, pool, conv, pool--> features [batch, 112] --+
 sequence encoding [batch, 24] ----------------------------------------------+--> joined --> regressor --> life

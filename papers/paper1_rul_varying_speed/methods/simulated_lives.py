@@ -1,4 +1,4 @@
-"""Vibration snapshots of simulated lives, labelled; and those of the real run, without labels.
+"""Vibration snapshots of simulated lives with labels, and of the real run without.
 
 lives: speed, S(k) D(k), revolutions --amplitude for that peak to peak--> phenomenological twin --> Snapshots, labelled
 records of the run after K_anomaly, speed, place ------------------------------------------------> Snapshots, no labels

@@ -1,4 +1,4 @@
-"""Training of the network for remaining life: simulated lives with labels, the real run's records without.
+"""Training of the network for remaining life, on labelled simulated lives and the run's unlabelled records.
 
 simulated: record, place, speed --> features --+--> regressor ------------> eq. 7, mean squared error
 real, up to now: the same, no labels ----------+--> reversal --> discriminator --> eq. 15     (adversarial models)

@@ -1,4 +1,4 @@
-"""The live twin: states and now and then vibration come in, parameters are kept up to date, updates recorded.
+"""Live twin: parameters kept up to date from states and occasional vibration, with a journal of updates.
 
 StateMessage, Snapshot --> Reorder --> LiveTwin (Laws, SpectrumModel, DriftDetector, refit) --> Journal
 

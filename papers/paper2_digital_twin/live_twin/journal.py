@@ -1,4 +1,4 @@
-"""What a live twin has done and why: every update, every snapshot it judged, every message it could not use.
+"""Journal of a live twin: updates with reasons, evaluated snapshots, unusable messages.
 
 updates, judgements, counts --> data frames --> tracker
 """

@@ -1,4 +1,4 @@
-"""How clearance and damping follow temperature.
+"""Laws of clearance and damping with temperature.
 
 temperature --> inner ring warmer than outer ring --> clearance
             --> oil viscosity (Walther) -----------> damping of the film, beside damping that stays

@@ -1,4 +1,4 @@
-"""Messages put in order, in bounded memory: late, out of order, repeated, missing, impossible; each counted.
+"""Buffer that puts messages in order of time, in bounded memory, and counts those that it cannot use.
 
 arriving messages --> usable? --> new? --> not behind the watermark? --> heap, at most `capacity` --> in order of time
                         |          |            |                            |

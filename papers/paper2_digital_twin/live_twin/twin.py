@@ -1,4 +1,4 @@
-"""A contact twin that lives: it follows temperature by law, and is identified anew when its residuals drift.
+"""Contact twin that is updated live: it follows temperature by law, and is fitted anew when its residuals drift.
 
 messages --> Reorder --> state ------> temperature moved? --> clearance, damping by `laws` ----------> journal (law)
                      --> snapshot --> spectrum against the twin's --> deviation --> DriftDetector
@@ -120,7 +120,7 @@ class _Seen:
 
 
 class LiveTwin:
-    """A twin that is told what happens and keeps up with it.
+    """A contact twin that is updated from messages.
 
     Parameters
     ----------
@@ -190,7 +190,7 @@ class LiveTwin:
 
     @property
     def state(self) -> MachineState | None:
-        """The latest state that was let go by the buffer; its temperature is the one that the laws have been told."""
+        """The latest state that was let go by the buffer; its temperature is the one that the laws were last set by."""
         return self._state
 
     @property

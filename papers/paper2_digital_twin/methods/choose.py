@@ -1,4 +1,4 @@
-"""Which method, given how many fault records are labelled: one function that chooses and says why.
+"""Choice of a method of diagnosis by how many fault records are labelled, with the reason.
 
 labelled records of each fault, healthy records --> network from the twin | network, corrected | SVM | SOM-MQE
 

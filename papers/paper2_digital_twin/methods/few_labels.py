@@ -1,4 +1,4 @@
-"""Support vectors for few labelled records: scaling inside the pipeline, its settings by grouped cross-validation.
+"""Support vector machine for few labelled records, its settings chosen by grouped cross-validation.
 
 labelled features, recordings --> [scale -> SVM] x settings --folds without a shared recording--> best --> classifier
 

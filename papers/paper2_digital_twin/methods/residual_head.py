@@ -1,4 +1,4 @@
-"""A head that corrects a trained network where labelled records say otherwise, and leaves it alone elsewhere.
+"""Correction of a trained network near labelled records, by a Gaussian process.
 
 network --log probabilities x trust--> mean ---+
 features of records --squared exponential--> Gaussian process about it --labelled records--> logits --> probabilities

@@ -1,4 +1,4 @@
-"""What adaptation adds to the loss on labelled source windows: reversed discriminators, and discrepancies.
+"""Adaptation losses beside that on labelled source windows: reversed discriminators, and discrepancies.
 
 features, logits of source and target --+--> reversal --> discriminators --> mean domain loss
                                         +--> kernel discrepancy (of all, or class by class) x weight

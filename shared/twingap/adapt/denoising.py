@@ -1,4 +1,4 @@
-"""The multi-scale mode denoising network: small convolutions, fusion across branches, a gate per channel.
+"""Multi-scale mode denoising network: small convolutions, fusion across branches, a gate for each channel.
 
 modes [batch, K, N] --branches--> [batch, C, N/4] --fusion--> [batch, C, N/8] --gate--> mappings [batch, C, N/8]
 

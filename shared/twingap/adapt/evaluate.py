@@ -1,4 +1,4 @@
-"""Figures of merit on labelled windows, and their intervals over seeds."""
+"""Figures of merit on labelled windows, with intervals over seeds."""
 
 from __future__ import annotations
 

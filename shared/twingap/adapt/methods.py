@@ -1,4 +1,4 @@
-"""The nine methods of paper 3 as a table of options, and the one way to train and ask any of them.
+"""Classifiers of fault classes as a table of options, with one way to fit and to judge any of them.
 
 source Windows (labelled) ---+--> ModeInputs --> split by group --> train --> checkpoints --> chosen without labels
 target Windows (unlabelled) -+                                                                   |

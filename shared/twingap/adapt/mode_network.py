@@ -1,4 +1,4 @@
-"""The network of paper 3, with and without each of its parts.
+"""Network on variational modes: denoising, attention, classifier; each part may be left out.
 
 modes [batch, K, N] -> denoising (or lift) -> [batch, C, N/8] -> attention (or none) -> convolutional feed-forward
     extractor -> features [batch, 100] -> classifier -> logits [batch, classes]

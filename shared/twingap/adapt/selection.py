@@ -1,4 +1,4 @@
-"""Choosing a checkpoint without target labels.
+"""Selection of a checkpoint without target labels.
 
 Every criterion looks at labelled source windows held out from training and at unlabelled target windows; higher is
 better. `DEFAULT` was chosen before any target accuracy was looked at: information maximisation, because in the largest

@@ -1,4 +1,4 @@
-"""One training loop for every network and every alignment.
+"""Training loop of every network and every alignment.
 
 labelled source ----> extractor -> classifier -> cross-entropy
                           |

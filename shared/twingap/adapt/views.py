@@ -1,4 +1,4 @@
-"""What a network is shown of a window: its waveform, or a spectrum that leaves out what differs between machines.
+"""Network inputs from windows: the waveform, or spectra without what differs between machines.
 
 samples [windows, length] --view--> input [windows, 1, points], float32
 

@@ -1,4 +1,4 @@
-"""Simulators that a diagnosis can question: the same conditions, the same chances, other effects.
+"""Simulators for the diagnosis: same conditions, common random numbers, chosen effects.
 
 conditions + effects --TwinSimulator--> the twin with those effects, streams by record and replicate --> records
                      --OwnSimulator---> the user's simulated records, see `own_simulator` -------------> records
@@ -87,7 +87,7 @@ class TwinSimulator:
     unit : str
         Of the records.
     conditions : sequence of Condition, optional
-        Those to be simulated, for `can_add` to ask about.
+        Those to be simulated; `can_add` tests them.
 
     Raises
     ------
@@ -159,9 +159,9 @@ def why_not(
     """
     if name not in catalogue():
         return f"unknown effect {name!r}"
-    asked = conditions or (Condition("any", 1800.0, 1e6, 64, "inner"),)
+    tried = conditions or (Condition("any", 1800.0, 1e6, 64, "inner"),)
     reasons = set()
-    for fault in dict.fromkeys(c.fault for c in asked):
+    for fault in dict.fromkeys(c.fault for c in tried):
         condition = Condition("any", 1800.0, 1e6, 64, fault)
         t = np.arange(64) / condition.fs_hz
         draft = Draft(condition, bearing, reference_rms, t, t * 30.0, excitation=excitation)
