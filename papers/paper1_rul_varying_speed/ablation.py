@@ -200,7 +200,7 @@ def run(
 
     options, size = read_options(config), profile_of(PROFILES, profile, Path(__file__))
     if size.bench is not None:
-        options = dataclasses.replace(options, target=dataclasses.replace(options.target, stand_in_seed=size.bench))
+        options = dataclasses.replace(options, target=dataclasses.replace(options.target, surrogate_seed=size.bench))
     target = load_target(options.target, root, size.bearings)
     trainings = len(size.bearings) * len(size.lives) * size.seeds * len(size.models)
     count = Count("trainings", trainings, progress)

@@ -201,8 +201,8 @@ def load_target(
     rig = SmartMaintenanceRig(
         interval_s=options.interval_s, profile=options.profile, bearings=tuple(bearings)
     )  # fmt: skip
-    records = stored_records(rig, options.stand_in_seed, progress=progress)
-    onsets_s = {name: own.onset_s for name, own in truth(rig, options.stand_in_seed).items()}
+    records = stored_records(rig, options.surrogate_seed, progress=progress)
+    onsets_s = {name: own.onset_s for name, own in truth(rig, options.surrogate_seed).items()}
     return Target(records, rig.title, real=False, onsets_s=onsets_s)
 
 

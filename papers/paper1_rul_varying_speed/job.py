@@ -107,7 +107,7 @@ def simulate(job: Job, known: Known, digest: str = "") -> tuple[Snapshots, Snaps
         twin, n_samples = known.twin, known.real.samples.shape[1]
         make = LifeSimulator(
             twin, known.bearing, known.fault, known.fs_hz, n_samples, rng, job.signal, known.unit,
-            healthy=known.healthy, struck=known.real,
+            healthy=known.healthy, faulty=known.real,
         )  # fmt: skip
 
         def several(lives: tuple[Trajectory, ...], copies: int) -> Snapshots:

@@ -23,7 +23,7 @@ class LifeArchitecture:
     Parameters
     ----------
     sequence, speed : bool
-        Whether it is told the record's place in the run, and its speed.
+        Whether the record's place in the run, and its speed, are inputs.
     adversarial : bool
         Whether a discriminator with gradient reversal takes part.
     length : int

@@ -91,7 +91,7 @@ def alpha_lambda(true: ArrayLike, predicted: ArrayLike, lam: float = 0.5, alpha:
     Parameters
     ----------
     true, predicted : array_like [rows]
-        From the first prediction t_P on: rows before the first finite prediction are not looked at.
+        From the first prediction t_P on: rows before the first finite prediction are left out.
     lam : float
         0 at t_P, 1 at the end of life.
     alpha : float

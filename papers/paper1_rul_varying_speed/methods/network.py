@@ -67,7 +67,7 @@ class LifeNetwork(nn.Module):
         ----------
         x : Tensor [batch, length]
         sequence, speed : Tensor [batch, d_model], optional
-            Needed by a network that takes them, and not looked at by one that does not.
+            Needed by a network that takes them, and unused by another.
 
         Returns
         -------

@@ -2,7 +2,7 @@
 
 labelled features, recordings --> [scale -> SVM] x settings --folds without a shared recording--> best --> classifier
 
-Two pieces of one recording are nearly the same: a fold that holds one and trains on the other tells nothing, and a
+Two pieces of one recording are nearly the same: a fold that holds one and trains on the other shows nothing, and a
 scaler fitted before the split has seen the answer's size. Neither can happen here.
 """
 

@@ -199,7 +199,7 @@ def fit(
     ------
     TwingapError
         For an unknown method or criterion, labels on the target, none on the source, windows of a length that the
-        network cannot take, or variations asked for of inputs that are no waveforms.
+        network cannot take, or variations of inputs that are no waveforms.
     """
     options = _known(method)
     if criterion not in CRITERIA:

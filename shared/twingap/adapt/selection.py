@@ -22,7 +22,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Evidence:
-    """What may be looked at when choosing: nothing here knows a target label.
+    """Input of a selection criterion: without target labels.
 
     Parameters
     ----------

@@ -90,7 +90,7 @@ class HealthyModel:
         return [s for s in taken if s.places.size]
 
     def mode_may_be_masked(self, fit: HealthyFit, baseline: Mask) -> bool:
-        """Whether bins at the resonance were left out as a line, which short records do not separate from a sharp mode."""
+        """Whether bins at the resonance were left out as a line, though they may be of a sharp mode."""
         lengths = [c.duration_s for c, own in zip(self.records.conditions, baseline, strict=True) if own]
         if min(lengths) >= SHORT_S or self.mode_unknown or self.mode_from.any():
             return False

@@ -2,8 +2,8 @@
 
 record set folder --> records.csv, sorted by time_s --> RunRow, ... --load--> peak to peak, kurtosis, rms
 
-Unlike `records.read_record_set`, a row may state that the machine stood still (speed_rpm 0), and then needs no file; and
-a record whose samples are not all finite does not end the reading. All else in a row is checked in the same way.
+Unlike `records.read_record_set`, a row may state that the machine stood still (speed_rpm 0), and then needs no file;
+and a record whose samples are not all finite does not end the reading. All else in a row is checked in the same way.
 """
 
 from __future__ import annotations
