@@ -1,4 +1,4 @@
-"""Why proposed model 3 does not beat DANN on every bearing: an encoding at a time, on simulated lives and on true ones.
+"""Ablation of proposed model 3: one encoding at a time, on simulated lives and on true ones.
 
 case --as simulated------------------------> lives --+
 case --rate of growth nearest to the truth-> lives --+--> DANN, + speed, + sequence, + both; seeds --> ablation, summary
@@ -200,7 +200,7 @@ def run(
 
     options, size = read_options(config), profile_of(PROFILES, profile, Path(__file__))
     if size.bench is not None:
-        options = dataclasses.replace(options, target=dataclasses.replace(options.target, stand_in_seed=size.bench))
+        options = dataclasses.replace(options, target=dataclasses.replace(options.target, surrogate_seed=size.bench))
     target = load_target(options.target, root, size.bearings)
     trainings = len(size.bearings) * len(size.lives) * size.seeds * len(size.models)
     count = Count("trainings", trainings, progress)

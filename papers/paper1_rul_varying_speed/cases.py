@@ -1,4 +1,4 @@
-"""The runs to predict: what is known of each at the moment of prediction, and, for the judge alone, how it went on.
+"""Runs to predict: what is known of each at the moment of prediction, and, for evaluation alone, its continuation.
 
 Smart Maintenance set, or virtual rig --> run by run --> Case: twin, records up to now | later rows, the truth
 """
@@ -201,8 +201,8 @@ def load_target(
     rig = SmartMaintenanceRig(
         interval_s=options.interval_s, profile=options.profile, bearings=tuple(bearings)
     )  # fmt: skip
-    records = stored_records(rig, options.stand_in_seed, progress=progress)
-    onsets_s = {name: own.onset_s for name, own in truth(rig, options.stand_in_seed).items()}
+    records = stored_records(rig, options.surrogate_seed, progress=progress)
+    onsets_s = {name: own.onset_s for name, own in truth(rig, options.surrogate_seed).items()}
     return Target(records, rig.title, real=False, onsets_s=onsets_s)
 
 

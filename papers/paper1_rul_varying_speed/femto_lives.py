@@ -3,7 +3,7 @@
 snapshots of a run, up to now --> twin, six simulated lives --+--> CNN, proposed model 3 --> judged to the run's end
                                                               |
     with the effects that the gap diagnosis names on records from the anomaly to now, or with what those records say
-    of strikes, noise and path ("closed", as in table 5) -----+
+    of impacts, noise and path ("closed", as in table 5) -----+
 
 The recipe is the paper's, with what these runs force on it: snapshots of 0.1 s every 10 s, each run at one speed, no
 planted fault (inner race is taken, as in the paper), and no known end (ten times the healthy peak to peak is taken, as

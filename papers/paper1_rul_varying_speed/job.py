@@ -1,4 +1,4 @@
-"""One training and its judgement: what the sweep runs once per bearing, model and seed.
+"""One training and its evaluation: the job that the sweep runs for each bearing, model and seed.
 
 twin --> simulated lives, labelled --+--> train --> checkpoints --> choose without labels --> judge on the whole run
 records up to now, no labels --------+
@@ -107,7 +107,7 @@ def simulate(job: Job, known: Known, digest: str = "") -> tuple[Snapshots, Snaps
         twin, n_samples = known.twin, known.real.samples.shape[1]
         make = LifeSimulator(
             twin, known.bearing, known.fault, known.fs_hz, n_samples, rng, job.signal, known.unit,
-            healthy=known.healthy, struck=known.real,
+            healthy=known.healthy, faulty=known.real,
         )  # fmt: skip
 
         def several(lives: tuple[Trajectory, ...], copies: int) -> Snapshots:

@@ -1,4 +1,4 @@
-"""The gap between this paper's twin and the runs by stage of life and speed, and what adding the named effects buys.
+"""Study of the gap between this paper's twin and the runs, by stage of life and speed, and of adding the named effects.
 
 run, stage, speeds --> records ------------------------------+
 the twin at their speeds and peaks to peak --> simulated ----+--> `twingap.gap` --> verdict: a row of life_gap

@@ -119,7 +119,7 @@ def pair_of(asked: Asked, cases: Sequence[Case], model: SignalModel) -> tuple[Re
         real += as_records(own.samples, own.speed_rpm, known.fs_hz, fault, names, groups)
         twin = LifeSimulator(
             known.twin, known.bearing, known.fault, known.fs_hz, own.samples.shape[1], rng, model, known.unit,
-            healthy=known.healthy, struck=known.real,
+            healthy=known.healthy, faulty=known.real,
         )  # fmt: skip
         for copy in range(COPIES):
             if fault == "healthy":

@@ -26,7 +26,7 @@ class TargetOptions:
     ----------
     data_set : str
         By its name in `twingap.data`; the virtual rig takes its place where the data are not at hand.
-    stand_in_seed : int
+    surrogate_seed : int
         Which bench of the rig.
     interval_s : float
         From one snapshot of the rig to the next.
@@ -39,7 +39,7 @@ class TargetOptions:
     """
 
     data_set: str
-    stand_in_seed: int
+    surrogate_seed: int
     interval_s: float
     profile: str
     fault: str

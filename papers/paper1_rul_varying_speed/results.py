@@ -1,4 +1,4 @@
-"""What comes out: of one run, and of all."""
+"""Results of one run, and of all."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Usual estimators of remaining life, to be compared with: each causal, each given what the estimator here is given.
+"""Usual estimators of remaining life for comparison: each causal, with the same input as the online estimator.
 
 rows since the onset: revolutions, log amplitude --exponential fit, particle filter--> remaining revolutions
 features of every row, runs that ended ----------random forest----------------------> remaining revolutions

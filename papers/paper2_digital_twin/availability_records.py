@@ -1,4 +1,4 @@
-"""What diagnosis by data availability learns from and is judged on: recordings cut into pieces of equal shaft angle.
+"""Recordings of the availability study, cut into pieces of equal shaft angle.
 
 recording --cut--> pieces of some turns (the labelled "records") --> modulation, features
               +--> short windows --> features for the healthy map

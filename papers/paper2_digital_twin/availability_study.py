@@ -1,4 +1,4 @@
-"""What the study of diagnosis by labelled data is asked, and what came out.
+"""Configuration and results of the availability study.
 
 availability.toml --read_study--> StudyOptions;  Study, all that tables and figures show
 """

@@ -1,4 +1,4 @@
-"""The contact model's motion itself: displacement and velocity of the inner ring, not the measured acceleration.
+"""Motion in the contact model: displacement and velocity of the inner ring.
 
 Jobs (bearing, parameters, condition, angles), start --> kernel, one sample at a time --> x, y, vx, vy at every sample
 

@@ -1,4 +1,4 @@
-"""Degradation, as a study of its own: which indicator, which curve, and what each would have said of remaining life.
+"""Degradation study: which indicator, which curve, and the remaining life that each predicts.
 
 runs to failure --> features --> candidates (healthy start) --> criteria --> chosen on other runs; fusion feature 9
 indicator of a run --job--> eight curves: criteria, errors on records after each tenth of life, remaining life

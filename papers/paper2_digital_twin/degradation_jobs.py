@@ -1,4 +1,4 @@
-"""What is computed for one run and one indicator, and for one kind of simulated run: jobs that workers do.
+"""Jobs of the degradation study: one run and one indicator, or one kind of simulated run.
 
 Analysis --fit whole, plain and robust; fit each first tenth--> criteria, errors on later records, remaining life
 Coverage --simulated runs of a known curve--> how often the interval of the life holds the true one

@@ -1,4 +1,4 @@
-"""What the degradation study is asked, what is judged of one run, and what came out.
+"""Configuration and results of the degradation study.
 
 degradation.toml --read_study--> DegradationOptions;  Judged, a run;  Study, all that tables and figures show
 """

@@ -1,4 +1,4 @@
-"""Dynamics, as a study of its own: does the contact model settle to balance, and do injected faults strike on time?
+"""Dynamics study: whether the contact model settles to balance, and whether faults give impacts at their rates.
 
 settings x speeds x loads x clearances --> RK4 from rest at the centre --> displacement, velocity --> settled?
                                                   |                              |

@@ -1,4 +1,4 @@
-"""What the dynamics study is asked, one bearing at one operating point, and what came out.
+"""Configuration, cases and results of the dynamics study.
 
 dynamics.toml --read_dynamics--> DynamicsOptions;  Case, the jobs;  Dynamics, all that tables and figures show
 """

@@ -1,4 +1,4 @@
-"""Which recordings show the line of their own fault, held against recordings that do not have the fault.
+"""Study of recordings that show the line of their own fault, compared with recordings without the fault.
 
 recording, sensor --five bands--> squared-envelope spectra --orders--> prominence of each fault's line, highest band
                                                                                                 |

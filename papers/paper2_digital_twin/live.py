@@ -1,4 +1,4 @@
-"""Live updating, as a study of its own: what does it buy to keep the twin up to date?
+"""Study of live updating: errors of a twin that is kept up to date, against a frozen one.
 
 virtual machine that drifts --> states, snapshots --> poor line --> frozen | laws alone | identification alone | live
             (rigs.drifting)                                                    |

@@ -1,4 +1,4 @@
-"""What the study of live updating is asked, one machine that is lived through, and what came out.
+"""Configuration, machines and results of the study of live updating.
 
 live.toml --read_live--> LiveStudyOptions;  Scenario, the jobs;  LiveStudy, all that tables and figures show
 """

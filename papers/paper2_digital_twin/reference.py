@@ -1,4 +1,4 @@
-"""The contact model written a second time, slowly: the static Hertz solution and SciPy's integration.
+"""Reference implementation of the contact model: static Hertz solution, and integration by SciPy.
 
 parameters, cage angle --root finder--> where the ring rests;  the same forces --DOP853--> displacement, velocity
 

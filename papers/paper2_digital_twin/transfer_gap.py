@@ -1,4 +1,4 @@
-"""What closing the gap buys: the network taught by paper 2's own twin, as printed and with what `twingap gap` names.
+"""Study of closing the gap for transfer: a network trained on paper 2's twin as printed, and with the named effects.
 
 contact twin, printed values --------------+--> virtual machines: noise drawn --> images --> network, no label --> judge
 effects named for each data set, as found --+                                                    real recordings --^

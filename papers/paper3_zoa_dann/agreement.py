@@ -1,4 +1,4 @@
-"""How far simulated signals are from measured ones: PRD, RMSE and MMD, of waveforms and of spectra.
+"""Distance of simulated signals from measured ones: PRD, RMSE and MMD, of waveforms and of spectra.
 
 measured, simulated records --windows of unit RMS--> waveforms, each pair aligned --> PRD, RMSE, MMD
                                                  --> amplitude spectra ------------> PRD, RMSE, MMD

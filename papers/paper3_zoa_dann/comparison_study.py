@@ -1,4 +1,4 @@
-"""What the comparison of methods is asked, and what came out.
+"""Configuration and results of the comparison of methods.
 
 comparison.toml --read_comparison--> ComparisonOptions;  TaskOutcome, a task;  Comparison, all that is shown
 """

@@ -1,4 +1,4 @@
-"""Identification, as a study of its own: does the zebra find stiffness and damping, and what do they buy?
+"""Identification study: stiffness and damping by the zebra algorithm and by others, and their use for adaptation.
 
 CWRU recordings (inner, outer, ball) --first half--> search: optimiser x seed x setting --> convergence
                                                               |

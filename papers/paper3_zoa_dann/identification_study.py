@@ -1,4 +1,4 @@
-"""What the identification study is asked, its three kinds of jobs, and what came out.
+"""Configuration, jobs and results of the identification study.
 
 identification.toml --read_study--> StudyOptions;  Search, Comparison, Recovery, the jobs;  Study, all that is shown
 """

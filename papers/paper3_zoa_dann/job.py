@@ -1,4 +1,4 @@
-"""One training and its judgement: what the sweep runs once per task, input, method and seed.
+"""One training and its evaluation: the job that the sweep runs for each task, input, method and seed.
 
 source (labelled) ---+--> train --> checkpoints --> select without target labels --> judge on other recordings
 adapt (no labels) ---+                                      |                                   |

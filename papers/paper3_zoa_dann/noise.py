@@ -1,4 +1,4 @@
-"""White noise at a stated ratio, added to windows that stand for noisier recordings.
+"""White noise at a stated signal-to-noise ratio, added to windows.
 
 windows --power of each recording--> + white noise at snr_db below (or above) it
 """

@@ -23,9 +23,9 @@ class TargetOptions:
     ----------
     data_set : str
         Public data set, by its name in `twingap.data`.
-    stand_in : str
+    surrogate : str
         Virtual rig that takes its place where the data are not at hand.
-    stand_in_seed : int
+    surrogate_seed : int
         Which machine of that kind.
     loads_hp : tuple[int, ...]
         Loads whose recordings are used.
@@ -36,8 +36,8 @@ class TargetOptions:
     """
 
     data_set: str
-    stand_in: str
-    stand_in_seed: int
+    surrogate: str
+    surrogate_seed: int
     loads_hp: tuple[int, ...]
     classes: tuple[str, ...]
     window_samples: int

@@ -1,4 +1,4 @@
-"""What the paper's network reads of each variational mode: its waveform, as in the paper, or its envelope spectrum.
+"""Study of what the network is given of each variational mode: its waveform, or its envelope spectrum.
 
 tasks --prepared--> cell, material, recipe --quantity x method x seed--> trials --> accuracy, paired by task and seed
 

@@ -1,4 +1,4 @@
-"""What comes out: of one task, and of all."""
+"""Results of one task, and of all."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Tasks A1-A4 and B1-B3, one file each under tasks/: what is adapted to, what is judged on, and how much.
+"""Tasks A1-A4 and B1-B3, one file each under tasks/: records to adapt to and to evaluate on.
 
 tasks/A1.toml --> TaskFile --+
 record set ------------------+--> material: windows to adapt to (no labels), windows to judge on, bearings of both
@@ -158,7 +158,7 @@ class Material(Measured):
         return digest_of_value([super().digest, list(self.adapted), [str(name) for name in self.bearing]])
 
 
-def load_recordings(task: TaskFile, root: Path | None, stand_in: TargetOptions, duration_s: float) -> Target | None:
+def load_recordings(task: TaskFile, root: Path | None, surrogate: TargetOptions, duration_s: float) -> Target | None:
     """The recordings of a task's data set.
 
     Parameters
@@ -166,7 +166,7 @@ def load_recordings(task: TaskFile, root: Path | None, stand_in: TargetOptions, 
     task : TaskFile
     root : Path or None
         Data root; TWINGAP_DATA when None.
-    stand_in : TargetOptions
+    surrogate : TargetOptions
         Whose virtual rig takes the place of its data set where that is not at hand.
     duration_s : float
         Length of the rig's recordings.
@@ -187,11 +187,11 @@ def load_recordings(task: TaskFile, root: Path | None, stand_in: TargetOptions, 
         _check(task, records)
         return Target(records, TITLES.get(task.data_set, task.data_set), real=True)
     except data.NotAtHandError:
-        if root is not None and (task.data_set == stand_in.data_set or (root / task.data_set).exists()):
+        if root is not None and (task.data_set == surrogate.data_set or (root / task.data_set).exists()):
             raise
-    if task.data_set != stand_in.data_set:
+    if task.data_set != surrogate.data_set:
         return None
-    rig = make_rig(stand_in.stand_in, duration_s=duration_s).records(stand_in.stand_in_seed)
+    rig = make_rig(surrogate.surrogate, duration_s=duration_s).records(surrogate.surrogate_seed)
     _check(task, rig)
     return Target(rig, f"virtual rig, not {TITLES.get(task.data_set, task.data_set)}", real=False)
 

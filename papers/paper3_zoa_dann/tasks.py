@@ -1,4 +1,4 @@
-"""The target: recordings, and which of them are adapted to and which are judged on.
+"""Target data: recordings to adapt to and to evaluate on.
 
 data set, or virtual rig --> recordings --> Task: adapt (labels taken away) | evaluate (other recordings, labelled)
 """
@@ -91,8 +91,8 @@ def load_target(options: TargetOptions, root: Path | None, rig_duration_s: float
     except data.NotAtHandError:
         if root is not None:
             raise
-    rig = make_rig(options.stand_in, duration_s=rig_duration_s)
-    return Target(_wanted(rig.records(options.stand_in_seed), options), "virtual rig, not CWRU", real=False)
+    rig = make_rig(options.surrogate, duration_s=rig_duration_s)
+    return Target(_wanted(rig.records(options.surrogate_seed), options), "virtual rig, not CWRU", real=False)
 
 
 def _wanted(records: RecordSet, options: TargetOptions) -> RecordSet:

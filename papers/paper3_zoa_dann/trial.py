@@ -1,4 +1,4 @@
-"""One trial: a method trained at one seed and one noise level, and judged. What the sweep runs.
+"""One trial: a method trained at one seed and one noise level, and evaluated.
 
 source (labelled) ----------------+--> fit --> judge on all windows, and on those of unseen bearings alone
 adapt (no labels) --noise at SNR--+              ^

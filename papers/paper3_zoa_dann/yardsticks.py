@@ -1,4 +1,4 @@
-"""What a method must beat: guessing, and the analyst who reads the envelope spectrum.
+"""Reference results for comparison: guessing, and the analyst's rule on the envelope spectrum.
 
 windows --> band (whole, or most impulsive) --> squared-envelope spectrum --> prominence at the fault orders
         --> the strongest, or healthy

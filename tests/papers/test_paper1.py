@@ -43,7 +43,7 @@ def ringing(f_hz: float, damping: float) -> tuple[list[float], list[float]]:
     return [0.0, r * np.sin(turn)], [1.0, -2 * r * np.cos(turn), r * r]
 
 
-def stand_in(spoil_after: int | None = None) -> list[Record]:
+def surrogate(spoil_after: int | None = None) -> list[Record]:
     """A run in the form of the Smart Maintenance set, by other means than the twin: damage grows by the revolution."""
     rng, made, wear, k = np.random.default_rng(0), [], 0.0, 0
     bpfi = BEARINGS["6205"].bpfi
@@ -70,7 +70,7 @@ def stand_in(spoil_after: int | None = None) -> list[Record]:
 
 @pytest.fixture(scope="module")
 def records() -> list[Record]:
-    return stand_in()
+    return surrogate()
 
 
 @pytest.fixture(scope="module")
@@ -113,7 +113,7 @@ def case(records: list[Record], config: Path) -> Case:
 def test_nothing_after_now_reaches_training(case: Case, config: Path) -> None:
     """Later records, and with them the end of life and every label, are changed: training is the same, to the byte."""
     options = read_options(config)
-    other = case_of(stand_in(spoil_after=case.known.twin.now_row), options)
+    other = case_of(surrogate(spoil_after=case.known.twin.now_row), options)
     assert len(other.judged) < len(case.judged), "the run ends earlier"
     assert not np.array_equal(other.judged.revolutions[:5], case.judged.revolutions[:5])  # type: ignore[index]
     for job in pipeline._jobs(case, options, options.profile("tiny"), 0):

@@ -126,7 +126,7 @@ def test_a_question_may_be_asked_of_some_models_and_lives_on_another_bench(
     asked: list[int] = []
 
     def watched(options: TargetOptions, *rest: Any, **more: Any) -> Target:
-        asked.append(options.stand_in_seed)
+        asked.append(options.surrogate_seed)
         return load_target(options, *rest, **more)
 
     monkeypatch.setattr(ablation, "load_target", watched)
@@ -137,4 +137,4 @@ def test_a_question_may_be_asked_of_some_models_and_lives_on_another_bench(
     assert list(every["model"]) == list(models) == list(summary["model"]) and set(every["lives"]) == {SIMULATED}
     assert asked == [5] and made.computed == 2
     confirm = ablation.PROFILES["confirm"]
-    assert confirm.bench not in (None, read_options().target.stand_in_seed) and DANN in confirm.models
+    assert confirm.bench not in (None, read_options().target.surrogate_seed) and DANN in confirm.models

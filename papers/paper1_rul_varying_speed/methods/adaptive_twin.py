@@ -1,10 +1,10 @@
-"""The twin without history: what paper 1 reads off one bearing's run, up to now, to simulate how it may go on.
+"""Twin of one bearing, fitted to its run up to now, that simulates how the run may go on.
 
 healthy rows ----> eq. 8: mode            ----------------------------+
              \\--> eqs. 9, 10: S(speed) --> eq. 11 --> K_anomaly ------+--> AdaptiveTwin: lives with speeds, S, D and
 rows K_anomaly .. now --> eq. 12: rate a, give or take ---------------+    remaining revolutions (eq. 14)
 
-No row after `now_row` is looked at: `adapt` is handed none. Source: section 3 of paper 1 (Simulation-based remaining
+No row after `now_row` is used: `adapt` is handed none. Source: section 3 of paper 1 (Simulation-based remaining
 useful life prediction of rolling element bearings under varying operating conditions).
 """
 
@@ -93,7 +93,7 @@ class AdaptiveTwin:
     period_rows : int
         Of the speed profile: what was taken to come after now repeats it.
     now_row : int
-        Last row that was looked at.
+        Last row that was used.
     """
 
     mode: HealthyFit
@@ -214,7 +214,7 @@ def lives_that_may_follow(
 
 
 def adapt_when_possible(
-    run: Run, mode: HealthyFit, options: Adaptation, tell: Callable[[str], None] = lambda why: None
+    run: Run, mode: HealthyFit, options: Adaptation, note: Callable[[str], None] = lambda why: None
 ) -> AdaptiveTwin:
     """Adapt at the first moment at which the paper's recipe can be followed.
 
@@ -224,10 +224,10 @@ def adapt_when_possible(
     Parameters
     ----------
     run : Run
-        Rows after the returned twin's `now_row` are not looked at.
+        Rows after the returned twin's `now_row` are not used.
     mode : HealthyFit
     options : Adaptation
-    tell : callable
+    note : callable
         Called with the reason of each failed attempt.
 
     Raises
@@ -248,6 +248,6 @@ def adapt_when_possible(
             return adapt(run.until(now), mode, options)
         except TwingapError as error:
             why = str(error)
-            tell(f"row {now}: {why}")
+            note(f"row {now}: {why}")
         now += step
     raise NoLifeError(f"no life could be simulated before the run's end: {why}", where="run")

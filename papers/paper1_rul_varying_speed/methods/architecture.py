@@ -1,4 +1,4 @@
-"""Parts and sizes of the network for remaining life, without what runs it.
+"""Parts and sizes of the network for remaining life, without torch.
 
 samples, kernels, strides, pools --> features of a record --> joined with the encodings: what the layers behind see
 """
@@ -23,7 +23,7 @@ class LifeArchitecture:
     Parameters
     ----------
     sequence, speed : bool
-        Whether it is told the record's place in the run, and its speed.
+        Whether the record's place in the run, and its speed, are inputs.
     adversarial : bool
         Whether a discriminator with gradient reversal takes part.
     length : int

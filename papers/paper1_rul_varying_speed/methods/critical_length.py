@@ -1,4 +1,4 @@
-"""How long a record must be to hold a stroke of the rarest fault.
+"""Record length that holds at least one impact of the rarest fault (eq. 16).
 
 bearing, lowest speed --> ball spin frequency --eq. 16--> samples
 """
@@ -35,8 +35,8 @@ def critical_length(bearing: Bearing, lowest_speed_rpm: float, fs_hz: float, imp
 
     Notes
     -----
-    A ball strikes both races in one spin, but the paper counts one stroke, of one race. Its own case, a 6205 at
-    1000 rpm and 50 kHz, asks for 25,459 samples for 20 impacts with the geometry of the SKF 6205; its 25,000 ("at least
+    A ball meets both races in one spin, but the paper counts one impact, on one race. Its own case, a 6205 at
+    1000 rpm and 50 kHz, needs 25,459 samples for 20 impacts with the geometry of the SKF 6205; its 25,000 ("at least
     20 impacts") hold 19.6.
     """
     if not (lowest_speed_rpm > 0 and fs_hz > 0 and impacts > 0):

@@ -1,4 +1,4 @@
-"""Growth of damage after the anomaly, and the run-to-failure lives that may follow from what was seen of it.
+"""Growth of damage after the anomaly (eq. 12), and trajectories to failure that may follow.
 
 normalised peak to peak, rows after K_anomaly --eq. 12--> DamageFit: rate a
 rate a, S, speed profile, end-of-life limit --------------> central end of life --Simulation range--> Trajectory, ...

@@ -1,4 +1,4 @@
-"""Numbers that tell a network where in the run and at which speed a record was taken.
+"""Encodings of a record's place in the run and of its speed, for a network (eq. 13).
 
 row after the anomaly, 1, 2, ... ----------------+
                                                  +--eq. 13--> [rows, d_model] sines and cosines

@@ -1,11 +1,11 @@
-"""Modes that a growing defect excites, from what its records have more than healthy ones.
+"""Modes that a growing defect excites, from spectra before and after the anomaly.
 
 records after K_anomaly, up to now --PSD--+
                                           +-- difference --> hills --> frequency, damping (half power), gain
 healthy records of the same speeds --PSD--+
 
 Eq. 8 of paper 1 reads the one dominant mode off healthy records. What dominates those, rolling noise through a low mode
-say, need not be what impacts ring; the excess over them is, and it needs no label either.
+say, need not be a mode that impacts excite; the excess over them is, and it needs no label either.
 """
 
 from __future__ import annotations
@@ -27,14 +27,14 @@ _LEAST_PROMINENCE = np.log(2.0)
 
 
 def excess_spectrum(
-    struck: Samples, struck_rpm: Array, healthy: Samples, healthy_rpm: Array, fs_hz: float
+    faulty: Samples, faulty_rpm: Array, healthy: Samples, healthy_rpm: Array, fs_hz: float
 ) -> tuple[Array, Array]:  # fmt: skip
     """Mean PSD of records less that of healthy ones of the nearest speed.
 
     Parameters
     ----------
-    struck, healthy : Samples [records, samples]
-    struck_rpm, healthy_rpm : Array [records]
+    faulty, healthy : Samples [records, samples]
+    faulty_rpm, healthy_rpm : Array [records]
     fs_hz : float
 
     Returns
@@ -42,26 +42,26 @@ def excess_spectrum(
     f_hz, psd : Array [bins]
         Unit squared per Hz; 0 where healthy records have more.
     """
-    segment = min(2 ** int(np.round(np.log2(fs_hz / SEGMENT_HZ))), struck.shape[1], healthy.shape[1])
-    f_hz, after = welch(struck, fs_hz, nperseg=segment)
+    segment = min(2 ** int(np.round(np.log2(fs_hz / SEGMENT_HZ))), faulty.shape[1], healthy.shape[1])
+    f_hz, after = welch(faulty, fs_hz, nperseg=segment)
     _, before = welch(healthy, fs_hz, nperseg=segment)
     speeds = np.unique(healthy_rpm)
     floors = np.array([before[healthy_rpm == s].mean(axis=0) for s in speeds])
-    near = np.abs(speeds[None] - struck_rpm[:, None]).argmin(axis=1)
+    near = np.abs(speeds[None] - faulty_rpm[:, None]).argmin(axis=1)
     excess = np.mean(after - floors[near], axis=0, dtype=np.float64)
     return np.asarray(f_hz, float), np.maximum(np.convolve(excess, [0.25, 0.5, 0.25], mode="same"), 0.0)
 
 
 def excited_modes(
-    struck: Samples, struck_rpm: Array, healthy: Samples, healthy_rpm: Array, fs_hz: float, count: int = 4
+    faulty: Samples, faulty_rpm: Array, healthy: Samples, healthy_rpm: Array, fs_hz: float, count: int = 4
 ) -> tuple[Mode, ...]:
     """The modes that impacts ring most strongly.
 
     Parameters
     ----------
-    struck, healthy : Samples [records, samples]
+    faulty, healthy : Samples [records, samples]
         After K_anomaly and up to now; of the healthy beginning.
-    struck_rpm, healthy_rpm : Array [records]
+    faulty_rpm, healthy_rpm : Array [records]
     fs_hz : float
     count : int
         At most so many.
@@ -76,7 +76,7 @@ def excited_modes(
     TwingapError
         When nothing stands out of the healthy spectrum.
     """
-    f_hz, psd = excess_spectrum(struck, struck_rpm, healthy, healthy_rpm, fs_hz)
+    f_hz, psd = excess_spectrum(faulty, faulty_rpm, healthy, healthy_rpm, fs_hz)
     step = float(f_hz[1])
     usable = (f_hz > 5 * step) & (f_hz < 0.45 * fs_hz)
     level = np.log(np.maximum(np.where(usable, psd, 0.0), 1e-6 * psd[usable].max() + 1e-300))
@@ -90,7 +90,7 @@ def excited_modes(
         # |H| of exp(-zeta w t) sin(w t) is 1 / (2 zeta w) at its peak.
         found.append((float(np.sqrt(psd[peak])) * 2 * damping * float(f_hz[peak]), float(f_hz[peak]), damping))
     if not found:
-        raise TwingapError("nothing stands out of healthy records", where="struck modes", mend="wait for more records")
+        raise TwingapError("nothing stands out of healthy records", where="excited modes", mend="wait for more records")
     found.sort(reverse=True)
     return tuple(Mode(f, zeta, gain / found[0][0]) for gain, f, zeta in found[:count])
 

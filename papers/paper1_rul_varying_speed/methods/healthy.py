@@ -1,4 +1,4 @@
-"""The structure's dominant mode from healthy records.
+"""Dominant mode of the structure from healthy records (eq. 8).
 
 healthy records --spectra--> dominant peak --> resonance
                         \\--> free decay --logarithmic decrement, eq. 8--> damping ratio

@@ -1,4 +1,4 @@
-"""What the network for remaining life is trained to lower.
+"""Training losses of the network for remaining life (eqs. 6, 7, 15).
 
 life, label --eq. 7--> regression loss ------------------+--> `descended`: what gradient descent lowers
 domain logits, domain --eqs. 7, 15--> domain loss -------+--> `objective`: eq. 6, of which training seeks the saddle

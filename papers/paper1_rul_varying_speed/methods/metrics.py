@@ -1,4 +1,4 @@
-"""How good predictions of remaining life were, once the end of life is known.
+"""Metrics of predicted remaining life against the true one.
 
 true remaining life [rows], predicted [rows], interval [rows, 2] --> RMSE, alpha-lambda, relative accuracy, horizon,
                                                                      score of the PHM 2012 challenge, coverage
@@ -91,7 +91,7 @@ def alpha_lambda(true: ArrayLike, predicted: ArrayLike, lam: float = 0.5, alpha:
     Parameters
     ----------
     true, predicted : array_like [rows]
-        From the first prediction t_P on: rows before the first finite prediction are not looked at.
+        From the first prediction t_P on: rows before the first finite prediction are left out.
     lam : float
         0 at t_P, 1 at the end of life.
     alpha : float

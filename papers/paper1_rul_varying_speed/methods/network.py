@@ -1,4 +1,4 @@
-"""The network from one record, its speed and its place in the run to remaining life; plain or adversarial.
+"""Network that predicts remaining life from a record, its speed and its place in the run; plain or adversarial.
 
 record [batch, samples] --conv, pool, conv, pool--> features [batch, 112] --+
 sequence encoding [batch, 24] ----------------------------------------------+--> joined --> regressor --> life
@@ -67,7 +67,7 @@ class LifeNetwork(nn.Module):
         ----------
         x : Tensor [batch, length]
         sequence, speed : Tensor [batch, d_model], optional
-            Needed by a network that takes them, and not looked at by one that does not.
+            Needed by a network that takes them, and unused by another.
 
         Returns
         -------

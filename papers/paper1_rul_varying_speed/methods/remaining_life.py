@@ -1,4 +1,4 @@
-"""Remaining life in revolutions and in time, when speed varies.
+"""Remaining life in revolutions and in time, when speed varies (eq. 14).
 
 speeds until the end --eq. 14--> remaining revolutions [rows] (labels) --/ speed--> remaining time, at the present speed
                                                                        --profile--> remaining time, along a planned one

@@ -1,4 +1,4 @@
-"""A run of one bearing, row by row: when, how fast, how strongly it vibrated; and what its speed will probably be.
+"""Run of one bearing, row by row: time, speed, amplitude; and the planned speed.
 
 records --peak to peak--> Run: time, speed, amplitude [rows] --> speed profile seen, and planned by repeating itself
 """

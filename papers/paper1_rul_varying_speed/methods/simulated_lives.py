@@ -1,10 +1,10 @@
-"""Vibration snapshots of simulated lives, labelled; and those of the real run, without labels.
+"""Vibration snapshots of simulated lives with labels, and of the real run without.
 
 lives: speed, S(k) D(k), revolutions --amplitude for that peak to peak--> phenomenological twin --> Snapshots, labelled
 records of the run after K_anomaly, speed, place ------------------------------------------------> Snapshots, no labels
 
 Eq. 1 of paper 1: x_k = S(k) D(k) sum_i h(t - iT - tau_i) q(iT) A_i + n(t). S and D scale the impacts, and n(t) stays as
-it is: `effects.SpeedGain`, which drives all excitation, is not what eq. 1 says. The end of life is defined on peak to
+it is: `effects.SpeedGain`, which drives all excitation, is not eq. 1. The end of life is defined on peak to
 peak, so each record's impacts are given the strength with which it, noise included, has S(k) D(k) peak to peak, give or
 take what healthy records scatter about S.
 """
@@ -85,33 +85,33 @@ class SignalModel:
         Depth of q.
     scatter : float
         Standard deviation of A_i.
-    strikes : {"given", "matched"}
-        Depth of q and scatter of A as given, or those of `STRIKES` with which simulated records are as impulsive as the
-        measured ones after the anomaly (peak to peak over RMS).
+    impact_shape : {"given", "matched"}
+        Depth of q and scatter of A as given, or those of `IMPACT_SHAPES` with which simulated records are as impulsive as
+        the         measured ones after the anomaly (peak to peak over RMS).
     noise : {"constant", "with_speed", "measured"}
         n(t) of eq. 1 is the same at all speeds. "with_speed": what passes the structure follows S, as healthy vibration
         of real machines does; the measuring chain's white noise does not. "measured": n(t) is a healthy record of the
         run at the nearest speed, shifted in time.
     noise_share : float
         Peak to peak of simulated noise over that of a healthy record, at the speed where that is least.
-    path : {"healthy", "struck"}
-        h(t) of eq. 1 is the dominant mode of healthy records (eq. 8). "struck": the modes that stand out of records
+    path : {"healthy", "excited"}
+        h(t) of eq. 1 is the dominant mode of healthy records (eq. 8). "excited": the modes that stand out of records
         after the anomaly, see `excited_modes`.
     modes : int
-        Most modes of a struck path.
+        Most modes of an excited path.
     """
 
     jitter: float = 0.02
     load_zone: float = 0.3
     scatter: float = 0.1
-    strikes: Literal["given", "matched"] = "given"
+    impact_shape: Literal["given", "matched"] = "given"
     noise: Literal["constant", "with_speed", "measured"] = "constant"
     noise_share: float = 0.8
-    path: Literal["healthy", "struck"] = "healthy"
+    path: Literal["healthy", "excited"] = "healthy"
     modes: int = 4
 
 
-STRIKES = tuple((zone, scatter) for zone in (0.3, 1.0) for scatter in (0.1, 0.2, 0.3, 0.45, 0.6))
+IMPACT_SHAPES = tuple((zone, scatter) for zone in (0.3, 1.0) for scatter in (0.1, 0.2, 0.3, 0.45, 0.6))
 """Depths of q and scatters of A among which is matched."""
 
 
@@ -150,9 +150,9 @@ class LifeSimulator:
         For the pilots from which amplitudes are set.
     model : SignalModel
     unit : str
-    healthy, struck : Snapshots, optional
-        Of the run: its healthy beginning, and after K_anomaly up to now: what "measured", "struck" and
-        "struck" and "matched" read.
+    healthy, faulty : Snapshots, optional
+        Of the run: its healthy beginning, and after K_anomaly up to now: what "measured", "excited" and
+        "excited" and "matched" read.
 
     Raises
     ------
@@ -172,21 +172,21 @@ class LifeSimulator:
         unit: str = "g",
         *,
         healthy: Snapshots | None = None,
-        struck: Snapshots | None = None,
+        faulty: Snapshots | None = None,
     ) -> None:
         self.twin, self.fault, self.fs_hz, self.n_samples = twin, fault, fs_hz, n_samples
         self.model = model or SignalModel()
         self._healthy = healthy if self.model.noise == "measured" else None
-        if (self.model.noise == "measured" or self.model.path == "struck") and (healthy is None or struck is None):
+        if (self.model.noise == "measured" or self.model.path == "excited") and (healthy is None or faulty is None):
             raise TwingapError("needs healthy records and those after the anomaly", where="signal model")
         own, mode = self.model, twin.mode
         total = float(np.hypot(mode.structure_noise_rms, mode.white_noise_rms))
         structure = mode.structure_noise_rms / total if total > 0 else 0.0
         white = float(np.sqrt(max(1 - structure**2, 0.0)))
         path: tuple[Mode, ...] = (Mode(mode.resonance_hz, mode.damping_ratio),)
-        if own.path == "struck" and healthy is not None and struck is not None:
+        if own.path == "excited" and healthy is not None and faulty is not None:
             path = excited_modes(
-                struck.samples, struck.speed_rpm, healthy.samples, healthy.speed_rpm, fs_hz, own.modes
+                faulty.samples, faulty.speed_rpm, healthy.samples, healthy.speed_rpm, fs_hz, own.modes
             )  # fmt: skip
         self.path = path
         parameters = PhenomenologicalParameters(
@@ -206,11 +206,11 @@ class LifeSimulator:
             white_noise_rms=max(white * self.noise_rms, 1e-9),
         )
         self._quiet = PhenomenologicalTwin(bearing, scaled, unit_noise.effects, unit)
-        self.strikes = (own.load_zone, own.scatter)
-        if own.strikes == "matched":
-            if struck is None:
+        self.impact_shape = (own.load_zone, own.scatter)
+        if own.impact_shape == "matched":
+            if faulty is None:
                 raise TwingapError("needs records after the anomaly", where="signal model")
-            self.strikes = self._matched(struck, rng)
+            self.impact_shape = self._matched(faulty, rng)
 
     def noise_gain(self, speed_rpm: Array) -> Array:
         """Factor on the structure noise at speeds [...]."""
@@ -252,48 +252,50 @@ class LifeSimulator:
         speed_rpm: Array,
         peak_to_peak: Array,
         rng: np.random.Generator,
-        strikes: tuple[float, float] | None = None,
+        impact_shape: tuple[float, float] | None = None,
     ) -> Samples:
-        """Records of a struck bearing with just these peaks to peak; of noise alone where that has more.
+        """Records of a faulty bearing with just these peaks to peak; of noise alone where that has more.
 
         Parameters
         ----------
         speed_rpm, peak_to_peak : Array [records]
         rng : numpy.random.Generator
-        strikes : (float, float), optional
+        impact_shape : (float, float), optional
             Depth of q and scatter of A; the simulator's own when absent.
         """
-        zone, scatter = strikes or self.strikes
+        zone, scatter = impact_shape or self.impact_shape
         silent = replace(self._parameters, structure_noise_rms=0.0, white_noise_rms=1e-12)
         effects = (
             SlipJitter(sigma=self.model.jitter), LoadZone(depth=zone), ImpactScatter(sigma=scatter),
             _MoreModes(self.path[1:]),
         )  # fmt: skip
-        struck = PhenomenologicalTwin(self._bearing, silent, effects, self._unit)
+        faulty = PhenomenologicalTwin(self._bearing, silent, effects, self._unit)
         out = np.empty((speed_rpm.size, self.n_samples), np.float32)
         for start in range(0, speed_rpm.size, CHUNK):
             own = slice(start, start + CHUNK)
-            impacts = self._made(struck, speed_rpm[own], 1.0, rng, self.fault)
+            impacts = self._made(faulty, speed_rpm[own], 1.0, rng, self.fault)
             noise = self.noise(speed_rpm[own], rng)
             out[own] = noise + strengths(noise, impacts, peak_to_peak[own])[:, None] * impacts
         return out
 
-    def _matched(self, struck: Snapshots, rng: np.random.Generator) -> tuple[float, float]:
-        """Of `STRIKES`, those whose records have the crest of the measured ones, at their speeds and peaks to peak."""
-        height = np.ptp(struck.samples, axis=1).astype(float)
-        wanted = float(np.mean(np.log(height / struck.samples.std(axis=1))))
+    def _matched(self, faulty: Snapshots, rng: np.random.Generator) -> tuple[float, float]:
+        """The one of `IMPACT_SHAPES` whose records have the measured crest, at the same speeds and peaks to peak."""
+        height = np.ptp(faulty.samples, axis=1).astype(float)
+        wanted = float(np.mean(np.log(height / faulty.samples.std(axis=1))))
         # A third of the records is enough, and the same for all candidates.
-        few = np.arange(0, len(struck), max(1, len(struck) // 12))
-        seeds = rng.integers(0, 2**32, len(STRIKES))
+        few = np.arange(0, len(faulty), max(1, len(faulty) // 12))
+        seeds = rng.integers(0, 2**32, len(IMPACT_SHAPES))
 
         def miss(place: int) -> float:
-            made = self.records(struck.speed_rpm[few], height[few], np.random.default_rng(seeds[place]), STRIKES[place])
+            made = self.records(
+                faulty.speed_rpm[few], height[few], np.random.default_rng(seeds[place]), IMPACT_SHAPES[place]
+            )
             return abs(float(np.mean(np.log(height[few] / made.std(axis=1)))) - wanted)
 
-        return STRIKES[min(range(len(STRIKES)), key=miss)]
+        return IMPACT_SHAPES[min(range(len(IMPACT_SHAPES)), key=miss)]
 
     def noise(self, speed_rpm: Array, rng: np.random.Generator) -> Samples:
-        """n(t) of each record [records, length]: what the twin says of a healthy bearing at these speeds."""
+        """n(t) of each record [records, length]: the twin of a healthy bearing at these speeds."""
         if self._healthy is not None:
             return self._background(speed_rpm, rng)
         return self._made(self._quiet, speed_rpm, self.noise_gain(speed_rpm), rng, "healthy")
@@ -346,18 +348,18 @@ def strengths(noise: Samples, impacts: Samples, peak_to_peak: Array) -> Array:
     """
     out = np.zeros(len(noise))
     for i, wanted in enumerate(peak_to_peak):
-        own, struck = noise[i], impacts[i]
-        floor, unit = float(np.ptp(own)), float(np.ptp(struck))
+        own, faulty = noise[i], impacts[i]
+        floor, unit = float(np.ptp(own)), float(np.ptp(faulty))
         if floor >= wanted or unit == 0:
             continue
         # Peak to peak is a convex function of the factor: the secant from beyond it comes down to it.
         low, at_low, high = 0.0, floor, (wanted + floor) / unit
-        at_high = float(np.ptp(own + np.float32(high) * struck))
+        at_high = float(np.ptp(own + np.float32(high) * faulty))
         for _ in range(40):
             factor = low + (wanted - at_low) * (high - low) / (at_high - at_low)
             if not 0.02 < (factor - low) / (high - low) < 0.98:  # a secant that barely moves
                 factor = (low + high) / 2
-            height = float(np.ptp(own + np.float32(factor) * struck))
+            height = float(np.ptp(own + np.float32(factor) * faulty))
             if abs(height - wanted) <= 1e-3 * wanted:
                 break
             if height < wanted:

@@ -1,4 +1,4 @@
-"""Training of the network for remaining life: simulated lives with labels, the real run's records without.
+"""Training of the network for remaining life, on labelled simulated lives and the run's unlabelled records.
 
 simulated: record, place, speed --> features --+--> regressor ------------> eq. 7, mean squared error
 real, up to now: the same, no labels ----------+--> reversal --> discriminator --> eq. 15     (adversarial models)
@@ -48,11 +48,11 @@ class LifeTraining:
         States kept for selection, evenly spaced, the last at the end.
     vary : bool
         Show every record, each time, with a random sign, and every batch shifted in time (cyclically) by a random
-        amount: neither where a record begins nor which way a sensor points says anything. Not in the paper; without it
+        amount: neither where a record begins nor which way a sensor points matters. Not in the paper; without it
         networks learn a thousand simulated records by heart within a hundred steps.
     alike : bool
         Show the discriminator only those simulated records that are of no later row of a life than the real ones. Real
-        records are all of the first minutes after the anomaly: asked to tell them from whole simulated lives, the
+        records are all of the first minutes after the anomaly: to separate them from whole simulated lives, the
         discriminator learns the age, and its reversed gradient wipes that out. Not in the paper.
     """
 
@@ -96,7 +96,7 @@ class LifeCheckpoint:
     loss : float
         Mean regression loss on simulated batches since the last checkpoint.
     domain_accuracy : float
-        Share of records whose domain the discriminator told right since then; NaN without one.
+        Share of records whose domain the discriminator classified correctly since then; NaN without one.
     """
 
     step: int
@@ -172,7 +172,7 @@ def train_life(
     simulated : Snapshots
         Labelled.
     real : Snapshots
-        Of the run up to now, after the anomaly; not looked at by a model that is not adversarial.
+        Of the run up to now, after the anomaly; not used by a model that is not adversarial.
     architecture : LifeArchitecture
     scales : LifeScales
     settings : LifeTraining
@@ -213,7 +213,7 @@ def train_life(
         marks = {round((i + 1) * settings.steps / settings.checkpoints) for i in range(settings.checkpoints)}
         kept: list[LifeCheckpoint] = []
         losses: list[Tensor] = []
-        told: list[Tensor] = []
+        correct: list[Tensor] = []
         for step in range(settings.steps):
             chosen = next(batches).to(place)
             joined = net.join(*_taken(shown, chosen, varying))
@@ -222,7 +222,7 @@ def train_life(
             if architecture.adversarial:
                 away = net.domain(joined[alike[chosen]])
                 here = net.domain(net.join(*_taken(other, next(real_batches).to(place), real_varying)))
-                told.append(torch.cat((away.detach() < 0, here.detach() > 0)).float().mean())
+                correct.append(torch.cat((away.detach() < 0, here.detach() > 0)).float().mean())
                 told_apart = domain_loss(away, SIMULATED) if len(away) else loss.new_zeros(())
                 loss = descended(loss, told_apart, domain_loss(here, REAL))
             optimiser.zero_grad(set_to_none=True)
@@ -231,9 +231,9 @@ def train_life(
             falling.step()
             if step + 1 in marks:
                 state = {name: value.detach().cpu().clone() for name, value in net.state_dict().items()}
-                accuracy = float(torch.stack(told).mean()) if told else float("nan")
+                accuracy = float(torch.stack(correct).mean()) if correct else float("nan")
                 kept.append(LifeCheckpoint(step + 1, state, float(torch.stack(losses).mean()), accuracy))
-                losses, told = [], []
+                losses, correct = [], []
     return TrainedLife(architecture, scales, tuple(kept), str(place))
 
 
@@ -269,7 +269,7 @@ def _batches(count: int, batch: int, rng: np.random.Generator) -> Iterator[Tenso
 
 @dataclass(frozen=True)
 class LifeEvidence:
-    """What may be looked at when choosing: nothing here knows a label of the real run.
+    """Input of a selection criterion: without labels of the real run.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""The live twin: states and now and then vibration come in, parameters are kept up to date, updates recorded.
+"""Live twin: parameters kept up to date from states and occasional vibration, with a journal of updates.
 
 StateMessage, Snapshot --> Reorder --> LiveTwin (Laws, SpectrumModel, DriftDetector, refit) --> Journal
 
@@ -6,7 +6,7 @@ Used in: Paper 2, section 2 (figure 7), a bearing digital twin that is updated b
 """
 
 from papers.paper2_digital_twin.live_twin.drift import Alarm, DriftDetector, false_alarms, run_length, threshold_for
-from papers.paper2_digital_twin.live_twin.journal import Journal, Judgement, Update
+from papers.paper2_digital_twin.live_twin.journal import Evaluation, Journal, Update
 from papers.paper2_digital_twin.live_twin.laws import ClearanceLaw, DampingLaw, Laws
 from papers.paper2_digital_twin.live_twin.messages import Message, Snapshot, StateMessage
 from papers.paper2_digital_twin.live_twin.order import OrderOptions, Reorder
@@ -22,7 +22,7 @@ __all__ = [
     "DriftDetector",
     "Fit",
     "Journal",
-    "Judgement",
+    "Evaluation",
     "Laws",
     "LiveOptions",
     "LiveTwin",

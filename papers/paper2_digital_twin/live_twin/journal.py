@@ -1,6 +1,6 @@
-"""What a live twin has done and why: every update, every snapshot it judged, every message it could not use.
+"""Journal of a live twin: updates with reasons, evaluated snapshots, unusable messages.
 
-updates, judgements, counts --> data frames --> tracker
+updates, evaluations, counts --> data frames --> tracker
 """
 
 from __future__ import annotations
@@ -58,7 +58,7 @@ class Update:
 
 
 @dataclass(frozen=True)
-class Judgement:
+class Evaluation:
     """One snapshot against the twin as it was before it saw it.
 
     Parameters
@@ -95,7 +95,7 @@ class Journal:
 
     def __post_init__(self) -> None:
         self.updates: deque[Update] = deque(maxlen=self.capacity)
-        self.judgements: deque[Judgement] = deque(maxlen=self.capacity)
+        self.evaluations: deque[Evaluation] = deque(maxlen=self.capacity)
 
     def frame(self) -> pd.DataFrame:
         """A row per update: when, what kind, why, from, to."""
@@ -118,7 +118,7 @@ class Journal:
         import pandas as pd
 
         rows = []
-        for each in self.judgements:
+        for each in self.evaluations:
             row = {"time_s": each.time_s, "error": each.error, "shape": each.shape}
             row |= {f"{name} off": value for name, value in zip(FREE, each.deviation, strict=True)}
             row |= {f"{name} z": value for name, value in zip(FREE, each.z, strict=False)}

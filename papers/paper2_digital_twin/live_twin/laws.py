@@ -1,4 +1,4 @@
-"""How clearance and damping follow temperature.
+"""Laws of clearance and damping with temperature.
 
 temperature --> inner ring warmer than outer ring --> clearance
             --> oil viscosity (Walther) -----------> damping of the film, beside damping that stays
@@ -72,7 +72,7 @@ class DampingLaw:
             raise TwingapError(f"film = {self.film!r}, between 0 and 1 expected", where="damping law")
 
     def viscosity(self, temperature_c: float) -> float:
-        """Kinematic viscosity, mm^2/s. Held at the ends of -30 and 200 deg C, beyond which the law says nothing."""
+        """Kinematic viscosity, mm^2/s. Held at the ends of -30 and 200 deg C, beyond which the law is not stated."""
         kelvin = min(max(temperature_c, -30.0), 200.0) + 273.15
         at40, at100 = (math.log10(math.log10(nu + 0.7)) for nu in (self.nu40, self.nu100))
         slope = (at40 - at100) / (math.log10(373.15) - math.log10(313.15))

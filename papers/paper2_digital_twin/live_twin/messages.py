@@ -1,4 +1,4 @@
-"""What a live twin is told: simple states often, vibration now and then.
+"""Messages to a live twin: frequent states, occasional vibration.
 
 thermometer, tachometer, load cell --> StateMessage --+
 accelerometer ------------------------> Snapshot -----+--> `order.Reorder` --> `twin.LiveTwin`

@@ -1,4 +1,4 @@
-"""Messages put in order, in bounded memory: late, out of order, repeated, missing, impossible; each counted.
+"""Buffer that puts messages in order of time, in bounded memory, and counts those that it cannot use.
 
 arriving messages --> usable? --> new? --> not behind the watermark? --> heap, at most `capacity` --> in order of time
                         |          |            |                            |
@@ -34,7 +34,7 @@ CASES = (
 """What is counted, "missing" being what has not come when its place in the order has passed. "begun anew" is no fate of
 a message but how often a clock was set back, counted with the kind of message that settled it."""
 BEGUN_ANEW: Final = 5
-"""Messages in a row that say the clock was set back. A few that were days on their way come singly, among those of
+"""Messages in a row that show the clock was set back. A few that were days on their way come singly, among those of
 now; held are so few that snapshots among them cost little memory."""
 
 
@@ -153,7 +153,7 @@ class Reorder:
     def _repeated(self, key: _Key, message: Message) -> bool:
         """Whether it was seen before.
 
-        A sender that starts again at 0 may name times and numbers of its first start, but it tells something else then.
+        A sender that starts again at 0 may name times and numbers of its first start, but with other content.
         """
         # The last one ahead and those behind are known beside `_seen`, which may remember fewer.
         if key == self._ahead or key in self._behind:
@@ -237,7 +237,7 @@ def _key_of(message: Message) -> _Key:
 
 
 def _content_of(message: Message) -> _Content:
-    """What a message tells, short enough to be remembered."""
+    """Key of a message's content, short enough to be kept."""
     if isinstance(message, StateMessage):
         return message.temperature_c, message.speed_rpm, message.load_n
     return (zlib.crc32(message.samples.tobytes()),)

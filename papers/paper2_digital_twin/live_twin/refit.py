@@ -1,4 +1,4 @@
-"""Stiffness, damping and levels from snapshots: least squares on amplitude spectra, from where the twin stands.
+"""Fit of stiffness, damping and levels to snapshots by least squares on amplitude spectra.
 
 measured amplitudes, states --> residuals, slopes --> Levenberg-Marquardt step in logarithms --> better? --> again
 

@@ -1,4 +1,4 @@
-"""What spectrum the contact twin has in a given state of the machine, and how it turns with each parameter.
+"""Amplitude spectrum of the contact twin in a given state of the machine, and its slopes.
 
 stiffness, damping at T_ref --laws, T--> contact parameters --> rolling: kernel, 16 lanes ---> PSD --+
 force level, speed ----------------------> white force --> linearised contact mode ----------> PSD --+--> amplitude

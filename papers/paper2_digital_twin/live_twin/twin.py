@@ -1,4 +1,4 @@
-"""A contact twin that lives: it follows temperature by law, and is identified anew when its residuals drift.
+"""Contact twin that is updated live: it follows temperature by law, and is fitted anew when its residuals drift.
 
 messages --> Reorder --> state ------> temperature moved? --> clearance, damping by `laws` ----------> journal (law)
                      --> snapshot --> spectrum against the twin's --> deviation --> DriftDetector
@@ -8,7 +8,7 @@ messages --> Reorder --> state ------> temperature moved? --> clearance, damping
 
 The first snapshots commission the twin: they are fitted together and show how much deviations scatter. An alarm then
 names the parameter that drifts and since when. What is fitted grows with each further snapshot until `window` of them
-stand behind the new values; then the detector watches again. A machine that stands still says nothing about them: its
+stand behind the new values; then the detector watches again. A machine that stands still does not show them: its
 snapshots are counted and left out.
 
 Used in: Paper 2, figure 7 (simple state signals update the model, complex ones are simulated by it and compared).
@@ -26,7 +26,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from papers.paper2_digital_twin.live_twin.drift import Alarm, DriftDetector, threshold_for
-from papers.paper2_digital_twin.live_twin.journal import Journal, Judgement, Kind, Update
+from papers.paper2_digital_twin.live_twin.journal import Evaluation, Journal, Kind, Update
 from papers.paper2_digital_twin.live_twin.laws import Laws
 from papers.paper2_digital_twin.live_twin.messages import Message, Snapshot, StateMessage, kind_of
 from papers.paper2_digital_twin.live_twin.order import OrderOptions, Reorder
@@ -67,7 +67,7 @@ class LiveOptions:
         Most snapshots behind a later identification, at least 4.
     warm_up_k : float
         Change of temperature during commissioning from which on the film's share of the damping is learnt from it;
-        below, `Laws` keeps what it says.
+        below, `Laws` keeps its value.
     rate : float
         False alarms per snapshot, for deviations that scatter as they did in commissioning.
     allowance : float
@@ -120,7 +120,7 @@ class _Seen:
 
 
 class LiveTwin:
-    """A twin that is told what happens and keeps up with it.
+    """A contact twin that is updated from messages.
 
     Parameters
     ----------
@@ -190,7 +190,7 @@ class LiveTwin:
 
     @property
     def state(self) -> MachineState | None:
-        """The latest state that was let go by the buffer; its temperature is the one that the laws have been told."""
+        """The latest state that was let go by the buffer; its temperature is the one that the laws were last set by."""
         return self._state
 
     @property
@@ -299,12 +299,12 @@ class LiveTwin:
         held = predicted.rolling if predicted.quiet else None
         self._recent.append(replace(seen, rolling=held, predicted=predicted))
         if self._detector is None:
-            self.journal.judgements.append(Judgement(snapshot.time_s, error, shape, tuple(off)))
+            self.journal.evaluations.append(Evaluation(snapshot.time_s, error, shape, tuple(off)))
             if len(self._recent) < self.options.commissioning:
                 return []
             return [self._commission(snapshot.time_s, chance, began)]
         z = ((off - self._mean) / self._scatter)[: len(WATCHED)]
-        self.journal.judgements.append(Judgement(snapshot.time_s, error, shape, tuple(off), tuple(z)))
+        self.journal.evaluations.append(Evaluation(snapshot.time_s, error, shape, tuple(off), tuple(z)))
         if not self.options.reidentify:
             return []
         if self._following:
@@ -425,7 +425,7 @@ class LiveTwin:
             self._recent[place] = replace(self._recent[place], predicted=made)
 
     def _deviations(self, seen: list[_Seen], predicted: list[Prediction] | None = None) -> Array:
-        """What each snapshot says is off [snapshots, 4], from predictions at the twin's values where they are known."""
+        """Deviations by snapshot [snapshots, 4], from predictions at the twin's values where they are known."""
         assert self._theta is not None
         if predicted is None:
             predicted = self.model.predict(self._theta, [s.state for s in seen], self.band, rolling=_held(seen))

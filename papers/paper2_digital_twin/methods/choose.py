@@ -1,4 +1,4 @@
-"""Which method, given how many fault records are labelled: one function that chooses and says why.
+"""Choice of a method of diagnosis by how many fault records are labelled, with the reason.
 
 labelled records of each fault, healthy records --> network from the twin | network, corrected | SVM | SOM-MQE
 
@@ -57,7 +57,7 @@ class Choice:
     approach : {"twin network", "corrected network", "SVM", "SOM-MQE"}
         For naming the fault.
     alarm : bool
-        Whether the healthy map can alarm at the rate asked for; it needs no fault record.
+        Whether the healthy map can alarm at the wanted rate; it needs no fault record.
     why : str
         One or two sentences.
     """
@@ -76,12 +76,12 @@ def choose(
     Parameters
     ----------
     n_labelled_per_class : mapping or int
-        Fault -> labelled records of it (an entry for every fault to be told apart, 0 where there is none); or one
+        Fault -> labelled records of it (an entry for every fault to be classified, 0 where there is none); or one
         number for all.
     n_healthy_windows : int
         Windows of healthy vibration.
     false_alarm : float
-        Rate asked of the alarm.
+        Wanted false-alarm rate.
     thresholds : Thresholds, optional
 
     Returns
@@ -101,17 +101,17 @@ def choose(
     scarcest = min(counts, key=lambda fault: counts[fault])
     n = counts[scarcest]
     alarm = n_healthy_windows + 1 >= 1 / false_alarm - 1e-9
-    said = f"{n} labelled record{'s' * (n != 1)} of {scarcest}" + ("" if len(counts) == 1 else ", the scarcest")
+    count = f"{n} labelled record{'s' * (n != 1)} of {scarcest}" + ("" if len(counts) == 1 else ", the scarcest")
     if limits.som is not None and n >= limits.som:
         approach: Approach = "SOM-MQE"
-        why = f"{said}: from {limits.som} on, maps of each class are as good as anything and show severity too"
+        why = f"{count}: from {limits.som} on, maps of each class are as good as anything and show severity too"
     elif limits.svm is not None and n >= limits.svm:
-        approach, why = "SVM", f"{said}: from {limits.svm} on the SVM is ahead of the network"
+        approach, why = "SVM", f"{count}: from {limits.svm} on the SVM is ahead of the network"
     elif n >= limits.correct:
         approach = "corrected network"
-        why = f"{said}: enough to correct the network that the twin has taught"
+        why = f"{count}: enough to correct the network that the twin has taught"
     else:
-        approach, why = "twin network", f"{said}: only the twin can show what that fault looks like"
+        approach, why = "twin network", f"{count}: only the twin can show what that fault looks like"
     ability = "alarms" if alarm else "cannot alarm"
     why += f"; the healthy map {ability} at {false_alarm:g} false alarms with {n_healthy_windows} healthy windows"
     return Choice(approach, alarm, why)

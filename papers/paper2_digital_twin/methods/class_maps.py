@@ -1,4 +1,4 @@
-"""Self-organising maps as a classifier: one map a state, and the state whose map a record lies nearest to.
+"""Classifier by self-organising maps: one map for each state; the nearest map gives the class.
 
 labelled features --of each class--> map --+
                                            +--> least MQE --> class

@@ -120,10 +120,10 @@ class InceptionTraining:
 def train_inception(
     source: Images, labels: Labels, n_classes: int, settings: InceptionTraining, seed: int
 ) -> list[State]:
-    """Train on labelled (simulated) images; no measured image is looked at.
+    """Train on labelled (simulated) images; no measured image is used.
 
     Every image is shown, each time, with its carriers moved by up to two rows and its level channel raised or lowered
-    by a little: where a resonance lies and how loud a mounting is says nothing.
+    by a little: where a resonance lies and how loud a mounting is must not matter.
 
     Returns
     -------

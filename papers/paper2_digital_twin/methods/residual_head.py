@@ -1,4 +1,4 @@
-"""A head that corrects a trained network where labelled records say otherwise, and leaves it alone elsewhere.
+"""Correction of a trained network near labelled records, by a Gaussian process.
 
 network --log probabilities x trust--> mean ---+
 features of records --squared exponential--> Gaussian process about it --labelled records--> logits --> probabilities
@@ -35,7 +35,7 @@ class HeadOptions:
     Parameters
     ----------
     length : float
-        Distance at which two records no longer tell about each other, in standard deviations of a feature, root mean
+        Distance at which two records are no longer correlated, in standard deviations of a feature, root mean
         square over features.
     variance : float
         Of the corrections, logits squared.
@@ -125,9 +125,9 @@ def fit_residual_head(
     def lost(v: Array) -> tuple[float, Array]:
         """Negative log posterior and its gradient by the whitened process: corrections are root @ v."""
         white = v.reshape(wanted.shape)
-        told = log_softmax(offset + root @ white, axis=1)
-        value = -float(weight @ told[np.arange(len(labels)), labels]) + 0.5 * float(v @ v)
-        slope = root.T @ (weight[:, None] * (np.exp(told) - wanted)) + white
+        logs = log_softmax(offset + root @ white, axis=1)
+        value = -float(weight @ logs[np.arange(len(labels)), labels]) + 0.5 * float(v @ v)
+        slope = root.T @ (weight[:, None] * (np.exp(logs) - wanted)) + white
         return value, slope.ravel()
 
     found = minimize(lost, np.zeros(wanted.size), jac=True, method="L-BFGS-B", options={"maxiter": STEPS})

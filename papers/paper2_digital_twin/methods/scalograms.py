@@ -81,7 +81,7 @@ class ImageOptions:
 
 @dataclass(frozen=True)
 class Modulation:
-    """What pieces of one recording say, before it is made an image.
+    """Order spectra of the pieces of one recording, before they become images.
 
     Parameters
     ----------
@@ -107,7 +107,7 @@ def pieces_of(x: Array, length: int) -> Array:
     """A record cut into consecutive pieces of `length` samples; the rest is left out. [pieces, length]"""
     count = x.size // length
     if count == 0:
-        raise TwingapError(f"{x.size} samples, a piece needs {length}", where="pieces", mend="ask for fewer turns")
+        raise TwingapError(f"{x.size} samples, a piece needs {length}", where="pieces", mend="use fewer turns")
     return np.asarray(x[: count * length].reshape(count, length))
 
 

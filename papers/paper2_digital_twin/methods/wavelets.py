@@ -1,4 +1,4 @@
-"""Scalograms, by PyWavelets."""
+"""Scalograms by PyWavelets."""
 
 from __future__ import annotations
 

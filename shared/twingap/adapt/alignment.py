@@ -1,4 +1,4 @@
-"""What adaptation adds to the loss on labelled source windows: reversed discriminators, and discrepancies.
+"""Adaptation losses beside that on labelled source windows: reversed discriminators, and discrepancies.
 
 features, logits of source and target --+--> reversal --> discriminators --> mean domain loss
                                         +--> kernel discrepancy (of all, or class by class) x weight
@@ -35,7 +35,7 @@ class Alignment:
     Parameters
     ----------
     discriminators : tuple of {"features", "conditional"}
-        Each tells domains by the features, or by features and predicted classes together (their outer product).
+        Each separates domains by the features, or by features and predicted classes together (their outer product).
     discrepancy : {"none", "domain", "category"}
         Kernel discrepancy between domains as wholes, or the mean of those between equal classes, where the target's
         are those that the network is sure of.
@@ -49,7 +49,7 @@ class Alignment:
 
     @property
     def active(self) -> bool:
-        """Whether target windows are looked at."""
+        """Whether target windows are used."""
         return bool(self.discriminators) or self.discrepancy != "none"
 
 
@@ -85,7 +85,7 @@ class Aligner(nn.Module):
         self.domain_loss = nn.BCEWithLogitsLoss()
 
     def forward(self, source: Seen, labels: Tensor, target: Seen, weight: float) -> tuple[Tensor, Tensor | None]:
-        """Loss to be added, and the share of samples whose domain the discriminators told right (None without them).
+        """Loss to be added, and the share of samples whose domain discriminators classified correctly (or None).
 
         Parameters
         ----------
@@ -97,7 +97,7 @@ class Aligner(nn.Module):
         """
         weight = weight * self.alignment.weight
         losses: list[Tensor] = []
-        told: list[Tensor] = []
+        correct: list[Tensor] = []
         if self.discriminators:
             both = torch.cat([source.features, target.features])
             domain = (torch.arange(len(both), device=both.device) >= len(source.features)).float()
@@ -110,7 +110,7 @@ class Aligner(nn.Module):
                     shown = (believed[:, :, None] * both[:, None, :]).flatten(1)
                 guess = discriminator(reverse_gradient(shown, weight))
                 each.append(self.domain_loss(guess, domain))
-                told.append(((guess.detach() > 0) == (domain > 0.5)).float().mean())
+                correct.append(((guess.detach() > 0) == (domain > 0.5)).float().mean())
             losses.append(torch.stack(each).mean() if len(each) > 1 else each[0])
         if self.alignment.discrepancy == "domain":
             losses.append(weight * kernel_discrepancy(source.features, target.features))
@@ -120,7 +120,7 @@ class Aligner(nn.Module):
             believed = believed * (believed >= BELIEVED)
             losses.append(weight * kernel_discrepancy(source.features, target.features, own, believed))
         loss = sum(losses[1:], losses[0])
-        return loss, (torch.stack(told).mean() if told else None)
+        return loss, (torch.stack(correct).mean() if correct else None)
 
 
 def kernel_discrepancy(

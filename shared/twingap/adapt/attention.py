@@ -5,7 +5,7 @@ mappings [batch, C, L] --embedding--> tokens --scores--> A, rows sum to 1 --> no
 Inverse embedding (section 3.3 of paper 3, after the inverted transformer, Liu et al. 2023, arXiv:2310.06625): a token
 is the whole series of one mapping, so A is [C, C] and weighs mappings. The ordinary, unified embedding: a token is a
 patch of time across all mappings, so A is [L/P, L/P] and weighs moments. In both, A multiplies the mappings themselves,
-as the paper's "mapping matrix is multiplied by the normalised attention score matrix" says: series stay series, and
+as the paper's "mapping matrix is multiplied by the normalised attention score matrix" means: series stay series, and
 the convolutions that follow still see time.
 """
 

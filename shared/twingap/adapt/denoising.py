@@ -1,10 +1,10 @@
-"""The multi-scale mode denoising network: small convolutions, fusion across branches, a gate per channel.
+"""Multi-scale mode denoising network: small convolutions, fusion across branches, a gate for each channel.
 
 modes [batch, K, N] --branches--> [batch, C, N/4] --fusion--> [batch, C, N/8] --gate--> mappings [batch, C, N/8]
 
 C = K modes x branches x maps. Every mapping belongs to one mode up to here (all convolutions are grouped by modes);
 modes meet in the attention that follows. Source: section 3.2 of paper 3 (DOI 10.1177/10775463261462852), whose
-equations and sizes its text does not give; what was read into it is said beside each block.
+equations and sizes its text does not give; each block states how it was read.
 """
 
 from __future__ import annotations

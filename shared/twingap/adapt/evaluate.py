@@ -1,4 +1,4 @@
-"""Figures of merit on labelled windows, and their intervals over seeds."""
+"""Figures of merit on labelled windows, with intervals over seeds."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ class Scores:
     Parameters
     ----------
     accuracy : float
-        Share of windows told right.
+        Share of windows classified correctly.
     balanced_accuracy : float
-        Mean over classes of the share told right within each.
+        Mean over classes of the share classified correctly within each.
     confusion : NDArray[int64] [true, predicted]
         Windows.
     recordings_right, recordings : int

@@ -1,4 +1,4 @@
-"""The nine methods of paper 3 as a table of options, and the one way to train and ask any of them.
+"""Classifiers of fault classes as a table of options, with one way to fit and to judge any of them.
 
 source Windows (labelled) ---+--> ModeInputs --> split by group --> train --> checkpoints --> chosen without labels
 target Windows (unlabelled) -+                                                                   |
@@ -199,7 +199,7 @@ def fit(
     ------
     TwingapError
         For an unknown method or criterion, labels on the target, none on the source, windows of a length that the
-        network cannot take, or variations asked for of inputs that are no waveforms.
+        network cannot take, or variations of inputs that are no waveforms.
     """
     options = _known(method)
     if criterion not in CRITERIA:

@@ -1,4 +1,4 @@
-"""Variational modes of windows as the channels of a network, kept on disk once computed.
+"""Variational modes of windows as input channels of a network, stored once computed.
 
 windows [windows, N] --unit variance--> vmd --by frequency--> modes [windows, K, N] --quantity--> input, float32
                                          |  ^

@@ -1,4 +1,4 @@
-"""The network of paper 3, with and without each of its parts.
+"""Network on variational modes: denoising, attention, classifier; each part may be left out.
 
 modes [batch, K, N] -> denoising (or lift) -> [batch, C, N/8] -> attention (or none) -> convolutional feed-forward
     extractor -> features [batch, 100] -> classifier -> logits [batch, classes]
@@ -59,7 +59,7 @@ class FeedForwardExtractor(nn.Module):
 
     A depthwise convolution takes each mapping's series by itself, [C, L/2]; three more convolutions mix and widen,
     [32, L/2], [48, L/4], [64, L/8]; averages over 4 equal stretches of time, and one linear layer. For 12 kHz and the
-    strides before it, it sees 50 ms at once: five impacts of an outer race, without which no rate can be told.
+    strides before it, it sees 50 ms at once: five impacts of an outer race, without which no rate can be found.
     """
 
     def __init__(self, channels: int) -> None:

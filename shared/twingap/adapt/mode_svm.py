@@ -1,4 +1,4 @@
-"""VMD + SVM: a support vector machine on a few numbers of each mode; it learns the source and adapts to nothing.
+"""Support vector machine on features of variational modes (VMD+SVM); it is not adapted.
 
 modes [windows, K, N] --> level, centre frequency, shape of each mode --> standardised --> SVC (radial kernel)
 

@@ -1,4 +1,4 @@
-"""The plain network: a compact 1-D CNN with a wide first kernel, and the classifier on its features.
+"""Compact 1-D convolutional network with a wide first kernel, and the classifier on its features.
 
 input [batch, channels, length] --extractor--> features [batch, 100] --classifier--> logits [batch, classes]
 

@@ -1,4 +1,4 @@
-"""Choosing a checkpoint without target labels.
+"""Selection of a checkpoint without target labels.
 
 Every criterion looks at labelled source windows held out from training and at unlabelled target windows; higher is
 better. `DEFAULT` was chosen before any target accuracy was looked at: information maximisation, because in the largest
@@ -22,7 +22,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Evidence:
-    """What may be looked at when choosing: nothing here knows a target label.
+    """Input of a selection criterion: without target labels.
 
     Parameters
     ----------

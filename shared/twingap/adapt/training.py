@@ -1,4 +1,4 @@
-"""One training loop for every network and every alignment.
+"""Training loop of every network and every alignment.
 
 labelled source ----> extractor -> classifier -> cross-entropy
                           |
@@ -54,7 +54,7 @@ class Training:
         Highest weight of the reversed gradient, or of the discrepancy.
     vary : bool
         Show every sample, each time, shifted in time by a random amount (cyclically) and with a random sign: neither
-        where a window begins nor which way a sensor points says anything. For waveforms only.
+        where a window begins nor which way a sensor points carries information. For waveforms only.
     """
 
     steps: int = 1200
@@ -78,7 +78,7 @@ class Checkpoint:
     source_loss : float
         Mean cross-entropy on source batches since the last checkpoint.
     domain_accuracy : float
-        Share of samples whose domain the discriminators told right since then; NaN without one.
+        Share of samples whose domain the discriminator classified correctly since then; NaN without one.
     """
 
     step: int
@@ -157,7 +157,7 @@ def train(
     source : Inputs [windows, channels, length]
     labels : Labels [windows]
     target : Inputs [windows, channels, length]
-        Not looked at without an alignment. There is no argument for target labels.
+        Not used without an alignment. There is no argument for target labels.
     method : {"source_only", "dann"} or Alignment
     settings : Training
     seed : int
@@ -189,7 +189,7 @@ def train(
         marks = {round((i + 1) * settings.steps / settings.checkpoints) for i in range(settings.checkpoints)}
         kept: list[Checkpoint] = []
         losses: list[Tensor] = []
-        told: list[Tensor] = []
+        correct: list[Tensor] = []
         for step in range(settings.steps):
             chosen, shown = next(source_batches)
             labelled = _seen(net, shown)
@@ -200,15 +200,15 @@ def train(
                 added, right = aligner(labelled, y[chosen], _seen(net, next(target_batches)[1]), weight)
                 loss = loss + added
                 if right is not None:
-                    told.append(right)
+                    correct.append(right)
             optimiser.zero_grad(set_to_none=True)
             loss.backward()
             optimiser.step()
             if step + 1 in marks:
                 state = {name: value.detach().cpu().clone() for name, value in net.state_dict().items()}
-                accuracy = float(torch.stack(told).mean()) if told else float("nan")
+                accuracy = float(torch.stack(correct).mean()) if correct else float("nan")
                 kept.append(Checkpoint(step + 1, state, float(torch.stack(losses).mean()), accuracy))
-                losses, told = [], []
+                losses, correct = [], []
     return Trained(tuple(kept), source.shape[2], source.shape[1], n_classes, str(place), architecture)
 
 
@@ -246,7 +246,7 @@ def varied(x: Tensor, rng: np.random.Generator) -> Tensor:
 
 @dataclass(frozen=True)
 class Outputs:
-    """What a network says of some windows.
+    """Outputs of a network for some windows.
 
     Parameters
     ----------

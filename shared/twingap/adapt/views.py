@@ -1,4 +1,4 @@
-"""What a network is shown of a window: its waveform, or a spectrum that leaves out what differs between machines.
+"""Network inputs from windows: the waveform, or spectra without what differs between machines.
 
 samples [windows, length] --view--> input [windows, 1, points], float32
 
@@ -24,7 +24,7 @@ ORDERS: Final[Array] = np.linspace(0.5, 20.0, 512)
 
 
 def waveform(windows: Windows) -> Array:
-    """Mean taken out, scaled to unit variance: the amplitude of a foreign machine says nothing."""
+    """Mean taken out, scaled to unit variance: amplitudes of another machine do not compare."""
     x = windows.samples - windows.samples.mean(axis=1, keepdims=True)
     return np.asarray(x / np.maximum(x.std(axis=1, keepdims=True), 1e-12))
 

@@ -153,7 +153,7 @@ def _outcomes(path: Path, options: LifeOptions, recordset: Path, unit: str, note
     run = read_run(path, several="give each run to --prior as a record set of its own")
     if path.samefile(recordset):
         raise TwingapError(
-            "is the run that is asked about, which would answer from its own future",
+            "is the run whose remaining life is estimated, and its end would enter the estimate",
             where=f"--prior {path}", mend="leave it out of --prior",
         )  # fmt: skip
     if options.limit is not None:

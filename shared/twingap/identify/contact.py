@@ -1,10 +1,10 @@
-"""The contact twin's free parameters from records: stiffness and damping by matching spectra, levels in closed form.
+"""Identification of the contact twin: stiffness and damping by matching spectra, levels in closed form.
 
 records --> `contact_objective`: error of spectra --optimiser--> best point --`contact_bottom`--> values, intervals
 
 Any optimiser can search the objective (section 2.2 of paper 3 searches by the zebra optimisation algorithm); from its
 best point it goes down to the bottom, with more trajectories. Mass, load, clearance and the defects' sizes are not
-free: a spectrum does not tell them from stiffness and scale, so they keep what the twin file or its preset says.
+free: a spectrum does not separate them from stiffness and scale, so they keep their value in the twin file or preset.
 """
 
 from __future__ import annotations
@@ -63,15 +63,17 @@ def identify_contact(
         notes.append(f"effects of the twin took no part in matching spectra: {', '.join(acting)}")
     kept = [name for name in NOT_FREE if not any(key.split(".")[0] == name for key in given)]
     if kept:
-        notes.append(f"a spectrum does not tell them from stiffness and scale: {', '.join(kept)} keep their defaults")
+        notes.append(
+            f"a spectrum does not separate them from stiffness and scale: {', '.join(kept)} keep their defaults"
+        )
     states = states_of(records, notes)
     if not any(state.fault in DEFECTS for state in states):
         # Healthy trajectories hardly move: scale and structure noise would be traded for each other.
         notes.append("no record of a fault in inner race, outer race or ball: scale keeps its value")
         if "scale" not in given:
-            # It is found all the same, as what leads to the records' unit: without it the file would say nothing of it.
-            spec, told = scaled_for(spec, records.unit)
-            notes += [told] if told else []
+            # It is found all the same, as what leads to the records' unit: without it the file would not state it.
+            spec, note = scaled_for(spec, records.unit)
+            notes += [note] if note else []
             twin = _built(spec, records)
             unfitted["scale"] = Estimate(twin.parameters.scale)
             given = {"scale": twin.parameters.scale, **given}

@@ -1,4 +1,4 @@
-"""From an optimiser's best point down to the bottom of the contact twin's objective, and how far the bottom scatters.
+"""Minimum of the contact twin's objective near the optimiser's best point, with intervals.
 
 best point --grid of points, several sets of trajectories--> quadratic surface --> its minimum --> again, until it holds
                                                                  |
@@ -100,7 +100,7 @@ def descend(
     rng : numpy.random.Generator
         Of the trajectories' starting angles.
     notes : list of str
-        Told what had to be left undone.
+        Gets a line for each step that was left out.
     """
     free, steps = list(places), grid(len(places))
     sets = [
@@ -123,7 +123,7 @@ def descend(
         bend = np.maximum(np.diag(quadratic(surface.at, squares)[2]), 1e-300)
         wanted = np.clip(radius * np.sqrt(2 * RISE * squares.min() / bend), RADIUS[free, 0], RADIUS[free, 2])
         if np.any(wanted < radius / 2):
-            # Too wide for a quadratic to say where the bottom is: the best of the grid is a safer middle.
+            # Too wide for a quadratic to locate the minimum: the best of the grid is a safer middle.
             centre, radius = best, np.clip(wanted, radius / 3, radius)
             continue
         if np.all(np.abs(place) <= 1) and np.all(wanted < 2 * radius):

@@ -1,4 +1,4 @@
-"""How far the contact twin's amplitude spectra are from measured ones, for many stiffnesses and dampings at once.
+"""Distance of the contact twin's amplitude spectra from measured ones, for many stiffnesses and dampings at once.
 
 records -----------PSD per state, coarse----------------------> measured --+
 stiffness, damping --trajectories, no noise--> PSD per state --+           |
@@ -66,7 +66,7 @@ class State:
 
 
 class SpectrumObjective:
-    """How far the twin's amplitude spectra are from the measured ones, for points of (log stiffness, log damping).
+    """Error of the twin's amplitude spectra against the measured ones, at points (log stiffness, log damping).
 
     Parameters
     ----------
@@ -219,8 +219,8 @@ def _power(state: State) -> float:
 def _without(records: RecordSet, own: Spectra) -> Array:
     """Mean PSD with one block left out in turn [blocks, bins]; none where records are too short for two blocks.
 
-    Blocks are groups where there are `FEWEST_GROUPS`. Fewer say too little of how they scatter: then every record is
-    cut into stretches, and what groups differ in goes unseen.
+    Blocks are groups where there are `FEWEST_GROUPS`. Fewer do not show how they scatter: then every record is
+    cut into stretches, and differences between groups are not seen.
     """
     groups = [str(records.conditions[p].group) for p in own.places]
     if len(set(groups)) >= FEWEST_GROUPS:

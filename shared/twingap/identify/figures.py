@@ -14,7 +14,7 @@ from twingap.identify.result import Fit
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-# Okabe and Ito 2008: told apart with any colour vision, and in grey by lightness and line style.
+# Okabe and Ito 2008: distinct with any colour vision, and in grey by lightness and line style.
 MEASURED, FITTED, MARK, BAND = "#8a8a8a", "#0072B2", "#D55E00", "#f0e9c8"
 MOST_PANELS = 8
 

@@ -1,4 +1,4 @@
-"""The healthy part of the phenomenological twin, and where its mode is read.
+"""Healthy part of the phenomenological twin: which records it is fitted to, and what impacts are in them.
 
 spectra, what the twin file fixes --> HealthyModel --begin--> where the mode shows --refit--> values on any records
 
@@ -42,7 +42,7 @@ ELSEWHERE = 0.3
 """Of what a mode explains of what defects add: the healthy records' own explains less where another one rings."""
 NOISES = "structure_noise_rms", "white_noise_rms"
 LEAST_SHOWN = 0.003
-"""Part of the healthy RMS below which a noise is not told from none: 50 dB below the other one."""
+"""Part of the healthy RMS below which a noise counts as none: 50 dB below the other one."""
 LINE_REACH = 4
 """Bins on either side of a defect's harmonics that are not taken for noise: Hann's lobe, and speeds a little off."""
 
@@ -90,7 +90,7 @@ class HealthyModel:
         return [s for s in taken if s.places.size]
 
     def mode_may_be_masked(self, fit: HealthyFit, baseline: Mask) -> bool:
-        """Whether bins at the resonance were left out as a line, in records too short to tell it from a sharp mode."""
+        """Whether bins at the resonance were left out as a line, though they may be of a sharp mode."""
         lengths = [c.duration_s for c, own in zip(self.records.conditions, baseline, strict=True) if own]
         if min(lengths) >= SHORT_S or self.mode_unknown or self.mode_from.any():
             return False
@@ -104,7 +104,7 @@ class HealthyModel:
         """The same, taking no harmonic of the records' own defects for noise, where no record is healthy.
 
         A short record's spectrum is one average: what stands a few times above its floor may be chance, unless it is
-        where a known defect strikes.
+        at the impacts of a known defect.
         """
         fit = whittle(self.measured, fixed=self.fixed)
         silent = silent_twin(self.twin, fit)
@@ -137,13 +137,13 @@ class HealthyModel:
             if poor
             else "no resonance stands out of healthy noise"
         )
-        struck = self._struck_elsewhere(fit, baseline) if self.method == "whittle" else None
-        if struck is not None:
+        added = self._mode_of_defects(fit, baseline) if self.method == "whittle" else None
+        if added is not None:
             if fit.stands_out and not poor:
-                why = f"what defects add rings elsewhere than at the {fit.resonance_hz:.0f} Hz of healthy spectra"
+                why = f"what defects add resonates elsewhere than at the {fit.resonance_hz:.0f} Hz of healthy spectra"
             notes.append(f"{why}: resonance and damping were read off the faulty records, off what they add")
-            settled = replace(self, mode_from=~baseline, mode_start=struck, mode_above=True)
-            return settled, settled.refit(np.ones(len(self.records), bool), baseline, struck)
+            settled = replace(self, mode_from=~baseline, mode_start=added, mode_above=True)
+            return settled, settled.refit(np.ones(len(self.records), bool), baseline, added)
         if self.method == "whittle" and (poor or not fit.stands_out):
             others = self.of(~baseline)
             shown = whittle(others, lines=True) if others else fit
@@ -157,22 +157,22 @@ class HealthyModel:
                 notes.append(f"spectra are not one mode and white noise (misfit {fit.misfit:.0f} times scatter)")
         return settled, settled.refit(np.ones(len(self.records), bool), baseline, fit)
 
-    def _struck_elsewhere(self, fit: HealthyFit, baseline: Mask) -> HealthyFit | None:
-        """The mode that rings in what defects add to healthy spectra, where that is hardly the one of `fit`.
+    def _mode_of_defects(self, fit: HealthyFit, baseline: Mask) -> HealthyFit | None:
+        """Mode of what defects add to healthy spectra, where that is hardly the one of `fit`.
 
-        Noise in a band and strikes from elsewhere are in healthy records, too, and may stand higher than the mode.
+        Noise in a band and impacts from other sources are in healthy records, too, and may be higher than the mode.
         """
         if "resonance_hz" in self.given:
             return None
-        struck, quiet = self._beside(~baseline, baseline)
-        if not struck:
+        faulty, quiet = self._beside(~baseline, baseline)
+        if not faulty:
             return None
-        shown = whittle(struck, lines=True, beneath=quiet)
+        shown = whittle(faulty, lines=True, beneath=quiet)
         apart = abs(math.log(shown.resonance_hz / fit.resonance_hz)) > SAME_PLACE
         if not (apart and shown.stands_out and ADDED_DAMPING[0] < shown.damping_ratio < ADDED_DAMPING[1]):
             return None
         here = Fixed(fit.resonance_hz, fit.damping_ratio)
-        there = whittle(struck, lines=True, beneath=quiet, fixed=here, start=fit)
+        there = whittle(faulty, lines=True, beneath=quiet, fixed=here, start=fit)
         return shown if there.deviance < ELSEWHERE * shown.deviance else None
 
     def _beside(self, keep: Mask, baseline: Mask) -> tuple[list[Spectra], list[Spectra]]:
@@ -207,8 +207,8 @@ class HealthyModel:
             return self, fit
         faults = [fault for fault in FAULTS[1:] if is_of(self.records, fault).any()]
         places = [np.flatnonzero(is_of(self.records, fault))[: max(MOST // len(faults), 2)] for fault in faults]
-        struck = [self.records[int(place)] for own in places for place in own]
-        share = noise_share(self.twin, fit, struck, root)
+        faulty = [self.records[int(place)] for own in places for place in own]
+        share = noise_share(self.twin, fit, faulty, root)
         structure = math.sqrt(share) * fit.structure_noise_rms
         return replace(self, noise_share=share), replace(fit, structure_noise_rms=structure)
 
@@ -218,12 +218,12 @@ class HealthyModel:
         if self.method == "eq8":
             mode = equation_8(measured)
         elif self.mode_from.any():
-            struck, quiet = (
+            faulty, quiet = (
                 self._beside(keep & self.mode_from, baseline)
                 if self.mode_above
                 else (self.of(keep & self.mode_from), [])
             )
-            mode = whittle(struck, lines=True, start=self.mode_start, beneath=quiet)
+            mode = whittle(faulty, lines=True, start=self.mode_start, beneath=quiet)
         elif self.mode_unknown:
             own = model_parameters(self.spec)
             mode = replace(start, resonance_hz=own.resonance_hz, damping_ratio=own.damping_ratio)
@@ -240,31 +240,32 @@ class HealthyModel:
     def levels(self, fit: HealthyFit) -> dict[str, float]:
         """Noise levels in multiples of scale, and scale, by the twin's convention: healthy RMS = scale where free."""
         given, structure, white = self.given, fit.structure_noise_rms, fit.white_noise_rms
-        asked = (given.get("structure_noise_rms"), given.get("white_noise_rms"))
+        stated = (given.get("structure_noise_rms"), given.get("white_noise_rms"))
         if "scale" in given:
             scale = given["scale"]
-        elif asked[0] and asked[1]:
-            scale = math.hypot(structure, white) / math.hypot(asked[0], asked[1])
-        elif asked[0]:
-            scale = structure / asked[0]
-        elif asked[1]:
-            scale = white / asked[1]
+        elif stated[0] and stated[1]:
+            scale = math.hypot(structure, white) / math.hypot(stated[0], stated[1])
+        elif stated[0]:
+            scale = structure / stated[0]
+        elif stated[1]:
+            scale = white / stated[1]
         else:
             scale = math.hypot(structure, white)
         relative = [
-            float(rms / scale if level is None else level) for level, rms in zip(asked, (structure, white), strict=True)
+            float(rms / scale if level is None else level)
+            for level, rms in zip(stated, (structure, white), strict=True)
         ]
         return {"structure_noise_rms": relative[0], "white_noise_rms": relative[1], "scale": float(scale)}
 
     def no_scale(self, fit: HealthyFit) -> str | None:
         """Why scale does not follow from the one noise level that is fixed (records show none of it), or None."""
-        asked = [name for name in NOISES if self.given.get(name)]
-        if "scale" in self.given or len(asked) != 1:
+        stated = [name for name in NOISES if self.given.get(name)]
+        if "scale" in self.given or len(stated) != 1:
             return None
-        shown = getattr(fit, asked[0]) / math.hypot(fit.structure_noise_rms, fit.white_noise_rms)
+        shown = getattr(fit, stated[0]) / math.hypot(fit.structure_noise_rms, fit.white_noise_rms)
         if shown >= LEAST_SHOWN:
             return None
-        return f"the records show no {asked[0].removesuffix('_rms').replace('_', ' ')}, from which scale would follow"
+        return f"the records show no {stated[0].removesuffix('_rms').replace('_', ' ')}, from which scale would follow"
 
     @property
     def conventional(self) -> bool:
@@ -289,7 +290,7 @@ class HealthyModel:
         """Back from coordinates."""
         if self.conventional and name in ("structure_noise_rms", "white_noise_rms"):
             return float(np.sqrt(expit(lo))), float(np.sqrt(expit(hi)))
-        # Beyond e^40 an interval says "unknown" as well; scale may be in any unit.
+        # Beyond e^40 an interval means "unknown" as well; scale may be in any unit.
         low, high = (float(np.exp(np.clip(v, -690, 40))) for v in (lo, hi))
         most = {"damping_ratio": 1.0, "resonance_hz": max(c.fs_hz for c in self.records.conditions) / 2}
         return low, min(high, most.get(name, math.inf))

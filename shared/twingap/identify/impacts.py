@@ -111,7 +111,7 @@ def ringing_power(samples: Array, fs_hz: float, centre_hz: float, half_hz: float
 
 
 def actual_speed(twin: PhenomenologicalTwin, fit: HealthyFit, record: Record) -> float:
-    """Speed (rpm) at which the twin strikes as often as this record is struck.
+    """Speed (rpm) at which the twin's impact rate is that of this record.
 
     The squared envelope of the record, band-passed around the mode, is searched for the comb of three harmonics that
     stands highest within `TOLERANCE` of the nominal impact rate. Where none stands out the nominal speed is kept.

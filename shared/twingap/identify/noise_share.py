@@ -1,15 +1,15 @@
-"""How much of what rings is noise, where every record is of a defect.
+"""Share of noise in what was fitted as structure noise, for records of defects only.
 
 record --band of the mode--> power over time --median over mean--> how evenly it is spread ----------+
 twin: noise + impacts, mixed --same------------------------------> the same for every mixture -------+--> noise's part
 
 Between the lines of a spectrum, impacts whose spacing is not quite even look like noise. Over time they do not: noise
-is there always, impacts ring seldom. The median of the squared envelope of Gaussian noise is ln 2 of its mean
-(Rayleigh), and less by all that comes seldom.
+is always there, the ring-down of impacts is not. The median of the squared envelope of Gaussian noise is ln 2 of its
+mean (Rayleigh), and less with power that comes in bursts.
 
-In a mode so sharp that one impact still rings when the next one comes, both are as even. There the squared envelope of
-a band that holds several lines pulses at the impact rate, by what impacts have in it, whatever their strengths (Antoni
-2009, Cyclostationarity by examples, doi:10.1016/j.ymssp.2008.10.010); noise does not pulse.
+In a mode so sharp that one impact has not decayed when the next one comes, both are equally even. There the squared
+envelope of a band that holds several lines pulses at the impact rate, by the power of the impacts in it (Antoni 2009,
+Cyclostationarity by examples, doi:10.1016/j.ymssp.2008.10.010); noise does not pulse.
 """
 
 from __future__ import annotations
@@ -32,22 +32,23 @@ Array = NDArray[np.float64]
 
 _PARTS: Final = np.array([0.003, 0.01, 0.03, 0.06, 0.1, 0.15, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0])
 _LINES: Final = 1.8
-"""Impact rates on either side of the mode that a band holds in which its envelope is to pulse."""
+"""Half width of the band of the pulsing envelope, in impact rates: wider bands hold more lines and more noise."""
 _PULSING: Final = 0.25
-"""Amplitude of the pulses of impacts alone, over the mean, from which they tell."""
+"""Least relative amplitude of the pulses of impacts alone; where it is lower, pulses are not used."""
 _SURE: Final = 0.3
-"""Part of the power of what pulses that has to lie between the lines before any of it counts."""
+"""Least part of the pulsing power that lies between the lines; where it is less, all is taken for noise."""
 _LEAST_SHARE: Final = 0.03
+"""Lower bound of the share found by pulses."""
 _SMEAR: Final = 0.012
 """Part of a rate by which spacings and speeds that are not even spread its lines."""
-_TELLING: Final = 0.3
-"""By how much the logarithm of median over mean has to differ between noise alone and impacts alone."""
+_DISTINCT: Final = 0.3
+"""Least difference in log evenness between noise alone and impacts alone; where it is less, evenness is not used."""
 MOST: Final = 8
-"""Records that are looked at."""
+"""Most records that are used; more steady the median and cost simulations."""
 
 
 def noise_share(twin: PhenomenologicalTwin, fit: HealthyFit, records: Sequence[Record], root: int) -> float:
-    """Power of structure noise over what was fitted to struck records.
+    """Power of structure noise over the power fitted as structure noise to records of defects.
 
     Parameters
     ----------
@@ -63,11 +64,11 @@ def noise_share(twin: PhenomenologicalTwin, fit: HealthyFit, records: Sequence[R
     Returns
     -------
     float
-        At most 1; the median over records. 1 where neither evenness over time nor what pulses tells noise from impacts.
+        At most 1; the median over records. 1 where neither evenness over time nor pulses separate noise from impacts.
     """
     mixtures = [_Mixture.of(twin, fit, record, Streams(root, place)) for place, record in enumerate(records)]
-    for told in (_Mixture.by_evenness, _Mixture.by_pulses):
-        known = [share for share in map(told, mixtures) if share is not None]
+    for estimate in (_Mixture.by_evenness, _Mixture.by_pulses):
+        known = [share for share in map(estimate, mixtures) if share is not None]
         if known:
             return float(np.clip(np.median(known), 1e-4, 1.0))
     return 1.0
@@ -90,7 +91,7 @@ class _Mixture:
         """Simulate them, at the rate that the record shows."""
         silent = silent_twin(twin, fit)
         speed_rpm = actual_speed(silent, fit, record)
-        (struck,) = silent.make([replace(record.condition, speed_rpm=speed_rpm)], [streams])
+        (impacts,) = silent.make([replace(record.condition, speed_rpm=speed_rpm)], [streams])
         parameters = replace(
             silent.parameters, impact_amplitude=dict.fromkeys(silent.parameters.impact_amplitude, 0.0),
             structure_noise_rms=fit.structure_noise_rms, white_noise_rms=0.0,
@@ -100,7 +101,7 @@ class _Mixture:
         )
         white = fit.white_noise_rms * streams("white of a mixture").standard_normal(record.samples.size)
         rate_hz = fault_order(silent, record.condition) * speed_rpm / 60
-        return cls(fit, record.samples, noise.samples, white, struck.samples, record.condition.fs_hz, rate_hz)
+        return cls(fit, record.samples, noise.samples, white, impacts.samples, record.condition.fs_hz, rate_hz)
 
     def by_evenness(self) -> float | None:
         """Structure noise over what was fitted, by which mixture is as even; None where impacts are even as well."""
@@ -112,13 +113,13 @@ class _Mixture:
         impacts = np.sqrt(total / of_impacts) * self.impacts
         mixed = [np.sqrt(part) * noise + np.sqrt(1 - part) * impacts for part in _PARTS]
         even = np.maximum.accumulate([_evenness(self._power(x, half)) for x in mixed])
-        if even[-1] - even[0] < _TELLING:
+        if even[-1] - even[0] < _DISTINCT:
             return None
         part = float(np.interp(_evenness(self._power(self.measured, half)), even, _PARTS))
         return max(part * total - self._mean(self.white, half), 0.0) / self._mean(self.structure, half)
 
     def by_pulses(self) -> float | None:
-        """The same by what pulses; None where impacts hardly do, or where no more pulses than stands in lines."""
+        """The same by pulses; None where impacts hardly pulse, or where no power pulses beyond that in lines."""
         half = max(self._narrow, _LINES * self.rate_hz)
         total, of_noise, of_impacts = self._means(half)
         if min(of_noise, of_impacts) <= 0:
@@ -129,10 +130,10 @@ class _Mixture:
         )
         if most < max(_PULSING, 3 * least):
             return None
-        # What noise happens to have at the rate is of no impacts.
+        # The pulses of noise at the rate are not of impacts.
         part = min(math.sqrt(max(swing**2 - least**2, 0.0) / (most**2 - least**2)), 1.0)
         of_structure, of_white = self._mean(self.structure, half), self._mean(self.white, half)
-        # What stands in lines was not taken for noise: only what pulses beyond it was.
+        # Power in lines was not fitted as noise: only what pulses beyond it was.
         beyond = part * total - (total - of_structure - of_white)
         return max(1 - beyond / of_structure, _LEAST_SHARE) if beyond > _SURE * part * total else None
 

@@ -1,4 +1,4 @@
-"""Optimisers that search a box for the least of an objective; which one is used is nobody else's business.
+"""Derivative-free optimisers of an objective on a box.
 
 objective, bounds, rng, evaluations --> OPTIMISERS[name] --> best point
 objective --Traced--> the same, remembering every point and value --> cost against evaluations
@@ -48,7 +48,7 @@ class Optimiser(Protocol):
 
 
 class Traced:
-    """An objective that remembers what it was asked and what it said.
+    """An objective that records its points and values.
 
     Parameters
     ----------

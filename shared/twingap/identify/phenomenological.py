@@ -1,4 +1,4 @@
-"""The phenomenological twin's free parameters from records.
+"""Identification of the phenomenological twin's free parameters from records.
 
 healthy records --Whittle or eq. 8--> mode, two noises --+--> scale, relative noise levels
 faulty records  --energy in the mode's band, less theirs-+--> impact amplitude per fault
@@ -37,7 +37,7 @@ NO_HEALTHY = (
     "structure_noise_rms may hold part of the impacts' energy"
 )
 QUICK_SEGMENT_S = 0.08
-"""Aimed length of a segment where intervals are not asked for, s: half of the usual one, at a third of its time."""
+"""Aimed length of a segment where no intervals are wanted, s: longer ones resolve sharper modes and take more time."""
 STRUCK_SEGMENT_S = 0.34
 """The same where every record is of a defect, quick or not: strong lines leave the noise between them too few bins of
 the usual ones (24 such records of a second at 5 % damping: four times the scatter, at two thirds of the time)."""
@@ -80,8 +80,8 @@ def identify_phenomenological(
             )
     if silent := [name for name in spec.effects if not spec.parameters.get(name)]:
         notes.append(
-            f"{', '.join(silent)}: the twin file gives no value, and spectra alone do not tell it: defaults were kept "
-            "(`twingap gap` finds such values itself)"
+            f"{', '.join(silent)}: the twin file gives no value, and spectra alone do not determine it: defaults were "
+            "kept (`twingap gap` finds such values itself)"
         )
     progress("spectra", 0.0)
     segment_s = SEGMENT_S if healthy.any() else STRUCK_SEGMENT_S
@@ -155,8 +155,8 @@ def _with_intervals(
     }
     if problem.mode_may_be_masked(fit, baseline):
         notes.append(
-            f"records shorter than {SHORT_S:g} s do not tell a sharp mode from a line, and what may be either lies at "
-            "the resonance: values without intervals, and the damping may be too high"
+            f"records shorter than {SHORT_S:g} s do not separate a sharp mode from a line, and what may be either lies "
+            "at the resonance: values without intervals, and the damping may be too high"
         )
         return {name: Estimate(value) for name, value in problem.values(fit).items()} | bare
     spread = jackknife(without, of)
@@ -172,8 +172,8 @@ def _with_intervals(
         return {name: e if name in sound else Estimate(e.value) for name, e in out.items()} | bare
     if problem.noise_share < SURE_SHARE:
         notes.append(
-            f"{1 - problem.noise_share:.0%} of what looks like structure noise between the lines was told from it by "
-            "time: noise levels, scale and impact amplitudes have no intervals"
+            f"{1 - problem.noise_share:.0%} of what looks like structure noise between the lines was separated from it "
+            "by time: noise levels, scale and impact amplitudes have no intervals"
         )
         sound = ("resonance_hz", "damping_ratio")
         return {name: e if name in sound else Estimate(e.value) for name, e in out.items()} | bare

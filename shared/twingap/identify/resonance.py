@@ -1,4 +1,4 @@
-"""The healthy part of the twin from spectra: resonance, damping and the two noises.
+"""Fit of the healthy part of the twin to spectra: resonance, damping and the two noises.
 
 PSDs of healthy records --(lines left out)--> `whittle`: resonance, damping, structure noise and white noise jointly
                                           \\-> `equation_8`: peak of the spectrum, then logarithmic decrement
@@ -47,7 +47,7 @@ NOTHING = Fixed()
 
 @dataclass(frozen=True)
 class HealthyFit:
-    """The healthy part of the twin.
+    """Fitted healthy part of the twin.
 
     Parameters
     ----------
@@ -76,7 +76,7 @@ class HealthyFit:
     @property
     def stands_out(self) -> bool:
         """Whether a mode shows at all above white noise: one false alarm in a thousand, wherever in the spectrum."""
-        # Neighbouring Hann bins share half of what they say, so half of the deviance is news.
+        # Neighbouring Hann bins share half of their information, so half of the deviance is new.
         return not self.deviance / 2 < chi2.isf(1e-3 / max(self.bins, 1), 3)
 
     def psd(self, spectra: Spectra) -> Array:

@@ -1,4 +1,4 @@
-"""What identification hands back."""
+"""Results of an identification: estimates, fitted curves, notes."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class Estimate:
     ----------
     value : float
     interval : (float, float) or None
-        At the level asked for; None where no method here has been shown to keep its level.
+        At the wanted level; None where no method here has been shown to keep its level.
     """
 
     value: float

@@ -1,4 +1,4 @@
-"""Averaged spectra of records, and what a model's autocovariance should look like through the same estimator.
+"""Averaged spectra of records, and the expectation of the same estimator for a model's autocovariance.
 
 records --(Hann segments, half overlapping)--> PSD per record;  autocovariance --(same taper)--> expected PSD
 
@@ -23,7 +23,7 @@ from twingap.records import Record, RecordSet
 Array = NDArray[np.float64]
 
 SEGMENT_S = 0.17
-"""Aimed length of a segment, s: 6 Hz between bins tells a mode of 0.2 % damping at 3 kHz from a line."""
+"""Aimed length of a segment, s: 6 Hz between bins separates a mode of 0.2 % damping at 3 kHz from a line."""
 LINE_S = 1.0
 """Longest segment, s, in which lines are sought; longer ones would see a shaft harmonic wander."""
 SHORTEST = 64

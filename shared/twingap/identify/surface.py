@@ -1,4 +1,4 @@
-"""The bottom of an objective: a quadratic surface through a grid of points, its minimum, and how far that scatters.
+"""Minimum of a quadratic surface through a grid of points, and its scatter.
 
 grid about the best point --objective--> values --least squares--> quadratic --> minimum
    same grid, some data left out ------> other values ----------> other quadratic --> minimum --> jackknife

@@ -1,4 +1,4 @@
-"""The Zebra Optimisation Algorithm, by the rules of its authors' code.
+"""The Zebra Optimisation Algorithm, after its authors' code.
 
 herd --> phase 1: toward the pioneer (the best) --> keep what is better --> phase 2: flee, or gather around one --> ...
 
@@ -35,7 +35,7 @@ class Zebra:
 
     Notes
     -----
-    The herd costs `herd` evaluations once and twice as many an iteration. A phase asks for its whole herd at once,
+    The herd costs `herd` evaluations once and twice as many an iteration. A phase evaluates its whole herd at once,
     which changes nothing: within a phase no zebra sees where another went. Where the evaluations end within a phase,
     the zebras beyond stay where they are.
     """

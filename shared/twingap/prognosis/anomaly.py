@@ -1,4 +1,4 @@
-"""The first anomaly of a run: where normalised amplitude leaves the scatter of its healthy beginning.
+"""Detection of the first anomaly of a run: normalised amplitude leaves the scatter of its healthy beginning.
 
 rows 0 .. n-1 (healthy) --> limit -------+
 rows n, n+1, ... ------------------------+--> above it, `consecutive` rows together? --> K_anomaly

@@ -1,11 +1,11 @@
-"""Intervals that cover what they state: the posterior's, corrected by what simulated runs showed.
+"""Calibration of 90 % intervals of remaining life, by quantile regression on simulated runs.
 
 simulated runs --OnlineLife--> posterior, true life --quantile regression--> TABLE --> corrected median and interval
 
-Growth laws alone err in ways that simulated runs tell beforehand: soon after the onset rates are read off a few rows,
-a life many times longer than what was seen of it hardly ever comes true, laws change. Quantiles of the true life are
-linear in what the posterior says (Koenker and Bassett 1978, DOI 10.2307/1913643), so that nothing jumps where one row
-follows another. `interval_study` makes and checks the table.
+Growth laws alone err in ways that simulated runs show: soon after the onset rates are estimated from a few rows, lives
+many times longer than what has passed of them are rare, laws change. Quantiles of the true life are linear in terms of
+the posterior (Koenker and Bassett 1978, DOI 10.2307/1913643), so that estimates do not jump from row to row.
+`interval_study` makes and checks the table.
 """
 
 from __future__ import annotations

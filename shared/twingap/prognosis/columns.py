@@ -1,4 +1,4 @@
-"""Numbers of a run's rows, appended one by one and looked at as arrays."""
+"""Growing arrays: numbers of a run's rows, appended one by one."""
 
 from __future__ import annotations
 

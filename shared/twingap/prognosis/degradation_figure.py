@@ -1,4 +1,4 @@
-"""The figure of a degradation: indicator, curves with their intervals, and what each got wrong of later records.
+"""Figure of a degradation: indicator, fitted curves with intervals, and errors on later records.
 
 Colours that colour-blind readers tell apart (Okabe and Ito 2008).
 """

@@ -1,11 +1,11 @@
-"""What a fitted curve says of later times: its band, remaining life with an interval, and its error when they come.
+"""Forecast of a fitted curve: band, remaining life with an interval, and error on later records.
 
 CurveFit --curves that other noise would have given--> band, time at which a level is reached: life, interval
 run, share of life --fit on the part seen--> error on the part not seen
 
 Other noise is made like that of the residuals: an AR(1) process of their memory with their local spread (a sieve
 bootstrap, Buehlmann 1997, DOI 10.2307/3318584, with heteroscedasticity kept as in the wild bootstrap). Intervals hold
-for the parameters, given that the model is right; that it is, no interval says.
+for the parameters, given that the model is right, which no interval covers.
 """
 
 from __future__ import annotations
@@ -374,7 +374,7 @@ def _thinned(fit: CurveFit) -> tuple[Array, Array, Array]:
     u, residuals = fit.scaled(fit.time_s), fit.residuals
     step = -(-u.size // MOST_ROWS)
     if step > 1:
-        # Whole groups from the end: the latest rows say most about what comes.
+        # Whole groups from the end: the latest rows predict the next ones best.
         cut = u.size % step
         u, residuals = (x[cut:].reshape(-1, step).mean(axis=1) for x in (u, residuals))
     return u, fit.model.curve(u, fit.coefficients, fit.exponents), residuals

@@ -1,4 +1,4 @@
-"""One run from features to a forecast: what `twingap health` does.
+"""Degradation of one run, from features to forecast: the function behind `twingap health`.
 
 Run --healthy start--> candidates --criteria--> indicator --> every model: fit, criteria, errors, band, remaining life
 """
@@ -31,7 +31,7 @@ Array = NDArray[np.float64]
 FEWEST_LATER = 10
 """Rows after the healthy start without which there is nothing to fit a curve to."""
 _TOGETHER: Final = 5
-"""Rows whose median says where an indicator has gone: a spike is none of its ways."""
+"""Rows whose median is the last level of an indicator, so that a spike does not set its direction."""
 _CLEAR: Final = 5.0
 """Healthy standard deviations that it has gone by the end, where its way is clear."""
 
@@ -70,7 +70,7 @@ class DegradeOptions:
 
 @dataclass(frozen=True)
 class Model:
-    """What one model says of the run."""
+    """Fit, criteria and forecast of one model."""
 
     fit: CurveFit
     criteria: Criteria
@@ -103,7 +103,7 @@ class Degradation:
     rising : bool
         Whether the limit is reached from below.
     notes : tuple of str
-        How the limit was taken, where the run does not say.
+        How the limit was taken, where the run does not state it.
     """
 
     run: Run

@@ -1,4 +1,4 @@
-"""What is said of remaining life at a row, and by which options."""
+"""An estimate of remaining life at one row, and the options of estimation."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from twingap.prognosis.anomaly import AnomalyRule
 from twingap.prognosis.revolutions import Gaps
 
 _HIGHEST_RATIO: Final = 1e6
-"""No accelerometer spans more between its noise and its end."""
+"""No accelerometer has a wider range between its noise and full scale."""
 
 
 @dataclass(frozen=True)
@@ -52,7 +52,7 @@ class LifeOptions:
 
 @dataclass(frozen=True)
 class Estimate:
-    """Remaining life as known at a row; NaN where nothing can be said.
+    """Remaining life as known at a row; NaN where it is not known.
 
     Parameters
     ----------
@@ -73,7 +73,7 @@ class Estimate:
     closed_lo: float | None = None
 
     def closed(self) -> Estimate:
-        """The same with the lower end that growth gives, by which runs tell of others."""
+        """The same with the lower end by growth, as past intervals use it."""
         if self.closed_lo is None:
             return self
         return replace(self, revolutions_lo=self.closed_lo, closed_lo=None)

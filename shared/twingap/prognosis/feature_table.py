@@ -89,7 +89,7 @@ def read_feature_table(path: str | os.PathLike[str], *, group: str | None = None
         first, second = (rows[int(order[twice[0] + k])][0] for k in (0, 1))
         raise TwingapError(
             f"time_s = {time_s[order[twice[0]]]:g} in rows {first} and {second}", where=path,
-            mend="keep one row for each time, or tell runs apart in a column group",
+            mend="keep one row for each time, or separate runs by a column group",
         )  # fmt: skip
     counters = [name for name, x in features.items() if _counts(x[order])]
     for name in counters:

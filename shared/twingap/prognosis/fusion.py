@@ -1,11 +1,11 @@
-"""Features fused by principal components, learnt from the healthy start of a run, or from all of it.
+"""Feature fusion by principal components, fitted on the healthy beginning of a run or on all of it.
 
 features [rows, features] --centre, scale--> normalised --principal axes--> fusion features 1, 2, ... [rows, features]
      healthy rows only (online) or all rows (the paper's reading, offline) decide centre, scale and axes
 
 Paper 2 normalises 15 features into a matrix and fuses them by PCA of the whole run: at any row its indicator depends on
 rows that come later, so it describes a run and cannot watch one. `Fusion` learnt from healthy rows does both. Fusion
-feature k is numbered from the greatest variance (MATLAB's `pca` and the textbook's order) unless order says otherwise.
+feature k is numbered from the greatest variance (MATLAB's `pca` and the textbook's order) unless `order` is another.
 """
 
 from __future__ import annotations

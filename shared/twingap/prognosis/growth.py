@@ -1,4 +1,4 @@
-"""What may follow from the growth seen so far: a posterior over growth laws, and with it over remaining revolutions.
+"""Posterior over growth laws of amplitude, and over remaining revolutions, from the growth seen so far.
 
 log amplitude over revolutions, healthy = 0 --> weights of laws (rate r, curvature q) --+
 level at which life ends ---------------------------------------------------------------+--> weighted lives
@@ -27,16 +27,15 @@ _NODE_LOGS = np.log([1 / 6, 2 / 3, 1 / 6])
 _FREEDOM = 4.0
 _LOWEST = -12.0
 _NEAR, _FAR = 0.1, 0.6
-"""How far a run is off any one law, in log amplitude: now, and at the onset. No bearing follows one law for ever, and
-what fits the past best says little of a change to come. Chosen on simulated runs, of those tried (near 0.02 to 0.2, far
-0.12 to 1), for narrow intervals after calibration."""
+"""Deviation of a run from any one law, in log amplitude: now, and at the onset. Greater values widen intervals; these
+give narrow ones after calibration on simulated runs."""
 _EARLY = 0.7
 """Of the greatest of n normal deviates, sqrt(2 log n), that which comes where amplitude goes on growing."""
 
 
 @dataclass(frozen=True)
 class Seen:
-    """What the filter is told of a run at a row.
+    """Input of the filter from a run at a row.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""A health indicator for a run: features, what they fuse to, and the choice among them.
+"""Health indicators of a run: features, their fusion, and the choice of the most suitable.
 
 records --> 11 time-domain, 4 spectral-kurtosis features [rows, 15]
 features --healthy start--> normalised features, fusion features --criteria--> the one chosen

@@ -1,9 +1,9 @@
-"""Whether the first rows of a run, to which its amplitudes are relative, can have been healthy.
+"""Test of whether the first rows of a run, to which its amplitudes are relative, can have been healthy.
 
 normalised amplitude of the healthy rows --Kendall--> `rises`: they grow themselves
 amplitude from the first row to the alarm --growth from the first row, or after the healthy ones--> `shown_healthy`
 
-A run that begins damaged and rests there looks like a healthy one: nothing in its amplitudes says otherwise.
+A run that begins damaged and rests there looks like a healthy one: its amplitudes do not show the difference.
 """
 
 from __future__ import annotations

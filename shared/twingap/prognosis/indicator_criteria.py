@@ -1,4 +1,4 @@
-"""What makes a health indicator good: it goes one way, with time, steadily, and far.
+"""Criteria of a health indicator: monotonicity, correlation with time, robustness, and range.
 
 indicator --causal moving average--> trend --> monotonicity, trendability
 indicator less trend ------------------------> robustness;   trend, healthy rows --> sensitivity

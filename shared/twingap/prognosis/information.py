@@ -1,4 +1,4 @@
-"""Which curve explains a run best for its number of parameters, when residuals depend on their neighbours.
+"""Information criteria of fitted curves whose residuals are autocorrelated.
 
 CurveFit --residuals independent--> AICc, BIC (too sure of themselves: a run's residuals wander)
          --AR(1) errors, refitted--> AICc, BIC that take the wandering into account

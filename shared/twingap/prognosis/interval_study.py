@@ -1,4 +1,4 @@
-"""Makes the table of `calibration` from simulated runs, and checks coverage on others.
+"""Simulation study that makes the table of `calibration` and checks the coverage of intervals.
 
 law, seed --> simulated run --OnlineLife--> Checked, ... --learn--> table;  Checked, table --> coverage
 law, spread of lives --> bench of six runs --> Checked, ... --the five others' ends, as Prior--> coverage
@@ -56,14 +56,14 @@ class Checked:
 def check_run(run: SimulatedRun, name: str, rows: int = 8) -> list[Checked]:
     """Estimates at evenly spaced rows from the alarm to the end of a run."""
     life = OnlineLife(LifeOptions(limit_ratio=run.limit_ratio))
-    asked: set[int] = set()
+    wanted: set[int] = set()
     left = run.remaining_revolutions
     found = []
     for row in range(run.time_s.size - 1):
         life.take(float(run.time_s[row]), float(run.speed_rpm[row]), float(run.peak_to_peak[row]))
         if life.alarm_row == row:
-            asked = {int(v) for v in np.linspace(row, run.time_s.size - 2, rows)}
-        if row in asked and life.end_row is None and (posterior := life.posterior()) is not None:
+            wanted = {int(v) for v in np.linspace(row, run.time_s.size - 2, rows)}
+        if row in wanted and life.end_row is None and (posterior := life.posterior()) is not None:
             found.append(Checked(name, posterior, float(left[row]), life.revolutions))
     return found
 
@@ -128,22 +128,22 @@ def informed(bench: Sequence[Sequence[Checked]]) -> Array:
     found = []
     for place, own in enumerate(bench):
         prior = prior_from([*ended[:place], *ended[place + 1 :]])
-        told = ended[place].past
-        assert told is not None
-        said = np.array([
+        past = ended[place].past
+        assert past is not None
+        both = np.array([
             prior.joined(calibrated(c.posterior), c.lived, c.posterior.since_onset, c.posterior.per_row) for c in own
         ])  # fmt: skip
-        inside = (said[:, 0] <= told.left) & (told.left <= said[:, 2])
-        found.append((float(inside.mean()), told.log_error(said), told.log_error(told.growth)))
+        inside = (both[:, 0] <= past.left) & (past.left <= both[:, 2])
+        found.append((float(inside.mean()), past.log_error(both), past.log_error(past.growth)))
     return np.array(found)
 
 
 def _outcome(run: Sequence[Checked]) -> Outcome:
-    """What a run that has ended tells of others."""
+    """Outcome of a run that has ended."""
     growth = np.array([calibrated(c.posterior) for c in run])
     lived, left, since = np.array([(c.lived, c.true, c.posterior.since_onset) for c in run]).T
-    told = PastIntervals(growth, lived, since, left, run[-1].posterior.per_row)
-    return Outcome(run[0].run, float(lived[-1] + left[-1]), float(since[-1] + left[-1]), None, told)
+    past = PastIntervals(growth, lived, since, left, run[-1].posterior.per_row)
+    return Outcome(run[0].run, float(lived[-1] + left[-1]), float(since[-1] + left[-1]), None, past)
 
 
 def _weights(checked: Sequence[Checked]) -> Array:
@@ -159,13 +159,13 @@ def main() -> None:
             kind = "calibrated on" if law in CALIBRATION_LAWS else "not used"
             print(f"{law:12s} {kind:13s} {runs} runs: covered {share:.3f}, below {below:.3f}, above {above:.3f}")
         print("With the five other runs of a bench:")
-        told = {
+        every = {
             (law, spread): np.concatenate([informed(check_bench(law, spread, seed)) for seed in range(40_000, 40_003)])
             for law in LAWS
             for spread in SPREADS
         }
         for shared in (*LAWS, *SPREADS):
-            own = np.concatenate([found for about, found in told.items() if shared in about])
+            own = np.concatenate([found for about, found in every.items() if shared in about])
             share, error, alone = own.mean(axis=0)
             print(f"{shared!s:12s} {len(own)} runs: covered {share:.3f}, log life {error:.3f} off, {alone:.3f} alone")
         return

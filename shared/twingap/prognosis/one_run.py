@@ -1,4 +1,4 @@
-"""Whether groups of records are recordings of one run, or runs of several bearings."""
+"""Test of whether groups of records are recordings of one run, or runs of several bearings."""
 
 from __future__ import annotations
 

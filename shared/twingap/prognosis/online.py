@@ -1,4 +1,4 @@
-"""Remaining life along a run, row by row as it is measured: what is behind `twingap rul`.
+"""Online estimate of remaining life, row by row as a run is measured: the class behind `twingap rul`.
 
 row: time, speed, peak to peak --> S(k), eqs. 9-11 --> alarm? --yes--> growth laws --> remaining revolutions, 90 %
                                         (healthy rows)    |no                                    |
@@ -42,7 +42,7 @@ _BINS: Final = 36
 
 
 class OnlineLife:
-    """Takes the rows of one run in order of time and says after each what life remains.
+    """Estimates remaining life after each row of one run, taken in order of time.
 
     Parameters
     ----------
@@ -102,7 +102,7 @@ class OnlineLife:
             NaN when the record cannot be used.
         whole : float, optional
             That of the whole record, where `peak_to_peak` is of a part whose length was learnt from the healthy rows:
-            among these it says whether the limit is reached, so that no later one does.
+            among these it decides whether the limit is reached, so that no later row does.
         """
         row, before_s = self._turned.rows, self._turned.time_s
         if not np.isfinite(time_s):
@@ -129,7 +129,7 @@ class OnlineLife:
     def _reaches_limit(self, row: int, peak_to_peak: float) -> bool:
         """Whether one of the first rows ends the life: it reaches the limit, and others have been below.
 
-        Whether a machine that begins at the limit is broken, or the limit wrong, is for its owner to say.
+        Whether a machine that begins at the limit is broken, or the limit wrong, is for its owner to decide.
         """
         limit = self.options.limit
         if limit is None or self.end_row is not None:
@@ -255,7 +255,7 @@ class OnlineLife:
         except TwingapError as error:
             if len(self._healthy) > 20 * self.options.healthy_rows or "equal" in error.what:
                 raise
-            return  # more rows are needed than were asked for: the next one tries again
+            return  # more rows are needed than were taken: the next row tries again
         if len(self._healthy) > self.options.healthy_rows:
             self.notes.append(f"{len(self._healthy)} rows were needed as healthy ones for {speeds} speeds")
         if used.consecutive > rule.consecutive:
@@ -292,7 +292,7 @@ class OnlineLife:
             self._highest_gain = max(self._highest_gain, float(self._influence.amplitude(s)))
 
     def _check_start(self) -> None:
-        """At an alarm: whether what counts as healthy can have been so. An end in absolute amplitude does not ask."""
+        """At an alarm: whether the first rows can have been healthy. An end in absolute amplitude does not need it."""
         if self.options.limit is not None:
             return
         assert self._influence is not None
@@ -412,9 +412,9 @@ class OnlineLife:
             self._take_end_back(row)
 
     def _take_end_back(self, row: int) -> None:
-        """An end by ratio is one row's amplitude, and a knock is one too: where the next ones lie below, life goes on.
+        """An end by ratio is one row's amplitude, and so is an impulse: where the next ones lie below, life goes on.
 
-        As many rows as make an anomaly say so. A limit in absolute amplitude is the owner's, and stands.
+        As many rows as make an anomaly decide. A limit in absolute amplitude is the owner's, and stands.
         """
         since = self._log["log"][self._ended_at :]
         if since.size < self._together or (since[-self._together :] >= self._end()).any():
@@ -489,7 +489,7 @@ class OnlineLife:
         return Estimate(False, middle, low, high, speed)
 
     def posterior(self) -> Posterior | None:
-        """What the growth laws say at the last judged row, before calibration; None before the anomaly."""
+        """Posterior of growth laws at the last judged row, before calibration; None before the anomaly."""
         if self.alarm_row is None or not self.judged:
             return None
         seen, rows = self._seen()

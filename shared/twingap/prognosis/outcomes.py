@@ -1,4 +1,4 @@
-"""What runs that have ended say of others: their lives, how their own estimates were off, and a prior of it all.
+"""Outcomes of runs that have ended, and the prior for other runs that they give.
 
 a run followed to its end --outcome_of--> Outcome;  a table of lives --read_outcomes--> Outcomes --prior_from--> Prior
 """
@@ -22,22 +22,22 @@ from twingap.prognosis.prior import LogNormal, Prior
 from twingap.records.table import read_table
 
 WEIGHTS: Final = (0.0, 0.25, 0.5, 0.75, 0.9, 1.0)
-"""Of growth in `prognosis.prior`, among which runs that ended choose."""
+"""Weights of growth in `prognosis.prior` that are tried on runs that have ended."""
 _SHARED: Final = 0.1
 """Share of the records of the shorter of two runs that makes them the same one."""
 FEWEST_WITH_INTERVALS: Final = 3
-"""Runs with estimates of their own that it takes to choose, and to say how wide joined intervals have to be."""
+"""Fewest runs with past intervals by which the weight of growth and the width of joined intervals are chosen."""
 _SHORTEST: Final = 1.0
 _LONGEST: Final = 1e14
 """Revolutions: a million rpm for two centuries."""
 _USUAL_SPREAD: Final = 0.7
-"""Standard deviation of log life over bearings of one kind, taken for as much as two runs would say: a Weibull life of
+"""Standard deviation of log life over bearings of one kind, with the weight of two runs: a Weibull life of
 slope 1.5 (rolling bearings: 1.1 to 1.5) has 0.85, one of slope 2 has 0.64."""
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """What a run that has ended says about others.
+    """Life and past estimates of a run that has ended.
 
     Parameters
     ----------
@@ -48,10 +48,10 @@ class Outcome:
         From the onset of the anomaly; None when none was found.
     end_ratio : float or None
         Amplitude at the end over the healthy one.
-    told : PastIntervals or None
+    past : PastIntervals or None
         Its own estimates after the alarm, made without other runs.
     signs : frozenset
-        Of its records, by which they are known again; see `run_records.Amplitude`. Empty when the run is a row of a
+        Of its records, by which they are recognised; see `run_records.Amplitude`. Empty when the run is a row of a
         table.
     """
 
@@ -59,7 +59,7 @@ class Outcome:
     life: float
     after_onset: float | None
     end_ratio: float | None
-    told: PastIntervals | None = None
+    past: PastIntervals | None = None
     signs: frozenset[tuple[float, float]] = frozenset()
 
     def same_as(self, other: Outcome) -> bool:
@@ -77,7 +77,7 @@ def outcome_of(
     lived: Sequence[float],
     signs: frozenset[tuple[float, float]] = frozenset(),
 ) -> Outcome:
-    """What a run says of others.
+    """Outcome of a run.
 
     Parameters
     ----------
@@ -109,14 +109,14 @@ def outcome_of(
 
 
 def refuse_repeats(ended: Sequence[tuple[str, Outcome]], run: Outcome | None = None) -> None:
-    """Refuse runs that are given twice, or that are the run itself: it would be told its own future.
+    """Refuse runs that are given twice, and the run itself, whose future is to be predicted.
 
     Parameters
     ----------
     ended : sequence of (str, Outcome)
-        Where each was read from, and what it says.
+        Where each was read from, and its outcome.
     run : Outcome, optional
-        The run that is asked about.
+        The run whose remaining life is estimated.
 
     Raises
     ------
@@ -125,7 +125,7 @@ def refuse_repeats(ended: Sequence[tuple[str, Outcome]], run: Outcome | None = N
     for place, (where, outcome) in enumerate(ended):
         if run is not None and outcome.same_as(run):
             raise TwingapError(
-                f"run {outcome.name!r} is the run that is asked about, which would answer from its own future",
+                f"run {outcome.name!r} is the one whose remaining life is estimated: its end would enter the estimate",
                 where=where, mend="leave it out of --prior",
             )  # fmt: skip
         for before, other in ended[:place]:
@@ -137,12 +137,12 @@ def refuse_repeats(ended: Sequence[tuple[str, Outcome]], run: Outcome | None = N
 
 
 def prior_from(outcomes: Sequence[Outcome]) -> Prior:
-    """What runs that ended say of the next one of their kind.
+    """Prior of a run from others of its kind that have ended.
 
     Parameters
     ----------
     outcomes : sequence of Outcome
-        At least one. Runs without an anomaly tell their life alone.
+        At least one. Of runs without an anomaly only the life is used.
 
     Returns
     -------
@@ -161,25 +161,24 @@ def prior_from(outcomes: Sequence[Outcome]) -> Prior:
     ]  # fmt: skip
 
     def joined(weight: float) -> list[tuple[PastIntervals, Array]]:
-        return [(told, _joined(told, dataclasses.replace(others, growth_weight=weight))) for told, others in each]
+        return [(past, _joined(past, dataclasses.replace(others, growth_weight=weight))) for past, others in each]
 
     by_weight = {weight: joined(weight) for weight in WEIGHTS}
-    best = min(WEIGHTS, key=lambda weight: float(np.mean([told.log_error(said) for told, said in by_weight[weight]])))
-    wider = widening([told.errors(said) for told, said in by_weight[best]])
+    best = min(WEIGHTS, key=lambda weight: float(np.mean([past.log_error(both) for past, both in by_weight[weight]])))
+    wider = widening([past.errors(both) for past, both in by_weight[best]])
     return dataclasses.replace(prior, growth_weight=best, joined_widening=wider)
 
 
-def _joined(told: PastIntervals, prior: Prior) -> Array:
-    """Intervals [rows, 3] of a run that ended, joined with what other runs say."""
-    rows = zip(told.growth, told.lived, told.since_onset, strict=True)
-    said = [
-        prior.joined((float(a), float(b), float(c)), lived, since, told.per_row) for (a, b, c), lived, since in rows
-    ]
-    return np.array(said)
+def _joined(past: PastIntervals, prior: Prior) -> Array:
+    """Intervals [rows, 3] of a run that has ended, joined with the prior of other runs."""
+    rows = zip(past.growth, past.lived, past.since_onset, strict=True)
+    return np.array(
+        [prior.joined((float(a), float(b), float(c)), lived, since, past.per_row) for (a, b, c), lived, since in rows]
+    )
 
 
 def _laws(outcomes: Sequence[Outcome]) -> Prior:
-    """What runs say one by one: lives, and intervals of growth."""
+    """Prior with default weight of growth: laws of lives, widening of growth's intervals."""
     if not outcomes:
         raise TwingapError("no run has ended", where="prior", mend="give at least one run to failure")
     lives = [o.life for o in outcomes if o.life > 0]
@@ -195,7 +194,7 @@ def _laws(outcomes: Sequence[Outcome]) -> Prior:
 
 
 def past_intervals(estimates: Sequence[Estimate], lived: Sequence[float], at_onset: float) -> PastIntervals | None:
-    """What a run that has ended tells of its own estimates, from the rows of its anomaly, but for the last one.
+    """Past intervals of a run that has ended, from the onset of its anomaly to the row before the last.
 
     Parameters
     ----------
@@ -204,7 +203,7 @@ def past_intervals(estimates: Sequence[Estimate], lived: Sequence[float], at_ons
     lived : sequence of float [rows]
         Revolutions since the first row.
     at_onset : float
-        Of them, at the onset of the anomaly; NaN where none was left at the end. Rows of one that passed say nothing.
+        Of them, at the onset of the anomaly; NaN where no anomaly was left at the end. Rows before it are left out.
 
     Returns
     -------
@@ -217,15 +216,15 @@ def past_intervals(estimates: Sequence[Estimate], lived: Sequence[float], at_ons
     ]  # fmt: skip
     if not rows:
         return None
-    said = [estimates[row].closed() for row in rows]
+    closed = [estimates[row].closed() for row in rows]
     turns = np.array([lived[row] for row in rows])
-    growth = np.array([(e.revolutions_lo, e.revolutions, e.revolutions_hi) for e in said])
+    growth = np.array([(e.revolutions_lo, e.revolutions, e.revolutions_hi) for e in closed])
     per_row = lived[-1] / (len(lived) - 1)
     return PastIntervals(growth, turns, turns - at_onset, lived[-1] - turns, per_row).thinned()
 
 
 def usual_end(outcomes: Sequence[Outcome]) -> float | None:
-    """Median amplitude ratio at which runs ended that had an anomaly; None when none says."""
+    """Median amplitude ratio at the end of the runs that had an anomaly; None without such runs."""
     ends = [o.end_ratio for o in outcomes if o.after_onset and o.end_ratio and o.end_ratio > 1]
     return float(np.exp(np.median(np.log(ends)))) if ends else None
 

@@ -1,4 +1,4 @@
-"""How far intervals were off on runs that have ended, and what that says of the next run's.
+"""Errors of past intervals of remaining life on runs that have ended, and the widening of future intervals.
 
 a run's estimates, its end --errors--> error over half width [rows];  those of several runs --widening--> a factor
 a factor --widened--> the next run's intervals
@@ -6,8 +6,8 @@ a factor --widened--> the next run's intervals
 Intervals are calibrated on simulated runs; real ones may grow by other laws. Runs that have ended show by how much, as
 in conformal prediction (Lei et al. 2018, DOI 10.1080/01621459.2017.1307116), but with whole runs for exchangeable
 units: rows of one run err together. Without further assumptions the next of n runs has weight 1 / (n + 1), at an
-infinite error: no finite interval is sure to hold 90 % before n = 9. With fewer, that weight is given to errors such
-as intervals have that hold what they say, as they do on simulated runs.
+infinite error: no finite interval is sure to hold 90 % before n = 9. With fewer, that weight is given to the
+errors of calibrated intervals, as on simulated runs.
 """
 
 from __future__ import annotations
@@ -24,17 +24,17 @@ Array = NDArray[np.float64]
 Interval = tuple[float, float, float]
 
 ROWS: Final = 64
-"""Of a run that speak for it."""
+"""Most rows of a run that are used: evenly spaced. More follow a run more closely and cost time."""
 _LEVEL: Final = 0.9
 _BOUNDS: Final = (0.5, 5.0)
-"""Of factors: no few runs say more."""
+"""Least and greatest widening: few runs are no evidence for more."""
 _CALIBRATED: Final = np.asarray(ndtri(0.5 + 0.5 * (np.arange(ROWS) + 0.5) / ROWS) / ndtri(0.5 + _LEVEL / 2))
-"""What errors are like where intervals hold what they say: half-normal in logarithms."""
+"""Errors of calibrated intervals: half-normal in logarithms."""
 
 
 @dataclass(frozen=True, eq=False)
 class PastIntervals:
-    """What growth alone said of a run that has ended, after its alarm.
+    """Intervals of remaining life by growth alone, after the alarm of a run that has ended.
 
     Parameters
     ----------
@@ -57,15 +57,15 @@ class PastIntervals:
         rows = spaced(np.isfinite(self.growth[:, 1]) & np.isfinite(self.left))
         return PastIntervals(self.growth[rows], self.lived[rows], self.since_onset[rows], self.left[rows], self.per_row)
 
-    def errors(self, said: Array | None = None) -> Array:
+    def errors(self, intervals: Array | None = None) -> Array:
         """`errors` of these intervals [rows, 3], or of growth alone."""
-        low, middle, high = (self.growth if said is None else said).T
+        low, middle, high = (self.growth if intervals is None else intervals).T
         return errors(middle, low, high, self.left, self.per_row / 2)
 
-    def log_error(self, said: Array) -> float:
+    def log_error(self, intervals: Array) -> float:
         """Mean absolute error of the logarithm of these medians [rows, 3], half a row added."""
         unit = self.per_row / 2
-        return float(np.mean(np.abs(np.log((said[:, 1] + unit) / (self.left + unit)))))
+        return float(np.mean(np.abs(np.log((intervals[:, 1] + unit) / (self.left + unit)))))
 
 
 def spaced(usable: NDArray[np.bool_]) -> NDArray[np.int64]:
@@ -104,19 +104,19 @@ def widening(runs: Sequence[Sequence[float] | Array]) -> float:
     Parameters
     ----------
     runs : sequence of sequence of float
-        Each run's `errors`; each weighs the same, and as much as all simulated runs do. Empty ones say nothing.
+        Each run's `errors`; each weighs the same, and as much as all simulated runs do. Empty ones are left out.
 
     Returns
     -------
     float
         0.5 to 5; 1 without any run.
     """
-    told = [np.asarray(own, float) for own in runs if len(own)]
-    if not told:
+    given = [np.asarray(own, float) for own in runs if len(own)]
+    if not given:
         return 1.0
-    told.append(_CALIBRATED)
-    size = np.concatenate(told)
-    weight = np.concatenate([np.full(own.size, 1 / own.size / len(told)) for own in told])
+    given.append(_CALIBRATED)
+    size = np.concatenate(given)
+    weight = np.concatenate([np.full(own.size, 1 / own.size / len(given)) for own in given])
     order = np.argsort(size, kind="stable")
     place = int(np.searchsorted(np.cumsum(weight[order]), _LEVEL))
     return float(np.clip(size[order][min(place, size.size - 1)], *_BOUNDS))

@@ -1,4 +1,4 @@
-"""What other runs of such bearings say, pooled with what growth says of this one.
+"""Prior of remaining life from other runs, pooled with the estimate by growth of this run.
 
 lives of runs that ended --> log-normal laws --outlived so far--> median, interval --+
 growth of this run, calibrated --widened as past runs needed--> median, interval ----+--> weighted in logarithms
@@ -6,14 +6,13 @@ growth of this run, calibrated --widened as past runs needed--> median, interval
                                widened again, as the same of past runs needed <--------------+
 
 Growth alone has no scale: an amplitude that stands still may do so for ever, and does in half of the public runs, until
-the bearing fails within minutes. Both are kept at a weight that runs that ended ask for (`follow.prior_from`), and
+the bearing fails within minutes. Both are kept at a weight chosen on runs that have ended (`outcomes.prior_from`), and
 their quantiles averaged in logarithms (Lichtendahl, Grushka-Cockayne and Winkler 2012, DOI 10.2139/ssrn.2066806). Two
 sources that err independently have a mean that is surer than either, which an average of their quantiles does not know,
-and lives may spread more or less than is supposed: how wide intervals of the mean have to be, past runs say of the mean
-itself.
+and lives may spread more or less than is supposed: the width of intervals of the mean is chosen on past runs as well.
 
-Tried on simulated runs (`interval_study`) and left: a product of densities drowns early growth where lives spread by a
-factor of two; weights by what each source says of its own precision are as good, not better.
+A product of densities would suppress early growth where lives spread by a factor of two; weights by the stated
+precision of each source are no better.
 """
 
 from __future__ import annotations
@@ -27,12 +26,12 @@ from scipy.special import ndtr, ndtri
 from twingap.prognosis.past_errors import Interval, widened
 
 LEARNT: Final = ("growth_weight", "widening", "joined_widening")
-"""Fields of `Prior` that runs that ended ask for, see `follow.prior_from`; what they say of lives apart."""
+"""Fields of `Prior` that are chosen on runs that have ended, besides the laws of lives; see `outcomes.prior_from`."""
 
 
 @dataclass(frozen=True)
 class LogNormal:
-    """Of a number of revolutions: the mean and deviation of its natural logarithm."""
+    """Log-normal law of a number of revolutions: mean and standard deviation of its natural logarithm."""
 
     mean: float
     std: float
@@ -47,7 +46,7 @@ class LogNormal:
 
 @dataclass(frozen=True)
 class Prior:
-    """What other runs of such bearings showed.
+    """Prior of remaining life from other runs of such bearings.
 
     Parameters
     ----------

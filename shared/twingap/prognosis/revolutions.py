@@ -1,6 +1,6 @@
-"""Revolutions counted from the times and speeds of rows, with the gaps where rows are missing.
+"""Count of revolutions from the times and speeds of rows, with rules for gaps.
 
-time, speed --> spacing from the row before --longer than usual?--> gap: counted or not, and said
+time, speed --> spacing from the row before --longer than usual?--> gap: counted or not, and noted
                                             --otherwise--> turns = mean speed x time
 """
 
@@ -15,9 +15,9 @@ GAP: Final = 3.0
 _IRREGULAR: Final = 10.0
 """The most that irregular sampling makes of it."""
 _SPACINGS: Final = 20
-"""Last ones that say what is usual."""
+"""Last spacings whose median is the usual one."""
 _FIRST_ROWS: Final = 8
-"""Rows whose spacings are looked at again while it is learnt what is usual: before any of them can be judged."""
+"""First rows, whose spacings are evaluated again as the usual one is learnt, before any row is judged."""
 
 Gaps = Literal["running", "stopped"]
 """Whether the machine ran while rows are missing."""

@@ -1,9 +1,9 @@
-"""The rows of one run to failure on disk, in order of time, samples read one record at a time.
+"""Rows of one run to failure on disk, in order of time; samples are read one record at a time.
 
 record set folder --> records.csv, sorted by time_s --> RunRow, ... --load--> peak to peak, kurtosis, rms
 
-Unlike `records.read_record_set`, a row may say that the machine stood still (speed_rpm 0), and then needs no file; and
-a record whose samples are not all finite does not end the reading. What else a row says is held to the same.
+Unlike `records.read_record_set`, a row may state that the machine stood still (speed_rpm 0), and then needs no file;
+and a record whose samples are not all finite does not end the reading. All else in a row is checked in the same way.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ class Amplitude(NamedTuple):
     Parameters
     ----------
     peak_to_peak : float
-        In the records' unit, of as many samples as were asked for.
+        In the records' unit, of the wanted number of samples.
     kurtosis : float
         3 for Gaussian noise.
     rms : float
@@ -187,7 +187,7 @@ def read_run(
         )  # fmt: skip
     if len(times) > 1 and times[0] == times[-1]:
         raise TwingapError(
-            f"all {len(times)} rows have time_s = {times[0]:g}: no time passes, so nothing can be said to remain",
+            f"all {len(times)} rows have time_s = {times[0]:g}: no time passes, so no remaining time can be estimated",
             where=table, mend="give seconds since the start of the run",
         )  # fmt: skip
     if len(rates) > 1:

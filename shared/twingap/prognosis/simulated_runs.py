@@ -1,4 +1,4 @@
-"""Runs to failure of many growth laws: amplitudes only, on which intervals are calibrated and checked.
+"""Simulated runs to failure of many growth laws: amplitudes only, for calibration and checks of intervals.
 
 law, speed profile, scatter, end level --> time, speed, peak to peak [rows], row at which life ends
 

@@ -1,4 +1,4 @@
-"""How speed alone changes the amplitude of healthy vibration, and amplitude with that taken out.
+"""Influence of speed on healthy amplitude, and normalisation of amplitude by it.
 
 healthy rows: peak to peak, speed --eqs. 9, 10--> SpeedInfluence: S at any speed
 any rows:     peak to peak, speed --eq. 11------> normalised peak to peak, about 1 while healthy

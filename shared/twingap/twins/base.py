@@ -1,4 +1,4 @@
-"""What a twin is: a chain of effects around a model of the excitation and of the path.
+"""Base class of twins: a chain of effects around a model of excitation and path.
 
 Condition -> Draft -> SHAFT effects -> excite -> EXCITATION effects -> PATH effects -> respond
                    -> white noise -> DISTURBANCE effects -> ACQUISITION effects -> Record
@@ -75,7 +75,7 @@ class Twin(ABC):
 
     @abstractmethod
     def excite(self, draft: Draft, streams: Streams) -> None:
-        """After the SHAFT effects: say what excites the structure (impacts, force) and through which modes."""
+        """After the SHAFT effects: set what excites the structure (impacts, force) and through which modes."""
 
     @abstractmethod
     def respond(self, drafts: Sequence[Draft]) -> None:
@@ -149,7 +149,7 @@ class Twin(ABC):
                     future.cancel()
 
     def default_threads(self) -> int:
-        """How many batches to make at once when nobody says. 1 for a model whose kernel uses all cores by itself."""
+        """Default number of batches to make at once. 1 for a model whose kernel uses all cores by itself."""
         return 1
 
     def simulate(self, conditions: Iterable[Condition], rng: np.random.Generator) -> RecordSet:
@@ -158,7 +158,7 @@ class Twin(ABC):
 
     def _begin(self, condition: Condition) -> Draft:
         per_sample = condition.speed_rpm / 60 / condition.fs_hz
-        if per_sample > _MOST_TURNS:  # each with its impacts: memory runs out long before anything is learnt
+        if per_sample > _MOST_TURNS:  # each with its impacts: memory would run out
             raise TwingapError(
                 f"the shaft turns {per_sample:.3g} times per sample, at most {_MOST_TURNS} expected",
                 where=f"record {condition.name!r}",

@@ -1,4 +1,4 @@
-"""A function as a twin: whatever simulates, diagnosed and closed as twingap's own twins are.
+"""A user's function as a twin, diagnosed and closed like the twins of this package.
 
 function(conditions, rng) --scale--> waveforms --effects that can act on finished waveforms--> records
 """
@@ -32,7 +32,7 @@ Function = Callable[[list[Condition], np.random.Generator], Sequence[Array]]
 
 @dataclass(frozen=True)
 class CallableParameters:
-    """What a twin file can say about a function registered as a twin.
+    """Settings in a twin file of a function registered as a twin.
 
     Parameters
     ----------
@@ -81,7 +81,7 @@ class CallableTwin(Twin):
         return 0.0
 
     def excite(self, draft: Draft, streams: Streams) -> None:
-        """Ask the function for the waveform."""
+        """Call the function for the waveform."""
         condition = draft.condition
         where = f"model {self.model!r}, record {condition.name!r}"
         try:
@@ -135,7 +135,7 @@ def register_callable(name: str, function: Function, *, has: Sequence[str] = ())
     ----------
     name : str
     function : callable
-        ``function(conditions, rng) -> arrays``: the samples of each condition, drawn from `rng` alone. It is asked for
+        ``function(conditions, rng) -> arrays``: the samples of each condition, drawn from `rng` alone. It is called for
         one record at a time, each with a generator of its own.
     has : sequence of str
         Effects that it models already.

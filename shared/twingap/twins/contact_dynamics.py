@@ -1,4 +1,4 @@
-"""From records to trajectories: static equilibrium, internal step, and groups of sixteen for the kernel.
+"""Trajectories of the contact model for records: static equilibrium, internal step, groups for the kernel.
 
 Jobs (bearing, parameters, condition, angles) --> equilibrium, oversampling --> groups of like jobs --> kernel
                                                                                  --> acceleration in y, per job

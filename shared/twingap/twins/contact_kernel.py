@@ -1,4 +1,4 @@
-"""The contact model's inner loop: fixed-step RK4, sixteen trajectories to a group, one group to a thread.
+"""Integration of the contact model: fixed-step RK4, sixteen trajectories to a group, one group to a thread.
 
 state, turns [groups, intervals + 1, 16] --> RK4, many steps per interval --> low-pass, two values per interval
                                                        --> low-pass, one --> accelerations [groups, samples, 16]
@@ -250,7 +250,7 @@ def integrate(
     lengths: NDArray[np.int64] | None = None,
     point_contact: bool = True,
 ) -> None:
-    """Integrate groups of sixteen trajectories; `numba.set_num_threads` says on how many cores.
+    """Integrate groups of sixteen trajectories; `numba.set_num_threads` sets the number of cores.
 
     Parameters
     ----------

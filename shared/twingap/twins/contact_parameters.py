@@ -1,4 +1,4 @@
-"""Parameters of the contact twin, its presets, and what geometry and Hertz's theory say about them."""
+"""Parameters of the contact twin, its presets, and quantities that follow from geometry and Hertz's theory."""
 
 from __future__ import annotations
 

@@ -250,7 +250,7 @@ def periodic_impacts(draft: Draft, amplitude: float, phase: float) -> Impacts:
     order = draft.fault_order
     if order <= 0:
         raise TwingapError(
-            f"fault {draft.condition.fault!r} strikes at order {order:g} with this slip",
+            f"fault {draft.condition.fault!r} has impacts at order {order:g} with this slip",
             where=f"record {draft.condition.name!r}", mend="let the cage slip less",
         )  # fmt: skip
     lead_s = max([LONGEST_RINGING_S, *(mode.ringing_s for mode in draft.modes)])

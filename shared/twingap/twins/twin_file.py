@@ -1,4 +1,4 @@
-"""Twin files: what is already modelled, in TOML.
+"""Twin files: the modelled part of a machine, in TOML.
 
 ::
 
@@ -290,7 +290,7 @@ def scaled_for(spec: TwinSpec, unit: str) -> tuple[TwinSpec, str | None]:
     -------
     TwinSpec
     str or None
-        For people; None where nothing is to be said.
+        A note for the user, or None.
     """
     own = model_of(spec).unit
     if own == unit or not own or spec.identified is not None or spec.given("scale"):
@@ -298,8 +298,8 @@ def scaled_for(spec: TwinSpec, unit: str) -> tuple[TwinSpec, str | None]:
     if unit not in _IN_M_S2:
         return spec, f"the unit of the records is not known: the samples of this {spec.model} twin are in {own}"
     scale = model_parameters(spec).scale * _IN_M_S2[own] / _IN_M_S2[unit]
-    told = f"the twin gives no scale: {scale:.4g} leads from its {own} to the records' {unit}"
-    return dataclasses.replace(spec, parameters={**spec.parameters, "scale": scale}), told
+    note = f"the twin gives no scale: {scale:.4g} leads from its {own} to the records' {unit}"
+    return dataclasses.replace(spec, parameters={**spec.parameters, "scale": scale}), note
 
 
 def overruled(spec: TwinSpec, bearing: Bearing | None, whose: str = "twin file") -> str | None:

@@ -211,7 +211,7 @@ def test_strengths_are_found_whatever_noise_and_impacts_are() -> None:
 
 
 def struck_records(twin: AdaptiveTwin, zone: float, scatter: float) -> tuple[Snapshots, Snapshots]:
-    """Healthy and struck records of a machine with modes at 2600 and 900 Hz."""
+    """Healthy and faulty records of a machine with modes at 2600 and 900 Hz."""
     other = dataclasses.replace(twin.mode, resonance_hz=2600.0, damping_ratio=0.03)
     maker = LifeSimulator(
         dataclasses.replace(twin, mode=other), BEARINGS["6205"], "inner", FS_HZ, LENGTH, np.random.default_rng(4),
@@ -219,37 +219,38 @@ def struck_records(twin: AdaptiveTwin, zone: float, scatter: float) -> tuple[Sna
     )  # fmt: skip
     maker.path = (Mode(2600.0, 0.03), Mode(900.0, 0.05, 0.4))
     speed = np.resize(np.unique(STEPS), 30)
-    healthy, struck = (
+    healthy, faulty = (
         maker.records(speed, height * twin.influence.amplitude(speed), np.random.default_rng(seed))
         for height, seed in ((0.0, 5), (2.5, 6))
     )
     nothing = np.zeros(30, np.int64)
-    return tuple(Snapshots(x, speed, np.arange(1.0, 31), nothing) for x in (healthy, struck))  # type: ignore[return-value]
+    return tuple(Snapshots(x, speed, np.arange(1.0, 31), nothing) for x in (healthy, faulty))  # type: ignore[return-value]
 
 
 def test_struck_modes_are_those_that_impacts_ring(twin: AdaptiveTwin) -> None:
-    healthy, struck = struck_records(twin, 0.3, 0.1)
-    first, second = excited_modes(struck.samples, struck.speed_rpm, healthy.samples, healthy.speed_rpm, FS_HZ, 2)
+    healthy, faulty = struck_records(twin, 0.3, 0.1)
+    first, second = excited_modes(faulty.samples, faulty.speed_rpm, healthy.samples, healthy.speed_rpm, FS_HZ, 2)
     assert (first.frequency_hz, first.gain) == (pytest.approx(2600, rel=0.02), 1.0)
     assert second.frequency_hz == pytest.approx(900, rel=0.03)
     assert first.damping_ratio == pytest.approx(0.03, rel=0.5) and second.gain == pytest.approx(0.4, rel=0.5)
     with pytest.raises(TwingapError, match="nothing stands out"):
-        excited_modes(healthy.samples, healthy.speed_rpm, struck.samples, struck.speed_rpm, FS_HZ)
+        excited_modes(healthy.samples, healthy.speed_rpm, faulty.samples, faulty.speed_rpm, FS_HZ)
 
 
 def test_matched_strikes_are_as_impulsive_as_measured_ones(twin: AdaptiveTwin) -> None:
     rng = np.random.default_rng(1)
     found = []
     for zone, scatter in ((0.3, 0.1), (1.0, 0.6)):
-        healthy, struck = struck_records(twin, zone, scatter)
+        healthy, faulty = struck_records(twin, zone, scatter)
         made = LifeSimulator(
             twin, BEARINGS["6205"], "inner", FS_HZ, LENGTH, rng,
-            SignalModel(noise="measured", path="struck", strikes="matched", modes=2), healthy=healthy, struck=struck,
+            SignalModel(noise="measured", path="excited", impact_shape="matched", modes=2),
+            healthy=healthy, faulty=faulty,
         )  # fmt: skip
-        again = made.records(struck.speed_rpm, np.ptp(struck.samples, axis=1).astype(float), rng)
-        crest, wanted = (np.mean(np.ptp(x, axis=1) / x.std(axis=1)) for x in (again, struck.samples))
+        again = made.records(faulty.speed_rpm, np.ptp(faulty.samples, axis=1).astype(float), rng)
+        crest, wanted = (np.mean(np.ptp(x, axis=1) / x.std(axis=1)) for x in (again, faulty.samples))
         assert crest == pytest.approx(wanted, rel=0.12)
-        found.append(made.strikes)
+        found.append(made.impact_shape)
     assert found[1][1] > found[0][1], "more scatter is found where there is more"
     with pytest.raises(TwingapError, match="needs healthy records"):
         simulator(twin, noise="measured")

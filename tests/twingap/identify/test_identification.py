@@ -183,7 +183,7 @@ def test_a_sharp_mode_in_short_records_is_no_line_with_an_interval() -> None:
         held = damping.interval is None or damping.interval[0] <= 0.004 <= damping.interval[1]
         assert held, damping
         assert damping.interval is not None or any(
-            "do not tell a sharp mode from a line" in note for note in found.notes
+            "do not separate a sharp mode from a line" in note for note in found.notes
         )
 
 

@@ -58,7 +58,7 @@ def test_noise_told_from_impacts_by_time_has_no_interval():
     outcome = identify(records, TwinSpec("phenomenological", bearing=BEARING), seed=1)
     known = {name for name, estimate in outcome.estimates.items() if estimate.interval is not None}
     assert known == {"resonance_hz", "damping_ratio"}
-    assert any("told from it by time" in note for note in outcome.notes)
+    assert any("separated from it by time" in note for note in outcome.notes)
 
 
 @pytest.mark.parametrize("amplitude", [0.0, 2.0, 4.0])

@@ -191,7 +191,7 @@ def test_a_snapshot_without_a_fresh_state_is_counted_and_not_judged() -> None:
     (samples,) = records(OWN, COLD, 1)
     twin = LiveTwin(BEARING, OWN, FS_HZ, options=OPTIONS)
     told(twin, [Snapshot(0.0, samples, FS_HZ), StateMessage(10.0, 40.0, 1800.0), Snapshot(5000.0, samples, FS_HZ)])
-    assert twin.journal.counts["snapshot", "without a fresh state"] == 2 and not twin.journal.judgements
+    assert twin.journal.counts["snapshot", "without a fresh state"] == 2 and not twin.journal.evaluations
     told(twin, [StateMessage(6000.0, 40.0, 1800.0), Snapshot(6000.0, samples, 2 * FS_HZ)])
     assert twin.journal.counts["snapshot", "of another rate or too short"] == 1
 
@@ -302,7 +302,7 @@ def test_a_machine_that_stands_still_is_neither_judged_nor_fitted(worn: list[Mes
     plain = told(LiveTwin(BEARING, OWN, FS_HZ, options=OPTIONS), worn)
     twin = told(LiveTwin(BEARING, OWN, FS_HZ, options=OPTIONS), with_standstill(worn, after))
     assert twin.journal.counts["snapshot", "at standstill"] == 6
-    assert list(twin.journal.judgements) == list(plain.journal.judgements)
+    assert list(twin.journal.evaluations) == list(plain.journal.evaluations)
     assert twin.parameters == plain.parameters
     assert len(twin.journal.updates) == len(plain.journal.updates)
 
@@ -328,9 +328,9 @@ def test_a_state_of_a_clock_that_ran_ahead_is_not_fresh() -> None:
     told(twin, [StateMessage(4e9 + 600 * i, 40.0, 1800.0) for i in range(2)])
     told(twin, [Snapshot(600.0 * i, samples, FS_HZ) for i, samples in enumerate(spectra[:6])])
     assert twin.journal.counts["snapshot", "begun anew"] == 1
-    assert twin.journal.counts["snapshot", "without a fresh state"] == 6 and not twin.journal.judgements
+    assert twin.journal.counts["snapshot", "without a fresh state"] == 6 and not twin.journal.evaluations
     told(twin, [StateMessage(4200.0, 40.0, 1800.0), Snapshot(4200.0, spectra[6], FS_HZ)])
-    assert len(twin.journal.judgements) == 1
+    assert len(twin.journal.evaluations) == 1
 
 
 @pytest.mark.parametrize("wrong", [{"allowance": 0.1, "rate": 1e-6}, {"rate": 0.0}, {"rate": float("nan")}])
@@ -356,5 +356,5 @@ def test_an_error_in_one_message_does_not_lose_the_others_let_go_with_it(
         assert not twin.receive(message)
     with pytest.raises(TwingapError, match="too fast"):
         twin.receive(StateMessage(4e4, 40.0, 1800.0))  # lets go of all before it
-    assert len(twin.journal.judgements) == 4 and twin.journal.counts["snapshot", "failed"] == 1
+    assert len(twin.journal.evaluations) == 4 and twin.journal.counts["snapshot", "failed"] == 1
     assert twin.state is not None and twin.state.time_s == 2400.0
