@@ -14,7 +14,7 @@ FRAME = Frame(BEARINGS["6205"], (2500.0, 4500.0), 1.0)
 
 def record(x, rpm, fault="healthy"):
     condition = Condition("r", rpm, 12000.0, x.size, fault)
-    return whitened(RecordTransforms(x, condition, FRAME))
+    return whiten(RecordTransforms(x, condition, FRAME))
 
 
 def test_deviates_of_noise_are_small_and_of_unit_spread():
