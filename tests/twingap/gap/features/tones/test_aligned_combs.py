@@ -5,7 +5,7 @@ import pytest
 
 from twingap.bearing import BEARINGS
 from twingap.gap.features.tones.aligned_combs import aligned
-from twingap.gap.features.tones.whitened_spectra import NOISE, whitened
+from twingap.gap.features.tones.whitened_spectra import NOISE, whiten
 from twingap.records import Condition
 from twingap.signal.record_transforms import Frame, RecordTransforms
 
