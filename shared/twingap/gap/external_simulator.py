@@ -13,10 +13,12 @@ import copy
 import math
 from collections.abc import Sequence
 from dataclasses import replace
+from fractions import Fraction
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.signal import resample_poly
 
 from twingap.bearing import Bearing
 from twingap.effects import Effect, Stage, apply_to_waveform
@@ -287,10 +289,6 @@ class ExternalSimulator:
                 where=f"simulated record {made.name!r}",
                 mend=f"simulate at {fs_hz:g} Hz or above, or bring the real records to {made.fs_hz:g} Hz",
             )
-        from fractions import Fraction
-
-        from scipy.signal import resample_poly
-
         ratio = Fraction(fs_hz / made.fs_hz).limit_denominator(1000)
         if abs(ratio * made.fs_hz / fs_hz - 1) > 1e-6:
             raise TwingapError(

@@ -13,6 +13,7 @@ from functools import cached_property
 from typing import Final, Literal
 
 import numpy as np
+import scipy.fft
 from numpy.typing import NDArray
 
 from twingap.bearing import FAULTS
@@ -21,6 +22,7 @@ from twingap.identify.impact_band import mode_band
 from twingap.records import Condition, Record, RecordSet
 from twingap.signal.record_transforms import Frame, medians
 from twingap.streams import root_entropy
+from twingap.twins.simulator import TwinSimulator
 from twingap.twins.twin_file import TwinSpec, all_parameters, flat, nested
 
 Array = NDArray[np.float64]
@@ -283,8 +285,6 @@ def _bands(record: Record, frame: Frame) -> tuple[Array, float]:
     Impulses are left out of healthy records: a few strong ones in a handful of records give a poor mean, to which mode
     and noises would be fitted. With a defect, loud stretches may be its impacts.
     """
-    import scipy.fft
-
     x, fs_hz = record.samples, record.condition.fs_hz
     x = x - x.mean()
     kept = _between_impulses(x) if record.condition.fault == "healthy" else None
@@ -349,8 +349,6 @@ class _Matcher:
 
     def simulated(self, conditions: Sequence[Condition], values: dict[str, float]) -> list[Record]:
         """Its records."""
-        from twingap.twins.simulator import TwinSimulator
-
         own = TwinSimulator(self.spec_with(values), self.frame.bearing, self.unit)
         return own.simulate((), conditions, self.root, 0)
 

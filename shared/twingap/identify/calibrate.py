@@ -28,8 +28,10 @@ from twingap.identify.phenomenological import quick_identify
 from twingap.identify.speed import Speeds, estimate_speeds
 from twingap.identify.speed_reading import comb_heights
 from twingap.records import RecordSet
+from twingap.signal import most_impulsive_band
 from twingap.signal.record_transforms import Frame
 from twingap.streams import root_entropy
+from twingap.twins.simulator import TwinSimulator
 from twingap.twins.twin_file import TwinSpec, all_parameters, build_twin, flat, in_unit, nested
 
 Array = NDArray[np.float64]
@@ -354,8 +356,6 @@ def _frame(records: RecordSet, bearing: Bearing, rng: np.random.Generator) -> Fr
 
 def _impulsive_band(records: RecordSet, bearing: Bearing) -> tuple[float, float]:
     """Band of the highest kurtosis, Hz, of the record where it is highest; wide enough for the impact rate."""
-    from twingap.signal import most_impulsive_band
-
     found = []
     for record in records:
         condition = record.condition
@@ -403,8 +403,6 @@ def _scaled(spec: TwinSpec, fit: RecordSet, rng: np.random.Generator, notes: lis
     if "scale" not in names or spec.given("scale"):
         notes.append(f"model {spec.model!r} has nothing to identify: its parameters are taken as they are")
         return spec
-    from twingap.twins.simulator import TwinSimulator
-
     own = thinned(fit, 6)
     made = TwinSimulator(spec, own.bearing, own.unit).simulate((), own.conditions, root_entropy(rng), 0)
     pairs = [(r.samples.var(), m.samples.var(), r.condition.fault == "healthy") for r, m in zip(own, made, strict=True)]

@@ -29,6 +29,7 @@ Array = NDArray[np.float64]
 
 COMBINED: Final = "common factor from inner and outer"
 COMB_ONLY: Final = "fault comb"
+"""Values of `SpeedEstimate.found_by`."""
 
 _COMMON_SD, _SLIP_SD, _SPIN_SD = 0.03, 0.02, 0.02  # prior standard deviations: wider admit larger errors
 _SCATTERS = (1e-5, 3e-4, 1e-3, 4e-3, 0.015)  # standard deviations of records' own speed errors that are tried

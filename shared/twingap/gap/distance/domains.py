@@ -27,6 +27,7 @@ PER_DECIBEL: Final = 10 / np.log(10)
 """Decibels of a natural logarithm of power."""
 _QUANTILES: Final = np.array([0.1, 0.25, 0.5, 0.75, 0.9, 0.95, 0.98, 0.99, 0.995, 0.998, 0.999, 0.9995, 1.0])
 _TAILS: Final = np.array([0.5, 0.9, 0.99, 0.999])
+"""Quantiles of |x| for the shape of the distribution, and of x on either side for its asymmetry."""
 _TINY: Final = 1e-300
 
 

@@ -20,6 +20,7 @@ from twingap.records import Condition
 Array = NDArray[np.float64]
 
 FEWEST_SAMPLES: Final = 64
+"""Samples that a record must have: fewer leave no spectrum to speak of."""
 SEGMENTS: Final = 16
 """Equal parts of a record in the domain "time": more resolve shorter changes, each with more noise."""
 _LEVELS: Final = 40

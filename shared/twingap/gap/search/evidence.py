@@ -20,7 +20,7 @@ from twingap.gap.distance.grid import Grid
 from twingap.gap.distance.paired import Paired
 from twingap.gap.external_simulator import ExternalSimulator
 from twingap.gap.features import comparison
-from twingap.gap.features.measured import Measured, Pair
+from twingap.gap.features.measured import Pair
 from twingap.gap.features.pooled import features as pooled
 from twingap.gap.features.pooled.features import PooledRecords
 from twingap.gap.features.pooled.trends import Levels
@@ -349,4 +349,4 @@ def values_of(effect: Effect) -> dict[str, float]:
     return {field.name: getattr(effect, field.name) for field in fields(effect)}  # type: ignore[arg-type]
 
 
-__all__ = ["Compared", "Evidence", "Measured", "level_of", "replicates_of", "simulator_of", "values_of"]
+__all__ = ["Compared", "Evidence", "level_of", "replicates_of", "simulator_of", "values_of"]

@@ -36,6 +36,7 @@ _LARGEST_T: Final = 6.0
 _LEAST_VARIANCE: Final = 1e-12
 """Least variance over the mean square: keeps t finite where a difference is the same in all groups."""
 _LEVEL: Final = "background.rms_log"
+"""Feature that is matched before the test."""
 
 
 def exchange_p_value(evidence: Evidence) -> float | None:

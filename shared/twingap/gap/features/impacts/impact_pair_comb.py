@@ -42,6 +42,7 @@ _GRID: Final = 8
 _CANDIDATES: Final = 12
 """Delays of either sign for which the full comb is fitted: those where its first term is strongest."""
 _RATIOS: Final = (0.1, 0.2, 0.35, 0.6, 0.9)
+"""Second impact over first, as tried; beyond 1 combs repeat."""
 _NOISE: Final = 0.01
 """Least residual variance of a log ratio, due to jitter: larger, and combs count for less."""
 _LEAST_SCORE: Final = 1.5

@@ -26,6 +26,7 @@ _LENGTHS: Final = (1.5, 4.0, 10.0)
 _SIZES: Final = (0.2, 1.0, 4.0, 16.0, 64.0)
 """Variances of the path that are tried, over that of a harmonic of full weight."""
 _GRID: Final = 8
+"""Delays per harmonic that are searched."""
 _FINEST: Final = 200
 """Harmonics up to which the grid of delays gets finer; `_GRID` delays each. More are finer and slower."""
 _CANDIDATES: Final = 12

@@ -29,6 +29,7 @@ from twingap.signal.record_transforms import SMOOTH_SEGMENTS
 Array = NDArray[np.float64]
 
 QUIET_BANDS: Final = 128
+"""Bands of noise spectra: more resolve sharper changes, each with more noise."""
 IMPACT_BANDS: Final = 64
 """Bands of `ImpactSpectrum.density`."""
 BANDS: Final = QUIET_BANDS + IMPACT_BANDS

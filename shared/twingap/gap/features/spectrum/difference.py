@@ -22,12 +22,14 @@ from twingap.signal.record_transforms import Frame, medians
 
 Array = NDArray[np.float64]
 
+# Grids of the fitted shapes: finer ones explain a little more of a difference, and take longer.
 _CENTRES, _DAMPINGS, _GAINS = np.geomspace(0.015, 0.48, 40), np.geomspace(0.01, 0.2, 5), np.geomspace(0.03, 100, 10)
 _CORNERS, _ORDERS = np.geomspace(0.02, 0.8, 40), np.arange(1, 7)
 _SLOPES = np.linspace(-1.0, 2.5, 8)
 _EDGES = np.array([0, 2, 4, 8, 12, 16, 24, 32, 48, 64, 80, 96, 112, 128])
 _FACTORS = np.array([0.5, 0.7, 1.0, 1.4])
 _AMOUNTS: Final = (0.003**2, 30.0**2)
+"""Bounds of added noise, mean square over scale^2."""
 _SETS: Final = ("healthy", "faulty", "all")
 _OF_SET: Final = (
     "rms",

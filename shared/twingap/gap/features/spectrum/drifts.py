@@ -18,6 +18,7 @@ from twingap.signal.record_transforms import RecordTransforms, band_medians
 Array = NDArray[np.float64]
 
 _SEGMENTS: Final = 16
+"""Pieces of a record: more show shorter changes with more noise."""
 
 
 def measure_drifts(record: RecordTransforms, out: dict[str, float]) -> None:

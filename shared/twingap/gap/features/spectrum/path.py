@@ -26,6 +26,7 @@ from twingap.signal.record_transforms import SMOOTH_SEGMENTS
 Array = NDArray[np.float64]
 
 BANDS: Final = 64
+"""Bands that spectra are fitted in: more resolve sharper modes, each with more noise."""
 FINE: Final = 4
 """Points of a model per band: sharp modes are narrower than a band."""
 _ROBUST: Final = 4.0

@@ -20,6 +20,7 @@ Array = NDArray[np.float64]
 BANDS: Final = 32
 """Equal bands of the smooth spectrum between 0 and half the sampling rate."""
 _DAMPINGS: Final = np.geomspace(0.01, 0.3, 9)
+"""Damping ratios that are tried for the single mode."""
 
 
 def measure_shape(record: RecordTransforms, smooth: Array, out: dict[str, float]) -> None:

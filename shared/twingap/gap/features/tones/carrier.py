@@ -35,6 +35,7 @@ _FIRST_FEW: Final = 230.0
 _LOWEST: Final = 0.06
 """Part of half the sampling rate below which no carrier is sought, as the mains is strong there."""
 _HARMONICS: Final = 8
+"""Multiples of the mains that its presence is judged by."""
 _TURNING: Final = 0.6
 """Part of the records with a whole order at a frequency from which a line there counts as the shaft's."""
 _CARRIERS: Final = 14
@@ -50,6 +51,7 @@ _SHOWN: Final = 4.0
 _UNSTEADY: Final = 6.0
 """z taken off a line whose level scatters as that of noise does."""
 _BESIDE: Final = np.array([-6, -5, -4, 4, 5, 6])
+"""Bins from a line that its sharpness is measured against: nearer ones hold the line's own skirts."""
 _SKIRT: Final = 5
 """Least distance of side lines from their carrier, bins."""
 _SAME: Final = 2.5

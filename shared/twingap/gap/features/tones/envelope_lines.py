@@ -20,6 +20,7 @@ Array = NDArray[np.float64]
 
 _SPECTRA: WeakKeyDictionary[Envelope, dict[float, Lines]] = WeakKeyDictionary()
 _FAULT_HARMONICS: Final = np.arange(1.0, 6.0)
+"""Harmonics of the fault that its rate is searched with."""
 _FAULT_HZ: WeakKeyDictionary[RecordTransforms, float] = WeakKeyDictionary()
 
 

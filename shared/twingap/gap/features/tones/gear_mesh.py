@@ -28,8 +28,10 @@ _EACH: Final = ("", "_main", "_sides", "_teeth", "_rival")
 NAMES: Final = (*(f"gear{part}" for part in _EACH), *(f"gear_free{part}" for part in _EACH), "gear_whole")
 
 _TEETH: Final = np.arange(6.0, 100.0)
+"""Numbers of teeth that are tried."""
 _LINES: Final = np.array([0.0, -1.0, 1.0])
 _WEIGHTS: Final = np.array([1.0, 0.7, 0.7, 0.5])
+"""Weights of the mesh, its side lines and its double: larger side weights find carriers too."""
 _KNOWN: Final = 0.0015
 """Largest relative error of a speed that was read from a comb."""
 _FREE: Final = 0.03

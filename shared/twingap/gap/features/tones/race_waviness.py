@@ -30,6 +30,7 @@ _BESIDE: Final = np.array([0.085, 0.1, 0.115, 0.13, 0.145, 0.16])
 _ORDERS: Final = 1 + np.concatenate(([0.0], -_BESIDE, _BESIDE))
 _HARMONICS: Final = np.arange(1.0, 6.0)
 _WEIGHTS: Final = np.array([1.0, 0.8, 0.6, 0.5, 0.4])
+"""Weights of the harmonics, which fall off as waviness usually does: flatter ones favour other combs."""
 _FREE: Final = 0.035
 """Largest relative error of the order in a healthy record, whose speed and slip are uncertain."""
 _STRUCK: Final = 0.02

@@ -34,6 +34,7 @@ PEAK: Final = 20.0
 _MOST_PEAKS: Final = 150
 """The strongest peaks of a spectrum are kept: more cost time and add faint ones."""
 HIGHEST_ORDER: Final = 120
+"""Shaft order up to which lines count as the shaft's: higher ones lie near some order at any speed."""
 LOCKED: Final = 0.7
 """Lock strength from which the shaft's rate is taken from the lines rather than as stated."""
 

@@ -40,6 +40,7 @@ _MOST_DEVIATE: Final = 6.0
 _ABOUT: Final = 45
 """Bins about a line that its floor is taken from: fewer follow sharp modes, more are steadier."""
 _TOP_ORDER: Final = 125.0
+"""End of the order axis."""
 _STEP: Final = 0.01
 """Of the order axis, unless a record resolves more: one of a second at ten turns resolves a tenth."""
 _NEAR: Final = np.arange(4, 10)

@@ -5,7 +5,7 @@ import pytest
 
 from twingap.bearing import BEARINGS
 from twingap.gap.features.tones.aligned_combs import aligned
-from twingap.gap.features.tones.whitened_spectra import NOISE, whitened
+from twingap.gap.features.tones.whitened_spectra import NOISE, whiten
 from twingap.records import Condition
 from twingap.signal.record_transforms import Frame, RecordTransforms
 
@@ -14,7 +14,7 @@ FRAME = Frame(BEARINGS["6205"], (2500.0, 4500.0), 1.0)
 
 def record(x, rpm, fault="healthy"):
     condition = Condition("r", rpm, 12000.0, x.size, fault)
-    return whitened(RecordTransforms(x, condition, FRAME))
+    return whiten(RecordTransforms(x, condition, FRAME))
 
 
 def test_deviates_of_noise_are_small_and_of_unit_spread():
