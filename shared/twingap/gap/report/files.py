@@ -1,9 +1,9 @@
-"""A gap report as files: gap.json, which can be read back, and report.html beside it.
+"""Files of a gap report: gap.json, which can be read back, and report.html.
 
-GapReport --write--> DIR/gap.json, DIR/report.html
-          <--read_report--
+GapReport --write_report--> DIR/gap.json, DIR/report.html
+          <--read_report---
 
-What may stand in gap.json is settled in `schema`, how it reads for people in `page`.
+`schema` checks gap.json, `page` renders report.html.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from twingap.gap.report.model import (
     Verdict,
 )
 from twingap.gap.report.page import page
-from twingap.gap.report.schema import SCHEMA, problems
+from twingap.gap.report.schema import problems, version
 from twingap.provenance import plain
 
 
@@ -43,7 +43,7 @@ def to_json(report: GapReport) -> dict[str, Any]:
         finite, a probability beyond 1, effects with a status that has none.
     """
     table = {
-        "schema": SCHEMA,
+        "schema": version(),
         "verdict": {**plain(report.verdict), "sentence": report.sentence},
         "where": [_place(p) for p in report.places],
         "which": [plain(c) for c in report.candidates],

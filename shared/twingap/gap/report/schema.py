@@ -1,229 +1,70 @@
-"""What a gap.json must hold, checked.
+"""Validation of gap.json against the JSON Schema that ships with the package.
 
-gap.json (parsed) --problems--> list of breaches, each naming its place; empty when the contract is kept
+gap.json (parsed) --problems--> list of "path: what is wrong"; empty for a good report
 
-Beyond types and ranges it checks what the words of the contract promise: finite numbers, places by share, candidates
-by probability and once each, intervals with lo <= hi, effects exactly where the status has some.
+`gap_report.schema.json` states types, ranges and required keys. The functions below add what a schema cannot say:
+finite numbers, intervals with lo <= hi, the order of shares and probabilities, effects that stand there once.
 """
 
 from __future__ import annotations
 
+import json
 import math
-from collections.abc import Iterator, Mapping
-from typing import Any, Final
+from collections.abc import Iterable, Iterator, Mapping
+from functools import cache
+from importlib import resources
+from typing import Any
 
-SCHEMA: Final = "twingap.gap/1"
-STATUSES: Final = ("no_gap", "explained", "partly_explained", "unexplained")
-DOMAINS: Final = ("frequency", "envelope_order", "order", "amplitude", "time", "condition")
+from jsonschema import Draft202012Validator
+from jsonschema.exceptions import ValidationError
+
+_LONGEST = 160
+"""Characters of a message; a longer one, which quotes a whole table, is cut."""
+
+
+@cache
+def schema() -> Mapping[str, Any]:
+    """The JSON Schema of gap.json."""
+    text = resources.files("twingap.gap.report").joinpath("gap_report.schema.json").read_text(encoding="utf-8")
+    return json.loads(text)  # type: ignore[no-any-return]
+
+
+def version() -> str:
+    """What key ``schema`` of a gap.json says."""
+    return str(schema()["properties"]["schema"]["const"])
 
 
 def problems(table: Any) -> list[str]:
-    """Breaches of the contract, each as "place: what"; an empty list for a good report.
+    """What is wrong with a gap report, each as "path: what"; an empty list for a good one.
 
     Parameters
     ----------
-    table : mapping
+    table : Any
         Parsed gap.json, or what is about to be written as one.
     """
-    if not isinstance(table, Mapping):
-        return ["a table expected"]
-    needed = ("schema", "verdict", "where", "which", "shrink", "provenance")
-    missing = [f"{key}: missing" for key in needed if key not in table]
-    if missing:
-        return missing
-    found = [] if table["schema"] == SCHEMA else [f"schema: {table['schema']!r} found, {SCHEMA!r} expected"]
-    for check in (_verdict, _where, _which, _shrink, _provenance, _extras):
-        found.extend(check(table))
-    found.extend(f"{place}: not a finite number" for place in _not_finite(table, ""))
-    return found
+    found = [_said(error) for error in _validator().iter_errors(table)]
+    found += [f"{place}: not a finite number" for place in _not_finite(table, "")]
+    return found or list(_inconsistent(table))
 
 
-def _verdict(table: Mapping[str, Any]) -> Iterator[str]:
-    verdict = table["verdict"]
-    if not isinstance(verdict, Mapping):
-        yield "verdict: a table expected"
-        return
-    yield from _has(verdict, "verdict", ("status", "effects", "confidence_set", "p_value"))
-    status, effects, sets = verdict.get("status"), verdict.get("effects"), verdict.get("confidence_set")
-    if status not in STATUSES:
-        yield f"verdict.status: {status!r} found, one of {', '.join(STATUSES)} expected"
-    if not _are_names(effects):
-        yield "verdict.effects: a list of different names expected"
-    elif status in ("no_gap", "unexplained") and effects:
-        yield f"verdict.effects: {status} has none"
-    elif status in ("explained", "partly_explained") and not effects:
-        yield f"verdict.effects: {status} names at least one"
-    if not isinstance(sets, list) or not all(map(_are_names, sets)):
-        yield "verdict.confidence_set: a list of lists of names expected"
-    elif len({frozenset(s) for s in sets}) < len(sets):
-        yield "verdict.confidence_set: a set stands there twice"
-    yield from _within_one(verdict.get("p_value"), "verdict.p_value")
+@cache
+def _validator() -> Draft202012Validator:
+    return Draft202012Validator(schema())
 
 
-def _where(table: Mapping[str, Any]) -> Iterator[str]:
-    for key in ("where", "rest"):
-        shares = []
-        for name, place in _rows(table.get(key, []), key):
-            if isinstance(place, str):
-                yield place
-                continue
-            yield from _has(place, name, ("domain", "lo", "hi", "unit", "share", "p_value"))
-            if place.get("domain") not in DOMAINS:
-                yield f"{name}.domain: {place.get('domain')!r} found, one of {', '.join(DOMAINS)} expected"
-            lo, hi = place.get("lo"), place.get("hi")
-            if not all(v is None or _is_number(v) for v in (lo, hi)):
-                yield f"{name}: lo and hi are numbers or null"
-            elif lo is not None and hi is not None and lo > hi:
-                yield f"{name}: lo {lo} is above hi {hi}"
-            if not isinstance(place.get("unit"), str):
-                yield f"{name}.unit: text expected"
-            if "condition" in place and not isinstance(place["condition"], Mapping):
-                yield f"{name}.condition: a table expected"
-            yield from _within_one(place.get("share"), f"{name}.share")
-            yield from _within_one(place.get("p_value"), f"{name}.p_value")
-            shares.append(place.get("share"))
-        yield from _falling(shares, f"{key}: shares")
-
-
-def _which(table: Mapping[str, Any]) -> Iterator[str]:
-    chances, names = [], []
-    for name, candidate in _rows(table["which"], "which"):
-        if isinstance(candidate, str):
-            yield candidate
-            continue
-        numbers = ("gap_before", "gap_after", "closure")
-        yield from _has(candidate, name, ("effect", "probability", *numbers, "closure_ci"))
-        if not isinstance(candidate.get("effect"), str):
-            yield f"{name}.effect: a name expected"
-        yield from _within_one(candidate.get("probability"), f"{name}.probability")
-        for key in numbers:
-            if not _is_number(candidate.get(key)):
-                yield f"{name}.{key}: a number expected"
-        yield from _interval(candidate.get("closure_ci"), f"{name}.closure_ci")
-        yield from _parameters(candidate.get("parameters", {}), f"{name}.parameters")
-        chances.append(candidate.get("probability"))
-        names.append(candidate.get("effect"))
-    yield from _falling(chances, "which: probabilities")
-    yield from (f"which: {name!r} stands there twice" for name in {n for n in names if names.count(n) > 1})
-
-
-def _shrink(table: Mapping[str, Any]) -> Iterator[str]:
-    shrink = table["shrink"]
-    if not isinstance(shrink, Mapping) or "metrics" not in shrink:
-        yield "shrink: a table with metrics expected"
-        return
-    yield from _metrics(shrink["metrics"], "shrink.metrics")
-
-
-def _metrics(rows: Any, place: str) -> Iterator[str]:
-    for name, metric in _rows(rows, place):
-        if isinstance(metric, str):
-            yield metric
-            continue
-        yield from _has(metric, name, ("metric", "before", "after", "floor", "ci_after"))
-        if not isinstance(metric.get("metric"), str):
-            yield f"{name}.metric: a name expected"
-        for key in ("before", "after", "floor"):
-            if not _is_number(metric.get(key)):
-                yield f"{name}.{key}: a number expected"
-        yield from _interval(metric.get("ci_after"), f"{name}.ci_after")
-        if metric.get("ci_before") is not None:
-            yield from _interval(metric["ci_before"], f"{name}.ci_before")
-
-
-def _provenance(table: Mapping[str, Any]) -> Iterator[str]:
-    if not isinstance(table["provenance"], Mapping):
-        yield "provenance: a table expected"
-        return
-    yield from _has(table["provenance"], "provenance", ("seed", "version", "records_sha256", "runtime_s"))
-
-
-def _extras(table: Mapping[str, Any]) -> Iterator[str]:
-    """What this project writes beyond the contract's least."""
-    yield from _parameters(table.get("calibration", {}), "calibration")
-    for name, test in _rows(table.get("tests", []), "tests"):
-        if isinstance(test, str):
-            yield test
-        else:
-            yield from _has(test, name, ("name", "statistic", "p_value"))
-            yield from _within_one(test.get("p_value"), f"{name}.p_value")
-    if not isinstance(table.get("curves", {}), Mapping):
-        yield "curves: a table expected"
-    if "stand_ins" in table:
-        yield from _stand_ins(table["stand_ins"], table["verdict"].get("effects"))
-
-
-def _stand_ins(table: Any, named: Any) -> Iterator[str]:
-    if not isinstance(table, Mapping):
-        yield "stand_ins: a table expected"
-        return
-    yield from _has(table, "stand_ins", ("effects", "parameters", "closure", "closure_ci"))
-    effects, parameters = table.get("effects"), table.get("parameters")
-    if not _are_names(effects) or not effects:
-        yield "stand_ins.effects: a list of different names expected"
-    elif isinstance(named, list) and set(effects) & set(named):
-        yield "stand_ins.effects: one of them is the verdict's"
-    if not _is_number(table.get("closure")):
-        yield "stand_ins.closure: a number expected"
-    yield from _interval(table.get("closure_ci"), "stand_ins.closure_ci")
-    yield from _metrics(table.get("metrics", []), "stand_ins.metrics")
-    if not isinstance(parameters, Mapping):
-        yield "stand_ins.parameters: a table expected"
-        return
-    for effect, values in parameters.items():
-        yield from _parameters(values, f"stand_ins.parameters.{effect}")
-
-
-def _parameters(table: Any, name: str) -> Iterator[str]:
-    if not isinstance(table, Mapping):
-        yield f"{name}: a table expected"
-        return
-    for key, value in table.items():
-        if not isinstance(value, Mapping) or not _is_number(value.get("value")):
-            yield f"{name}.{key}: a table with a number as value expected"
-        elif not isinstance(value.get("unit"), str):
-            yield f"{name}.{key}.unit: text expected"
-        elif value.get("ci") is not None:
-            yield from _interval(value["ci"], f"{name}.{key}.ci")
-
-
-def _has(table: Mapping[str, Any], name: str, keys: tuple[str, ...]) -> Iterator[str]:
-    yield from (f"{name}.{key}: missing" for key in keys if key not in table)
-
-
-def _rows(value: Any, name: str) -> Iterator[tuple[str, Any]]:
-    """Name and table of each row; a text instead of the table says what is wrong."""
-    if not isinstance(value, (list, tuple)):
-        yield name, f"{name}: a list expected"
-        return
-    for i, row in enumerate(value):
-        place = f"{name}[{i}]"
-        yield place, row if isinstance(row, Mapping) else f"{place}: a table expected"
-
-
-def _is_number(value: Any) -> bool:
-    return isinstance(value, (int, float)) and not isinstance(value, bool)
-
-
-def _are_names(value: Any) -> bool:
-    return isinstance(value, list) and all(isinstance(v, str) for v in value) and len(set(value)) == len(value)
-
-
-def _within_one(value: Any, name: str) -> Iterator[str]:
-    if not _is_number(value) or not 0 <= value <= 1:
-        yield f"{name}: {value!r} found, a number from 0 to 1 expected"
-
-
-def _interval(value: Any, name: str) -> Iterator[str]:
-    if not isinstance(value, (list, tuple)) or len(value) != 2 or not all(map(_is_number, value)):
-        yield f"{name}: [lo, hi] expected"
-    elif value[0] > value[1]:
-        yield f"{name}: lo {value[0]} is above hi {value[1]}"
-
-
-def _falling(values: list[Any], name: str) -> Iterator[str]:
-    if all(map(_is_number, values)) and values != sorted(values, reverse=True):
-        yield f"{name} do not fall"
+def _said(error: ValidationError) -> str:
+    """An error as one line with its path."""
+    place = ""
+    for part in error.absolute_path:
+        place += f"[{part}]" if isinstance(part, int) else f".{part}" if place else str(part)
+    if error.validator == "required":
+        missing = error.message.removesuffix(" is a required property").strip("'")
+        return f"{place}.{missing}: missing" if place else f"{missing}: missing"
+    # Quoted values may hold line breaks, and whole tables.
+    message = " ".join(error.message.split())
+    if len(message) > _LONGEST:
+        message = f"{error.validator} = {error.validator_value!r:.{_LONGEST}} is not kept"
+    return f"{place}: {message}" if place else message
 
 
 def _not_finite(value: Any, place: str) -> Iterator[str]:
@@ -235,3 +76,43 @@ def _not_finite(value: Any, place: str) -> Iterator[str]:
             yield from _not_finite(item, f"{place}[{i}]")
     elif isinstance(value, float) and not math.isfinite(value):
         yield place
+
+
+def _inconsistent(table: Mapping[str, Any]) -> Iterator[str]:
+    """Values of a table that keeps the schema, and contradict each other."""
+    verdict, stand_ins = table["verdict"], table.get("stand_ins", {})
+    if len({frozenset(names) for names in verdict["confidence_set"]}) < len(verdict["confidence_set"]):
+        yield "verdict.confidence_set: a set stands there twice"
+    for key in ("where", "rest"):
+        places = table.get(key, [])
+        yield from _falling([place["share"] for place in places], f"{key}: shares")
+        for i, place in enumerate(places):
+            if place["lo"] is not None and place["hi"] is not None and place["lo"] > place["hi"]:
+                yield f"{key}[{i}]: lo {place['lo']} is above hi {place['hi']}"
+    names = [candidate["effect"] for candidate in table["which"]]
+    yield from _falling([candidate["probability"] for candidate in table["which"]], "which: probabilities")
+    yield from (f"which: {name!r} stands there twice" for name in dict.fromkeys(names) if names.count(name) > 1)
+    if set(stand_ins.get("effects", ())) & set(verdict["effects"]):
+        yield "stand_ins.effects: one of them is the verdict's"
+    for key, part in table.items():
+        if key not in ("curves", "provenance"):
+            yield from _intervals(part, key)
+
+
+def _intervals(value: Any, place: str) -> Iterator[str]:
+    """Intervals, which keys with "ci" hold, whose ends are the wrong way round."""
+    items: Iterable[tuple[str, Any]] = ()
+    if isinstance(value, Mapping):
+        items = ((f"{place}.{key}", item) for key, item in value.items())
+        for key, item in value.items():
+            if key in ("ci", "closure_ci", "ci_before", "ci_after") and isinstance(item, list) and item[0] > item[1]:
+                yield f"{place}.{key}: lo {item[0]} is above hi {item[1]}"
+    elif isinstance(value, list):
+        items = ((f"{place}[{i}]", item) for i, item in enumerate(value))
+    for name, item in items:
+        yield from _intervals(item, name)
+
+
+def _falling(values: list[float], name: str) -> Iterator[str]:
+    if values != sorted(values, reverse=True):
+        yield f"{name} do not fall"

@@ -8,7 +8,7 @@ import json
 import math
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 import pytest
@@ -20,6 +20,7 @@ from twingap.gap.report.files import dumped, from_json, read_report, to_json, wr
 from twingap.gap.report.model import (
     Candidate,
     Curve,
+    Domain,
     GapReport,
     Metric,
     ParameterValue,
@@ -28,9 +29,10 @@ from twingap.gap.report.model import (
     TwoSampleTest,
     Verdict,
 )
-from twingap.gap.report.schema import DOMAINS, problems
+from twingap.gap.report.schema import problems
 
 MakeReport = Callable[..., GapReport]
+DOMAINS = get_args(Domain)
 STATUSES = ("no_gap", "explained", "partly_explained", "unexplained")
 
 numbers = st.floats(-1e9, 1e9)
@@ -140,7 +142,7 @@ BREACHES = {
     "schema": _at("schema", value="twingap.gap/2"),
     "verdict.status": _at("verdict", "status", value="fine"),
     "verdict.effects": _at("verdict", "effects", value=[]),
-    "verdict.effects: a list": _at("verdict", "effects", value=["a", "a"]),
+    "verdict.effects: ['a', 'a'] has non-unique": _at("verdict", "effects", value=["a", "a"]),
     "verdict.confidence_set": _at("verdict", "confidence_set", value=["a"]),
     "stands there twice": _at("verdict", "confidence_set", value=[["a", "b"], ["b", "a"]]),
     "verdict.p_value": _at("verdict", "p_value", value=1.01),
@@ -166,12 +168,12 @@ BREACHES = {
     "provenance.seed": _at("provenance", "seed", value=DELETED),
     "provenance: missing": _at("provenance", value=DELETED),
     "tests[0].p_value": _at("tests", 0, "p_value", value=2),
-    "stand_ins: a table": _at("stand_ins", value=3),
-    "stand_ins.effects: a list": _at("stand_ins", "effects", value=[]),
+    "stand_ins: 3 is not of type 'object'": _at("stand_ins", value=3),
+    "stand_ins.effects: [] should be non-empty": _at("stand_ins", "effects", value=[]),
     "stand_ins.effects: one of them is the verdict's": _at("stand_ins", "effects", value=["slip_jitter"]),
-    "stand_ins.closure: a number": _at("stand_ins", "closure", value="much"),
+    "stand_ins.closure: 'much' is not of type 'number'": _at("stand_ins", "closure", value="much"),
     "stand_ins.closure_ci": _at("stand_ins", "closure_ci", value=[0.7, 0.5]),
-    "stand_ins.parameters: a table": _at("stand_ins", "parameters", value=[]),
+    "stand_ins.parameters: [] is not of type 'object'": _at("stand_ins", "parameters", value=[]),
     "stand_ins.parameters.load_zone.depth": _at("stand_ins", "parameters", "load_zone", "depth", value=0.3),
     "stand_ins.metrics[0].after": _at("stand_ins", "metrics", 0, "after", value=DELETED),
 }

@@ -9,7 +9,6 @@ from html.parser import HTMLParser
 from pathlib import Path
 
 import pytest
-from plotly.offline import get_plotlyjs
 
 from twingap.effects import make_effect
 from twingap.gap.report.advice import condition_words, contradictions, next_steps, place_words, snippet, undecided
@@ -25,7 +24,7 @@ from twingap.gap.report.model import (
     TwoSampleTest,
     Verdict,
 )
-from twingap.gap.report.page import page
+from twingap.gap.report.page import page, plotly_library
 from twingap.twins.twin_file import read_twin
 
 MakeReport = Callable[..., GapReport]
@@ -59,15 +58,15 @@ class Reader(HTMLParser):
 
 def own(text: str) -> str:
     """The page without plotly's own code."""
-    return text.replace(get_plotlyjs(), "")
+    return text.replace(plotly_library(), "")
 
 
 @pytest.mark.parametrize("status", STATUSES)
 def test_a_page_is_whole_and_asks_nothing_of_the_network(make_report: MakeReport, status: str) -> None:
     report = make_report(status)
     text = page(report)
-    assert len(text.encode()) < 6_000_000
-    assert text.count(get_plotlyjs()) == 1
+    assert len(text.encode()) < 1_500_000
+    assert text.count(plotly_library()) == 1
     read = Reader(own(text))
     for tag, attributes in read.tags:
         assert tag not in {"link", "iframe", "img", "object", "embed", "base"}

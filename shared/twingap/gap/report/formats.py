@@ -1,0 +1,61 @@
+"""Numbers, names and conditions as a reader sees them, in plain text.
+
+All of it is escaped later, by the page's templates.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, Final
+
+from twingap.gap.report.model import ParameterValue
+
+_SUFFIXES: Final[Mapping[str, str]] = {"Hz": "_hz", "rpm": "_rpm", "s": "_s", "N": "_n", "deg": "_deg", "1/s": "_per_s"}
+
+
+def name(text: str) -> str:
+    """A name from the code, without underscores."""
+    return text.replace("_", " ")
+
+
+def quantity(parameter: str, unit: str) -> str:
+    """A parameter's name without the unit at its end, which stands beside the value."""
+    return name(parameter.removesuffix(_SUFFIXES.get(unit, "")))
+
+
+def number(value: float, unit: str = "") -> str:
+    """Four digits with unit."""
+    shown = f"{value:.0f}" if 1e4 <= abs(value) < 1e7 else f"{value:.4g}"
+    return (shown if unit in ("", "1") else f"{shown}\u00a0{unit}").replace("-", "−", int(value < 0))
+
+
+def value(parameter: ParameterValue) -> str:
+    """A number with unit and interval."""
+    text = number(parameter.value, parameter.unit)
+    return text if parameter.ci is None else f"{text} ({number(parameter.ci[0])} to {number(parameter.ci[1])})"
+
+
+def parameters(values: Mapping[str, ParameterValue]) -> tuple[str, ...]:
+    """One line for each parameter: name = value."""
+    return tuple(f"{quantity(n, p.unit)} = {value(p)}" for n, p in values.items())
+
+
+def percent(part: float, interval: tuple[float, float] | None = None) -> str:
+    """A part with its interval in per cent, breaking before the interval only; rounded, so that nothing reads "-0"."""
+    shown, *ends = (round(100 * v) for v in (part, *(interval or ())))
+    text = f"{shown} %" + (f" ({ends[0]} to {ends[1]} %)" if ends else "")
+    return text.replace("-", "−").replace(" ", "\u00a0").replace("\u00a0(", " (")
+
+
+def p_value(value: float) -> str:
+    """A p-value with two digits."""
+    return f"{value:.2g}" if value >= 0.001 else "< 0.001"
+
+
+def plain(value: Any) -> str:
+    """An entry of the provenance."""
+    if isinstance(value, Mapping):
+        return ", ".join(f"{k} {plain(v)}" for k, v in value.items())
+    if isinstance(value, (list, tuple)):
+        return ", ".join(map(plain, value)) or "none"
+    return f"{value:.6g}" if isinstance(value, float) else str(value)

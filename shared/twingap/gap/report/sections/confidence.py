@@ -1,0 +1,32 @@
+"""Section "What the data cannot tell apart": the confidence set."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Final
+
+from twingap.gap.report.advice import undecided
+from twingap.gap.report.model import GapReport, count_words, listed
+from twingap.gap.report.sections.parts import Items, Section
+
+_TITLE: Final = "What the data cannot tell apart"
+_SHOWN: Final = 8
+"""Explanations that are listed at once."""
+
+
+def section(report: GapReport, figures: Mapping[str, str]) -> Section | None:
+    """The explanations that cannot be ruled out, most probable first."""
+    sets = report.verdict.confidence_set
+    if not sets:
+        return None
+    words = [listed(effects) if effects else "no missing effect at all" for effects in sets]
+    if len(sets) == 1:
+        return Section(_TITLE, f"One explanation is left: {words[0]}. Every other one is ruled out at 90 %.")
+    text = f"{count_words(len(sets)).capitalize()} explanations cannot be ruled out, most probable first; "
+    text += "the true one is among them nine times of ten, effects too faint for records like these not counted. "
+    if sure := [effect for effect in sets[0] if all(effect in s for s in sets)]:
+        text += f"All of them hold {listed(sure)}. "
+    if open_ones := undecided(report):
+        few, others = open_ones[:_SHOWN], len(open_ones) - _SHOWN
+        text += f"Left open: {listed([*few, f'{others} others'] if others > 0 else few, 'or')}."
+    return Section(_TITLE, text, (Items(words, ordered=True, shown=_SHOWN, more="less probable ones"),))

@@ -1,0 +1,65 @@
+"""The headline of the page: status, verdict in one sentence, key numbers, overall tests."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Final
+
+from twingap.gap.report.advice import contradictions
+from twingap.gap.report.formats import p_value, percent
+from twingap.gap.report.model import GapReport, Verdict
+
+STATUS: Final[Mapping[str, tuple[str, str]]] = {
+    "no_gap": ("No gap", "No gap beyond chance was found."),
+    "explained": ("Gap explained", "Nothing significant is left once the named effects are added."),
+    "partly_explained": ("Gap partly explained", "A significant rest remains once the named effects are added."),
+    "unexplained": (
+        "Gap unexplained", "There is a significant gap, and nothing in the catalogue shrinks it significantly."
+    ),
+}  # fmt: skip
+"""Status -> title, and what it means."""
+
+
+@dataclass(frozen=True)
+class Headline:
+    """What `templates/headline.html` shows."""
+
+    kind: str
+    status: str
+    sentence: str
+    meaning: str
+    records: str
+    facts: Sequence[tuple[str, str]]
+    warnings: Sequence[str]
+    tests: Sequence[str]
+
+
+def headline(report: GapReport) -> Headline:
+    """The headline of a report."""
+    verdict, stated = report.verdict, report.provenance
+    title, meaning = STATUS[verdict.status]
+    facts = [("p-value of no gap", p_value(verdict.p_value))]
+    if verdict.closure is not None:
+        facts.append(("gap closed", percent(verdict.closure, verdict.closure_ci)))
+    if (total := stated.get("n_records")) is not None:
+        held_out = stated.get("n_held_out")
+        facts.append(("records", f"{total}" + (f", evaluated on {held_out}" if held_out is not None else "")))
+    tests = [f"{t.name}: {t.statistic:.4g}, p = {p_value(t.p_value)}" for t in report.tests]
+    records = str(stated.get("records") or "records")
+    meaning = " ".join(filter(None, (meaning, _closing(verdict))))
+    return Headline(verdict.status, title, report.sentence, meaning, records, facts, contradictions(report), tests)
+
+
+def _closing(verdict: Verdict) -> str:
+    """What the closure allows to be said: names come from what records show, not from how far the gap shrinks."""
+    if not verdict.effects:
+        return ""
+    if verdict.closure is None or verdict.closure_ci is None:
+        return "They show in the records, but cannot be added to what the simulator has made."
+    low, high = verdict.closure_ci
+    if low > 0:
+        return "They shrink the gap significantly."
+    if high < 0:
+        return "They show in the records, but at the values found they widen the gap: look at the values."
+    return "They show in the records; by how much they shrink the gap is too uncertain to say."

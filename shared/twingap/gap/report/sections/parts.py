@@ -1,0 +1,108 @@
+"""What a section of the page is made of: data that `templates/parts.html` renders. Nothing here is HTML but figures."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import ClassVar, NamedTuple
+
+
+class Line(NamedTuple):
+    """A line of a cell; `style` is a CSS class: "strong", "small", "remark" or none."""
+
+    text: str
+    style: str = ""
+
+
+Cell = str | Sequence[Line | str]
+"""Text, or lines below each other. Words between backticks are set as code."""
+
+
+@dataclass(frozen=True)
+class Table:
+    """A table of which the first rows are shown at once, and the others unfold.
+
+    Parameters
+    ----------
+    head : sequence of str
+        Empty for a table without heads.
+    rows : sequence of rows
+    shown : int or None
+        Rows shown at once; None: all.
+    more : str
+        What further rows are called, in "3 more places".
+    kind : str
+        CSS class.
+    """
+
+    part: ClassVar[str] = "table"
+    head: Sequence[str]
+    rows: Sequence[Sequence[Cell]]
+    shown: int | None = None
+    more: str = "rows"
+    kind: str = ""
+
+
+@dataclass(frozen=True)
+class Items:
+    """A list; of a long one the first are shown and the others unfold. `ordered` numbers them."""
+
+    part: ClassVar[str] = "items"
+    items: Sequence[str]
+    ordered: bool = False
+    shown: int | None = None
+    more: str = "items"
+    kind: str = ""
+
+
+@dataclass(frozen=True)
+class Figure:
+    """A figure, as HTML that `page` made, with a title above it."""
+
+    part: ClassVar[str] = "figure"
+    html: str
+    title: str = ""
+    wide: bool = False
+
+
+@dataclass(frozen=True)
+class Code:
+    """Lines of a file."""
+
+    part: ClassVar[str] = "code"
+    text: str
+    title: str = ""
+
+
+Part = Table | Items | Figure | Code
+
+
+@dataclass(frozen=True)
+class Section:
+    """A section of the page.
+
+    Parameters
+    ----------
+    title : str
+    text : str
+        Said before all else; empty for nothing.
+    parts : sequence of Part
+        In their order.
+    kind : str
+        CSS class.
+    """
+
+    title: str
+    text: str = ""
+    parts: Sequence[Part] = ()
+    kind: str = ""
+
+    @property
+    def anchor(self) -> str:
+        """What links to it name."""
+        return self.title.lower().replace(" ", "-")
+
+
+def figure(figures: Mapping[str, str], name: str) -> tuple[Figure, ...]:
+    """The figure of this name as a part; nothing where there is none."""
+    return (Figure(figures[name]),) if name in figures else ()
