@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from twingap.errors import TwingapError
-from twingap.files import kind_of, replacing, replacing_folder, save_npy, sha256, try_folder
+from twingap.files import kind_of, replacing, replacing_folder, save_npy, sha256, try_folder, try_outputs
 
 BOTH = pytest.mark.parametrize("place", [replacing, replacing_folder])
 
@@ -224,3 +224,16 @@ def test_a_folder_is_tried_and_left_as_it_was(tmp_path: Path) -> None:
     with pytest.raises(TwingapError, match="a folder expected"):
         try_folder(tmp_path / "file")
     assert (tmp_path / "file").read_text() == "kept"
+
+
+def test_outputs_are_tried_and_nothing_is_left(tmp_path: Path) -> None:
+    try_outputs(tmp_path / "new" / "out", ["a.json", "b.html"], ["set"])
+    assert _tree(tmp_path) == []
+    (tmp_path / "out" / "set").mkdir(parents=True)
+    (tmp_path / "out" / "a.json").write_text("old")
+    try_outputs(tmp_path / "out", ["a.json"], ["set"])
+    (tmp_path / "out" / "set" / "mine").touch()
+    before = _tree(tmp_path)
+    with pytest.raises(TwingapError, match="set: exists already and is not an empty folder"):
+        try_outputs(tmp_path / "out", ["a.json"], ["set"])
+    assert _tree(tmp_path) == before and (tmp_path / "out" / "a.json").read_text() == "old"

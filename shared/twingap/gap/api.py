@@ -162,6 +162,10 @@ class Diagnosis:
                 write_records(place, label, records.unit, bearing, None, sets[name]())
             return (*write_report(self.report, folder), *further)
 
+    def _repr_html_(self) -> str:
+        """The report's verdict and effects, for notebooks."""
+        return self.report._repr_html_()
+
     @property
     def _closest(self) -> Compared:
         found = self.explanation

@@ -229,6 +229,22 @@ class RecordSet(Sequence[Record]):
         # A further column cannot stand in for one of these.
         return pd.DataFrame([{**row, **dict(c.extra), **row} for row, c in zip(rows, self.conditions, strict=True)])
 
+    def _repr_html_(self) -> str:
+        """Name, number, faults, speeds, rates and unit, for notebooks."""
+        import pandas as pd
+
+        faults = Counter(str(c.fault or "unknown") for c in self.conditions)
+        speeds, rates = ([getattr(c, key) for c in self.conditions] for key in ("speed_rpm", "fs_hz"))
+        about = {
+            "records": len(self),
+            "faults": ", ".join(f"{count} {fault}" for fault, count in faults.items()),
+            "speed (rpm)": _range(speeds),
+            "sampling rate (Hz)": _range(rates),
+            "unit": self.unit or "unknown",
+            "bearing": self.bearing.name if self.bearing else "unknown",
+        }
+        return pd.DataFrame({self.name: about}).to_html(border=0)
+
     def common_groups(self, other: RecordSet) -> tuple[str, ...]:
         """Groups that both sets have; none between the parts of an honest split."""
         theirs = set(other.groups)
@@ -238,6 +254,11 @@ class RecordSet(Sequence[Record]):
         """The same records with every fault unknown, as a diagnosis of unlabelled records needs them."""
         hidden = tuple(replace(c, fault=None) for c in self.conditions)
         return RecordSet(self.name, self.unit, self.bearing, hidden, self._load)
+
+
+def _range(values: Sequence[float]) -> str:
+    low, high = min(values), max(values)
+    return f"{low:g}" if low == high else f"{low:g} to {high:g}"
 
 
 @dataclass(frozen=True)

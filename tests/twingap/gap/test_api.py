@@ -14,10 +14,11 @@ from twingap.errors import TwingapError
 from twingap.gap import diagnose
 from twingap.gap.api import _status, _told
 from twingap.gap.distance.closure import Closure
-from twingap.gap.report.files import to_json
+from twingap.gap.report.files import read_report, to_json
 from twingap.gap.report.model import Place
 from twingap.gap.report.schema import problems
 from twingap.records import Condition, RecordSet
+from twingap.records.folder import read_record_set
 from twingap.twins.phenomenological import PhenomenologicalParameters, PhenomenologicalTwin
 from twingap.twins.twin_file import TwinSpec
 
@@ -110,6 +111,32 @@ def test_records_for_export_have_all_conditions(clipped):
     assert len(before) == len(after) == 16
     assert {r.condition.name for r in after} == {f"r{i}" for i in range(16)}
     assert len(np.unique(np.round(after[0].samples, 9))) < len(np.unique(before[0].samples))
+
+
+def test_a_diagnosis_is_written_whole_or_not_at_all(clipped, tmp_path):
+    names = [path.name for path in clipped.write(tmp_path / "out", export=True)]
+    assert names == ["gap.json", "report.html", "sim_before", "sim_after"]
+    assert read_report(tmp_path / "out") == clipped.report
+    assert read_record_set(tmp_path / "out" / "sim_after").unit == "g"
+    stated = clipped.report.provenance
+    assert (stated["seed"], stated["twin"], stated["n_records"]) == (0, "", 16)
+    taken = tmp_path / "taken"
+    (taken / "sim_after").mkdir(parents=True)
+    (taken / "sim_after" / "mine").touch()
+    with pytest.raises(TwingapError, match="exists already"):
+        clipped.write(taken, export=True)
+    assert [path.name for path in taken.iterdir()] == ["sim_after"]
+
+
+def test_files_and_generators_give_the_same_diagnosis(learnt, tmp_path):
+    records = machine([make_effect("mains_interference", {"level": 0.6})], count=8)
+    twin = tmp_path / "twin.toml"
+    twin.write_text('[twin]\nmodel = "phenomenological"\n')
+    one = diagnose(records.write(tmp_path / "set"), twin, seed=3, learnt=learnt).report
+    spec = TwinSpec("phenomenological")
+    other = diagnose(records, spec, seed=np.random.default_rng(3), learnt=learnt).report
+    assert one.provenance["twin"] == "twin.toml" and one.provenance["seed"] == 3 and other.provenance["seed"] == -1
+    assert replace(one, provenance={}) == replace(other, provenance={})
 
 
 def test_own_simulated_records_of_the_same_machine_show_no_gap_worth_a_name(learnt):

@@ -370,3 +370,14 @@ def test_a_real_cwru_recording(tmp_path: Path) -> None:
         TwingapError, match=r"column channel: .*105.mat: holds 4 channels and none is named; name one of X"
     ):
         read_record_set(tmp_path)
+
+
+        RecordSet.read(tmp_path)
+
+
+def test_a_notebook_shows_what_a_set_holds() -> None:
+    conditions = [Condition(f"r{i}", 1500.0 + 300 * i, 12000.0, 4, fault) for i, fault in enumerate(("inner", None))]
+    made = RecordSet.from_records("<b>", "g", None, [Record(c, np.zeros(4)) for c in conditions])
+    shown = made._repr_html_()
+    for part in ("&lt;b&gt;", "1 inner, 1 unknown", "1500 to 1800", "<td>12000</td>", "<td>g</td>"):
+        assert part in shown

@@ -1,13 +1,13 @@
-"""What a diagnosis found, as objects and data frames.
+"""The gap report: what a diagnosis found, as immutable objects of plain numbers, and as data frames.
 
 Verdict, Place, Candidate, Metric, Curve --> GapReport --> .where, .which, .shrink (data frames)
-                                                +--> .write (`twingap.gap.report.files`)
 
-Everything here is immutable and holds plain numbers; nothing is computed but words and closures.
+`twingap.gap.report.files` writes and reads it.
 """
 
 from __future__ import annotations
 
+import html
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
@@ -389,6 +389,24 @@ class GapReport:
             for m in self.metrics
         )
         return _frame(rows, columns)
+
+    def _repr_html_(self) -> str:
+        """The verdict, and the named effects with closures and values, for notebooks."""
+        columns = ("effect", "probability", "closes (90 % interval)", "values")
+        rows = [
+            (
+                c.effect,
+                _percent(c.probability),
+                "cannot be added" if c.acts else "{} ({} to {})".format(*map(_percent, (c.closure, *c.closure_ci))),
+                ", ".join(f"{name} = {p.value:.4g} {p.unit}".strip() for name, p in c.parameters.items()),
+            )
+            for c in self.candidates
+            if c.effect in self.verdict.effects
+        ]
+        table = _frame((dict(zip(columns, row, strict=True)) for row in rows), columns)
+        said = [self.sentence] if self.stand_ins is None else [self.sentence, self.stand_ins.sentence]
+        shown = "".join(f"<p>{html.escape(sentence)}</p>" for sentence in said)
+        return shown + (table.to_html(index=False, border=0) if rows else "")
 
 
 def listed(effects: Iterable[str], last: str = "and") -> str:

@@ -244,6 +244,17 @@ def test_data_frames_hold_the_rows_in_order(make_report: MakeReport) -> None:
         assert len(frame) == 0 and list(frame.columns) == list(full.columns)
 
 
+def test_a_notebook_shows_the_verdict_and_the_named_effects_escaped(make_report: MakeReport) -> None:
+    report = make_report()
+    hostile = Candidate("<b>", 1.0, 1.0, 0.5, 0.5, (0.4, 0.6), {"<i>": ParameterValue(1203.4, "Hz")})
+    verdict = dataclasses.replace(report.verdict, effects=("<b>", "slip_jitter"))
+    shown = dataclasses.replace(report, verdict=verdict, candidates=(hostile, *report.candidates))._repr_html_()
+    for part in ("The twin lacks &lt;b&gt;", "50 % (40 % to 60 %)", "&lt;i&gt; = 1203 Hz", "slip_jitter"):
+        assert part in shown
+    assert "<b>" not in shown and "sensor_rolloff" not in shown  # which the verdict does not name
+    assert "<table" not in make_report("no_gap")._repr_html_()
+
+
 @pytest.mark.parametrize(
     ("status", "parts"),
     [
