@@ -6,17 +6,22 @@ records + twin --calibrate--> --measure--> --where--> --which--> --how far--> Ga
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from twingap.gap.api import Diagnosis, diagnose
+    from twingap.gap.api import diagnose
+    from twingap.gap.diagnosis import Diagnosis
     from twingap.gap.report.files import read_report
     from twingap.gap.report.model import GapReport
 
 
 def __getattr__(name: str) -> Any:
     """Public names, imported when they are asked for: a report is read without what diagnoses."""
-    if name in ("Diagnosis", "diagnose"):
-        from twingap.gap import api as diagnosis
+    if name == "diagnose":
+        from twingap.gap.api import diagnose
 
-        return getattr(diagnosis, name)
+        return diagnose
+    if name == "Diagnosis":
+        from twingap.gap.diagnosis import Diagnosis
+
+        return Diagnosis
     if name == "GapReport":
         from twingap.gap.report.model import GapReport
 

@@ -372,9 +372,6 @@ def test_a_real_cwru_recording(tmp_path: Path) -> None:
         read_record_set(tmp_path)
 
 
-        RecordSet.read(tmp_path)
-
-
 def test_a_notebook_shows_what_a_set_holds() -> None:
     conditions = [Condition(f"r{i}", 1500.0 + 300 * i, 12000.0, 4, fault) for i, fault in enumerate(("inner", None))]
     made = RecordSet.from_records("<b>", "g", None, [Record(c, np.zeros(4)) for c in conditions])

@@ -1,13 +1,12 @@
-"""Effects that bring a twin nearer, whether or not the machine has them.
+"""The closest twin: effects that bring the twin closer to the records, whether or not the machine has them.
 
-the verdict's twin --every other effect, at several values--> the few that come nearest --values moved--> the nearest
-        ^                                                                                                     |
-        +------------------------- as long as the fit part's distance shrinks, all values together -----------+
+twin with the verdict's effects --try every other effect at several values--> the closest few --optimise values--+
+        ^                                                                                                        |
+        +---------------------- add the best one, as long as the distance of the fit part shrinks ---------------+
 
-An effect is named because machines that lack it look like the records. Real machines differ from a twin in much that no
-effect of the catalogue was written for, and what brings both together then stands in for something else: scattered
-strikes for a load that wanders, a noise band for modes that nobody modelled. It is no diagnosis. It is the nearest
-twin; its distance, and what a classifier learns from it, are measured on held-out records like any other's.
+Real machines differ from a twin in much that no effect of the catalogue describes. Effects then stand in for something
+else: `impact_scatter` for a load that varies, a noise band for unmodelled modes. So stand-ins are no part of the
+verdict. What they close is measured on held-out records, as for any effect.
 """
 
 from __future__ import annotations
@@ -32,24 +31,23 @@ from twingap.twins.simulator import TwinSimulator
 from twingap.twins.twin_file import TwinSpec
 
 Array = NDArray[np.float64]
-Report = Callable[[str, float], None]
+Progress = Callable[[str, float], None]
 
 MOST: Final = 5
-"""Stand-ins at most."""
+"""Largest number of stand-ins. Each costs a round of the search."""
 WORTH: Final = 0.98
-"""Factor on the distance of the fit part from which another one is worth having."""
+"""Factor on the distance of the fit part that a stand-in has to reach. Closer to 1, more are added for less."""
 _FINALISTS: Final = 3
-"""Effects of each round whose values are moved."""
+"""Effects of each round whose values are optimised. More find better ones, and take longer."""
 _KEPT: Final = 12
-"""Effects that came nearest in one round, and are tried in the next."""
+"""Best effects of one round that are tried in the next. Fewer are faster, and may miss some."""
 _TRIES: Final = 2
-"""Values that a round tries, over what one search for values may (HIT-SM: with half as many, and eight effects kept, it
-stopped after one stand-in where five bring it twice as near)."""
+"""Values that a round tries, as a multiple of what one search for values may. Fewer may end the search early."""
 
 
 @dataclass(frozen=True)
-class Closer:
-    """The nearest twin that was found.
+class ClosestTwin:
+    """The twin with stand-ins.
 
     Parameters
     ----------
@@ -64,44 +62,44 @@ class Closer:
 
 
 def stand_ins(
-    evidence: Evidence, found: Explanation, learnt: Learnt, report: Report = lambda what, part: None
-) -> Closer | None:
-    """Add to the verdict's effects what brings the twin nearest to the fit part, one after the other.
+    evidence: Evidence, found: Explanation, learnt: Learnt, progress: Progress = lambda what, part: None
+) -> ClosestTwin | None:
+    """Add effects to the verdict's, one after the other, that bring the twin closest to the fit part.
 
     Parameters
     ----------
     evidence : Evidence
     found : Explanation
     learnt : Learnt
-        Tells values to begin at.
-    report : callable
-        Told of progress.
+        Gives values to begin at.
+    progress : callable
+        Called with what is done and the part that is done.
 
     Returns
     -------
-    Closer or None
-        None where nothing brings it nearer.
+    ClosestTwin or None
+        None where nothing brings the twin closer.
     """
     said = {key: one for value in found.effects for key, one in value.said.items()}
     now, added = found.after, tuple[str, ...]()
     left = left_over(evidence, now.simulator, now.effects)
     names = [n for n in catalogue() if n not in {*evidence.modelled, *found.cannot, *found.names}]
     while names and len(added) < MOST:
-        report(f"stand-ins: {', '.join(added) or 'none yet'}", len(added) / MOST)
+        progress(f"stand-ins: {', '.join(added) or 'none yet'}", len(added) / MOST)
         ranked = _ranked(evidence, now, names, learnt)
         if not ranked:
             break
         moved = [(name, _moved(evidence, now, effect, learnt.errors, said)) for name, effect in ranked[:_FINALISTS]]
         tried = [(left_over(evidence, one.simulator, one.effects), name, one) for name, one in moved]
         least, name, one = min(tried, key=lambda row: row[0])
-        if least >= WORTH * left:  # a twin at no distance at all gets none
+        if least >= WORTH * left:
             break
         again = bring_nearest(evidence, one.simulator, one.effects, learnt.errors, passes=1, said=said)
         closer = left_over(evidence, again.simulator, again.effects)
         one, left = (again, closer) if closer < least else (one, least)
         now, added = Compared(evidence, one.effects, one.simulator), (*added, name)
         names = [other for other, _ in ranked[:_KEPT] if other != name]
-    return Closer(now, added) if added else None
+    return ClosestTwin(now, added) if added else None
 
 
 def closest_spec(compared: Compared) -> TwinSpec | None:
@@ -117,16 +115,16 @@ def closest_spec(compared: Compared) -> TwinSpec | None:
 def _moved(
     evidence: Evidence, now: Compared, effect: Effect, errors: Mapping[Key, float], said: Mapping[Key, Said]
 ) -> Nearest:
-    """One more effect, its values moved with the twin's own: nothing says of a stand-in's where they ought to be."""
+    """One more effect, its values optimised together with the twin's own."""
     return bring_nearest(
         evidence, now.simulator, (*now.effects, effect), errors, moved=[effect.name], passes=1, said=said
     )
 
 
 def _ranked(evidence: Evidence, now: Compared, names: Sequence[str], learnt: Learnt) -> list[tuple[str, Effect]]:
-    """Each effect at those of its values that come nearest, the nearest effect first.
+    """Each effect at its best values, the closest effect first.
 
-    All are tried at one value before any is at two: of large records, or with a contact twin, no more are.
+    All are tried at one value before any is at two: large records or a contact twin leave time for no more.
     """
     features = now.fit
     values = (list(_values(name, features, evidence, learnt)) for name in names)
@@ -143,7 +141,7 @@ def _ranked(evidence: Evidence, now: Compared, names: Sequence[str], learnt: Lea
 
 
 def _values(name: str, features: Array, evidence: Evidence, learnt: Learnt) -> Iterator[Effect]:
-    """Where an effect's values may lie, the likelier first."""
+    """Values that an effect may have, the more probable first."""
     given = estimate(name, features, evidence, learnt).effect
     seen = observations(evidence, features)
     yield given

@@ -14,7 +14,7 @@ from twingap.gap import diagnose
 from twingap.gap.report.files import to_json
 from twingap.gap.report.schema import problems
 from twingap.gap.search import evidence as evidence_module
-from twingap.gap.search.closest_twin import Closer, closest_spec, stand_ins
+from twingap.gap.search.closest_twin import ClosestTwin, closest_spec, stand_ins
 from twingap.gap.search.effect_search import Explanation
 from twingap.gap.search.evidence import Compared, Evidence, simulator_of
 from twingap.gap.search.optimise import bring_nearest, left_over
@@ -62,14 +62,14 @@ def few_trials() -> Iterator[None]:
 
 
 @pytest.fixture(scope="module")
-def closer(learnt: Any) -> tuple[Evidence, Explanation, Closer]:
+def closer(learnt: Any) -> tuple[Evidence, Explanation, ClosestTwin]:
     evidence, found = found_in(machine(*LACKS))
     nearer = stand_ins(evidence, found, learnt)
     assert nearer is not None
     return evidence, found, nearer
 
 
-def test_what_nobody_named_is_brought_nearer(closer: tuple[Evidence, Explanation, Closer]) -> None:
+def test_what_nobody_named_is_brought_nearer(closer: tuple[Evidence, Explanation, ClosestTwin]) -> None:
     evidence, found, nearer = closer
     after = nearer.compared
     assert {effect.name for effect in after.effects} == set(nearer.added)
@@ -80,7 +80,7 @@ def test_what_nobody_named_is_brought_nearer(closer: tuple[Evidence, Explanation
 
 
 def test_the_closest_twins_file_makes_the_same_records(
-    closer: tuple[Evidence, Explanation, Closer], tmp_path: Any
+    closer: tuple[Evidence, Explanation, ClosestTwin], tmp_path: Any
 ) -> None:
     evidence, _, nearer = closer
     spec = closest_spec(nearer.compared)

@@ -1,0 +1,132 @@
+"""A finished diagnosis: its report, simulators of the twin before and after, and the files that it writes."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from twingap.effects import Effect
+from twingap.files import replacing, replacing_folder
+from twingap.gap.report.files import write_report
+from twingap.gap.report.model import GapReport
+from twingap.gap.search.closest_twin import closest_spec
+from twingap.gap.search.effect_search import Explanation
+from twingap.gap.search.evidence import Compared
+from twingap.identify.calibrate import Calibrated
+from twingap.records import Record
+from twingap.records.folder import write_records
+from twingap.twins.simulator import Simulator
+from twingap.twins.twin_file import Provenance, TwinSpec, write_twin
+
+Progress = Callable[[str, float], None]
+"""progress(what, fraction): what is being done, and which part of the whole is done, 0 to 1."""
+FilePath = str | os.PathLike[str]
+
+
+def quiet(what: str, fraction: float) -> None:
+    """Show no progress."""
+
+
+@dataclass(frozen=True)
+class Diagnosis:
+    """A finished diagnosis: its report, and simulators of the twin before and after.
+
+    Parameters
+    ----------
+    report : GapReport
+    explanation : Explanation
+    calibrated : Calibrated
+    root : int
+        Entropy that all simulated records derive from.
+    closest : Compared or None
+        The twin with the verdict's effects and stand-ins; None where stand-ins were not asked for or do not help.
+    closest_asked : bool
+        Whether `write` writes the closest twin too.
+    """
+
+    report: GapReport
+    explanation: Explanation
+    calibrated: Calibrated
+    root: int
+    closest: Compared | None = None
+    closest_asked: bool = False
+
+    def sim_before(self) -> Iterator[Record]:
+        """Records of the calibrated twin as given, for the conditions of all records used."""
+        return self._simulated(self.explanation.before.simulator, ())
+
+    def sim_after(self) -> Iterator[Record]:
+        """The same with the verdict's effects added."""
+        after = self.explanation.after if self.explanation.gap else self.explanation.before
+        return self._simulated(after.simulator, after.effects)
+
+    def sim_closest(self) -> Iterator[Record]:
+        """The same with stand-ins too; equal to `sim_after` where there are none."""
+        return self._simulated(self._closest.simulator, self._closest.effects)
+
+    def closest_twin(self) -> TwinSpec | None:
+        """The twin with the verdict's effects and stand-ins at their fitted values; None for finished records."""
+        spec = closest_spec(self._closest)
+        if spec is None:
+            return None
+        stated = self.report.provenance
+        source = Provenance(
+            str(stated["records_sha256"]), self.calibrated.fit.unit, version=str(stated["version"]),
+            method="twingap gap --closest", seed=int(stated["seed"]),
+        )  # fmt: skip
+        return replace(spec, bearing=self.calibrated.frame.bearing, identified=source)
+
+    def write(self, folder: FilePath, *, export: bool = False, progress: Progress | None = None) -> tuple[Path, ...]:
+        """Write gap.json and report.html into a folder, all files or none.
+
+        A diagnosis with ``closest=True`` also writes closest.toml, unless it was of finished simulated records.
+
+        Parameters
+        ----------
+        folder : path-like
+            Made when missing.
+        export : bool
+            Also write the record sets sim_before and sim_after, and with ``closest=True`` sim_closest.
+        progress : callable, optional
+            Called with what is done and the part of the whole, 0 to 1.
+
+        Returns
+        -------
+        tuple of Path
+            What was written, gap.json first.
+
+        Raises
+        ------
+        TwingapError
+            When the folder cannot be written, or holds one of the record sets already.
+        """
+        folder, told = Path(folder), progress or quiet
+        sets = {"sim_before": self.sim_before, "sim_after": self.sim_after, "sim_closest": self.sim_closest}
+        names = tuple(sets)[: 3 if self.closest_asked else 2] if export else ()
+        twin = self.closest_twin() if self.closest_asked else None
+        records, bearing = self.calibrated.fit, self.calibrated.frame.bearing
+        further = [*([folder / "closest.toml"] if twin is not None else []), *(folder / name for name in names)]
+        with ExitStack() as places:
+            if twin is not None:
+                write_twin(places.enter_context(replacing(folder / "closest.toml")), twin)
+            for done, name in enumerate(names):
+                told(f"write {name}", done / len(names))
+                label = f"{self.report.provenance['records']}, {name.removeprefix('sim_')}"
+                place = places.enter_context(replacing_folder(folder / name))
+                write_records(place, label, records.unit, bearing, None, sets[name]())
+            return (*write_report(self.report, folder), *further)
+
+    @property
+    def _closest(self) -> Compared:
+        found = self.explanation
+        return self.closest or (found.after if found.gap else found.before)
+
+    def _simulated(self, simulator: Simulator, effects: tuple[Effect, ...]) -> Iterator[Record]:
+        parts = (self.calibrated.fit, self.calibrated.held_out)
+        by_name = {condition.name: condition for part in parts for condition in part.conditions}
+        for name in self.calibrated.names:
+            if name in by_name:
+                yield from simulator.simulate(effects, (by_name[name],), self.root, 1)

@@ -1,0 +1,145 @@
+"""Tests on held-out records: what adding an effect does to the gap there.
+
+held-out part --feature vectors--+
+twin, before and after --simulate, replicates--> feature vectors --paired distances--> Candidate: closure, values
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from typing import Final
+
+import numpy as np
+
+from twingap.effects import Effect, catalogue
+from twingap.errors import TwingapError
+from twingap.gap.distance.closure import closure_interval, paired
+from twingap.gap.distance.closure_metrics import TrainingSets
+from twingap.gap.distance.feature_vectors import FeatureVectors
+from twingap.gap.distance.grid import Grid
+from twingap.gap.distance.paired import Paired
+from twingap.gap.external_simulator import ExternalSimulator
+from twingap.gap.knowledge.learnt import Learnt
+from twingap.gap.report.model import Candidate, ParameterValue
+from twingap.gap.search.effect_search import Estimated, Explanation, estimate
+from twingap.gap.search.evidence import Compared, Evidence, replicates_of
+from twingap.records import Condition
+from twingap.twins.simulator import Simulator
+
+_SIMULATED: Final = 220
+"""Simulated records that tests and places are measured with, all replicates together."""
+_LIKELY: Final = 0.02
+"""Probability below which a candidate's baseline is not matched anew: its closure says that it is none."""
+
+
+class HeldOut:
+    """The held-out part of the records against simulations of the twin with and without effects."""
+
+    def __init__(self, evidence: Evidence, found: Explanation) -> None:
+        self.evidence, self.found = evidence, found
+        self.part = evidence.calibrated.held_out
+        self.grid = Grid.of(self.part.conditions, evidence.frame.bearing)
+        self.real = evidence.vectors(self.part, self.grid)
+        n = len(self.part)
+        simulator = found.before.simulator
+        self.most = replicates_of(simulator, self.part.conditions, int(np.clip(np.ceil(_SIMULATED / n), 3, 39)))
+        self.fewer = min(self.most, int(np.clip(np.ceil(_SIMULATED / 3 / n), 2, 12)))
+
+    def replicates(self, simulator: Simulator, effects: tuple[Effect, ...], count: int) -> list[FeatureVectors]:
+        """Feature vectors of so many simulations of the held-out part."""
+        numbers = range(2, 2 + count)
+        made = self.evidence.simulated
+        return [self.evidence.vectors(made(simulator, effects, self.part.conditions, k), self.grid) for k in numbers]
+
+    def lessons(self, after: Compared | None = None) -> TrainingSets:
+        """Further records to train a classifier on: a user's finished records for the fit part's conditions."""
+        found = self.found
+        if not isinstance(found.before.simulator, ExternalSimulator):
+            return None, None
+        fit = self.evidence.calibrated.fit.conditions
+        after = after or (found.after if found.gap else found.before)
+        return self._lesson(found.before, fit), self._lesson(after, fit)
+
+    def _lesson(self, compared: Compared, conditions: Sequence[Condition]) -> tuple[FeatureVectors, list[str]]:
+        made = self.evidence.simulated(compared.simulator, compared.effects, conditions, 2)
+        return self.evidence.vectors(made, self.grid), [str(c.fault) for c in conditions]
+
+    def candidates(
+        self, learnt: Learnt, floor: float, rng: np.random.Generator, progress: Callable[[float], None]
+    ) -> Iterator[Candidate]:
+        """Every effect of the catalogue that the twin lacks: the gap without and with it, beside the named ones."""
+        found = self.found
+        named = {one.effect.name: one for one in found.effects}
+        # All baselines are matched alike here: only effects are to differ.
+        after = self.evidence.against(found.after.effects)
+        base = self._of(after)
+        names = [name for name in catalogue() if name not in self.evidence.modelled]
+        for done, name in enumerate(names):
+            progress(done / len(names))
+            probability = min(max(found.probability.get(name, 0.0), 0.0), 1.0)
+            others = tuple(other for other in named if other != name)
+            if name in found.cannot:
+                gap = float(base[1].over_domains(base[1].squares())[0][0])
+                own = named.get(name)
+                yield Candidate(
+                    name,
+                    probability,
+                    gap,
+                    gap,
+                    0.0,
+                    (0.0, 0.0),
+                    values_of_estimate(own) if own else {},
+                    found.cannot[name],
+                    others,
+                )
+                continue
+            if name in named:
+                without = self.evidence.against(tuple(named[o].effect for o in others if o not in found.cannot))
+                pair = paired(self.real, self._of(without)[0], base[0])
+                value = named[name]
+            else:
+                value = estimate(name, after.fit, self.evidence, learnt)
+                few = base[0][: 1 + (probability > _LIKELY)]
+                pair = paired(self.real, few, self._with(value.effect, probability, len(few)))
+            closed = closure_interval(*pair, floor, rng, draws=200)
+            yield Candidate(
+                name,
+                probability,
+                closed.before,
+                closed.after,
+                closed.closure,
+                closed.ci,
+                values_of_estimate(value),
+                None,
+                others,
+            )
+
+    def _of(self, compared: Compared) -> tuple[list[FeatureVectors], Paired]:
+        views = self.replicates(compared.simulator, compared.effects, min(self.most, 2))
+        return views, Paired(self.real, views)
+
+    def _with(self, effect: Effect, probability: float, count: int) -> list[FeatureVectors]:
+        """The twin with the named effects and one more."""
+        after = self.evidence.against(self.found.after.effects)
+        effects = (*after.effects, effect)
+        simulator = self.evidence.against(effects).simulator if probability > _LIKELY else after.simulator
+        try:
+            return self.replicates(simulator, effects, count)
+        except TwingapError:  # at these values it cannot act on one of the records: then it explains nothing
+            return self.replicates(after.simulator, after.effects, count)
+
+
+def values_of_estimate(found: Estimated) -> Mapping[str, ParameterValue]:
+    """Values of an estimated effect, with unit and interval."""
+    return values_of_effect(found.effect, found.intervals)
+
+
+def values_of_effect(effect: Effect, intervals: Mapping[str, tuple[float, float]]) -> Mapping[str, ParameterValue]:
+    """Values of an effect, with unit and interval where there is one."""
+    return {
+        field.name: ParameterValue(
+            float(getattr(effect, field.name)), field.metadata["unit"], intervals.get(field.name)
+        )
+        for field in dataclasses.fields(effect)  # type: ignore[arg-type]
+    }
