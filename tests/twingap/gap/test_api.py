@@ -18,7 +18,7 @@ from twingap.gap.report.files import read_report, to_json
 from twingap.gap.report.model import Place
 from twingap.gap.report.schema import problems
 from twingap.records import Condition, RecordSet
-from twingap.records.folder import read_record_set
+from twingap.records.folder import read_record_set, write_record_set
 from twingap.twins.phenomenological import PhenomenologicalParameters, PhenomenologicalTwin
 from twingap.twins.twin_file import TwinSpec
 
@@ -132,7 +132,7 @@ def test_files_and_generators_give_the_same_diagnosis(learnt, tmp_path):
     records = machine([make_effect("mains_interference", {"level": 0.6})], count=8)
     twin = tmp_path / "twin.toml"
     twin.write_text('[twin]\nmodel = "phenomenological"\n')
-    one = diagnose(records.write(tmp_path / "set"), twin, seed=3, learnt=learnt).report
+    one = diagnose(write_record_set(records, tmp_path / "set"), twin, seed=3, learnt=learnt).report
     spec = TwinSpec("phenomenological")
     other = diagnose(records, spec, seed=np.random.default_rng(3), learnt=learnt).report
     assert one.provenance["twin"] == "twin.toml" and one.provenance["seed"] == 3 and other.provenance["seed"] == -1
