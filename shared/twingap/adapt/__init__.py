@@ -6,31 +6,138 @@ records without labels, TwinSpec --Population, Fleets--> classify -> Classified
 labelled records of each fault --choose--> twin's network | fit_few_labels | fit_class_maps;  healthy_map -> alarm
 labelled records, the network's logits of them --fit_residual_head--> network, corrected
 
-`classify` and `choose` here are the functions; from the modules of those names import by ``from ... import``.
+`classify` and `choose` here are the functions; from the modules of those names import by ``from ... import``. The other
+names are loaded when they are first used, since many of their modules are slow to import (PyTorch, scikit-learn).
 """
 
-from twingap.adapt.alignment import Alignment, kernel_discrepancy
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any, Final
+
 from twingap.adapt.choose import Choice, Thresholds, choose
-from twingap.adapt.class_maps import ClassMaps, fit_class_maps
 from twingap.adapt.classify import Classified, ClassifyOptions, classify
-from twingap.adapt.confidence import Calibration, Reliability, calibrate_temperature, cross_checked
-from twingap.adapt.dann import DomainDiscriminator, adversarial_schedule, reverse_gradient
-from twingap.adapt.evaluate import Scores, bootstrap_interval, score, t_interval
-from twingap.adapt.few_labels import FewLabels, fit_few_labels
-from twingap.adapt.fleets import Fleets
-from twingap.adapt.methods import METHODS, Fitted, Judged, MethodOptions, fit, judge, steps_of_epochs
-from twingap.adapt.mode_inputs import ModeInputs
-from twingap.adapt.mode_network import Architecture, ModeNetwork
-from twingap.adapt.nets import FEATURES, PlainCNN, best_device
-from twingap.adapt.noise import with_noise
-from twingap.adapt.order_forest import OrderForest, train_forest
-from twingap.adapt.population import Population
-from twingap.adapt.residual_head import HeadOptions, ResidualHead, fit_residual_head
-from twingap.adapt.selection import CRITERIA, DEFAULT, Evidence, select
-from twingap.adapt.severity import FeatureMap, HealthyMap, MapOptions, fit_map, healthy_map
-from twingap.adapt.training import Checkpoint, Method, Outputs, Trained, Training, outputs, reproducible, train
-from twingap.adapt.views import VIEWS, inputs
-from twingap.adapt.windows import Windows, cut, joined, split_by_group
+
+if TYPE_CHECKING:
+    from twingap.adapt.alignment import Alignment, kernel_discrepancy
+    from twingap.adapt.class_maps import ClassMaps, fit_class_maps
+    from twingap.adapt.confidence import Calibration, Reliability, calibrate_temperature, cross_checked
+    from twingap.adapt.dann import DomainDiscriminator, adversarial_schedule, reverse_gradient
+    from twingap.adapt.evaluate import Scores, bootstrap_interval, score, t_interval
+    from twingap.adapt.few_labels import FewLabels, fit_few_labels
+    from twingap.adapt.fleets import Fleets
+    from twingap.adapt.learning import train_classifier
+    from twingap.adapt.methods import METHODS, Fitted, Judged, MethodOptions, fit, judge, steps_of_epochs
+    from twingap.adapt.mode_inputs import ModeInputs
+    from twingap.adapt.mode_network import Architecture, ModeNetwork
+    from twingap.adapt.nets import FEATURES, PlainCNN, best_device
+    from twingap.adapt.noise import with_noise
+    from twingap.adapt.order_forest import OrderForest, train_forest
+    from twingap.adapt.population import Population
+    from twingap.adapt.residual_head import HeadOptions, ResidualHead, fit_residual_head
+    from twingap.adapt.selection import CRITERIA, DEFAULT, Evidence, select
+    from twingap.adapt.severity import FeatureMap, HealthyMap, MapOptions, fit_map, healthy_map
+    from twingap.adapt.training import Checkpoint, Method, Outputs, Trained, Training, outputs, reproducible, train
+    from twingap.adapt.views import VIEWS, inputs
+    from twingap.adapt.windows import Windows, cut, joined, split_by_group
+
+_MODULES: Final = {
+    "alignment": (
+        "Alignment",
+        "kernel_discrepancy",
+    ),
+    "class_maps": (
+        "ClassMaps",
+        "fit_class_maps",
+    ),
+    "confidence": (
+        "Calibration",
+        "Reliability",
+        "calibrate_temperature",
+        "cross_checked",
+    ),
+    "dann": (
+        "DomainDiscriminator",
+        "adversarial_schedule",
+        "reverse_gradient",
+    ),
+    "evaluate": (
+        "Scores",
+        "bootstrap_interval",
+        "score",
+        "t_interval",
+    ),
+    "few_labels": (
+        "FewLabels",
+        "fit_few_labels",
+    ),
+    "fleets": ("Fleets",),
+    "learning": ("train_classifier",),
+    "methods": (
+        "METHODS",
+        "Fitted",
+        "Judged",
+        "MethodOptions",
+        "fit",
+        "judge",
+        "steps_of_epochs",
+    ),
+    "mode_inputs": ("ModeInputs",),
+    "mode_network": (
+        "Architecture",
+        "ModeNetwork",
+    ),
+    "nets": (
+        "FEATURES",
+        "PlainCNN",
+        "best_device",
+    ),
+    "noise": ("with_noise",),
+    "order_forest": (
+        "OrderForest",
+        "train_forest",
+    ),
+    "population": ("Population",),
+    "residual_head": (
+        "HeadOptions",
+        "ResidualHead",
+        "fit_residual_head",
+    ),
+    "selection": (
+        "CRITERIA",
+        "DEFAULT",
+        "Evidence",
+        "select",
+    ),
+    "severity": (
+        "FeatureMap",
+        "HealthyMap",
+        "MapOptions",
+        "fit_map",
+        "healthy_map",
+    ),
+    "training": (
+        "Checkpoint",
+        "Method",
+        "Outputs",
+        "Trained",
+        "Training",
+        "outputs",
+        "reproducible",
+        "train",
+    ),
+    "views": (
+        "VIEWS",
+        "inputs",
+    ),
+    "windows": (
+        "Windows",
+        "cut",
+        "joined",
+        "split_by_group",
+    ),
+}
+_HOME: Final = {name: module for module, names in _MODULES.items() for name in names}
 
 __all__ = [
     "CRITERIA",
@@ -98,6 +205,15 @@ __all__ = [
     "steps_of_epochs",
     "t_interval",
     "train",
+    "train_classifier",
     "train_forest",
     "with_noise",
 ]
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOME:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    found = getattr(import_module(f"{__name__}.{_HOME[name]}"), name)
+    globals()[name] = found
+    return found

@@ -24,7 +24,7 @@ def classify(
             help=f"orders: trees on lines at the bearing's orders and on levels; or a method of paper 3: {_METHODS}."
         ),
     ] = "orders",
-    machines: Annotated[int, typer.Option(help="Simulated machines per class to train on.", min=4)] = 200,
+    machines: Annotated[int, typer.Option(help="Simulated machines per class to train a network on.", min=4)] = 200,
     steps: Annotated[int, typer.Option(help="Gradient steps, where a network is trained.", min=1)] = 600,
     match: Annotated[
         bool,
@@ -36,7 +36,7 @@ def classify(
     seed: Seed = 0,
     as_json: Json = False,
 ) -> None:
-    """Fault classes of unlabelled records, from a classifier trained on the twin.
+    """Fault classes of unlabelled records, from a classifier trained on simulated machines.
 
     Confidence is calibrated on simulated machines that the classifier has not seen: of records stated at 80 %, 80 % are
     right as long as the real machine is like those simulated. What the twin lacks (see `twingap gap`) is not in it.
@@ -63,8 +63,8 @@ def classify(
         with Progress(console=progress_console, transient=True, disable=not progress_console.is_terminal) as bar:
             task = bar.add_task("reading", total=1.0)
             found = run(
-                records, spec, seed, options,
-                report=lambda what, fraction: bar.update(task, description=what, completed=fraction),
+                records, spec, options=options, seed=seed,
+                progress=lambda what, fraction: bar.update(task, description=what, completed=fraction),
             )  # fmt: skip
         rows = found.rows()
         write_table(table, rows, list(rows[0]))
