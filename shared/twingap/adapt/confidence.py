@@ -1,6 +1,6 @@
-"""How sure a classifier may say it is: one temperature, fitted on labelled records that it has not seen.
+"""Calibration of confidence: one temperature, fitted on labelled records that the classifier has not learnt from.
 
-mean probabilities of a record's windows --^ (1 / T), normalised--> --never surer than n records can show--> confidence
+mean probabilities of a record's windows --^ (1 / T), normalised--> --bounded by the number of records--> confidence
 
 Source: Guo et al. 2017, "On Calibration of Modern Neural Networks" (arXiv:1706.04599); the bound is Laplace's rule of
 succession: after n records without an error the next may be wrong with probability 1 / (n + 2).
@@ -32,9 +32,9 @@ class Calibration:
     Parameters
     ----------
     temperature : float
-        Above 1 the classifier was too sure of itself.
+        Above 1 the classifier was overconfident.
     records : int
-        That it was fitted on.
+        Number of records that it was fitted on.
     """
 
     temperature: float
@@ -47,14 +47,14 @@ class Calibration:
 
 @dataclass(frozen=True)
 class Reliability:
-    """What a calibration was worth on records that it was not fitted on.
+    """Accuracy and confidence on records that a calibration was not fitted on.
 
     Parameters
     ----------
     accuracy : float
-        Share of records told right.
+        Share of records classified right.
     confidence : float
-        Mean of what was stated of them: equal to the accuracy if calibrated.
+        Mean confidence; equal to the accuracy if calibrated.
     error : float
         Expected calibration error: mean distance of the two over bins of equal numbers of records. Never 0, since bins
         are small.

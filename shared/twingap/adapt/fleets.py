@@ -1,18 +1,18 @@
-"""Simulated fleets: machines of one kind, some healthy, some not, with what real halls add to them.
+"""Simulated fleets: machines of one kind, some healthy, some faulty, with the disturbances of real plants.
 
-TwinSpec --one draw a fleet--> path, disturbances of all members --one draw a member--> fault, its strikes, its wear
+TwinSpec --one draw a fleet--> path, disturbances of all members --one draw a member--> fault, its impacts, its wear
                                                                              |
                      classes of a fleet in any shares <-- records, one a member
 
-What a twin lacks is drawn from the catalogue of effects, for nobody can read it off unlabelled records (domain
-randomisation, Tobin et al. 2017, arXiv:1703.06907): tones of shaft, drive and mains, coloured noise, a sensor's
-roll-off, a second mode. Beyond that, two things that real faults do and a periodic train of strikes does not:
+Effects that a twin lacks are drawn from the catalogue, since unlabelled records do not show them (domain randomisation,
+Tobin et al. 2017, arXiv:1703.06907): tones of shaft, drive and mains, coloured noise, a sensor's roll-off, a second
+mode. Two properties of real faults are added that a periodic train of impacts lacks:
 
 - a rolling element's axis of spin wanders, so that its defect meets the races now and then, and with any strength
   (Smith & Randall 2015, DOI 10.1016/j.ymssp.2015.04.021, find no plain rolling-element signature in CWRU's records);
 - a defect may show as roughness alone, louder than a healthy machine and without any line.
 
-A mode that the twin file states is spread as if it were open: what was identified as one mode may be several.
+A mode that the twin file states is spread as if it were open, since one identified mode may stand for several.
 """
 
 from __future__ import annotations
@@ -31,12 +31,13 @@ from twingap.records import Condition, Record, RecordSet
 from twingap.twins.base import Twin
 
 HEALTHY_SHARES: Final = ((0.0, 0.12, 0.25, 0.5, 0.8, 1.0), (0.1, 0.25, 0.3, 0.2, 0.1, 0.05))
-"""Shares of healthy members, and how often each is drawn: nobody knows it of the real fleet."""
-STRIKES_SNR_DB: Final = (-12.0, 16.0)
-"""Power of the strikes over that of healthy vibration: from nothing to plain."""
+"""Shares of healthy members, and how often each is drawn. The share of a real fleet is not known."""
+IMPACTS_SNR_DB: Final = (-12.0, 16.0)
+"""Range of the power of impacts over that of healthy vibration: from invisible to plain."""
 FAINT_DB: Final = -3.0
-"""Below this a fault shows as roughness only; above it in `ROUGH` of the cases as well."""
+"""Fainter impacts always come with roughness, since the fault would not show otherwise."""
 ROUGH: Final = 0.6
+"""Share of plainer faults with roughness."""
 WANDERING: Final = 0.8
 """Share of rolling elements with a defect whose axis wanders."""
 LOUDNESS_SPREAD: Final = 0.15
@@ -71,19 +72,19 @@ DISTURBANCES: Final[tuple[tuple[str, float, Draw], ...]] = (
     ("looseness", 0.3, lambda rng, fs: {"level": _log(rng, 0.05, 0.6)}),
     ("mains_interference", 0.3, lambda rng, fs: {"level": _log(rng, 0.05, 0.6)}),
 )  # fmt: skip
-"""Effects of all members of a fleet, how often a fleet has them, and their values."""
+"""Effects of all members of a fleet, the share of fleets that have them, and their values."""
 
 
 @dataclass(frozen=True)
 class Fleets:
-    """Where simulated fleets are drawn from.
+    """Distribution of simulated fleets.
 
     Parameters
     ----------
     population : Population
         Of single machines: the twin, its bearing, the conditions and lengths of the real records.
     members : int
-        Recordings in a fleet; as many as the real one has at one operating point, as far as that is affordable.
+        Recordings in a fleet.
     classes : sequence of str
         Of which members are drawn, "healthy" first.
 
@@ -140,7 +141,7 @@ class Fleets:
         return values, effects
 
     def _open(self, fs_hz: float, rng: np.random.Generator) -> dict[str, Any]:
-        """The path of the phenomenological twin as far as its file says nothing of it: anything that can be."""
+        """Path of the phenomenological twin, as far as its file leaves it open: any plausible one."""
         if self.population.spec.model != "phenomenological":
             return {}
         known, share = self.population.known, rng.uniform(0.0, 1.0)
@@ -170,11 +171,11 @@ class Fleets:
     def _twin(self, condition: Condition, common: Common, rng: np.random.Generator) -> Twin:
         shared, disturbances = common
         fault = str(condition.fault)
-        snr_db = float(rng.uniform(*STRIKES_SNR_DB))
+        snr_db = float(rng.uniform(*IMPACTS_SNR_DB))
         values = dict(shared)
         if "resonance_hz" in values:
             values["resonance_hz"] *= _factor(PATH_SPREAD, rng)
-        values |= self.population.strike_levels(values, condition, snr_db)
+        values |= self.population.impact_levels(values, condition, snr_db)
         effects: dict[str, Values] = {}
         for name, drawn in disturbances.items():
             effects[name] = {k: v * (_factor(LEVEL_SPREAD, rng) if _is_level(k) else 1.0) for k, v in drawn.items()}
@@ -197,8 +198,8 @@ class Fleets:
                 effects["cage_modulation"] = {"depth": rng.uniform(0.0, 0.8)}
             if rng.random() < 0.2:
                 effects["entry_exit"] = {}
-        loud = _factor(LOUDNESS_SPREAD, rng)
-        return self.population.twin(values, effects, loud)
+        loudness = _factor(LOUDNESS_SPREAD, rng)
+        return self.population.twin(values, effects, loudness)
 
 
 def _roughness(low: float, high: float, rng: np.random.Generator) -> Values:

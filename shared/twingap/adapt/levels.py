@@ -1,11 +1,11 @@
-"""How much louder than the quietest machine of its fleet a window is, band by band.
+"""Levels of a window above the quietest recording of its fleet, band by band.
 
 windows --> ln power in bands --minus the least of the recordings at that speed--> levels above the quietest
 
-A defect adds vibration. How much a machine has without one cannot be known from a twin, but among recordings of one
-kind of machine the quietest in a band bounds it: nothing is read but that all of them were measured alike. Where all
-recordings are faulty the levels are too low, where there is one recording they are 0; fleets that teach a classifier
-are therefore drawn with any share of healthy machines and with as many members as the real one.
+A defect adds vibration. A twin does not give the level of a machine without one, but the quietest recording in a band
+bounds it, provided that all were measured alike. Where all recordings are faulty the levels are too low, where there is
+one recording they are about 0. Fleets to learn from are therefore drawn with any share of healthy machines and with any
+number of members.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ BANDS: Final = 8
 LOWEST: Final = 0.02
 """Lower end of the lowest band, as a part of half the sampling rate."""
 APART: Final = 0.03
-"""Speeds further apart than this part of themselves belong to different operating points."""
+"""Relative difference of speeds from which they belong to different operating points."""
 NAMES: Final = (
     "highest", "mean", "third lowest", "fifth lowest", "seventh lowest",
     "highest over the quietest", "mean over the quietest", "furthest from the quietest",
@@ -35,7 +35,7 @@ NAMES: Final = (
 def band_levels(windows: Windows) -> Array:
     """Mean ln power density in bands of equal ratio up to half the sampling rate, and ln of all power.
 
-    The mean of logarithms is the noise's: a tone in the band hardly moves it. Unit: ln of the squared unit.
+    The mean of logarithms is that of the noise; a tone in the band hardly changes it. Unit: ln of the squared unit.
 
     Returns
     -------
@@ -50,7 +50,7 @@ def band_levels(windows: Windows) -> Array:
 
 
 def levels_above_the_quietest(windows: Windows) -> Array:
-    """What NAMES lists, of each window, against the other recordings of its fleet at about its speed.
+    """Levels of each window, in the order of `NAMES`, against the recordings of its fleet at about its speed.
 
     Parameters
     ----------
@@ -72,7 +72,7 @@ def levels_above_the_quietest(windows: Windows) -> Array:
 
 
 def operating_points(speed_rpm: Array) -> NDArray[np.int64]:
-    """Number of the operating point of each window: speeds in order, parted where they jump."""
+    """Number of the operating point of each window: sorted speeds, split where they jump."""
     order = np.argsort(speed_rpm, kind="stable")
     jumps = np.diff(speed_rpm[order]) > APART * speed_rpm[order][:-1]
     point = np.empty(len(speed_rpm), dtype=np.int64)

@@ -1,17 +1,17 @@
-"""What an analyst reads of a window: lines of the envelope where the bearing puts them, and how impulsive it is.
+"""Features of a window at the bearing's orders: lines of envelope spectra, and kurtosis.
 
-windows --> as they are | whitened | flattened | flattened, most impulsive band
+windows --> unchanged | prewhitened | flattened | flattened, most impulsive band
               each --> squared-envelope spectrum over shaft orders --> ln(line over median) at shaft, cage, fault orders
         --> logarithms of kurtosis
 
-The numbers keep their meaning on any machine whose geometry and speed are known: no frequency in Hz, no amplitude and
-no resonance is in them, which is what simulated and measured records differ in most.
+The features depend on samples per turn and on the bearing's orders, not on frequencies in Hz, amplitudes or
+resonances. They therefore mean the same on any machine whose geometry and speed are known.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from typing import Final
 
 import numpy as np
@@ -27,14 +27,16 @@ Array = NDArray[np.float64]
 
 LOWEST_ORDER: Final = 0.3
 HIGHEST_ORDER: Final = 20.0
+"""Range of the envelope spectrum, shaft orders. A wider range raises the highest line of noise."""
 TOLERANCE: Final = 0.012
-"""Half width of the search around a line, as a part of its order: bearings slip by a per cent."""
+"""Half width of the search around a line, as a part of its order. Bearings slip by about one per cent; a wider search
+finds higher maxima in noise."""
 NARROWEST: Final = 0.6
-"""The same in bins, for short windows."""
+"""Least half width of the search in bins, which decides in windows of few turns."""
 FLATTENED_BINS: Final = 33
 """Width of the running median that flattens a spectrum: wider than a line, narrower than a resonance."""
 DEEPEST_LEVEL: Final = 4
-"""Of the kurtogram: sixteen bands."""
+"""Deepest level of the kurtogram (16 bands). Deeper levels find narrower bands, with fewer samples each."""
 SHORTEST_BAND: Final = 7
 """A window of 2^n samples is cut into no more than 2^(n - 7) bands."""
 SPECTRA: Final = ("whole", "whitened", "flattened", "impulsive")
@@ -42,7 +44,7 @@ _FLOOR: Final = 1e-3
 
 
 def places(bearing: Bearing) -> dict[str, float]:
-    """Names and shaft orders of the lines that are read.
+    """Names and shaft orders of the lines.
 
     Parameters
     ----------
@@ -68,7 +70,7 @@ def places(bearing: Bearing) -> dict[str, float]:
 
 
 def names(bearing: Bearing) -> tuple[str, ...]:
-    """Of the columns of `order_features`."""
+    """Names of the columns of `order_features`; the same for every bearing."""
     lines = (*places(bearing), "highest", "spread", "order of the highest")
     return (
         *(f"{spectrum}: {line}" for spectrum in SPECTRA for line in lines),
@@ -77,7 +79,7 @@ def names(bearing: Bearing) -> tuple[str, ...]:
 
 
 def order_features(windows: Windows, bearing: Bearing) -> Array:
-    """What `names` lists, of each window.
+    """Features of each window, in the order of `names`.
 
     Parameters
     ----------
@@ -88,83 +90,84 @@ def order_features(windows: Windows, bearing: Bearing) -> Array:
     Returns
     -------
     Array [windows, features]
-        Finite; lines beyond the envelope's range or `HIGHEST_ORDER` read 0.
+        Finite. Lines beyond the envelope's range or `HIGHEST_ORDER` are 0.
     """
-    whole = waveform(windows)
-    shown = {"whole": whole, "whitened": prewhitened(whole), "flattened": flattened(whole)}
-    lines = places(bearing)
-
-    def read(x: Array) -> Reader:
-        return lambda at, fs_hz, turn_hz: _lines(x[at], fs_hz, turn_hz, lines)
-
-    parts = [_by_speed(windows, read(x)) for x in shown.values()]
-
-    def impulsive(at: NDArray[np.int64], fs_hz: float, turn_hz: float) -> Array:
-        return _impulsive(shown["flattened"][at], fs_hz, turn_hz, bearing, lines)
-
-    parts.append(_by_speed(windows, impulsive))
-    return np.hstack([*parts, np.stack([_log_kurtosis(x) for x in shown.values()], axis=1)])
+    unchanged = waveform(windows)
+    signals = {"whole": unchanged, "whitened": prewhitened(unchanged), "flattened": flattened(unchanged)}
+    samples_per_turn = windows.fs_hz * 60 / windows.speed_rpm
+    orders = np.array(list(places(bearing).values()))
+    cycles = np.fft.rfftfreq(unchanged.shape[1])
+    parts = [_lines(_envelope_spectra(x), cycles, samples_per_turn, orders) for x in signals.values()]
+    impulsive = _impulsive_spectra(signals["flattened"], samples_per_turn, bearing)
+    parts.append(_lines(impulsive, cycles, samples_per_turn, orders))
+    return np.hstack([*parts, np.stack([_log_kurtosis(x) for x in signals.values()], axis=1)])
 
 
 def flattened(x: Array) -> Array:
     """Divide by the running median of the amplitude spectrum: resonances go, lines stay [signals, samples]."""
     transform = np.fft.rfft(x, axis=1)
-    level = median_filter(np.log(np.abs(transform) ** 2 + 1e-20), size=(1, FLATTENED_BINS), mode="nearest")
+    power = np.log(np.abs(transform) ** 2 + 1e-20)
+    # Row by row: SciPy has a fast median filter for one dimension only.
+    level = np.stack([median_filter(row, size=FLATTENED_BINS, mode="nearest") for row in power])
     return np.asarray(np.fft.irfft(transform / np.exp(level / 2), x.shape[1], axis=1))
 
 
-Reader = Callable[[NDArray[np.int64], float, float], Array]
+def _envelope_spectra(x: Array, band: tuple[float, float] | None = None) -> Array:
+    """Squared-envelope spectra over cycles per sample [signals, bins]; `band` in cycles per sample."""
+    return squared_envelope_spectrum(x, 1.0, band, window="hann").values
 
 
-def _by_speed(windows: Windows, read: Reader) -> Array:
-    """Rows of windows of one rate and speed are read together."""
-    rows: Array | None = None
-    for at, fs_hz, turn_hz in _alike(windows):
-        found = read(at, fs_hz, turn_hz)
-        rows = np.empty((len(windows), found.shape[1])) if rows is None else rows
-        rows[at] = found
-    return np.empty((0, 0)) if rows is None else rows
+def _impulsive_spectra(x: Array, samples_per_turn: Array, bearing: Bearing) -> Array:
+    """Squared-envelope spectra in the most impulsive band that holds three harmonics of every fault [signals, bins]."""
+    fastest = max(bearing.fault_order(f) for f in ("outer", "inner", "ball"))
+    deepest = max(1, min(DEEPEST_LEVEL, math.floor(math.log2(x.shape[1])) - SHORTEST_BAND))
+    widest = np.maximum(samples_per_turn / (6 * fastest), 2.0)
+    levels = np.clip(np.floor(np.log2(widest)).astype(int), 1, deepest)
+    spectra = np.empty((len(x), x.shape[1] // 2 + 1))
+    for level in np.unique(levels):
+        at = np.flatnonzero(levels == level)
+        for row, band in zip(at, most_impulsive_band(x[at], 1.0, max_level=int(level)), strict=True):
+            spectra[row] = _envelope_spectra(x[row], (band.low_hz, band.high_hz))
+    return spectra
 
 
-def _alike(windows: Windows) -> Iterator[tuple[NDArray[np.int64], float, float]]:
-    pairs = np.stack([windows.fs_hz, windows.speed_rpm], axis=1)
-    found, which = np.unique(pairs, axis=0, return_inverse=True)
-    for number, (fs_hz, speed_rpm) in enumerate(found):
-        yield np.flatnonzero(which.ravel() == number), float(fs_hz), float(speed_rpm) / 60
+def _lines(spectra: Array, cycles: Array, samples_per_turn: Array, orders: Array) -> Array:
+    """ln(line over median) at each order and of the highest line anywhere, spread, order of the highest.
+
+    Parameters
+    ----------
+    spectra : Array [signals, bins]
+    cycles : Array [bins]
+        Per sample.
+    samples_per_turn : Array [signals]
+    orders : Array [lines]
+
+    Returns
+    -------
+    Array [signals, lines + 3]
+    """
+    out = np.zeros((len(spectra), orders.size + 3))
+    for per_turn, at in _alike(samples_per_turn):
+        order = cycles * per_turn
+        kept = (order > LOWEST_ORDER) & (order < HIGHEST_ORDER)
+        order = order[kept]
+        if order.size < 2:
+            continue
+        values = spectra[np.ix_(at, kept)]
+        level = np.log(values / np.maximum(np.median(values, axis=1, keepdims=True), 1e-300) + _FLOOR)
+        for column, line in enumerate(orders):
+            reach = max(TOLERANCE * line, NARROWEST * (order[1] - order[0]))
+            low, high = np.searchsorted(order, (line - reach, line + reach))
+            if high > low:
+                out[at, column] = level[:, low:high].max(axis=1)
+        highest = level.argmax(axis=1)
+        out[at, orders.size :] = np.column_stack([level.max(axis=1), level.std(axis=1), order[highest]])
+    return out
 
 
-def _lines(
-    x: Array, fs_hz: float, turn_hz: float, lines: dict[str, float], band_hz: tuple[float, float] | None = None
-) -> Array:
-    """ln(line over median) of each place, and of the highest line anywhere [signals, places + 3]."""
-    hz, values = squared_envelope_spectrum(x, fs_hz, band_hz, window="hann")
-    order = hz / turn_hz
-    kept = (order > LOWEST_ORDER) & (order < HIGHEST_ORDER)
-    order, values = order[kept], values[:, kept]
-    if order.size < 2:
-        return np.zeros((len(x), len(lines) + 3))
-    level = np.log(values / np.maximum(np.median(values, axis=1, keepdims=True), 1e-300) + _FLOOR)
-    found = np.zeros((len(x), len(lines)))
-    for column, line in enumerate(lines.values()):
-        reach = max(TOLERANCE * line, NARROWEST * (order[1] - order[0]))
-        low, high = np.searchsorted(order, (line - reach, line + reach))
-        if high > low:
-            found[:, column] = level[:, low:high].max(axis=1)
-    highest = level.argmax(axis=1)
-    return np.column_stack([found, level.max(axis=1), level.std(axis=1), order[highest]])
-
-
-def _impulsive(x: Array, fs_hz: float, turn_hz: float, bearing: Bearing, lines: dict[str, float]) -> Array:
-    """Each signal in the band of its kurtogram that is most impulsive, wide enough for three harmonics of a fault."""
-    widest = fs_hz / 2 / (3 * turn_hz * max(bearing.fault_order(f) for f in ("outer", "inner", "ball")))
-    deepest = min(DEEPEST_LEVEL, math.floor(math.log2(x.shape[1])) - SHORTEST_BAND)
-    level = max(1, min(math.floor(math.log2(max(widest, 2.0))), deepest))
-    bands = most_impulsive_band(x, fs_hz, max_level=level)
-    rows = [
-        _lines(row[None], fs_hz, turn_hz, lines, (band.low_hz, band.high_hz))
-        for row, band in zip(x, bands, strict=True)
-    ]
-    return np.concatenate(rows)
+def _alike(samples_per_turn: Array) -> Iterator[tuple[float, NDArray[np.int64]]]:
+    for per_turn in np.unique(samples_per_turn):
+        yield float(per_turn), np.flatnonzero(samples_per_turn == per_turn)
 
 
 def _log_kurtosis(x: Array) -> Array:

@@ -1,10 +1,9 @@
-"""Fault classes from fault orders and levels: trees that have only seen simulated fleets.
+"""Extra-trees on fault orders and levels, trained on simulated fleets of one bearing (paper 3's "Orders (ours)").
 
 simulated fleets --windows--> order_features | levels_above_the_quietest --> extra-trees
 real windows -------------------------------------------------------------------> probabilities
 
-Extra-trees (Geurts et al. 2006, DOI 10.1007/s10994-006-6226-1) need no scaling, ignore numbers that say nothing, and
-answer "as often so as so" where a fault leaves no line.
+Extra-trees (Geurts et al. 2006, DOI 10.1007/s10994-006-6226-1) need no scaling and ignore uninformative features.
 """
 
 from __future__ import annotations
@@ -29,22 +28,22 @@ Array = NDArray[np.float64]
 
 TREES: Final = 300
 SHARE: Final = 0.4
-"""Of the numbers tried at each split: most say nothing of any one machine."""
+"""Share of the features tried at each split."""
 SMALLEST_LEAF: Final = 2
 MOST_MEMBERS: Final = 8
-"""Of a simulated fleet; the least of more recordings is lower by little."""
+"""Members of a simulated fleet; the least of more recordings is hardly lower."""
 
 
 @dataclass(frozen=True)
 class Examples:
-    """Labelled windows of simulated fleets, as numbers.
+    """Features and labels of windows of simulated fleets.
 
     Parameters
     ----------
     features : Array [windows, features]
     labels : NDArray[int64] [windows]
     windows : int
-        Of each record; those of a record follow each other.
+        Per record; those of a record follow each other.
     """
 
     features: Array
@@ -74,15 +73,15 @@ class OrderForest:
         """Probabilities [windows, classes] for windows of one fleet. Labels are not read."""
         return self.of_features(features(windows, self.bearing))
 
-    def of_features(self, numbers: Array) -> Array:
+    def of_features(self, rows: Array) -> Array:
         """The same from `features`."""
-        out = np.zeros((len(numbers), self.n_classes))
-        out[:, self.forest.classes_] = self.forest.predict_proba(numbers)
+        out = np.zeros((len(rows), self.n_classes))
+        out[:, self.forest.classes_] = self.forest.predict_proba(rows)
         return out
 
 
 def features(windows: Windows, bearing: Bearing) -> Array:
-    """What the trees see of the windows of one fleet [windows, features]."""
+    """Features of the windows of one fleet [windows, features]."""
     return np.hstack([order_features(windows, bearing), levels_above_the_quietest(windows)])
 
 
@@ -92,9 +91,9 @@ def examples(
     length: int,
     windows: int,
     rng: np.random.Generator,
-    report: Callable[[float], None] = lambda done: None,
+    progress: Callable[[float], None] = lambda done: None,
 ) -> Examples:
-    """Simulate fleets and read them.
+    """Simulate fleets and compute their features.
 
     Parameters
     ----------
@@ -106,8 +105,8 @@ def examples(
     windows : int
         Per record.
     rng : numpy.random.Generator
-    report : callable
-        Told the share that is done.
+    progress : callable
+        Called with the share that is done.
     """
     read, labels = [], []
     for number in range(count):
@@ -115,7 +114,7 @@ def examples(
         assert made.labels is not None
         read.append((made, levels_above_the_quietest(made)))
         labels.append(made.labels)
-        report((number + 1) / count)
+        progress((number + 1) / count)
     orders = order_features(joined([made for made, _ in read]), fleets.population.bearing)
     return Examples(
         np.hstack([orders, np.concatenate([levels for _, levels in read])]), np.concatenate(labels), windows

@@ -2,8 +2,8 @@
 
 TwinSpec --draw--> parameters, small effects, second mode, fault level, noise --one machine each--> labelled records
 
-What nobody can read off unlabelled records is drawn widely (domain randomisation, Tobin et al. 2017, arXiv:1703.06907):
-a classifier that holds over the whole population need not know which member the real machine is.
+Parameters that unlabelled records do not show are drawn widely (domain randomisation, Tobin et al. 2017,
+arXiv:1703.06907): a classifier that holds over the whole population need not know which member the real machine is.
 """
 
 from __future__ import annotations
@@ -24,21 +24,23 @@ from twingap.twins.base import Twin
 from twingap.twins.twin_file import TwinSpec, flat, model_of, model_parameters
 
 CLASSES: Final = ("healthy", "inner", "outer", "ball")
-"""In the order of their labels. A cage turns too slowly for its strikes to be told in a window of a few turns."""
+"""In the order of their labels. A cage turns too slowly for a window of a few turns to show its impacts."""
 KNOWN_SPREAD: Final = 0.1
 FREE_SPREAD: Final = 0.4
-"""Log standard deviation between machines of a parameter that the twin file states, and of one that it leaves open."""
+"""Log standard deviation between machines of a parameter that the twin file states, and of one that it leaves open.
+Wider spreads make a classifier that holds for more machines and is less sure of each."""
 SEVERITY_SPREAD: Final = 0.5
-"""The same of a fault's own values where they are stated: no two defects are alike."""
+"""The same of a fault's own values where they are stated, since no two defects are alike."""
 FAULT_SNR_DB: Final = (-5.0, 15.0)
-"""Power of the strikes over that of healthy vibration, where nobody states it: from barely there to plain."""
+"""Power of the impacts over that of healthy vibration where the twin file does not state it: from barely visible to
+plain."""
 NOISE_SNR_DB: Final = (0.0, 30.0)
 """Of the white noise added to each record."""
 SPEED_SPREAD: Final = 0.005
-"""By which a simulated machine's speed is off the stated one, as tachometers are: half the width of the range."""
+"""Half width of the range of a simulated machine's speed about the stated one: the error of tachometers."""
 TRIES: Final = 100
-ON_STRIKES: Final = frozenset(effect_name(kind) for kind in (ImpactScatter, LoadZone, CageModulation, EntryExit))
-"""Effects that need a train of impacts to act on; contact dynamics makes its own load zone and edges."""
+ON_IMPACTS: Final = frozenset(effect_name(kind) for kind in (ImpactScatter, LoadZone, CageModulation, EntryExit))
+"""Effects that act on a train of impacts; contact dynamics makes its own load zone and edges."""
 
 
 @dataclass(frozen=True)
@@ -53,7 +55,7 @@ class Population:
     unit : str
         Of the samples.
     conditions : tuple of Condition
-        Of the real records: speed, load, rate and length are theirs, and their faults are not read.
+        Of the real records: their speed, load, rate and length are used, their faults are not read.
     known : frozenset[str]
         Parameters (dotted) that are stated or identified; they vary little.
     longest_samples : int
@@ -112,7 +114,7 @@ class Population:
     def _drawn(self, condition: Condition, rng: np.random.Generator) -> Twin:
         """The twin of one machine."""
         values = self.drawn_values(rng)
-        values |= self.strike_levels(values, condition, rng.uniform(*FAULT_SNR_DB))
+        values |= self.impact_levels(values, condition, rng.uniform(*FAULT_SNR_DB))
         effects = {
             "slip_jitter": {"sigma": rng.uniform(0, 0.02)},
             "impact_scatter": {"sigma": rng.uniform(0, 0.3)},
@@ -140,12 +142,12 @@ class Population:
                 values[field.name] = value * _factor(known_spread if field.name in self.known else FREE_SPREAD, rng)
         return values
 
-    def strike_levels(
+    def impact_levels(
         self, values: Mapping[str, Any], condition: Condition, snr_db: float
     ) -> dict[str, dict[str, float]]:
-        """Impact amplitudes of the phenomenological twin that nobody states, so that the strikes have a given power.
+        """Impact amplitudes that a phenomenological twin's file leaves open, so that the impacts have a given power.
 
-        Strikes A h(t) at a rate r have the power A^2 r / (4 zeta w), since h is a sine that decays at zeta w.
+        Impacts A h(t) at a rate r have the power A^2 r / (4 zeta w), since h is a sine that decays at zeta w.
 
         Parameters
         ----------
@@ -153,12 +155,12 @@ class Population:
             Parameters of the machine, as `drawn_values` gives them.
         condition : Condition
         snr_db : float
-            Power of the strikes over that of healthy vibration.
+            Power of the impacts over that of healthy vibration.
 
         Returns
         -------
         dict
-            ``impact_amplitude``; empty for another model, whose strikes follow from its defects.
+            ``impact_amplitude``; empty for another model, whose impacts follow from its defects.
         """
         if self.spec.model != "phenomenological":
             return {}
@@ -171,7 +173,7 @@ class Population:
                 amplitudes[fault] = math.sqrt(10 ** (snr_db / 10) * healthy * decay / rate)
         return {"impact_amplitude": amplitudes}
 
-    def twin(self, values: Mapping[str, Any], more: Mapping[str, Mapping[str, float]], loud: float = 1.0) -> Twin:
+    def twin(self, values: Mapping[str, Any], more: Mapping[str, Mapping[str, float]], loudness: float = 1.0) -> Twin:
         """A twin with these parameters, the spec's effects, and those of `more` that it has not and that can act on it.
 
         Parameters
@@ -180,18 +182,18 @@ class Population:
             Parameters in place of the spec's.
         more : Mapping
             Parameters of further effects by their names.
-        loud : float
+        loudness : float
             Factor of all amplitudes.
         """
         middle = model_parameters(self.spec)
-        parameters = dataclasses.replace(middle, **values, scale=middle.scale * loud)
+        parameters = dataclasses.replace(middle, **values, scale=middle.scale * loudness)
         own = [make_effect(name, self.spec.parameters.get(name), "twin") for name in self.spec.effects]
         model = model_of(self.spec)
         excitation = model.build(parameters, self.bearing, (), self.unit).excitation
         if excitation == "waveform":
             more = {}
         elif excitation == "rollers":
-            more = {name: more[name] for name in more if name not in ON_STRIKES}
+            more = {name: more[name] for name in more if name not in ON_IMPACTS}
         added: list[Effect] = [make_effect(n, dict(more[n]), "twin") for n in more if n not in self.spec.effects]
         return model.build(parameters, self.bearing, (*own, *added), self.unit)
 

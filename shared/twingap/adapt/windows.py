@@ -1,4 +1,4 @@
-"""Records cut into windows of equal length: what a network is trained and judged on.
+"""Records cut into windows of equal length, on which classifiers are trained and evaluated.
 
 RecordSet --cut--> Windows (samples, group, speed, label) --view--> network input [windows, channels, length]
 """

@@ -25,7 +25,7 @@ def classify(
             help=f"orders: trees on lines at the bearing's orders and on levels; or a method of paper 3: {_METHODS}."
         ),
     ] = "orders",
-    machines: Annotated[int, typer.Option(help="Simulated machines per class to train on.", min=4)] = 200,
+    machines: Annotated[int, typer.Option(help="Simulated machines per class to train a network on.", min=4)] = 200,
     steps: Annotated[int, typer.Option(help="Gradient steps, where a network is trained.", min=1)] = 600,
     match: Annotated[
         bool,
@@ -38,7 +38,7 @@ def classify(
     seed: Seed = 0,
     as_json: Json = False,
 ) -> None:
-    """Fault classes of unlabelled records, from a classifier trained on the twin.
+    """Fault classes of unlabelled records, from a classifier trained on simulated machines.
 
     Confidence is calibrated on simulated machines that the classifier has not seen: of records stated at 80 %, 80 % are
     right as long as the real machine is like those simulated. What the twin lacks (see `twingap gap`) is not in it.
@@ -61,7 +61,7 @@ def classify(
 
         options = ClassifyOptions(method, machines, steps, match=match)
         with progress("reading") as shown:
-            found = run(records, spec, seed, options, report=shown.share)
+            found = run(records, spec, options=options, seed=seed, progress=shown.share)
         rows = found.rows()
         write_table(table, rows, list(rows[0]))
     like = found.simulated

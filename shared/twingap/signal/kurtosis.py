@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -247,6 +248,7 @@ def _part(node: NDArray[Any], part: int, parts: int) -> NDArray[np.complex128]:
     return child
 
 
+@lru_cache
 def band_filter(part: int, parts: int) -> NDArray[np.complex128]:
     """Quasi-analytic filter for one half or third of the positive frequencies.
 
@@ -258,12 +260,14 @@ def band_filter(part: int, parts: int) -> NDArray[np.complex128]:
     Returns
     -------
     complex array [taps]
-        Low-pass of order 16 (24) and cut-off 0.4 (0.27) of half the rate, moved to the middle of the part.
+        Low-pass of order 16 (24) and cut-off 0.4 (0.27) of half the rate, moved to the middle of the part. Read-only.
     """
     order = _TAPS if parts == 2 else 3 * _TAPS // 2
     low_pass = sps.firwin(order + 1, _CUTOFF if parts == 2 else 2 / 3 * _CUTOFF)
     centre = (part + 0.5) / (2 * parts)
-    return np.asarray(low_pass * np.exp(2j * np.pi * centre * np.arange(order + 1)))
+    taps = np.asarray(low_pass * np.exp(2j * np.pi * centre * np.arange(order + 1)))
+    taps.flags.writeable = False
+    return taps
 
 
 def _excess(envelope: NDArray[np.complex128]) -> Array:

@@ -26,7 +26,7 @@ CONDITIONS = tuple(Condition(f"r{i}", SPEED_RPM, FS_HZ, 2 * LENGTH, "healthy") f
 def windows_of(fault: str, amplitude: float = 20.0, speed_rpm: float = SPEED_RPM) -> Windows:
     parameters = PhenomenologicalParameters(3000.0, 0.05, dict.fromkeys(CLASSES[1:], amplitude))
     condition = Condition(fault, speed_rpm, FS_HZ, 2 * LENGTH, fault)
-    # Without jitter whitening, which evens out lines and noise alike, would take the strikes with it.
+    # Without jitter whitening, which evens out lines and noise alike, would take the impacts with it.
     twin = PhenomenologicalTwin(BEARING, parameters, [SlipJitter(0.01)])
     made = twin.simulate([condition], np.random.default_rng(1))
     return cut(made, LENGTH, 2, CLASSES)
@@ -187,9 +187,9 @@ def test_trees_tell_plain_faults_of_a_machine_they_have_never_seen() -> None:
     assert shown.features.shape == (300, len(names(BEARING)) + len(NAMES)) and len(shown) == 300
     forest = train_forest(shown, BEARING, 4, 0)
     for fault in ("inner", "outer"):
-        told = forest.probabilities(windows_of(fault))
-        np.testing.assert_allclose(told.sum(axis=1), 1)
-        assert (told.argmax(axis=1) == CLASSES.index(fault)).all()
+        predicted = forest.probabilities(windows_of(fault))
+        np.testing.assert_allclose(predicted.sum(axis=1), 1)
+        assert (predicted.argmax(axis=1) == CLASSES.index(fault)).all()
     again = train_forest(shown, BEARING, 4, 0)
     np.testing.assert_array_equal(again.of_features(shown.features), forest.of_features(shown.features))
 
@@ -197,5 +197,5 @@ def test_trees_tell_plain_faults_of_a_machine_they_have_never_seen() -> None:
 def test_a_class_that_no_fleet_showed_has_probability_zero() -> None:
     rng = np.random.default_rng(0)
     seen = Examples(rng.standard_normal((20, 3)), np.repeat([0, 2], 10), 2)
-    told = train_forest(seen, BEARING, 4, 0).of_features(rng.standard_normal((5, 3)))
-    assert told.shape == (5, 4) and (told[:, [1, 3]] == 0).all()
+    predicted = train_forest(seen, BEARING, 4, 0).of_features(rng.standard_normal((5, 3)))
+    assert predicted.shape == (5, 4) and (predicted[:, [1, 3]] == 0).all()

@@ -1,0 +1,119 @@
+"""Simulated fleets of random machines: any bearing, sampling rate, speed and number of recordings.
+
+random bearing, rate, speed, fleet size --> Fleets of a bare phenomenological twin --> windows --> features
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twingap.adapt.fleets import Fleets
+from twingap.adapt.order_classifier import MOST_COMPARED, features
+from twingap.adapt.population import CLASSES, TRIES, Population
+from twingap.adapt.window_length import length_for
+from twingap.adapt.windows import cut
+from twingap.bearing import BEARINGS, Bearing
+from twingap.errors import TwingapError
+from twingap.records import Condition
+from twingap.twins.twin_file import TwinSpec
+
+RATES_HZ: Final = (8000.0, 100_000.0)
+SPEEDS_RPM: Final = (300.0, 3600.0)
+"""Ranges of the sampling rate and of the shaft speed, drawn evenly in their logarithms. Machines outside them have
+features that no tree has learnt from."""
+CATALOGUE_SHARE: Final = 0.3
+"""Share of machines with a bearing of `BEARINGS`; the others have a random geometry."""
+ROLLERS: Final = (6, 20)
+FILL: Final = (0.55, 0.95)
+LARGEST_RATIO: Final = 0.35
+"""Random geometry: number of rollers, share of the pitch circle that they fill, and the largest roller over pitch
+diameter."""
+ANGLED_SHARE: Final = 0.4
+LARGEST_ANGLE_DEG: Final = 40.0
+"""Share of random bearings with a contact angle, and the largest angle."""
+SLOWER_SHARE: Final = 0.3
+SLOWEST: Final = 3.0
+"""Share of fleets that stand beside slower ones, by up to this factor. The slowest shaft sets the length of windows, so
+that faster ones have more turns in each."""
+SHORT_SHARE: Final = 0.15
+"""Share of fleets whose records are so short that a window holds three turns only."""
+SINGLE_SHARE: Final = 0.15
+"""Share of fleets of one recording, which no other can be compared with; the others have 2 to `MOST_COMPARED`."""
+
+
+@dataclass(frozen=True)
+class Fleet:
+    """Windows of one simulated fleet.
+
+    Parameters
+    ----------
+    features : float32 array [recordings, windows, features]
+    labels : NDArray[int64] [recordings]
+        Place in `CLASSES`.
+    """
+
+    features: NDArray[np.float32]
+    labels: NDArray[np.int64]
+
+
+def random_bearing(rng: np.random.Generator) -> Bearing:
+    """A bearing of the catalogue or of random geometry.
+
+    Parameters
+    ----------
+    rng : numpy.random.Generator
+    """
+    if rng.random() < CATALOGUE_SHARE:
+        return list(BEARINGS.values())[int(rng.integers(len(BEARINGS)))]
+    rollers = int(rng.integers(ROLLERS[0], ROLLERS[1] + 1))
+    ratio = min(LARGEST_RATIO, rng.uniform(*FILL) * math.sin(math.pi / rollers))
+    angle = rng.uniform(0.0, LARGEST_ANGLE_DEG) if rng.random() < ANGLED_SHARE else 0.0
+    return Bearing("random", rollers, 40.0 * ratio, 40.0, angle)
+
+
+def random_fleet(rng: np.random.Generator, windows: int, *, lengths: tuple[float, float]) -> Fleet:
+    """Features of one fleet of a random machine.
+
+    Parameters
+    ----------
+    rng : numpy.random.Generator
+    windows : int
+        Per recording, evenly spread over it.
+    lengths : (float, float)
+        Range of the recordings' length, in windows.
+    """
+    for _ in range(TRIES):
+        bearing = random_bearing(rng)
+        fs_hz, speed_rpm = (float(np.exp(rng.uniform(*np.log(range_)))) for range_ in (RATES_HZ, SPEEDS_RPM))
+        beside = float(SLOWEST ** rng.random()) if rng.random() < SLOWER_SHARE else 1.0
+        short = rng.random() < SHORT_SHARE
+        members = 1 if rng.random() < SINGLE_SHARE else int(rng.integers(2, MOST_COMPARED + 1))
+        try:
+            length = _length(bearing, fs_hz, speed_rpm, max(SPEEDS_RPM[0], speed_rpm / beside), short)
+        except TwingapError:  # a rate and a speed that `classify` refuses
+            continue
+        n_samples = round(length * rng.uniform(*lengths))
+        condition = Condition("random", speed_rpm, fs_hz, n_samples)
+        population = Population(TwinSpec("phenomenological"), bearing, "", (condition,), frozenset(), n_samples)
+        made = cut(Fleets(population, members).fleet(0, rng), length, windows, CLASSES)
+        assert made.labels is not None
+        return Fleet(features(made, bearing).reshape(members, windows, -1), made.labels[::windows])
+    raise TwingapError("no machine that can be classified was drawn", where="random_fleet")
+
+
+def _length(bearing: Bearing, fs_hz: float, speed_rpm: float, slowest_rpm: float, short: bool) -> int:
+    """Samples of a window, by the rule for real records."""
+    plenty = 1 << 20
+    conditions = [Condition("own", speed_rpm, fs_hz, plenty), Condition("slowest", slowest_rpm, fs_hz, plenty)]
+    length = length_for(conditions, bearing, where="random fleet")
+    if short:
+        try:
+            return length_for([Condition("short", slowest_rpm, fs_hz, length // 2)], bearing, where="random fleet")
+        except TwingapError:  # half a window holds fewer than three turns
+            pass
+    return length
