@@ -12,10 +12,9 @@ import hashlib
 import secrets
 import sys
 import types
-from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import dataclass
-from typing import Any, ParamSpec, TypeVar, get_type_hints
+from typing import Any, get_type_hints
 
 import numpy as np
 
@@ -24,9 +23,6 @@ from twingap.effects.base import Effect
 from twingap.effects.registry import EffectFile, load_file
 from twingap.errors import TwingapError
 from twingap.provenance import digest_of_code, digest_of_value
-
-P = ParamSpec("P")
-R = TypeVar("R")
 
 _PROCESS = secrets.token_hex(8)
 _received = ""  # process and digest of the effects that were registered here last
@@ -85,12 +81,6 @@ def digest_of_effects() -> str:
     """Hex sha256 of the source of the user's own effects, to be part of every stored result's key; "" without any."""
     own = registry.own_effects()
     return digest_of_value([[name, _digest(kind)] for name, kind in own.items()]) if own else ""
-
-
-def with_effects(effects: HandedEffects, function: Callable[P, R], *args: P.args, **kwargs: P.kwargs) -> R:
-    """Call the function where the effects are known: what a task for another process does."""
-    effects.check()
-    return function(*args, **kwargs)
 
 
 def _received_from(
