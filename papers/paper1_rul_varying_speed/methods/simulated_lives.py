@@ -86,8 +86,8 @@ class SignalModel:
     scatter : float
         Standard deviation of A_i.
     impact_shape : {"given", "matched"}
-        Depth of q and scatter of A as given, or those of `IMPACT_SHAPES` with which simulated records are as impulsive as
-        the         measured ones after the anomaly (peak to peak over RMS).
+        Depth of q and scatter of A as given, or those of `IMPACT_SHAPES` with which simulated records are as impulsive
+        as the measured ones after the anomaly (peak to peak over RMS).
     noise : {"constant", "with_speed", "measured"}
         n(t) of eq. 1 is the same at all speeds. "with_speed": what passes the structure follows S, as healthy vibration
         of real machines does; the measuring chain's white noise does not. "measured": n(t) is a healthy record of the
