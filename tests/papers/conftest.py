@@ -7,7 +7,7 @@ import pytest
 
 @pytest.fixture(autouse=True)
 def own_home(tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """A TWINGAP_HOME of the test's own; what has been learnt is asked for by `small_training`."""
+    """A TWINGAP_HOME of the test's own."""
     home = tmp_path_factory.mktemp("home")
     monkeypatch.setenv("TWINGAP_HOME", str(home))
     return home

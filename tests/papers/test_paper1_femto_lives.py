@@ -91,7 +91,6 @@ def test_the_summary_compares_each_twin_with_the_printed_one() -> None:
     assert (closed["twin"], closed["ratio"], closed["runs_better"], closed["runs"]) == (CLOSED, 1.5, 0, 2)
 
 
-@pytest.mark.usefixtures("small_training")
 def test_the_study_writes_its_tables_and_goes_on_from_its_store(
     root: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -70,7 +70,6 @@ def test_effects_are_added_to_lives_and_leave_peak_to_peak_and_labels(case: Case
     assert "rmse_min" in train_and_judge(more, case)
 
 
-@pytest.mark.usefixtures("small_training")
 def test_a_diagnosis_becomes_a_row_and_its_effects_a_training(root: Path, config: Path) -> None:
     asked = Asked("rig", SEEN, "all", ("A148",), 0)
     row = diagnoses.diagnosed(asked, root=str(root), config=str(config))
@@ -127,7 +126,6 @@ def smaller(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(life_gap, "SPEEDS", {"slow": SPEEDS["slow"]})
 
 
-@pytest.mark.usefixtures("small_training")
 def test_the_study_writes_its_tables_and_goes_on_from_its_store(
     root: Path, config: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -146,7 +144,6 @@ def test_the_study_writes_its_tables_and_goes_on_from_its_store(
         pd.testing.assert_frame_equal(table, again.tables[name])
 
 
-@pytest.mark.usefixtures("small_training")
 def test_the_full_profile_of_the_paper_logs_the_study_in_a_run_of_its_own(
     root: Path, config: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -19,7 +19,6 @@ from twingap.records.folder import read_record_set, write_records
 from twingap.twins.phenomenological import PhenomenologicalTwin
 from twingap.twins.twin_file import read_twin
 
-learnt_before = pytest.mark.usefixtures("small_training")
 
 
 @pytest.fixture
@@ -115,7 +114,6 @@ def test_what_cannot_be_read_or_written_is_told_before_any_work(
     assert sorted(tmp_path.rglob("*")) == before
 
 
-@learnt_before
 @pytest.mark.slow
 def test_a_diagnosis_is_written_printed_exported_and_the_same_again(
     typed_gap: Run, records: Path, twin: Path, tmp_path: Path
@@ -152,7 +150,6 @@ def test_a_diagnosis_is_written_printed_exported_and_the_same_again(
     assert printed["verdict"]["sentence"] in again.out
 
 
-@learnt_before
 @pytest.mark.slow
 def test_the_closest_twin_is_a_file_that_simulates(typed: Run, records: Path, twin: Path, tmp_path: Path) -> None:
     out = tmp_path / "out"
@@ -170,7 +167,6 @@ def test_the_closest_twin_is_a_file_that_simulates(typed: Run, records: Path, tw
     assert len(read_record_set(tmp_path / "made")) == len(read_record_set(records))
 
 
-@learnt_before
 @pytest.mark.slow
 def test_records_of_another_simulator_take_the_twins_place(
     typed_gap: Run, records: Path, twin: Path, tmp_path: Path

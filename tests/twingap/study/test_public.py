@@ -14,7 +14,6 @@ import pytest
 from twingap.bearing import BEARINGS
 from twingap.effects import make_effect
 from twingap.errors import TwingapError
-from twingap.gap.knowledge import train
 from twingap.gap.report.model import Candidate, GapReport, Metric, ParameterValue, Place, StandIns, Verdict
 from twingap.records import Condition, Record, RecordSet
 from twingap.study import public, public_jobs, public_looks, public_report, public_sets
@@ -370,7 +369,7 @@ def test_what_is_documented_names_recordings_of_the_fault_it_speaks_of() -> None
 
 @pytest.mark.slow
 def test_what_was_answered_is_taken_from_the_folder(
-    small_training: None, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     """On the virtual rig: halves of the same records, diagnosed once."""
     monkeypatch.delenv("TWINGAP_DATA", raising=False)
@@ -401,14 +400,12 @@ def test_what_was_answered_is_taken_from_the_folder(
 def test_what_cannot_be_answered_or_written_is_told_before_the_work(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setenv("TWINGAP_HOME", str(tmp_path / "home"))  # where nothing is learnt yet
+    monkeypatch.setenv("TWINGAP_HOME", str(tmp_path / "home"))
     with pytest.raises(TwingapError, match="no data set 'hitsm'"):
         public.run_public(tmp_path / "out", public.Plan(("cwru", "hitsm")))
     (tmp_path / "out").write_text("a file", encoding="utf-8")
     with pytest.raises(TwingapError, match="a folder expected"):
         public.run_public(tmp_path / "out", public.Plan(("cwru",)))
-    with pytest.raises(TwingapError, match="a folder expected"):
-        train(tmp_path / "out")
     assert not (tmp_path / "home").exists()
 
 

@@ -14,6 +14,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from types import MappingProxyType
 from typing import Final
 
 import numpy as np
@@ -23,6 +24,7 @@ from twingap.effects import Effect, catalogue
 from twingap.gap.external_simulator import ExternalSimulator
 from twingap.gap.knowledge.learnt import Learnt
 from twingap.gap.knowledge.score_calibration import Outcome
+from twingap.gap.search import unlearnt
 from twingap.gap.search.evidence import Compared, Evidence, values_of
 from twingap.gap.search.initial_values import better_start
 from twingap.gap.search.optimise import bring_nearest, no_farther
@@ -146,7 +148,12 @@ class Searched:
     outcomes: Mapping[str, Outcome]
 
 
-def search(evidence: Evidence, learnt: Learnt, report: Report = lambda what, part: None) -> Searched:
+def search(
+    evidence: Evidence,
+    learnt: Learnt,
+    report: Report = lambda what, part: None,
+    held: Mapping[str, Estimated] = MappingProxyType({}),
+) -> Searched:
     """Add what seems missing, and leave out what is not missed, until nothing changes.
 
     Parameters
@@ -154,12 +161,15 @@ def search(evidence: Evidence, learnt: Learnt, report: Report = lambda what, par
     evidence : Evidence
     learnt : Learnt
     report : callable
-        Told of progress.
+        Receives what is being done and the share that is done.
+    held : Mapping[str, Estimated], optional
+        Effects that are added before and stay: nothing was learnt of them.
     """
     found = _Search(evidence, learnt)
     report("the twin as given", 0.0)
     p_value = learnt.p_value(evidence.against().held_out, evidence.modelled)
-    gap = p_value <= level_of_gap(evidence)
+    gap = p_value <= level_of_gap(evidence) or bool(held)
+    found.hold(held)
     for turn in range(ROUNDS):
         report("effects added", 0.2 + 0.2 * turn)
         # What was thrown out once stays out, or the search would go in circles.
@@ -169,8 +179,9 @@ def search(evidence: Evidence, learnt: Learnt, report: Report = lambda what, par
         found.add(more)
         found.drop_idle()
     rest_p = found.rest_p(p_value)
+    named = len(found.values) - len(held)
     outcomes = {
-        name: Outcome(odds, found.first[name], name in found.values, len(found.values), p_value, rest_p)
+        name: Outcome(odds, found.first[name], name in found.values, named, p_value, rest_p)
         for name, odds in found.certainty().items()
     }
     return Searched(found, p_value, rest_p, outcomes)
@@ -184,18 +195,26 @@ def explain(evidence: Evidence, learnt: Learnt, report: Report) -> Explanation:
     evidence : Evidence
     learnt : Learnt
     report : callable
-        Told of progress.
+        Receives what is being done and the share that is done.
     """
     ended = search(evidence, learnt, report)
+    own = [name for name in catalogue() if not learnt.covers(name) and name not in ended.search.already]
+    tested: dict[str, float] = {}
+    if own:
+        ended, tested = _with_unlearnt(evidence, learnt, ended, own, report)
     found, p_value = ended.search, ended.p_value
     report("confidence", 0.9)
     judge = learnt.calibration
     probability = {
         name: _probability(outcome.certainty) if judge is None else judge.probability(outcome)
         for name, outcome in ended.outcomes.items()
-    }
-    gap = p_value <= level_of_gap(evidence, max(probability.values(), default=0.0))
-    names = to_name(probability, NAMED_FROM if judge is None else judge.named_from)
+    } | {name: unlearnt.probability(p) for name, p in tested.items()}
+    sure = [name for name, p in tested.items() if p <= unlearnt.LEVEL / len(own)]
+    if sure:
+        p_value = min(p_value, len(own) * min(tested[name] for name in sure))
+    gap = p_value <= level_of_gap(evidence, max((probability[n] for n in ended.outcomes), default=0.0)) or bool(sure)
+    limit = NAMED_FROM if judge is None else judge.named_from
+    names = [*sure, *to_name({name: probability[name] for name in ended.outcomes}, limit)]
     found.keep([name for name in found.values if name in names])
     if gap:
         found.add([name for name in names if name not in found.values])
@@ -209,6 +228,37 @@ def explain(evidence: Evidence, learnt: Learnt, report: Report) -> Explanation:
         probability | dict.fromkeys(found.already, 0.0), sets if gap else _with(sets, ()), rest_p,
         before, after, found.cannot,
     )  # fmt: skip
+
+
+def _with_unlearnt(
+    evidence: Evidence, learnt: Learnt, plain: Searched, own: Sequence[str], report: Report
+) -> tuple[Searched, dict[str, float]]:
+    """A search with those effects of which nothing was learnt that held-out records ask for, and p-values of all.
+
+    Each is fitted to the twin as given. One that brings held-out records nearer is held, and the search is made anew
+    beside it: what the plain search named may have stood for it. It stays where it is missed beside what was named
+    then, and where the twin is nearer to held-out records than with the plain search's effects.
+    """
+    level, bare = unlearnt.LEVEL / len(own), evidence.against()
+    tested, held, best = dict.fromkeys(own, 1.0), dict[str, Estimated](), plain
+    for name in [name for name in own if name not in plain.search.cannot]:
+        report(f"fit of {name}", 0.8)
+        others = tuple(one.effect for one in held.values())
+        effect = unlearnt.fitted(evidence, name, bare.fit, others)
+        if effect is None:
+            continue
+        tested[name] = unlearnt.p_value(evidence, (*others, effect), others)
+        if tested[name] > level:
+            continue
+        again = search(evidence, learnt, report, held | {name: Estimated(effect, {})})
+        chain = again.search.added()
+        without = tuple(one for one in chain if one.name != name)
+        tested[name] = unlearnt.p_value(evidence, chain, without)
+        if best.search.added() not in ((), without):
+            tested[name] = max(tested[name], unlearnt.p_value(evidence, chain, best.search.added()))
+        if tested[name] <= level:
+            held, best = held | {name: again.search.values[name]}, again
+    return best, tested
 
 
 def level_of_gap(evidence: Evidence, surest: float = 0.0) -> float:
@@ -249,6 +299,15 @@ class _Search:
         self.errors = learnt.errors
         self.tried: set[str] = set()
         self.helped: set[str] = set()
+        self.held: set[str] = set()
+
+    def hold(self, effects: Mapping[str, Estimated]) -> None:
+        """Add effects that stay."""
+        self.values.update(effects)
+        self.held |= set(effects)
+        if effects:
+            self.now = self.evidence.against(self.added())
+            self.refine(list(effects))
 
     def odds(self, compared: Compared, *, left_out: bool = False) -> dict[str, float]:
         """Log odds that the twin lacks each effect; what it has from the start cannot be missing.
@@ -260,7 +319,9 @@ class _Search:
         if key not in self._known:
             found = self.learnt.log_odds(compared.held_out, later=key[1])[0]
             pairs = zip(self.learnt.effects, found, strict=True)
-            self._known[key] = {name: float(value) for name, value in pairs if name not in self.already}
+            self._known[key] = {
+                name: float(value) for name, value in pairs if name not in self.already and self.learnt.covers(name)
+            }
         return self._known[key]
 
     def seem_missing(self) -> list[str]:
@@ -283,7 +344,7 @@ class _Search:
             value = estimate(name, self.now.fit, self.evidence, self.learnt)
             if not self.evidence.fits(value.effect):
                 continue
-            added = (*self._added(), value.effect)
+            added = (*self.added(), value.effect)
             left = self.evidence.gap(self.evidence.against(added).simulator, added) / max(gap, 1e-9)
             # One that seems more likely need help less.
             best = min(best, (left / (1 - HELPS * _probability(-odds[name])), name))
@@ -292,17 +353,17 @@ class _Search:
 
     def _gap(self) -> float:
         """Distance of the fit part from the twin as it is now."""
-        added = self._added()
+        added = self.added()
         return self.evidence.gap(self.evidence.with_values(self.now.simulator, added), added)
 
     def refine(self, names: Sequence[str]) -> None:
         """Move the values of these effects to where the fit part comes nearest."""
         found = bring_nearest(
-            self.evidence, self.now.simulator, self._added(), self.errors,
+            self.evidence, self.now.simulator, self.added(), self.errors,
             moved=names, baseline=False, passes=1, said=self._said(), stiff=self.stiff,
         )  # fmt: skip
         self._take_over(found.effects)
-        self.now = self.evidence.against(self._added())
+        self.now = self.evidence.against(self.added())
 
     def nearest(self, gap: bool) -> tuple[Compared, Compared]:
         """The twin as given, and with the effects found where there is a gap, each brought as near as its values can.
@@ -311,10 +372,10 @@ class _Search:
         """
         bare = bring_nearest(self.evidence, self.evidence.against().simulator, (), {})
         before = Compared(self.evidence, (), bare.simulator)
-        if not gap or not self._added():
+        if not gap or not self.added():
             return before, before
         found = bring_nearest(
-            self.evidence, self.now.simulator, self._added(), self.errors, said=self._said(), stiff=self.stiff
+            self.evidence, self.now.simulator, self.added(), self.errors, said=self._said(), stiff=self.stiff
         )
         found = no_farther(self.evidence, found, bare, self.errors, said=self._said(), stiff=self.stiff)
         self._take_over(found.effects)
@@ -338,7 +399,7 @@ class _Search:
             value = estimate(name, features, self.evidence, self.learnt)
             if name in self.cannot or self.evidence.fits(value.effect):
                 self.values[name] = value
-        self.now = self.evidence.against(self._added())
+        self.now = self.evidence.against(self.added())
         here = [name for name in names if name in self.values and name not in self.cannot]
         for name in here:
             self.begin_better(name, features)
@@ -347,7 +408,7 @@ class _Search:
 
     def begin_better(self, name: str, features: Array) -> None:
         """Go to other values of an effect where those come nearer to the fit part."""
-        added = self._added()
+        added = self.added()
         said = self.values[name].said
         now = self.evidence.misfit(self.now.simulator, added)
         found = better_start(self.evidence, added, name, features, now, said)
@@ -356,14 +417,14 @@ class _Search:
             if found.read:  # elsewhere: what the estimate said is no longer believed
                 anew = {k: one._replace(number=self._number(found.effect, k)) for k, one in said.items()}
                 self.values[name] = replace(self.values[name], said=anew)
-            self.now = self.evidence.against(self._added())
+            self.now = self.evidence.against(self.added())
 
     def drop_idle(self) -> None:
         """Leave one effect out after the other: what is not missed then goes."""
-        while self.values:
+        while len(self.values) > len(self.held):
             self.missed, slack, gap = {}, {}, self._gap()
-            for name in self.values:
-                others = self._added(without=name)
+            for name in [name for name in self.values if name not in self.held]:
+                others = self.added(without=name)
                 without = self.evidence.against(others)
                 self.missed[name] = self.odds(without, left_out=True)[name]
                 # Adding what is missing cannot drive records and twin apart: if it does, it has to be plain otherwise.
@@ -373,7 +434,7 @@ class _Search:
             if slack[idle] > 0:
                 return
             del self.values[idle]
-            self.now = self.evidence.against(self._added())
+            self.now = self.evidence.against(self.added())
 
     def _number(self, effect: Effect, key: Key) -> float:
         return to_number(effect, key[1], self.evidence.setting)
@@ -391,19 +452,23 @@ class _Search:
         return self._rest_p() if self.values else whole
 
     def _rest_p(self) -> float:
-        return self.learnt.rest_p(self.now.held_out, {*self.already, *(effect.name for effect in self._added())})
+        return self.learnt.rest_p(self.now.held_out, {*self.already, *(effect.name for effect in self.added())})
 
     def keep(self, names: Sequence[str]) -> None:
         """Forget the effects that are not among these."""
         if set(names) != set(self.values):
             self.values = {name: value for name, value in self.values.items() if name in names}
-            self.now = self.evidence.against(self._added())
+            self.now = self.evidence.against(self.added())
 
     def strongest_first(self) -> list[str]:
-        """The named effects."""
-        return sorted(self.values, key=lambda name: -(self.missed.get(name, 0.0) + self.first[name]))
+        """The named effects, those of which nothing was learnt first."""
+        return sorted(
+            self.values,
+            key=lambda name: (name not in self.held, -(self.missed.get(name, 0.0) + self.first.get(name, 0.0))),
+        )
 
-    def _added(self, without: str = "") -> tuple[Effect, ...]:
+    def added(self, without: str = "") -> tuple[Effect, ...]:
+        """The effects found that the simulator can have."""
         return tuple(v.effect for n, v in self.values.items() if n != without and n not in self.cannot)
 
 

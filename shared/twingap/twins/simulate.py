@@ -1,0 +1,73 @@
+"""Records of a twin for given conditions, as one call."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from twingap.bearing import Bearing
+from twingap.errors import TwingapError
+from twingap.records import Condition, Record, RecordSet
+from twingap.records.conditions import read_conditions
+from twingap.twins.twin_file import TwinSpec, build_twin, read_twin, scaled_for
+
+FilePath = str | os.PathLike[str]
+
+
+def simulate(
+    records: RecordSet | Sequence[Condition] | FilePath,
+    twin: TwinSpec | FilePath,
+    *,
+    seed: int | np.random.Generator = 0,
+    progress: Callable[[str, float], None] | None = None,
+) -> RecordSet:
+    """Simulate a twin's records.
+
+    Parameters
+    ----------
+    records : RecordSet, sequence of Condition, or path-like
+        Conditions to simulate (speed, fault, load, time, rate, length): those of a record set, of a table, or given.
+    twin : TwinSpec or path-like
+        What is modelled, or its twin file.
+    seed : int or numpy.random.Generator
+        Same seed, same samples.
+    progress : callable, optional
+        Called with what is done and the part of the whole, 0 to 1.
+
+    Returns
+    -------
+    RecordSet
+        One record per condition, in the twin's own unit where its file states one, else in that of the conditions,
+        else in m/s^2.
+
+    Raises
+    ------
+    TwingapError
+        When a file cannot be read, the bearing is not known, or an effect cannot act on a condition.
+    """
+    spec = twin if isinstance(twin, TwinSpec) else read_twin(twin)
+    unit: str | None = None
+    bearing: Bearing | None = None
+    if isinstance(records, RecordSet):
+        conditions, unit, bearing = tuple(records.conditions), records.unit, records.bearing
+    elif isinstance(records, (str, os.PathLike)):
+        asked = read_conditions(Path(records))
+        conditions, unit, bearing = tuple(asked.conditions), asked.unit, asked.bearing
+    else:
+        conditions = tuple(records)
+    if spec.identified is not None:
+        unit = spec.identified.unit
+    unit = "m/s^2" if unit is None else unit
+    bearing = bearing or spec.bearing
+    if bearing is None:
+        raise TwingapError("the bearing is not known", where="simulate", mend="add [bearing] to the twin file")
+    model = build_twin(scaled_for(spec, unit)[0], bearing, unit)
+    made: list[Record] = []
+    for record in model.stream(conditions, np.random.default_rng(seed)):
+        made.append(record)
+        if progress is not None:
+            progress("simulate", len(made) / len(conditions))
+    return RecordSet.from_records(f"{spec.model} twin", unit, bearing, made)
