@@ -260,7 +260,8 @@ DOMAINS: Final = (
         label="spectrum",
         short_label="spectrum",
         phrase="the spectrum",
-        advice="Look there in the raw spectrum: a hump that stays in Hz points to a mode or to noise, narrow lines to a "
+        advice="Look there in the raw spectrum: a hump that stays in Hz points to a mode or to noise, narrow lines to "
+        "a "
         "disturbance. To decide, " + measurements.HAMMER + ".",
         curves=(
             CurveStyle("spectrum", "level", "Spectrum between its lines", "dB", PER_DECIBEL),
@@ -274,7 +275,8 @@ DOMAINS: Final = (
         label="envelope spectrum",
         short_label="envelope",
         phrase="the envelope spectrum",
-        advice="Impacts or modulations repeat at these multiples of shaft speed. Check the bearing's geometry and what else "
+        advice="Impacts or modulations repeat at these multiples of shaft speed. Check the bearing's geometry and what "
+        "else "
         "turns on the machine. To decide, " + measurements.TACHO + ".",
         curves=(CurveStyle("envelope", "lines", "Envelope spectrum", "dB over the floor", PER_DECIBEL),),
     ),
@@ -285,9 +287,8 @@ DOMAINS: Final = (
         label="order spectrum",
         short_label="orders",
         phrase="the order spectrum",
-        advice="Something turns at these multiples of shaft speed: list shafts, gears and fans with their ratios. To decide, "
-        + measurements.OTHER_SPEED
-        + ".",
+        advice="Something turns at these multiples of shaft speed: list shafts, gears and fans with their ratios. To "
+        "decide, " + measurements.OTHER_SPEED + ".",
         curves=(CurveStyle("order", "lines", "Order spectrum", "dB over the floor", PER_DECIBEL),),
     ),
     Domain(
@@ -307,7 +308,8 @@ DOMAINS: Final = (
         label="time within the record",
         short_label="time",
         phrase="time within the record",
-        advice="The records change within themselves there: look for run-up, load steps, or a fault of the recorder. To "
+        advice="The records change within themselves there: look for run-up, load steps, or a fault of the recorder. "
+        "To "
         "decide, record longer at constant speed and load.",
         curves=(CurveStyle("time", "level", "Level within the record", "dB of the record's rms", 2 * PER_DECIBEL),),
     ),
@@ -318,7 +320,8 @@ DOMAINS: Final = (
         label="operating condition",
         short_label="condition",
         phrase="the operating conditions",
-        advice="The gap sits at some operating conditions. Check the metadata of those records first (speed, load, fault "
+        advice="The gap sits at some operating conditions. Check the metadata of those records first (speed, load, "
+        "fault "
         "label), then record that condition again.",
     ),
 )
