@@ -235,8 +235,7 @@ def _raw_excess(record: RecordTransforms) -> Array:
 
 
 def _floor(power: Array, width: int = 40) -> Array:
-    """[bins] Level between the lines: medians of blocks, interpolated in the logarithm (faster than running
-    medians)."""
+    """[bins] Level between the lines: medians of blocks, interpolated in the logarithm."""
     width = max(min(width, power.size // 4), 1)
     count = power.size // width
     levels = medians(power[: count * width].reshape(count, width))
