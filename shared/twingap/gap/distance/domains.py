@@ -16,6 +16,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from twingap.effects import measurements
 from twingap.gap.distance.domain_names import DomainName
 from twingap.gap.distance.grid import SEGMENTS, Axis, Grid
 from twingap.signal.order_statistics import order_statistics
@@ -234,8 +235,7 @@ def _raw_excess(record: RecordTransforms) -> Array:
 
 
 def _floor(power: Array, width: int = 40) -> Array:
-    """[bins] Level between the lines: medians of blocks, interpolated in the logarithm (faster than running
-    medians)."""
+    """[bins] Level between the lines: medians of blocks, interpolated in the logarithm."""
     width = max(min(width, power.size // 4), 1)
     count = power.size // width
     levels = medians(power[: count * width].reshape(count, width))
@@ -253,74 +253,74 @@ def _largest(values: Array, step: float, edges: Array) -> Array:
 
 DOMAINS: Final = (
     Domain(
-        "frequency",
-        _frequency_axis,
-        _frequency,
-        "spectrum",
-        "spectrum",
-        "the spectrum",
-        "Look there in the raw spectrum: a hump that stays in Hz points to a mode or to noise, narrow lines to a "
-        "disturbance. To decide, strike the housing with an instrumented hammer at standstill: the response shows the "
-        "modes and the sensor's own roll-off without the bearing's excitation.",
-        (
+        name="frequency",
+        axis=_frequency_axis,
+        vector=_frequency,
+        label="spectrum",
+        short_label="spectrum",
+        phrase="the spectrum",
+        advice="Look there in the raw spectrum: a hump that stays in Hz points to a mode or to noise, narrow lines to "
+        "a "
+        "disturbance. To decide, " + measurements.HAMMER + ".",
+        curves=(
             CurveStyle("spectrum", "level", "Spectrum between its lines", "dB", PER_DECIBEL),
             CurveStyle("lines", "lines", "Lines of the spectrum", "dB over the floor", PER_DECIBEL),
         ),
     ),
     Domain(
-        "envelope_order",
-        _envelope_order_axis,
-        _envelope_order,
-        "envelope spectrum",
-        "envelope",
-        "the envelope spectrum",
-        "Impacts or modulations repeat at these multiples of shaft speed. Check the bearing's geometry and what else "
-        "turns on the machine. To decide, record a tacho or encoder signal along with the vibration: it measures the "
-        "shaft angle, so that what stays in the lines after order tracking belongs to the cage and not to the shaft.",
-        (CurveStyle("envelope", "lines", "Envelope spectrum", "dB over the floor", PER_DECIBEL),),
+        name="envelope_order",
+        axis=_envelope_order_axis,
+        vector=_envelope_order,
+        label="envelope spectrum",
+        short_label="envelope",
+        phrase="the envelope spectrum",
+        advice="Impacts or modulations repeat at these multiples of shaft speed. Check the bearing's geometry and what "
+        "else "
+        "turns on the machine. To decide, " + measurements.TACHO + ".",
+        curves=(CurveStyle("envelope", "lines", "Envelope spectrum", "dB over the floor", PER_DECIBEL),),
     ),
     Domain(
-        "order",
-        _order_axis,
-        _order,
-        "order spectrum",
-        "orders",
-        "the order spectrum",
-        "Something turns at these multiples of shaft speed: list shafts, gears and fans with their ratios. To decide, "
-        "record the same machine at another speed: lines of mains, drive and structure stay at their frequency, lines "
-        "of shaft, gears and bearings move with the speed.",
-        (CurveStyle("order", "lines", "Order spectrum", "dB over the floor", PER_DECIBEL),),
+        name="order",
+        axis=_order_axis,
+        vector=_order,
+        label="order spectrum",
+        short_label="orders",
+        phrase="the order spectrum",
+        advice="Something turns at these multiples of shaft speed: list shafts, gears and fans with their ratios. To "
+        "decide, " + measurements.OTHER_SPEED + ".",
+        curves=(CurveStyle("order", "lines", "Order spectrum", "dB over the floor", PER_DECIBEL),),
     ),
     Domain(
-        "amplitude",
-        _amplitude_axis,
-        _amplitude,
-        "amplitude distribution",
-        "amplitude",
-        "the amplitude distribution",
-        "The distribution of the samples differs there. To decide, check the acquisition: range and resolution of the "
-        "converter against the largest sample, and whether samples were lost on the way.",
-        (CurveStyle("amplitude", "shape", "Amplitudes |x|", "dB of rms", 2 * PER_DECIBEL),),
+        name="amplitude",
+        axis=_amplitude_axis,
+        vector=_amplitude,
+        label="amplitude distribution",
+        short_label="amplitude",
+        phrase="the amplitude distribution",
+        advice="The distribution of the samples differs there. To decide, " + measurements.CHAIN + ".",
+        curves=(CurveStyle("amplitude", "shape", "Amplitudes |x|", "dB of rms", 2 * PER_DECIBEL),),
     ),
     Domain(
-        "time",
-        _time_axis,
-        _time,
-        "time within the record",
-        "time",
-        "time within the record",
-        "The records change within themselves there: look for run-up, load steps, or a fault of the recorder. To "
+        name="time",
+        axis=_time_axis,
+        vector=_time,
+        label="time within the record",
+        short_label="time",
+        phrase="time within the record",
+        advice="The records change within themselves there: look for run-up, load steps, or a fault of the recorder. "
+        "To "
         "decide, record longer at constant speed and load.",
-        (CurveStyle("time", "level", "Level within the record", "dB of the record's rms", 2 * PER_DECIBEL),),
+        curves=(CurveStyle("time", "level", "Level within the record", "dB of the record's rms", 2 * PER_DECIBEL),),
     ),
     Domain(
-        "condition",
-        _condition_axis,
-        _condition,
-        "operating condition",
-        "condition",
-        "the operating conditions",
-        "The gap sits at some operating conditions. Check the metadata of those records first (speed, load, fault "
+        name="condition",
+        axis=_condition_axis,
+        vector=_condition,
+        label="operating condition",
+        short_label="condition",
+        phrase="the operating conditions",
+        advice="The gap sits at some operating conditions. Check the metadata of those records first (speed, load, "
+        "fault "
         "label), then record that condition again.",
     ),
 )

@@ -403,8 +403,7 @@ class Paired:
         return _root(overall), {d: _root(v) for d, v in domains.items()}
 
     def floor(self, rng: np.random.Generator, splits: int = 100) -> tuple[float, dict[DomainName, float]]:
-        """Floor: mean distance of records from other records of the machine, overall and per domain, at this number of
-        records.
+        """Floor: mean distance between records of one machine, overall and per domain, at this number of records.
 
         Differences of units about their stratum's mean are drawn from all strata, with random signs: the mean of such a
         draw is half the difference of two random halves of the records, whose noise is that of all records against a

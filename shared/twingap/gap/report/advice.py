@@ -8,35 +8,12 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Iterable, Mapping
-from typing import Any, Final
+from typing import Any
 
 from twingap.config import to_toml
-from twingap.effects import catalogue, measurements
+from twingap.effects import catalogue
+from twingap.gap.distance.domains import DOMAIN
 from twingap.gap.report.model import Candidate, GapReport, Place, listed
-
-_LOOK: Final[Mapping[str, str]] = {
-    "frequency": "Look there in the raw spectrum: a hump that stays in Hz points to a mode or to noise, narrow lines "
-    "to a disturbance. To decide, " + measurements.HAMMER + ".",
-    "envelope_order": "Impacts or modulations repeat at these multiples of shaft speed. Check the bearing's geometry "
-    "and what else turns on the machine. To decide, " + measurements.TACHO + ".",
-    "order": "Something turns at these multiples of shaft speed: list shafts, gears and fans with their ratios. To "
-    "decide, " + measurements.OTHER_SPEED + ".",
-    "amplitude": "The distribution of the samples differs there. To decide, " + measurements.CHAIN + ".",
-    "time": "The records change within themselves there: look for run-up, load steps, or a fault of the recorder. To "
-    "decide, record longer at constant speed and load.",
-    "condition": "The gap sits at some operating conditions. Check the metadata of those records first (speed, load, "
-    "fault label), then record that condition again.",
-}
-"""Domain -> where to look when no effect explains the gap."""
-
-_WORDS: Final[Mapping[str, str]] = {
-    "frequency": "the spectrum",
-    "envelope_order": "the envelope spectrum",
-    "order": "the order spectrum",
-    "amplitude": "the amplitude distribution",
-    "time": "time within the record",
-    "condition": "the operating conditions",
-}
 
 
 def next_steps(report: GapReport) -> tuple[str, ...]:
@@ -86,7 +63,7 @@ def next_steps(report: GapReport) -> tuple[str, ...]:
         subject = "rest" if verdict.effects else "gap"
         for domain in dict.fromkeys(p.domain for p in left[:6]):
             at = "; ".join(place_words(p) for p in [p for p in left if p.domain == domain][:3])
-            steps.append(f"The {subject} lies in {_WORDS[domain]}: {at}. {_LOOK[domain]}")
+            steps.append(f"The {subject} lies in {DOMAIN[domain].phrase}: {at}. {DOMAIN[domain].advice}")
         steps.append(_closest(report))
         steps.append(
             "Once you have a suspicion, write it as an effect of your own (five lines, see `twingap.effects`) and "

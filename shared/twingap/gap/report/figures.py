@@ -12,6 +12,7 @@ import html
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, Final
 
+from twingap.gap.distance.domains import DOMAIN
 from twingap.gap.report.advice import place_words
 from twingap.gap.report.model import Candidate, Curve, GapReport, Metric, Place
 
@@ -221,17 +222,11 @@ def _mark(figure: Any, curve: Curve, places: Sequence[Place], x: Sequence[float]
 def _label(place: Place) -> str:
     words = place_words(place)
     short = words if len(words) <= 44 else words[:43] + "…"
-    return html.escape(short) if place.domain == "condition" else f"{_DOMAINS[place.domain]}: {html.escape(short)}"
-
-
-_DOMAINS: Final[Mapping[str, str]] = {
-    "frequency": "spectrum",
-    "envelope_order": "envelope",
-    "order": "orders",
-    "amplitude": "amplitude",
-    "time": "time",
-    "condition": "condition",
-}
+    return (
+        html.escape(short)
+        if place.domain == "condition"
+        else f"{DOMAIN[place.domain].short_label}: {html.escape(short)}"
+    )
 
 
 _AXES: Final[Mapping[str, str]] = {

@@ -13,11 +13,12 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, Final, Literal
 
+from twingap.gap.distance.domain_names import DomainName
+
 if TYPE_CHECKING:
     import pandas as pd
 
 Status = Literal["no_gap", "explained", "partly_explained", "unexplained"]
-Domain = Literal["frequency", "envelope_order", "order", "amplitude", "time", "condition"]
 Interval = tuple[float, float]
 Numbers = tuple[float, ...]
 """NaN marks what was not measured; it is written as null."""
@@ -101,7 +102,7 @@ class Place:
         speed_rpm, fault, load_n or time_s range to which the place applies; None = all.
     """
 
-    domain: Domain
+    domain: DomainName
     lo: float | None
     hi: float | None
     unit: str
@@ -273,7 +274,7 @@ class Curve:
     after: Numbers | None
     y_unit: str
     title: str
-    domain: Domain
+    domain: DomainName
     bands: Mapping[str, tuple[Numbers, Numbers]] = field(default_factory=dict)
     log_y: bool = False
 

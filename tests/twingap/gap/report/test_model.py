@@ -8,7 +8,7 @@ import json
 import math
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, get_args
+from typing import Any
 
 import numpy as np
 import pytest
@@ -16,11 +16,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from twingap.errors import TwingapError
+from twingap.gap.distance.domain_names import DOMAIN_NAMES
 from twingap.gap.report.files import dumped, from_json, read_report, to_json, write_report
 from twingap.gap.report.model import (
     Candidate,
     Curve,
-    Domain,
     GapReport,
     Metric,
     ParameterValue,
@@ -32,7 +32,7 @@ from twingap.gap.report.model import (
 from twingap.gap.report.schema import problems
 
 MakeReport = Callable[..., GapReport]
-DOMAINS = get_args(Domain)
+DOMAINS = DOMAIN_NAMES
 STATUSES = ("no_gap", "explained", "partly_explained", "unexplained")
 
 numbers = st.floats(-1e9, 1e9)

@@ -2,23 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Final
 
+from twingap.gap.distance.domains import DOMAIN
 from twingap.gap.report.advice import condition_words, place_words
 from twingap.gap.report.formats import p_value
 from twingap.gap.report.model import Place
 from twingap.gap.report.sections.parts import Table
 
-_DOMAINS: Final[Mapping[str, str]] = {
-    "frequency": "spectrum",
-    "envelope_order": "envelope spectrum",
-    "order": "order spectrum",
-    "amplitude": "amplitude distribution",
-    "time": "time within the record",
-    "condition": "operating condition",
-}
 _SHOWN: Final = 12
 """Places that are listed at once."""
 
@@ -28,7 +21,7 @@ def places_table(places: Sequence[Place]) -> Table:
     rows = [
         (
             str(i),
-            _DOMAINS[p.domain],
+            DOMAIN[p.domain].label,
             "–"
             if p.domain == "condition" and p.lo is None and p.hi is None
             else place_words(replace(p, condition=None)),
