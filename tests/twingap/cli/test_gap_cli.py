@@ -20,7 +20,6 @@ from twingap.twins.phenomenological import PhenomenologicalTwin
 from twingap.twins.twin_file import read_twin
 
 
-
 @pytest.fixture
 def typed_gap(typed: Run) -> Run:
     """Runs `twingap gap ...`."""

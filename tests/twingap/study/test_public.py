@@ -368,9 +368,7 @@ def test_what_is_documented_names_recordings_of_the_fault_it_speaks_of() -> None
 
 
 @pytest.mark.slow
-def test_what_was_answered_is_taken_from_the_folder(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
+def test_what_was_answered_is_taken_from_the_folder(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     """On the virtual rig: halves of the same records, diagnosed once."""
     monkeypatch.delenv("TWINGAP_DATA", raising=False)
     work = [PublicJob("nothing", "cwru", "bare", 0, 2)]

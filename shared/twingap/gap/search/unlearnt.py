@@ -124,7 +124,7 @@ def probability(p: float) -> float:
 
 
 def _squared(pair: Paired) -> Array:
-    """[records] Squared distance of each record from the mean of its simulations, weighed as the overall distance is."""
+    """[records] Squared distance of each record from the mean of its simulations, weighed as in the overall distance."""
     squares = (pair.difference / pair.scale) ** 2
     tempered = np.where(squares > _LARGE, _LARGE * (1 + np.log(np.maximum(squares, _LARGE) / _LARGE)), squares)
     return np.asarray(tempered @ pair.real.weight)
