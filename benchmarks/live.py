@@ -21,7 +21,7 @@ from papers.paper2_digital_twin.live_twin import (
     relative_error,
 )
 from twingap.bearing import BEARINGS
-from twingap.identify import identify
+from twingap.identification import identify
 from twingap.records import Condition, Record, RecordSet
 from twingap.twins.contact import ContactTwin
 from twingap.twins.contact_parameters import ContactParameters

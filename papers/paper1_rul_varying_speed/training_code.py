@@ -7,7 +7,7 @@ import twingap.adapt.nets
 import twingap.adapt.training
 import twingap.bearing
 import twingap.effects
-import twingap.identify
+import twingap.identification
 import twingap.records
 import twingap.streams
 import twingap.twins
@@ -20,5 +20,6 @@ def code_of_training() -> str:
     """Digest of all code that a training depends on."""
     return digest_of_code(
         cases, job, methods, models, twingap.adapt.dann, twingap.adapt.nets, twingap.adapt.training, twingap.bearing,
-        twingap.effects, twingap.identify, anomaly, speed_influence, twingap.records, twingap.streams, twingap.twins,
+        twingap.effects, twingap.identification, anomaly, speed_influence, twingap.records, twingap.streams,
+        twingap.twins,
     )  # fmt: skip

@@ -23,7 +23,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-import twingap.identify
+import twingap.identification
 import twingap.twins
 from papers.paper3_zoa_dann import agreement as agreement_module
 from papers.paper3_zoa_dann import identification_study
@@ -41,11 +41,11 @@ from papers.paper3_zoa_dann.identification_study import (
 from papers.studies import command
 from twingap.bearing import BEARINGS
 from twingap.errors import TwingapError
-from twingap.identify import identify
-from twingap.identify.contact import BOUNDS
-from twingap.identify.contact_bottom import NOTHING
-from twingap.identify.contact_objective import SpectrumObjective, states_of
-from twingap.identify.optimise import OPTIMISERS, Traced
+from twingap.identification import identify
+from twingap.identification.contact import BOUNDS
+from twingap.identification.contact_bottom import NOTHING
+from twingap.identification.contact_objective import SpectrumObjective, states_of
+from twingap.identification.optimise import OPTIMISERS, Traced
 from twingap.provenance import digest_of_code
 from twingap.records import Condition, Record, RecordSet
 from twingap.sweep import Result, sweep
@@ -160,7 +160,7 @@ def run(
     data, (fit, judge) = recordings(options, root)
     assert fit.bearing is not None
     code = digest_of_code(
-        sys.modules[__name__], identification_study, agreement_module, twingap.identify, twingap.twins
+        sys.modules[__name__], identification_study, agreement_module, twingap.identification, twingap.twins
     )
     searches = [
         Search(fault, setting, optimiser, seed, sizes.evaluations)

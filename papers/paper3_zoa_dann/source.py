@@ -6,8 +6,8 @@ bearings about them (defect, clearance, load, speed drawn) --contact twin--> lab
 The paper identifies k and c from the spectrum of measured faults, whose classes it must know. Here the classes are
 unknown, so the spectrum averaged over all adaptation recordings is compared with that averaged over simulated records
 of all classes alike. The share of white noise, which the paper's model does not have, is found with them. How far a
-fault stands above the noise cannot be told without labels: it is drawn, widely. (`twingap.identify` fits the contact
-twin to records whose states are known, which these are not.)
+fault stands above the noise cannot be estimated without labels: it is drawn, widely. (`twingap.identify` fits the
+contact twin to records whose states are known, which these are not.)
 """
 
 from __future__ import annotations

@@ -13,7 +13,7 @@ from papers.paper3_zoa_dann.agreement import agreement, aligned, amplitude_spect
 from papers.paper3_zoa_dann.identification import main, recordings, run
 from papers.paper3_zoa_dann.identification_study import CONFIG, Study, StudyOptions, read_study
 from twingap.errors import TwingapError
-from twingap.identify.optimise import OPTIMISERS
+from twingap.identification.optimise import OPTIMISERS
 
 TINY = """
 [profiles.tiny]

@@ -20,7 +20,7 @@ from papers.paper1_rul_varying_speed.methods.degradation import DamageFit, Traje
 from papers.paper1_rul_varying_speed.methods.healthy import healthy_mode
 from papers.paper1_rul_varying_speed.methods.run import Array, Run, period_rows, planned_speed
 from twingap.errors import TwingapError
-from twingap.identify import HealthyFit
+from twingap.identification import HealthyFit
 from twingap.prognosis.anomaly import Anomaly, AnomalyRule, detect_anomaly
 from twingap.prognosis.speed_influence import SpeedInfluence, fit_speed_influence, normalised_peak_to_peak
 from twingap.records import RecordSet

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from twingap.identify import HealthyFit, equation_8, spectra
+from twingap.identification import HealthyFit, equation_8, spectra
 from twingap.records import RecordSet
 
 Array = NDArray[np.float64]

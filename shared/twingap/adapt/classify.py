@@ -16,11 +16,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
+from twingap.adapt.classify_options import ORDERS, ClassifyOptions
 from twingap.adapt.confidence import Reliability
 from twingap.adapt.order_classifier import shipped
 from twingap.adapt.population import CLASSES
@@ -36,58 +37,6 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 Progress = Callable[[str, float], None]
-
-ORDERS: Final = "orders"
-NETWORKS: Final = (
-    "VMD+SVM", "Non-DA", "MMD", "DANN", "DACD", "Base-Attn", "Non-DN", "Base-NDN", "Proposed",
-)  # fmt: skip
-"""Keys of `twingap.adapt.METHODS`, which is slow to import."""
-METHODS_OF_CLASSIFY: Final = (ORDERS, *NETWORKS)
-"""Trees on fault orders and levels; or one of paper 3's, of which those without adaptation did better on real records:
-the others align unlike classes with each other."""
-FEWEST_MACHINES: Final = 4
-
-
-@dataclass(frozen=True)
-class ClassifyOptions:
-    """How records are classified.
-
-    Parameters
-    ----------
-    method : str
-        "orders", or a key of `METHODS`.
-    machines : int
-        Simulated machines a class to train a network on; half as many more to calibrate on. The trees are trained.
-    steps : int
-        Gradient steps of a network.
-    windows : int
-        Per record, evenly spread.
-    match : bool
-        Correct speeds from the records, without their labels; for a network also identify what the twin leaves free.
-    max_iterations : int
-        Of the networks' mode decomposition.
-
-    Raises
-    ------
-    TwingapError
-        For an unknown method or sizes too small.
-    """
-
-    method: str = ORDERS
-    machines: int = 200
-    steps: int = 600
-    windows: int = 6
-    match: bool = True
-    max_iterations: int = 200
-
-    def __post_init__(self) -> None:
-        if self.method not in METHODS_OF_CLASSIFY:
-            known = ", ".join(METHODS_OF_CLASSIFY)
-            raise TwingapError(f"unknown method {self.method!r}", mend=f"use one of {known}")
-        for name, least in (("machines", FEWEST_MACHINES), ("steps", 1), ("windows", 1)):
-            if getattr(self, name) < least:
-                raise TwingapError(f"{name} = {getattr(self, name)}, at least {least} expected")
-
 
 @dataclass(frozen=True)
 class Classified:
@@ -215,7 +164,7 @@ def _refuse_unreadable(records: RecordSet) -> None:
 
 def _at_true_speeds(records: RecordSet, bearing: Bearing, notes: list[str]) -> RecordSet:
     """Records with the speeds that their lines show, where they show them."""
-    from twingap.identify.speed import estimate_speeds
+    from twingap.identification.speed import estimate_speeds
 
     try:
         speeds = estimate_speeds(records, bearing)

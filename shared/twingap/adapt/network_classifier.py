@@ -12,7 +12,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from twingap.adapt.classify import FEWEST_MACHINES, ClassifyOptions
+from twingap.adapt.classify_options import FEWEST_MACHINES, ClassifyOptions
 from twingap.adapt.confidence import Reliability, calibrate_temperature, cross_checked
 from twingap.adapt.methods import METHODS, fit
 from twingap.adapt.mode_inputs import ModeInputs
@@ -23,7 +23,7 @@ from twingap.adapt.training import Training
 from twingap.adapt.windows import cut
 from twingap.bearing import Bearing
 from twingap.errors import TwingapError
-from twingap.identify.calibrate import calibrate
+from twingap.identification.calibrate import calibrate
 from twingap.records import RecordSet
 from twingap.twins.twin_file import TwinSpec, flat, nested
 
@@ -104,8 +104,8 @@ def matched(
 ) -> tuple[RecordSet, TwinSpec, frozenset[str]]:
     """Records with true speeds, the twin with the mode and noises that they show, and the names of what is known.
 
-    States are read off combs in the envelopes for this (`twingap.identify.calibrate`). That is good enough for a mode;
-    an impact's amplitude it would only give where the comb is plain, so amplitudes are drawn instead.
+    States are read off combs in the envelopes for this (`identification.calibrate`). That is good enough for a mode; an
+    impact's amplitude it would only give where the comb is plain, so amplitudes are drawn instead.
     """
     known = stated(twin)
     if twin.model != "phenomenological":

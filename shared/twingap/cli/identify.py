@@ -35,8 +35,8 @@ def identify(
 
     from twingap.errors import TwingapError
     from twingap.files import replacing
-    from twingap.identify import identify as run
-    from twingap.identify.figures import write_figure
+    from twingap.identification import identify as run
+    from twingap.identification.figures import write_figure
     from twingap.records.folder import read_record_set
     from twingap.twins.twin_file import read_twin, write_twin
 

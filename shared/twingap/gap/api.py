@@ -37,7 +37,7 @@ from twingap.gap.search.effect_search import ALPHA, ALPHA_REST, SURE, Explanatio
 from twingap.gap.search.evidence import THOROUGH, Compared, Evidence, simulator_of
 from twingap.gap.search.exchange_test import exchange_p_value
 from twingap.gap.search.modelled_effects import completed
-from twingap.identify.calibrate import Calibrated, calibrate_prepared, prepare
+from twingap.identification.calibrate import Calibrated, calibrate_prepared, prepare
 from twingap.provenance import versions
 from twingap.records import RecordSet
 from twingap.records.folder import read_record_set

@@ -15,7 +15,7 @@ from twingap.gap.report.model import GapReport
 from twingap.gap.search.closest_twin import closest_spec
 from twingap.gap.search.effect_search import Explanation
 from twingap.gap.search.evidence import Compared
-from twingap.identify.calibrate import Calibrated
+from twingap.identification.calibrate import Calibrated
 from twingap.records import Record
 from twingap.records.folder import write_records
 from twingap.twins.simulator import Simulator

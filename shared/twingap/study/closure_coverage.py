@@ -24,7 +24,7 @@ from twingap.gap.distance.grid import Grid
 from twingap.gap.distance.paired import Paired
 from twingap.gap.search.effect_search import explain
 from twingap.gap.search.evidence import THOROUGH, Evidence, simulator_of
-from twingap.identify.calibrate import calibrate
+from twingap.identification.calibrate import calibrate
 from twingap.signal.record_transforms import RecordTransforms
 from twingap.study.blind import anonymous, blinded
 

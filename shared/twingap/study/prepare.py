@@ -28,7 +28,7 @@ def prepared(
         When the twin cannot be calibrated.
     """
     from twingap.gap.search.evidence import simulator_of
-    from twingap.identify.calibrate import calibrate
+    from twingap.identification.calibrate import calibrate
 
     calibrated = calibrate(records, None if sim is not None else spec, rng, sim=sim)
     kept = {r.condition.name: r for part in (calibrated.fit, calibrated.held_out) for r in part}

@@ -153,14 +153,14 @@ def _digests(held: Mapping[str, PublicSet]) -> tuple[str, dict[str, str]]:
     """Of the code that answers, and of what it reads."""
     import twingap.effects
     import twingap.gap
-    import twingap.identify
+    import twingap.identification
     import twingap.signal
     import twingap.twins
     from twingap.gap.knowledge import shipped_digest
     from twingap.study import public_jobs, public_looks, public_sets
 
     code = digest_of_code(
-        twingap.effects, twingap.gap, twingap.identify, twingap.signal, twingap.twins, public_jobs, public_looks,
+        twingap.effects, twingap.gap, twingap.identification, twingap.signal, twingap.twins, public_jobs, public_looks,
         public_sets,
     )  # fmt: skip
     return code, {"learnt": shipped_digest(), **{name: own.records.digest for name, own in held.items()}}

@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twingap.gap.features.registry import NAMES, measure
-from twingap.identify.calibrate import CLEAR_COMB, calibrate
-from twingap.identify.speed_reading import comb_heights
+from twingap.identification.calibrate import CLEAR_COMB, calibrate
+from twingap.identification.speed_reading import comb_heights
 from twingap.records import RecordSet
 from twingap.signal.record_transforms import RecordTransforms
 from twingap.twins.twin_file import TwinSpec

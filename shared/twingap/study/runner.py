@@ -338,7 +338,9 @@ def digest_of(function: Callable[..., Any], *own: str) -> str:
     module = function.__module__
     parts: list[ModuleType | Any] = [importlib.import_module(f"twingap.study.{name}") for name in own] or [function]
     if module.startswith(("twingap.gap", "twingap.study.prepare")):
-        parts += [importlib.import_module(f"twingap.{p}") for p in ("gap", "signal", "identify", "twins", "effects")]
+        parts += [
+            importlib.import_module(f"twingap.{p}") for p in ("gap", "signal", "identification", "twins", "effects")
+        ]
     return digest_of_code(*parts)
 
 
@@ -355,7 +357,7 @@ def _digest_of_yardsticks() -> str:
     from twingap.gap.distance import paired as distance
     from twingap.gap.search import evidence
     from twingap.gap.search import optimise as nearest
-    from twingap.identify import baseline, calibrate
+    from twingap.identification import baseline, calibrate
     from twingap.signal import record_transforms as view
     from twingap.twins import simulator
 

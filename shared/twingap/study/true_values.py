@@ -22,7 +22,7 @@ from twingap.gap.knowledge.machines import Machine, draw_machine
 from twingap.gap.knowledge.null import DISTANCE
 from twingap.gap.knowledge.simulated_gaps import draw_effects, simulated
 from twingap.gap.search.evidence import THOROUGH, Evidence, simulator_of
-from twingap.identify.calibrate import calibrate
+from twingap.identification.calibrate import calibrate
 from twingap.records import Record, RecordSet
 from twingap.twins.twin_file import TwinSpec
 

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from twingap.adapt import METHODS
-from twingap.adapt.classify import NETWORKS, Classified, ClassifyOptions, classify
+from twingap.adapt.classify import Classified, classify
+from twingap.adapt.classify_options import NETWORKS, ClassifyOptions
 from twingap.adapt.confidence import calibrate_temperature, cross_checked, reliability
 from twingap.adapt.network_classifier import criterion_of, matched
 from twingap.adapt.order_classifier import shipped

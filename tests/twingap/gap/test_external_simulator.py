@@ -18,7 +18,7 @@ from twingap.errors import TwingapError
 from twingap.gap.external_simulator import ExternalSimulator
 from twingap.gap.features.comparison import feature_names
 from twingap.gap.search.evidence import Evidence, simulator_of
-from twingap.identify.calibrate import calibrate, healthy_rms
+from twingap.identification.calibrate import calibrate, healthy_rms
 from twingap.records import Condition, Record, RecordSet
 from twingap.streams import Streams
 from twingap.twins.callable_twin import register_callable

@@ -10,7 +10,7 @@ import twingap
 
 ROOT = Path(twingap.__file__).parent
 RIGS_MAY = {"bearing", "records", "streams", "errors", "files", "rigs"}
-MAY_NOT_KNOW_RIGS = ("effects", "twins", "identify", "adapt", "gap", "signal")
+MAY_NOT_KNOW_RIGS = ("effects", "twins", "identification", "adapt", "gap", "signal")
 
 
 def modules(package: str) -> list[Path]:

@@ -24,7 +24,7 @@ from twingap.gap.features import context, group_statistics, registry
 from twingap.gap.features.measured import Measured, Pair
 from twingap.gap.features.pooled import features as pooled
 from twingap.gap.features.spectrum.record_summary import RecordSummary, summarise
-from twingap.identify.speed import Speeds
+from twingap.identification.speed import Speeds
 from twingap.records import Record
 from twingap.signal.record_transforms import Frame, RecordTransforms
 

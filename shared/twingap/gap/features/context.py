@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from twingap.gap.features.group_statistics import extent
 from twingap.gap.features.measured import Pair
 from twingap.gap.features.registry import NAMES as RECORD_NAMES
-from twingap.identify.speed import Speeds
+from twingap.identification.speed import Speeds
 
 Array = NDArray[np.float64]
 

@@ -18,7 +18,7 @@ from twingap.gap.knowledge.learn import Examples
 from twingap.gap.knowledge.simulated_gaps import SimulatedGap, draw_gap
 from twingap.gap.search.evidence import Compared, Evidence, simulator_of
 from twingap.gap.search.parameter_scale import Setting, a_little_off, coordinates, to_number
-from twingap.identify.calibrate import calibrate
+from twingap.identification.calibrate import calibrate
 
 Array = NDArray[np.float64]
 

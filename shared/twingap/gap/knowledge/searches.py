@@ -16,7 +16,7 @@ from twingap.gap.knowledge.simulated_gaps import SimulatedGap, draw_gap
 from twingap.gap.search.effect_search import search
 from twingap.gap.search.evidence import THOROUGH, Evidence, simulator_of
 from twingap.gap.search.parameter_scale import coordinates, to_number
-from twingap.identify.calibrate import calibrate
+from twingap.identification.calibrate import calibrate
 
 if TYPE_CHECKING:
     from twingap.gap.knowledge.learnt import Learnt

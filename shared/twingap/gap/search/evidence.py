@@ -26,8 +26,8 @@ from twingap.gap.features.pooled.features import PooledRecords
 from twingap.gap.features.pooled.trends import Levels
 from twingap.gap.features.spectrum.record_summary import RecordSummary, summarise
 from twingap.gap.search.parameter_scale import Setting
-from twingap.identify.baseline import MOST_SIMULATED, StateSpectrum, match_level, state_spectra
-from twingap.identify.calibrate import Calibrated, recalibrate, thinned
+from twingap.identification.baseline import MOST_SIMULATED, StateSpectrum, match_level, state_spectra
+from twingap.identification.calibrate import Calibrated, recalibrate, thinned
 from twingap.records import Condition, Record, RecordSet
 from twingap.signal.record_transforms import RecordTransforms
 from twingap.twins.simulator import Simulator, TwinSimulator

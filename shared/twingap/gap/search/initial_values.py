@@ -25,8 +25,8 @@ from twingap.gap.features.spectrum.path import two_modes
 from twingap.gap.search.evidence import replicates_of
 from twingap.gap.search.parameter_prior import Key, Said, pull, strain
 from twingap.gap.search.parameter_scale import to_number
-from twingap.identify.baseline import mode_density, state_spectra
-from twingap.identify.calibrate import thinned
+from twingap.identification.baseline import mode_density, state_spectra
+from twingap.identification.calibrate import thinned
 from twingap.twins.twin_file import flat
 
 if TYPE_CHECKING:

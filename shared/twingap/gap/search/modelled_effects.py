@@ -17,7 +17,7 @@ import numpy as np
 from twingap.gap.search.effect_search import valued
 from twingap.gap.search.evidence import THOROUGH, Evidence, simulator_of, values_of
 from twingap.gap.search.parameter_scale import coordinates
-from twingap.identify.calibrate import Prepared, calibrate_prepared
+from twingap.identification.calibrate import Prepared, calibrate_prepared
 from twingap.streams import root_entropy
 from twingap.twins.twin_file import TwinSpec
 

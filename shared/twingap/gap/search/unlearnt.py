@@ -23,7 +23,7 @@ from twingap.gap.distance.paired import Paired
 from twingap.gap.search.evidence import Evidence, replicates_of
 from twingap.gap.search.initial_values import observations
 from twingap.gap.search.optimise import bring_nearest
-from twingap.identify.calibrate import thinned
+from twingap.identification.calibrate import thinned
 from twingap.records import Record
 from twingap.signal import power_spectral_density
 from twingap.twins.simulator import Simulator
@@ -124,7 +124,7 @@ def probability(p: float) -> float:
 
 
 def _squared(pair: Paired) -> Array:
-    """[records] Squared distance of each record from the mean of its simulations, weighed as in the overall distance."""
+    """[records] Squared distance of each record from the mean of its simulations, over all domains."""
     squares = (pair.difference / pair.scale) ** 2
     tempered = np.where(squares > _LARGE, _LARGE * (1 + np.log(np.maximum(squares, _LARGE) / _LARGE)), squares)
     return np.asarray(tempered @ pair.real.weight)

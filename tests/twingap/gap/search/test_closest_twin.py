@@ -18,7 +18,7 @@ from twingap.gap.search.closest_twin import ClosestTwin, closest_spec, stand_ins
 from twingap.gap.search.effect_search import Explanation
 from twingap.gap.search.evidence import Compared, Evidence, simulator_of
 from twingap.gap.search.optimise import bring_nearest, left_over
-from twingap.identify.calibrate import calibrate
+from twingap.identification.calibrate import calibrate
 from twingap.records import Condition, RecordSet
 from twingap.twins.phenomenological import PhenomenologicalParameters, PhenomenologicalTwin
 from twingap.twins.simulator import TwinSimulator

@@ -7,10 +7,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.twingap.gap.search.test_optimise import machine
-from tests.twingap.identify.test_level import evidence_of, simulated
+from tests.twingap.identification.test_level import evidence_of, simulated
 from twingap.gap.search.effect_search import ALPHA, CAUTIOUS_ALPHA, confidence_set, level_of_gap, to_name
 from twingap.gap.search.evidence import Evidence, simulator_of
-from twingap.identify.calibrate import calibrate
+from twingap.identification.calibrate import calibrate
 from twingap.twins.twin_file import TwinSpec
 
 PROBABILITIES = st.dictionaries(

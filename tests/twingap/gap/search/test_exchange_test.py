@@ -15,7 +15,7 @@ from twingap.gap.api import _confirmed
 from twingap.gap.search.effect_search import Explanation
 from twingap.gap.search.evidence import FEWEST_GROUPS, Evidence, simulator_of
 from twingap.gap.search.exchange_test import exchange_p_value, sign_flip_p_value
-from twingap.identify.calibrate import calibrate
+from twingap.identification.calibrate import calibrate
 from twingap.records import Condition, Record, RecordSet
 from twingap.twins.phenomenological import PhenomenologicalParameters, PhenomenologicalTwin
 from twingap.twins.twin_file import TwinSpec

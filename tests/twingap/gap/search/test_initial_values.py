@@ -15,7 +15,7 @@ from twingap.gap.search.evidence import THOROUGH, Evidence, simulator_of
 from twingap.gap.search.initial_values import better_start, observations
 from twingap.gap.search.parameter_prior import Said
 from twingap.gap.search.parameter_scale import to_number
-from twingap.identify.calibrate import calibrate
+from twingap.identification.calibrate import calibrate
 from twingap.records import RecordSet
 from twingap.twins.twin_file import TwinSpec
 

@@ -11,7 +11,7 @@ from tests.twingap.gap.search.test_optimise import machine
 from twingap.effects import make_effect
 from twingap.gap import diagnose
 from twingap.gap.search.modelled_effects import completed, without_values
-from twingap.identify.calibrate import prepare
+from twingap.identification.calibrate import prepare
 from twingap.twins.twin_file import TwinSpec
 
 

@@ -16,7 +16,7 @@ from twingap.gap.search.evidence import Evidence, simulator_of
 from twingap.gap.search.optimise import Nearest, bring_nearest, no_farther
 from twingap.gap.search.parameter_prior import Said
 from twingap.gap.search.parameter_scale import to_number
-from twingap.identify.calibrate import calibrate
+from twingap.identification.calibrate import calibrate
 from twingap.records import Condition, RecordSet
 from twingap.twins.phenomenological import PhenomenologicalParameters, PhenomenologicalTwin
 from twingap.twins.simulator import Simulator

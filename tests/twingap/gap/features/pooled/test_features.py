@@ -10,7 +10,7 @@ from twingap.gap.features.pooled import features as pooled
 from twingap.gap.features.pooled.features import PooledRecords
 from twingap.gap.features.spectrum.record_summary import summarise
 from twingap.gap.search.evidence import Evidence, simulator_of
-from twingap.identify.calibrate import calibrate
+from twingap.identification.calibrate import calibrate
 from twingap.records import Condition, Record, RecordSet
 from twingap.signal.record_transforms import Frame, RecordTransforms
 from twingap.twins.phenomenological import PhenomenologicalParameters, PhenomenologicalTwin

@@ -9,7 +9,7 @@ from twingap.effects import make_effect
 from twingap.gap.features.pooled.trends import Levels, covariates, normal_deviate, slope
 from twingap.gap.features.spectrum.record_summary import summarise
 from twingap.gap.search.evidence import Evidence, simulator_of
-from twingap.identify.calibrate import calibrate
+from twingap.identification.calibrate import calibrate
 from twingap.records import Condition, RecordSet
 from twingap.signal.record_transforms import Frame, RecordTransforms
 from twingap.twins.phenomenological import PhenomenologicalParameters, PhenomenologicalTwin

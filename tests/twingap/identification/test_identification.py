@@ -11,9 +11,9 @@ from scipy.signal import butter, sosfilt
 
 from twingap.bearing import BEARINGS
 from twingap.errors import TwingapError
-from twingap.identify import identify
-from twingap.identify.figures import figure_of_fit, write_figure
-from twingap.identify.intervals import Spread, clusters, jackknife
+from twingap.identification import identify
+from twingap.identification.figures import figure_of_fit, write_figure
+from twingap.identification.intervals import Spread, clusters, jackknife
 from twingap.records import Condition, Record, RecordSet
 from twingap.twins.phenomenological import PhenomenologicalParameters, PhenomenologicalTwin
 from twingap.twins.twin_file import TwinSpec, build_twin, flat, nested

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from twingap.errors import TwingapError
-from twingap.identify.optimise import OPTIMISERS, Array, Traced, optimiser_of
-from twingap.identify.zebra import Zebra, flee, forage, whole
+from twingap.identification.optimise import OPTIMISERS, Array, Traced, optimiser_of
+from twingap.identification.zebra import Zebra, flee, forage, whole
 
 BOX = np.array([[18.0, 26.0], [3.0, 8.0]])
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from twingap.files import replacing
-from twingap.identify.result import Fit
+from twingap.identification.result import Fit
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -17,10 +17,10 @@ from numpy.typing import NDArray
 from scipy.special import expit, logit
 
 from twingap.bearing import FAULTS
-from twingap.identify.impacts import actual_speed, fault_order, silent_twin
-from twingap.identify.noise_share import MOST, noise_share
-from twingap.identify.resonance import Fixed, HealthyFit, equation_8, whittle
-from twingap.identify.spectra import Spectra
+from twingap.identification.impacts import actual_speed, fault_order, silent_twin
+from twingap.identification.noise_share import MOST, noise_share
+from twingap.identification.resonance import Fixed, HealthyFit, equation_8, whittle
+from twingap.identification.spectra import Spectra
 from twingap.records import RecordSet
 from twingap.twins.phenomenological import PhenomenologicalTwin
 from twingap.twins.twin_file import TwinSpec, build_twin, flat, model_parameters

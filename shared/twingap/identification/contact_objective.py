@@ -20,9 +20,9 @@ from numpy.typing import NDArray
 from scipy.optimize import nnls
 
 from twingap.errors import TwingapError
-from twingap.identify.intervals import clusters
-from twingap.identify.mode import autocorrelation
-from twingap.identify.spectra import Spectra, power_density, spectra
+from twingap.identification.intervals import clusters
+from twingap.identification.mode import autocorrelation
+from twingap.identification.spectra import Spectra, power_density, spectra
 from twingap.records import Condition, RecordSet
 from twingap.twins.contact import ContactTwin
 from twingap.twins.contact_dynamics import Job, accelerations

@@ -14,7 +14,7 @@ from itertools import combinations_with_replacement, product
 import numpy as np
 from numpy.typing import NDArray
 
-from twingap.identify.intervals import Spread
+from twingap.identification.intervals import Spread
 
 Array = NDArray[np.float64]
 

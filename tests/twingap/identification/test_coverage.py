@@ -1,6 +1,6 @@
 """Do intervals keep their level? Simulated sets, identified blind, and how often the truth is inside.
 
-    python tests/twingap/identify/test_coverage.py 120
+    python tests/twingap/identification/test_coverage.py 120
 
 prints the table for 120 sets of each scenario; the test runs the first of them.
 """
@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from twingap.bearing import BEARINGS
-from twingap.identify import identify
+from twingap.identification import identify
 from twingap.records import Condition
 from twingap.twins.phenomenological import PhenomenologicalParameters, PhenomenologicalTwin
 from twingap.twins.twin_file import TwinSpec, flat

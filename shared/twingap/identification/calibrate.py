@@ -22,11 +22,11 @@ from numpy.typing import NDArray
 
 from twingap.bearing import FAULTS, Bearing
 from twingap.errors import TwingapError
-from twingap.identify.baseline import match_baseline
-from twingap.identify.impact_band import impact_hz, mode_band
-from twingap.identify.phenomenological import quick_identify
-from twingap.identify.speed import Speeds, estimate_speeds
-from twingap.identify.speed_reading import comb_heights
+from twingap.identification.baseline import match_baseline
+from twingap.identification.impact_band import impact_hz, mode_band
+from twingap.identification.phenomenological import quick_identify
+from twingap.identification.speed import Speeds, estimate_speeds
+from twingap.identification.speed_reading import comb_heights
 from twingap.records import RecordSet
 from twingap.signal import most_impulsive_band
 from twingap.signal.record_transforms import Frame
@@ -389,7 +389,7 @@ def _identified(
         return found, frame
     frame = _frame(fit, bearing, rng)
     if spec.model == "contact":
-        from twingap.identify import identify
+        from twingap.identification import identify
 
         outcome = identify(thinned(fit), spec, seed=rng)
         notes += outcome.notes

@@ -6,7 +6,7 @@ import os
 
 import pytest
 
-from twingap.identify import identify
+from twingap.identification import identify
 from twingap.twins.twin_file import TwinSpec
 
 pytestmark = [

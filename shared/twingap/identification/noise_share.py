@@ -22,8 +22,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from twingap.identify.impacts import actual_speed, fault_order, ringing_power, silent_twin
-from twingap.identify.resonance import HealthyFit
+from twingap.identification.impacts import actual_speed, fault_order, ringing_power, silent_twin
+from twingap.identification.resonance import HealthyFit
 from twingap.records import Record
 from twingap.streams import Streams
 from twingap.twins.phenomenological import PhenomenologicalTwin

@@ -13,10 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twingap.errors import TwingapError
-from twingap.identify.contact_bottom import descend
-from twingap.identify.contact_objective import SpectrumObjective, states_of
-from twingap.identify.optimise import DEFAULT, Optimiser, optimiser_of
-from twingap.identify.result import Estimate, Fit, Outcome, Progress
+from twingap.identification.contact_bottom import descend
+from twingap.identification.contact_objective import SpectrumObjective, states_of
+from twingap.identification.optimise import DEFAULT, Optimiser, optimiser_of
+from twingap.identification.result import Estimate, Fit, Outcome, Progress
 from twingap.records import RecordSet
 from twingap.twins.contact import ContactTwin
 from twingap.twins.contact_parameters import DEFECTS
@@ -48,7 +48,7 @@ def identify_contact(
     Parameters
     ----------
     optimiser : Optimiser or str
-        What searches stiffness and damping, or its name in `twingap.identify.optimise.OPTIMISERS`.
+        What searches stiffness and damping, or its name in `twingap.identification.optimise.OPTIMISERS`.
     evaluations : int
         That it may spend. The descent that follows costs two to five hundred more.
     """

@@ -10,9 +10,9 @@ from scipy.signal import fftconvolve, lfilter
 
 from twingap.bearing import BEARINGS
 from twingap.errors import TwingapError
-from twingap.identify import equation_8, spectra, whittle
-from twingap.identify.mode import autocorrelation, impulse_energy
-from twingap.identify.resonance import Fixed
+from twingap.identification import equation_8, spectra, whittle
+from twingap.identification.mode import autocorrelation, impulse_energy
+from twingap.identification.resonance import Fixed
 from twingap.records import Condition, Record, RecordSet
 from twingap.twins.phenomenological import PhenomenologicalParameters, PhenomenologicalTwin
 

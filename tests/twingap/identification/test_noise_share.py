@@ -5,10 +5,10 @@ import pytest
 
 from twingap.bearing import Bearing
 from twingap.effects import make_effect
-from twingap.identify import identify
-from twingap.identify.noise_share import _Mixture, noise_share
-from twingap.identify.phenomenological import quick_identify
-from twingap.identify.resonance import HealthyFit
+from twingap.identification import identify
+from twingap.identification.noise_share import _Mixture, noise_share
+from twingap.identification.phenomenological import quick_identify
+from twingap.identification.resonance import HealthyFit
 from twingap.records import Condition
 from twingap.streams import Streams
 from twingap.twins.phenomenological import PhenomenologicalParameters, PhenomenologicalTwin

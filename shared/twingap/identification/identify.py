@@ -12,7 +12,7 @@ import numpy as np
 
 from twingap import __version__
 from twingap.errors import TwingapError
-from twingap.identify.result import Identified, Outcome, Progress
+from twingap.identification.result import Identified, Outcome, Progress
 from twingap.records import RecordSet, read_record_set
 from twingap.twins.twin_file import Provenance, TwinSpec, in_unit, model_of, read_twin
 
@@ -36,13 +36,13 @@ class Identification(Protocol):
 
 
 def _phenomenological() -> Identification:
-    from twingap.identify.phenomenological import identify_phenomenological
+    from twingap.identification.phenomenological import identify_phenomenological
 
     return identify_phenomenological
 
 
 def _contact() -> Identification:
-    from twingap.identify.contact import identify_contact
+    from twingap.identification.contact import identify_contact
 
     return identify_contact
 
@@ -87,8 +87,7 @@ def identify(
     method : {"whittle", "eq8"}
         How resonance and damping are found: jointly with the noises by likelihood, or by eq. 8 of paper 1.
     optimiser : str or None
-        Searches stiffness and damping of the contact twin, a key of `twingap.identify.optimise.OPTIMISERS`; None = the
-        model's default.
+        Searches stiffness and damping of the contact twin, a key of `optimise.OPTIMISERS`; None = the model's default.
     progress : callable (what, fraction), optional
         Called as the identification proceeds.
 

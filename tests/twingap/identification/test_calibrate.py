@@ -12,9 +12,9 @@ import pytest
 
 from twingap.bearing import BEARINGS
 from twingap.errors import TwingapError
-from twingap.identify.baseline import match_baseline, mode_density
-from twingap.identify.calibrate import calibrate, recalibrate, split_parts
-from twingap.identify.impact_band import mode_band
+from twingap.identification.baseline import match_baseline, mode_density
+from twingap.identification.calibrate import calibrate, recalibrate, split_parts
+from twingap.identification.impact_band import mode_band
 from twingap.records import Condition, Record, RecordSet
 from twingap.twins.twin_file import TwinSpec, build_twin, flat
 

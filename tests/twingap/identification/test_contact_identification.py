@@ -8,11 +8,11 @@ from scipy.signal import lfilter
 
 from twingap.bearing import BEARINGS
 from twingap.errors import TwingapError
-from twingap.identify import identify
-from twingap.identify.contact import identify_contact
-from twingap.identify.contact_bottom import Bottom
-from twingap.identify.contact_objective import SpectrumObjective, states_of
-from twingap.identify.optimise import Array, Objective, differential_evolution
+from twingap.identification import identify
+from twingap.identification.contact import identify_contact
+from twingap.identification.contact_bottom import Bottom
+from twingap.identification.contact_objective import SpectrumObjective, states_of
+from twingap.identification.optimise import Array, Objective, differential_evolution
 from twingap.records import Condition, Record, RecordSet
 from twingap.twins.contact import ContactTwin
 from twingap.twins.contact_parameters import ContactParameters

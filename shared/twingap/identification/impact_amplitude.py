@@ -10,11 +10,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from twingap.identify.healthy_model import HealthyModel, is_of
-from twingap.identify.impacts import band, band_energy, impact_gain, unit_spectra
-from twingap.identify.intervals import Spread, clusters, jackknife
-from twingap.identify.resonance import HealthyFit
-from twingap.identify.spectra import Spectra
+from twingap.identification.healthy_model import HealthyModel, is_of
+from twingap.identification.impacts import band, band_energy, impact_gain, unit_spectra
+from twingap.identification.intervals import Spread, clusters, jackknife
+from twingap.identification.resonance import HealthyFit
+from twingap.identification.spectra import Spectra
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twingap.errors import TwingapError
-from twingap.identify.zebra import Zebra
+from twingap.identification.zebra import Zebra
 
 Array = NDArray[np.float64]
 

@@ -16,12 +16,12 @@ from numpy.typing import NDArray
 
 from twingap.bearing import FAULTS
 from twingap.errors import TwingapError
-from twingap.identify.healthy_model import SHORT_S, HealthyModel, is_of
-from twingap.identify.impact_amplitude import Amplitude
-from twingap.identify.intervals import clusters, jackknife
-from twingap.identify.resonance import HealthyFit
-from twingap.identify.result import Estimate, Fit, Outcome, Progress
-from twingap.identify.spectra import SEGMENT_S, SHORTEST, spectra
+from twingap.identification.healthy_model import SHORT_S, HealthyModel, is_of
+from twingap.identification.impact_amplitude import Amplitude
+from twingap.identification.intervals import clusters, jackknife
+from twingap.identification.resonance import HealthyFit
+from twingap.identification.result import Estimate, Fit, Outcome, Progress
+from twingap.identification.spectra import SEGMENT_S, SHORTEST, spectra
 from twingap.records import Record, RecordSet
 from twingap.streams import root_entropy
 from twingap.twins.twin_file import TwinSpec, flat, model_parameters, nested

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from twingap.bearing import FAULTS
 from twingap.effects import Stage, catalogue
-from twingap.identify.impact_band import mode_band
+from twingap.identification.impact_band import mode_band
 from twingap.records import Condition, Record, RecordSet
 from twingap.signal.record_transforms import Frame, medians
 from twingap.streams import root_entropy

@@ -11,8 +11,8 @@ import pytest
 
 from twingap.bearing import BEARINGS
 from twingap.errors import TwingapError
-from twingap.identify.speed import estimate_speeds
-from twingap.identify.speed_reading import NOT_VISIBLE, SHAFT_LINES, SIDEBANDS, read_speed
+from twingap.identification.speed import estimate_speeds
+from twingap.identification.speed_reading import NOT_VISIBLE, SHAFT_LINES, SIDEBANDS, read_speed
 from twingap.records import Condition, RecordSet
 from twingap.twins.twin_file import TwinSpec, build_twin
 

@@ -21,8 +21,8 @@ from scipy.special import digamma
 from scipy.stats import chi2
 
 from twingap.errors import TwingapError
-from twingap.identify.mode import autocorrelation
-from twingap.identify.spectra import Spectra
+from twingap.identification.mode import autocorrelation
+from twingap.identification.spectra import Spectra
 
 Array = NDArray[np.float64]
 

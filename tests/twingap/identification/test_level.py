@@ -14,8 +14,8 @@ from twingap.gap.external_simulator import ExternalSimulator
 from twingap.gap.search.evidence import THOROUGH, Evidence, level_of, simulator_of
 from twingap.gap.search.initial_values import observations
 from twingap.gap.search.optimise import bring_nearest
-from twingap.identify.baseline import match_level, state_spectra
-from twingap.identify.calibrate import calibrate
+from twingap.identification.baseline import match_level, state_spectra
+from twingap.identification.calibrate import calibrate
 from twingap.records import Condition, Record, RecordSet
 from twingap.signal.record_transforms import Frame
 from twingap.twins.callable_twin import register_callable

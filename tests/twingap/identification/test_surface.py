@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from twingap.identify.surface import grid, lowest, quadratic, spread, value_at
+from twingap.identification.surface import grid, lowest, quadratic, spread, value_at
 
 
 @pytest.mark.parametrize("dimensions", [1, 2, 3])

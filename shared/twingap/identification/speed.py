@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from twingap.bearing import Bearing
 from twingap.errors import TwingapError
-from twingap.identify.speed_reading import NOT_VISIBLE, Reading, read_speed
+from twingap.identification.speed_reading import NOT_VISIBLE, Reading, read_speed
 from twingap.records import Condition, RecordSet
 
 Array = NDArray[np.float64]

@@ -7,7 +7,7 @@ import pytest
 from scipy.signal import lfilter
 
 from twingap.bearing import BEARINGS
-from twingap.identify.baseline import _between_impulses, state_spectra
+from twingap.identification.baseline import _between_impulses, state_spectra
 from twingap.records import Condition, Record
 from twingap.signal.record_transforms import Frame
 

@@ -21,9 +21,9 @@ from scipy.signal import hilbert
 
 from twingap.bearing import FAULTS
 from twingap.effects import Draft, Stage
-from twingap.identify.mode import autocorrelation, impulse_energy
-from twingap.identify.resonance import HealthyFit
-from twingap.identify.spectra import Spectra, power_density
+from twingap.identification.mode import autocorrelation, impulse_energy
+from twingap.identification.resonance import HealthyFit
+from twingap.identification.spectra import Spectra, power_density
 from twingap.records import Condition, Record, RecordSet
 from twingap.streams import Streams
 from twingap.twins.phenomenological import PhenomenologicalParameters, PhenomenologicalTwin

@@ -18,10 +18,10 @@ from typing import Final, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from twingap.identify.contact_objective import SpectrumObjective
-from twingap.identify.intervals import Spread
-from twingap.identify.result import Estimate
-from twingap.identify.surface import grid, lowest, quadratic, spread, value_at
+from twingap.identification.contact_objective import SpectrumObjective
+from twingap.identification.intervals import Spread
+from twingap.identification.result import Estimate
+from twingap.identification.surface import grid, lowest, quadratic, spread, value_at
 
 Array = NDArray[np.float64]
 Parts = list[Array]
