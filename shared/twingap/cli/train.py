@@ -13,7 +13,7 @@ from twingap.cli.progress import progress
 
 def train(
     out: Annotated[
-        Path, typer.Option(metavar="DIR", help="Folder for the result, DIR/learnt, and for what leads to it.")
+        Path, typer.Option(metavar="DIR", help="Folder for the results, DIR/learnt and DIR/classifier, and for what leads to them.")
     ],
     machines: Annotated[
         int | None,
@@ -30,7 +30,10 @@ def train(
     ] = None,
     as_json: Json = False,
 ) -> None:
-    """Learn from simulated gaps what the diagnosis ships with (maintainers). An interrupted training goes on."""
+    """Learn from simulations what the diagnosis and `classify` ship with (maintainers). Goes on where it was stopped.
+
+    The files below DIR/learnt go to twingap/gap/knowledge/learnt, those below DIR/classifier to twingap/adapt/learnt.
+    """
     from twingap.files import try_folder
 
     try_folder(out)
@@ -46,7 +49,12 @@ def train(
             jobs=jobs,
             progress=shown.share,
         )
-    paths = sorted(folder.iterdir())
+        from twingap.adapt.learning import train_classifier
+
+        own = out / "classifier"
+        own.mkdir(exist_ok=True)
+        train_classifier(own, seed=seed or 0, jobs=jobs or 2, progress=shown.share)
+    paths = sorted(path for place in (folder, own) for path in place.iterdir() if path.is_file())
     if as_json:
         from twingap.provenance import digest_of_path
 
