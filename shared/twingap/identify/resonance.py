@@ -13,13 +13,13 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 from scipy.optimize import minimize
 from scipy.signal import find_peaks
 from scipy.special import digamma
 from scipy.stats import chi2
 
+from twingap._compiled import njit
 from twingap.errors import TwingapError
 from twingap.identify.mode import autocorrelation
 from twingap.identify.spectra import Spectra
@@ -256,22 +256,23 @@ def _grid(
     return [np.log([f[i], zeta[i], *np.maximum(amplitudes[:, i], 1e-9)]) for i in picked]
 
 
-@njit(cache=True, nogil=True, fastmath={"reassoc", "contract"})
+@njit(fastmath={"reassoc", "contract"})
 def _add_updates(coarse, modes, white, worth, amplitudes, up, down):  # type: ignore[no-untyped-def]  # pragma: no cover
     """Sums of the multiplicative updates of both amplitudes [2, points], over one side's bins."""
     for g in range(len(modes)):
-        sums = np.zeros(4)
+        pull_of_mode, pull_of_white, of_mode, of_white = 0.0, 0.0, 0.0, 0.0
         for k in range(coarse.size):
-            inverse = 1 / max(amplitudes[0, g] * modes[g, k] + amplitudes[1, g] * white[k], 1e-12)
+            level = amplitudes[0, g] * modes[g, k] + amplitudes[1, g] * white[k]
+            inverse = 1 / (1e-12 if level < 1e-12 else level)
             pull = coarse[k] * inverse * inverse
-            sums[0] += pull * modes[g, k]
-            sums[1] += pull * white[k]
-            sums[2] += inverse * modes[g, k]
-            sums[3] += inverse * white[k]
-        up[0, g] += worth * sums[0]
-        up[1, g] += worth * sums[1]
-        down[0, g] += worth * sums[2]
-        down[1, g] += worth * sums[3]
+            pull_of_mode += pull * modes[g, k]
+            pull_of_white += pull * white[k]
+            of_mode += inverse * modes[g, k]
+            of_white += inverse * white[k]
+        up[0, g] += worth * pull_of_mode
+        up[1, g] += worth * pull_of_white
+        down[0, g] += worth * of_mode
+        down[1, g] += worth * of_white
 
 
 def equation_8(measured: Sequence[Spectra], *, lowest_hz: float = 0.0) -> HealthyFit:
