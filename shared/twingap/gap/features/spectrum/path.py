@@ -355,8 +355,7 @@ def _costs(  # type: ignore[no-untyped-def]  # pragma: no cover
                     rest = right[i] + gram[i, i] * w[i]
                     for j in range(4):
                         rest -= gram[i, j] * w[j]
-                    own = rest / gram[i, i]
-                    own = 0.0 if own < 0.0 else own
+                    own = max(rest / gram[i, i], 0.0)
                     moved = moved or abs(own - w[i]) > 1e-14 * own
                     w[i] = own
             if not moved:
@@ -368,10 +367,7 @@ def _costs(  # type: ignore[no-untyped-def]  # pragma: no cover
                 for i in range(4):
                     made += w[i] * basis[i, row]
                 # A ratio of spectra is judged by its logarithm, as likely to be twice as half.
-                made *= sigma[k]
-                made = 0.05 if made < 0.05 else made
-                made = 20.0 if made > 20.0 else made
-                off = abs(math.log(made)) / sigma[k]
+                off = abs(np.log(min(max(made * sigma[k], 0.05), 20.0))) / sigma[k]
                 cost += off * off if off < _ROBUST else 2 * _ROBUST * off - _ROBUST * _ROBUST
                 row += 1
             if cost > least:
