@@ -238,8 +238,9 @@ class _Curves:
         count, bands = self.curves.shape
         of_fine, of_bands, of_curves = np.empty((6, FINE * bands)), np.zeros((2, bands)), np.empty((5, count * bands))
         _costs(
-            model, at, self.curves, self.sigma, self.with_impacts, costs, weights, of_fine[:2], of_fine[2:4], *of_fine[4:],
-            *of_bands, of_curves[:4], of_curves[4], np.zeros((4, 4)), *np.zeros((2, 4)),
+            model, at, self.curves, self.sigma, self.with_impacts, costs, weights,
+            of_fine[:2], of_fine[2:4], *of_fine[4:], *of_bands, of_curves[:4], of_curves[4],
+            np.zeros((4, 4)), *np.zeros((2, 4)),
         )  # fmt: skip
         place = int(np.argmin(costs))
         return _Fit(float(costs[place]), tuple(float(v) for v in at[place]), weights[place])
