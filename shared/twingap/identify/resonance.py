@@ -260,19 +260,18 @@ def _grid(
 def _add_updates(coarse, modes, white, worth, amplitudes, up, down):  # type: ignore[no-untyped-def]  # pragma: no cover
     """Sums of the multiplicative updates of both amplitudes [2, points], over one side's bins."""
     for g in range(len(modes)):
-        pull_of_mode, pull_of_white, of_mode, of_white = 0.0, 0.0, 0.0, 0.0
+        sums = np.zeros(4)
         for k in range(coarse.size):
-            level = amplitudes[0, g] * modes[g, k] + amplitudes[1, g] * white[k]
-            inverse = 1 / (1e-12 if level < 1e-12 else level)
+            inverse = 1 / max(amplitudes[0, g] * modes[g, k] + amplitudes[1, g] * white[k], 1e-12)
             pull = coarse[k] * inverse * inverse
-            pull_of_mode += pull * modes[g, k]
-            pull_of_white += pull * white[k]
-            of_mode += inverse * modes[g, k]
-            of_white += inverse * white[k]
-        up[0, g] += worth * pull_of_mode
-        up[1, g] += worth * pull_of_white
-        down[0, g] += worth * of_mode
-        down[1, g] += worth * of_white
+            sums[0] += pull * modes[g, k]
+            sums[1] += pull * white[k]
+            sums[2] += inverse * modes[g, k]
+            sums[3] += inverse * white[k]
+        up[0, g] += worth * sums[0]
+        up[1, g] += worth * sums[1]
+        down[0, g] += worth * sums[2]
+        down[1, g] += worth * sums[3]
 
 
 def equation_8(measured: Sequence[Spectra], *, lowest_hz: float = 0.0) -> HealthyFit:
