@@ -6,10 +6,11 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 from scipy.fft import irfft, next_fast_len, rfft
 from scipy.ndimage import map_coordinates
+
+from twingap._compiled import njit
 
 Array = NDArray[np.float64]
 
@@ -61,7 +62,8 @@ def harmonics(turns: Array, amplitudes: Sequence[complex]) -> Array:
     weights = np.asarray(amplitudes, dtype=complex)
     total = np.zeros(turns.size)
     if weights.size:
-        _add_harmonics(total, turns, weights.real.copy(), weights.imag.copy())
+        space = np.empty((4, min(BLOCK, turns.size)))
+        _add_harmonics(total, turns, weights.real.copy(), weights.imag.copy(), *space)
     return total
 
 
@@ -73,12 +75,13 @@ def cosine(turns: Array) -> Array:
 BLOCK = 256  # samples at a time: their sines and cosines stay in the fastest cache
 
 
-@njit(cache=True, nogil=True)
-def _add_harmonics(total, turns, real, imag):  # type: ignore[no-untyped-def]  # pragma: no cover
+@njit()
+def _add_harmonics(total, turns, real, imag, c, s, p, q):  # type: ignore[no-untyped-def]  # pragma: no cover
     # Angles in turns reduce exactly, so a short polynomial does; a library makes sine and cosine apart, and slower.
-    c, s, p, q = np.empty(BLOCK), np.empty(BLOCK), np.empty(BLOCK), np.empty(BLOCK)
     for begin in range(0, turns.size, BLOCK):
-        n = min(BLOCK, turns.size - begin)
+        n = turns.size - begin
+        if n > BLOCK:
+            n = BLOCK
         for i in range(n):
             turn = turns[begin + i]
             # A quarter of the angle, at most pi / 4: its sine and 1 - cosine by Taylor, then doubled twice.

@@ -17,8 +17,9 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from twingap._compiled import njit
 
 Array = NDArray[np.float64]
 
@@ -107,8 +108,8 @@ def ring(
         root = _state_root(tuple(modes[: past.size // 2]), fs_hz)
         begin[: len(root)] = root @ past[: len(root)]
     for place, mode in enumerate(modes):
-        state = complex(begin[2 * place], begin[2 * place + 1])
-        _add_mode(x, mode.pole, mode.gain, fs_hz, times, strengths, pushed, state)
+        struck, pole, state = np.zeros((2, n_samples)), mode.pole, begin[2 * place : 2 * place + 2]
+        _add_mode(x, *struck, pole.real, pole.imag, mode.gain, fs_hz, times, strengths, pushed, *state.tolist())
     return x
 
 
@@ -149,24 +150,24 @@ def _state_root(modes: tuple[Mode, ...], fs_hz: float) -> Array:
     return np.asarray(np.linalg.cholesky(covariance + 1e-10 * np.diag(np.diag(covariance))))
 
 
-@njit(cache=True, nogil=True)
-def _add_mode(x, pole, gain, fs_hz, times, amplitudes, force, begin):  # type: ignore[no-untyped-def]  # pragma: no cover
+@njit()
+def _add_mode(x, re, im, decay, turn, gain, fs_hz, times, amplitudes, force, a, b):  # type: ignore[no-untyped-def]  # pragma: no cover
+    # `re` and `im` are zeros; the pole is decay + j turn, per second; a + j b is the state before the first sample.
     n = x.size
-    turn = np.exp(pole / fs_hz)
-    p, q = turn.real, turn.imag
-    re, im = np.zeros(n), np.zeros(n)
+    size = math.exp(decay / fs_hz)
+    p, q = size * math.cos(turn / fs_hz), size * math.sin(turn / fs_hz)
     for i in range(times.size):
         at = math.ceil(times[i] * fs_hz)
         if at >= n:
             continue
-        at = max(at, 0)
+        if at < 0:
+            at = 0
         late = at / fs_hz - times[i]
-        if pole.real * late < -60.0:
+        if decay * late < -60.0:
             continue
-        struck = amplitudes[i] * np.exp(pole * late)
-        re[at] += struck.real
-        im[at] += struck.imag
-    a, b = begin.real, begin.imag
+        size = math.exp(decay * late)
+        re[at] += amplitudes[i] * (size * math.cos(turn * late))
+        im[at] += amplitudes[i] * (size * math.sin(turn * late))
     for i in range(force.size):
         re[i] += force[i]
     for i in range(n):

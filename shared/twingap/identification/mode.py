@@ -6,9 +6,12 @@ its autocovariance is known in closed form (Box and Jenkins, Time Series Analysi
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from twingap._compiled import njit
 
 Array = NDArray[np.float64]
 
@@ -37,11 +40,11 @@ def autocorrelation(frequency_hz: Array | float, damping_ratio: Array | float, f
     return out
 
 
-@njit(cache=True, nogil=True)
+@njit()
 def _turned(r, theta, skew, out):  # type: ignore[no-untyped-def]  # pragma: no cover
     """r^m (cos(m theta) + skew sin(m theta)), turned on from lag to lag: a sine and a cosine in all, not two each."""
     for k in range(out.shape[0]):
-        c, s = r[k] * np.cos(theta[k]), r[k] * np.sin(theta[k])
+        c, s = r[k] * math.cos(theta[k]), r[k] * math.sin(theta[k])
         real, imag = 1.0, 0.0
         for m in range(out.shape[1]):
             out[k, m] = real + skew[k] * imag

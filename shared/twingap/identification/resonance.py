@@ -13,13 +13,13 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 from scipy.optimize import minimize
 from scipy.signal import find_peaks
 from scipy.special import digamma
 from scipy.stats import chi2
 
+from twingap._compiled import njit
 from twingap.errors import TwingapError
 from twingap.identification.mode import autocorrelation
 from twingap.identification.spectra import Spectra
@@ -256,7 +256,7 @@ def _grid(
     return [np.log([f[i], zeta[i], *np.maximum(amplitudes[:, i], 1e-9)]) for i in picked]
 
 
-@njit(cache=True, nogil=True, fastmath={"reassoc", "contract"})
+@njit(fastmath={"reassoc", "contract"})
 def _add_updates(coarse, modes, white, worth, amplitudes, up, down):  # type: ignore[no-untyped-def]  # pragma: no cover
     """Sums of the multiplicative updates of both amplitudes [2, points], over one side's bins."""
     for g in range(len(modes)):

@@ -16,7 +16,6 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -266,10 +265,9 @@ def _snapshot(
 @lru_cache(maxsize=1)
 def _integrator() -> Callable[..., None]:
     """The inner loop, compiled when first needed."""
-    from numba import njit
+    from twingap._compiled import njit
 
-    compiled: Any = njit(cache=True)(_verlet)
-    return compiled  # type: ignore[no-any-return]
+    return njit()(_verlet)
 
 
 def _verlet(

@@ -11,8 +11,9 @@ from __future__ import annotations
 from typing import Final
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from twingap._compiled import njit
 
 Array = NDArray[np.float64]
 
@@ -37,40 +38,53 @@ def order_statistics(x: Array, ranks: NDArray[np.int64]) -> Array:
     -------
     Array [ranks]
     """
-    samples = np.ascontiguousarray(x, float)
-    return np.asarray(_selected(samples, samples.view(np.int64), np.asarray(ranks, np.int64)))
+    samples, ranks = np.ascontiguousarray(x, float), np.ascontiguousarray(ranks, np.int64)
+    bin_of, begins = np.empty(samples.size, np.int32), np.zeros(2 * _DEEPEST + 2, np.int64)
+    offset, held = np.zeros(2 * _DEEPEST + 1, np.int64), np.empty(samples.size)
+    place = np.empty(ranks.size, np.int64)
+    total = _gathered(samples, samples.view(np.int64), ranks, bin_of, begins, offset, held, place)
+    return np.asarray(np.sort(held[:total])[place])
 
 
-@njit(cache=True, nogil=True)
-def _selected(x, bits, ranks):  # type: ignore[no-untyped-def]  # pragma: no cover
+@njit()
+def _gathered(x, bits, ranks, bin_of, begins, offset, held, place):  # type: ignore[no-untyped-def]  # pragma: no cover
+    """How many samples lie in bins that hold a rank; `held` begins with them, `place` is each rank's once sorted.
+
+    `begins` and `offset` are zeros; `bin_of` is work space.
+    """
     largest = 0
     for i in range(bits.size):
-        largest = max(largest, bits[i] & _MAGNITUDE)
+        magnitude = bits[i] & _MAGNITUDE
+        largest = magnitude if magnitude > largest else largest
     zero = (largest >> _SHIFT) - _DEEPEST
-    bin_of, begins = np.empty(x.size, np.int32), np.zeros(2 * _DEEPEST + 2, np.int64)
     for i in range(x.size):
-        own = max(((bits[i] & _MAGNITUDE) >> _SHIFT) - zero, 0)
-        bin_of[i] = _DEEPEST + (own if bits[i] >= 0 else -own)
-        begins[bin_of[i] + 1] += 1
+        own = ((bits[i] & _MAGNITUDE) >> _SHIFT) - zero
+        own = 0 if own < 0 else own
+        own = _DEEPEST + (own if bits[i] >= 0 else -own)
+        bin_of[i] = own
+        begins[own + 1] += 1
     for k in range(1, begins.size):  # of each bin, the rank of its first
         begins[k] += begins[k - 1]
-    place, total = np.full(begins.size - 1, -1), 0
-    of_rank = np.empty(ranks.size, np.int64)
     for k in range(ranks.size):
-        of_rank[k] = np.searchsorted(begins, ranks[k], side="right") - 1
-        if place[of_rank[k]] < 0:
-            place[of_rank[k]] = total
-            total += begins[of_rank[k] + 1] - begins[of_rank[k]]
-    held, end = np.empty(total), place.copy()
+        low, high = 0, begins.size - 1  # begins[low] <= rank < begins[high]
+        while high - low > 1:
+            middle = (low + high) // 2
+            if begins[middle] <= ranks[k]:
+                low = middle
+            else:
+                high = middle
+        place[k] = low
+        offset[low] = 1
+    total = 0
+    for k in range(offset.size):
+        if offset[k]:
+            offset[k] = total + 1  # 0 stays for bins without a rank
+            total += begins[k + 1] - begins[k]
+    for k in range(ranks.size):
+        place[k] = offset[place[k]] - 1 + ranks[k] - begins[place[k]]
     for i in range(x.size):
         own = bin_of[i]
-        if place[own] >= 0:
-            held[end[own]] = x[i]
-            end[own] += 1
-    out = np.empty(ranks.size)
-    for k in range(ranks.size):
-        own = of_rank[k]
-        here = held[place[own] : end[own]]
-        here.sort()
-        out[k] = here[ranks[k] - begins[own]]
-    return out
+        if offset[own]:
+            held[offset[own] - 1] = x[i]
+            offset[own] += 1
+    return total

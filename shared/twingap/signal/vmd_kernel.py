@@ -9,9 +9,10 @@ Slices are handed to the block functions rather than bounds: only then does the 
 
 from __future__ import annotations
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
+
+from twingap._compiled import njit
 
 Array = NDArray[np.float64]
 
@@ -24,7 +25,7 @@ EPSILON = float(np.spacing(1.0))
 _FAST = {"reassoc", "contract", "nsz", "arcp"}
 
 
-@numba.njit(nogil=True, cache=True, error_model="numpy", fastmath=_FAST)  # type: ignore[untyped-decorator]
+@njit(error_model="numpy", fastmath=_FAST)
 def filter_block(
     new: Array, old: Array, residual: Array, dual: Array, frequency: Array, alpha: float, centre: float
 ) -> tuple[float, float, float]:
@@ -44,7 +45,7 @@ def filter_block(
     return moment, energy, change
 
 
-@numba.njit(nogil=True, cache=True, error_model="numpy", fastmath=_FAST)  # type: ignore[untyped-decorator]
+@njit(error_model="numpy", fastmath=_FAST)
 def filter_block_slack(
     new: Array, old: Array, residual: Array, frequency: Array, alpha: float, centre: float
 ) -> tuple[float, float, float]:
@@ -64,7 +65,7 @@ def filter_block_slack(
     return moment, energy, change
 
 
-@numba.njit(nogil=True, cache=True, error_model="numpy")  # type: ignore[untyped-decorator]
+@njit(error_model="numpy")
 def decompose(
     spectrum: Array,
     frequency: Array,

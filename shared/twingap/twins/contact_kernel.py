@@ -28,6 +28,8 @@ import numpy as np
 from numba import get_num_threads, njit, prange, set_num_threads
 from numpy.typing import NDArray
 
+from twingap import _compiled
+
 Array = NDArray[np.float64]
 
 _ONE_AT_A_TIME = threading.Lock()
@@ -228,7 +230,7 @@ def _run(state, turns, cage, rows, intervals, first, second, output, along, acro
             state[row, lane] = w[row, lane]
 
 
-@njit(parallel=True, cache=True)
+@_compiled.njit(parallel=True, nogil=False, no_cfunc_wrapper=False)
 def _integrate(state, turns, cage, rows, lengths, first, second, output, along, across, line):  # type: ignore[no-untyped-def]
     for group in prange(state.shape[0]):
         _run(

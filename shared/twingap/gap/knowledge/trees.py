@@ -13,8 +13,9 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from twingap._compiled import njit
 
 if TYPE_CHECKING:
     from sklearn.ensemble import HistGradientBoostingClassifier, HistGradientBoostingRegressor
@@ -103,13 +104,13 @@ def _rounded_down(value: Array) -> NDArray[np.float32]:
     return np.where(near > value, np.nextafter(near, np.float32(-np.inf)), near)
 
 
-@njit(cache=True, nogil=True)
+@njit()
 def _add_trees(rows, roots, column, right, value, out):  # type: ignore[no-untyped-def]  # pragma: no cover
-    for i in range(len(rows)):
-        for root in roots:
-            at = root
+    for i in range(rows.shape[0]):
+        for k in range(roots.size):
+            at = roots[k]
             while column[at] != LEAF:
                 x, apart = rows[i, column[at]], right[at]
-                goes_left = apart >= _UNKNOWN_LEFT if np.isnan(x) else x <= value[at]
+                goes_left = apart >= _UNKNOWN_LEFT if x != x else x <= value[at]
                 at += 1 if goes_left else apart % _UNKNOWN_LEFT
             out[i] += value[at]

@@ -18,9 +18,9 @@ from collections.abc import Sequence
 from typing import Final, NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from twingap._compiled import njit
 from twingap.gap.features.impacts.parallel_mode import Path
 from twingap.gap.features.impacts.response_sampling import continuous
 from twingap.gap.features.spectrum.record_summary import RecordSummary
@@ -338,14 +338,26 @@ def _mean(pairs: Sequence[tuple[Array, Array]], bands: int) -> tuple[Array, Arra
     return mean, error, np.mean(np.exp(theirs), axis=0)
 
 
-@njit(cache=True, nogil=True)
-def _size(own, about, weight):  # type: ignore[no-untyped-def]  # pragma: no cover
+def _size(own: Array, about: Array, weight: Array) -> Array:
     """[candidates] Non-negative s that brings ln(1 + s own) nearest to `about`, by Gauss-Newton on ln s."""
-    out = np.zeros(own.shape[0])
+    out = np.zeros(len(own))
+    _sizes(own, about, weight, out)
+    return out
+
+
+@njit()
+def _sizes(own, about, weight, out):  # type: ignore[no-untyped-def]  # pragma: no cover
     for c in range(own.shape[0]):
         # Start: where the candidate is strongest.
-        top = np.argmax(own[c] * (weight > 0))
-        s = max(math.expm1(min(max(about[top], 0.02), 12.0)), 1e-3) / own[c, top]
+        top, highest = 0, -np.inf
+        for i in range(own.shape[1]):
+            height = own[c, i] if weight[i] > 0 else 0.0
+            if height > highest:
+                top, highest = i, height
+        s = about[top]
+        s = 0.02 if s < 0.02 else s
+        s = math.expm1(12.0 if s > 12.0 else s)
+        s = (1e-3 if s < 1e-3 else s) / own[c, top]
         for _ in range(8):
             a, b = 1e-9, 0.0
             for i in range(own.shape[1]):
@@ -358,20 +370,30 @@ def _size(own, about, weight):  # type: ignore[no-untyped-def]  # pragma: no cov
                     w *= _ROBUST / size
                 a += w * slope * slope
                 b += w * slope * off
-            s *= math.exp(min(max(b / a, -1.5), 1.5))
-            s = max(s, 1e-6 / own[c, top])
+            step = b / a
+            step = -1.5 if step < -1.5 else step
+            s *= math.exp(1.5 if step > 1.5 else step)
+            least = 1e-6 / own[c, top]
+            s = least if least > s else s
         out[c] = s
-    return out
 
 
-@njit(cache=True, nogil=True, fastmath={"reassoc", "contract", "nsz"})
-def _costs(curves, target, weight, basis, settled):  # type: ignore[no-untyped-def]  # pragma: no cover
+def _costs(curves: Array, target: Array, weight: Array, basis: Array, settled: Array) -> tuple[Array, Array]:
     """[candidates] Robust misfit with the basis fitted, and [candidates, basis] its weights."""
+    (count, bands), k = curves.shape, len(basis)
+    costs, found, pairs = np.zeros(count), np.zeros((count, k)), k * (k + 1) // 2
+    space = *np.empty((3, bands)), np.empty((pairs, bands)), np.zeros(pairs), np.empty((k, k)), np.empty(k)
+    _settle(curves, target, weight, basis, settled, costs, found, *space)
+    return costs, found
+
+
+@njit(fastmath={"reassoc", "contract", "nsz"})
+def _settle(  # type: ignore[no-untyped-def]  # pragma: no cover
+    curves, target, weight, basis, settled, costs, found, off, rest, robust, products, plain, gram, w
+):
+    # Arguments after `found` are work space.
     count, bands = curves.shape
     k = basis.shape[0]
-    costs, found = np.zeros(count), np.zeros((count, k))
-    off, rest, robust = np.empty(bands), np.empty(bands), np.empty(bands)
-    products, plain = np.empty((k * (k + 1) // 2, bands)), np.zeros(k * (k + 1) // 2)
     row = 0
     for p in range(k):
         for q in range(p + 1):
@@ -379,7 +401,6 @@ def _costs(curves, target, weight, basis, settled):  # type: ignore[no-untyped-d
                 products[row, i] = basis[p, i] * basis[q, i]
                 plain[row] += products[row, i]
             row += 1
-    gram, w = np.empty((k, k)), np.empty(k)
     for c in range(count):
         for i in range(bands):
             off[i] = target[i] - curves[c, i] * weight[i]
@@ -422,13 +443,12 @@ def _costs(curves, target, weight, basis, settled):  # type: ignore[no-untyped-d
             size = abs(rest[i])
             cost += size * size if size <= _ROBUST else _ROBUST * (2 * size - _ROBUST)
         costs[c] = cost
-    return costs, found
 
 
-@njit(cache=True, nogil=True)
+@njit()
 def _solve(gram, w):  # type: ignore[no-untyped-def]  # pragma: no cover
     """Make w the solution of gram x = w, by Cholesky, in place; of `gram` the lower half is read."""
-    k = len(w)
+    k = w.size
     for p in range(k):
         for q in range(p + 1):
             total = gram[p, q]

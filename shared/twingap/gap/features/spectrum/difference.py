@@ -13,9 +13,9 @@ from functools import lru_cache
 from typing import Final, Protocol
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from twingap._compiled import njit
 from twingap.gap.features.spectrum.smooth_shape import bump, mode_shape, slope_of
 from twingap.records import Condition
 from twingap.signal.record_transforms import Frame, medians
@@ -225,22 +225,28 @@ def _shapes(points: int) -> _Shapes:
     return _Shapes(centre, damping, mode, loss.reshape(-1, points), bands, law, np.log(power_law), np.log(size))
 
 
-@njit(cache=True, nogil=True)
-def _nearest(curve, ratio, factor, low, high):  # type: ignore[no-untyped-def]  # pragma: no cover
+def _nearest(
+    curve: Array, ratio: Array, factor: Array, low: NDArray[np.int64], high: NDArray[np.int64]
+) -> tuple[float, int, int]:
     """Least square of `curve` less ln(1 + ratio [candidate] factor [candidate, choice]), the candidate, the choice.
 
     A candidate's ratio is 0 outside low:high; sums that exceed the least so far are not finished.
     """
-    before = np.zeros(curve.size + 1)
-    for i in range(curve.size):
-        before[i + 1] = before[i] + curve[i] * curve[i]
+    before = np.concatenate(([0.0], np.cumsum(curve * curve)))
+    found = _search(before, curve, ratio, factor, np.ascontiguousarray(low), np.ascontiguousarray(high))
+    return float(found[0]), int(found[1]), int(found[2])
+
+
+@njit()
+def _search(before, curve, ratio, factor, low, high):  # type: ignore[no-untyped-def]  # pragma: no cover
+    # `before` holds the sums of the curve's squares up to each point.
     least, best, choice = np.inf, 0, 0
-    for c in range(len(ratio)):
+    for c in range(ratio.shape[0]):
         outside = before[low[c]] + before[curve.size] - before[high[c]]
         for k in range(factor.shape[1]):
             total = outside
             for i in range(low[c], high[c]):
-                off = curve[i] - np.log1p(ratio[c, i] * factor[c, k])
+                off = curve[i] - math.log1p(ratio[c, i] * factor[c, k])
                 total += off * off
                 if total >= least:
                     break

@@ -17,9 +17,9 @@ from collections.abc import Sequence
 from typing import Final, NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from twingap._compiled import njit
 from twingap.gap.features.spectrum.record_summary import RecordSummary
 from twingap.signal.record_transforms import SMOOTH_SEGMENTS
 
@@ -234,7 +234,14 @@ class _Curves:
     def _best(self, at: Array, model: int) -> _Fit:
         at = np.ascontiguousarray(at, dtype=float)
         at[:, 0] = np.minimum(at[:, 0], 0.49)
-        costs, weights = _costs(model, at, self.curves, self.sigma, self.with_impacts)
+        costs, weights = np.empty(len(at)), np.zeros((len(at), 4))
+        count, bands = self.curves.shape
+        of_fine, of_bands, of_curves = np.empty((6, FINE * bands)), np.zeros((2, bands)), np.empty((5, count * bands))
+        _costs(
+            model, at, self.curves, self.sigma, self.with_impacts, costs, weights,
+            of_fine[:2], of_fine[2:4], *of_fine[4:], *of_bands, of_curves[:4], of_curves[4],
+            np.zeros((4, 4)), *np.zeros((2, 4)),
+        )  # fmt: skip
         place = int(np.argmin(costs))
         return _Fit(float(costs[place]), tuple(float(v) for v in at[place]), weights[place])
 
@@ -248,13 +255,13 @@ def _power_law(f: Array, power: float) -> Array:
 _PLAIN, _TWO, _ROLLED, _SLOPED, _BANDED = range(5)
 
 
-@njit(cache=True, nogil=True)
+@njit()
 def _add_mode(real, imag, turns, place, damping, gain):  # type: ignore[no-untyped-def]  # pragma: no cover
     # A sampled mode exp(-zeta w t) sin(w_d t), at parts of the sampling rate.
-    w = 2 * np.pi * place
-    damping = min(damping, 0.95)
-    decay, turn = np.exp(-damping * w), w * np.sqrt(1 - damping**2)
-    a, b, top = -2 * decay * np.cos(turn), decay * decay, gain * decay * np.sin(turn)
+    w = 2 * math.pi * place
+    damping = 0.95 if damping > 0.95 else damping
+    decay, turn = math.exp(-damping * w), w * math.sqrt(1 - damping * damping)
+    a, b, top = -2 * decay * math.cos(turn), decay * decay, gain * decay * math.sin(turn)
     for i in range(real.size):
         c, s = turns[0, i], turns[1, i]
         c2, s2 = 2 * c * c - 1, 2 * s * c
@@ -264,31 +271,32 @@ def _add_mode(real, imag, turns, place, damping, gain):  # type: ignore[no-untyp
         imag[i] += top * (s * below_re - c * below_im) / size
 
 
-@njit(cache=True, nogil=True, fastmath={"reassoc", "contract", "nsz"})
-def _costs(model, at, curves, sigma, with_impacts):  # type: ignore[no-untyped-def]  # pragma: no cover
+@njit(fastmath={"reassoc", "contract", "nsz"})
+def _costs(  # type: ignore[no-untyped-def]  # pragma: no cover
+    model, at, curves, sigma, with_impacts, costs, weights,
+    first, turns, real, imag, through, added, basis, one, gram, right, w,
+):  # fmt: skip
     """[candidates] Misfit and [candidates, 4] weights of structure noise, impacts, white noise and what is added.
 
-    The fourth part of a mode with a roll-off is white noise that has passed it. Misfits beyond the least of the
-    candidates before are not summed to their end.
+    Into `costs` and `weights`; the second line of arguments is work space. The fourth part of a mode with a roll-off is
+    white noise that has passed it. Misfits beyond the least of the candidates before are not summed to their end.
     """
-    count, bands = len(at), curves.shape[1]
-    fine = FINE * bands
-    costs, weights = np.empty(count), np.zeros((count, 4))
-    real, imag, first = np.empty(fine), np.empty(fine), np.empty((2, fine))
+    records, bands = curves.shape
+    fine, points = FINE * bands, records * bands
     least = np.inf
-    through, added = np.empty(bands), np.zeros(bands)
-    basis, turns, one = np.empty((4, curves.size)), np.empty((2, fine)), np.empty(curves.size)
-    gram, right, w = np.zeros((4, 4)), np.zeros(4), np.zeros(4)
-    for k in range(len(curves)):
-        one[k * bands : (k + 1) * bands] = 1 / sigma[k]
+    for k in range(records):
+        for b in range(bands):
+            one[k * bands + b] = 1 / sigma[k]
     for i in range(fine):
-        angle = np.pi * (i + 0.5) / fine
-        turns[0, i], turns[1, i] = np.cos(angle), -np.sin(angle)
-    for c in range(count):
+        angle = math.pi * (i + 0.5) / fine
+        turns[0, i], turns[1, i] = math.cos(angle), -math.sin(angle)
+    for c in range(at.shape[0]):
         if c == 0 or at[c, 0] != at[c - 1, 0] or at[c, 1] != at[c - 1, 1]:
-            first[:] = 0.0
+            for i in range(fine):
+                first[0, i], first[1, i] = 0.0, 0.0
             _add_mode(first[0], first[1], turns, at[c, 0], at[c, 1], 1.0)
-        real[:], imag[:] = first[0], first[1]
+        for i in range(fine):
+            real[i], imag[i] = first[0, i], first[1, i]
         if model == _TWO:
             _add_mode(real, imag, turns, at[c, 2], at[c, 3], at[c, 4])
         mean = 0.0
@@ -306,7 +314,7 @@ def _costs(model, at, curves, sigma, with_impacts):  # type: ignore[no-untyped-d
                 mean += power
                 product *= power + 1e-30
             # Geometric means within bands, as those of the records are.
-            through[b] = np.sqrt(np.sqrt(product))
+            through[b] = math.sqrt(math.sqrt(product))
             added[b] = passed / FINE
         mean /= fine
         if model == _SLOPED:
@@ -314,13 +322,15 @@ def _costs(model, at, curves, sigma, with_impacts):  # type: ignore[no-untyped-d
             for b in range(bands):
                 added[b] = ((b + 0.5) / (2 * bands)) ** -at[c, 2]
                 total += added[b]
-            added *= bands / total
+            for b in range(bands):
+                added[b] *= bands / total
         elif model == _BANDED:
             for b in range(bands):
-                low, high = max(b, 2 * bands * at[c, 2]), min(b + 1.0, 2 * bands * at[c, 3])
-                added[b] = max(high - low, 0.0)
+                low, high = 2 * bands * at[c, 2], 2 * bands * at[c, 3]
+                low, high = low if low > b else float(b), high if high < b + 1.0 else b + 1.0
+                added[b] = high - low if high > low else 0.0
         row = 0
-        for k in range(len(curves)):
+        for k in range(records):
             for b in range(bands):
                 scale = 1 / (curves[k, b] * sigma[k])
                 basis[0, row] = through[b] / mean * scale
@@ -328,15 +338,15 @@ def _costs(model, at, curves, sigma, with_impacts):  # type: ignore[no-untyped-d
                 basis[2, row] = scale
                 basis[3, row] = added[b] * scale
                 row += 1
-        w[:] = 0.0
         for i in range(4):
+            w[i] = 0.0
             total = 0.0
-            for row in range(curves.size):
+            for row in range(points):
                 total += basis[i, row] * one[row]
             right[i] = total
             for j in range(i + 1):
                 total = 0.0
-                for row in range(curves.size):
+                for row in range(points):
                     total += basis[i, row] * basis[j, row]
                 gram[i, j] = gram[j, i] = total
         for _ in range(60):  # non-negative least squares, by coordinate descent
@@ -352,7 +362,7 @@ def _costs(model, at, curves, sigma, with_impacts):  # type: ignore[no-untyped-d
             if not moved:
                 break
         cost, row = 0.0, 0
-        for k in range(len(curves)):
+        for k in range(records):
             for _ in range(bands):
                 made = 0.0
                 for i in range(4):
@@ -363,7 +373,7 @@ def _costs(model, at, curves, sigma, with_impacts):  # type: ignore[no-untyped-d
                 row += 1
             if cost > least:
                 break
-        least = min(least, cost)
+        least = cost if cost < least else least
         costs[c] = cost
-        weights[c] = w
-    return costs, weights
+        for i in range(4):
+            weights[c, i] = w[i]

@@ -9,13 +9,14 @@ highest of many tries is high by chance too, so scores are compared between comb
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from twingap._compiled import njit
 from twingap.gap.features.tones.whitened_spectra import Whitened
 
 Array = NDArray[np.float64]
@@ -66,7 +67,7 @@ def aligned(
     return Aligned(score, total / np.maximum(count, 1)[:, None])
 
 
-@njit(cache=True, nogil=True, error_model="numpy")  # type: ignore[untyped-decorator]
+@njit(error_model="numpy")
 def _search(
     deviates: Single, combs: Array, weights: Array, reach: float, score: Array, total: Array, count: Array
 ) -> None:
@@ -76,8 +77,11 @@ def _search(
         first = combs[c, 0]
         if first * (1 + reach) > end:
             continue
-        step = 1 / (first + combs[c].max())  # half a bin, at the middle of the comb
-        tries = int(np.ceil(reach / step))
+        last = first
+        for j in range(combs.shape[1]):
+            last = combs[c, j] if combs[c, j] > last else last
+        step = 1 / (first + last)  # half a bin, at the middle of the comb
+        tries = math.ceil(reach / step)
         best, at = -np.inf, 1.0
         for k in range(-tries, tries + 1):
             ratio = 1 + k * step

@@ -10,9 +10,9 @@ from typing import Final
 from weakref import WeakKeyDictionary
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from twingap._compiled import njit
 from twingap.gap.features.tones.tones import SEARCH, Lines, lines_of
 from twingap.signal.record_transforms import Envelope, RecordTransforms
 
@@ -40,27 +40,27 @@ def explained(record: RecordTransforms, hz: Array, df_hz: float) -> NDArray[np.b
     lines = lines_of(record)
     fault = math.nan if record.fault_order is None else fault_hz(record)
     loose = 0.0 if lines.locked else SEARCH / 2
-    return np.asarray(
-        _rotation_explains(hz, lines.shaft_hz, record.bearing.ftf * lines.shaft_hz, fault, loose, 2.2 * df_hz)
-    )
+    out = np.zeros(hz.size, bool)
+    _mark_rotation(hz, lines.shaft_hz, record.bearing.ftf * lines.shaft_hz, fault, loose, 2.2 * df_hz, out)
+    return out
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
-def _rotation_explains(hz, shaft, cage, fault, loose, width):  # type: ignore[no-untyped-def]  # pragma: no cover
+@njit(error_model="numpy")
+def _mark_rotation(hz, shaft, cage, fault, loose, width, out):  # type: ignore[no-untyped-def]  # pragma: no cover
     """[frequencies] Which lie on the shaft's first orders, the cage's, or the fault's with side lines (NaN: none)."""
-    out = np.zeros(hz.size, np.bool_)
     for i in range(hz.size):
-        k = max(np.rint(hz[i] / shaft), 1.0)
-        out[i] = k <= 3 and abs(hz[i] - k * shaft) < width + loose * min(hz[i], 2 * shaft)
-        k = max(np.rint(hz[i] / cage), 1.0)
-        out[i] |= k <= 4 and abs(hz[i] - k * cage) < width + 0.03 * hz[i]
-        if np.isnan(fault):
-            continue
+        k = round(hz[i] / shaft)
+        k = 1 if k < 1 else k
+        near = hz[i] if hz[i] < 2 * shaft else 2 * shaft
+        own = k <= 3 and abs(hz[i] - k * shaft) < width + loose * near
+        k = round(hz[i] / cage)
+        k = 1 if k < 1 else k
+        own |= k <= 4 and abs(hz[i] - k * cage) < width + 0.03 * hz[i]
         for k in range(40):
             for side in (0.0, shaft, 2 * shaft, cage):
                 off = abs(abs(hz[i] - k * fault) - side)
-                out[i] |= off < width + 0.001 * k * fault + 0.03 * side
-    return out
+                own |= off < width + 0.001 * k * fault + 0.03 * side  # never true of NaN
+        out[i] = own
 
 
 def fault_hz(record: RecordTransforms) -> float:

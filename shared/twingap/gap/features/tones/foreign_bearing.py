@@ -11,9 +11,9 @@ import math
 from typing import Final
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from twingap._compiled import njit
 from twingap.gap.features.tones.envelope_lines import envelope_lines, explained
 from twingap.gap.features.tones.tones import Lines, lines_of
 from twingap.signal.record_transforms import RecordTransforms
@@ -82,49 +82,50 @@ def _comb(record: RecordTransforms, env: Lines, logs: Array, hidden: NDArray[np.
     hz = np.arange(1.5 * shaft, top, df_hz / 4)
     bearing = record.bearing
     own_hz = shaft * np.array([bearing.bpfo, bearing.bpfi, 2 * bearing.bsf, bearing.bsf])
-    score = _foreign_scores(wide, hz, df_hz, shaft, own_hz, 0.025 if record.fault_order is None else 0.01)
+    score, tolerance = np.empty(hz.size), 0.025 if record.fault_order is None else 0.01
+    _foreign_scores(wide, hz, hz / df_hz, df_hz, shaft, own_hz, tolerance, score)
     best = int(np.argmax(score))
     return float(score[best]), float(hz[best])
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
-def _foreign_scores(wide, hz, df_hz, shaft, own_hz, tolerance):  # type: ignore[no-untyped-def]  # pragma: no cover
+@njit(error_model="numpy")
+def _foreign_scores(wide, hz, places, df_hz, shaft, own_hz, tolerance, out):  # type: ignore[no-untyped-def]  # pragma: no cover
     """[candidates] Score of the comb with its first line at each frequency; NaN in `wide` is not known."""
-    out, reached, places = np.empty(hz.size), 0, hz / df_hz
+    reached = 0
     for k in range(1, _COMB + 1):
-        for place in places:
-            at = int(np.rint(k * place))
-            if at < wide.size and not np.isnan(wide[at]):
+        for i in range(places.size):
+            at = round(k * places[i])
+            if at < wide.size and wide[at] == wide[at]:
                 reached += 1
                 break
     for i in range(places.size):
         total, largest, first, seen, sees_first = 0.0, 0.0, 0.0, 0, False
         for k in range(1, _COMB + 1):
-            at = int(np.rint(k * places[i]))
-            if at >= wide.size or np.isnan(wide[at]):
+            at = round(k * places[i])
+            if at >= wide.size or wide[at] != wide[at]:
                 continue
             seen += 1
-            total += wide[at]
-            largest = max(largest, wide[at])
+            height = wide[at]
+            total += height
+            largest = height if height > largest else largest
             if k == 1:
-                first, sees_first = wide[at], True
+                first, sees_first = height, True
         # The strongest line is no evidence of a comb, the others are. Fewer are required where the band is narrow.
-        score = (total - largest) * (_COMB - 1) / max(seen - 1, 1)
-        if seen < min(3, reached):
+        score = (total - largest) * (_COMB - 1) / (seen - 1 if seen > 2 else 1)
+        if seen < 3 and seen < reached:
             score *= 0.6
         if first < 0.5:
             score *= 0.5 if sees_first else 0.8
         # A multiple of the true rate has lines of the comb between its own.
         for weight, low, high in ((0.6, 0.5, 1.5), (0.8, 1 / 3, 2 / 3)):
-            below, above = int(np.rint(low * places[i])), int(np.rint(high * places[i]))
-            if above < wide.size and not (np.isnan(wide[below]) or np.isnan(wide[above])):
-                score -= weight * min(wide[below], wide[above])
-        for own in own_hz:
-            if abs(hz[i] / own - 1) < tolerance + 1.5 * df_hz / own:
+            below, above = round(low * places[i]), round(high * places[i])
+            if above < wide.size and wide[below] == wide[below] and wide[above] == wide[above]:
+                score -= weight * (wide[above] if wide[above] < wide[below] else wide[below])
+        for k in range(own_hz.size):
+            if abs(hz[i] / own_hz[k] - 1) < tolerance + 1.5 * df_hz / own_hz[k]:
                 score = 0.0
         turns = hz[i] / shaft
-        out[i] = 0.6 * score if abs(turns - np.rint(turns)) * shaft < 1.2 * df_hz else score
-    return out
+        out[i] = 0.6 * score if abs(turns - round(turns)) * shaft < 1.2 * df_hz else score
 
 
 def _refined(env: Lines, hz: float) -> float:

@@ -15,9 +15,9 @@ from typing import Final
 from weakref import WeakKeyDictionary
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from twingap._compiled import njit
 from twingap.signal.record_transforms import RecordTransforms, medians
 
 Array = NDArray[np.float64]
@@ -331,38 +331,47 @@ def block_floor(power: Array, block: int = 32) -> Array:
         return np.full(n, max(float(medians(power)), 1e-300))
     count = n // block
     middles = medians(power[: count * block].reshape(count, block))
-    floor = _between(middles, n, block)
+    floor, space = np.empty(n), np.empty((2, middles.size))
+    _interpolate(middles, block, *space, floor)
     return np.asarray(np.exp(floor, out=floor))
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
-def _between(middles, n, block):  # type: ignore[no-untyped-def]  # pragma: no cover
-    """[n] Logarithm of smoothed medians of blocks, interpolated between their middles."""
+@njit(error_model="numpy")
+def _interpolate(middles, block, logs, smooth, out):  # type: ignore[no-untyped-def]  # pragma: no cover
+    """Logarithm of smoothed medians of blocks, interpolated between their middles, into `out`."""
     last = middles.size - 1
-    logs, smooth = np.empty(middles.size), np.empty(middles.size)
     for i in range(middles.size):
         # Where lines fill a block, its neighbours speak for it; mean rather than median keeps the slope of a resonance.
-        around = min(max(middles[max(i - 1, 0)], middles[min(i + 1, last)]), 1e300)
-        logs[i] = math.log(max(min(middles[i], 2 * around), 1e-300))
+        around, right = middles[i - 1 if i > 0 else 0], middles[i + 1 if i < last else last]
+        around = right if right > around else around
+        around = 1e300 if around > 1e300 else around
+        level = 2 * around if 2 * around < middles[i] else middles[i]
+        logs[i] = math.log(1e-300 if level < 1e-300 else level)
     for i in range(middles.size):
-        smooth[i] = 0.25 * logs[max(i - 1, 0)] + 0.5 * logs[i] + 0.25 * logs[min(i + 1, last)]
-    out = np.empty(n)
+        smooth[i] = 0.25 * logs[i - 1 if i > 0 else 0] + 0.5 * logs[i] + 0.25 * logs[i + 1 if i < last else last]
     half = block // 2
-    out[:half], out[half + last * block :] = smooth[0], smooth[last]
+    for i in range(half):
+        out[i] = smooth[0]
+    for i in range(half + last * block, out.size):
+        out[i] = smooth[last]
     for i in range(last):
         step = (smooth[i + 1] - smooth[i]) / block
         for j in range(block):
             out[half + i * block + j] = smooth[i] + step * j
-    return out
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
-def comb_scores(hz, weights, widths, bases, highest, based):  # type: ignore[no-untyped-def]  # pragma: no cover
+def comb_scores(hz: Array, weights: Array, widths: Array, bases: Array, highest: float, based: bool) -> Array:
     """[candidates] Sum of the weights of the lines that lie on multiples of each base, less by their distance.
 
     With `based` a comb without its first line counts nothing.
     """
-    out, first = np.zeros(bases.size), np.zeros(bases.size)
+    out, first = np.zeros((2, bases.size))
+    _add_comb_scores(hz, weights, widths, bases, float(highest), based, out, first)
+    return out
+
+
+@njit(error_model="numpy")
+def _add_comb_scores(hz, weights, widths, bases, highest, based, out, first):  # type: ignore[no-untyped-def]  # pragma: no cover
     # Candidates are the inner loop, and nothing in it branches: so it is done eight at a time.
     for i in range(hz.size):
         line, weight, width = hz[i], weights[i], 2.5 * widths[i]
@@ -376,20 +385,23 @@ def comb_scores(hz, weights, widths, bases, highest, based):  # type: ignore[no-
     if based:
         for c in range(bases.size):
             out[c] = out[c] if first[c] > 0 else 0.0
-    return out
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(error_model="numpy")
 def look_up(tones, floor, places, relative, logs, power):  # type: ignore[no-untyped-def]  # pragma: no cover
     """Fill what `Lines.at` returns; places are frequencies in bins."""
     for i in range(places.size):
         place = places[i]
         reach = 1 + relative * place
-        low, high = max(int(np.rint(place - reach)), 1), int(np.rint(place + reach)) + 1
+        low, high = round(place - reach), round(place + reach) + 1
         if high > tones.size - 2 or place < 1.5:
             continue
-        best = low + int(np.argmax(tones[low:high]))
+        low = 1 if low < 1 else low
+        best = low
+        for k in range(low + 1, high):
+            best = k if tones[k] > tones[best] else best
         # Neighbouring bins of a Hann window share a third of their noise.
         expected = (math.log((high - low) / 1.3) + 0.577) / math.log(2)
-        logs[i] = math.log10(max(tones[best] / floor[best] / expected, 1e-3))
+        excess = tones[best] / floor[best] / expected
+        logs[i] = math.log10(1e-3 if excess < 1e-3 else excess)
         power[i] = (tones[best - 1] + tones[best] + tones[best + 1]) / 1.5
