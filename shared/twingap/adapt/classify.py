@@ -38,6 +38,7 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 Progress = Callable[[str, float], None]
 
+
 @dataclass(frozen=True)
 class Classified:
     """What is predicted of each record.

@@ -13,7 +13,10 @@ from twingap.cli.progress import progress
 
 def train(
     out: Annotated[
-        Path, typer.Option(metavar="DIR", help="Folder for the results, DIR/learnt and DIR/classifier, and for what leads to them.")
+        Path,
+        typer.Option(
+            metavar="DIR", help="Folder for the results, DIR/learnt and DIR/classifier, and for what leads to them."
+        ),
     ],
     machines: Annotated[
         int | None,

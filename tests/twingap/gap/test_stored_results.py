@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from tests.twingap.gap import stored
 
+from tests.twingap.gap import stored
 from twingap.gap.features.comparison import feature_names
 from twingap.gap.knowledge.learn import Examples
 from twingap.gap.knowledge.learnt import Learnt

@@ -62,5 +62,3 @@ def main() -> None:
         np.savez_compressed(file, features=made.features, machine=made.machine, missing=made.missing)
     ends = [end(number) for number in range(DIAGNOSES)]
     (FOLDER / "diagnoses.json").write_text(json.dumps(ends, indent=1) + "\n", encoding="utf-8")
-
-
