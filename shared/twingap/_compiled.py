@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable
-from typing import Any, TypeVar
+from typing import Any, cast
 
 import numba
 
-Function = TypeVar("Function", bound=Callable[..., Any])
+Function = Callable[..., Any]
 
 _log = logging.getLogger(__name__)
 
@@ -44,6 +44,6 @@ def njit(**options: Any) -> Callable[[Function], Function]:
             compiled.enable_caching()
         except RuntimeError as error:  # no folder for it can be written
             _log.debug("%s: compiled in memory", error)
-        return compiled  # type: ignore[no-any-return]
+        return cast(Function, compiled)
 
     return decorate

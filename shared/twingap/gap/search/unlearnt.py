@@ -9,7 +9,7 @@ A user's own effect, or one whose definition was edited, has no detector and no 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from typing import Final
 
 import numpy as np
@@ -38,6 +38,8 @@ _PEAKS: Final = 6
 """Highest peaks of the spectrum's excess that a frequency is tried at."""
 _SEGMENT: Final = 8192
 """Samples of a segment of these spectra."""
+_BEST: Final = 4
+"""Points whose frequencies are moved to these peaks."""
 _FINALISTS: Final = 3
 """Points from which values are moved."""
 _REPLICATES: Final = 4
@@ -62,14 +64,18 @@ def fitted(evidence: Evidence, name: str, features: Array, others: Sequence[Effe
     others : sequence of Effect
         Added to the twin already.
     """
-    others = tuple(others)
-    tried: list[tuple[float, int, Effect]] = []
-    for effect in _places(evidence, name, features, others):
-        if evidence.fits(effect):
-            chain = (*others, effect)
-            tried.append((evidence.misfit(evidence.matched(chain), chain), len(tried), effect))
+    others, tried = tuple(others), dict[Effect, float]()
+
+    def best_of(places: Iterable[Effect], count: int) -> list[Effect]:
+        for place in places:
+            if place not in tried and evidence.fits(place):
+                tried[place] = evidence.misfit(evidence.matched((*others, place)), (*others, place))
+        return sorted(tried, key=lambda place: tried[place])[:count]
+
+    first = best_of(_places(evidence, name, features), _BEST)
+    finalists = best_of(_at_peaks(first, _excess_hz(evidence, others)) if first else (), _FINALISTS)
     best: tuple[float, Effect] | None = None
-    for _, _, effect in sorted(tried)[:_FINALISTS]:
+    for effect in finalists:
         chain = (*others, effect)
         moved = bring_nearest(evidence, evidence.against(chain).simulator, chain, {}, moved=[name], baseline=False)
         if best is None or moved.misfit < best[0]:
@@ -130,16 +136,13 @@ def _squared(pair: Paired) -> Array:
     return np.asarray(tempered @ pair.real.weight)
 
 
-def _places(evidence: Evidence, name: str, features: Array, others: Chain) -> Iterator[Effect]:
-    """Where values may lie: defaults, what the effect itself proposes, and points spread over all plausible ranges."""
+def _places(evidence: Evidence, name: str, features: Array) -> Iterator[Effect]:
+    """Values: the default, what the effect itself proposes, and points spread over all plausible ranges."""
     default = catalogue()[name]()
-    seen: set[Effect] = {default}
     yield default
-    fields = [f for f in default.parameters() if f.metadata["fitted"]]
-    proposed = list(default.initial_values(observations(evidence, features)))
-    tones = [f.name for f in fields if f.metadata["unit"] == "Hz"]
-    peaks = _excess_hz(evidence, others) if tones else []
-    for place in qmc.Sobol(max(len(fields), 1), seed=0).random(_PLACES):
+    yield from default.initial_values(observations(evidence, features))
+    fields = [field for field in default.parameters() if field.metadata["fitted"]]
+    for place in qmc.Sobol(max(len(fields), 1), rng=np.random.default_rng(0)).random(_PLACES):
         values: dict[str, float] = {}
         for field, part in zip(fields, place, strict=False):
             low, high = field.metadata["plausible"]
@@ -147,16 +150,17 @@ def _places(evidence: Evidence, name: str, features: Array, others: Chain) -> It
                 values[field.name] = low ** (1 - part) * high**part
             else:
                 values[field.name] = low + part * (high - low)
-        proposed.append(default.moved(**values))
-    for hz in peaks:
-        for tone in tones:
-            low, high = next(f for f in fields if f.name == tone).metadata["plausible"]
-            if low <= hz <= high:
-                proposed += [default.moved(**{tone: hz}).weakened(factor) for factor in (1.0, 0.3)]
-    for effect in proposed:
-        if effect not in seen:
-            seen.add(effect)
-            yield effect
+        yield default.moved(**values)
+
+
+def _at_peaks(effects: Sequence[Effect], peaks_hz: Sequence[float]) -> Iterator[Effect]:
+    """The effects with each frequency moved to where the records' spectrum exceeds the twin's: a valley that is as
+    narrow as a line is found in no other way."""
+    for effect in effects:
+        for field in effect.parameters():
+            low, high = field.metadata["plausible"]
+            if field.metadata["fitted"] and field.metadata["unit"] == "Hz":
+                yield from (effect.moved(**{field.name: hz}) for hz in peaks_hz if low <= hz <= high)
 
 
 def _excess_hz(evidence: Evidence, others: Chain) -> list[float]:
