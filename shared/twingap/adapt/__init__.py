@@ -13,7 +13,8 @@ from __future__ import annotations
 from importlib import import_module
 from typing import TYPE_CHECKING, Any, Final
 
-from twingap.adapt.classify import Classified, ClassifyOptions, classify
+from twingap.adapt.classify import Classified, classify
+from twingap.adapt.classify_options import ClassifyOptions
 
 if TYPE_CHECKING:
     from twingap.adapt.alignment import Alignment, kernel_discrepancy

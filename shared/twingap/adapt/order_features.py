@@ -96,7 +96,7 @@ def order_features(windows: Windows, bearing: Bearing) -> Array:
     signals = {"whole": unchanged, "whitened": prewhitened(unchanged), "flattened": flattened(unchanged)}
     samples_per_turn = windows.fs_hz * 60 / windows.speed_rpm
     orders = np.array(list(places(bearing).values()))
-    cycles = np.fft.rfftfreq(unchanged.shape[1])
+    cycles: Array = np.asarray(np.fft.rfftfreq(unchanged.shape[1]), float)
     parts = [_lines(_envelope_spectra(x), cycles, samples_per_turn, orders) for x in signals.values()]
     impulsive = _impulsive_spectra(signals["flattened"], samples_per_turn, bearing)
     parts.append(_lines(impulsive, cycles, samples_per_turn, orders))

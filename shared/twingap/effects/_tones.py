@@ -34,7 +34,7 @@ def uneven_factors(rng: np.random.Generator) -> Array:
     return np.asarray(np.exp(_UNEVENNESS * rng.standard_normal(_FACTORS)))
 
 
-def speed_dependence(machine: Machine, rng: np.random.Generator) -> dict[str, float]:
+def speed_dependence(machine: Machine, rng: np.random.Generator) -> dict[str, Any]:
     """`rise` and `reference_rpm` of `UnevenHarmonics` at random; every other machine has none."""
     if rng.random() >= 0.5:
         return {}

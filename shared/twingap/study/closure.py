@@ -71,9 +71,10 @@ def true_closure(world: Any, seed: int) -> float | None:
     after = Paired(
         real, [views(replay(world, effects=truth.effects, seed=s)) for s in fresh[REPLICATES:]], None, before.scale
     )
-    start, end = before.distance(rng), after.distance(rng)
-    worse = start.overall - start.floor
-    return float((start.overall - end.overall) / worse) if worse > 0.05 * max(start.floor, 1e-9) else None
+    (start,), (end,) = (pair.over_domains(pair.squares())[0] for pair in (before, after))
+    floor, _ = before.floor(rng)
+    worse = start - floor
+    return float((start - end) / worse) if worse > 0.05 * max(floor, 1e-9) else None
 
 
 def left_without_effects(world: Any, seed: int) -> float | None:

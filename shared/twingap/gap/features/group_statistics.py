@@ -73,7 +73,7 @@ def _by_group(pair: Pair) -> list[Array]:
     ours, theirs = real.faults(), simulated.faults()
     paired = _are_paired(ours, theirs)
     for of_impacts, groups in GROUPS.items():
-        own = of_impacts == OF_IMPACTS
+        own = np.equal(OF_IMPACTS, of_impacts)
         for group in groups:
             r = real.values[_in_group(ours, group)][:, own]
             b = simulated.values[_in_group(theirs, group)][:, own]

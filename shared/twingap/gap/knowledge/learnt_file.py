@@ -67,7 +67,8 @@ def write_learnt(learnt: Learnt, folder: Path, parameters: Mapping[str, Any] | N
         arrays |= {f"{name}.{key}": value for key, value in vars(null.machines).items()}
     data, text = folder / "learnt.npz", folder / "learnt.json"
     with replacing(data) as temporary, temporary.open("wb") as file:
-        np.savez_compressed(file, **{name: _small(value) for name, value in arrays.items()})
+        kept: dict[str, Any] = {name: _small(value) for name, value in arrays.items()}
+        np.savez_compressed(file, **kept)
     table["npz_sha256"] = hashlib.sha256(data.read_bytes()).hexdigest()
     with replacing(text) as temporary:
         temporary.write_text(json.dumps(table, indent=1) + "\n", encoding="utf-8", newline="\n")
