@@ -53,7 +53,7 @@ def test_p_values_of_no_gap_tell_machines_apart(computed: Examples, learnt: Lear
     has = [[n for n, there in zip(learnt.effects, computed.modelled[i], strict=True) if there] for i in first]
     p = np.array([learnt.p_value(computed.features[i], own) for i, own in zip(first, has, strict=True)])
     gap = computed.missing[first].any(axis=1) | computed.strange[first]
-    assert (p[~gap] <= 0.05).mean() <= 0.2
+    assert (p[~gap] <= 0.05).mean() <= 0.15
     assert (p[gap] <= 0.05).mean() >= DETECTED
 
 
@@ -70,5 +70,5 @@ def test_diagnoses_end_as_stored(number: int) -> None:
         assert now["closure"] is None or now["closure"] == pytest.approx(then["closure"], abs=0.05)
 
 
-RECALL, PRECISION, FIRST, DETECTED = 0.5, 0.7, 0.7, 0.8
+RECALL, PRECISION, FIRST, DETECTED = 0.56, 0.85, 0.7, 0.7
 """Floors, a little below what the shipped file reaches on these machines."""

@@ -1,0 +1,78 @@
+"""An effect of a user's own, in one file, at the command line: catalogue, simulation, diagnosis, closest twin, report."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.twingap.cli.typed import Run, refused
+from twingap.bearing import BEARINGS
+from twingap.records import Condition
+from twingap.records.folder import write_records
+from twingap.twins.phenomenological import PhenomenologicalTwin
+
+FILE = '''
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from twingap.effects import Draft, Effect, Stage, parameter, register
+
+
+@register
+@dataclass(frozen=True)
+class SoftKnee(Effect):
+    """A sensor that compresses large samples."""
+
+    stage: ClassVar[Stage] = Stage.ACQUISITION
+    knee: float = parameter(5.0, unit="healthy rms", plausible=(0.5, 20.0), allowed=(0.01, 1e6), log=True, doc="bend")
+
+    def apply(self, draft: Draft, rng: np.random.Generator) -> None:
+        bend = self.knee * draft.reference_rms
+        draft.x = bend * np.tanh(draft.x / bend)
+'''
+
+
+@pytest.mark.slow
+def test_one_new_file_is_all_that_an_effect_takes(typed: Run, tmp_path: Path) -> None:
+    own, machine, twin = (tmp_path / name for name in ("my_effects.py", "machine.toml", "twin.toml"))
+    own.write_text(FILE, encoding="utf-8")
+    machine.write_text(
+        '[twin]\nmodel = "phenomenological"\neffects = ["soft_knee"]\n[parameters]\nresonance_hz = 2600.0\n'
+        "damping_ratio = 0.04\n[parameters.soft_knee]\nknee = 1.2\n",
+        encoding="utf-8",
+    )
+    twin.write_text('[twin]\nmodel = "phenomenological"\n', encoding="utf-8")
+    faults = ("healthy", "outer", "inner", "ball")
+    conditions = [Condition(f"r{i}", (1500.0, 1800.0)[i // 4 % 2], 12000.0, 6000, faults[i % 4]) for i in range(16)]
+    asked = write_records(
+        tmp_path / "asked", "asked", "g", BEARINGS["6205"], None,
+        PhenomenologicalTwin(BEARINGS["6205"]).stream(conditions, np.random.default_rng(0)),
+    )  # fmt: skip
+
+    listed = typed("effects", "soft_knee", "--effects", own)
+    assert listed.status == 0, listed.err
+    assert "A sensor that compresses large samples" in listed.out
+
+    refused(typed("simulate", machine, "--records", asked, "--out", tmp_path / "without"), "soft_knee")
+    made = typed("simulate", machine, "--records", asked, "--out", tmp_path / "records", "--effects", own)
+    assert made.status == 0, made.err
+
+    said = typed(
+        "gap", tmp_path / "records", "--twin", twin, "--out", tmp_path / "out", "--effects", own, "--closest",
+        "--no-track", "--json",
+    )  # fmt: skip
+    assert said.status == 0, said.err
+    verdict = json.loads((tmp_path / "out" / "gap.json").read_text(encoding="utf-8"))["verdict"]
+    assert "soft_knee" in verdict["effects"]
+    assert "soft_knee" in (tmp_path / "out" / "closest.toml").read_text(encoding="utf-8")
+    assert "soft knee" in (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
+
+    again = typed(
+        "simulate", tmp_path / "out" / "closest.toml", "--records", asked, "--out", tmp_path / "again", "--effects", own
+    )
+    assert again.status == 0, again.err

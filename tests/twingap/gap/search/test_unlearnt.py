@@ -1,0 +1,101 @@
+"""Effects of which nothing was learnt: fitted, tested on held-out records, named where they are missing."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+import pytest
+
+from twingap.bearing import BEARINGS
+from twingap.effects import Draft, Effect, Stage, make_effect, parameter, register, registry
+from twingap.gap import diagnose
+from twingap.gap.search import unlearnt
+from twingap.gap.search.evidence import THOROUGH, Evidence, simulator_of
+from twingap.identification.calibrate import calibrate
+from twingap.records import Condition, RecordSet
+from twingap.twins.phenomenological import PhenomenologicalParameters, PhenomenologicalTwin
+from twingap.twins.twin_file import TwinSpec
+
+SPEC = TwinSpec("phenomenological", bearing=BEARINGS["6205"])
+FAULTS = ("healthy", "outer", "inner", "ball")
+
+
+@pytest.fixture(scope="module")
+def soft_knee() -> Iterator[type[Effect]]:
+    """A sensor that compresses large samples: no effect of the catalogue."""
+    before = dict(registry.own_effects())
+
+    @register
+    @dataclass(frozen=True)
+    class SoftKnee(Effect):
+        """A sensor that compresses large samples."""
+
+        stage: ClassVar[Stage] = Stage.ACQUISITION
+        knee: float = parameter(
+            5.0, unit="healthy rms", plausible=(0.5, 20.0), allowed=(0.01, 1e6), log=True, doc="level at which it bends"
+        )
+
+        def apply(self, draft: Draft, rng: np.random.Generator) -> None:
+            bend = self.knee * draft.reference_rms
+            draft.x = bend * np.tanh(draft.x / bend)
+
+    yield SoftKnee
+    registry.replace_own(before)
+
+
+def machine(effects: tuple[Effect, ...] = (), seed: int = 1, count: int = 16) -> RecordSet:
+    parameters = PhenomenologicalParameters(resonance_hz=2600.0, damping_ratio=0.04, scale=0.3)
+    twin = PhenomenologicalTwin(BEARINGS["6205"], parameters, effects, unit="g")
+    conditions = [
+        Condition(f"r{i}", (1500.0, 1800.0)[(i // 4) % 2], 12000.0, 6000, FAULTS[i % 4]) for i in range(count)
+    ]
+    return twin.simulate(conditions, np.random.default_rng(seed))
+
+
+def evidence_of(records: RecordSet) -> Evidence:
+    calibrated = calibrate(records, SPEC, np.random.default_rng(0))
+    return Evidence(calibrated, simulator_of(calibrated), SPEC, 7, THOROUGH)
+
+
+def test_an_effect_of_a_users_own_is_named_without_training(soft_knee: type[Effect], learnt: Any) -> None:
+    found = diagnose(machine((make_effect("soft_knee", {"knee": 1.2}),)), SPEC, seed=0, learnt=learnt)
+    assert "soft_knee" in found.report.verdict.effects
+    (candidate,) = (c for c in found.report.candidates if c.effect == "soft_knee")
+    assert candidate.parameters["knee"].value == pytest.approx(1.2, rel=0.3)
+    assert candidate.closure > 0.5
+    assert any("soft_knee" in chosen for chosen in found.report.verdict.confidence_set)
+
+
+def test_it_is_not_named_where_it_is_not_missing(soft_knee: type[Effect], learnt: Any) -> None:
+    alike = diagnose(machine(seed=3), SPEC, seed=0, learnt=learnt)
+    hum = diagnose(machine((make_effect("mains_interference", {"level": 0.6}),)), SPEC, seed=0, learnt=learnt)
+    assert "soft_knee" not in (*alike.report.verdict.effects, *hum.report.verdict.effects)
+    assert "mains_interference" in hum.report.verdict.effects
+
+
+def test_values_are_found_from_far_away(soft_knee: type[Effect]) -> None:
+    evidence = evidence_of(machine((make_effect("soft_knee", {"knee": 1.2}),)))
+    found = unlearnt.fitted(evidence, "soft_knee", evidence.against().fit)
+    assert found is not None
+    assert found.parameter_values()["knee"] == pytest.approx(1.2, rel=0.3)
+
+
+def test_the_test_tells_an_effect_that_is_there_from_one_that_is_not(soft_knee: type[Effect]) -> None:
+    there = evidence_of(machine((make_effect("soft_knee", {"knee": 1.2}),)))
+    assert unlearnt.p_value(there, (make_effect("soft_knee", {"knee": 1.2}),), ()) < 0.02
+    absent = evidence_of(machine(seed=3))
+    assert unlearnt.p_value(absent, (make_effect("soft_knee", {"knee": 3.0}),), ()) > 0.2
+    assert unlearnt.p_value(absent, (), ()) == 1.0
+
+
+def test_probabilities_are_bounds_at_even_odds() -> None:
+    assert unlearnt.probability(0.5) == 0.5
+    assert unlearnt.probability(math.exp(-1)) == pytest.approx(0.5)
+    assert unlearnt.probability(0.05) == pytest.approx(0.711, abs=1e-3)  # Sellke et al. 2001, table 1: 0.289
+    assert unlearnt.probability(0.001) == pytest.approx(0.982, abs=1e-3)
+    drawn = [unlearnt.probability(p) for p in np.geomspace(1e-6, 1, 50)]
+    assert drawn == sorted(drawn, reverse=True)
