@@ -1,4 +1,4 @@
-"""An effect of a user's own, in one file, at the command line: catalogue, simulation, diagnosis, closest twin, report."""
+"""An effect of a user's own, in one file, at the command line: catalogue, simulation, diagnosis, report."""
 
 from __future__ import annotations
 
