@@ -26,6 +26,7 @@ from typing import Any, Final
 import numpy as np
 
 from twingap.adapt.population import CLASSES, FREE_SPREAD, SPEED_SPREAD, TRIES, Population
+from twingap.effects import EntryExit, effect_name
 from twingap.errors import TwingapError
 from twingap.records import Condition, Record, RecordSet
 from twingap.twins.base import Twin
@@ -197,7 +198,7 @@ class Fleets:
             if rng.random() < 0.25:
                 effects["cage_modulation"] = {"depth": rng.uniform(0.0, 0.8)}
             if rng.random() < 0.2:
-                effects["entry_exit"] = {}
+                effects[effect_name(EntryExit)] = {}
         loudness = _factor(LOUDNESS_SPREAD, rng)
         return self.population.twin(values, effects, loudness)
 

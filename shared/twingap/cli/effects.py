@@ -61,6 +61,8 @@ def effects(
 
 def _described(name: str, kind: type[Effect]) -> dict[str, Any]:
     """What is known about an effect."""
+    from twingap.effects.registry import look_alikes
+
     description = inspect.cleandoc(kind.__doc__ or "")
     if description.startswith(f"{kind.__name__}("):  # what a dataclass without a docstring gets
         description = ""
@@ -71,7 +73,7 @@ def _described(name: str, kind: type[Effect]) -> dict[str, Any]:
         "summary": " ".join(description.partition("\n\n")[0].split()),
         "description": description,
         "parameters": [_parameter(field) for field in dataclasses.fields(kind)],  # type: ignore[arg-type]
-        "look_alikes": list(getattr(kind, "look_alikes", ())),
+        "look_alikes": list(look_alikes(name)),
         "deciding_measurement": str(getattr(kind, "deciding_measurement", None) or ""),
         "references": list(kind.references),
     }

@@ -156,7 +156,7 @@ class Effect(ABC):
         Effects of one group stand in for each other: where single names are uncertain, the group is named. "" stands
         alone.
     look_alikes : tuple[str, ...]
-        Names of effects that it is most easily taken for.
+        Names of effects that it is most easily taken for; `registry.look_alikes` adds those that name it.
     deciding_measurement : str
         What to record to tell it from these; by default a measurement that isolates its stage.
     features : tuple[str, ...]

@@ -24,7 +24,16 @@ from twingap.config import build
 from twingap.effects.base import Effect, Stage, effect_name, snake_case
 from twingap.errors import TwingapError
 
-__all__ = ["EffectFile", "catalogue", "effect_name", "in_order", "load_effects", "make_effect", "register"]
+__all__ = [
+    "EffectFile",
+    "catalogue",
+    "effect_name",
+    "in_order",
+    "load_effects",
+    "look_alikes",
+    "make_effect",
+    "register",
+]
 
 E_ = TypeVar("E_", bound=type[Effect])
 
@@ -84,6 +93,14 @@ def catalogue() -> dict[str, type[Effect]]:
     """All known effects by name, in the order of their stages, then of registration, a user's own last."""
     _load_entry_points()
     return dict(sorted({**_SHIPPED, **_OWN}.items(), key=lambda item: item[1].stage))
+
+
+def look_alikes(name: str) -> tuple[str, ...]:
+    """Effects that this one is most easily taken for: those that it names, and those that name it."""
+    known = catalogue()
+    return tuple(
+        dict.fromkeys((*known[name].look_alikes, *(n for n, kind in known.items() if name in kind.look_alikes)))
+    )
 
 
 def own_effects() -> dict[str, type[Effect]]:

@@ -46,7 +46,7 @@ class SecondResonance(Effect):
     stage: ClassVar[Stage] = Stage.PATH
     references: ClassVar[tuple[str, ...]] = (RANDALL_ANTONI,)
     group: ClassVar[str] = "path"
-    look_alikes: ClassVar[tuple[str, ...]] = ("sensor_rolloff", "coloured_noise", "entry_exit", "distributed_roughness")
+    look_alikes: ClassVar[tuple[str, ...]] = ("sensor_rolloff", "coloured_noise", "distributed_roughness")
     deciding_measurement: ClassVar[str] = measurements.HAMMER
     features: ClassVar[tuple[str, ...]] = SHAPE
     draw_weight: ClassVar[float] = 1.8

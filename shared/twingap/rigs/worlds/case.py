@@ -10,8 +10,10 @@ from typing import Final
 
 from twingap.errors import TwingapError
 
+ENTRY_EXIT: Final = "entry_exit"
+"""The effect that the generator makes with two impacts a pass."""
 CATALOGUE: Final = (
-    "speed_fluctuation", "mean_slip", "slip_jitter", "impact_scatter", "load_zone", "cage_modulation", "entry_exit",
+    "speed_fluctuation", "mean_slip", "slip_jitter", "impact_scatter", "load_zone", "cage_modulation", ENTRY_EXIT,
     "distributed_roughness", "speed_gain", "damage_growth", "second_resonance", "sensor_rolloff", "shaft_harmonics",
     "looseness", "mains_interference", "drive_interference", "gear_mesh", "foreign_bearing", "coloured_noise",
     "impulsive_noise", "waviness", "clipping", "quantisation", "dropout",
@@ -25,7 +27,7 @@ OUTSIDERS: Final = (
 """Effects that the catalogue does not know. See `twingap.rigs.worlds.outsiders`."""
 
 ON_FAULTS: Final = (
-    "mean_slip", "slip_jitter", "impact_scatter", "load_zone", "cage_modulation", "entry_exit", "speed_gain",
+    "mean_slip", "slip_jitter", "impact_scatter", "load_zone", "cage_modulation", ENTRY_EXIT, "speed_gain",
     "damage_growth",
 )  # fmt: skip
 """Effects that show only where a defect strikes."""

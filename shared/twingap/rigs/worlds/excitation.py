@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from scipy import signal
 
 from twingap.rigs.worlds.base import OVERSAMPLING, Base
+from twingap.rigs.worlds.case import ENTRY_EXIT
 from twingap.rigs.worlds.layout import Layout
 from twingap.rigs.worlds.motion import Motion, deposit, fault_order, grid_s
 from twingap.streams import Streams
@@ -86,7 +87,7 @@ def fault_strikes(
     if p := effects.get("two_state_impacts"):
         weight = weight * telegraph(p["rate_per_s"], p["low_fraction"], time_s, streams("two_state_impacts"))
     lengths = np.full(turns.size, length)
-    if p := effects.get("entry_exit"):
+    if p := effects.get(ENTRY_EXIT):
         entry = motion.time_s(angle - p["delay_fraction"] / order)
         time_s = np.concatenate([entry, time_s])
         weight = np.concatenate([p["entry_ratio"] * weight, weight])

@@ -15,7 +15,7 @@ from typing import Any, Final
 import numpy as np
 
 from twingap.rigs.worlds.base import Base, Mode, response_power, visible_ratio
-from twingap.rigs.worlds.case import STRENGTHS
+from twingap.rigs.worlds.case import ENTRY_EXIT, STRENGTHS
 from twingap.rigs.worlds.layout import Layout
 from twingap.rigs.worlds.motion import fault_order
 from twingap.rigs.worlds.yardstick import Yardstick
@@ -116,7 +116,7 @@ def _cage_modulation(s: Setting) -> Params:
     return {"depth_fraction": depth, "second_share": second, "second_phase_rad": s.uniform(0, 2 * np.pi)}
 
 
-def _entry_exit(s: Setting) -> Params:
+def _two_impacts(s: Setting) -> Params:
     # Teeth of the comb lie 1/delay apart: some must fit below the resonance at every speed.
     rate = max(fault_order(s.layout.bearing, f, 1.0) for f in s.layout.faults or ("outer",))
     least = 2.5 / s.base.modes[0].frequency_hz * rate * max(s.layout.speed_rpm) / 60
@@ -313,7 +313,7 @@ def _dropout(s: Setting) -> Params:
 DRAWS: Final[Mapping[str, Callable[[Setting], Params]]] = {
     "speed_fluctuation": _speed_fluctuation, "mean_slip": _mean_slip, "slip_jitter": _slip_jitter,
     "impact_scatter": _impact_scatter, "load_zone": _load_zone, "cage_modulation": _cage_modulation,
-    "entry_exit": _entry_exit, "distributed_roughness": _distributed_roughness, "speed_gain": _speed_gain,
+    ENTRY_EXIT: _two_impacts, "distributed_roughness": _distributed_roughness, "speed_gain": _speed_gain,
     "damage_growth": _damage_growth, "second_resonance": _second_resonance, "sensor_rolloff": _sensor_rolloff,
     "shaft_harmonics": _shaft_harmonics, "looseness": _looseness, "mains_interference": _mains_interference,
     "drive_interference": _drive_interference, "gear_mesh": _gear_mesh, "foreign_bearing": _foreign_bearing,

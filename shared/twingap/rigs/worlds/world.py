@@ -18,7 +18,7 @@ import numpy as np
 from twingap.errors import TwingapError
 from twingap.records import Record, RecordSet
 from twingap.rigs.worlds.base import OWN, Base, draw_base
-from twingap.rigs.worlds.case import CATALOGUE, Case
+from twingap.rigs.worlds.case import CATALOGUE, ENTRY_EXIT, Case
 from twingap.rigs.worlds.layout import Layout, draw_layout
 from twingap.rigs.worlds.outsiders import draw_outsider
 from twingap.rigs.worlds.recorder import simulate
@@ -218,7 +218,7 @@ def _with_own(case: Case, layout: Layout, base: Base, draw: Streams, root: int) 
         given = set(case.effect_names)
         for name in OWN:
             strength = str(rng.choice(["weak", "medium"]))
-            masks = name == "slip_jitter" and given & {"speed_fluctuation", "entry_exit", "mean_slip"}
+            masks = name == "slip_jitter" and given & {"speed_fluctuation", ENTRY_EXIT, "mean_slip"}
             if rng.random() < 0.5 and name not in given and not masks and (layout.faults or name == "shaft_harmonics"):
                 own.setdefault(name, strength)
     if not own:
