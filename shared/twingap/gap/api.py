@@ -102,8 +102,8 @@ def diagnose(
     begin, told = time.monotonic(), progress or quiet
     spec, twin_file = (twin, "") if isinstance(twin, TwinSpec) else (read_twin(twin), Path(twin).name)
     records, sim = _record_set(records), None if sim is None else _record_set(sim)
-    # One row at a time is predicted from, thousands of times: more threads only wait for each other.
-    with threadpool_limits(1, user_api="openmp"):
+    # Matrices are small and rows are predicted one by one, thousands of times: more threads only wait for each other.
+    with threadpool_limits(1):
         found = _diagnosed(records, spec, np.random.default_rng(seed), sim, told, learnt, closest)
     known = {
         "records": records.name,
