@@ -105,6 +105,7 @@ def diagnose(
     # Matrices are small and rows are predicted one by one, thousands of times: more threads only wait for each other.
     with threadpool_limits(1):
         found = _diagnosed(records, spec, np.random.default_rng(seed), sim, told, learnt, closest)
+        told("done", 1.0)
     known = {
         "records": records.name,
         "twin": twin_file,
@@ -117,7 +118,6 @@ def diagnose(
         "runtime_s": round(time.monotonic() - begin, 2),
         "n_records": len(records),
     }
-    told("done", 1.0)
     return replace(found, report=replace(found.report, provenance={**known, **found.report.provenance}))
 
 

@@ -160,7 +160,7 @@ def test_the_contact_twin_by_an_optimiser_of_choice(twingap: Run, tmp_path: Path
     records = write_records(tmp_path / "made", "made", "g", BEARINGS["6205"], None, made)
     twin.write_text('[twin]\nmodel = "contact"\n[parameters]\nload_n = 400.0\n', encoding="utf-8")
     said = twingap(twin, records, "--out", out, "--optimiser", "zoa")
-    assert said.status == 0 and said.err == ""
+    assert said.status == 0
     assert {"stiffness", "damping"} <= set(flat(read_twin(out).parameters))
     refused(twingap(twin, records, "--out", out, "--optimiser", "annealing"), "annealing", "differential-evolution")
 

@@ -256,10 +256,15 @@ def test_a_run_is_not_told_its_own_future(twingap: Run, folder: Path, tmp_path: 
 
     run, part = simulated(), edited(folder, begun)
     out = tmp_path / "a.csv"
-    refused(twingap(folder, "--out", out, "--prior", folder / "."), "its own future")
-    refused(twingap(folder, "--out", out, "--prior", edited(folder, copied)), "copied", "its own future")
-    refused(twingap(part, "--out", out, "--prior", folder), "its own future")  # as known so far, and as it ended
-    refused(twingap(folder, "--out", out, "--prior", write(tmp_path / "si", run, "m/s^2", 9.80665)), "its own future")
+    refused(twingap(folder, "--out", out, "--prior", folder / "."), "would enter the estimate")
+    refused(twingap(folder, "--out", out, "--prior", edited(folder, copied)), "copied", "would enter the estimate")
+    refused(
+        twingap(part, "--out", out, "--prior", folder), "would enter the estimate"
+    )  # as known so far, and as it ended
+    refused(
+        twingap(folder, "--out", out, "--prior", write(tmp_path / "si", run, "m/s^2", 9.80665)),
+        "would enter the estimate",
+    )
     assert not out.exists()
 
 

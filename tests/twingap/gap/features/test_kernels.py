@@ -122,6 +122,19 @@ def test_the_nearest_candidate_is_that_of_all_sums_written_out() -> None:
         assert (best, choice) == np.unravel_index(np.argmin(squares), squares.shape)
 
 
+def _path_costs(
+    model: int, at: np.ndarray, curves: np.ndarray, sigma: np.ndarray, with_impacts: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Costs and weights of candidates, with the work space that the kernel asks for."""
+    costs, weights, (count, bands) = np.empty(len(at)), np.zeros((len(at), 4)), curves.shape
+    of_fine, of_bands, of_curves = np.empty((6, path.FINE * bands)), np.zeros((2, bands)), np.empty((5, count * bands))
+    path._costs(
+        model, at, curves, sigma, with_impacts, costs, weights, of_fine[:2], of_fine[2:4], *of_fine[4:], *of_bands,
+        of_curves[:4], of_curves[4], np.zeros((4, 4)), *np.zeros((2, 4)),
+    )  # fmt: skip
+    return costs, weights
+
+
 @pytest.mark.parametrize("model", [path._PLAIN, path._TWO, path._ROLLED])
 def test_the_best_path_is_the_same_in_whatever_order_candidates_come(model: int) -> None:
     """Sums that cannot be the least are not finished, and a first mode is kept from one candidate to the next."""
@@ -133,8 +146,8 @@ def test_the_best_path_is_the_same_in_whatever_order_candidates_come(model: int)
         rng.integers(1, 4, 40) if model == path._ROLLED else rng.uniform(0.01, 0.1, 40), rng.uniform(-2, 2, 40),
     ))  # fmt: skip
     given = curves, np.array([0.2, 0.25, 0.3]), np.array([False, True, True])
-    costs, weights = path._costs(model, at, *given)
-    alone = [path._costs(model, one[None], *given) for one in at]
+    costs, weights = _path_costs(model, at, *given)
+    alone = [_path_costs(model, one[None], *given) for one in at]
     best = int(np.argmin([cost[0] for cost, _ in alone]))
     assert int(np.argmin(costs)) == best and costs[best] == pytest.approx(alone[best][0][0], rel=1e-12)
     np.testing.assert_allclose(weights, [w[0] for _, w in alone], rtol=1e-9, atol=1e-12)

@@ -41,7 +41,7 @@ def test_effects_that_nobody_could_have_seen_teach_nothing(learnt):
         said, missing, rng.standard_normal((200, len(names))), features, learnt.effects, names, learnt.features
     )
     assert hidden.sum() == 200
-    one, other = (searches(replace(learnt, sight=sight), 0, machines, 8, among) for sight in (None, blind))
+    one, other = (searches(replace(learnt, detectability=sight), 0, machines, 8, among) for sight in (None, blind))
     gaps = [draw_gap(np.random.default_rng([0, machine]), most_records=8, among=among) for machine in machines]
     hums = sum("mains_interference" in {effect.name for effect in gap.missing} for gap in gaps)
     assert hums > 0

@@ -28,8 +28,9 @@ def test_values_are_read_off_the_fit_part_and_stand_in_the_report(learnt: Any) -
     named = TwinSpec("phenomenological", ("mains_interference",))
     rng = np.random.default_rng(3)
     before = copy.deepcopy(rng.bit_generator.state)
-    prepared = prepare(records, named, copy.deepcopy(rng))
-    spec, notes = completed(prepared, named, copy.deepcopy(rng), learnt)
+    own = copy.deepcopy(rng)
+    prepared = prepare(records, named, own)
+    spec, notes = completed(prepared, named, copy.deepcopy(own), learnt)
     assert rng.bit_generator.state == before
     found = spec.parameters["mains_interference"]
     assert isinstance(found, dict) and abs(np.log(found["level"] / 0.8)) < 0.5

@@ -34,7 +34,7 @@ def summaries(effects=(), seed=0, *, scale=1.0, tilt=0.0, part=0.0, modes=OWN_MO
 
 
 def compared(*effects, own=False, **about):
-    return change.compare(summaries(effects, 1, **about), summaries(seed=2), own=own)
+    return change.compare(summaries(effects, 1, **about), summaries(seed=2), same_sampling=own)
 
 
 @pytest.mark.parametrize("about", [{}, {"scale": 1.3}, {"tilt": 0.15}, {"tilt": -0.3}, {"resonance": 0.201}])
@@ -51,7 +51,7 @@ def test_a_response_that_is_no_sum_of_samples_of_ringing_loses_nothing_by_a_sens
     assert (found["loss_gain"] > np.log1p(150)) == bool(effects)
     if not effects:
         assert found["continuous"] == pytest.approx(0.8, abs=0.35)
-        alike = change.compare(summaries(seed=1, part=0.8, modes=()), summaries(seed=2, modes=()), own=True)
+        alike = change.compare(summaries(seed=1, part=0.8, modes=()), summaries(seed=2, modes=()), same_sampling=True)
         assert alike["still"] > found["still"] + 0.1  # a simulator of the machine's own is sampled as the machine is
 
 
