@@ -1,12 +1,12 @@
-"""The closest twin: effects that bring the twin closer to the records, whether or not the machine has them.
+"""Surrogate effects (stand-ins): effects that reduce the rest, whether or not the machine has them.
 
-twin with the verdict's effects --try every other effect at several values--> the closest few --optimise values--+
-        ^                                                                                                        |
-        +---------------------- add the best one, as long as the distance of the fit part shrinks ---------------+
+twin with the verdict's effects --try every other effect at several values--> the best few --optimise values--+
+        ^                                                                                                     |
+        +-------------------- add the best one, while the distance of the fit part decreases -----------------+
 
-Real machines differ from a twin in much that no effect of the catalogue describes. Effects then stand in for something
-else: `impact_scatter` for a load that varies, a noise band for unmodelled modes. So stand-ins are no part of the
-verdict. What they close is measured on held-out records, as for any effect.
+Real machines differ from a twin in ways that no effect of the catalogue describes. An effect can then act as a
+surrogate for another cause: `impact_scatter` for a varying load, a noise band for unmodelled modes. Surrogates are
+therefore not part of the verdict. Their closure is measured on held-out records, as for any effect.
 """
 
 from __future__ import annotations
@@ -34,27 +34,28 @@ Array = NDArray[np.float64]
 Progress = Callable[[str, float], None]
 
 MOST: Final = 5
-"""Largest number of stand-ins. Each costs a round of the search."""
+"""Largest number of surrogate effects. Each costs one round of the search."""
 WORTH: Final = 0.98
-"""Factor on the distance of the fit part that a stand-in has to reach. Closer to 1, more are added for less."""
+"""Factor on the distance of the fit part that a surrogate has to reach. Closer to 1, more are added for a smaller
+gain."""
 _FINALISTS: Final = 3
-"""Effects of each round whose values are optimised. More find better ones, and take longer."""
+"""Effects of each round whose values are optimised. A larger number finds better surrogates and takes longer."""
 _KEPT: Final = 12
-"""Best effects of one round that are tried in the next. Fewer are faster, and may miss some."""
+"""Best effects of a round that are tried in the next one. A smaller number is faster and may miss some."""
 _TRIES: Final = 2
-"""Values that a round tries, as a multiple of what one search for values may. Fewer may end the search early."""
+"""Trials of a round, as a multiple of those of one search for values. A smaller number may end the search early."""
 
 
 @dataclass(frozen=True)
 class ClosestTwin:
-    """The twin with stand-ins.
+    """The twin with surrogate effects.
 
     Parameters
     ----------
     compared : Compared
-        The records against it, with all effects.
+        Comparison of the records with this twin, the verdict's effects included.
     added : tuple of str
-        Effects beyond the verdict's, in the order in which they were added.
+        Names of the surrogate effects, in the order in which they were added.
     """
 
     compared: Compared
@@ -64,21 +65,22 @@ class ClosestTwin:
 def stand_ins(
     evidence: Evidence, found: Explanation, learnt: Learnt, progress: Progress = lambda what, part: None
 ) -> ClosestTwin | None:
-    """Add effects to the verdict's, one after the other, that bring the twin closest to the fit part.
+    """Surrogate effects, added one by one to the verdict's, that bring the twin closest to the fit part.
 
     Parameters
     ----------
     evidence : Evidence
     found : Explanation
+        Result of the search; its effects are kept.
     learnt : Learnt
-        Gives values to begin at.
+        Estimators that give the initial values.
     progress : callable
-        Called with what is done and the part that is done.
+        Called with a description of the current step and the completed part, 0 to 1.
 
     Returns
     -------
     ClosestTwin or None
-        None where nothing brings the twin closer.
+        None where no effect brings the twin closer.
     """
     said = {key: one for value in found.effects for key, one in value.said.items()}
     now, added = found.after, tuple[str, ...]()
@@ -103,7 +105,7 @@ def stand_ins(
 
 
 def closest_spec(compared: Compared) -> TwinSpec | None:
-    """The twin file of a twin with these effects at these values; None for a simulator that has no such file."""
+    """Twin file of a twin with these effects and values; None for a simulator without a twin file."""
     if not isinstance(compared.simulator, TwinSimulator):
         return None
     spec = compared.simulator.spec
@@ -115,16 +117,17 @@ def closest_spec(compared: Compared) -> TwinSpec | None:
 def _moved(
     evidence: Evidence, now: Compared, effect: Effect, errors: Mapping[Key, float], said: Mapping[Key, Said]
 ) -> Nearest:
-    """One more effect, its values optimised together with the twin's own."""
+    """The twin with one more effect, its values optimised together with the twin's own."""
     return bring_nearest(
         evidence, now.simulator, (*now.effects, effect), errors, moved=[effect.name], passes=1, said=said
     )
 
 
 def _ranked(evidence: Evidence, now: Compared, names: Sequence[str], learnt: Learnt) -> list[tuple[str, Effect]]:
-    """Each effect at its best values, the closest effect first.
+    """Effects, each at its best values, in order of increasing misfit.
 
-    All are tried at one value before any is at two: large records or a contact twin leave time for no more.
+    All effects are tried at one value before any is tried at a second: with large records or a contact twin the number
+    of trials is small.
     """
     features = now.fit
     values = (list(_values(name, features, evidence, learnt)) for name in names)
@@ -133,7 +136,7 @@ def _ranked(evidence: Evidence, now: Compared, names: Sequence[str], learnt: Lea
     for effect in islice(filter(evidence.fits, in_turn), _TRIES * evidence.trials):
         try:
             misfit = evidence.misfit(now.simulator, (*now.effects, effect))
-        except TwingapError:  # at these values it cannot act on one of the records
+        except TwingapError:  # at these values the effect cannot act on one of the records
             continue
         if effect.name not in best or misfit < best[effect.name][0]:
             best[effect.name] = misfit, effect
@@ -141,7 +144,7 @@ def _ranked(evidence: Evidence, now: Compared, names: Sequence[str], learnt: Lea
 
 
 def _values(name: str, features: Array, evidence: Evidence, learnt: Learnt) -> Iterator[Effect]:
-    """Values that an effect may have, the more probable first."""
+    """Candidate values of an effect, the most probable first."""
     given = estimate(name, features, evidence, learnt).effect
     seen = observations(evidence, features)
     yield given

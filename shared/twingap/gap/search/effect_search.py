@@ -1,12 +1,13 @@
-"""Which effects the twin lacks: proposed by what was learnt, checked by adding them and looking again.
+"""Search for the effects that the twin lacks: detectors propose them, simulations with them added confirm them.
 
-features --detectors--> effects that seem missing --estimators--> values --add, recalibrate, simulate--> look again
-   ^                                                                                                        |
-   +------------------- more seem missing? one left out: is it missed? something left over? ----------------+
+features --detectors--> proposed effects --estimators--> values --add, recalibrate, simulate--> new features
+   ^                                                                                                 |
+   +-------- propose more effects; leave one out and test whether it is missing; test the rest ------+
 
-Detectors read the held-out part, and both where calibration hardly moves what is asked (`whole`). Values are estimated
-on the fit part (slopes over speed and time on both) and moved by its distance; so is what makes that worse, or better
-without having seemed likely. Closures that are reported are measured elsewhere, on the held-out part.
+Detectors use features of the held-out part, and pooled features of both parts where calibration hardly affects them
+(`pooled_features`). Values are estimated on the fit part (trends over speed and time on both parts) and optimised on
+its distance. That distance also rejects effects that increase it, and adds effects that decrease it although their
+detectors score low. Reported closures are measured separately, on the held-out part.
 """
 
 from __future__ import annotations
@@ -36,42 +37,47 @@ Report = Callable[[str, float], None]
 
 ROUNDS: Final = 4
 ALPHA: Final = 0.05
-"""Level at which a gap to a twin is called one: of 100 machines without one in studies' worlds one lay below 0.17."""
+"""Level of the test for a gap to a twin. A larger value finds weaker gaps and gives more false alarms."""
 CAUTIOUS_ALPHA: Final = 0.03
-"""The same for a simulator of the user's own whose records are too few to be exchanged (`exchange`), unless an effect
-is sure to be missing: of 50 such machines without a gap two lay between, and exchanges held both for none."""
+"""Level of the test for a gap to the user's own simulator where there are too few groups of records for an exchange
+test (`exchange_test`) and no effect is certainly missing. A larger value gives more false alarms."""
 SURE: Final = 0.9
-"""Probability from which it is. Between both levels lay three searched machines that lacked nothing of the catalogue,
-none of them above 0.8, and eight that did, three of them above 0.9, all with the right effect."""
+"""Probability from which an effect is certainly missing. A larger value has more gaps confirmed by the exchange
+test."""
 ALPHA_REST: Final = 0.1
-"""Level at which something is called left over."""
+"""Level of the test for a rest. A larger value leaves more gaps partly explained."""
 MOST_EFFECTS: Final = 7
 LEVEL: Final = 0.9
-"""Joint probability that the sets of a confidence set have together."""
+"""Joint probability of a confidence set. A larger value gives larger sets."""
 NAMED_FROM: Final = 0.75
-"""Probability from which an effect is named, where too few searches were learnt from to say."""
+"""Probability from which an effect is named, where no score calibration was learnt. A larger value names fewer
+effects."""
 _UNCERTAIN: Final = 0.003
-"""Probability from which (and up to whose complement) an effect is held open in confidence sets."""
+"""Probability from which an effect is uncertain (symmetric about one half). A smaller value gives larger confidence
+sets."""
 _MOST_OPEN: Final = 13
 THRESHOLD: Final = 0.3
-"""Log odds from which an effect is named, unless learning found a better limit for it."""
+"""Log odds from which an effect is tried, unless training found another threshold. A larger value tries fewer
+effects."""
 KEEPS: Final = 0.5
-"""How much less certain an effect may become, once the others are in, and stay named."""
+"""Decrease of the log odds below the threshold at which a tried effect is still kept. A larger value drops fewer
+effects."""
 HELPS: Final = 0.25
-"""Part of the distance on the fit part that an effect must close to be taken though it seemed unlikely."""
+"""Part of the fit part's distance that an improbable effect has to close. A larger value adds fewer such effects."""
 WORSE: Final = 1.03
-"""Factor on the distance on the fit part from which an added effect has made it worse."""
+"""Factor on the fit part's distance above which an added effect counts as harmful. A larger value tolerates more."""
 DOUBT: Final = 2.0
-"""By how many log odds such an effect has to be plainer."""
+"""Log odds by which a harmful effect has to exceed the threshold. A larger value drops more of them."""
 STIFF: Final = 10.0
-"""How much harder estimates hold values of effects that the twin has, before it is asked what it lacks."""
+"""Factor on the prior of the values of modelled effects. A larger value keeps them closer to their estimates, so
+that they do not compensate for effects that are missing."""
 UNLIKELY: Final = -2.5
-"""Log odds below which an effect is not even tried."""
+"""Log odds below which an effect is never tried. A larger value saves simulations and may miss effects."""
 
 
 @dataclass(frozen=True)
 class Estimated:
-    """An effect at the values that the records suggest.
+    """An effect at its estimated values.
 
     Parameters
     ----------
@@ -79,7 +85,7 @@ class Estimated:
     intervals : Mapping[str, (float, float)]
         90 % intervals of its parameters, in their units.
     said : Mapping[(effect, parameter), Said]
-        What estimates say, wherever values have been moved to since.
+        Priors of the parameters from the estimators; they stay when values are optimised.
     """
 
     effect: Effect
@@ -89,26 +95,26 @@ class Estimated:
 
 @dataclass(frozen=True)
 class Explanation:
-    """What a search found.
+    """Result of a search.
 
     Parameters
     ----------
     p_value : float
-        Of no gap at all.
+        P-value of no gap.
     gap : bool
-        Whether a gap was called.
+        Whether there is a gap at the level of the test.
     effects : tuple of Estimated
-        Named as missing, most certain first.
+        Effects named as missing, the most certain first.
     probability : Mapping[str, float]
-        Of every catalogued effect.
+        Probability that each effect of the catalogue is missing.
     confidence_set : tuple of tuple of str
-        Sets of effects that the data cannot tell apart, most probable first.
+        Sets of effects that the data do not distinguish, the most probable first.
     rest_p : float
-        Of nothing left over once the effects are added.
+        P-value of no rest once the effects are added.
     before, after : Compared
-        The twin as given, and with the named effects (those that it can have).
+        The twin as given, and the twin with those named effects that its simulator can add.
     cannot : Mapping[str, str]
-        Effects that the simulator cannot have, and why.
+        Effects that the simulator cannot add, and the reason.
     """
 
     p_value: float
@@ -123,23 +129,23 @@ class Explanation:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Of the named effects."""
+        """Names of the effects named as missing."""
         return tuple(found.effect.name for found in self.effects)
 
 
 @dataclass(frozen=True)
 class Searched:
-    """A search that has come to its end.
+    """A finished search, before probabilities are calibrated.
 
     Parameters
     ----------
     search : _Search
     p_value : float
-        Of no gap at all.
+        P-value of no gap.
     rest_p : float
-        Of nothing left over.
+        P-value of no rest.
     outcomes : Mapping[str, Outcome]
-        Of every effect that the twin has not got already.
+        Outcome of every effect that the given twin does not have.
     """
 
     search: _Search
@@ -154,16 +160,20 @@ def search(
     report: Report = lambda what, part: None,
     held: Mapping[str, Estimated] = MappingProxyType({}),
 ) -> Searched:
-    """Add what seems missing, and leave out what is not missed, until nothing changes.
+    """Stepwise search: add effects that seem missing, drop those that are not confirmed, until nothing changes.
 
     Parameters
     ----------
     evidence : Evidence
     learnt : Learnt
     report : callable
-        Receives what is being done and the share that is done.
+        Called with a description of the current step and the completed part, 0 to 1.
     held : Mapping[str, Estimated], optional
-        Effects that are added before and stay: nothing was learnt of them.
+        Effects without detectors that are added first and never dropped.
+
+    Returns
+    -------
+    Searched
     """
     found = _Search(evidence, learnt)
     report("the twin as given", 0.0)
@@ -172,7 +182,7 @@ def search(
     found.hold(held)
     for turn in range(ROUNDS):
         report("effects added", 0.2 + 0.2 * turn)
-        # What was thrown out once stays out, or the search would go in circles.
+        # An effect once dropped stays out: otherwise the search could cycle.
         more = found.seem_missing() or (found.that_help() if gap and turn else [])
         if not more and turn:
             break
@@ -188,14 +198,18 @@ def search(
 
 
 def explain(evidence: Evidence, learnt: Learnt, report: Report) -> Explanation:
-    """Search for the effects that the twin lacks, and judge what was found.
+    """Search for the effects that the twin lacks, with calibrated probabilities and optimised values.
 
     Parameters
     ----------
     evidence : Evidence
     learnt : Learnt
     report : callable
-        Receives what is being done and the share that is done.
+        Called with a description of the current step and the completed part, 0 to 1.
+
+    Returns
+    -------
+    Explanation
     """
     ended = search(evidence, learnt, report)
     own = [name for name in catalogue() if not learnt.covers(name) and name not in ended.search.already]
@@ -233,11 +247,12 @@ def explain(evidence: Evidence, learnt: Learnt, report: Report) -> Explanation:
 def _with_unlearnt(
     evidence: Evidence, learnt: Learnt, plain: Searched, own: Sequence[str], report: Report
 ) -> tuple[Searched, dict[str, float]]:
-    """A search with those effects of which nothing was learnt that held-out records ask for, and p-values of all.
+    """Search with effects that have no detector, and the p-values of these effects.
 
-    Each is fitted to the twin as given. One that brings held-out records nearer is held, and the search is made anew
-    beside it: what the plain search named may have stood for it. It stays where it is missed beside what was named
-    then, and where the twin is nearer to held-out records than with the plain search's effects.
+    Each effect is fitted to the twin as given. One that significantly reduces the distance of held-out records is held,
+    and the search is repeated with it, because the first search may have named a surrogate for it. The effect stays if
+    leaving it out increases the distance significantly, and if the twin is closer to the held-out records than with the
+    effects of the previous search.
     """
     level, bare = unlearnt.LEVEL / len(own), evidence.against()
     tested, held, best = dict.fromkeys(own, 1.0), dict[str, Estimated](), plain
@@ -262,22 +277,27 @@ def _with_unlearnt(
 
 
 def level_of_gap(evidence: Evidence, surest: float = 0.0) -> float:
-    """P-value of no gap at and below which one is called, where the likeliest effect is as probable as `surest`."""
+    """Level of the test for a gap, where `surest` is the largest probability of a missing effect."""
     asked_again = not isinstance(evidence.against().simulator, ExternalSimulator) or evidence.exchangeable
     return ALPHA if asked_again or surest >= SURE else CAUTIOUS_ALPHA
 
 
 def valued(evidence: Evidence, learnt: Learnt, names: Sequence[str]) -> tuple[Effect, ...]:
-    """These effects at values near their estimates that bring the twin nearest to the fit part.
+    """Modelled effects at the values, near their estimates, that bring the twin closest to the fit part.
 
-    None that no record could have. What else is missing is not known yet, and these values are not to make up for it.
+    Effects that act on none of the records are left out. Priors are strong (`STIFF`), because other effects may be
+    missing and these values must not compensate for them.
 
     Parameters
     ----------
     evidence : Evidence
-        Of a twin without them.
+        Evidence of a twin without these effects.
     learnt : Learnt
     names : sequence of str
+
+    Returns
+    -------
+    tuple of Effect
     """
     found = _Search(evidence, learnt, STIFF)
     found.add(names)
@@ -285,7 +305,7 @@ def valued(evidence: Evidence, learnt: Learnt, names: Sequence[str]) -> tuple[Ef
 
 
 class _Search:
-    """Effects found so far, and the twin that has them."""
+    """State of a search: effects found so far, and the twin that has them."""
 
     def __init__(self, evidence: Evidence, learnt: Learnt, stiff: float = 1.0) -> None:
         self.evidence, self.learnt, self.stiff = evidence, learnt, stiff
@@ -302,7 +322,7 @@ class _Search:
         self.held: set[str] = set()
 
     def hold(self, effects: Mapping[str, Estimated]) -> None:
-        """Add effects that stay."""
+        """Add effects that are never dropped."""
         self.values.update(effects)
         self.held |= set(effects)
         if effects:
@@ -310,10 +330,10 @@ class _Search:
             self.refine(list(effects))
 
     def odds(self, compared: Compared, *, left_out: bool = False) -> dict[str, float]:
-        """Log odds that the twin lacks each effect; what it has from the start cannot be missing.
+        """Log odds that the twin lacks each effect; effects of the given twin are left out.
 
-        With `left_out`, of one that had seemed missing and is asked about again without it: no newcomer, of which few
-        are left once others have been added.
+        `left_out` selects the calibration of a first evaluation for a twin from which a tried effect was removed. That
+        of later evaluations is for further effects only: few are missing once others have been added.
         """
         key = compared, bool(compared.effects) and not left_out
         if key not in self._known:
@@ -325,15 +345,15 @@ class _Search:
         return self._known[key]
 
     def seem_missing(self) -> list[str]:
-        """Effects not tried yet that the twin, as it is now, seems to lack; strongest first."""
+        """Effects not yet tried whose log odds exceed their threshold, in decreasing order."""
         odds = self.odds(self.now)
         limit = self.learnt.thresholds
         found = [n for n in _strongest(odds) if odds[n] > limit.get(n, THRESHOLD) and n not in self.tried]
         return found[: max(MOST_EFFECTS - len(self.values), 0)]
 
     def that_help(self) -> list[str]:
-        """Where something is left over that has no name yet: the less likely effect that takes most of it away."""
-        rest = self._rest_p() if self.values else 0.0  # of a gap without any name, all is left
+        """The improbable effect that reduces the distance most, where the rest is significant."""
+        rest = self._rest_p() if self.values else 0.0  # without any effect, all of the gap is rest
         if rest > ALPHA_REST or len(self.values) >= MOST_EFFECTS:
             return []
         odds, gap = self.odds(self.now), self._gap()
@@ -346,18 +366,18 @@ class _Search:
                 continue
             added = (*self.added(), value.effect)
             left = self.evidence.gap(self.evidence.against(added).simulator, added) / max(gap, 1e-9)
-            # One that seems more likely need help less.
+            # The more probable an effect, the smaller the reduction that it needs.
             best = min(best, (left / (1 - HELPS * _probability(-odds[name])), name))
         self.helped |= {best[1]} - {""}
         return [best[1]] if best[1] else []
 
     def _gap(self) -> float:
-        """Distance of the fit part from the twin as it is now."""
+        """Distance of the fit part from the current twin."""
         added = self.added()
         return self.evidence.gap(self.evidence.with_values(self.now.simulator, added), added)
 
     def refine(self, names: Sequence[str]) -> None:
-        """Move the values of these effects to where the fit part comes nearest."""
+        """Optimise the values of these effects on the fit part."""
         found = bring_nearest(
             self.evidence, self.now.simulator, self.added(), self.errors,
             moved=names, baseline=False, passes=1, said=self._said(), stiff=self.stiff,
@@ -366,9 +386,9 @@ class _Search:
         self.now = self.evidence.against(self.added())
 
     def nearest(self, gap: bool) -> tuple[Compared, Compared]:
-        """The twin as given, and with the effects found where there is a gap, each brought as near as its values can.
+        """The twin as given, and the twin with the effects found where there is a gap, both with optimised values.
 
-        The baseline moves in both: what could be had without any effect is not counted as closed by effects.
+        The baseline is optimised in both, so that what the baseline alone can close is not credited to effects.
         """
         bare = bring_nearest(self.evidence, self.evidence.against().simulator, (), {})
         before = Compared(self.evidence, (), bare.simulator)
@@ -382,7 +402,7 @@ class _Search:
         return before, Compared(self.evidence, found.effects, found.simulator)
 
     def _take_over(self, effects: Sequence[Effect]) -> None:
-        """Values that were moved; their intervals reach to them."""
+        """Store optimised values; intervals are extended to include them."""
         for effect in effects:
             known, values = self.values[effect.name], values_of(effect)
             reaching = {p: (min(low, values[p]), max(high, values[p])) for p, (low, high) in known.intervals.items()}
@@ -392,7 +412,7 @@ class _Search:
         return {key: said for value in self.values.values() for key, said in value.said.items()}
 
     def add(self, names: Sequence[str]) -> None:
-        """Add effects at the values that the fit part suggests against the twin as it is now."""
+        """Add effects at the values estimated from features of the fit part against the current twin."""
         features = self.now.fit
         for name in names:
             self.tried.add(name)
@@ -407,27 +427,27 @@ class _Search:
             self.refine(here)
 
     def begin_better(self, name: str, features: Array) -> None:
-        """Go to other values of an effect where those come nearer to the fit part."""
+        """Replace the values of an effect by other initial values where these have a smaller misfit."""
         added = self.added()
         said = self.values[name].said
         now = self.evidence.misfit(self.now.simulator, added)
         found = better_start(self.evidence, added, name, features, now, said)
         if found is not None:
             self._take_over([found.effect])
-            if found.read:  # elsewhere: what the estimate said is no longer believed
+            if found.read:  # other values: the prior moves there
                 anew = {k: one._replace(number=self._number(found.effect, k)) for k, one in said.items()}
                 self.values[name] = replace(self.values[name], said=anew)
             self.now = self.evidence.against(self.added())
 
     def drop_idle(self) -> None:
-        """Leave one effect out after the other: what is not missed then goes."""
+        """Backward elimination: drop the weakest effect while its log odds, with it left out, are below its limit."""
         while len(self.values) > len(self.held):
             self.missed, slack, gap = {}, {}, self._gap()
             for name in [name for name in self.values if name not in self.held]:
                 others = self.added(without=name)
                 without = self.evidence.against(others)
                 self.missed[name] = self.odds(without, left_out=True)[name]
-                # Adding what is missing cannot drive records and twin apart: if it does, it has to be plain otherwise.
+                # A missing effect cannot increase the distance when added: one that does needs higher log odds.
                 worse = name not in self.cannot and gap > WORSE * self.evidence.gap(without.simulator, others)
                 slack[name] = self.missed[name] - self._least(name) - DOUBT * worse
             idle = min(slack, key=lambda name: slack[name])
@@ -443,37 +463,37 @@ class _Search:
         return UNLIKELY if name in self.helped else self.learnt.thresholds.get(name, THRESHOLD) - KEEPS
 
     def certainty(self) -> dict[str, float]:
-        """Log odds of every effect: of a named one when it alone is left out, of another against the twin as it is."""
+        """Log odds of every effect: of a named one with that effect left out, of any other against the current twin."""
         now = self.odds(self.now)
         return {name: self.missed.get(name, now[name]) if name in self.values else now[name] for name in now}
 
     def rest_p(self, whole: float) -> float:
-        """P-value of nothing left over; `whole`, that of no gap at all, where nothing was added."""
+        """P-value of no rest; `whole`, the p-value of no gap, where no effect was added."""
         return self._rest_p() if self.values else whole
 
     def _rest_p(self) -> float:
         return self.learnt.rest_p(self.now.held_out, {*self.already, *(effect.name for effect in self.added())})
 
     def keep(self, names: Sequence[str]) -> None:
-        """Forget the effects that are not among these."""
+        """Drop all effects but these."""
         if set(names) != set(self.values):
             self.values = {name: value for name, value in self.values.items() if name in names}
             self.now = self.evidence.against(self.added())
 
     def strongest_first(self) -> list[str]:
-        """The named effects, those of which nothing was learnt first."""
+        """Named effects in order of decreasing certainty, those without a detector first."""
         return sorted(
             self.values,
             key=lambda name: (name not in self.held, -(self.missed.get(name, 0.0) + self.first.get(name, 0.0))),
         )
 
     def added(self, without: str = "") -> tuple[Effect, ...]:
-        """The effects found that the simulator can have."""
+        """The effects found that the simulator can add."""
         return tuple(v.effect for n, v in self.values.items() if n != without and n not in self.cannot)
 
 
 def estimate(name: str, features: Array, evidence: Evidence, learnt: Learnt) -> Estimated:
-    """An effect's values from the features of the fit part, with 90 % intervals."""
+    """An effect at the values estimated from features [features] of the fit part, with 90 % intervals."""
     setting = evidence.setting
     default = catalogue()[name]()
     least_spread = {field.name: field.metadata["least_spread"] for field in default.parameters()}
@@ -493,7 +513,7 @@ def estimate(name: str, features: Array, evidence: Evidence, learnt: Learnt) -> 
         within[parameter] = off
         intervals[parameter] = (min(ends) * (1 - least), max(ends) * (1 + least))
     made = to_effect(name, numbers, setting)
-    # A place beyond half the sampling rate, say: half the way back to the usual value, until records can have it.
+    # Values at which no record can be simulated, such as a frequency above Nyquist: halve the way to the defaults.
     for _ in range(6):
         if evidence.fits(made):
             break
@@ -504,26 +524,35 @@ def estimate(name: str, features: Array, evidence: Evidence, learnt: Learnt) -> 
 
 
 def to_name(probability: Mapping[str, float], limit: float) -> list[str]:
-    """Effects to name: those at least so likely, whether a search ended with them or let them go.
+    """Effects whose calibrated probability reaches the limit, whether or not the search kept them.
 
     Parameters
     ----------
     probability : Mapping[str, float]
-        That each effect is missing.
+        Probability that each effect is missing.
     limit : float
+
+    Returns
+    -------
+    list of str
     """
     return [name for name, p in probability.items() if p >= limit]
 
 
 def confidence_set(probability: Mapping[str, float], level: float) -> tuple[tuple[str, ...], ...]:
-    """The most probable sets of effects that together reach `level`, effects taken one by one as independent.
+    """Smallest collection of sets of effects whose joint probability reaches `level`, with effects independent.
 
     Parameters
     ----------
     probability : Mapping[str, float]
-        That each effect is missing.
+        Probability that each effect is missing.
     level : float
-        What the sets are to hold together.
+        Joint probability to reach.
+
+    Returns
+    -------
+    tuple of tuple of str
+        Sets of missing effects, the most probable first.
     """
     names = list(probability)
     p = np.array([probability[name] for name in names])
@@ -546,5 +575,5 @@ def _probability(log_odds: float) -> float:
 
 
 def _with(sets: tuple[tuple[str, ...], ...], one: tuple[str, ...]) -> tuple[tuple[str, ...], ...]:
-    """The sets with this one among them, first."""
+    """The sets with `one` moved or added to the front."""
     return (one, *(s for s in sets if s != one))

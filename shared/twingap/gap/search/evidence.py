@@ -1,4 +1,4 @@
-"""Evidence on effects: the records, measured once, and their comparison with the twin with any set of effects added.
+"""Features of the records, and their comparison with the twin with any set of effects added.
 
 records --calibrate--> fit part, held-out part, frame, twin
 twin + effects --recalibrate on the fit part, simulate both parts--> Compared: features of each part
@@ -36,32 +36,35 @@ from twingap.twins.twin_file import TwinSpec, all_parameters, flat, nested
 Array = NDArray[np.float64]
 
 MOST_TRIED: Final = 6
-"""Records of each state that trial simulations are made of: more make fitted values finer, and trials fewer."""
+"""Records of each state that trial simulations use. A larger number makes fitted values more precise and trials
+fewer."""
 LONGEST_TRIED: Final = 1 << 15
-"""Samples of each of them."""
+"""Largest number of samples of each of these records. Longer records make trials fewer."""
 SAMPLES_TRIED: Final = 5e7
-"""Samples that one search for values may simulate: more make fitted values finer and the diagnosis slower."""
+"""Samples that one search for values may simulate. A larger number makes fitted values more precise and takes
+longer."""
 TRIALS: Final = (24, 320)
-"""Fewest and most trials of one search for values, whatever a simulation takes."""
+"""Smallest and largest number of trials of one search for values, whatever the cost of a simulation."""
 THOROUGH: Final = (0.012, 0.04, 0.12)
-"""Damping ratios at which searches for a mode begin in diagnoses; fewer are faster and miss sharp or broad modes.
-Training uses the middle one alone."""
+"""Initial damping ratios of the search for a mode in a diagnosis. Fewer are faster and may miss sharp or broad
+modes. Training uses the middle one alone."""
 FEWEST_GROUPS: Final = 6
-"""Groups of records from which an exchange test is made: fewer allow no more than 16 different exchanges, too few for a
-small p-value."""
+"""Smallest number of groups of records for an exchange test. Fewer allow at most 16 distinct exchanges, too few for
+a small p-value."""
 CONTACT_COSTS: Final = 13
-"""Time that a sample of the contact twin takes over that of the phenomenological twin; divides the number of trials."""
+"""Cost of a sample of the contact twin relative to the phenomenological twin. A larger value reduces the number of
+trials."""
 
 
 class Compared:
-    """The records compared with one simulation of them; each part is simulated when it is first needed.
+    """Comparison of the records with one simulation of them; each part is simulated on first use.
 
     Attributes
     ----------
     effects : tuple of Effect
-        Added to the twin.
+        Effects added to the twin.
     simulator : Simulator
-        The twin, calibrated with them.
+        The twin calibrated with them.
     """
 
     def __init__(self, evidence: Evidence, effects: tuple[Effect, ...], simulator: Simulator) -> None:
@@ -70,19 +73,19 @@ class Compared:
 
     @cached_property
     def fit(self) -> Array:
-        """[features] Comparison on the part that parameters are fitted to; trends over both."""
+        """[features] Comparison on the fit part; trends over both parts."""
         return self._features(0)
 
     @cached_property
     def held_out(self) -> Array:
-        """[features] Comparison on the part that is reported; pooled features over both parts."""
+        """[features] Comparison on the held-out part; pooled features over both parts."""
         return self._features(1)
 
     def _features(self, part: int) -> Array:
         of, real = self._evidence, self._evidence.parts[part]
         simulated = comparison.measure_records(self._made(part), of.frame, Grid.of(real.conditions, of.frame.bearing))
         if part == 0:
-            # Initial values come from the fit part: lines and combs of the held-out part must not enter them.
+            # Initial values are for the fit part: lines and combs of the held-out part must not enter them.
             if self._levels is None:
                 self._levels = pooled.levels(of.pooled, self._pooled(part, simulated.summaries))
             of_pooled = pooled.compare(real.pooled, simulated.pooled, self._levels)
@@ -94,7 +97,7 @@ class Compared:
         return comparison.compare(pair, of.calibrated.speeds, of_pooled, has_effects=bool(of.modelled))
 
     def _pooled(self, part: int, summaries: Sequence[RecordSummary]) -> PooledRecords:
-        """Simulated records of both parts; of the part that is not compared, only summaries are made."""
+        """Simulated records of both parts; of the part that is not compared, only summaries are computed."""
         of = self._evidence
         others = [summarise(RecordTransforms(r.samples, r.condition, of.frame)) for r in self._made(1 - part)]
         return of.pool(*((others, summaries) if part else (summaries, others)))
@@ -110,26 +113,26 @@ def simulator_of(calibrated: Calibrated, sim: RecordSet | None = None) -> Simula
     if sim is not None:
         others = calibrated.held_out.conditions
         return ExternalSimulator(sim, fit, calibrated.frame.bearing, calibrated.frame.scale, others=others)
-    assert calibrated.spec is not None  # `calibrate` gives one where no simulated records were brought
+    assert calibrated.spec is not None  # set by `calibrate` unless simulated records are given
     conditions = (*fit.conditions, *calibrated.held_out.conditions)
     return TwinSimulator(calibrated.spec, calibrated.frame.bearing, fit.unit, conditions)
 
 
 class Evidence:
-    """The records, measured once, and every twin that they were compared with.
+    """Features of the records, and comparisons with every twin evaluated so far.
 
     Parameters
     ----------
     calibrated : Calibrated
     simulator : Simulator
-        The calibrated twin, or the user's own.
+        The calibrated twin, or the user's own simulator.
     spec : TwinSpec
-        The twin as given: parameters that it fixes stay fixed, effects that it has are not candidates.
+        The twin as given: its fixed parameters stay fixed, its effects are not candidates.
     root : int
-        Entropy of all simulations: every chain of effects is simulated with the same random impacts and noise, so that
-        differences between chains are not chance.
+        Entropy of all simulations: every combination of effects is simulated with the same random impacts and noise, so
+        that differences between combinations are not random.
     dampings : sequence of float
-        Damping ratios at which the search for the mode of a twin with effects begins, see `baseline.match_baseline`.
+        Initial damping ratios of the search for the mode of a twin with effects, see `baseline.match_baseline`.
     """
 
     def __init__(
@@ -154,12 +157,12 @@ class Evidence:
         self._known: dict[tuple[Effect, ...], Compared] = {}
 
     def pool(self, fit: Sequence[RecordSummary], held_out: Sequence[RecordSummary]) -> PooledRecords:
-        """All records, those that stand in both parts once."""
+        """Pooled records of both parts; records that are in both count once."""
         shared = self.calibrated.shared
         return PooledRecords((*fit, *(summary for summary in held_out if summary.condition.name not in shared)))
 
     def against(self, effects: Sequence[Effect] = ()) -> Compared:
-        """The twin with these effects added, recalibrated on the fit part, against both parts."""
+        """Comparison of both parts with the twin with these effects, recalibrated on the fit part."""
         chain = tuple(sorted(effects, key=lambda effect: effect.name))
         if chain not in self._known:
             self._known[chain] = Compared(self, chain, self._recalibrated(chain))
@@ -167,39 +170,39 @@ class Evidence:
 
     @property
     def modelled(self) -> tuple[str, ...]:
-        """Effects that the twin has as given."""
+        """Names of the effects of the given twin."""
         return tuple(dict.fromkeys((*self.spec.effects, *self._simulator.has)))
 
     @cached_property
     def groups(self) -> NDArray[np.str_]:
-        """[records of both parts] Which records belong together; one without a group is alone."""
+        """[records of both parts] Group of each record; a record without a group is a group of its own."""
         return np.array([c.group or c.name for part in self.parts for c in part.conditions])
 
     @property
     def exchangeable(self) -> bool:
-        """Whether there are enough groups of records for an exchange test with simulated ones."""
+        """Whether there are enough groups of records for an exchange test."""
         return int(np.unique(self.groups).size) >= FEWEST_GROUPS
 
     def can_add(self, name: str) -> str | None:
-        """Why the simulator cannot have this effect, or None."""
+        """Reason why the simulator cannot add this effect, or None."""
         return self._simulator.can_add(name)
 
     def fits(self, effect: Effect) -> bool:
-        """Whether every record could be simulated with the effect at these values."""
+        """Whether every record can be simulated with the effect at these values."""
         t = np.zeros(2)
         conditions = (*self.fit.conditions, *self.held_out.conditions)
         return all(effect.cannot_act_on(Draft(c, self.frame.bearing, 1.0, t, t)) is None for c in conditions)
 
     @cached_property
     def _tried(self) -> RecordSet:
-        """A few records of each state of the fit part, shortened, for hundreds of trial simulations."""
+        """A few shortened records of each state of the fit part, for trial simulations."""
         few = thinned(self.calibrated.fit, MOST_TRIED)
         conditions = [replace(c, n_samples=min(c.n_samples, LONGEST_TRIED)) for c in few.conditions]
         return RecordSet(few.name, few.unit, few.bearing, conditions, lambda i: few[i].samples[:LONGEST_TRIED])
 
     @property
     def trials(self) -> int:
-        """Number of simulations that one search for values may make: fewer where each takes longer."""
+        """Number of simulations of one search for values; it decreases with the cost of a simulation."""
         conditions = self._tried.conditions
         samples = len(self._two(self._simulator, conditions)) * sum(c.n_samples for c in conditions)
         dear = CONTACT_COSTS if self.spec.model == "contact" else 1
@@ -207,7 +210,7 @@ class Evidence:
 
     @property
     def records_tried(self) -> int:
-        """Number of records that trials are made on."""
+        """Number of records of a trial simulation."""
         return len(self._tried)
 
     @cached_property
@@ -220,7 +223,7 @@ class Evidence:
 
     @cached_property
     def _yardstick(self) -> Array:
-        """Spread that distances on the fit part are measured with, one for all twins."""
+        """Scale [bins] of distances on the fit part, the same for all twins."""
         grid, conditions = Grid.of(self.fit.conditions, self.frame.bearing), self.fit.conditions
         made = [self.simulated(self._simulator, (), conditions, k) for k in self._two(self._simulator, conditions)]
         return Paired(self.fit.vectors, [self.vectors(records, grid) for records in made]).scale
@@ -231,24 +234,24 @@ class Evidence:
         return Paired(self._tried_views, vectors).scale
 
     def _two(self, simulator: Simulator, conditions: Sequence[Condition]) -> Sequence[int]:
-        """Numbers of two replicates, so that chance shows, or of the one that there is."""
+        """Numbers of two replicates, or of the only one there is."""
         return (3, 4)[: replicates_of(simulator, conditions, 2)]
 
     def gap(self, simulator: Simulator, effects: Sequence[Effect], replicate: int = 3) -> float:
-        """Overall distance of the fit part from one simulation of it: for choosing, never for reporting."""
+        """Overall distance of the fit part from one simulation of it; for the search only, never reported."""
         grid = Grid.of(self.fit.conditions, self.frame.bearing)
         made = self.vectors(self.simulated(simulator, effects, self.fit.conditions, replicate), grid)
         pair = Paired(self.fit.vectors, [made], None, self._yardstick)
         return float(pair.over_domains(pair.squares())[0][0])
 
     def misfit(self, simulator: Simulator, effects: Sequence[Effect]) -> float:
-        """Distance of a few records, the noise of their means included: the objective of fitted values."""
+        """Distance of the trial records, the noise of their means included: the objective function of fitted values."""
         return self.tried(simulator, effects).misfit()
 
     def tried(self, simulator: Simulator, effects: Sequence[Effect]) -> Paired:
-        """A few records of the fit part beside two simulations of them, whose random streams are always the same.
+        """The trial records paired with two simulations of them, with fixed random streams.
 
-        By one simulation alone, values whose simulations scatter less would come nearer.
+        With one simulation alone, values whose simulations have less scatter would have a smaller distance.
         """
         made = [self._trial(simulator, effects, k) for k in self._two(simulator, self._tried.conditions)]
         return Paired(self._tried_views, made, None, self._trial_yardstick)
@@ -259,7 +262,7 @@ class Evidence:
     def with_values(
         self, simulator: Simulator, effects: Sequence[Effect], baseline: Mapping[str, float] | None = None
     ) -> Simulator:
-        """A simulator with other values of the effects that it has, and of its baseline where they are given."""
+        """The simulator with other values of its effects and, where given, of its baseline."""
         if isinstance(simulator, ExternalSimulator):
             return simulator.with_gain(baseline["gain"]) if baseline else simulator
         if not isinstance(simulator, TwinSimulator):
@@ -270,11 +273,11 @@ class Evidence:
         return TwinSimulator(spec, self.frame.bearing, simulator.unit, simulator.conditions)
 
     def matched(self, effects: tuple[Effect, ...]) -> Simulator:
-        """Simulator with these effects, its mode as calibrated and its levels matched anew: for many quick trials."""
+        """The simulator with these effects, its mode as calibrated and its levels matched anew; for fast trials."""
         return self._recalibrated(effects, steps=0)
 
     def _recalibrated(self, effects: tuple[Effect, ...], steps: int = 4) -> Simulator:
-        """Simulator with these effects, its baseline matched anew: what the effects explain is no noise of the twin."""
+        """The simulator with these effects, its baseline matched anew: what effects explain is no noise of the twin."""
         spec = self.calibrated.spec
         if not effects:
             return self._simulator
@@ -287,10 +290,10 @@ class Evidence:
         return simulator_of(own)
 
     def _levelled(self, effects: tuple[Effect, ...]) -> Simulator:
-        """Simulator with these effects whose only baseline parameter is a level, matched anew where it is free.
+        """The simulator with these effects where a level is the only baseline parameter; a free level is matched anew.
 
-        The level of the contact twin is not matched for every chain, which would take too long: it is fitted together
-        with the values at the end.
+        The level of the contact twin is fitted together with the values at the end, because matching it for every
+        combination of effects would take too long.
         """
         level = level_of(self._simulator, self.spec)
         if level is None or (self._simulator.name == "contact" and isinstance(self._simulator, TwinSimulator)):
@@ -307,35 +310,35 @@ class Evidence:
         return at(found)
 
     def bare_psd(self, side: StateSpectrum) -> Array:
-        """[baseline.BANDS] Power density, 1/Hz, of the simulator as given under some conditions of a state."""
+        """[baseline.BANDS] Power spectral density, 1/Hz, of the given simulator under some conditions of a state."""
         made = self.simulated(self._simulator, (), side.conditions[:MOST_SIMULATED], 0)
         (simulated,) = state_spectra(list(made), self.frame)
         return simulated.psd
 
     @cached_property
     def _levels_of(self) -> list[StateSpectrum]:
-        """Spectra that levels are matched to: of healthy records of the fit part, of all where there are none."""
+        """Spectra for the matching of levels: of healthy records of the fit part, or of all where none is healthy."""
         sides = state_spectra(list(thinned(self.calibrated.fit, 6)), self.frame)
         return [side for side in sides if side.fault == "healthy"] or sides
 
     def simulated(
         self, simulator: Simulator, effects: Sequence[Effect], conditions: Sequence[Condition], replicate: int
     ) -> Iterator[Record]:
-        """Records of these conditions, one at a time."""
+        """Simulated records of these conditions, one at a time."""
         yield from simulator.simulate(tuple(effects), conditions, self.root, replicate)
 
     def vectors(self, records: RecordSet | Iterable[Record], grid: Grid) -> FeatureVectors:
-        """Feature vectors of records; the samples are not kept."""
+        """Feature vectors of records; samples are not kept."""
         return measure_vectors((RecordTransforms(r.samples, r.condition, self.frame) for r in records), grid)
 
 
 def replicates_of(simulator: Simulator, conditions: Sequence[Condition], most: int) -> int:
-    """Number of independent simulations of these conditions, up to `most`: the user's own records are few."""
+    """Number of independent simulations of these conditions, at most `most`; the user's own records limit it."""
     return min(simulator.replicates(conditions), most) if isinstance(simulator, ExternalSimulator) else most
 
 
 def level_of(simulator: Simulator, given: TwinSpec) -> tuple[str, float] | None:
-    """Name and value of the factor on all samples of a simulator; None where it has none, or where it is fixed."""
+    """Name and value of the factor on all samples of a simulator; None where there is none, or where it is fixed."""
     if isinstance(simulator, ExternalSimulator):
         return ("gain", simulator.gain) if simulator.level_free else None
     if isinstance(simulator, TwinSimulator) and not given.given("scale"):
@@ -345,7 +348,7 @@ def level_of(simulator: Simulator, given: TwinSpec) -> tuple[str, float] | None:
 
 
 def values_of(effect: Effect) -> dict[str, float]:
-    """Its parameters by name."""
+    """Parameters of an effect by name."""
     return {field.name: getattr(effect, field.name) for field in fields(effect)}  # type: ignore[arg-type]
 
 

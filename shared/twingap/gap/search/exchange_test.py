@@ -1,15 +1,16 @@
-"""Exchange test: does the user's own simulator differ from the machine by more than its recordings from each other?
+"""Exchange test: whether the user's own simulator differs from the machine by more than its recordings do.
 
-pairs of a record and a simulated one --differences of their features, and slopes of these over speed and time-->
+pairs of a record and a simulated one --feature differences, and their slopes over speed and time--> t of each feature
 t of each feature --random signs of whole groups--> mean of squared t under each draw --> p-value
 
-Without a gap, a record and the one simulated for it are exchangeable, whatever recordings are like; nothing else is
-assumed (randomisation test, groups of random sign flips: Hemerik and Goeman 2018, doi:10.1007/s11749-017-0571-1). The
-learned null assumes recordings that are alike but for chance, which mounting, wear and defect size break on real
-machines. The exchange test is less powerful, and so is used for gaps that no single effect explains with certainty.
+Without a gap, a record and its simulated counterpart are exchangeable, however recordings vary; there is no further
+assumption (randomisation test with sign flips of groups: Hemerik and Goeman 2018, doi:10.1007/s11749-017-0571-1). The
+learnt null distribution assumes that recordings differ only at random, which mounting, wear and defect size violate on
+real machines. The exchange test has less power, and is therefore applied only to gaps that no single effect explains
+with certainty.
 
-The statistic is over all features, not the largest: finished records that were resampled to another speed differ a
-little in a few features whenever there is no gap.
+The statistic is the mean over all features, not the maximum: simulated records that were resampled to another speed
+differ slightly in a few features even without a gap.
 """
 
 from __future__ import annotations
@@ -30,11 +31,11 @@ from twingap.records import Record
 Array = NDArray[np.float64]
 
 EXCHANGES: Final = 999
-"""Random draws of signs: more make small p-values finer."""
+"""Random draws of signs. A larger number resolves smaller p-values."""
 _LARGEST_T: Final = 6.0
-"""Larger t count as this: with a larger bound, one feature decides more by itself."""
+"""Largest absolute t; larger ones are clipped. A larger bound lets a single feature decide."""
 _LEAST_VARIANCE: Final = 1e-12
-"""Least variance over the mean square: keeps t finite where a difference is the same in all groups."""
+"""Smallest variance over the mean square. It keeps t finite where a difference is the same in all groups."""
 _LEVEL: Final = "background.rms_log"
 """Feature that is matched before the test."""
 
@@ -45,18 +46,18 @@ def exchange_p_value(evidence: Evidence) -> float | None:
     Parameters
     ----------
     evidence : Evidence
-        With the user's own simulator, which has a record for each of the machine's.
+        With the user's own simulator, which has a counterpart of each record.
 
     Returns
     -------
     float or None
-        None where the records are of too few groups, see `Evidence.exchangeable`.
+        None where there are too few groups of records, see `Evidence.exchangeable`.
     """
     real = evidence.parts
     conditions = [c for part in real for c in part.conditions]
     if not evidence.exchangeable:
         return None
-    # The level was matched on the fit part alone: what is left of it over both parts is taken out.
+    # The level was matched on the fit part alone: remove the remaining difference over both parts.
     louder = np.nan_to_num(_mean(_differences(real, _made(evidence)))[NAMES.index(_LEVEL)])
     differences = _differences(real, _made(evidence, float(np.exp(louder))))
     timed = all(c.time_s is not None for c in conditions)
@@ -69,24 +70,24 @@ def exchange_p_value(evidence: Evidence) -> float | None:
 def sign_flip_p_value(
     differences: Array, covariates: Array, groups: NDArray[np.str_], rng: np.random.Generator, draws: int = EXCHANGES
 ) -> float:
-    """P-value of differences that are as often negative as positive, all of a group together.
+    """P-value of differences whose sign is random, with one sign for all pairs of a group.
 
     Parameters
     ----------
     differences : Array [pairs, features]
         NaN where a feature does not apply.
-    courses : Array [pairs, courses]
-        What differences may change with, such as log speed and time.
+    covariates : Array [pairs, covariates]
+        Covariates of the slopes, such as log speed and time.
     groups : NDArray[str] [pairs]
     rng : numpy.random.Generator
     draws : int
-        Of signs.
+        Number of random draws of signs.
 
     Returns
     -------
     float
-        Part of all draws, the first among them, that are as rare, by the rarest of the mean difference and its
-        slopes; 1 where no feature applies to half of the groups.
+        Part of all draws, the observed one included, whose rarest statistic (mean difference or a slope) is at least as
+        rare as observed; 1 where no feature applies to half of the groups.
     """
     names = list(dict.fromkeys(groups))
     signs = rng.choice([-1.0, 1.0], size=(1 + draws, len(names)))
@@ -102,7 +103,7 @@ def sign_flip_p_value(
 
 
 def _squared_t(means: Array, signs: Array) -> Array:
-    """[draws] Mean over features of the squared t of what all groups [groups, features] have in common."""
+    """[draws] Mean over features of the squared t of group means [groups, features]."""
     count = np.isfinite(means).sum(axis=0)
     known = count >= max(3, len(means) / 2)
     if not known.any():
@@ -115,7 +116,7 @@ def _squared_t(means: Array, signs: Array) -> Array:
 
 
 def _mean(rows: Array) -> Array:
-    """Mean of what is finite; NaN where nothing is."""
+    """[features] Mean of the finite values [rows, features]; NaN where there are none."""
     known = np.isfinite(rows)
     count = known.sum(axis=0)
     total = np.where(known, rows, 0.0).sum(axis=0)
@@ -123,7 +124,7 @@ def _mean(rows: Array) -> Array:
 
 
 def _made(evidence: Evidence, louder: float = 1.0) -> tuple[Measured, ...]:
-    """Simulated records of each part, measured."""
+    """Features of the simulated records of each part."""
     simulator, bearing = evidence.against().simulator, evidence.frame.bearing
     return tuple(
         comparison.measure_records(
@@ -139,5 +140,5 @@ def _made(evidence: Evidence, louder: float = 1.0) -> tuple[Measured, ...]:
 
 
 def _differences(real: tuple[Measured, ...], made: tuple[Measured, ...]) -> Array:
-    """[pairs, features] Measured less simulated."""
+    """[pairs, features] Features of real records less those of simulated ones."""
     return np.concatenate([ours.values - theirs.values for ours, theirs in zip(real, made, strict=True)])

@@ -1,8 +1,8 @@
-"""Initial values of a search: estimates may be far off, and a search goes to the nearest valley.
+"""Initial values of a search for values: a local search from a poor estimate ends in the wrong minimum.
 
-features --Effect.initial_values--> values, each simulated at the matched level --> least misfits --+
-mean spectra --Effect.spectral_values--> the few that explain them best ---------------------------+--> best
-the estimate, where it drives records and twin apart --Effect.weaker--> parts of its strength -----+
+features --Effect.initial_values--> values, each simulated at the matched level --> smallest misfits --+
+mean spectra --Effect.spectral_values--> the few with the best fit ----------------------------------+--> best
+the estimate, where it increases the distance --Effect.weaker--> reduced strengths ------------------+
 """
 
 from __future__ import annotations
@@ -36,13 +36,13 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 _FINALISTS: Final = 4
-"""Initial values that are given a calibration of their own. More cost one calibration each."""
+"""Initial values for which the mode is calibrated too. Each costs one calibration."""
 _MANY: Final = 5
-"""Simulations by which effects that act by chance are compared: by two, none at all may seem nearest."""
+"""Simulations per comparison of effects that act at random. With few, the twin without the effect may seem closest."""
 _BETTER: Final = 0.99
-"""Factor on the misfit from which other initial values replace the estimate."""
+"""Factor on the misfit below which other initial values replace the estimate. A smaller value keeps more estimates."""
 _RECORDS: Final = 6
-"""Healthy records whose mean spectrum is explained."""
+"""Largest number of healthy records of the mean spectrum. A larger number takes longer and reduces its noise."""
 
 
 class Start(NamedTuple):
@@ -52,7 +52,7 @@ class Start(NamedTuple):
     ----------
     effect : Effect
     read : bool
-        Whether these values were read off the records, other than the estimate; else they are its own, weaker.
+        True for values read off the records; False for the estimate at a reduced strength.
     """
 
     effect: Effect
@@ -67,21 +67,25 @@ def better_start(
     now: float,
     said: Mapping[Key, Said] = MappingProxyType({}),
 ) -> Start | None:
-    """The effect at initial values that fit better than the given ones do; None where there are none.
+    """The effect at initial values with a smaller misfit than the given ones; None where there are none.
 
     Parameters
     ----------
     evidence : Evidence
     effects : tuple of Effect
-        All that are added to the twin.
+        All effects added to the twin.
     name : str
-        The one to look for.
+        Effect whose initial values are sought.
     features : Array [features]
-        Of the fit part, before it was added.
+        Features of the fit part before the effect was added.
     now : float
-        Misfit with the given values.
+        Misfit at the given values.
     said : Mapping[(effect, parameter), Said], optional
-        What estimates say of values: those of a weaker effect are penalised by it.
+        Priors from the estimators; they penalise reduced strengths.
+
+    Returns
+    -------
+    Start or None
     """
     (given,) = (effect for effect in effects if effect.name == name)
     others = tuple(effect for effect in effects if effect.name != name)
@@ -102,7 +106,7 @@ def better_start(
     starts = [Start(place, True) for place in (*(place for _, _, place in sorted(found)[:_FINALISTS]), *spectral)]
     if weaker and now > misfit_of(evidence.against(others).simulator, others):
         starts += [Start(place, False) for place in weaker]
-    # Levels alone were matched so far; the few that came nearest are given a mode of their own, as the given one was.
+    # So far only levels were matched; for the best few the mode is calibrated too, as for the given values.
     least, best = _BETTER * now, None
     for start in starts:
         chain = (*others, start.effect)
@@ -116,10 +120,10 @@ def better_start(
 
 
 def _by_many(evidence: Evidence, effects: tuple[Effect, ...]) -> Callable[[Simulator, tuple[Effect, ...]], float]:
-    """The misfit of the whole fit part from so many simulations of it that chance hardly decides.
+    """Misfit of the whole fit part, averaged over several simulations of it.
 
-    In units of the scatter of records that have these effects: one that acts now and then makes records scatter more
-    than the twin does, and the mean of few records lies anywhere.
+    Its scale is the scatter of simulated records that have these effects: an effect that acts intermittently increases
+    the scatter, and the mean of a few records is uncertain.
     """
     conditions = evidence.fit.conditions
     grid = Grid.of(conditions, evidence.frame.bearing)
@@ -133,13 +137,17 @@ def _by_many(evidence: Evidence, effects: tuple[Effect, ...]) -> Callable[[Simul
 
 
 def observations(evidence: Evidence, features: Array) -> Observations:
-    """What initial values are estimated from.
+    """Observations from which effects propose initial values.
 
     Parameters
     ----------
     evidence : Evidence
     features : Array [features]
-        Of the fit part, see `comparison.feature_names`.
+        Features of the fit part, see `comparison.feature_names`.
+
+    Returns
+    -------
+    Observations
     """
     setting, own_mode = evidence.setting, _own_mode(evidence)
     faults = frozenset(str(c.fault) for c in evidence.fit.conditions) - {"healthy"}
@@ -168,7 +176,7 @@ def _own_mode(evidence: Evidence) -> tuple[float, float] | None:
 
 
 def _healthy_spectrum(evidence: Evidence) -> HealthySpectrum | None:
-    """Of the healthy records, where there are any with something in them."""
+    """Mean spectrum of the healthy records; None where there are none or they are zero."""
     sides = [
         side for side in state_spectra(list(thinned(evidence.calibrated.fit, _RECORDS)), evidence.frame)
         if side.fault == "healthy"

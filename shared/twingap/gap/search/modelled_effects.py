@@ -1,9 +1,9 @@
-"""Values of effects that the twin file names without a value, estimated on the fit part.
+"""Values of modelled effects that the twin file names without a value, estimated on the fit part.
 
 twin without them --calibrate--> features of the fit part --estimates, then optimised--> twin with their values
 
-At a default value that is not the machine's, a modelled effect would cause a gap of its own, and the diagnosis would
-name some other effect for it. An effect with any value given keeps the defaults of its other parameters.
+A modelled effect at a default value that differs from the machine's would cause a gap, and the diagnosis would name
+another effect for it. An effect with at least one given value keeps the defaults of its other parameters.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 
 def without_values(spec: TwinSpec) -> tuple[str, ...]:
-    """Effects with learnable parameters of which the twin file gives no value."""
+    """Effects with learnable parameters for which the twin file gives no value."""
     learnable = {name for name, _ in coordinates()}
     return tuple(dict.fromkeys(n for n in spec.effects if n in learnable and not spec.parameters.get(n)))
 
@@ -43,13 +43,18 @@ def completed(
         The records, split; only the fit part is used.
     spec : TwinSpec
     rng : numpy.random.Generator
-        A copy of the generator that the calibration will get.
+        A copy of the generator that is passed to the calibration.
     learnt : Learnt
+
+    Returns
+    -------
+    TwinSpec, tuple of str
+        The twin, and the notes for the report.
 
     Raises
     ------
     TwingapError
-        When the records cannot be calibrated on.
+        When the calibration fails.
     """
     names = without_values(spec)
     if not names or spec.model != "phenomenological":

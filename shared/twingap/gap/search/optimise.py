@@ -1,10 +1,10 @@
-"""Values that bring a twin nearest to the fit part: of its effects, and of its baseline.
+"""Optimisation of values, of effects and of the baseline, that bring a twin closest to the fit part.
 
-twin, effects at estimated values --far places, steps of each value, steps of all together--> least misfit
+twin, effects at estimated values --grid, steps of each value, Gauss-Newton steps of all--> smallest misfit
 
-Estimates are read off features, which are the same for all machines; here the twin itself is asked. Random streams are
-the same throughout, so that what differs between two trials is their values. What is made small is the squared misfit
-of a few records with the strain of moving values away from what estimates and calibration say of them (see `prior`).
+Estimators read values off features, which are the same for all machines; here the twin itself is simulated. Random
+streams are fixed, so that two trials differ by their values only. The objective is the root of the squared misfit of a
+few records plus the penalty of the priors of values (see `parameter_prior`).
 """
 
 from __future__ import annotations
@@ -34,48 +34,47 @@ if TYPE_CHECKING:
     from twingap.gap.search.evidence import Evidence
 
 PASSES: Final = 3
-"""Rounds at most: of steps of each effect's values, and of all values together."""
+"""Largest number of rounds, each with steps of single values and of all values together. More rounds take longer."""
 _PLACES: Final = 7
-"""Places over a value's plausible range that are tried first."""
+"""Grid points over a value's plausible range. A larger number finds narrower minima and takes more trials."""
 _LEAST_STEP: Final = 0.005
-"""Part of a value's plausible range: a slip goes from 0 to 0.05, and a first step of 0.02 is no step."""
+"""Smallest first step, as a part of a value's plausible range. A larger step overshoots in narrow ranges."""
 _LOUDER: Final = 3.0
-"""How far levels go beyond what is plausible: multiples of a healthy vibration that may be very quiet."""
+"""Factor on the upper end of plausible levels, which are relative to a healthy vibration that may be very weak."""
 _FARTHEST: Final = 8.0
-"""First steps beyond which a value is not followed in one go."""
+"""Largest distance, in first steps, that a value moves in one line search."""
 _CLEARLY: Final = 0.98
-"""Factor on the misfit from which a far place is better than the estimate."""
+"""Factor on the misfit below which a grid point replaces the estimate. A smaller value keeps more estimates."""
 _BASELINE_STEPS: Final = {"resonance_hz": 0.02, "damping_ratio": 0.2, "impact_amplitude": 0.1}
 _LEVELS: Final = ("scale", "structure_noise_rms", "white_noise_rms")
 _LEVEL_STEP: Final = 0.1
 _CALIBRATED_WITHIN: Final = {"resonance_hz": 0.03, "damping_ratio": 0.2, "impact_amplitude": 0.1}
 _LEVEL_WITHIN: Final = 0.06
-"""Logarithms that nine of ten calibrated values are off by no more (machines without a gap, eight records fitted to;
-modes, which a missing effect may hide, three times as far). Spectra of whole records tell them better than a distance
-on a few does, so that they move for plain reasons only."""
+"""Bound on the error of nine of ten calibrated levels, as a logarithm. A larger value lets the search move levels,
+which calibration estimates better from the spectra of whole records, with a weaker penalty."""
 _DAMPINGS: Final = (0.003, 0.1, 1.0, 10.0)
-"""Of steps of all values together, the boldest first (Levenberg-Marquardt)."""
+"""Levenberg-Marquardt damping factors of steps of all values together, the longest step first."""
 _SHRINKS: Final = 2
-"""Times that steps together are tried again, shorter, once they lead no further."""
+"""Number of times that these steps are shortened after they no longer reduce the misfit."""
 _SETTLED: Final = 0.985
-"""Factor on the misfit above which nothing much was gained."""
+"""Factor on the misfit above which a round ends the search. Closer to 1, the search goes on for a smaller gain."""
 _OTHERS: Final = (5, 6, 7)
-"""Replicates that values are not fitted to."""
+"""Replicates for validation: no value is fitted to them."""
 
 Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
 class Nearest:
-    """Where a search for values ended.
+    """Result of an optimisation.
 
     Parameters
     ----------
     simulator : Simulator
-        With these values of its effects and its baseline.
+        Simulator with the optimised values of its effects and its baseline.
     effects : tuple of Effect
     before, misfit : float
-        Of the fit part, at the start and at the end, with what values are strained.
+        Objective on the fit part at the start and at the end, penalties included.
     """
 
     simulator: Simulator
@@ -96,26 +95,26 @@ def bring_nearest(
     said: Mapping[Key, Said] = MappingProxyType({}),
     stiff: float = 1.0,
 ) -> Nearest:
-    """Move values to where the twin comes nearest to the fit part; kept where other random streams agree.
+    """Optimise values on the fit part; the result is kept if it also holds with other random streams.
 
     Parameters
     ----------
     evidence : Evidence
     simulator : Simulator
-        That has these effects, or can add them.
+        A simulator that has these effects, or can add them.
     effects : sequence of Effect
     errors : Mapping[(effect, parameter), float]
-        How far estimates are off, in comparable numbers (see `parameters`).
+        Errors of estimates, on the scale of `parameter_scale`; they set the first steps.
     moved : sequence of str, optional
-        Effects whose values may move; None is all.
+        Effects whose values are optimised; None for all.
     baseline : bool
-        Whether the twin's own levels, mode and impacts may move too, but for what the user's twin file fixes.
+        Whether the twin's own levels, mode and impacts are optimised too, except those fixed by the twin file.
     passes : int
+        Largest number of rounds.
     said : Mapping[(effect, parameter), Said], optional
-        What estimates say of values; those that are not among them move freely, but for a twin's baseline, which is
-        held by where it begins.
+        Priors of values; values without a prior are free. Calibrated baseline parameters always have one.
     stiff : float
-        Factor on how hard all these pull: more where something else may be missing that values must not make up for.
+        Factor on all penalties; larger where effects may be missing for which values must not compensate.
 
     Returns
     -------
@@ -130,11 +129,11 @@ def bring_nearest(
     begin = search.start()
     if search.at:
         if _PLACES * len(search.ends) > search.left / 2:
-            search.together()  # of large records, far places of many values leave no trial for anything else
+            search.together()  # with large records, the grid over many values would use up all trials
         search.far_places()
         for _ in range(passes):
             least = search.least
-            for key in [key for key in search.at if key[0]]:  # steps together end in the nearest valley
+            for key in [key for key in search.at if key[0]]:  # joint steps converge to the nearest minimum only
                 search.follow(key)
             search.together()
             if search.least > _SETTLED * least:
@@ -145,7 +144,8 @@ def bring_nearest(
     own = [effect for effect in effects if moved is None or effect.name in moved]
     if not any(effect.by_chance for effect in own):
         return Nearest(simulator, tuple(effects), begin, begin)
-    # Values of what comes by chance followed where it came in these simulations; the others may be right all the same.
+    # Values of effects that act at random may have been fitted to these simulations; the other values may still be
+    # valid.
     names = [effect.name for effect in own if not effect.by_chance]
     return bring_nearest(
         evidence, simulator, effects, errors, moved=names, baseline=baseline, passes=passes, said=said, stiff=stiff
@@ -161,20 +161,24 @@ def no_farther(
     said: Mapping[Key, Said] = MappingProxyType({}),
     stiff: float = 1.0,
 ) -> Nearest:
-    """What was found, or something nearer where it drives records and twin apart.
+    """The optimised twin, or a closer one where its distance is larger than that of the twin without the effects.
 
-    Then it lies in another valley than the values that bring them together. A search that begins at the twin without
-    the effects, with a little of each, begins about as near as that twin, and the nearer of both is kept.
+    In that case the search ended in the wrong local minimum. A second search begins at the twin without the effects,
+    with a small strength of each, and the closer of both results is kept.
 
     Parameters
     ----------
     evidence : Evidence
     found : Nearest
-        With its effects.
+        Result with the effects.
     bare : Nearest
-        Without them.
+        Result without them.
     errors, said, stiff
-        As `bring_nearest` has them.
+        See `bring_nearest`.
+
+    Returns
+    -------
+    Nearest
     """
     if left_over(evidence, found.simulator, found.effects) <= left_over(evidence, bare.simulator, ()):
         return found
@@ -185,7 +189,7 @@ def no_farther(
 
 
 def left_over(evidence: Evidence, simulator: Simulator, effects: Sequence[Effect]) -> float:
-    """Mean distance of the fit part by random streams that no value was sought with."""
+    """Mean distance of the fit part over replicates to which no value was fitted."""
     return sum(evidence.gap(simulator, effects, replicate) for replicate in _OTHERS) / len(_OTHERS)
 
 
@@ -210,7 +214,7 @@ class _Search:
         return self.evidence.setting
 
     def start(self) -> float:
-        """The misfit where the search begins."""
+        """Objective at the initial values."""
         self.said = {key: one for key, one in self.said.items() if key in self.at}
         here = self.evidence.tried(self.simulator, self.effects)
         self.scale = Paired(here.real, here.sims, here.conditions).scale
@@ -218,28 +222,28 @@ class _Search:
         return self.begin
 
     def tried(self, simulator: Simulator, effects: tuple[Effect, ...]) -> Paired:
-        """A few records beside what is simulated with these values."""
+        """The trial records paired with simulations at these values."""
         return self.measured(self.evidence.tried(simulator, effects))
 
     def measured(self, pair: Paired) -> Paired:
-        """Measured by how much records scatter that have the effects as they were at the start.
+        """The pair with the scale of the initial twin, effects included.
 
-        Knocks and gaps come by chance: of few records the mean lies anywhere, and by what a twin without them scatters
-        that would look like something to fit.
+        Effects such as impulsive noise and dropouts act at random: the mean of a few records is uncertain, and on the
+        scale of a twin without them this scatter would be fitted.
         """
         return Paired(pair.real, pair.sims, pair.conditions, self.scale)
 
     def strained(self, misfit: float, at: Mapping[Key, float]) -> float:
-        """The misfit with what these values are strained."""
+        """Objective: the misfit with the penalty of these values."""
         return math.sqrt(misfit**2 + self.pull * strain(self.said, at))
 
     @cached_property
     def pull(self) -> float:
-        """See `prior.pull`."""
+        """Weight of the penalties, see `parameter_prior.pull`."""
         return self.stiff * pull(self.evidence.records_tried)
 
     def gather_effects(self, effects: Sequence[Effect], errors: Mapping[Key, float]) -> None:
-        """Their parameters as numbers, with first steps and the ends of plausible ranges."""
+        """Add the parameters of effects as numbers, with first steps and plausible ranges."""
         for effect in effects:
             for key in coordinates():
                 if key[0] != effect.name:
@@ -261,7 +265,7 @@ class _Search:
                 self.step[key] = 1.0 if whole else max(0.5 * errors.get(key, 0.6), least)
 
     def gather_baseline(self, simulator: TwinSimulator) -> None:
-        """What the twin file leaves free, as logarithms."""
+        """Add the baseline parameters that the twin file leaves free, as logarithms."""
         fixed = set(flat(self.evidence.spec.parameters))
         for name, value in flat(all_parameters(simulator.spec)).items():
             family = name.split(".")[0]
@@ -273,14 +277,14 @@ class _Search:
             self.said["", name] = Said(self.at["", name], _CALIBRATED_WITHIN.get(family, _LEVEL_WITHIN))
 
     def gather_level(self) -> None:
-        """The level of a simulator that has nothing else to calibrate, where it is free, as a logarithm."""
+        """Add the level, as a logarithm, of a simulator that has no other free baseline parameter."""
         level = level_of(self.simulator, self.evidence.spec)
         if level is not None:
             self.at["", level[0]] = math.log(level[1])
             self.step["", level[0]] = _LEVEL_STEP
 
     def built(self, at: Mapping[Key, float]) -> tuple[Simulator, tuple[Effect, ...]] | None:
-        """The twin and its effects at these values; None where some record could not be simulated with them."""
+        """The twin and its effects at these values; None where a record cannot be simulated with them."""
         effects = []
         for effect in self.effects:
             numbers = {p: at[n, p] for n, p in at if n == effect.name}
@@ -295,15 +299,15 @@ class _Search:
             return None
 
     def misfit(self, key: Key, value: float) -> float:
-        """Of the fit part, with one value changed; infinite where it has no meaning, or no trial is left."""
+        """Objective with one value changed; infinite outside its range or when no trial is left."""
         low, high = self.ends.get(key, (-math.inf, math.inf))
-        # An estimate beyond what is plausible may come back, not go on: a knock that rings for hours is no trial.
+        # An estimate outside the plausible range may move towards it but not further away.
         if not min(low, self.at[key]) <= value <= max(high, self.at[key]):
             return math.inf
         return self.misfit_at({key: value})
 
     def far_places(self) -> None:
-        """Try each value over its plausible range: an estimate may be far off, and steps would not get there."""
+        """Grid search of each value over its plausible range, for estimates beyond the reach of steps."""
         for key, (low, high) in self.ends.items():
             for value in np.linspace(low, high, _PLACES):
                 found = self.misfit(key, float(value))
@@ -311,7 +315,7 @@ class _Search:
                     self.least, self.at[key] = found, float(value)
 
     def together(self) -> None:
-        """Gauss-Newton steps of all values that are no whole numbers: levels and widths make up for each other."""
+        """Gauss-Newton steps of all continuous values: levels and widths can compensate for each other."""
         shrunk = 0
         while shrunk < _SHRINKS and self.left > 0:
             self.left -= 1
@@ -342,7 +346,7 @@ class _Search:
                     self.step[key] *= 0.4
 
     def _spring(self, key: Key) -> tuple[float, float]:
-        """How hard a value is pulled back, and how much harder a step on; per step."""
+        """Gradient and curvature of a value's penalty, per step."""
         if key not in self.said:
             return 0.0, 0.0
         said, step = self.said[key], self.step[key]
@@ -350,7 +354,7 @@ class _Search:
         return stiff * (self.at[key] - said.number), stiff * step
 
     def holds(self, simulator: Simulator, effects: tuple[Effect, ...]) -> bool:
-        """Whether what was found is no farther off than where it began, judged by other random streams."""
+        """Whether the result is no farther from the fit part than the initial values, with other random streams."""
         if not isinstance(simulator, TwinSimulator) or self.least == self.begin:
             return True
         now, then = (left_over(self.evidence, s, e) for s, e in ((simulator, effects), (self.simulator, self.effects)))
@@ -360,7 +364,7 @@ class _Search:
         return self.built(self.at) or (self.simulator, self.effects)
 
     def _moved(self, key: Key, base: Array) -> Array | None:
-        """[strata + slopes, bins] Change of residuals by one step of a value; None where it cannot be moved."""
+        """[strata + slopes, bins] Change of residuals per step of a value; None where the value cannot be moved."""
         for sign in (0.5, -0.5):
             value = self._inside(key, self.at[key] + sign * self.step[key])
             if self.left <= 0 or value == self.at[key]:
@@ -380,7 +384,7 @@ class _Search:
         return float(np.clip(value, min(low, self.at[key]), max(high, self.at[key])))
 
     def misfit_at(self, there: Mapping[Key, float]) -> float:
-        """Of the fit part, with several values changed, and what they are strained."""
+        """Objective with several values changed; infinite when no trial is left."""
         if self.left <= 0:
             return math.inf
         self.left -= 1
@@ -392,7 +396,8 @@ class _Search:
             return math.inf
 
     def follow(self, key: Key) -> None:
-        """Step both ways; go on in doubled steps while it leads on, else to the vertex of a parabola, and step less."""
+        """Line search: double the step while the objective decreases, else go to the vertex of a parabola and
+        shorten the step."""
         begin, step = self.at[key], self.step[key]
         found = {0.0: self.least, 1.0: self.misfit(key, begin + step), -1.0: self.misfit(key, begin - step)}
         best = min(found, key=lambda turn: found[turn])
@@ -416,7 +421,7 @@ class _Search:
 
 
 def _end(effect: Effect, parameter: str, value: float, setting: Setting) -> float | None:
-    """An end of a plausible range as a number; None where it has no meaning beside the other parameters."""
+    """An end of a plausible range as a number; None where it is invalid with the other parameters."""
     values = {f.name: getattr(effect, f.name) for f in dataclasses.fields(effect)}  # type: ignore[arg-type]
     try:
         return to_number(make_effect(effect.name, values | {parameter: value}), parameter, setting)

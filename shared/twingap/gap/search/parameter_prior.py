@@ -1,10 +1,10 @@
 """Priors of parameters: penalties on values that a search moves away from their estimates.
 
-estimate: number, and how far nine of ten are off --Student's t--> penalty ("strain") of another value
+estimate and the bound of nine of ten errors --Student's t--> penalty ("strain") of another value
 
-Estimates use what no distance on a few records shows: a trend of level over all speeds, a line's frequency to a part in
-ten thousand. Where the distance is flat in a value, the estimate stands; where it is steep, the value moves, and the
-farther off the records' own optimum lies, the less the estimate still pulls.
+Estimators use features that a distance on a few records does not resolve: a trend of level over all speeds, a line
+frequency to a part in ten thousand. Where the distance does not depend on a value, the estimate is kept; where it does,
+the value moves. The penalty grows more slowly the farther the value is from the estimate.
 """
 
 from __future__ import annotations
@@ -16,12 +16,12 @@ from typing import Final, NamedTuple
 from scipy.stats import norm
 
 FREEDOM: Final = 4.0
-"""Degrees of freedom of the t-distribution. Fewer give way sooner to records that contradict an estimate."""
+"""Degrees of freedom of the t-distribution. Fewer weaken the prior where records contradict an estimate."""
 BINS: Final = 30.0
-"""Independent bins among the hundreds in which records are compared. More weaken all priors beside the distance."""
+"""Number of independent bins in a comparison of records. A larger value weakens all priors relative to the distance."""
 _NINE_OF_TEN: Final = float(norm.ppf(0.95))
 _EXACT: Final = 1e-6
-"""Least scale of an estimate's error, so that even one that has never been off gives way to plain evidence."""
+"""Smallest scale of an estimate's error. It keeps the penalty of an exact estimate finite."""
 
 Key = tuple[str, str]
 """Effect and parameter."""
@@ -33,9 +33,9 @@ class Said(NamedTuple):
     Parameters
     ----------
     number : float
-        Comparable between machines, see `parameter_scale`.
+        The estimate, on the scale of `parameter_scale`.
     within : float
-        Nine of ten estimates like it are off by less.
+        Bound on the error of nine of ten such estimates, on the same scale.
     """
 
     number: float
@@ -43,24 +43,24 @@ class Said(NamedTuple):
 
     @property
     def spread(self) -> float:
-        """Scale of its error: a standard deviation, if errors were Gaussian."""
+        """Scale of the estimate's error: its standard deviation if errors were Gaussian."""
         return max(self.within / _NINE_OF_TEN, _EXACT)
 
     def strain(self, number: float) -> float:
-        """Penalty of another value: -2 ln of how much less likely it is than the estimate."""
+        """Penalty of another value: -2 ln of the ratio of its density to that of the estimate."""
         return (FREEDOM + 1) * math.log1p((number - self.number) ** 2 / (FREEDOM * self.spread**2))
 
     def stiffness(self, number: float) -> float:
-        """Stiffness of a spring that pulls from there as the penalty does: weight over the error's variance."""
+        """Curvature of the penalty in iteratively reweighted least squares: weight over the error's variance."""
         off = (number - self.number) ** 2 / self.spread**2
         return (FREEDOM + 1) / (FREEDOM + off) / self.spread**2
 
 
 def strain(said: Mapping[Key, Said], at: Mapping[Key, float]) -> float:
-    """Penalty of several values; 0 at the estimates."""
+    """Sum of the penalties of several values; 0 at the estimates."""
     return sum(said[key].strain(at[key]) for key in said if key in at)
 
 
 def pull(records: int) -> float:
-    """Weight of a penalty beside a squared distance: as much as noise in means of so many records."""
+    """Weight of a penalty relative to a squared distance: the noise of means over this number of records."""
     return 1 / (BINS * max(records, 1))

@@ -1,6 +1,6 @@
-"""Parameters as numbers that are comparable between machines: relative to sampling rate, run or nothing.
+"""Parameters as numbers on a scale that is common to machines: relative to sampling rate or run, or absolute.
 
-effect on a machine <--> one number per parameter, logarithmic where the parameter is
+effect on a machine <--> one number per parameter, on a log scale where the parameter is positive and wide-ranging
 """
 
 from __future__ import annotations
@@ -20,22 +20,22 @@ from twingap.errors import TwingapError
 from twingap.records import Condition
 
 _MOST_OF_NYQUIST: Final = 0.48
-"""Of the sampling rate: estimates of frequencies that must lie below half of it end here."""
+"""Upper bound of estimated frequencies below Nyquist, as a part of the sampling rate."""
 _LARGEST_LOG: Final = 60.0
-"""Logarithms of estimates end here, so that numbers stay finite."""
+"""Largest logarithm of an estimate; it keeps numbers finite."""
 
 
 @dataclass(frozen=True)
 class Setting:
-    """Sampling rate, run and speed of a set of records, which comparable numbers are relative to.
+    """Sampling rate, run and speed of a set of records: the reference of comparable numbers.
 
     Parameters
     ----------
     fs_hz : float
     begin_s, span_s : float
-        Of the run, s; span 1 when there is none.
+        Begin and duration of the run, s; the duration is 1 where there is no run.
     speed_rpm : float
-        Median.
+        Median speed.
     """
 
     fs_hz: float
@@ -45,7 +45,7 @@ class Setting:
 
     @classmethod
     def of(cls, conditions: Sequence[Condition]) -> Setting:
-        """Of a set of records."""
+        """Setting of a set of records."""
         times = [c.time_s for c in conditions if c.time_s is not None]
         speeds = sorted(c.speed_rpm for c in conditions)
         begin, span = (min(times), max(times) - min(times)) if times else (0.0, 0.0)
@@ -53,7 +53,7 @@ class Setting:
 
 
 def coordinates() -> tuple[tuple[str, str], ...]:
-    """(effect, parameter) of all that can be estimated."""
+    """(effect, parameter) of all parameters with an estimator."""
     return _coordinates(tuple(catalogue().items()))
 
 
@@ -70,7 +70,7 @@ def to_number(effect: Effect, parameter: str, setting: Setting) -> float:
 
 
 def to_effect(name: str, numbers: Mapping[str, float], setting: Setting) -> Effect:
-    """The effect with these values, each moved into its allowed range."""
+    """The effect at these numbers, each clipped to its allowed range."""
     kind, values = catalogue()[name], dict[str, float]()
     for field in kind.parameters():
         if field.metadata["relative_to"] == "speed":
@@ -79,12 +79,12 @@ def to_effect(name: str, numbers: Mapping[str, float], setting: Setting) -> Effe
             values[field.name] = to_value(name, field.name, numbers[field.name], setting)
     try:
         return make_effect(name, kind.consistent(values))
-    except TwingapError:  # a user's own effect may refuse combinations: its defaults are always meaningful
+    except TwingapError:  # a user's own effect may reject combinations of values; its defaults are always valid
         return make_effect(name)
 
 
 def a_little_off(effect: Effect, error: float, setting: Setting, rng: np.random.Generator) -> Effect:
-    """The effect at values with errors as estimates have them.
+    """The effect at values with random errors, as estimates have them.
 
     Parameters
     ----------
@@ -93,6 +93,10 @@ def a_little_off(effect: Effect, error: float, setting: Setting, rng: np.random.
         Standard deviation of numbers, see `to_number`.
     setting : Setting
     rng : numpy.random.Generator
+
+    Returns
+    -------
+    Effect
     """
     numbers = {}
     for field in effect.parameters():
@@ -104,7 +108,7 @@ def a_little_off(effect: Effect, error: float, setting: Setting, rng: np.random.
 
 
 def to_value(name: str, parameter: str, number: float, setting: Setting) -> float:
-    """A comparable number as the parameter's value, in its unit and allowed range."""
+    """The parameter's value, in its unit and allowed range, from a comparable number."""
     field = _field(catalogue()[name], parameter)
     value = math.exp(min(number, _LARGEST_LOG)) if field.metadata["log_estimate"] else number
     value = (value + _origin(field, setting)) * _unit(field, setting)
@@ -113,7 +117,7 @@ def to_value(name: str, parameter: str, number: float, setting: Setting) -> floa
 
 
 def _estimated(field: dataclasses.Field[Any]) -> bool:
-    """Whether it is more than a convention: the impacts' amplitude takes up another reference speed."""
+    """Whether a parameter is estimated: a reference speed is a convention, absorbed by the impacts' amplitude."""
     return bool(field.metadata["relative_to"] != "speed")
 
 
@@ -123,7 +127,7 @@ def _field(kind: type[Effect], parameter: str) -> dataclasses.Field[Any]:
 
 
 def _unit(field: dataclasses.Field[Any], setting: Setting) -> float:
-    """What values are divided by to be comparable."""
+    """Divisor of values on the common scale."""
     relative_to, unit = field.metadata["relative_to"], field.metadata["unit"]
     if relative_to == "run":
         return 1 / setting.span_s if unit == "1/s" else setting.span_s
@@ -131,6 +135,6 @@ def _unit(field: dataclasses.Field[Any], setting: Setting) -> float:
 
 
 def _origin(field: dataclasses.Field[Any], setting: Setting) -> float:
-    """Where a time of the run counts from, in spans."""
+    """Origin of a time within the run, in durations of the run."""
     of_run = field.metadata["relative_to"] == "run" and field.metadata["unit"] != "1/s"
     return setting.begin_s / setting.span_s if of_run else 0.0

@@ -1,9 +1,9 @@
-"""Missing effects of which nothing was learnt: fitted by simulation, tested on held-out records.
+"""Missing effects without a detector: fitted by simulation, tested on held-out records.
 
-plausible values, excess of the records' spectrum --least misfits--> values --moved--> effect, on the fit part
+plausible values, excess of the records' spectrum --smallest misfits--> values --optimised--> effect, on the fit part
 held-out records --distance without and with the effect, record by record--> sign-flip test --> p-value, probability
 
-A user's own effect, or one whose definition was edited, has no detector and no estimator. Distances need neither.
+A user's own effect, or one whose definition was edited, has neither detector nor estimator. Distances need neither.
 """
 
 from __future__ import annotations
@@ -31,38 +31,42 @@ from twingap.twins.simulator import Simulator
 Array = NDArray[np.float64]
 
 LEVEL: Final = 0.02
-"""P-value up to which an effect is named, divided by the number of effects that are tested."""
+"""Level at which an effect is named, divided by the number of tested effects. A larger value names more of them."""
 _PLACES: Final = 32
-"""Points of the plausible ranges that are tried first. More find narrow valleys more often, at one simulation each."""
+"""Initial points in the plausible ranges. A larger number finds narrow minima more often, at one simulation each."""
 _PEAKS: Final = 6
-"""Highest peaks of the spectrum's excess that a frequency is tried at."""
+"""Highest peaks of the spectrum's excess at which a frequency is tried. A larger number takes more simulations."""
 _SEGMENT: Final = 8192
-"""Samples of a segment of these spectra."""
+"""Segment length of these spectra, samples. Longer segments resolve closer lines."""
 _BEST: Final = 4
-"""Points whose frequencies are moved to these peaks."""
+"""Points whose frequencies are moved to these peaks. A larger number takes more simulations."""
 _FINALISTS: Final = 3
-"""Points from which values are moved."""
+"""Points whose values are optimised. A larger number misses fewer minima and takes longer."""
 _REPLICATES: Final = 4
-"""Simulations of every held-out record that a test averages."""
+"""Simulations of every held-out record that a test averages. A larger number gives the test more power."""
 _DRAWS: Final = 9999
-"""Sign flips of a test, where there are that many."""
+"""Largest number of sign flips of a test. A larger number resolves smaller p-values."""
 _LARGE: Final = 16.0
-"""Square, in standard deviations, beyond which squares grow with their logarithm, so that no single bin decides."""
+"""Squared deviation, in variances, above which it grows logarithmically. A larger value lets a single bin decide."""
 
 Chain = tuple[Effect, ...]
 
 
 def fitted(evidence: Evidence, name: str, features: Array, others: Sequence[Effect] = ()) -> Effect | None:
-    """The effect at the values that bring the twin nearest to the fit part; None where no value can act on the records.
+    """The effect at the values that bring the twin closest to the fit part; None where no value acts on the records.
 
     Parameters
     ----------
     evidence : Evidence
     name : str
     features : Array [features]
-        Of the fit part, without the effect.
+        Features of the fit part, without the effect.
     others : sequence of Effect
-        Added to the twin already.
+        Effects already added to the twin.
+
+    Returns
+    -------
+    Effect or None
     """
     others, tried = tuple(others), dict[Effect, float]()
 
@@ -84,16 +88,21 @@ def fitted(evidence: Evidence, name: str, features: Array, others: Sequence[Effe
 
 
 def p_value(evidence: Evidence, chain: Chain, without: Chain) -> float:
-    """P-value of held-out records being no nearer to the twin with one chain of effects than with the other.
+    """P-value of held-out records being no closer to the twin with one set of effects than with another.
 
-    Signs of the differences in squared distance are flipped group by group; an effect that is absent, at values fitted
-    to other records, makes distances larger on average.
+    Signs of the differences in squared distance are flipped group by group. An absent effect, at values fitted to other
+    records, increases distances on average.
 
     Parameters
     ----------
     evidence : Evidence
     chain, without : tuple of Effect
-        Of which every value was found on the fit part.
+        Sets of effects with values from the fit part.
+
+    Returns
+    -------
+    float
+        1 where there are fewer than two groups.
     """
     part = evidence.calibrated.held_out
     grid = Grid.of(part.conditions, evidence.frame.bearing)
@@ -120,7 +129,7 @@ def p_value(evidence: Evidence, chain: Chain, without: Chain) -> float:
 
 
 def probability(p: float) -> float:
-    """Largest probability that the effect is missing which a p-value allows, at even odds before.
+    """Upper bound of the probability that an effect is missing, from a p-value and even prior odds.
 
     Sellke, Bayarri and Berger 2001, doi:10.1198/000313001300339950.
     """
@@ -137,7 +146,7 @@ def _squared(pair: Paired) -> Array:
 
 
 def _places(evidence: Evidence, name: str, features: Array) -> Iterator[Effect]:
-    """Values: the default, what the effect itself proposes, and points spread over all plausible ranges."""
+    """Initial values: the default, the effect's own proposals, and quasi-random points in the plausible ranges."""
     default = catalogue()[name]()
     yield default
     yield from default.initial_values(observations(evidence, features))
@@ -154,8 +163,8 @@ def _places(evidence: Evidence, name: str, features: Array) -> Iterator[Effect]:
 
 
 def _at_peaks(effects: Sequence[Effect], peaks_hz: Sequence[float]) -> Iterator[Effect]:
-    """The effects with each frequency moved to where the records' spectrum exceeds the twin's: a valley that is as
-    narrow as a line is found in no other way."""
+    """The effects with each frequency moved to peaks of the spectrum's excess, where a minimum is as narrow as a
+    line."""
     for effect in effects:
         for field in effect.parameters():
             low, high = field.metadata["plausible"]
@@ -164,7 +173,7 @@ def _at_peaks(effects: Sequence[Effect], peaks_hz: Sequence[float]) -> Iterator[
 
 
 def _excess_hz(evidence: Evidence, others: Chain) -> list[float]:
-    """Frequencies, Hz, at which the records' mean spectrum most exceeds the twin's."""
+    """Frequencies, Hz, with the largest excess of the records' mean spectrum over the twin's."""
     few = list(thinned(evidence.calibrated.fit, 3))
     simulator: Simulator = evidence.against(others).simulator
     made = list(evidence.simulated(simulator, others, [record.condition for record in few], 3))
