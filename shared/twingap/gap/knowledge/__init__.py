@@ -1,9 +1,9 @@
-"""What the diagnosis has learnt from simulated gaps, and how it is learnt.
+"""Models of the diagnosis, learnt from simulated gaps, and their training.
 
-simulated gap --calibrate, compare--> examples --learn--> detectors, estimators, nulls ----+
-simulated gap --search with these--> ends of searches --> calibration of probabilities ----+--> learnt/, in the package
+simulated gap --calibrate, compare--> examples --learn--> detectors, estimators, nulls --+
+simulated gap --search with these--> outcomes --> calibration of probabilities ----------+--> learnt/, in the package
 
-Add to what is learnt: draw effects in `simulated_gaps`, change what is learnt in `learn`, run `twingap train`.
+To extend them: draw effects in `simulated_gaps`, change the models in `learn`, run `twingap train`.
 """
 
 from __future__ import annotations
@@ -20,12 +20,16 @@ SHIPPED: Final = Path(__file__).parent / "learnt"
 
 @cache
 def shipped() -> Learnt:
-    """What the package ships with.
+    """Models that are part of the package.
+
+    Returns
+    -------
+    Learnt
 
     Raises
     ------
     TwingapError
-        When the files are missing or altered.
+        When a file is missing or altered.
     """
     from twingap.gap.features.comparison import feature_names
     from twingap.gap.knowledge.learnt_file import read_learnt
@@ -34,7 +38,7 @@ def shipped() -> Learnt:
 
 
 def shipped_digest() -> str:
-    """sha256 of what the package ships with: results of a diagnosis depend on it."""
+    """sha256 of the models that are part of the package, for the provenance of a diagnosis."""
     from twingap.files import sha256
 
     return sha256(SHIPPED / "learnt.json")

@@ -1,12 +1,12 @@
-"""Which missing effects anyone could have seen: those that are found on most machines alike, at values alike.
+"""Detectability of missing effects: the probability that an effect is found, given its values and the machine.
 
-values, context, what a detector said of machines it had not seen --forest of each effect--> chance of being found
+values, context, log odds of detectors on machines not trained on --random forest per effect--> detection probability
 
-Effects are drawn as far as records could show them, by rules that know one effect each; what hides a slip among few
-strikes, or a band of noise under another, no rule knows. To learn from effects that left no trace is to learn that all
-that cannot be seen may well be there: what is missing is told no better, and sets that hold the truth grow without end.
-So what few of its like were found of is neither missing nor not. How plain an effect *looks* has no say: an effect that
-was missed, among others of its kind that were found, stays missing.
+Effects are drawn at values that records should show, but each draw considers one effect alone: slip may be hidden by a
+small number of impacts, or a noise band by another. Training on effects that leave no trace would make detectors
+unspecific and confidence sets large. Undetectable effects therefore count neither as missing nor as absent. The
+detection probability depends on values and context, not on the log odds of the same machine: an effect that was missed
+although similar ones are found still counts as missing.
 """
 
 from __future__ import annotations
@@ -22,9 +22,10 @@ Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 LEAST: Final = 0.35
-"""Chance of being found below which an effect counts as invisible."""
+"""Detection probability below which an effect counts as undetectable. A larger value leaves more effects out of
+training."""
 _FEWEST: Final = 60
-"""Machines with an effect below which nothing is said of it."""
+"""Smallest number of machines with an effect for which its detectability is learnt. Fewer make it less certain."""
 _CONTEXT: Final = (
     "context|records", "context|healthy_share", "context|log_samples", "context|log_turns", "context|speeds",
     "context|span_s", "context|own_simulator", "events.strike_snr|all.level", "answer.clear|all.level",
@@ -33,16 +34,17 @@ _CONTEXT: Final = (
 
 @dataclass(frozen=True)
 class Detectability:
-    """How surely each effect is found, by its values and by what else there is.
+    """Detection probability of each effect, from its values, the records and the other missing effects.
 
     Parameters
     ----------
     effects : tuple of str
     places : Mapping[str, Array]
-        Columns of an effect's values.
-    context : Array
-        Columns of features.
+        Columns of each effect's values.
+    context : Array [columns]
+        Columns of the features that describe the records.
     forests : Mapping[str, RandomForestRegressor]
+        Regression of the detection probability; none for an effect with too few machines.
     """
 
     effects: tuple[str, ...]
@@ -51,13 +53,17 @@ class Detectability:
     forests: Mapping[str, Any]
 
     def hidden(self, missing: Mask, values: Array, features: NDArray[Any]) -> Mask:
-        """[examples, effects] Whether an effect is missing where hardly anyone would see it.
+        """[examples, effects] Whether an effect is missing and undetectable.
 
         Parameters
         ----------
         missing : Mask [examples, effects]
         values : Array [examples, parameters]
         features : Array [examples, features]
+
+        Returns
+        -------
+        Mask [examples, effects]
         """
         out = np.zeros(missing.shape, bool)
         for j, name in enumerate(self.effects):
@@ -69,7 +75,7 @@ class Detectability:
 
 
 def _about(values: Array, context: NDArray[Any], missing: Mask) -> Array:
-    """[examples, columns] What an effect's chance is worked out from; the others that are missing are counted."""
+    """[examples, columns] Inputs of a forest: values, context and the number of missing effects."""
     return np.asarray(np.nan_to_num(np.column_stack([values, context, missing.sum(axis=1)]), nan=-9.0))
 
 
@@ -77,17 +83,17 @@ def learn_detectability(
     said: Mapping[str, Array], missing: Mask, values: Array, features: NDArray[Any], effects: Sequence[str],
     parameters: Sequence[tuple[str, str]], names: Sequence[str],
 ) -> tuple[Detectability, Mask]:  # fmt: skip
-    """How surely effects are found, and which of the examples' are hidden, each judged by trees that had not seen it.
+    """Detectability, and the undetectable effects of the examples themselves, by out-of-bag prediction.
 
     Parameters
     ----------
     said : Mapping[str, Array]
-        Log odds [examples] of each effect, by detectors that had not seen the machine.
+        Log odds [examples] of each effect, by detectors not trained on the machine.
     missing : Mask [examples, effects]
     values : Array [examples, parameters]
     features : Array [examples, features]
     effects, parameters, names : sequence
-        Of the columns of `missing`, `values` and `features`.
+        Names of the columns of `missing`, `values` and `features`.
 
     Returns
     -------

@@ -1,7 +1,7 @@
-"""Trees that read examples: whether an effect is missing (log odds), and a parameter's value.
+"""Detectors and estimators: boosted trees for the log odds that an effect is missing, and for a parameter's value.
 
-features [examples, columns] --those that tell--> trees, one a fold of whole machines --> Ensemble, Estimator
-                                                   what each says of machines it has not seen --> its calibration
+features [examples, columns] --selection--> trees, one model per fold of whole machines --> Ensemble, Estimator
+                                            out-of-fold predictions --> calibration
 """
 
 from __future__ import annotations
@@ -21,16 +21,28 @@ Mask = NDArray[np.bool_]
 FOLDS: Final = 5
 _KEPT: Final = 170
 _KNOWN: Final = 0.12
-"""Part of the examples in which a feature must be known for anything to be learnt from it."""
+"""Smallest part of the examples in which a feature has to be known to be used. A larger value uses fewer features."""
 _LEAST_OFF: Final = 0.02
-"""Part of the usual largest error below which estimates count as exact."""
+"""Error, as a part of the bound on nine of ten errors, below which estimates count as exact; it bounds the
+logarithm."""
 _FEWEST: Final = 25
-"""Examples of an effect below which nothing is learnt of it."""
+"""Smallest number of examples from which a model is learnt. A larger value leaves rare effects without a model."""
 
 
 @dataclass
 class Ensemble:
-    """One model per fold over the features that matter, and what it said of examples it had not seen."""
+    """One model per fold over selected features, with their out-of-fold predictions.
+
+    Parameters
+    ----------
+    columns : Array [columns]
+        Selected features.
+    models : list of Boosted
+    line, line_later : (float, float)
+        Slope and offset of the calibration, for a twin as given and for one to which effects have been added.
+    unseen : Array [examples]
+        Out-of-fold predictions.
+    """
 
     columns: NDArray[np.int64]
     models: list[Boosted]
@@ -39,9 +51,13 @@ class Ensemble:
     unseen: Array = field(default_factory=lambda: np.empty(0))
 
     def score(self, features: NDArray[Any], *, later: bool = False) -> Array:
-        """[examples] Log odds of a classifier, or a regressor's value, averaged over folds.
+        """[examples] Log odds of a classifier, or value of a regressor, averaged over folds.
 
-        `later`: effects have been added to the twin. What looks like one more is then more often what they left over.
+        Parameters
+        ----------
+        features : Array [examples, features]
+        later : bool
+            Whether effects have been added to the twin. Further effects are then less probable at the same score.
         """
         own = np.asarray(np.asarray(features)[:, self.columns], np.float32)
         slope, offset = self.line_later if later else self.line
@@ -50,13 +66,13 @@ class Ensemble:
 
 @dataclass(frozen=True)
 class Anchor:
-    """A line over one feature.
+    """Linear function of one feature.
 
     Parameters
     ----------
     column : int
     logarithmic : bool
-        Whether the line runs over the feature's logarithm.
+        Whether it is linear in the feature's logarithm.
     line : (float, float)
         Slope and offset.
     """
@@ -66,7 +82,7 @@ class Anchor:
     line: tuple[float, float]
 
     def read(self, features: NDArray[Any]) -> Array:
-        """[examples] NaN where the feature is not known."""
+        """[examples] Value of the function; NaN where the feature is unknown."""
         x = np.asarray(features[:, self.column], float)
         at = np.log(np.maximum(np.abs(x), 1e-9)) if self.logarithmic else x
         return np.where(np.isfinite(x), self.line[0] * np.where(np.isfinite(x), at, 0.0) + self.line[1], np.nan)
@@ -74,22 +90,23 @@ class Anchor:
 
 @dataclass
 class Estimator:
-    """A parameter's value: a line over the feature that tells most, and trees for the rest where they help.
+    """Estimator of a parameter: a linear function of the best feature, plus trees where they reduce the error.
 
     Parameters
     ----------
     anchors : tuple of Anchor
-        The feature that tells it best where it is known, and others for where it is not.
+        Linear functions in order of preference; the first with a known feature is used.
     middle : float
-        The value where none of them is known.
+        Value where none of these features is known.
     rest : Ensemble or None
-        What trees add; None where the line alone did better on machines not learnt from.
+        Trees for the residual; None where they do not reduce the out-of-fold error.
     error : float
-        Nine of ten estimates for machines not learnt from were off by less (in comparable numbers).
+        Bound on nine of ten out-of-fold errors, on the scale of `parameter_scale`.
     doubt : Ensemble or None
-        Logarithm of how far an estimate is off, from the same features: teeth are read exactly, or not at all.
+        Trees for the logarithm of the absolute error, which depends on the machine: the number of teeth, for example,
+        is either exact or unknown.
     reach : float
-        Nine of ten estimates were off by less than this many times what `doubt` says.
+        Factor on the error predicted by `doubt` that bounds nine of ten errors.
     """
 
     anchors: tuple[Anchor, ...]
@@ -100,19 +117,19 @@ class Estimator:
     reach: float = 1.0
 
     def estimate(self, features: NDArray[Any]) -> Array:
-        """[examples] Comparable numbers, see `parameters`."""
+        """[examples] Comparable numbers, see `parameter_scale`."""
         line = _on_lines(features, self.anchors, self.middle)
         return line if self.rest is None else line + self.rest.score(features)
 
     def within(self, features: NDArray[Any]) -> Array:
-        """[examples] How far nine of ten estimates like these are off at most, comparable numbers."""
+        """[examples] Bound on nine of ten errors of such estimates, comparable numbers."""
         if self.doubt is None:
             return np.full(len(features), self.error)
         return np.asarray(self.reach * np.exp(self.doubt.score(features)))
 
 
 def _on_lines(features: NDArray[Any], anchors: Sequence[Anchor], middle: float) -> Array:
-    """[examples] What the first anchor says that is known."""
+    """[examples] Value of the first anchor whose feature is known."""
     out = np.full(len(features), np.nan)
     for anchor in anchors:
         out = np.where(np.isfinite(out), out, anchor.read(features))
@@ -120,12 +137,12 @@ def _on_lines(features: NDArray[Any], anchors: Sequence[Anchor], middle: float) 
 
 
 def folds(machine: NDArray[np.int64], count: int = FOLDS) -> NDArray[np.int64]:
-    """[examples] Fold of each example, by machine."""
+    """[examples] Fold of each example; a machine is in one fold only."""
     return np.asarray(machine % count)
 
 
 class Table:
-    """Features of examples, with their ranks worked out once for all that is learnt from them."""
+    """Features of examples with their ranks, which all models share."""
 
     def __init__(self, features: NDArray[np.float32]) -> None:
         self.values = features
@@ -137,17 +154,17 @@ class Table:
                 self.ranks[known, j] = (place - place.mean()) / (place.std() * np.sqrt(len(features)))
 
     def take(self, rows: Mask) -> Table:
-        """Some of the examples; their ranks stay those among all."""
+        """A subset of the examples; ranks remain those among all."""
         part = Table.__new__(Table)
         part.values, part.ranks = self.values[rows], self.ranks[rows]
         return part
 
     def telling(self, target: Array, allowed: Sequence[int]) -> NDArray[np.int64]:
-        """Those of the allowed columns that tell most: by rank correlation, and by what random trees split on."""
+        """The most informative of the allowed columns, by rank correlation and by importance in randomised trees."""
         from sklearn.ensemble import ExtraTreesClassifier, ExtraTreesRegressor
 
         own = np.asarray(allowed, int)
-        # What is known of a handful of machines only may be unknown in a whole fold.
+        # A feature that few machines have may be unknown in a whole fold.
         own = own[np.isfinite(self.values[:, own]).mean(axis=0) >= _KNOWN]
         if own.size <= _KEPT:
             return np.asarray(own)
@@ -169,20 +186,24 @@ def learn_classifier(
     first: Mask | None = None,
     counted: Mask | None = None,
 ) -> Ensemble | None:
-    """A detector with calibrated log odds, or None when there are too few examples of either kind.
+    """A detector with calibrated log odds, or None where there are too few examples of either class.
 
     Parameters
     ----------
     table : Table
     label : Mask [examples]
     machine : Array [examples]
-        Machines stay whole in a fold.
+        Machine of each example; a machine is in one fold only.
     allowed : sequence of int
-        Columns that may be read.
+        Columns that may be used.
     first : Mask [examples], optional
-        Examples whose twin was as given: they and the others are calibrated apart. None: all together.
+        Examples with the twin as given, calibrated separately from the others. None: all examples.
     counted : Mask [examples], optional
-        Examples to learn from and to calibrate on; the others are only asked about. None: all.
+        Examples for training and calibration; for the others, predictions are computed only. None: all examples.
+
+    Returns
+    -------
+    Ensemble or None
     """
     from sklearn.ensemble import HistGradientBoostingClassifier
 
@@ -212,7 +233,22 @@ def learn_classifier(
 
 
 def learn_estimator(table: Table, value: Array, machine: NDArray[np.int64], allowed: Sequence[int]) -> Estimator | None:
-    """How to read a parameter off the features; `value` is NaN where the effect is absent."""
+    """Estimator of a parameter from features; None where there are too few examples.
+
+    Parameters
+    ----------
+    table : Table
+    value : Array [examples]
+        Comparable numbers; NaN where the effect is absent.
+    machine : Array [examples]
+        Machine of each example; a machine is in one fold only.
+    allowed : sequence of int
+        Columns that may be used.
+
+    Returns
+    -------
+    Estimator or None
+    """
     known = np.isfinite(value)
     if known.sum() < _FEWEST or np.ptp(value[known]) == 0:
         return None
@@ -228,7 +264,7 @@ def learn_estimator(table: Table, value: Array, machine: NDArray[np.int64], allo
         own, residual, fold, loss="absolute_error", max_iter=100, max_leaf_nodes=10, min_samples_leaf=8,
         l2_regularization=1.0,
     )  # fmt: skip
-    # A line that is exact for most machines is not improved by trees that make all of them a little wrong.
+    # A function that is exact for most machines must not be replaced by trees that are slightly off for all.
     with_trees, alone = np.abs(residual - unseen), np.abs(residual)
     better = np.median(with_trees) + 0.2 * with_trees.mean() < np.median(alone) + 0.2 * alone.mean()
     off = with_trees if better else alone
@@ -240,10 +276,9 @@ def learn_estimator(table: Table, value: Array, machine: NDArray[np.int64], allo
 def _doubt(
     columns: NDArray[np.int64], own: NDArray[np.float32], off: Array, error: float, fold: NDArray[np.int64]
 ) -> tuple[Ensemble | None, float]:
-    """What tells how far an estimate is off, and the factor within which nine of ten machines not learnt from lie.
+    """Trees for the size of an estimate's error, and the factor that bounds nine of ten out-of-fold errors.
 
-    Conformal regression of errors scaled by what is expected of them (Papadopoulos et al. 2011,
-    doi:10.1613/jair.3198).
+    Conformal regression with normalised errors (Papadopoulos et al. 2011, doi:10.1613/jair.3198).
     """
     if error <= 0:
         return None, 1.0
@@ -257,7 +292,7 @@ def _doubt(
 def _regressed(
     own: NDArray[np.float32], target: Array, fold: NDArray[np.int64], **options: Any
 ) -> tuple[list[Boosted], Array]:
-    """Trees that say a number, one model a fold, and what each says of the examples that it has not seen."""
+    """Regression trees, one model per fold, and their out-of-fold predictions [examples]."""
     from sklearn.ensemble import HistGradientBoostingRegressor
 
     unseen, models = np.zeros(len(target)), []
@@ -273,11 +308,10 @@ def _regressed(
 
 
 def _anchors(features: NDArray[np.float32], columns: NDArray[np.int64], value: Array) -> tuple[Anchor, ...]:
-    """The column whose line, over it or its logarithm, comes nearest to the value for machines of which it is known,
-    and the one that does for most machines.
+    """Linear functions with the smallest error: over machines with a known feature, and over all machines.
 
-    A comb that is found tells a gear's teeth exactly, and is not always found; another feature is always there, and
-    tells them within a harmonic.
+    A comb, where it is found, gives a gear's number of teeth exactly; another feature is always known and gives it to
+    within a harmonic.
     """
     spread = float(np.mean(np.abs(value - np.median(value))))
     middle = Anchor(int(columns[0]), False, (0.0, float(np.median(value))))
@@ -303,12 +337,12 @@ def _anchors(features: NDArray[np.float32], columns: NDArray[np.int64], value: A
 
 
 def _usual_error(off: Array) -> float:
-    """Of most, and a little of all."""
+    """Typical error: the median, plus a part of the mean."""
     return float(np.median(off) + 0.2 * off.mean())
 
 
 def _robust_line(x: Array, y: Array) -> tuple[float, float] | None:
-    """Least squares on what lies near: features have wild outliers where nothing was found."""
+    """Slope and offset of trimmed least squares: features have outliers where nothing was detected."""
     near = np.ones(len(x), bool)
     line = (0.0, 0.0)
     for kept in (0.8, 0.7, 0.7, 1.0):
@@ -322,7 +356,7 @@ def _robust_line(x: Array, y: Array) -> tuple[float, float] | None:
 
 
 def _platt(score: Array, label: Mask) -> tuple[float, float]:
-    """Slope and offset that make scores log odds."""
+    """Slope and offset of Platt scaling, which turns scores into log odds."""
     from sklearn.linear_model import LogisticRegression
 
     fit = LogisticRegression(C=10.0).fit(np.clip(score, -15, 15)[:, None], label)

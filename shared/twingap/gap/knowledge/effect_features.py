@@ -1,4 +1,4 @@
-"""Which features may tell of which effect: what keeps a detector from learning coincidences."""
+"""Features of each effect: the inputs of its detector, restricted to avoid spurious correlations."""
 
 from __future__ import annotations
 
@@ -9,19 +9,23 @@ from typing import Final
 from twingap.effects import Effect, catalogue
 
 _OF_THE_SET: Final = ("shape", "path", "change", "pooled", "answer", "comb", "trend")
-"""Families of features of the whole set of records, which patterns name as ``family|feature``."""
+"""Families of features of the whole set of records, named ``family|feature`` in patterns."""
 _ALWAYS: Final = ("own_simulator", "records", "healthy_share", "log_samples", "log_turns", "speeds", "span_s")
-"""What every detector may know of the records' conditions."""
+"""Features of the records' conditions that every detector uses."""
 
 
 def columns(effect: str, features: tuple[str, ...]) -> tuple[int, ...]:
-    """Places of the features that may tell of an effect, see `Effect.features`; all for an unknown effect.
+    """Indices of the features that an effect may show in, see `Effect.features`; all for an unknown effect.
 
     Parameters
     ----------
     effect : str
     features : tuple of str
-        Names as `comparison.feature_names` has them.
+        Names as in `comparison.feature_names`.
+
+    Returns
+    -------
+    tuple of int
     """
     kind = catalogue().get(effect)
     return tuple(range(len(features))) if kind is None else _columns(kind, features)
@@ -36,13 +40,13 @@ def _columns(kind: type[Effect], features: tuple[str, ...]) -> tuple[int, ...]:
 
 def _may_tell(kind: type[Effect], feature: str) -> bool:
     of, _, about = feature.partition("|")
-    if of == "view":  # how far records and twin lie apart in a domain
+    if of == "view":  # distance between records and twin in a domain
         return True
     if of == "context":
         return about in _ALWAYS or _matches(feature, kind)
     if of in _OF_THE_SET:
         return _matches(feature, kind)
-    # Trends over conditions are left out but for effects that show in them.
+    # Trends over conditions are used only for effects that declare them.
     return _matches(of, kind) and (not about.startswith("on_") or about.startswith(kind.trends))
 
 

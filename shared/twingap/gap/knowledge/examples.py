@@ -1,7 +1,7 @@
-"""Examples to learn from: simulated gaps, put through the very steps that a diagnosis takes.
+"""Training examples: simulated gaps, processed by the same steps as a diagnosis.
 
-SimulatedGap --calibrate, simulate, compare--> features as the twin is given
-             --some missing effects added, at values a little off--> features as a search would see them
+SimulatedGap --calibrate, simulate, compare--> features with the twin as given
+             --some missing effects added, at values with errors--> features as in a search
 """
 
 from __future__ import annotations
@@ -24,23 +24,28 @@ Array = NDArray[np.float64]
 
 
 def examples(seed: int, machines: Sequence[int], most_records: int, among: Sequence[str] = ()) -> Examples:
-    """Examples of these machines.
+    """Training examples of simulated machines.
 
     Parameters
     ----------
     seed : int
     machines : sequence of int
-        Their numbers; a machine depends on the seed and its number alone.
+        Numbers of the machines; a machine depends on the seed and its number only.
     most_records : int
+        Largest number of records of a machine.
     among : sequence of str
-        Effects to draw from; empty is the whole catalogue.
+        Effects to draw from; empty for the whole catalogue.
+
+    Returns
+    -------
+    Examples
     """
     rows = [row for machine in machines for row in _of(seed, machine, most_records, among)]
     return stacked([Examples(*[np.asarray([value]) for value in row]) for row in rows])
 
 
 def stacked(parts: Sequence[Examples]) -> Examples:
-    """All examples as one."""
+    """Concatenation of examples."""
     if not parts:
         width, effects, values = len(feature_names()), len(catalogue()), len(coordinates())
         nothing = np.zeros((0, width), np.float32)
@@ -59,7 +64,7 @@ def _of(seed: int, machine: int, most_records: int, among: Sequence[str]) -> Ite
         gap = draw_gap(rng, most_records=most_records, among=among)
         calibrated = calibrate(gap.records, gap.spec, rng, sim=gap.sim)
         evidence = Evidence(calibrated, simulator_of(calibrated, gap.sim), gap.spec, int(rng.integers(2**62)))
-    except TwingapError:  # a drawn machine that nobody could calibrate teaches nothing
+    except TwingapError:  # a machine that cannot be calibrated gives no example
         return
     setting, order = evidence.setting, list(catalogue())
     try:
@@ -92,7 +97,7 @@ def _row(
 
 
 def _partly(rng: np.random.Generator, gap: SimulatedGap, setting: Setting, evidence: Evidence) -> tuple[Effect, ...]:
-    """Some or all of the missing effects, as far as they can be added, at values about as wrong as estimates are."""
+    """Some or all of the missing effects that can be added, at values with errors as estimates have them."""
     can = [e for e in gap.missing if evidence.can_add(e.name) is None]
     chance = 1.0 if rng.random() < 0.5 else 0.6
     error = 0.12 * rng.random()

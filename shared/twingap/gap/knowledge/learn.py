@@ -1,7 +1,7 @@
-"""What is learnt from simulated gaps: which effects are missing, at which values, and whether anything is.
+"""Training of detectors, estimators and null distributions on examples.
 
-examples (features, what is missing, values) --detectors--> detector of each effect, estimator of each value
-                                             --scores of machines not learnt from--> detector of any gap, null, limits
+examples (features, missing effects, values) --training--> detector of each effect, estimator of each value
+                                             --out-of-fold scores--> detector of any gap, null, thresholds
 """
 
 from __future__ import annotations
@@ -26,24 +26,25 @@ Mask = NDArray[np.bool_]
 
 @dataclass
 class Examples:
-    """Simulated gaps as numbers.
+    """Simulated gaps as arrays.
 
     Parameters
     ----------
     features : Array [examples, features]
+        Comparison on the held-out part.
     missing : Mask [examples, effects]
     modelled : Mask [examples, effects]
-        What the twin has as given: that cannot be missing, though a machine may have it in another form.
+        Effects of the given twin; they cannot be missing, though a machine may have a variant of them.
     strange : Mask [examples]
-        Something outside the catalogue.
+        Whether the machine has an effect outside the catalogue.
     machine : Array [examples]
-        Which machine: one machine never sits on both sides of a fold.
+        Number of the machine; a machine is in one fold only.
     first : Mask [examples]
-        Whether the twin was as given; False: effects found so far had been added to it.
+        True for the twin as given; False where effects have been added to it.
     values : Array [examples, parameters]
-        Of the missing effects, NaN otherwise.
+        Values of the missing effects, NaN otherwise.
     fit_features : Array [examples, features]
-        The same comparison on the records that parameters are fitted to.
+        Comparison on the fit part.
     """
 
     features: NDArray[np.float32]
@@ -60,16 +61,17 @@ class Examples:
 
 
 PRECISION: Final = 0.75
-"""Of the effects that a detector names on machines that it has not seen, at least this part is there."""
+"""Out-of-fold precision that the threshold of a detector has to reach. A larger value tries fewer effects."""
 COVERAGE: Final = 0.93
-"""Part of the machines not seen whose truth the confidence set is to hold: 90 %, and some for what is unlike them."""
+"""Part of the out-of-fold machines whose confidence set contains the truth: 90 % with a margin for machines unlike
+those trained on. A larger value gives larger sets."""
 
 MOST: Final = 0.93
-"""Largest such level."""
+"""Largest joint probability of confidence sets. A larger value allows larger sets."""
 
 
 def _limit(score: Array, label: Mask) -> float:
-    """Least log odds, about even, from which naming an effect is right often enough before it is checked."""
+    """Threshold of a detector: the smallest log odds near 0 at which its precision is sufficient."""
     for limit in np.arange(-1.0, 0.51, 0.25):
         named = score > limit
         if named.sum() >= 10 and label[named].mean() >= PRECISION:
@@ -78,7 +80,7 @@ def _limit(score: Array, label: Mask) -> float:
 
 
 def _level(scores: Array, missing: Mask) -> float:
-    """Joint probability that most probable sets of effects must reach to hold the truth as often as promised."""
+    """Joint probability at which the most probable sets of effects contain the truth with frequency `COVERAGE`."""
     needed = []
     for own, truth in zip(scores, missing, strict=True):
         p = 1 / (1 + np.exp(-np.clip(own, -30, 30)))
@@ -90,13 +92,13 @@ def _level(scores: Array, missing: Mask) -> float:
         picks = (np.arange(2**open_.size)[:, None] >> np.arange(open_.size)) & 1
         weights = np.where(picks, p[open_], 1 - p[open_]).prod(axis=1)
         of_truth = np.where(truth[open_], p[open_], 1 - p[open_]).prod()
-        # All sets more probable than the truth have to be in it before the truth is.
+        # The truth is in the confidence set once all more probable sets are.
         needed.append(float(weights[weights > of_truth].sum() + 1e-9))
     return float(np.clip(np.quantile(needed, COVERAGE), 0.7, MOST))
 
 
 def general_columns(names: tuple[str, ...]) -> NDArray[np.int64]:
-    """Columns that speak of a gap whatever its cause: how far the sets lie apart, and what no effect should move."""
+    """Columns of features that show a gap whatever its cause: distances, and features that no effect should change."""
     patterns = (
         "context|*", "background.segment_*", "background.spectral_drift|*", "background.*asymmetry|*",
         "background.*skewness|*", "background.level_coupling|*", "background.echo_*", "background.modulation_*",
@@ -118,7 +120,7 @@ def general_columns(names: tuple[str, ...]) -> NDArray[np.int64]:
 
 
 def _alone(function: Callable[..., Any], *arguments: Any) -> Any:
-    """On one thread: its siblings have the other cores."""
+    """Call on one thread: the other cores are used by parallel calls."""
     from threadpoolctl import threadpool_limits
 
     with threadpool_limits(1):
@@ -127,20 +129,42 @@ def _alone(function: Callable[..., Any], *arguments: Any) -> Any:
 
 def learn(examples: Examples, effects: tuple[str, ...], parameters: tuple[tuple[str, str], ...],
           names: tuple[str, ...], report: Callable[[str, float], None]) -> Learnt:  # fmt: skip
-    """Learn everything from the examples."""
+    """All models of the diagnosis, trained on the examples.
+
+    Parameters
+    ----------
+    examples : Examples
+    effects : tuple of str
+        Names of the columns of `examples.missing`.
+    parameters : tuple of (str, str)
+        Effect and parameter of the columns of `examples.values`.
+    names : tuple of str
+        Names of the features.
+    report : callable
+        Called with a description of the current step and the completed part, 0 to 1.
+
+    Returns
+    -------
+    Learnt
+
+    Raises
+    ------
+    ValueError
+        For too few examples with or without a gap.
+    """
     import joblib
 
-    # Both parts of a machine's records are examples; only the held-out part, as in a diagnosis, is scored.
+    # Both parts of a machine's records are examples; scores are those of the held-out part, as in a diagnosis.
     table = Table(np.concatenate((examples.features, examples.fit_features)))
     machine, missing = np.tile(examples.machine, 2), np.tile(examples.missing, (2, 1))
     first = np.tile(examples.first, 2)
     here = np.arange(len(examples))
     allowed = [columns(name, names) for name in effects]
-    # Models of one label each are small: processes side by side are faster than threads within one.
+    # Models of one label each are small: parallel processes are faster than threads within one.
     parallel = joblib.Parallel(n_jobs=-1, return_as="generator")
 
-    # An effect that the twin has is never asked about, and records that have it look as if it were missing wherever a
-    # feature speaks of the records alone.
+    # An effect that the twin has cannot be missing, but resembles a missing one in features of the records alone: such
+    # examples are left out.
     has = np.tile(_had(examples), (2, 1))
 
     def heard(counted: Mask, begin: float) -> dict[str, Ensemble]:
@@ -155,7 +179,7 @@ def learn(examples: Examples, effects: tuple[str, ...], parameters: tuple[tuple[
                 out[name] = detector
         return out
 
-    # Once with all, to learn which nobody sees; and again without those.
+    # First with all effects, to learn their detectability; then without the undetectable ones.
     said = {name: detector.unseen[here] for name, detector in heard(~has, 0.0).items()}
     sight, hidden = _hidden(examples, said, effects, parameters, names)
     counted = ~np.tile(hidden, (2, 1)) & ~has
@@ -207,7 +231,7 @@ def learn(examples: Examples, effects: tuple[str, ...], parameters: tuple[tuple[
 
 
 def _had(examples: Examples) -> Mask:
-    """[examples, effects] What the twin has: as given, or since it was added."""
+    """[examples, effects] Effects of the twin, as given or added."""
     begun = dict(zip(examples.machine[examples.first].tolist(), examples.missing[examples.first], strict=True))
     nothing = np.zeros(examples.missing.shape[1], bool)
     lacked = np.array([begun.get(number, nothing) for number in examples.machine.tolist()])
@@ -218,7 +242,8 @@ def _hidden(
     examples: Examples, said: Mapping[str, Array], effects: tuple[str, ...], parameters: tuple[tuple[str, str], ...],
     names: tuple[str, ...],
 ) -> tuple[Detectability, Mask]:  # fmt: skip
-    """Detectability, and which effects [examples, effects] no record could show, whatever had been added."""
+    """Detectability, and the undetectable effects [examples, effects] of each machine, whatever was added to its
+    twin."""
     rows = np.flatnonzero(examples.first)
     sight, own = learn_detectability(
         {name: log_odds[rows] for name, log_odds in said.items()}, examples.missing[rows], examples.values[rows],

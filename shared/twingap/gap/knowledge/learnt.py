@@ -1,4 +1,4 @@
-"""What the diagnosis has learnt: detectors of effects, estimators of values, and scores of machines without a gap."""
+"""Models of the diagnosis: detectors of effects, estimators of values, and scores of machines without a gap."""
 
 from __future__ import annotations
 
@@ -17,42 +17,42 @@ from twingap.gap.knowledge.score_calibration import ScoreCalibration
 Array = NDArray[np.float64]
 
 NO_DETECTOR: Final = -6.0
-"""Log odds of an effect that has no detector, or that the twin has already."""
+"""Log odds of an effect without a detector, or of one that the twin has."""
 
 
 @dataclass
 class Learnt:
-    """All that a diagnosis has learnt from simulated gaps.
+    """All models of the diagnosis.
 
     Parameters
     ----------
     effects : tuple of str
-        Effects that were learnt of, in the order of the detectors' columns.
+        Effects that were trained on, in the order of the detectors' columns.
     detectors : Mapping[str, Ensemble]
-        Whether an effect is missing; none for an effect that too few machines had.
+        Detectors of missing effects; none for an effect with too few examples.
     estimators : Mapping[(effect, parameter), Estimator]
     anything : Ensemble
-        Whether the twin lacks anything at all, whatever its name.
+        Detector of a gap of any cause.
     null : Null
-        Scores of machines whose twin lacks nothing.
+        Null distribution: scores of machines whose twin lacks nothing.
     features : tuple of str
-        Names of the features that detectors and estimators read, in their order.
+        Names of the features that detectors and estimators use, in their order.
     about : Mapping
-        How it was made.
+        Provenance of the training.
     thresholds : Mapping[str, float]
         Log odds from which an effect is tried.
     set_level : float
-        Joint probability that confidence sets reach where no `calibration` was learnt.
+        Joint probability of confidence sets where there is no `calibration`.
     null_rest : Null
-        The same as `null` for twins to which all that they lacked has been added.
-    general : Array
-        Columns that `anything` reads beside the detectors.
+        Null distribution of twins to which all missing effects have been added.
+    general : Array [columns]
+        Columns of features that `anything` uses besides the detectors.
     calibration : ScoreCalibration or None
-        Probabilities of effects from the end of a search; None where too few searches were made.
+        Probabilities of effects from outcomes of a search; None where there were too few searches.
     detectability : Detectability or None
-        Which effects no record could show. Used in training alone, and not kept in files.
+        Detectability of effects. Used in training only, and not stored in files.
     outdated : frozenset of str
-        Effects whose definition is no longer the one that was learnt: nothing that was learnt is applied to them.
+        Effects whose definition differs from the one trained on; no model is applied to them.
     """
 
     effects: tuple[str, ...]
@@ -72,11 +72,11 @@ class Learnt:
 
     @property
     def errors(self) -> dict[tuple[str, str], float]:
-        """(effect, parameter) -> bound that nine of ten estimates keep, on the scale of `parameter_scale`."""
+        """(effect, parameter) -> bound on nine of ten errors, on the scale of `parameter_scale`."""
         return {key: estimator.error for key, estimator in self.estimators.items()}
 
     def covers(self, effect: str) -> bool:
-        """Whether this effect, as it is now defined, was learnt of."""
+        """Whether this effect, with its current definition, was trained on."""
         return effect in self.effects and effect not in self.outdated
 
     def log_odds(self, features: NDArray[Any], *, later: bool = False) -> Array:
@@ -107,18 +107,26 @@ class Learnt:
         ----------
         features : Array [features]
         modelled : collection of str
-            Effects that the twin has as given, which cannot be missing.
+            Effects of the given twin, which cannot be missing.
+
+        Returns
+        -------
+        float
         """
         return self._rank(features, self.null, modelled, later=False)
 
     def rest_p(self, features: NDArray[Any], has: Collection[str] = ()) -> float:
-        """P-value of nothing left over once effects have been added.
+        """P-value of no rest once effects have been added.
 
         Parameters
         ----------
         features : Array [features]
         has : collection of str
-            Effects that the twin has as given, and those that were added.
+            Effects of the twin, as given or added.
+
+        Returns
+        -------
+        float
         """
         return self._rank(features, self.null_rest, has, later=True)
 
@@ -132,7 +140,7 @@ class Learnt:
 
 
 def inputs_of_anything(log_odds: Array, general: NDArray[Any]) -> Array:
-    """What the detector of any gap reads: all other detectors, the three highest, and general features.
+    """Inputs of the detector of any gap: log odds of all effects, the three highest, and general features.
 
     Parameters
     ----------
@@ -147,5 +155,5 @@ def inputs_of_anything(log_odds: Array, general: NDArray[Any]) -> Array:
 
 
 def any_effect(log_odds: Array) -> Array:
-    """[examples] Log odds that at least one effect is missing, effects [examples, effects] taken as independent."""
+    """[examples] Log odds that at least one effect is missing, with effects [examples, effects] independent."""
     return np.asarray(np.log1p(np.exp(np.clip(log_odds, -30, 30))).sum(axis=1))

@@ -1,7 +1,7 @@
-"""Files of what the diagnosis has learnt: learnt.json and learnt.npz in one folder.
+"""Files of the models of the diagnosis: learnt.json and learnt.npz in one folder.
 
-Learnt --write_learnt--> learnt.json: names, limits, how it was made
-                         learnt.npz: trees and machines without a gap, as arrays
+Learnt --write_learnt--> learnt.json: names, thresholds, provenance
+                         learnt.npz: trees and null distributions, as arrays
        <--read_learnt--  matched by name with the features and effects of the running version
 """
 
@@ -28,18 +28,18 @@ from twingap.gap.knowledge.trees import Boosted
 
 FORMAT: Final = "twingap.learnt/1"
 _OWN: Final = "twingap.effects."
-"""Modules of the catalogue's own effects: an effect of the same name from elsewhere was not learnt of."""
+"""Modules of the catalogue's own effects; an effect of the same name from elsewhere was not trained on."""
 
 
 def write_learnt(learnt: Learnt, folder: Path, parameters: Mapping[str, Any] | None = None) -> tuple[Path, Path]:
-    """Write what was learnt; arrays and JSON, nothing that runs when it is read.
+    """Write the models as arrays and JSON, without executable content.
 
     Parameters
     ----------
     learnt : Learnt
     folder : Path
     parameters : Mapping[str, Any], optional
-        Definitions of the effects that were learnt of; None takes the catalogue's.
+        Definitions of the effects that were trained on; None for those of the catalogue.
 
     Returns
     -------
@@ -76,22 +76,26 @@ def write_learnt(learnt: Learnt, folder: Path, parameters: Mapping[str, Any] | N
 
 
 def read_learnt(folder: Path, features: Sequence[str]) -> Learnt:
-    """What was learnt, with its columns matched to the features of the running version.
+    """Models from files, with their columns matched to the features of the running version.
 
-    Effects whose parameters have changed since, and a user's own of the same name, are `Learnt.outdated`: nothing that
-    was learnt is applied to them.
+    Effects whose parameters have changed since, and a user's own effects of the same name, are `Learnt.outdated`: no
+    model is applied to them.
 
     Parameters
     ----------
     folder : Path
-        With learnt.json and learnt.npz.
+        Folder of learnt.json and learnt.npz.
     features : sequence of str
         Names of the features that a diagnosis computes now, in their order.
+
+    Returns
+    -------
+    Learnt
 
     Raises
     ------
     TwingapError
-        When a file is missing or altered, of another format, or reads a feature that is no longer computed.
+        When a file is missing or altered, has another format, or uses a feature that is no longer computed.
     """
     mend = "install twingap again, or make it again with `twingap train`"
     text, data = folder / "learnt.json", folder / "learnt.npz"
@@ -139,7 +143,7 @@ def read_learnt(folder: Path, features: Sequence[str]) -> Learnt:
 
 
 def definition(name: str) -> dict[str, dict[str, Any]]:
-    """What a learnt effect depends on: its parameters with unit, plausible range and scale."""
+    """Definition of an effect that models depend on: its parameters with unit, plausible range and scale."""
     return {
         field.name: {
             "unit": field.metadata["unit"], "plausible": [float(end) for end in field.metadata["plausible"]],
@@ -159,7 +163,7 @@ _FLOAT: Final[Mapping[str, Any]] = {"quiet": bool}
 
 
 def _small(value: NDArray[Any]) -> NDArray[Any]:
-    """Scores and distances to seven digits: ranks among machines are all that is made of them."""
+    """Scores and distances rounded to seven digits: only their ranks are used."""
     return value.astype(np.float32) if value.dtype == np.float64 else value
 
 
@@ -190,7 +194,7 @@ def _read_estimator(row: Mapping[str, Any], trees: _TreeReader) -> Estimator:
 
 
 class _TreeWriter:
-    """Ensembles as rows of JSON that refer to arrays which all of them share."""
+    """Ensembles as rows of JSON that refer to shared arrays."""
 
     def __init__(self) -> None:
         self._nodes: dict[str, list[NDArray[Any]]] = {name: [] for name in ("column", "right", "value", "sizes")}
@@ -217,7 +221,7 @@ class _TreeWriter:
 
 
 class _TreeReader:
-    """Ensembles from rows of JSON and the arrays that they share."""
+    """Ensembles from rows of JSON and shared arrays."""
 
     def __init__(
         self, arrays: Mapping[str, NDArray[Any]], now: NDArray[np.int64], names: Sequence[str], where: Path
@@ -228,7 +232,7 @@ class _TreeReader:
         self._now, self._names, self._where = now, names, where
 
     def columns(self, stored: NDArray[Any]) -> NDArray[np.int64]:
-        """Places of stored columns among the features of the running version."""
+        """Indices of stored columns among the features of the running version."""
         found = self._now[stored.astype(np.int64)]
         if (found < 0).any():
             gone = self._names[int(stored[np.argmin(found)])]
@@ -238,7 +242,7 @@ class _TreeReader:
         return np.asarray(found)
 
     def get(self, row: Mapping[str, Any], *, of_features: bool = True) -> Ensemble:
-        """The ensemble of a row; `of_features` where its columns are features, not scores of other ensembles."""
+        """Ensemble of a row; `of_features` is False where its columns are scores of other ensembles."""
         columns, first = np.array(row["columns"], dtype=np.int64), int(row["first_tree"])
         models = []
         for start, count in zip(row["start"], row["trees"], strict=True):

@@ -1,6 +1,6 @@
-"""Random machines to learn from: geometry, structure, operation, and what their makers left out of the papers.
+"""Random machines for training: geometry, structure, operation, and small imperfections that metadata omit.
 
-A machine is drawn far wider than any one test rig, so that what is learnt on many of them holds on the next.
+Parameters are drawn from wider ranges than those of any single test rig, so that models transfer to other machines.
 
 rng --> geometry, rate, speeds, faults --> Machine(conditions, parameters, extra modes, small imperfections)
 """
@@ -38,29 +38,29 @@ from twingap.twins.phenomenological import PhenomenologicalParameters, Phenomeno
 
 @dataclass(frozen=True)
 class Machine:
-    """A machine as it is, which its records and their metadata tell only in part.
+    """A machine with its true parameters, which records and metadata show only in part.
 
     Parameters
     ----------
     bearing : Bearing
     parameters : PhenomenologicalParameters
     conditions : tuple of Condition
-        With true speeds.
+        Conditions with true speeds.
     nominal : tuple of Condition
-        As the metadata have them.
+        Conditions with the speeds of the metadata.
     modes : tuple of Mode
-        Of the structure beside the first; a twin file does not know them, so such a machine is met through records of
-        its own simulator.
+        Modes of the structure besides the first. A twin file has none, so such a machine is paired with simulated
+        records of an external simulator.
     contact_s : float
-        Duration of a strike's contact force; 0 is an impulse.
+        Duration of an impact's contact force, s; 0 is an impulse.
     tilt : float
-        What the structure's response gains or loses at half the sampling rate: laboratories differ in how a response
-        is sampled, and near there it shows.
+        Relative change of the response at half the sampling rate: sampling of a response differs between laboratories,
+        with an effect near that rate.
     continuous : float
-        How far the response is that of a structure whose force knows no grid of samples (1), and not samples of its
-        ringing (0).
+        Sampling of the response: 1 for the response of a structure to a force at any time, 0 for samples of its
+        ring-down.
     imperfections : tuple of Effect
-        Too small to be worth a name.
+        Effects too weak to be named.
     """
 
     bearing: Bearing
@@ -74,7 +74,7 @@ class Machine:
     imperfections: tuple[Effect, ...] = field(default=())
 
     def twin(self, effects: Sequence[Effect] = (), scale: float = 1.0) -> StructuredTwin:
-        """What simulates this machine with these effects; `scale` is another gain."""
+        """Simulator of this machine with these effects; `scale` is a factor on its samples."""
         names = {effect.name for effect in effects}
         small = tuple(effect for effect in self.imperfections if effect.name not in names)
         own = replace(self.parameters, scale=self.parameters.scale * scale)
@@ -83,7 +83,8 @@ class Machine:
 
     @cached_property
     def healthy_rms(self) -> float:
-        """RMS of healthy vibration without any effect, all modes, however it is sampled: the yardstick of effects."""
+        """RMS of the healthy vibration without effects, with all modes and any sampling: the amplitude scale of
+        effects."""
         bare = self._structured(self.parameters, (), None)
         healthy = replace(self.conditions[0], fault="healthy", n_samples=1 << 14)
         (record,) = bare.make([healthy], [Streams(0, 0)])
@@ -97,7 +98,7 @@ class Machine:
 
 
 class StructuredTwin(PhenomenologicalTwin):
-    """The phenomenological twin with further modes of its own and strikes of finite duration."""
+    """The phenomenological twin with further modes and impacts of finite duration."""
 
     def __init__(
         self,
@@ -116,11 +117,11 @@ class StructuredTwin(PhenomenologicalTwin):
 
     @property
     def reference_rms(self) -> float:
-        """RMS of the healthy vibration: of all modes, where it is given."""
+        """RMS of the healthy vibration with all modes; that of the baseline where it is not given."""
         return super().reference_rms if self._healthy_rms is None else self._healthy_rms
 
     def excite(self, draft: Draft, streams: Streams) -> None:
-        """As the baseline, through all modes."""
+        """Excitation of the baseline, through all modes."""
         super().excite(draft, streams)
         draft.modes.extend(self.modes)
         if self.tilt:
@@ -129,7 +130,7 @@ class StructuredTwin(PhenomenologicalTwin):
             mode = self.parameters.resonance_hz / draft.condition.fs_hz
             draft.filters.append(lambda x: _continuous(x, mode, self.continuous))
         if self.contact_s > 0 and draft.impacts is not None:
-            # Two strikes of half strength, one contact duration apart: the force's spectrum falls as a cosine does.
+            # Two impacts of half the strength, one contact duration apart: the force spectrum decreases as a cosine.
             later = self.contact_s * draft.shaft_hz
             impacts = draft.impacts
             impacts.turns = np.concatenate((impacts.turns, impacts.turns + later))
@@ -138,21 +139,23 @@ class StructuredTwin(PhenomenologicalTwin):
 
 
 def _tilted(x: NDArray[np.float64], tilt: float) -> NDArray[np.float64]:
-    """x with its amplitudes changed by a factor 1 + tilt at half the sampling rate, hardly below a fifth of it."""
+    """x with amplitudes multiplied by 1 + tilt at half the sampling rate and almost unchanged below a fifth of it."""
     spectrum = scipy.fft.rfft(x)
     spectrum *= 1 + tilt * np.linspace(0, 1, spectrum.size) ** 2.5
     return np.asarray(scipy.fft.irfft(spectrum, x.size))
 
 
 def _continuous(x: NDArray[np.float64], mode: float, part: float) -> NDArray[np.float64]:
-    """x, samples of ringing in a mode at this part of the sampling rate, as a structure itself would have answered."""
+    """x, samples of the ring-down of a mode at this part of the sampling rate, as the response of a continuous
+    structure."""
     spectrum = scipy.fft.rfft(x)
     spectrum *= np.exp(0.5 * part * continuous(scipy.fft.rfftfreq(x.size), mode))
     return np.asarray(scipy.fft.irfft(spectrum, x.size))
 
 
 _OF_FASTEST = 2.5
-"""A structure's mode lies so many times above the fastest impacts at least, where the rate leaves room."""
+"""Smallest ratio of a structure's mode to the largest impact rate, where the sampling rate allows. A larger value
+draws modes in a narrower band."""
 
 
 def _log(rng: np.random.Generator, low: float, high: float) -> float:
@@ -160,14 +163,19 @@ def _log(rng: np.random.Generator, low: float, high: float) -> float:
 
 
 def draw_machine(rng: np.random.Generator, own_simulator: bool, most_records: int = 40) -> Machine:
-    """A machine at random.
+    """A random machine.
 
     Parameters
     ----------
     rng : numpy.random.Generator
     own_simulator : bool
-        True: of any structure, to be met through simulated records of it; False: within reach of the baseline.
+        True: any structure, compared through simulated records; False: a structure that the baseline can represent.
     most_records : int
+        Largest number of records.
+
+    Returns
+    -------
+    Machine
     """
     bearing = draw_bearing(rng)
     fs_hz = float(np.exp(rng.uniform(np.log(6000), np.log(52000))))
@@ -175,7 +183,7 @@ def draw_machine(rng: np.random.Generator, own_simulator: bool, most_records: in
         fs_hz = float(rng.choice([8000, 10000, 12000, 12800, 16000, 20000, 24000, 25600, 32000, 48000, 51200]))
     true, nominal = draw_conditions(rng, fs_hz, most_records)
     fastest_hz = max(c.speed_rpm for c in true) / 60 * bearing.bpfi
-    # Recorders are fast these days and structures as heavy as ever: modes low in the band are common.
+    # Low modes relative to the sampling rate are common: recorders are fast, structures are heavy.
     first_hz = max(fs_hz * _log(rng, 0.035, 0.42), min(_OF_FASTEST * fastest_hz, 0.3 * fs_hz))
     sharpness = _log(rng, 0.006, 0.12)
     structure = rng.uniform(0.25, 0.97)
@@ -200,7 +208,7 @@ def draw_machine(rng: np.random.Generator, own_simulator: bool, most_records: in
             for g in np.exp(rng.uniform(np.log(0.15), np.log(1.5), rng.integers(0, 4)))
         )
         contact_s = rng.uniform(0, 0.45) / first_hz if rng.random() < 0.5 else 0.0
-    elif rng.random() < 0.3:  # short enough to pass for an impulse
+    elif rng.random() < 0.3:  # short enough to be modelled as an impulse
         contact_s = rng.uniform(0, 0.1) / first_hz
     tilt = rng.uniform(-0.35, 0.45) if rng.random() < 0.6 else 0.0
     part = rng.uniform(0.0, 1.2) if not own_simulator and rng.random() < 0.5 else 0.0
@@ -208,7 +216,7 @@ def draw_machine(rng: np.random.Generator, own_simulator: bool, most_records: in
 
 
 def draw_bearing(rng: np.random.Generator) -> Bearing:
-    """A geometry that a rolling bearing can have."""
+    """A random geometry of a rolling bearing."""
     rollers = int(rng.integers(6, 20))
     ratio = rng.uniform(0.4, 0.95) * math.sin(math.pi / rollers)
     angle = rng.uniform(5, 35) if rng.random() < 0.35 else 0.0
@@ -218,10 +226,10 @@ def draw_bearing(rng: np.random.Generator) -> Bearing:
 def draw_conditions(
     rng: np.random.Generator, fs_hz: float, most_records: int
 ) -> tuple[tuple[Condition, ...], tuple[Condition, ...]]:
-    """True and nominal conditions of the records of one machine."""
+    """True and nominal conditions of the records of a random machine."""
     count = int(np.clip(np.exp(rng.uniform(np.log(5), np.log(1.6 * most_records))), 5, most_records))
     duration = float(rng.choice([0.3, 0.5, 0.8, 1.0, 1.0, 1.5]))
-    n = int(np.clip(duration * fs_hz, 3000, 16000))  # longer ones teach little more, and cost as much more
+    n = int(np.clip(duration * fs_hz, 3000, 16000))  # longer records add little information at a proportional cost
     middle = np.exp(rng.uniform(np.log(500), np.log(4200)))
     if rng.random() < 0.25:
         speeds = np.full(count, middle)
@@ -229,14 +237,14 @@ def draw_conditions(
         speeds = rng.choice(middle * np.exp(rng.uniform(-0.5, 0.5, rng.integers(2, 6))), count)
     else:
         speeds = middle * np.exp(rng.uniform(-0.4, 0.4, count))
-    # A slow shaft turns a few times at least, or nobody would diagnose anything from the record.
+    # At a low speed a record still covers a few revolutions, as it must for a diagnosis.
     speeds = np.clip(speeds, 60 * 6 * fs_hz / n, 60 * 0.012 * fs_hz)
     kinds = ["healthy", "outer", "inner", "ball"]
     if rng.random() < 0.15:
         kinds = ["healthy", str(rng.choice(kinds[1:]))]
     elif rng.random() < 0.17:
         kinds = kinds[1:]
-        if rng.random() < 0.6:  # records of a bearing that has failed, and nothing else
+        if rng.random() < 0.6:  # records of the failed bearing only
             kinds = [str(kind) for kind in rng.permutation(kinds)[: rng.integers(1, 3)]]
     elif rng.random() < 0.06:
         kinds = kinds[:1]
@@ -246,7 +254,7 @@ def draw_conditions(
     times = np.linspace(0, span, count) if rng.random() < 0.5 else np.sort(rng.uniform(0, span, count))
     if run:
         order = [order[i] for i in rng.permutation(count)]
-    # Name plates are off by several per cent under load; a display that is read once, from record to record.
+    # Nominal speeds deviate by several per cent under load; a reading varies from record to record.
     common = 1 + (0.02 * rng.standard_normal() if rng.random() < 0.45 else 0.0)
     single = _log(rng, 0.001, 0.02) * rng.standard_normal(count) * (rng.random() < 0.45)
     true = tuple(
@@ -259,8 +267,8 @@ def draw_conditions(
 
 
 def _imperfections(rng: np.random.Generator, fs_hz: float) -> tuple[Effect, ...]:
-    """Departures from the baseline that every machine has, each well below what deserves a name."""
-    small = (  # chance and effect; rollers never come quite evenly
+    """Departures from the baseline that every machine has, each too weak to be named."""
+    small = (  # probability and effect; rolling elements are never spaced quite evenly
         (0.3, SlipJitter(sigma=0.002 * rng.random(), accumulating=bool(rng.random() < 0.5))),
         (0.15, ImpactScatter(sigma=0.03 * rng.random())),
         (0.15, LoadZone(depth=0.03 * rng.random())),

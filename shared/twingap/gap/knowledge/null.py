@@ -1,6 +1,6 @@
-"""What machines without a gap look like, to rank others among: p-values of no gap at all.
+"""Null distribution: scores of machines without a gap, from which p-values of no gap are computed.
 
-scores of detectors, distance --of machines without a gap--> Null --rank of a new machine's rarest--> p-value
+scores of detectors, distance --of machines without a gap--> Null --rank of a new machine's rarest score--> p-value
 """
 
 from __future__ import annotations
@@ -16,49 +16,51 @@ Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 RECORDS: Final = "context|records"
-"""Feature that says how many records were compared (its logarithm)."""
+"""Feature: logarithm of the number of records compared."""
 OWN: Final = "context|own_simulator"
-"""Feature that says whether the simulator is the machine's own."""
+"""Feature: whether the simulator is the user's own."""
 MODELS: Final = "context|models"
-"""Feature that says whether the twin has effects as given."""
+"""Feature: whether the given twin has effects."""
 BARE, OWN_SIMULATOR, WITH_EFFECTS = 0.0, 1.0, 2.0
-"""What a machine is met through: the baseline twin, its own simulator, or a twin that has effects."""
+"""Kinds of simulator: the baseline twin, the user's own simulator, a twin with effects."""
 DISTANCE: Final = "view|overall"
-"""Feature that says how far records and twin lie apart, whatever the cause."""
+"""Feature: distance between records and twin over all domains, whatever its cause."""
 HEALTHY: Final = "context|healthy_share"
-"""Feature that says what part of the records is healthy."""
+"""Feature: part of the records that is healthy."""
 
 _NEAR_RECORDS: Final = 0.35
 _FEWEST_NEAR: Final = 150.0
-"""Machines, by weight, to rank among: of 60 the rarest is one in sixty, and of three scores none is rare then."""
+"""Smallest sum of weights of a null distribution. A larger value allows smaller p-values, from machines with less
+similar numbers of records."""
 _FEWEST_ALIKE: Final = 60
-"""Machines of a kind below which those of a wider kind count too."""
+"""Smallest number of machines of a kind; with fewer, machines of other kinds are added. A larger value adds them
+more often."""
 
 
 def _told(features: NDArray[Any], names: tuple[str, ...], name: str, otherwise: float = 0.0) -> Array:
-    """[examples] A feature of this name; `otherwise` where there is none."""
+    """[examples] Feature of this name; `otherwise` where it does not exist."""
     rows = np.atleast_2d(features)
     return np.asarray(rows[:, names.index(name)] if name in names else np.full(len(rows), otherwise), float)
 
 
 @dataclass(frozen=True)
 class MachineScores:
-    """What is known of machines that are to be told from those without a gap.
+    """Scores and properties of machines that the null distribution uses.
 
     Parameters
     ----------
     scores : Array [machines, scores]
-        How surely detectors hear something.
+        Log odds of a gap, one column per statistic.
     records : Array [machines]
-        Log number of records that each is judged by.
+        Logarithm of the number of records.
     distance : Array [machines]
-        Between records and twin, whatever detectors make of it; NaN where it is not known.
+        Distance between records and twin; NaN where it is unknown.
     kind : Array [machines]
-        `BARE`, `OWN_SIMULATOR` (nothing had to be matched, and small distances mean more) or `WITH_EFFECTS` (which the
-        machine may have in another form).
+        `BARE`, `OWN_SIMULATOR` (no calibrated parameters, therefore smaller distances) or `WITH_EFFECTS` (of which the
+        machine may have a variant).
     quiet : Mask [machines]
-        Whether some of their records are healthy: without any, noise has to be told from impacts, and calibration is
-        further off.
+        Whether some records are healthy: without any, the calibration has to separate noise from impacts and is less
+        accurate.
     """
 
     scores: Array
@@ -69,14 +71,14 @@ class MachineScores:
 
     @classmethod
     def of(cls, scores: Array, features: NDArray[Any], names: tuple[str, ...]) -> MachineScores:
-        """Machines of these scores and features."""
+        """Scores of machines, with their properties read from features [machines, features]."""
         own, models = _told(features, names, OWN) > 0, _told(features, names, MODELS) > 0
         kind = np.select([own, models], [OWN_SIMULATOR, WITH_EFFECTS], BARE)
         quiet = _told(features, names, HEALTHY, 1.0) > 0
         return cls(scores, _told(features, names, RECORDS), _told(features, names, DISTANCE, np.nan), kind, quiet)
 
     def take(self, rows: Mask) -> MachineScores:
-        """Some of the machines."""
+        """A subset of the machines."""
         return MachineScores(
             self.scores[rows], self.records[rows], self.distance[rows], self.kind[rows], self.quiet[rows]
         )
@@ -90,17 +92,16 @@ NO_MACHINES: Final = MachineScores(np.empty((0, 2)), np.empty(0), np.empty(0), n
 
 @dataclass(frozen=True)
 class Null:
-    """Machines without a gap.
+    """Null distribution of scores of machines without a gap.
 
-    Few records look like a gap more often, so a score is ranked among machines with about as many: a machine counts
-    the less the further its number lies off (a localised conformal p-value; Guan 2023, doi:10.1093/biomet/asac040).
-    A twin is never quite the machine, its own simulator may be, what a twin models the machine may have otherwise, and
-    without a healthy record calibration is further off: each kind is ranked among its like, so that none pays for
-    another's unlikeness (Mondrian conformal prediction; Vovk, Gammerman and Shafer 2005, ch. 4.5).
-    Of several scores the one that is rarest among these machines counts, and how rare it is, is ranked among how rare
-    theirs are (minimum p: Westfall and Young, Resampling-based multiple testing, 1993). The distance is one of the
-    scores, ranked among all machines of a kind, whatever their number of records: what no detector knows may still be
-    far off.
+    - With few records, large scores are more frequent. A score is ranked among machines with weights that decrease with
+    the difference in the number of records (localised conformal p-value; Guan 2023, doi:10.1093/biomet/asac040).
+    - Scores also depend on the kind of simulator and on the presence of healthy records. Each machine is ranked within
+    its class (Mondrian conformal prediction; Vovk, Gammerman and Shafer 2005, ch. 4.5).
+    - The statistic is the smallest p-value over all scores, ranked among those of the machines without a gap (minimum
+    p: Westfall and Young, Resampling-based multiple testing, 1993).
+    - The distance is one of the scores, ranked among all machines of a class whatever their number of records. It
+    detects gaps that no detector was trained on.
 
     Parameters
     ----------
@@ -110,7 +111,16 @@ class Null:
     machines: MachineScores
 
     def p_value(self, judged: MachineScores) -> float:
-        """Part of these machines, near ones above all, that look at least as much like a gap as this one does."""
+        """P-value of the first of these machines: weighted part of the null machines that are at least as extreme.
+
+        Parameters
+        ----------
+        judged : MachineScores
+
+        Returns
+        -------
+        float
+        """
         if not len(self.machines):
             return 1.0
         weight = self._weight(judged.records[0], self._alike(judged.kind[0], judged.quiet[0]))
@@ -118,7 +128,7 @@ class Null:
 
     @cached_property
     def _rarest(self) -> Array:
-        """[machines] How rare the rarest score of each of these machines is."""
+        """[machines] Smallest p-value over the scores of each null machine."""
         return np.array([self._rarity(self.machines, place) for place in range(len(self.machines))])
 
     def _rarity(self, of: MachineScores, place: int) -> float:
@@ -130,8 +140,8 @@ class Null:
         return min(rare)
 
     def _alike(self, kind: float, quiet: bool) -> Array:
-        """[machines] 1 for those met through a simulator of this kind, with healthy records or without as here; of a
-        wider kind where these are few. Their own simulators are not calibrated."""
+        """[machines] 1 for null machines of the same class (kind of simulator, presence of healthy records), else 0.
+        Wider classes are used where this one is small; calibration does not apply to the user's own simulators."""
         kinds, own = self.machines.kind, self.machines.kind == OWN_SIMULATOR
         same = self.machines.quiet == quiet
         wider = (own,) if kind == OWN_SIMULATOR else (same & (kinds == kind), same & ~own, same, ~own)
@@ -139,12 +149,13 @@ class Null:
         return np.asarray(next((alike for alike in wider if alike.sum() >= _FEWEST_ALIKE), every), float)
 
     def _weight(self, records: float, alike: Array) -> Array:
-        """[machines] Of those alike the less, the further their number of records lies off."""
+        """[machines] Weight of each null machine, decreasing with the difference in the logarithm of the number of
+        records."""
         known = self.machines.records
         at = float(np.clip(records, known.min(), known.max()))
         for near in (_NEAR_RECORDS, 2 * _NEAR_RECORDS):
             own = alike * np.exp(-0.5 * ((known - at) / near) ** 2)
-            # Of a handful of machines no small p-value could come: then those further off count too.
+            # Few machines allow no small p-value: widen the kernel.
             if own.sum() >= _FEWEST_NEAR:
                 return np.asarray(own)
         return alike

@@ -1,13 +1,13 @@
-"""Changes that no catalogued effect describes, so that what is learnt can tell when it knows no name.
+"""Effects outside the catalogue, for training the detection of gaps that no catalogued effect explains.
 
 record --STFT--> gains or noise of random shape over the time-frequency plane --inverse--> record
-       --band whose frequencies wander--> record
-       --random curve over amplitude--> record
-       --random taps over delay--> record
-       --another level for each--> record
+       --band with time-varying frequencies--> record
+       --random nonlinearity--> record
+       --random echoes--> record
+       --random level of each record--> record
 
-Generic mechanisms on purpose, one for each axis that a record has: what real machines have beyond the catalogue is not
-known, so no list of suspects is learnt, only that something is left over. The shapes follow neither shaft, bearing nor
+The mechanisms are generic, one for each axis of a record. What real machines have beyond the catalogue is unknown, so
+that no specific mechanism is learnt, only the presence of a rest. The shapes are independent of shaft, bearing and
 record set.
 """
 
@@ -26,7 +26,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class _Plan:
-    """What happens to every record of a set; where it begins differs from record to record."""
+    """Parameters of the change common to all records of a set; its time of onset is drawn for each record."""
 
     kind: str
     over_time: str
@@ -36,19 +36,31 @@ class _Plan:
     strength: float
     segment: int
     entropy: int
-    """Of what all records of a set have in common: a curve, a path."""
+    """Entropy of what is common to all records of a set: a nonlinearity, a set of echoes."""
 
 
 _KINDS = ("gain", "noise", "scrambled", "shift", "fold", "curve", "taps", "level")
 _CHANCES = (0.16, 0.17, 0.12, 0.14, 0.08, 0.15, 0.12, 0.06)
 _REMOUNTED = 0.12
-"""Spread of the logarithm of a record's level at a strength of 1: a sensor that is fixed anew each time."""
+"""Standard deviation of the logarithm of a record's level at strength 1, as by remounting a sensor. A larger value
+makes the change easier to detect."""
 _FARTHEST = 0.016
-"""Of the sampling rate, by which a band's frequencies wander at a strength of 1."""
+"""Largest deviation of a band's frequencies at strength 1, as a part of the sampling rate. A larger value makes the
+change easier to detect."""
 
 
 def estrange(records: RecordSet, rng: np.random.Generator) -> RecordSet:
-    """The records with something strange in them, of the same nature in all (or in half) of them."""
+    """The records with an effect outside the catalogue, of the same kind in all (or about half) of them.
+
+    Parameters
+    ----------
+    records : RecordSet
+    rng : numpy.random.Generator
+
+    Returns
+    -------
+    RecordSet
+    """
     n = min(c.n_samples for c in records.conditions)
     duration_s = min(c.duration_s for c in records.conditions)
     low = rng.uniform(0.0, 0.4)
@@ -64,7 +76,7 @@ def estrange(records: RecordSet, rng: np.random.Generator) -> RecordSet:
     )
     if plan.over_time == "even" and plan.kind == "gain":
         plan = replace(plan, kind="scrambled")
-    if plan.over_time == "even" and plan.kind == "shift":  # all of it elsewhere is another path, which twins can have
+    if plan.over_time == "even" and plan.kind == "shift":  # a constant shift is a change of path, which twins can have
         plan = replace(plan, over_time="wave")
     part = 1.0 if rng.random() < 0.7 else 0.5
     out = [Record(r.condition, _changed(r, plan, rng) if rng.random() < part else r.samples) for r in records]
@@ -75,7 +87,7 @@ def _changed(record: Record, plan: _Plan, rng: np.random.Generator) -> Array:
     x, fs_hz = record.samples, record.condition.fs_hz
     if plan.kind == "level":
         return np.asarray(x * np.exp(_REMOUNTED * plan.strength * rng.standard_normal()))
-    if plan.kind == "fold":  # a part of the record returns where it does not belong: mirrored in time, and weaker
+    if plan.kind == "fold":  # time-reversed part of the record, attenuated
         return np.asarray(x + min(plan.strength, 1.0) * 0.6 * x[::-1] * _shape(np.arange(x.size) / fs_hz, plan, rng))
     if plan.kind in ("curve", "taps"):
         common = np.random.default_rng(plan.entropy)
@@ -83,8 +95,9 @@ def _changed(record: Record, plan: _Plan, rng: np.random.Generator) -> Array:
         return np.asarray(x + 0.3 * plan.strength * more * _shape(np.arange(x.size) / fs_hz, plan, rng))
     if plan.kind == "shift":
         return _wandering(x, plan, _shape(np.arange(x.size) / fs_hz, plan, rng))
-    # The older interface: all segments in one transform, where `ShortTimeFFT` takes them one by one (twenty times as
-    # long for short segments).
+    # `stft` transforms all segments at once; `ShortTimeFFT` processes them one by one, about twenty times slower for
+    # short
+    # segments.
     overlap = plan.segment - max(plan.segment // 4, 1)
     _, t, tiles = stft(x, fs_hz, "hann", plan.segment, overlap)
     f = np.linspace(0, 0.5, tiles.shape[0])
@@ -103,7 +116,7 @@ def _changed(record: Record, plan: _Plan, rng: np.random.Generator) -> Array:
 
 
 def _wandering(x: Array, plan: _Plan, shape: Array) -> Array:
-    """x with the frequencies of a band moved up and down over time, about their mean."""
+    """x with the frequencies of a band modulated over time about their mean."""
     spectrum, f = np.fft.rfft(x), np.fft.rfftfreq(x.size)
     inside = np.where((f >= plan.low) & (f <= plan.high), spectrum, 0.0)
     band = np.fft.irfft(inside, x.size)
@@ -112,7 +125,7 @@ def _wandering(x: Array, plan: _Plan, shape: Array) -> Array:
 
 
 def _curve(x: Array, rng: np.random.Generator) -> Array:
-    """A random function of the sample's value alone, no constant and no gain in it, as strong as the record."""
+    """A random memoryless nonlinearity of x without constant and linear part, scaled to the RMS of x."""
     rms = max(float(x.std()), 1e-300)
     z = x / rms
     out = np.zeros_like(z)
@@ -125,7 +138,7 @@ def _curve(x: Array, rng: np.random.Generator) -> Array:
 
 
 def _taps(x: Array, fs_hz: float, rng: np.random.Generator) -> Array:
-    """The record heard again a few times, later, softened or turned upside down."""
+    """Sum of a few random echoes of x, some of them inverted, scaled to the RMS of x."""
     longest = min(0.3 * x.size / fs_hz, 0.1)
     out = np.zeros_like(x)
     for _ in range(int(rng.integers(1, 4))):
@@ -135,7 +148,7 @@ def _taps(x: Array, fs_hz: float, rng: np.random.Generator) -> Array:
 
 
 def _shape(t: Array, plan: _Plan, rng: np.random.Generator) -> Array:
-    """Between 0 and 1 over time."""
+    """[times] Envelope of the change over time, between 0 and 1."""
     span = max(float(t[-1] - t[0]), 1e-9)
     if plan.over_time == "even":
         return np.ones_like(t)

@@ -1,13 +1,13 @@
-"""What the end of a search is worth: its log odds turned into probabilities that hold.
+"""Score calibration: probabilities that effects are missing, from outcomes of whole searches.
 
-searches on machines not learnt from --outcome of every effect--> logistic regression --> ScoreCalibration
-                                     --each judged by the others--> how probable an effect has to be to be named
+searches on machines not trained on --outcome of every effect--> logistic regression --> ScoreCalibration
+                                    --cross-validated probabilities--> limit from which an effect is named
 outcome of every effect of a new search --ScoreCalibration--> probability that it is missing
 
-Detectors are calibrated on first looks. A search asks them again and again, names the strongest, and stops: what it
-has named is likelier than its last log odds say, and beside a rest that nothing explains, or among many effects, what
-it has not named is not as unlikely. Both are learnt from whole searches, on machines that no detector has learnt from
-(stacking: Wolpert 1992, doi:10.1016/S0893-6080(05)80023-1).
+Detectors are calibrated on single evaluations. A search evaluates them repeatedly and selects the strongest effects: a
+named effect is more probable than its last log odds indicate, and so are effects that were not named where a rest
+remains or many effects are missing. Both relations are learnt from whole searches on machines that no detector was
+trained on (stacking: Wolpert 1992, doi:10.1016/S0893-6080(05)80023-1).
 """
 
 from __future__ import annotations
@@ -23,35 +23,35 @@ Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 _FEWEST: Final = 25
-"""Effects of either kind, missing or not, below which nothing is learnt."""
+"""Smallest number of missing and of absent effects from which a calibration is learnt. Fewer make it less certain."""
 _FIRM: Final = 1.0
-"""Inverse strength of the ridge on weights."""
+"""Inverse strength of the L2 penalty on weights. A smaller value shrinks weights."""
 _LEAST_P: Final = 0.005
-"""P-values below are all the same: no smaller ones can come of the machines that they are ranked among."""
+"""Smallest p-value; smaller ones are clipped, because the null distribution does not resolve them."""
 _MOST_ODDS: Final = 9.0
 FALSE: Final = 0.06
-"""Part of what is named that may be false on machines like those learnt from: less than the tenth that is promised, as
-in blind studies up to twice as many were."""
+"""Largest part of named effects that may be false on machines like those trained on. It is below the target of a
+tenth as a margin for other machines. A larger value names more effects."""
 _LIMITS: Final = np.arange(0.6, 0.91, 0.025)
 _PARTS: Final = 10
 
 
 class Outcome(NamedTuple):
-    """What a search ended with for one effect.
+    """Outcome of a search for one effect.
 
     Parameters
     ----------
     certainty : float
-        Log odds: of a named one when it alone is left out, of another against the twin with all that is named.
+        Log odds: of a named effect with that effect left out, of any other against the twin with all named effects.
     first : float
         Log odds against the twin as given.
     named : bool
     others : int
-        Number of effects named.
+        Number of named effects.
     p_value : float
-        Of no gap.
+        P-value of no gap.
     rest_p : float
-        Of nothing left over.
+        P-value of no rest.
     """
 
     certainty: float
@@ -62,7 +62,7 @@ class Outcome(NamedTuple):
     rest_p: float
 
     def features(self) -> Array:
-        """[9] What its probability is worked out from."""
+        """[9] Inputs of the calibration."""
         certainty, first = np.clip((self.certainty, self.first), -_MOST_ODDS, _MOST_ODDS)
         rest, whole = (np.log(max(p, _LEAST_P)) for p in (self.rest_p, self.p_value))
         own, other = float(self.named), float(not self.named)
@@ -74,7 +74,7 @@ class Outcome(NamedTuple):
 
 @dataclass(frozen=True)
 class ScoreCalibration:
-    """Log odds that an effect is missing, linear in its outcome's features.
+    """Logistic regression: log odds that an effect is missing, linear in the features of its outcome.
 
     Parameters
     ----------
@@ -89,21 +89,26 @@ class ScoreCalibration:
     named_from: float
 
     def probability(self, outcome: Outcome) -> float:
-        """That this effect is missing."""
+        """Probability that this effect is missing."""
         return float(1 / (1 + np.exp(-(self.weights @ outcome.features() + self.offset))))
 
 
 def learn_score_calibration(
     outcomes: Sequence[Outcome], missing: Sequence[bool], machine: Sequence[int]
 ) -> ScoreCalibration | None:
-    """From outcomes of searches whose truth is known; None where they are too few.
+    """Score calibration from outcomes of searches with known truth; None where there are too few.
 
     Parameters
     ----------
     outcomes : sequence of Outcome
     missing : sequence of bool
+        Whether each effect is missing.
     machine : sequence of int
-        Which machine (or which few of them) each outcome is of, so that none is judged by what was learnt from itself.
+        Machine, or group of machines, of each outcome; in cross-validation a group is never split.
+
+    Returns
+    -------
+    ScoreCalibration or None
     """
     label = np.asarray(missing, bool)
     if min(label.sum(), (~label).sum()) < _FEWEST:
@@ -120,7 +125,7 @@ def learn_score_calibration(
 
 
 def _fitted(table: Array, label: Mask) -> tuple[Array, float]:
-    """Weights and offset of a logistic regression."""
+    """Weights [features] and offset of a logistic regression."""
     from sklearn.linear_model import LogisticRegression
 
     scale = np.maximum(table.std(axis=0), 1e-9)
@@ -129,7 +134,7 @@ def _fitted(table: Array, label: Mask) -> tuple[Array, float]:
 
 
 def _limit(probability: Array, label: Mask) -> float:
-    """The least limit from which no more than `FALSE` of what is named is false."""
+    """The smallest probability from which at most `FALSE` of the named effects are false."""
     for limit in _LIMITS:
         named = probability >= limit
         if not named.any() or (~label[named]).mean() <= FALSE:

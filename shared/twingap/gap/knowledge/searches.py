@@ -1,6 +1,6 @@
-"""Whole searches on machines that no detector has learnt from, to learn what their ends are worth.
+"""Searches on machines that no detector was trained on, for the score calibration.
 
-SimulatedGap --calibrate, search--> Outcome of every effect, and whether it was missing
+SimulatedGap --calibrate, search--> Outcome of every effect, and whether it is missing
 """
 
 from __future__ import annotations
@@ -25,17 +25,23 @@ if TYPE_CHECKING:
 def searches(
     learnt: Learnt, seed: int, machines: Sequence[int], most_records: int, among: Sequence[str] = ()
 ) -> list[tuple[Outcome, bool]]:
-    """Outcomes of searches on these machines, effect by effect, and whether each was missing; none of hidden effects.
+    """Outcomes of searches on simulated machines, effect by effect, with the truth; undetectable effects are left out.
 
     Parameters
     ----------
     learnt : Learnt
     seed : int
     machines : sequence of int
-        Their numbers, see `examples.examples`.
+        Numbers of the machines, see `examples.examples`.
     most_records : int
+        Largest number of records of a machine.
     among : sequence of str
-        Effects to draw from; empty is the whole catalogue.
+        Effects to draw from; empty for the whole catalogue.
+
+    Returns
+    -------
+    list of (Outcome, bool)
+        Outcome of each effect, and whether it is missing.
     """
     found: list[tuple[Outcome, bool]] = []
     for machine in machines:
@@ -46,7 +52,7 @@ def searches(
             root = int(rng.integers(2**62))
             evidence = Evidence(calibrated, simulator_of(calibrated, gap.sim), gap.spec, root, THOROUGH)
             outcomes = search(evidence, learnt).outcomes
-        except TwingapError:  # a drawn machine that nobody could calibrate teaches nothing
+        except TwingapError:  # a machine that cannot be calibrated gives no outcome
             continue
         missing, unseen = {effect.name for effect in gap.missing}, _hidden(gap, evidence, learnt)
         found += [(outcome, name in missing) for name, outcome in outcomes.items() if name not in unseen]
@@ -54,7 +60,7 @@ def searches(
 
 
 def _hidden(gap: SimulatedGap, evidence: Evidence, learnt: Learnt) -> set[str]:
-    """Effects of a machine that nobody could have seen."""
+    """Undetectable effects of a machine."""
     if learnt.detectability is None:
         return set()
     present = {effect.name: effect for effect in gap.missing}

@@ -1,7 +1,7 @@
-"""Simulated gaps: machines whose missing effects are known, to learn the diagnosis from.
+"""Simulated gaps: machines whose missing effects are known, for training.
 
-machine + effects at random --simulate--> records (nominal metadata)   what a diagnosis would be given
-                      |---- effects' names and values                  what it should say
+machine + random effects --simulate--> records (nominal metadata)   input of a diagnosis
+                      |---- names and values of the effects         expected result
 """
 
 from __future__ import annotations
@@ -20,36 +20,39 @@ from twingap.records import Record, RecordSet
 from twingap.twins.twin_file import TwinSpec
 
 HOW_MANY = (0.27, 0.24, 0.2, 0.12, 0.1, 0.07)
-"""Chances of 0, 1, ... effects missing: of machines that lack none, p-values get their grain."""
+"""Probabilities of 0, 1, ... missing effects. A larger first one resolves smaller p-values, with fewer examples of
+effects."""
 HOW_MANY_OF_FEW = (0.48, 0.34, 0.18)
-"""The same when only some effects are learnt, from few machines: a p-value needs its share without a gap."""
+"""The same where only some effects are learnt, from few machines."""
 MODELLING = 0.35
-"""Part of the machines some of whose effects the twin models: p-values of those get their grain from these alone."""
+"""Part of the machines whose twin models some effects. A larger value resolves smaller p-values of such twins, with
+fewer examples of others."""
 STRANGE = 0.18
-"""Part of the gaps with something that no catalogued effect describes."""
+"""Part of the gaps with an effect outside the catalogue. A larger value leaves fewer gaps with catalogued effects
+only."""
 VARIANT = 0.25
-"""Chance that a machine has an effect in another form than the catalogue's: the more have, the fewer examples of the
-catalogue's own form are learnt from."""
+"""Probability that a machine has a variant of an effect. A larger value leaves fewer examples of the catalogue's
+form."""
 
 
 @dataclass(frozen=True)
 class SimulatedGap:
-    """A gap whose cause is known.
+    """A gap with known causes.
 
     Parameters
     ----------
     records : RecordSet
-        Of the machine, with nominal metadata.
+        Records of the machine, with nominal metadata.
     spec : TwinSpec
-        The twin that a diagnosis gets.
+        The twin to be diagnosed.
     sim : RecordSet or None
-        Records of the user's own simulator, in place of the twin's.
+        Records of an external simulator, in place of the twin's.
     missing : tuple of Effect
-        What the machine has and the twin lacks.
+        Effects of the machine that the twin lacks.
     modelled : tuple of Effect
-        What both have, at the machine's values.
+        Effects of both, at the machine's values.
     strange : bool
-        Whether the machine has something outside the catalogue too.
+        Whether the machine also has an effect outside the catalogue.
     machine : Machine
     """
 
@@ -65,16 +68,21 @@ class SimulatedGap:
 def draw_gap(
     rng: np.random.Generator, own_simulator: bool | None = None, most_records: int = 40, among: Sequence[str] = ()
 ) -> SimulatedGap:
-    """A gap at random.
+    """A random simulated gap.
 
     Parameters
     ----------
     rng : numpy.random.Generator
     own_simulator : bool or None
-        Whether the twin is a set of simulated records; None: one time in three.
+        Whether the twin is a set of simulated records; None: with probability one third.
     most_records : int
+        Largest number of records.
     among : sequence of str
-        Effects to draw from; empty is the whole catalogue.
+        Effects to draw from; empty for the whole catalogue.
+
+    Returns
+    -------
+    SimulatedGap
     """
     own = bool(rng.random() < 1 / 3) if own_simulator is None else own_simulator
     machine = draw_machine(rng, own, most_records)
@@ -85,7 +93,7 @@ def draw_gap(
     if len(effects) > count:
         kept = rng.permutation(len(effects))
         modelled, effects = tuple(effects[i] for i in kept[count:]), tuple(effects[i] for i in kept[:count])
-    # A simulator of the machine's own has what it models as the machine has it; a twin, in the catalogue's form.
+    # An external simulator models effects exactly as the machine has them; a twin, in the catalogue's form.
     alike = modelled if own else ()
     built = [e if e in alike else as_built(e, machine, rng) for e in (*modelled, *effects)]
     records = simulated(machine, tuple(built), rng)
@@ -106,16 +114,20 @@ def draw_gap(
 
 
 def as_built(effect: Effect, machine: Machine, rng: np.random.Generator) -> Effect:
-    """The effect as one machine has it: in the catalogue's form, or now and then in another one at the same values.
+    """The effect in the catalogue's form or, with probability `VARIANT`, as a variant at the same values.
 
-    What is learnt only from machines that have effects exactly as a twin adds them fails on machines that do not.
+    Models trained only on the catalogue's form do not transfer to machines whose effects differ from it.
 
     Parameters
     ----------
     effect : Effect
-        Of the catalogue.
+        An effect of the catalogue.
     machine : Machine
     rng : numpy.random.Generator
+
+    Returns
+    -------
+    Effect
     """
     if type(effect).variant is Effect.variant or rng.random() >= VARIANT:
         return effect
@@ -123,7 +135,7 @@ def as_built(effect: Effect, machine: Machine, rng: np.random.Generator) -> Effe
 
 
 def _as_known(modelled: Sequence[Effect], machine: Machine, rng: np.random.Generator) -> tuple[Effect, ...]:
-    """Effects as a twin file has them: at true values, or at values that were read off records."""
+    """Modelled effects as a twin file gives them: at true values, or at estimates with errors."""
     if rng.random() < 0.5:
         return tuple(modelled)
     setting, error = Setting.of(machine.nominal), 0.12 * rng.random()
@@ -131,14 +143,14 @@ def _as_known(modelled: Sequence[Effect], machine: Machine, rng: np.random.Gener
 
 
 def simulated(machine: Machine, effects: Sequence[Effect], rng: np.random.Generator, gain: float = 1.0) -> RecordSet:
-    """Records of the machine under its conditions."""
+    """Simulated records of the machine under its conditions; `gain` is a factor on its samples."""
     return machine.twin(effects, gain).simulate(machine.conditions, rng)
 
 
 def draw_effects(
     rng: np.random.Generator, machine: Machine, count: int, among: Sequence[str] = ()
 ) -> tuple[Effect, ...]:
-    """So many different effects, as far as this machine's records could show them."""
+    """Up to `count` different random effects, at values that this machine's records can show."""
     names = [name for name in catalogue() if not among or name in among]
     chances = np.array([catalogue()[name].draw_weight for name in names])
     out: list[Effect] = []
@@ -156,7 +168,7 @@ def draw_effects(
 
 
 def _fits(effect: Effect, machine: Machine) -> bool:
-    """Whether every record of the machine can be simulated with it."""
+    """Whether every record of the machine can be simulated with the effect."""
     t = np.zeros(2)
     fastest = max(machine.conditions, key=lambda c: c.speed_rpm)
     return effect.cannot_act_on(Draft(fastest, machine.bearing, 1.0, t, t)) is None

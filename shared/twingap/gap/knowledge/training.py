@@ -1,8 +1,8 @@
-"""The training of the diagnosis on simulated gaps: what `twingap train` runs.
+"""Training of the diagnosis on simulated gaps: the computation of `twingap train`.
 
 machines in chunks --examples--> learn --> Learnt --searches on other machines, in chunks--> score calibration --> files
 
-Every chunk is kept, so that an interrupted training goes on where it was, and a larger one takes over a smaller one's.
+Chunks are stored: an interrupted training resumes, and a larger one reuses the chunks of a smaller one.
 """
 
 from __future__ import annotations
@@ -29,16 +29,16 @@ from twingap.provenance import digest_of_value, versions
 from twingap.sweep import sweep
 
 MACHINES: Final = 4020
-"""Machines to learn from. More sharpen detectors slowly and take proportionally longer."""
+"""Number of machines for training. More improve detectors slowly, at a proportional cost."""
 CHUNK: Final = 30
-"""Machines of one job."""
+"""Machines of one job. A smaller number balances the load better, with more files."""
 PER_SEARCH: Final = 6
-"""Machines learnt from for each one that is searched: fewer searches make probabilities coarser."""
+"""Machines trained on per machine searched. A larger value makes the score calibration less certain."""
 SEARCHED_FROM: Final = 1_000_000
-"""Number of the first machine that is searched; machines learnt from have smaller numbers."""
+"""Number of the first machine searched; machines trained on have smaller numbers."""
 SEARCH_CHUNK: Final = 10
 MOST_RECORDS: Final = 24
-"""Records of a simulated machine at most."""
+"""Largest number of records of a simulated machine. A larger number takes proportionally longer."""
 SEED: Final = 20
 
 Progress = Callable[[str, float], None]
@@ -54,7 +54,7 @@ class Chunk:
     first, count : int
         Numbers of the machines: first, first + 1, ...
     among : tuple of str
-        Effects to draw; empty draws from the whole catalogue.
+        Effects to draw from; empty for the whole catalogue.
     """
 
     seed: int
@@ -74,21 +74,21 @@ def train(
     jobs: int | None = None,
     progress: Progress | None = None,
 ) -> Path:
-    """Learn the diagnosis from simulated gaps.
+    """Train the diagnosis on simulated gaps.
 
     Parameters
     ----------
     folder : Path
-        For the result, in `folder`/learnt, and for all chunks on the way there, in `folder`/chunks.
+        Output folder: models in `folder`/learnt, intermediate chunks in `folder`/chunks.
     seed : int
     machines : int
-        Simulated machines to learn from; a sixth as many more are searched.
+        Number of simulated machines to train on; a sixth as many more are searched.
     among : sequence of str
-        Effects to learn; empty learns the whole catalogue.
+        Effects to train on; empty for the whole catalogue.
     backend, address, jobs
         Where chunks are computed; see `twingap.sweep.sweep`. The result does not depend on it.
     progress : callable, optional
-        Receives what is being done and the share that is done.
+        Called with a description of the current step and the completed part, 0 to 1.
 
     Returns
     -------
@@ -98,7 +98,7 @@ def train(
     Raises
     ------
     TwingapError
-        For an effect that the catalogue does not have, or fewer than 20 machines.
+        For an effect that is not in the catalogue, or fewer than 20 machines.
     """
     say = progress or _nothing
     names = tuple(dict.fromkeys(among))
@@ -137,7 +137,7 @@ def train(
 
 
 def calibrate(learnt: Learnt, ends: Sequence[Mapping[str, Any]]) -> None:
-    """Learn from ends of searches, chunk by chunk, what probabilities they stand for."""
+    """Add the score calibration to `learnt`, from outcomes of searches by chunk."""
     outcomes = [Outcome(*row) for chunk in ends for row in chunk["outcomes"]]
     missing = [bool(there) for chunk in ends for there in chunk["missing"]]
     chunk_of = [number for number, chunk in enumerate(ends) for _ in chunk["missing"]]
@@ -145,7 +145,7 @@ def calibrate(learnt: Learnt, ends: Sequence[Mapping[str, Any]]) -> None:
 
 
 def _version() -> str:
-    """What chunks depend on besides their own numbers: names of features, definitions of effects."""
+    """Version of the chunks: a hash of the names of features, the definitions of effects and the number of records."""
     effects = {name: definition(name) for name in catalogue()}
     return digest_of_value({"features": list(feature_names()), "effects": effects, "records": MOST_RECORDS})[:16]
 

@@ -2,9 +2,9 @@
 
 scikit-learn's boosting --nodes of all trees in preorder--> Boosted --row by row--> raw prediction
 
-A search evaluates hundreds of models on one row, again and again; scikit-learn validates its input and starts threads
-for every tree, which takes milliseconds where the comparisons take microseconds. Nodes are read from an attribute that
-scikit-learn does not document; a test compares the result with its own predictions.
+A search evaluates hundreds of models on single rows, where the input validation and threads of scikit-learn take
+milliseconds. Nodes are read from an attribute that scikit-learn does not document; a test compares the result with
+scikit-learn's own predictions.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ Array = NDArray[np.float64]
 LEAF: Final = 255
 """Column number that marks a leaf; features have smaller numbers."""
 _UNKNOWN_LEFT: Final = 128
-"""Bit of `Boosted.right` that says that a row whose feature is NaN goes to the left."""
+"""Bit of `Boosted.right`: a row whose feature is NaN goes to the left."""
 
 
 @dataclass(frozen=True)
@@ -99,7 +99,7 @@ class Boosted:
 
 
 def _rounded_down(value: Array) -> NDArray[np.float32]:
-    """The largest float32 that is no larger."""
+    """The largest float32 that is not larger than each value."""
     near = value.astype(np.float32)
     return np.where(near > value, np.nextafter(near, np.float32(-np.inf)), near)
 
