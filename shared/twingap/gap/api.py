@@ -1,4 +1,4 @@
-"""The diagnosis of a twin: calibrate, search for missing effects, test on held-out records, report.
+"""Diagnosis of a twin: calibration, search for missing effects, tests on held-out records, report.
 
 records, twin (or simulated records) --calibrate--> Evidence --explain--> effects that the twin lacks
 held-out part against replicates of the twin, before and after --> places, tests, closures --> GapReport
@@ -46,19 +46,20 @@ from twingap.twins.simulator import TwinSimulator
 from twingap.twins.twin_file import TwinSpec, flat, overruled, read_twin
 
 MOST_RECORDS: Final = 240
-"""Records that a diagnosis uses; of more, as many of each fault and speed as this allows. More cost time."""
+"""Largest number of records that a diagnosis uses, spread over faults and speeds. A larger number takes longer."""
 _UNITS: Final = {
     "resonance_hz": "Hz", "structure_noise_rms": "of scale", "white_noise_rms": "of scale",
     "scale": "unit of the records",
     **{f"impact_amplitude.{fault}": "of scale" for fault in ("inner", "outer", "ball", "cage")},
 }  # fmt: skip
 _OTHER_LEVEL: Final = 0.02
-"""Log ratio of levels from which a note says that the effects changed them."""
+"""Log ratio of levels above which a note reports the change of level with the effects. A smaller value adds notes."""
 AT_FLOOR: Final = 0.9
-"""Closure that the interval has to reach for a gap to be called explained."""
+"""Closure that the upper end of its interval has to reach for a gap to be explained. A larger value leaves more gaps
+partly explained."""
 PLAIN_REST: Final = 0.01
-"""Family-wise p at and below which a place of the rest keeps a gap from being explained. A larger value lets fitted
-values that are off by a little count as a rest."""
+"""Family-wise p-value of a place up to which the rest is significant and the gap is not explained. A larger value
+lets small errors of fitted values count as a rest."""
 
 
 def diagnose(
@@ -76,19 +77,20 @@ def diagnose(
     Parameters
     ----------
     records : RecordSet or path-like
-        Records of the machine, or the folder that holds them.
+        Records of the machine, or their folder.
     twin : TwinSpec or path-like
-        What is modelled already, or its twin file.
+        The twin: its model, effects and fixed parameters, or its twin file.
     seed : int or numpy.random.Generator
-        Same seed, same result. The report states -1 for a generator.
+        The same seed gives the same result. The report states -1 for a generator.
     sim : RecordSet or path-like, optional
         Simulated records of the user's own simulator, in place of the twin's.
     closest : bool
-        Whether to look, where a rest remains, for effects that bring the twin closer (stand-ins): takes minutes.
+        Whether to search, where a rest remains, for surrogate effects (stand-ins) that bring the twin closer. It takes
+        minutes.
     learnt : Learnt, optional
-        What was learnt from simulated gaps; None takes what the package ships with.
+        Models of the diagnosis; None for those of the package.
     progress : callable, optional
-        Called with what is done and the part of the whole, 0 to 1.
+        Called with a description of the current step and the completed part, 0 to 1.
 
     Returns
     -------
@@ -102,7 +104,7 @@ def diagnose(
     begin, told = time.monotonic(), progress or quiet
     spec, twin_file = (twin, "") if isinstance(twin, TwinSpec) else (read_twin(twin), Path(twin).name)
     records, sim = _record_set(records), None if sim is None else _record_set(sim)
-    # Matrices are small and rows are predicted one by one, thousands of times: more threads only wait for each other.
+    # Matrices are small and models predict one row at a time: more threads are slower.
     with threadpool_limits(1):
         found = _diagnosed(records, spec, np.random.default_rng(seed), sim, told, learnt, closest)
         told("done", 1.0)
@@ -130,7 +132,7 @@ def _diagnosed(
     learnt: Learnt | None,
     closest: bool,
 ) -> Diagnosis:
-    """The diagnosis; the provenance of its report states only what is known here."""
+    """The diagnosis without the provenance that `diagnose` adds."""
     _two_or_more(records)
     brought = spec if sim is None else replace(spec, bearing=sim.bearing)
     notes = [told] if (told := overruled(brought, records.bearing, "twin file" if sim is None else sim.name)) else []
@@ -208,7 +210,13 @@ def _with_stand_ins(
     rng: np.random.Generator,
     progress: Progress,
 ) -> tuple[StandIns | None, Compared | None, list[str]]:
-    """Stand-ins for the rest, kept only where the distance of held-out records shrinks significantly."""
+    """Surrogate effects for the rest, kept only where they reduce the distance of held-out records significantly.
+
+    Returns
+    -------
+    StandIns or None, Compared or None, list of str
+        Their report, the comparison with them, and notes.
+    """
     found = trial.found
     closer = stand_ins(trial.evidence, found, learnt, lambda what, _: progress(what, 0.98))
     none = ["none of the other effects brings the twin significantly closer to the held-out records"]
@@ -229,8 +237,10 @@ def _with_stand_ins(
 
 
 def _confirmed(found: Explanation, evidence: Evidence) -> tuple[Explanation, list[str]]:
-    """The explanation, or no gap: where a user's own simulated records and the real ones can be exchanged at random
-    without the distance changing, and no effect is surely missing."""
+    """The explanation, confirmed by an exchange test for the user's own simulator, or no gap, and notes.
+
+    The test is skipped where an effect is certainly missing.
+    """
     own = isinstance(found.before.simulator, ExternalSimulator)
     if not own or not found.gap or max(found.probability.values(), default=0.0) >= SURE:
         return found, []
@@ -248,10 +258,11 @@ def _confirmed(found: Explanation, evidence: Evidence) -> tuple[Explanation, lis
 
 
 def _status(found: Explanation, closed: Closure, rest: Sequence[Place]) -> Status:
-    """Explained only where nothing is left over, no place of the rest is plain, and the distance may have come down to
-    its floor.
+    """Status of the verdict.
 
-    Both intervals have to reach it: that of the closure is wide where there was little to close.
+    A gap is explained where the rest is not significant, no place of it is, the interval of the closure reaches
+    `AT_FLOOR`, and that of the distance reaches its floor. Both intervals count, because that of the closure is wide
+    where the gap is small.
     """
     if not found.gap:
         return "no_gap"
@@ -271,7 +282,7 @@ def _two_or_more(records: RecordSet) -> None:
 
 
 def _thinned(records: RecordSet, notes: list[str]) -> RecordSet:
-    """At most `MOST_RECORDS`, spread over faults, and within a fault over speeds, times and groups as they come."""
+    """At most `MOST_RECORDS` records, spread over faults and, within a fault, over speeds and times."""
     if len(records) <= MOST_RECORDS:
         return records
     of: dict[str | None, list[int]] = {}

@@ -1,10 +1,10 @@
 """External simulator: the user's own simulated records in place of a twin.
 
 conditions --nearest in fault, speed, load, time--> simulated record --rate, length, level--> record
-           --its speed where theirs is not near, effects on the finished waveform-----------> record
+           --resampling to another speed, effects on the finished waveform------------------> record
 
-Effects act where they can on a finished waveform (path, disturbance, acquisition, by resampling over the shaft angle,
-and on the part that exceeds healthy records), and say where they cannot.
+Effects of path, disturbance and acquisition are applied to the waveform, those of the shaft angle by resampling, and
+those of the excitation to the part that exceeds healthy records. `can_add` gives the reason where this is impossible.
 """
 
 from __future__ import annotations
@@ -32,57 +32,61 @@ from twingap.twins.simulator import streams_of, why_not
 Array = NDArray[np.float64]
 
 NEAR_SPEED: Final = 0.06
-"""Log ratio of speeds up to which a simulated record keeps its own: features follow each record's orders, and
-resampling would move its resonances."""
+"""Log ratio of speeds up to which a simulated record keeps its own speed: features are relative to each record's
+orders, and resampling would move resonances. A larger value resamples fewer records."""
 SAME_GAIN: Final = math.log(1.1)
-"""Log ratio of levels below which records in the same unit count as of equal gain."""
+"""Log ratio of levels below which records in the same unit count as of equal gain. A larger value matches fewer
+levels."""
 _OTHER_FAULT: Final = 1e6
-"""Distance of a record of another fault: larger than all others."""
+"""Distance of a record of another fault; larger than all other distances."""
 _TOO_SLOW: Final = 1e3
-"""Distance of a record at a lower sampling rate than the real one's: chosen where there is no other, and then
-refused."""
+"""Distance of a record at a lower sampling rate than the real one: it is selected only where there is no other, and
+then rejected."""
 _AS_NEAR: Final = 0.01
-"""Difference of distances within which simulated records count as of one condition."""
+"""Difference in distance up to which simulated records count as of the same condition. A larger value gives more
+replicates, under less similar conditions."""
 _MOST_REPLICATES: Final = 12
-"""Replicates of a condition: more are slower and sharpen tests."""
+"""Largest number of replicates of a condition. A larger number takes longer and gives tests more power."""
 _MOST_QUIET: Final = 5
-"""Healthy records, nearest in speed, that the background of faulty ones is estimated from."""
+"""Largest number of healthy records, nearest in speed, for the background of faulty ones. More reduce its noise, at
+less similar speeds."""
 _MOST_KEPT: Final = 96
-"""Records whose background is cached: more take memory and save time."""
+"""Largest number of records whose background is cached. A larger number takes more memory and saves time."""
 _MOST_MEASURED: Final = 40
-"""Records that levels are measured on."""
+"""Largest number of records for the matching of levels. A larger number takes longer and reduces noise."""
 
 
 class ExternalSimulator:
-    """The user's own simulated records, brought to the real conditions as far as possible.
+    """The user's own simulated records, adapted to the real conditions.
 
     Parameters
     ----------
     sim : RecordSet
         The simulated records.
     real : RecordSet
-        Real records that calibrate: their level sets the gain.
+        Real records of the calibration: their level sets the gain.
     bearing : Bearing
     reference_rms : float
         RMS of the real machine's healthy vibration (`Frame.scale`): the amplitude scale of effects where no simulated
         record is healthy.
     name : str, optional
+        Name of the simulator; that of the record set by default.
     others : sequence of Condition
-        Conditions of further real records, which are not calibrated on: simulated records are shared out among all.
+        Conditions of further real records, not used in the calibration. Simulated records are shared among all.
 
     Attributes
     ----------
     gain : float
-        Factor on all simulated samples: 1 where units are the same and levels within a tenth.
+        Factor on all simulated samples; 1 where units are equal and levels agree within 10 %.
     level_free : bool
-        Whether that factor was estimated: then it is estimated anew once effects are added.
+        Whether the gain was estimated; if so, it is estimated anew once effects are added.
     notes : tuple[str, ...]
-        What was matched, and how, for the report.
+        Notes for the report on what was matched.
 
     Raises
     ------
     TwingapError
-        When no simulated record is of a fault that the real ones have.
+        When no simulated record has a fault of the real ones.
     """
 
     def __init__(
@@ -137,7 +141,8 @@ class ExternalSimulator:
     def simulate(
         self, effects: tuple[Effect, ...], conditions: Sequence[Condition], streams_root: int, replicate: int
     ) -> list[Record]:
-        """See `Simulator.simulate`. Replicates are other simulated records of the condition, as far as there are."""
+        """See `Simulator.simulate`. Replicates are different simulated records of a condition, as long as there are
+        any."""
         out = []
         for condition in conditions:
             streams = streams_of(condition, streams_root, replicate)
@@ -151,12 +156,11 @@ class ExternalSimulator:
 
     @property
     def reference_rms(self) -> float:
-        """RMS of the simulated healthy vibration at the present level: the amplitude scale of effects, as of a
-        twin's."""
+        """RMS of the simulated healthy vibration at the current gain: the amplitude scale of effects."""
         return self._healthy_rms * self.gain
 
     def with_gain(self, gain: float) -> ExternalSimulator:
-        """The same records, times another factor."""
+        """A copy with another gain."""
         own = copy.copy(self)
         own.gain = gain
         return own
@@ -166,7 +170,7 @@ class ExternalSimulator:
         return why_not(name, self.conditions, self.bearing, self.reference_rms, "waveform")
 
     def _ranked(self, condition: Condition) -> list[int]:
-        """Simulated records of this fault that are nearest to the condition, nearest first."""
+        """Indices of the simulated records of this fault nearest to the condition, the nearest first."""
         if condition.fault is None:
             raise TwingapError(
                 "the fault is unknown, so no simulated record matches it",
@@ -183,20 +187,20 @@ class ExternalSimulator:
         return [int(i) for i in near[np.argsort(distances[near], kind="stable")]]
 
     def replicates(self, conditions: Sequence[Condition]) -> int:
-        """How many simulated records each of these has to itself, at least 1.
+        """Number of independent simulated records of each condition, at least 1.
 
-        Beyond that number records repeat. Cut or shifted, the same waveform is not independent: comparisons that take
-        it as such find differences where there are none.
+        With more replicates, records repeat. The same waveform, cut or shifted, is not independent, and tests that
+        assume independence would give false alarms.
         """
         known = [c for c in conditions if c.name in self._alike]
         least = min((len(self._ranked(c)) // self._alike[c.name] for c in known), default=1)
         return min(max(least, 1), _MOST_REPLICATES)
 
     def _background_of(self, record: Record, effects: Sequence[Effect], draw: tuple[int, int]) -> Array | None:
-        """Background of a record with a defect, its impacts taken out; None where no effect needs it or no record is
+        """Background of a record with a defect, its impacts removed; None where no effect needs it or no record is
         healthy.
 
-        The same for all values of effects, of which hundreds are tried: the last ones are cached.
+        It does not depend on the values of effects, of which hundreds are tried, and is cached.
         """
         c = record.condition
         if c.fault in (None, "healthy") or not any(effect.stage is Stage.EXCITATION for effect in effects):
@@ -215,7 +219,7 @@ class ExternalSimulator:
         return np.asarray(self.gain * self._known_background[key], float)
 
     def _background(self, fs_hz: float, speed_rpm: float) -> Background | None:
-        """Background from healthy records of about this speed, unscaled, at this rate; None without any."""
+        """Background estimated from healthy records at similar speeds, without gain, at this rate; None without any."""
         made = self.sim.conditions
         quiet = [i for i, c in enumerate(made) if c.fault == "healthy" and c.fs_hz >= 0.999 * fs_hz]
         key = fs_hz, *sorted(quiet, key=lambda i: abs(math.log(made[i].speed_rpm / speed_rpm)))[:_MOST_QUIET]
@@ -230,16 +234,17 @@ class ExternalSimulator:
         return self._quiet[key]
 
     def _of_healthy(self) -> float | None:
-        """RMS of simulated healthy records about their means, unscaled; None without any."""
+        """RMS of the simulated healthy records about their means, without gain; None without any."""
         places = [i for i, c in enumerate(self.sim.conditions) if c.fault == "healthy"][:_MOST_MEASURED]
         power = [float(self.sim[i].samples.var()) for i in places]
         return math.sqrt(float(np.mean(power))) if power and max(power) > 0 else None
 
     def _shared_out(self, conditions: Sequence[Condition]) -> tuple[dict[str, int], dict[str, int]]:
-        """First simulated record of each real one, and the number of real ones that share the equally near records.
+        """First simulated record of each real one, and the number of real ones that share its pool of equally near
+        records.
 
-        The record of the same name, else of the equally near ones the least used: two real records should be compared
-        with independent ones.
+        It is the record of the same name, else the least used of the pool, so that real records are compared with
+        independent simulated ones.
         """
         first: dict[str, int] = {}
         taken = np.zeros(len(self.sim.conditions), int)
@@ -254,7 +259,8 @@ class ExternalSimulator:
         return first, {name: int(taken[pool].sum()) for name, pool in pools.items()}
 
     def _waveform(self, condition: Condition, streams: Streams, replicate: int) -> tuple[Array, float]:
-        """One simulated record under this condition, and its speed: its own where that is near."""
+        """Samples of a simulated record under this condition and their speed, which is the record's own where it is
+        near."""
         ranked = self._ranked(condition)
         first = self._first.get(condition.name)
         turn = ranked.index(first) if first in ranked else 0
@@ -272,12 +278,12 @@ class ExternalSimulator:
             begin = int(streams("segment").integers(spare + 1))
         if spare >= 0:
             x = x[begin : begin + condition.n_samples]
-        else:  # repeated: a seam is better than missing samples
+        else:  # repeat the record: a seam does less harm than missing samples
             x = np.take(x, np.arange(condition.n_samples), mode="wrap")
         return (np.asarray(x * self.gain) if self.gain != 1 else np.array(x, dtype=float)), speed_rpm
 
     def _at_rate(self, place: int, fs_hz: float) -> Array:
-        """A simulated record at the wanted sampling rate."""
+        """Samples of a simulated record at this sampling rate, without gain."""
         made = self.sim.conditions[place]
         x = np.asarray(self.sim[place].samples, float)
         if math.isclose(made.fs_hz, fs_hz, rel_tol=1e-9):
@@ -298,7 +304,7 @@ class ExternalSimulator:
         return np.asarray(resample_poly(x, ratio.numerator, ratio.denominator))
 
     def _calibrated(self, real: RecordSet, notes: list[str]) -> float:
-        """One factor that brings simulated levels to real ones, from healthy records where both have them."""
+        """Gain that matches simulated to real levels, by healthy records where both sets have them."""
         shared = [i for i, c in enumerate(real.conditions) if c.fault is not None and c.fault not in self.missing]
         healthy = [i for i in shared if real.conditions[i].fault == "healthy"]
         self.gain = 1.0
@@ -319,7 +325,7 @@ class ExternalSimulator:
 
 
 class _Made:
-    """Conditions of the simulated records, side by side; NaN where load or time is unknown."""
+    """Conditions of the simulated records as arrays; NaN where load or time is unknown."""
 
     def __init__(self, conditions: Sequence[Condition]) -> None:
         self.fault = np.array([c.fault or "" for c in conditions])
@@ -331,7 +337,8 @@ class _Made:
         self.span_s = float(np.ptp(known)) if known.size else 0.0
 
     def distances(self, real: Condition) -> Array:
-        """[simulated records] 1 for a doubling of the speed or for the whole run, 0.3 for a doubling of the load."""
+        """[simulated records] Distance to a real condition: 1 per doubling of speed or per whole run, 0.3 per
+        doubling of load."""
         out = np.where(self.fault == (real.fault or ""), 0.0, _OTHER_FAULT)
         out += np.where(self.fs_hz < 0.999 * real.fs_hz, _TOO_SLOW, 0.0)
         out += np.abs(np.log2(self.speed_rpm / real.speed_rpm))

@@ -1,4 +1,4 @@
-"""Tests on held-out records: what adding an effect does to the gap there.
+"""Closures of effects, measured on held-out records.
 
 held-out part --feature vectors--+
 twin, before and after --simulate, replicates--> feature vectors --paired distances--> Candidate: closure, values
@@ -28,13 +28,15 @@ from twingap.records import Condition
 from twingap.twins.simulator import Simulator
 
 _SIMULATED: Final = 220
-"""Simulated records that tests and places are measured with, all replicates together."""
+"""Simulated records of tests and places, all replicates together. A larger number reduces their noise and takes
+longer."""
 _LIKELY: Final = 0.02
-"""Probability below which a candidate's baseline is not matched anew: its closure says that it is none."""
+"""Probability below which the baseline is not matched anew for a candidate, and one simulation is used. A smaller
+value takes longer."""
 
 
 class HeldOut:
-    """The held-out part of the records against simulations of the twin with and without effects."""
+    """The held-out part of the records, compared with simulations of the twin with and without effects."""
 
     def __init__(self, evidence: Evidence, found: Explanation) -> None:
         self.evidence, self.found = evidence, found
@@ -47,13 +49,14 @@ class HeldOut:
         self.fewer = min(self.most, int(np.clip(np.ceil(_SIMULATED / 3 / n), 2, 12)))
 
     def replicates(self, simulator: Simulator, effects: tuple[Effect, ...], count: int) -> list[FeatureVectors]:
-        """Feature vectors of so many simulations of the held-out part."""
+        """Feature vectors of `count` replicates of the held-out part."""
         numbers = range(2, 2 + count)
         made = self.evidence.simulated
         return [self.evidence.vectors(made(simulator, effects, self.part.conditions, k), self.grid) for k in numbers]
 
     def lessons(self, after: Compared | None = None) -> TrainingSets:
-        """Further records to train a classifier on: a user's finished records for the fit part's conditions."""
+        """Further records for training a classifier: the user's simulated records under the conditions of the fit
+        part."""
         found = self.found
         if not isinstance(found.before.simulator, ExternalSimulator):
             return None, None
@@ -68,10 +71,26 @@ class HeldOut:
     def candidates(
         self, learnt: Learnt, floor: float, rng: np.random.Generator, progress: Callable[[float], None]
     ) -> Iterator[Candidate]:
-        """Every effect of the catalogue that the twin lacks: the gap without and with it, beside the named ones."""
+        """Candidates: every effect of the catalogue that the twin lacks, with the gap without and with it.
+
+        Each is evaluated together with the named effects.
+
+        Parameters
+        ----------
+        learnt : Learnt
+        floor : float
+            Distance that sampling alone leaves.
+        rng : numpy.random.Generator
+        progress : callable
+            Called with the completed part, 0 to 1.
+
+        Yields
+        ------
+        Candidate
+        """
         found = self.found
         named = {one.effect.name: one for one in found.effects}
-        # All baselines are matched alike here: only effects are to differ.
+        # Baselines are matched in the same way without and with an effect, so that only effects differ.
         after = self.evidence.against(found.after.effects)
         base = self._of(after)
         names = [name for name in catalogue() if name not in self.evidence.modelled]
@@ -120,13 +139,13 @@ class HeldOut:
         return views, Paired(self.real, views)
 
     def _with(self, effect: Effect, probability: float, count: int) -> list[FeatureVectors]:
-        """The twin with the named effects and one more."""
+        """Feature vectors of the twin with the named effects and one more."""
         after = self.evidence.against(self.found.after.effects)
         effects = (*after.effects, effect)
         simulator = self.evidence.against(effects).simulator if probability > _LIKELY else after.simulator
         try:
             return self.replicates(simulator, effects, count)
-        except TwingapError:  # at these values it cannot act on one of the records: then it explains nothing
+        except TwingapError:  # at these values the effect cannot act on one of the records: it closes nothing
             return self.replicates(after.simulator, after.effects, count)
 
 
@@ -136,7 +155,7 @@ def values_of_estimate(found: Estimated) -> Mapping[str, ParameterValue]:
 
 
 def values_of_effect(effect: Effect, intervals: Mapping[str, tuple[float, float]]) -> Mapping[str, ParameterValue]:
-    """Values of an effect, with unit and interval where there is one."""
+    """Values of an effect, with unit and, where given, interval."""
     return {
         field.name: ParameterValue(
             float(getattr(effect, field.name)), field.metadata["unit"], intervals.get(field.name)
