@@ -52,6 +52,7 @@ _UNITS: Final = {
     "scale": "unit of the records",
     **{f"impact_amplitude.{fault}": "of scale" for fault in ("inner", "outer", "ball", "cage")},
 }  # fmt: skip
+"""Units of the twin's baseline parameters in the report."""
 _OTHER_LEVEL: Final = 0.02
 """Log ratio of levels above which a note reports the change of level with the effects. A smaller value adds notes."""
 AT_FLOOR: Final = 0.9
@@ -274,6 +275,7 @@ def _status(found: Explanation, closed: Closure, rest: Sequence[Place]) -> Statu
 
 
 def _two_or_more(records: RecordSet) -> None:
+    """Error for a record set with fewer than two records."""
     if len(records) < 2:
         raise TwingapError(
             "holds one record, at least 2 expected: one to calibrate with, one to measure on",
@@ -314,6 +316,7 @@ def _calibration(calibrated: Calibrated, found: Explanation) -> dict[str, Parame
 
 
 def _told(found: Explanation) -> Iterator[str]:
+    """Notes on effects that cannot be added, on the simulator, and on a change of level."""
     for name in found.names:
         if name in found.cannot:
             yield f"{name} is named from the records alone: {found.cannot[name]}, so it could not be added and checked"
@@ -327,4 +330,5 @@ def _told(found: Explanation) -> Iterator[str]:
 
 
 def _record_set(records: RecordSet | FilePath) -> RecordSet:
+    """The record set, read from its folder where a path is given."""
     return records if isinstance(records, RecordSet) else read_record_set(records)

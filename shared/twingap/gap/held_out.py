@@ -49,7 +49,18 @@ class HeldOut:
         self.fewer = min(self.most, int(np.clip(np.ceil(_SIMULATED / 3 / n), 2, 12)))
 
     def replicates(self, simulator: Simulator, effects: tuple[Effect, ...], count: int) -> list[FeatureVectors]:
-        """Feature vectors of `count` replicates of the held-out part."""
+        """Feature vectors of `count` replicates of the held-out part.
+
+        Parameters
+        ----------
+        simulator : Simulator
+        effects : tuple of Effect
+        count : int
+
+        Returns
+        -------
+        list of FeatureVectors
+        """
         numbers = range(2, 2 + count)
         made = self.evidence.simulated
         return [self.evidence.vectors(made(simulator, effects, self.part.conditions, k), self.grid) for k in numbers]
@@ -65,6 +76,7 @@ class HeldOut:
         return self._lesson(found.before, fit), self._lesson(after, fit)
 
     def _lesson(self, compared: Compared, conditions: Sequence[Condition]) -> tuple[FeatureVectors, list[str]]:
+        """Feature vectors of simulated records under these conditions, and their faults."""
         made = self.evidence.simulated(compared.simulator, compared.effects, conditions, 2)
         return self.evidence.vectors(made, self.grid), [str(c.fault) for c in conditions]
 
@@ -135,6 +147,7 @@ class HeldOut:
             )
 
     def _of(self, compared: Compared) -> tuple[list[FeatureVectors], Paired]:
+        """Two replicates of the held-out part, and its distance from them."""
         views = self.replicates(compared.simulator, compared.effects, min(self.most, 2))
         return views, Paired(self.real, views)
 
@@ -155,7 +168,18 @@ def values_of_estimate(found: Estimated) -> Mapping[str, ParameterValue]:
 
 
 def values_of_effect(effect: Effect, intervals: Mapping[str, tuple[float, float]]) -> Mapping[str, ParameterValue]:
-    """Values of an effect, with unit and, where given, interval."""
+    """Values of an effect, with unit and, where given, interval.
+
+    Parameters
+    ----------
+    effect : Effect
+    intervals : Mapping[str, (float, float)]
+        90 % intervals by parameter.
+
+    Returns
+    -------
+    Mapping[str, ParameterValue]
+    """
     return {
         field.name: ParameterValue(
             float(getattr(effect, field.name)), field.metadata["unit"], intervals.get(field.name)

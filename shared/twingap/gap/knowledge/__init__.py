@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from twingap.gap.knowledge.learnt import Learnt
 
 SHIPPED: Final = Path(__file__).parent / "learnt"
+"""Folder of the models that are part of the package."""
 
 
 @cache

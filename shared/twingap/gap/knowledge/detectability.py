@@ -30,6 +30,7 @@ _CONTEXT: Final = (
     "context|records", "context|healthy_share", "context|log_samples", "context|log_turns", "context|speeds",
     "context|span_s", "context|own_simulator", "events.strike_snr|all.level", "answer.clear|all.level",
 )  # fmt: skip
+"""Features that describe the records, whatever is missing."""
 
 
 @dataclass(frozen=True)

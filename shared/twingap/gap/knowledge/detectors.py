@@ -19,7 +19,9 @@ Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 FOLDS: Final = 5
+"""Folds of the cross-validation and models of an ensemble. A larger number takes longer."""
 _KEPT: Final = 170
+"""Largest number of features of a model. A larger number trains longer and admits less informative features."""
 _KNOWN: Final = 0.12
 """Smallest part of the examples in which a feature has to be known to be used. A larger value uses fewer features."""
 _LEAST_OFF: Final = 0.02
@@ -58,6 +60,10 @@ class Ensemble:
         features : Array [examples, features]
         later : bool
             Whether effects have been added to the twin. Further effects are then less probable at the same score.
+
+        Returns
+        -------
+        Array [examples]
         """
         own = np.asarray(np.asarray(features)[:, self.columns], np.float32)
         slope, offset = self.line_later if later else self.line

@@ -33,12 +33,14 @@ def columns(effect: str, features: tuple[str, ...]) -> tuple[int, ...]:
 
 @cache
 def _columns(kind: type[Effect], features: tuple[str, ...]) -> tuple[int, ...]:
+    """Indices of the features that an effect may show in."""
     if not kind.features:
         return tuple(range(len(features)))
     return tuple(place for place, feature in enumerate(features) if _may_tell(kind, feature))
 
 
 def _may_tell(kind: type[Effect], feature: str) -> bool:
+    """Whether a feature is an input of an effect's detector."""
     of, _, about = feature.partition("|")
     if of == "view":  # distance between records and twin in a domain
         return True
@@ -51,4 +53,5 @@ def _may_tell(kind: type[Effect], feature: str) -> bool:
 
 
 def _matches(feature: str, kind: type[Effect]) -> bool:
+    """Whether one of the effect's patterns matches a feature."""
     return any(fnmatchcase(feature, pattern) for pattern in kind.features)

@@ -59,6 +59,8 @@ def stacked(parts: Sequence[Examples]) -> Examples:
 
 
 def _of(seed: int, machine: int, most_records: int, among: Sequence[str]) -> Iterator[tuple[object, ...]]:
+    """Rows of one machine: with the twin as given and, for some, with effects added; none if it cannot be
+    calibrated."""
     rng = np.random.default_rng([seed, machine])
     try:
         gap = draw_gap(rng, most_records=most_records, among=among)
@@ -86,6 +88,7 @@ def _row(
     compared: Compared, gap: SimulatedGap, missing: Sequence[Effect], machine: int, first: bool, setting: Setting,
     order: list[str],
 ) -> tuple[object, ...]:  # fmt: skip
+    """One example, in the order of the fields of `Examples`."""
     present = {effect.name: effect for effect in missing}
     values = [to_number(present[n], p, setting) if n in present else np.nan for n, p in coordinates()]
     has = {effect.name for effect in gap.modelled}

@@ -168,6 +168,7 @@ def learn(examples: Examples, effects: tuple[str, ...], parameters: tuple[tuple[
     has = np.tile(_had(examples), (2, 1))
 
     def heard(counted: Mask, begin: float) -> dict[str, Ensemble]:
+        """Detectors of all effects, trained on the examples of each effect in `counted` [examples, effects]."""
         found = parallel(
             joblib.delayed(_alone)(learn_classifier, table, missing[:, j], machine, allowed[j], first, counted[:, j])
             for j in range(len(effects))

@@ -131,6 +131,7 @@ class Learnt:
         return self._rank(features, self.null_rest, has, later=True)
 
     def _rank(self, features: NDArray[Any], null: Null, has: Collection[str], *, later: bool) -> float:
+        """P-value of a machine under a null distribution; effects in `has` cannot be missing."""
         rows = np.atleast_2d(features)
         odds = self.log_odds(rows, later=later)
         odds[:, [name in has for name in self.effects]] = NO_DETECTOR

@@ -27,6 +27,7 @@ from twingap.gap.knowledge.score_calibration import ScoreCalibration
 from twingap.gap.knowledge.trees import Boosted
 
 FORMAT: Final = "twingap.learnt/1"
+"""Format of learnt.json; files of another format are rejected."""
 _OWN: Final = "twingap.effects."
 """Modules of the catalogue's own effects; an effect of the same name from elsewhere was not trained on."""
 
@@ -155,11 +156,13 @@ def definition(name: str) -> dict[str, dict[str, Any]]:
 
 
 def _as_learnt(name: str, known: Mapping[str, Any] | None) -> bool:
+    """Whether the running version has an effect of this name with the definition trained on."""
     kind: type[Effect] | None = catalogue().get(name)
     return kind is not None and kind.__module__.startswith(_OWN) and known == definition(name)
 
 
 _FLOAT: Final[Mapping[str, Any]] = {"quiet": bool}
+"""Types of the arrays of a null distribution that are not float."""
 
 
 def _small(value: NDArray[Any]) -> NDArray[Any]:
@@ -168,10 +171,12 @@ def _small(value: NDArray[Any]) -> NDArray[Any]:
 
 
 def _calibration(found: ScoreCalibration) -> dict[str, Any]:
+    """A score calibration for JSON."""
     return {"weights": found.weights.tolist(), "offset": found.offset, "named_from": found.named_from}
 
 
 def _estimator(key: tuple[str, str], estimator: Estimator, trees: _TreeWriter) -> dict[str, Any]:
+    """An estimator for JSON; its trees go to the shared arrays."""
     return {
         "effect": key[0],
         "parameter": key[1],
@@ -185,6 +190,7 @@ def _estimator(key: tuple[str, str], estimator: Estimator, trees: _TreeWriter) -
 
 
 def _read_estimator(row: Mapping[str, Any], trees: _TreeReader) -> Estimator:
+    """An estimator from a row of JSON and the shared arrays."""
     anchors = tuple(
         Anchor(int(trees.columns(np.array([column]))[0]), logarithmic, (slope, offset))
         for column, logarithmic, slope, offset in row["anchors"]
@@ -201,6 +207,7 @@ class _TreeWriter:
         self._trees = 0
 
     def add(self, ensemble: Ensemble) -> dict[str, Any]:
+        """Row of an ensemble; its trees are appended to the shared arrays."""
         row: dict[str, Any] = {
             "columns": ensemble.columns.tolist(),
             "first_tree": self._trees,
@@ -217,6 +224,7 @@ class _TreeWriter:
         return row
 
     def arrays(self) -> dict[str, NDArray[Any]]:
+        """The shared arrays by name."""
         return {f"trees.{name}": np.concatenate(parts) for name, parts in self._nodes.items()}
 
 

@@ -74,7 +74,18 @@ class Machine:
     imperfections: tuple[Effect, ...] = field(default=())
 
     def twin(self, effects: Sequence[Effect] = (), scale: float = 1.0) -> StructuredTwin:
-        """Simulator of this machine with these effects; `scale` is a factor on its samples."""
+        """Simulator of this machine.
+
+        Parameters
+        ----------
+        effects : sequence of Effect
+        scale : float
+            Factor on its samples.
+
+        Returns
+        -------
+        StructuredTwin
+        """
         names = {effect.name for effect in effects}
         small = tuple(effect for effect in self.imperfections if effect.name not in names)
         own = replace(self.parameters, scale=self.parameters.scale * scale)
@@ -93,6 +104,7 @@ class Machine:
     def _structured(
         self, parameters: PhenomenologicalParameters, effects: Sequence[Effect], rms: float | None
     ) -> StructuredTwin:
+        """Twin with this machine's structure; `rms`, of its healthy vibration where known."""
         structure = self.modes, self.contact_s, self.tilt, self.continuous
         return StructuredTwin(self.bearing, parameters, effects, *structure, healthy_rms=rms)
 
@@ -159,6 +171,7 @@ draws modes in a narrower band."""
 
 
 def _log(rng: np.random.Generator, low: float, high: float) -> float:
+    """A random number, log-uniform between both bounds."""
     return float(np.exp(rng.uniform(np.log(low), np.log(high))))
 
 
@@ -190,6 +203,7 @@ def draw_machine(rng: np.random.Generator, own_simulator: bool, most_records: in
     strength = float(np.exp(rng.uniform(np.log(1.8), np.log(25))))
 
     def unlike() -> float:
+        """Random factor of one fault's impacts."""
         return float(np.exp(0.35 * rng.standard_normal()))
 
     parameters = PhenomenologicalParameters(
@@ -226,7 +240,20 @@ def draw_bearing(rng: np.random.Generator) -> Bearing:
 def draw_conditions(
     rng: np.random.Generator, fs_hz: float, most_records: int
 ) -> tuple[tuple[Condition, ...], tuple[Condition, ...]]:
-    """True and nominal conditions of the records of a random machine."""
+    """True and nominal conditions of the records of a random machine.
+
+    Parameters
+    ----------
+    rng : numpy.random.Generator
+    fs_hz : float
+        Sampling rate, Hz.
+    most_records : int
+        Largest number of records.
+
+    Returns
+    -------
+    tuple of Condition, tuple of Condition
+    """
     count = int(np.clip(np.exp(rng.uniform(np.log(5), np.log(1.6 * most_records))), 5, most_records))
     duration = float(rng.choice([0.3, 0.5, 0.8, 1.0, 1.0, 1.5]))
     n = int(np.clip(duration * fs_hz, 3000, 16000))  # longer records add little information at a proportional cost

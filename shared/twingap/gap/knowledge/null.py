@@ -29,6 +29,7 @@ HEALTHY: Final = "context|healthy_share"
 """Feature: part of the records that is healthy."""
 
 _NEAR_RECORDS: Final = 0.35
+"""Kernel width, in the logarithm of the number of records. A larger value adds machines with less similar numbers."""
 _FEWEST_NEAR: Final = 150.0
 """Smallest sum of weights of a null distribution. A larger value allows smaller p-values, from machines with less
 similar numbers of records."""
@@ -88,6 +89,7 @@ class MachineScores:
 
 
 NO_MACHINES: Final = MachineScores(np.empty((0, 2)), np.empty(0), np.empty(0), np.empty(0), np.empty(0, bool))
+"""Empty null distribution, with p-value 1 for every machine."""
 
 
 @dataclass(frozen=True)
@@ -132,6 +134,7 @@ class Null:
         return np.array([self._rarity(self.machines, place) for place in range(len(self.machines))])
 
     def _rarity(self, of: MachineScores, place: int) -> float:
+        """Smallest p-value over the scores of one machine."""
         alike = self._alike(of.kind[place], of.quiet[place])
         weight = self._weight(of.records[place], alike)
         rare = [_part(weight, self.machines.scores[:, k] >= score) for k, score in enumerate(of.scores[place])]
@@ -162,4 +165,5 @@ class Null:
 
 
 def _part(weight: Array, extreme: Mask) -> float:
+    """Weighted part of the null machines that are extreme, the tested machine included."""
     return float((1 + weight[extreme].sum()) / (1 + weight.sum()))

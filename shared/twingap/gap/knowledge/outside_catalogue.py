@@ -40,7 +40,9 @@ class _Plan:
 
 
 _KINDS = ("gain", "noise", "scrambled", "shift", "fold", "curve", "taps", "level")
+"""Kinds of change of a record."""
 _CHANCES = (0.16, 0.17, 0.12, 0.14, 0.08, 0.15, 0.12, 0.06)
+"""Probabilities of the kinds of change. A larger one gives more training examples of that kind."""
 _REMOUNTED = 0.12
 """Standard deviation of the logarithm of a record's level at strength 1, as by remounting a sensor. A larger value
 makes the change easier to detect."""
@@ -84,6 +86,7 @@ def estrange(records: RecordSet, rng: np.random.Generator) -> RecordSet:
 
 
 def _changed(record: Record, plan: _Plan, rng: np.random.Generator) -> Array:
+    """Samples of a record with the change."""
     x, fs_hz = record.samples, record.condition.fs_hz
     if plan.kind == "level":
         return np.asarray(x * np.exp(_REMOUNTED * plan.strength * rng.standard_normal()))

@@ -143,14 +143,41 @@ def _as_known(modelled: Sequence[Effect], machine: Machine, rng: np.random.Gener
 
 
 def simulated(machine: Machine, effects: Sequence[Effect], rng: np.random.Generator, gain: float = 1.0) -> RecordSet:
-    """Simulated records of the machine under its conditions; `gain` is a factor on its samples."""
+    """Simulated records of the machine under its conditions.
+
+    Parameters
+    ----------
+    machine : Machine
+    effects : sequence of Effect
+    rng : numpy.random.Generator
+    gain : float
+        Factor on the samples.
+
+    Returns
+    -------
+    RecordSet
+    """
     return machine.twin(effects, gain).simulate(machine.conditions, rng)
 
 
 def draw_effects(
     rng: np.random.Generator, machine: Machine, count: int, among: Sequence[str] = ()
 ) -> tuple[Effect, ...]:
-    """Up to `count` different random effects, at values that this machine's records can show."""
+    """Different random effects, at values that this machine's records can show.
+
+    Parameters
+    ----------
+    rng : numpy.random.Generator
+    machine : Machine
+    count : int
+        Number of effects; fewer where the machine's records can show no more.
+    among : sequence of str
+        Effects to draw from; empty for the whole catalogue.
+
+    Returns
+    -------
+    tuple of Effect
+    """
     names = [name for name in catalogue() if not among or name in among]
     chances = np.array([catalogue()[name].draw_weight for name in names])
     out: list[Effect] = []

@@ -37,9 +37,11 @@ PER_SEARCH: Final = 6
 SEARCHED_FROM: Final = 1_000_000
 """Number of the first machine searched; machines trained on have smaller numbers."""
 SEARCH_CHUNK: Final = 10
+"""Searched machines of one job. A smaller number balances the load better, with more files."""
 MOST_RECORDS: Final = 24
 """Largest number of records of a simulated machine. A larger number takes proportionally longer."""
 SEED: Final = 20
+"""Default seed of the simulated machines."""
 
 Progress = Callable[[str, float], None]
 
@@ -137,7 +139,15 @@ def train(
 
 
 def calibrate(learnt: Learnt, ends: Sequence[Mapping[str, Any]]) -> None:
-    """Add the score calibration to `learnt`, from outcomes of searches by chunk."""
+    """Add the score calibration to `learnt`, from outcomes of searches.
+
+    Parameters
+    ----------
+    learnt : Learnt
+        Changed in place.
+    ends : sequence of Mapping
+        Per chunk, `outcomes` (fields of `Outcome`, a row per effect) and `missing` (the truth of each row).
+    """
     outcomes = [Outcome(*row) for chunk in ends for row in chunk["outcomes"]]
     missing = [bool(there) for chunk in ends for there in chunk["missing"]]
     chunk_of = [number for number, chunk in enumerate(ends) for _ in chunk["missing"]]
@@ -151,25 +161,30 @@ def _version() -> str:
 
 
 def _label(chunk: Chunk) -> str:
+    """Description of a job for messages."""
     return f"machines {chunk.first} to {chunk.first + chunk.count - 1}"
 
 
 def _example_chunk(chunk: Chunk) -> dict[str, Any]:
+    """Arrays of the examples of a chunk."""
     made = examples(chunk.seed, range(chunk.first, chunk.first + chunk.count), MOST_RECORDS, chunk.among)
     return dict(vars(made))
 
 
 def _examples(stored: Mapping[str, Any]) -> Examples:
+    """Examples from stored arrays."""
     return Examples(**{name: np.asarray(value) for name, value in stored.items()})
 
 
 def _search_chunk(learnt: Learnt, chunk: Chunk) -> dict[str, Any]:
+    """Outcomes of the searches of a chunk, with the truth."""
     numbers = range(chunk.first, chunk.first + chunk.count)
     ends = searches(learnt, chunk.seed, numbers, MOST_RECORDS, chunk.among)
     return {"outcomes": [list(map(float, outcome)) for outcome, _ in ends], "missing": [there for _, there in ends]}
 
 
 def _counted(progress: Progress, what: str, total: int, begin: float, part: float) -> Callable[[object], None]:
+    """Callback per finished job, for a step that covers `part` of the progress from `begin`."""
     done = iter(range(1, total + 1))
     return lambda _: progress(what, begin + part * next(done) / total)
 

@@ -92,6 +92,10 @@ class Boosted:
         ----------
         rows : Array [rows, features]
             NaN where a feature is not known.
+
+        Returns
+        -------
+        Array [rows]
         """
         out = np.full(len(rows), self.start)
         _add_trees(np.ascontiguousarray(rows), self.roots, self.column, self.right, self.value, out)
@@ -106,6 +110,7 @@ def _rounded_down(value: Array) -> NDArray[np.float32]:
 
 @njit()
 def _add_trees(rows, roots, column, right, value, out):  # type: ignore[no-untyped-def]  # pragma: no cover
+    """Add the prediction of all trees for each row [rows, features] to `out` [rows], in place."""
     for i in range(rows.shape[0]):
         for k in range(roots.size):
             at = roots[k]

@@ -105,7 +105,17 @@ def stand_ins(
 
 
 def closest_spec(compared: Compared) -> TwinSpec | None:
-    """Twin file of a twin with these effects and values; None for a simulator without a twin file."""
+    """Twin file of a twin with these effects and values.
+
+    Parameters
+    ----------
+    compared : Compared
+
+    Returns
+    -------
+    TwinSpec or None
+        None for a simulator without a twin file.
+    """
     if not isinstance(compared.simulator, TwinSimulator):
         return None
     spec = compared.simulator.spec

@@ -36,6 +36,7 @@ Array = NDArray[np.float64]
 Report = Callable[[str, float], None]
 
 ROUNDS: Final = 4
+"""Largest number of rounds of the stepwise search. A larger number may find more effects and takes longer."""
 ALPHA: Final = 0.05
 """Level of the test for a gap to a twin. A larger value finds weaker gaps and gives more false alarms."""
 CAUTIOUS_ALPHA: Final = 0.03
@@ -47,6 +48,7 @@ test."""
 ALPHA_REST: Final = 0.1
 """Level of the test for a rest. A larger value leaves more gaps partly explained."""
 MOST_EFFECTS: Final = 7
+"""Largest number of effects that a search adds. A larger number takes longer where the rest stays large."""
 LEVEL: Final = 0.9
 """Joint probability of a confidence set. A larger value gives larger sets."""
 NAMED_FROM: Final = 0.75
@@ -56,6 +58,7 @@ _UNCERTAIN: Final = 0.003
 """Probability from which an effect is uncertain (symmetric about one half). A smaller value gives larger confidence
 sets."""
 _MOST_OPEN: Final = 13
+"""Largest number of uncertain effects in confidence sets. Each more doubles the number of sets that are compared."""
 THRESHOLD: Final = 0.3
 """Log odds from which an effect is tried, unless training found another threshold. A larger value tries fewer
 effects."""
@@ -277,7 +280,18 @@ def _with_unlearnt(
 
 
 def level_of_gap(evidence: Evidence, surest: float = 0.0) -> float:
-    """Level of the test for a gap, where `surest` is the largest probability of a missing effect."""
+    """Level of the test for a gap.
+
+    Parameters
+    ----------
+    evidence : Evidence
+    surest : float
+        Largest probability of a missing effect.
+
+    Returns
+    -------
+    float
+    """
     asked_again = not isinstance(evidence.against().simulator, ExternalSimulator) or evidence.exchangeable
     return ALPHA if asked_again or surest >= SURE else CAUTIOUS_ALPHA
 
@@ -409,6 +423,7 @@ class _Search:
             self.values[effect.name] = replace(known, effect=effect, intervals=reaching)
 
     def _said(self) -> dict[Key, Said]:
+        """Priors of the values of all effects found."""
         return {key: said for value in self.values.values() for key, said in value.said.items()}
 
     def add(self, names: Sequence[str]) -> None:
@@ -457,9 +472,11 @@ class _Search:
             self.now = self.evidence.against(self.added())
 
     def _number(self, effect: Effect, key: Key) -> float:
+        """Value of a parameter as a comparable number."""
         return to_number(effect, key[1], self.evidence.setting)
 
     def _least(self, name: str) -> float:
+        """Log odds at or below which an effect is dropped."""
         return UNLIKELY if name in self.helped else self.learnt.thresholds.get(name, THRESHOLD) - KEEPS
 
     def certainty(self) -> dict[str, float]:
@@ -472,6 +489,7 @@ class _Search:
         return self._rest_p() if self.values else whole
 
     def _rest_p(self) -> float:
+        """P-value of no rest for the current twin."""
         return self.learnt.rest_p(self.now.held_out, {*self.already, *(effect.name for effect in self.added())})
 
     def keep(self, names: Sequence[str]) -> None:
@@ -493,7 +511,21 @@ class _Search:
 
 
 def estimate(name: str, features: Array, evidence: Evidence, learnt: Learnt) -> Estimated:
-    """An effect at the values estimated from features [features] of the fit part, with 90 % intervals."""
+    """An effect at the values estimated from features, with 90 % intervals.
+
+    Parameters
+    ----------
+    name : str
+    features : Array [features]
+        Features of the fit part.
+    evidence : Evidence
+    learnt : Learnt
+
+    Returns
+    -------
+    Estimated
+        Parameters without an estimator have their defaults and no interval.
+    """
     setting = evidence.setting
     default = catalogue()[name]()
     least_spread = {field.name: field.metadata["least_spread"] for field in default.parameters()}
@@ -567,10 +599,12 @@ def confidence_set(probability: Mapping[str, float], level: float) -> tuple[tupl
 
 
 def _strongest(odds: Mapping[str, float]) -> list[str]:
+    """Names of effects in order of decreasing log odds."""
     return sorted(odds, key=lambda name: -odds[name])
 
 
 def _probability(log_odds: float) -> float:
+    """Logistic function of log odds."""
     return 1 / (1 + math.exp(-max(min(log_odds, 30.0), -30.0)))
 
 

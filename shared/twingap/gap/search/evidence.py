@@ -82,6 +82,7 @@ class Compared:
         return self._features(1)
 
     def _features(self, part: int) -> Array:
+        """[features] Comparison of one part, 0 (fit) or 1 (held out)."""
         of, real = self._evidence, self._evidence.parts[part]
         simulated = comparison.measure_records(self._made(part), of.frame, Grid.of(real.conditions, of.frame.bearing))
         if part == 0:
@@ -103,12 +104,25 @@ class Compared:
         return of.pool(*((others, summaries) if part else (summaries, others)))
 
     def _made(self, part: int) -> Iterator[Record]:
+        """Simulated records of one part."""
         of = self._evidence
         return of.simulated(self.simulator, self.effects, of.parts[part].conditions, part)
 
 
 def simulator_of(calibrated: Calibrated, sim: RecordSet | None = None) -> Simulator:
-    """Simulator of a diagnosis: the calibrated twin, or the user's own simulated records."""
+    """Simulator of a diagnosis.
+
+    Parameters
+    ----------
+    calibrated : Calibrated
+    sim : RecordSet, optional
+        The user's own simulated records.
+
+    Returns
+    -------
+    Simulator
+        The calibrated twin, or an external simulator of the simulated records.
+    """
     fit = calibrated.fit
     if sim is not None:
         others = calibrated.held_out.conditions
@@ -215,10 +229,12 @@ class Evidence:
 
     @cached_property
     def _tried_grid(self) -> Grid:
+        """Grid of the trial records."""
         return Grid.of(self._tried.conditions, self.frame.bearing)
 
     @cached_property
     def _tried_views(self) -> FeatureVectors:
+        """Feature vectors of the trial records."""
         return self.vectors(self._tried, self._tried_grid)
 
     @cached_property
@@ -230,6 +246,7 @@ class Evidence:
 
     @cached_property
     def _trial_yardstick(self) -> Array:
+        """Scale [bins] of distances on the trial records, the same for all twins."""
         vectors = [self._trial(self._simulator, (), k) for k in self._two(self._simulator, self._tried.conditions)]
         return Paired(self._tried_views, vectors).scale
 
@@ -238,14 +255,35 @@ class Evidence:
         return (3, 4)[: replicates_of(simulator, conditions, 2)]
 
     def gap(self, simulator: Simulator, effects: Sequence[Effect], replicate: int = 3) -> float:
-        """Overall distance of the fit part from one simulation of it; for the search only, never reported."""
+        """Overall distance of the fit part from one simulation of it; for the search only, never reported.
+
+        Parameters
+        ----------
+        simulator : Simulator
+        effects : sequence of Effect
+        replicate : int
+
+        Returns
+        -------
+        float
+        """
         grid = Grid.of(self.fit.conditions, self.frame.bearing)
         made = self.vectors(self.simulated(simulator, effects, self.fit.conditions, replicate), grid)
         pair = Paired(self.fit.vectors, [made], None, self._yardstick)
         return float(pair.over_domains(pair.squares())[0][0])
 
     def misfit(self, simulator: Simulator, effects: Sequence[Effect]) -> float:
-        """Distance of the trial records, the noise of their means included: the objective function of fitted values."""
+        """Distance of the trial records, the noise of their means included: the objective function of fitted values.
+
+        Parameters
+        ----------
+        simulator : Simulator
+        effects : sequence of Effect
+
+        Returns
+        -------
+        float
+        """
         return self.tried(simulator, effects).misfit()
 
     def tried(self, simulator: Simulator, effects: Sequence[Effect]) -> Paired:
@@ -257,12 +295,26 @@ class Evidence:
         return Paired(self._tried_views, made, None, self._trial_yardstick)
 
     def _trial(self, simulator: Simulator, effects: Sequence[Effect], replicate: int) -> FeatureVectors:
+        """Feature vectors of one simulation of the trial records."""
         return self.vectors(self.simulated(simulator, effects, self._tried.conditions, replicate), self._tried_grid)
 
     def with_values(
         self, simulator: Simulator, effects: Sequence[Effect], baseline: Mapping[str, float] | None = None
     ) -> Simulator:
-        """The simulator with other values of its effects and, where given, of its baseline."""
+        """The simulator with other values.
+
+        Parameters
+        ----------
+        simulator : Simulator
+        effects : sequence of Effect
+            Effects of the simulator, at their new values.
+        baseline : Mapping[str, float], optional
+            New values of baseline parameters.
+
+        Returns
+        -------
+        Simulator
+        """
         if isinstance(simulator, ExternalSimulator):
             return simulator.with_gain(baseline["gain"]) if baseline else simulator
         if not isinstance(simulator, TwinSimulator):
@@ -324,7 +376,20 @@ class Evidence:
     def simulated(
         self, simulator: Simulator, effects: Sequence[Effect], conditions: Sequence[Condition], replicate: int
     ) -> Iterator[Record]:
-        """Simulated records of these conditions, one at a time."""
+        """Simulated records, one at a time.
+
+        Parameters
+        ----------
+        simulator : Simulator
+        effects : sequence of Effect
+        conditions : sequence of Condition
+        replicate : int
+            Number of the replicate; the same number has the same random streams.
+
+        Yields
+        ------
+        Record
+        """
         yield from simulator.simulate(tuple(effects), conditions, self.root, replicate)
 
     def vectors(self, records: RecordSet | Iterable[Record], grid: Grid) -> FeatureVectors:
@@ -333,12 +398,36 @@ class Evidence:
 
 
 def replicates_of(simulator: Simulator, conditions: Sequence[Condition], most: int) -> int:
-    """Number of independent simulations of these conditions, at most `most`; the user's own records limit it."""
+    """Number of independent simulations of these conditions.
+
+    Parameters
+    ----------
+    simulator : Simulator
+    conditions : sequence of Condition
+    most : int
+        Upper bound; the user's own records may limit it further.
+
+    Returns
+    -------
+    int
+    """
     return min(simulator.replicates(conditions), most) if isinstance(simulator, ExternalSimulator) else most
 
 
 def level_of(simulator: Simulator, given: TwinSpec) -> tuple[str, float] | None:
-    """Name and value of the factor on all samples of a simulator; None where there is none, or where it is fixed."""
+    """Name and value of the factor on all samples of a simulator.
+
+    Parameters
+    ----------
+    simulator : Simulator
+    given : TwinSpec
+        The twin as given, which may fix the factor.
+
+    Returns
+    -------
+    (str, float) or None
+        None where there is no such factor, or where it is fixed.
+    """
     if isinstance(simulator, ExternalSimulator):
         return ("gain", simulator.gain) if simulator.level_free else None
     if isinstance(simulator, TwinSimulator) and not given.given("scale"):

@@ -168,6 +168,7 @@ def observations(evidence: Evidence, features: Array) -> Observations:
 
 
 def _own_mode(evidence: Evidence) -> tuple[float, float] | None:
+    """Frequency, Hz, and damping ratio of the twin's mode; None for a twin without that parameter."""
     spec = evidence.calibrated.spec
     if spec is None or spec.model != "phenomenological":
         return None

@@ -69,6 +69,7 @@ def completed(
 
 
 def _told(found: Sequence[Effect]) -> tuple[str, ...]:
+    """Note on the estimated values, for the report."""
     if not found:
         return ()
     each = "; ".join(

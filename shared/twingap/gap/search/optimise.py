@@ -46,9 +46,13 @@ _FARTHEST: Final = 8.0
 _CLEARLY: Final = 0.98
 """Factor on the misfit below which a grid point replaces the estimate. A smaller value keeps more estimates."""
 _BASELINE_STEPS: Final = {"resonance_hz": 0.02, "damping_ratio": 0.2, "impact_amplitude": 0.1}
+"""First steps of baseline parameters, as logarithms. A larger step overshoots, a smaller one takes more trials."""
 _LEVELS: Final = ("scale", "structure_noise_rms", "white_noise_rms")
+"""Baseline parameters that are levels."""
 _LEVEL_STEP: Final = 0.1
+"""First step of a level, as a logarithm."""
 _CALIBRATED_WITHIN: Final = {"resonance_hz": 0.03, "damping_ratio": 0.2, "impact_amplitude": 0.1}
+"""Bounds on the error of nine of ten calibrated parameters, as logarithms. A larger value weakens their priors."""
 _LEVEL_WITHIN: Final = 0.06
 """Bound on the error of nine of ten calibrated levels, as a logarithm. A larger value lets the search move levels,
 which calibration estimates better from the spectra of whole records, with a weaker penalty."""
@@ -189,12 +193,25 @@ def no_farther(
 
 
 def left_over(evidence: Evidence, simulator: Simulator, effects: Sequence[Effect]) -> float:
-    """Mean distance of the fit part over replicates to which no value was fitted."""
+    """Mean distance of the fit part over replicates to which no value was fitted.
+
+    Parameters
+    ----------
+    evidence : Evidence
+    simulator : Simulator
+    effects : sequence of Effect
+
+    Returns
+    -------
+    float
+    """
     return sum(evidence.gap(simulator, effects, replicate) for replicate in _OTHERS) / len(_OTHERS)
 
 
 @dataclass
 class _Search:
+    """State of an optimisation: values, steps, priors and the number of trials left."""
+
     evidence: Evidence
     simulator: Simulator
     effects: tuple[Effect, ...]
@@ -211,6 +228,7 @@ class _Search:
 
     @property
     def setting(self) -> Setting:
+        """Reference of comparable numbers."""
         return self.evidence.setting
 
     def start(self) -> float:
@@ -361,6 +379,7 @@ class _Search:
         return now <= then
 
     def _here(self) -> tuple[Simulator, tuple[Effect, ...]]:
+        """The simulator and its effects at the current values."""
         return self.built(self.at) or (self.simulator, self.effects)
 
     def _moved(self, key: Key, base: Array) -> Array | None:
@@ -380,6 +399,7 @@ class _Search:
         return None
 
     def _inside(self, key: Key, value: float) -> float:
+        """Value clipped to its plausible range, extended to the current value."""
         low, high = self.ends.get(key, (-math.inf, math.inf))
         return float(np.clip(value, min(low, self.at[key]), max(high, self.at[key])))
 

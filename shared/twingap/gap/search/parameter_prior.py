@@ -20,6 +20,7 @@ FREEDOM: Final = 4.0
 BINS: Final = 30.0
 """Number of independent bins in a comparison of records. A larger value weakens all priors relative to the distance."""
 _NINE_OF_TEN: Final = float(norm.ppf(0.95))
+"""Standard deviations that bound nine of ten Gaussian errors."""
 _EXACT: Final = 1e-6
 """Smallest scale of an estimate's error. It keeps the penalty of an exact estimate finite."""
 
@@ -62,5 +63,15 @@ def strain(said: Mapping[Key, Said], at: Mapping[Key, float]) -> float:
 
 
 def pull(records: int) -> float:
-    """Weight of a penalty relative to a squared distance: the noise of means over this number of records."""
+    """Weight of a penalty relative to a squared distance.
+
+    Parameters
+    ----------
+    records : int
+        Number of records of the distance; the noise of its means decreases with it.
+
+    Returns
+    -------
+    float
+    """
     return 1 / (BINS * max(records, 1))

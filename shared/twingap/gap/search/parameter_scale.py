@@ -63,14 +63,38 @@ def _coordinates(effects: tuple[tuple[str, type[Effect]], ...]) -> tuple[tuple[s
 
 
 def to_number(effect: Effect, parameter: str, setting: Setting) -> float:
-    """The parameter's value as a comparable number."""
+    """The parameter's value as a comparable number.
+
+    Parameters
+    ----------
+    effect : Effect
+    parameter : str
+    setting : Setting
+
+    Returns
+    -------
+    float
+        Logarithm of the relative value for parameters with a log scale.
+    """
     field = _field(type(effect), parameter)
     value = float(getattr(effect, parameter)) / _unit(field, setting) - _origin(field, setting)
     return math.log(max(value, 1e-12)) if field.metadata["log_estimate"] else value
 
 
 def to_effect(name: str, numbers: Mapping[str, float], setting: Setting) -> Effect:
-    """The effect at these numbers, each clipped to its allowed range."""
+    """The effect at these numbers, each clipped to its allowed range.
+
+    Parameters
+    ----------
+    name : str
+    numbers : Mapping[str, float]
+        Comparable numbers by parameter; parameters without one have their defaults.
+    setting : Setting
+
+    Returns
+    -------
+    Effect
+    """
     kind, values = catalogue()[name], dict[str, float]()
     for field in kind.parameters():
         if field.metadata["relative_to"] == "speed":
@@ -108,7 +132,18 @@ def a_little_off(effect: Effect, error: float, setting: Setting, rng: np.random.
 
 
 def to_value(name: str, parameter: str, number: float, setting: Setting) -> float:
-    """The parameter's value, in its unit and allowed range, from a comparable number."""
+    """The parameter's value, in its unit and allowed range, from a comparable number.
+
+    Parameters
+    ----------
+    name, parameter : str
+    number : float
+    setting : Setting
+
+    Returns
+    -------
+    float
+    """
     field = _field(catalogue()[name], parameter)
     value = math.exp(min(number, _LARGEST_LOG)) if field.metadata["log_estimate"] else number
     value = (value + _origin(field, setting)) * _unit(field, setting)
@@ -123,6 +158,7 @@ def _estimated(field: dataclasses.Field[Any]) -> bool:
 
 @cache
 def _field(kind: type[Effect], parameter: str) -> dataclasses.Field[Any]:
+    """Field of a parameter."""
     return next(field for field in kind.parameters() if field.name == parameter)
 
 
