@@ -97,13 +97,13 @@ class Null:
     """Null distribution of scores of machines without a gap.
 
     - With few records, large scores are more frequent. A score is ranked among machines with weights that decrease with
-    the difference in the number of records (localised conformal p-value; Guan 2023, doi:10.1093/biomet/asac040).
+      the difference in the number of records (localised conformal p-value; Guan 2023, doi:10.1093/biomet/asac040).
     - Scores also depend on the kind of simulator and on the presence of healthy records. Each machine is ranked within
-    its class (Mondrian conformal prediction; Vovk, Gammerman and Shafer 2005, ch. 4.5).
+      its class (Mondrian conformal prediction; Vovk, Gammerman and Shafer 2005, ch. 4.5).
     - The statistic is the smallest p-value over all scores, ranked among those of the machines without a gap (minimum
-    p: Westfall and Young, Resampling-based multiple testing, 1993).
+      p: Westfall and Young, Resampling-based multiple testing, 1993).
     - The distance is one of the scores, ranked among all machines of a class whatever their number of records. It
-    detects gaps that no detector was trained on.
+      detects gaps that no detector was trained on.
 
     Parameters
     ----------

@@ -98,9 +98,7 @@ def _changed(record: Record, plan: _Plan, rng: np.random.Generator) -> Array:
         return np.asarray(x + 0.3 * plan.strength * more * _shape(np.arange(x.size) / fs_hz, plan, rng))
     if plan.kind == "shift":
         return _wandering(x, plan, _shape(np.arange(x.size) / fs_hz, plan, rng))
-    # `stft` transforms all segments at once; `ShortTimeFFT` processes them one by one, about twenty times slower for
-    # short
-    # segments.
+    # `stft` transforms all segments at once, `ShortTimeFFT` one by one, which is much slower for short segments.
     overlap = plan.segment - max(plan.segment // 4, 1)
     _, t, tiles = stft(x, fs_hz, "hann", plan.segment, overlap)
     f = np.linspace(0, 0.5, tiles.shape[0])
