@@ -1,4 +1,4 @@
-"""Typed, frozen configuration from TOML, with errors that name file, key, value and what was expected."""
+"""Typed, frozen configuration from TOML, with errors that name file, key, value and the expected form."""
 
 from __future__ import annotations
 
