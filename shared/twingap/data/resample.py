@@ -63,7 +63,7 @@ class _Resampled:
 
 
 def _ratio(fs_hz: float, condition: Condition) -> Fraction:
-    """Output over input rate as a ratio of small whole numbers."""
+    """Output over input rate as a ratio of small integers."""
     ratio = Fraction(fs_hz).limit_denominator(10**6) / Fraction(condition.fs_hz).limit_denominator(10**6)
     if max(ratio.numerator, ratio.denominator) > 1000:
         raise TwingapError(

@@ -96,7 +96,7 @@ class Prepared:
 def calibrate(
     records: RecordSet, spec: TwinSpec | None, rng: np.random.Generator, *, sim: RecordSet | None = None
 ) -> Calibrated:
-    """Split, correct speeds, and identify what the twin leaves free.
+    """Calibrate a twin: split the records, correct their speeds and identify the twin's free parameters.
 
     Parameters
     ----------

@@ -35,7 +35,7 @@ COMB_ONLY: Final = "fault comb"
 _COMMON_SD, _SLIP_SD, _SPIN_SD = 0.03, 0.02, 0.02  # prior standard deviations: wider admit larger errors
 _SCATTERS = (1e-5, 3e-4, 1e-3, 4e-3, 0.015)  # candidate standard deviations of records' own speed errors
 _OUTLIER = math.log(0.02 / 0.16)  # log density of a wrong reading: 2 % of readings, anywhere within the search
-_MARGIN = 3.0  # log evidence required for slip over wrong speeds: larger takes weak slip for wrong speeds
+_MARGIN = 3.0  # log evidence required for slip over wrong speeds: larger attributes weak slip to wrong speeds
 
 
 @dataclass(frozen=True)

@@ -30,7 +30,7 @@ REACH: Final = 0.06
 SLIP_REACH: Final = 0.02
 """Further relative shift of a comb by slip that is searched; wider gives more chance matches."""
 COMB: Final = 4.5
-"""Sum of log(1 + z / 3) over a comb's harmonics from which it counts as present; lower takes more noise for combs."""
+"""Sum of log(1 + z / 3) over a comb's harmonics from which it counts as present; lower gives more false combs."""
 SHAFT_LINE: Final = 16.0
 """Power over the local mean from which a line counts as present: noise exceeds it in 1e-7 of the bins; lower gives more
 false lines."""

@@ -77,7 +77,7 @@ def positive(value: float, name: str, *, where: str) -> float:
 
 
 def whole(value: int, name: str, *, where: str, at_least: int = 1) -> int:
-    """`value` as int, refused unless it is a whole number of at least `at_least`."""
+    """`value` as int, refused unless it is an integer of at least `at_least`."""
     try:
         number = int(value)
         wrong = isinstance(value, bool) or number != value or number < at_least
@@ -99,7 +99,7 @@ def band(low_hz: float, high_hz: float, nyquist_hz: float, *, where: str) -> tup
 
 
 def without_mean(signals: Array) -> Array:
-    """Signals less their means; exactly zero for a constant, whose mean is off by rounding."""
+    """Signals minus their means; exactly zero for a constant, whose mean has a rounding error."""
     centred = signals - signals.mean(axis=-1, keepdims=True)
     largest = np.abs(signals).max(axis=-1, keepdims=True)
     nothing = np.abs(centred).max(axis=-1, keepdims=True) <= 1e-14 * largest

@@ -158,7 +158,7 @@ def halves(records: RecordSet, rng: np.random.Generator) -> tuple[RecordSet, Rec
     return one, other, "recording" if alike else "time within recordings"
 
 
-# --------------------------------------------------------------------------------------------- what the literature says
+# ------------------------------------------------------------------------------------------- findings of the literature
 
 
 @dataclass(frozen=True)
