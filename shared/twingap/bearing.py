@@ -1,6 +1,6 @@
 """Bearing geometry and its kinematic fault orders.
 
-Orders are multiples of the shaft speed, for a bearing whose outer ring stands still and whose rollers do not slip.
+Orders are multiples of the shaft speed, for a fixed outer ring and rolling without slip.
 Source: eq. 5 of paper 1 (Simulation-based remaining useful life prediction of rolling element bearings under varying
 operating conditions), the usual kinematic relations.
 """
@@ -24,7 +24,7 @@ class Bearing:
     Parameters
     ----------
     name : str
-        Designation, for people.
+        Designation.
     n_rollers : int
         Number of rolling elements Z, at least 3.
     roller_diameter_mm, pitch_diameter_mm : float
@@ -35,7 +35,7 @@ class Bearing:
     Raises
     ------
     TwingapError
-        For a geometry that no bearing can have.
+        For an impossible geometry.
     """
 
     name: str
@@ -91,10 +91,10 @@ class Bearing:
         return 0.5 * self.pitch_diameter_mm / self.roller_diameter_mm * (1 - self.ratio**2)
 
     def fault_order(self, fault: str) -> float:
-        """Order at which a defect of this kind strikes.
+        """Order at which a defect of this kind causes impacts.
 
-        A ball defect meets both races once per spin and so strikes at 2 BSF (public records and paper 3's "141.17 Hz"
-        agree); eq. 5 of paper 1 prints BSF itself, of which 2 BSF is the second harmonic.
+        A ball defect meets both races once per spin, so its impacts occur at 2 BSF (public records and paper 3's
+        "141.17 Hz" agree); eq. 5 of paper 1 gives BSF, of which 2 BSF is the second harmonic.
 
         Parameters
         ----------
@@ -114,8 +114,8 @@ class Bearing:
     def slipped(self, cage_speed_ratio: float) -> dict[str, float]:
         """Fault orders when the cage runs at `cage_speed_ratio` times its kinematic speed.
 
-        BPFO scales with the cage, BPFI = Z - BPFO moves the other way; the rollers are taken to keep rolling on the
-        inner ring, so that the spin order follows the speed of the inner ring relative to the cage.
+        BPFO scales with the cage, BPFI = Z - BPFO changes in the opposite direction; the rollers are assumed to roll
+        on the inner ring, so that the spin order follows the speed of the inner ring relative to the cage.
 
         Parameters
         ----------

@@ -1,4 +1,4 @@
-"""Typed, frozen configuration from TOML, with errors that name file, key, value and what was expected."""
+"""Typed, frozen configuration from TOML, with errors that name file, key, value and the expected form."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def read_toml(path: str | os.PathLike[str]) -> dict[str, Any]:
         raise TwingapError("is not UTF-8 text", where=path, mend="save it as UTF-8") from error
     except OSError as error:
         raise TwingapError(f"cannot be read: {error.strerror or error}", where=path) from error
-    except ValueError as error:  # TOMLDecodeError, and what Python says of impossible dates and endless numbers
+    except ValueError as error:  # TOMLDecodeError, and Python's errors for impossible dates and very long numbers
         raise TwingapError(f"is not valid TOML: {error}", where=path) from error
     except RecursionError as error:
         raise TwingapError("is not valid TOML: nested too deeply", where=path) from error
@@ -57,7 +57,7 @@ def build(kind: type[T], table: Mapping[str, Any], where: object) -> T:
     Raises
     ------
     TwingapError
-        Naming file, key, value and what was expected.
+        Naming file, key, value and the expected form.
     """
     fields = {field.name: field for field in dataclasses.fields(kind) if field.init}  # type: ignore[arg-type]
     hints = _hints(kind)  # type: ignore[arg-type]  # mypy: a type is hashable
@@ -72,14 +72,14 @@ def build(kind: type[T], table: Mapping[str, Any], where: object) -> T:
             raise TwingapError(f"key {name!r} is missing", where=where, mend=f"add {name} = {_expected(hints[name])}")
     try:
         return kind(**values)
-    except TwingapError as error:  # the object's own checks do not know the file
+    except TwingapError as error:  # the object's own checks do not name the file
         what = error.what if error.where is None else f"{error.where}: {error.what}"
         raise TwingapError(what, where=where, mend=error.mend) from error
 
 
 @functools.cache
 def _hints(kind: type) -> dict[str, Any]:
-    """Types of a dataclass's fields; evaluated once, as twins are made by the thousand."""
+    """Types of a dataclass's fields; cached, as many twins are made."""
     return typing.get_type_hints(kind)
 
 
@@ -130,7 +130,7 @@ def _toml_value(value: Any) -> str:
 
 
 def _convert(kind: Any, value: Any, where: str) -> Any:
-    """`value` as `kind`, or an error that says what was expected."""
+    """`value` as `kind`, or an error that states the expected form."""
     origin, arguments = typing.get_origin(kind), typing.get_args(kind)
     if dataclasses.is_dataclass(kind) and isinstance(value, Mapping):
         return build(typing.cast(type, kind), value, where)
@@ -145,7 +145,7 @@ def _convert(kind: Any, value: Any, where: str) -> Any:
     if kind is float and isinstance(value, (int, float)) and not isinstance(value, bool):
         try:
             number = float(value)
-        except OverflowError:  # a whole number beyond any float
+        except OverflowError:  # an integer beyond the range of float
             number = math.inf
         if math.isfinite(number):
             return number
@@ -161,7 +161,7 @@ def _convert(kind: Any, value: Any, where: str) -> Any:
 
 
 def _convert_union(kind: Any, value: Any, where: str) -> Any:
-    """The first of the kinds that fits."""
+    """The value as the first of the kinds that fits."""
     kinds = [a for a in typing.get_args(kind) if a is not type(None)]
     if len(kinds) == 1:
         return _convert(kinds[0], value, where)
@@ -174,16 +174,16 @@ def _convert_union(kind: Any, value: Any, where: str) -> Any:
 
 
 def _shown(value: Any) -> str:
-    """A value as errors show it: not a page of it."""
+    """A value as shown in errors, shortened."""
     try:
         text = repr(value)
-    except ValueError:  # Python prints no whole number of more than 4300 digits
+    except ValueError:  # Python does not print integers of more than 4300 digits
         return "an endless number"
     return text if len(text) <= 80 else text[:77] + "..."
 
 
 def _expected(kind: Any) -> str:
-    """What a value of this kind looks like, in words."""
+    """Expected form of a value of this kind, as text."""
     origin, arguments = typing.get_origin(kind), typing.get_args(kind)
     if origin is Literal:
         return "one of " + ", ".join(repr(a) for a in arguments)

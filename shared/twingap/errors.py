@@ -1,23 +1,23 @@
-"""The one exception that a user can cause."""
+"""The exception type of all errors that a user can cause."""
 
 from __future__ import annotations
 
 
 class TwingapError(Exception):
-    """Something in the user's input is at fault; the message says what, where and how to mend it.
+    """An error in the user's input; the message states what is wrong, where, and the remedy.
 
     Parameters
     ----------
     what : str
         What is wrong, with the offending value.
     where : str, optional
-        File, row, column, key or option at fault.
+        File, row, column, key or option that is wrong.
     mend : str, optional
-        What to do about it.
+        Remedy.
 
     Notes
     -----
-    ``str(error)`` is always one line, since the command line prints exactly that and exits 2.
+    ``str(error)`` is always one line; the command line prints it and exits with status 2.
     """
 
     def __init__(self, what: str, *, where: object = None, mend: str | None = None) -> None:

@@ -1,8 +1,8 @@
-"""Files written whole or not at all, and their digests.
+"""Atomic writing of files and folders, and digests of files.
 
-Both context managers hand out a temporary place beside the target and rename it into place at the end, which is one
-step for the file system. An error or an interruption (Ctrl-C) before that leaves what was there, and folders made on
-the way are removed again.
+Both context managers give a temporary path next to the target and rename it into place at the end, which is atomic
+for the file system. After an error or an interruption (Ctrl-C) the previous state is left, and folders created on the
+way are removed again.
 """
 
 from __future__ import annotations
@@ -25,12 +25,12 @@ from twingap.errors import TwingapError
 
 @contextmanager
 def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
-    """Yield a temporary path beside `path`; move it into place when the block ends well, remove it otherwise.
+    """Yield a temporary path next to `path`; move it into place when the block succeeds, else remove it.
 
     Parameters
     ----------
     path : path-like
-        The file to write. Its folder is made when missing. A link is followed, so that what it points to is replaced.
+        The file to write. Its folder is created when missing. A symbolic link is followed: its target is replaced.
 
     Yields
     ------
@@ -40,7 +40,7 @@ def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
     Raises
     ------
     TwingapError
-        When the place cannot be written (no permission, no space, a file where a folder should be, a device).
+        When the path cannot be written (no permission, no space, a file where a folder should be, a device).
     """
     shown = Path(path)
     with _explained(shown):
@@ -48,7 +48,7 @@ def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
         if target.is_dir():
             raise TwingapError("is a folder, a file expected", where=shown, mend="name a file")
         if target.exists() and not target.is_file():
-            # Root may rename over /dev/null.
+            # Otherwise root could rename over /dev/null.
             raise TwingapError("is not a regular file", where=shown, mend="name a file")
         with _parents(target.parent):
             temporary = _beside(target)
@@ -62,14 +62,14 @@ def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
 
 @contextmanager
 def replacing_folder(path: str | os.PathLike[str]) -> Iterator[Path]:
-    """Yield a temporary folder beside `path`; move it into place when the block ends well, remove it otherwise.
+    """Yield a temporary folder next to `path`; move it into place when the block succeeds, else remove it.
 
     An existing folder is replaced only if it is empty.
 
     Raises
     ------
     TwingapError
-        When `path` holds something already, or cannot be written.
+        When `path` is a file or a folder with content, or cannot be written.
     """
     shown = Path(path)
     with _explained(shown):
@@ -77,7 +77,7 @@ def replacing_folder(path: str | os.PathLike[str]) -> Iterator[Path]:
         if target.exists() and (not target.is_dir() or any(target.iterdir())):
             raise TwingapError("exists already and is not an empty folder", where=shown, mend="name a new folder")
         if target.is_mount():
-            # Found now rather than after hours of work: nothing can be renamed over a mount point.
+            # Checked before the work: a rename over a mount point would fail at its end.
             raise TwingapError("is a mount point", where=shown, mend="name a new folder inside it")
         with _parents(target.parent):
             temporary = _beside(target)
@@ -92,11 +92,12 @@ def replacing_folder(path: str | os.PathLike[str]) -> Iterator[Path]:
 
 
 def try_folder(folder: str | os.PathLike[str]) -> None:
-    """Write a file into a folder and remove it again: what cannot be written is told before the work, not after it.
+    """Check that a folder is writable, by writing and removing a file, so that errors occur before long work.
 
     Raises
     ------
     TwingapError
+        When it is not.
     """
     probe = Path(folder) / ".writable"
     with replacing(probe) as temporary:
@@ -105,11 +106,11 @@ def try_folder(folder: str | os.PathLike[str]) -> None:
 
 
 class _UndoError(Exception):
-    """Ends `try_outputs`: what it prepared is removed again."""
+    """Ends `try_outputs`, so that its temporary files are removed."""
 
 
 def try_outputs(folder: str | os.PathLike[str], files: Iterable[str], folders: Iterable[str] = ()) -> None:
-    """Check that these files and new folders can be written into a folder, and leave it as it was.
+    """Check that these files and new folders can be written into a folder, and restore its state.
 
     Raises
     ------
@@ -125,12 +126,12 @@ def try_outputs(folder: str | os.PathLike[str], files: Iterable[str], folders: I
 
 
 def kind_of(path: str | os.PathLike[str]) -> Literal["file", "folder", "other", "missing"]:
-    """What lies at a path; "other" are devices and pipes.
+    """Type of the entry at a path; "other" are devices and pipes.
 
     Raises
     ------
     TwingapError
-        When that cannot be told: no permission to look, or no possible name.
+        When it cannot be determined: no permission, or an impossible name.
     """
     try:
         mode = Path(path).stat().st_mode
@@ -146,8 +147,8 @@ def kind_of(path: str | os.PathLike[str]) -> Literal["file", "folder", "other", 
 def save_npy(path: str | os.PathLike[str], array: NDArray[Any]) -> None:
     """Write an array as .npy, or raise OSError.
 
-    `numpy.save` loses the end of an array on a full disk without a word: it writes through a C stream whose closing it
-    does not check. Python's own streams do.
+    `numpy.save` silently truncates an array on a full disk, as it does not check the closing of its C stream. Python's
+    own streams do.
     """
     array = np.ascontiguousarray(array)
     with open(path, "wb") as stream:
@@ -156,7 +157,7 @@ def save_npy(path: str | os.PathLike[str], array: NDArray[Any]) -> None:
 
 
 def sha256(path: str | os.PathLike[str]) -> str:
-    """Hex sha256 of a file, read in one pass at disk speed."""
+    """Hex sha256 of a file's content."""
     with open(path, "rb") as stream:
         return hashlib.file_digest(stream, "sha256").hexdigest()
 
@@ -169,7 +170,7 @@ def _beside(target: Path) -> Path:
 
 @contextmanager
 def _parents(folder: Path) -> Iterator[None]:
-    """Make a folder and those above it; when the block fails, remove those that were made and are empty still."""
+    """Create a folder and its parents; when the block fails, remove those created that are still empty."""
     places = (folder, *folder.parents)
     made = [place for place in places if not place.exists()]
     there = places[len(made)]
@@ -187,24 +188,24 @@ def _parents(folder: Path) -> Iterator[None]:
 
 @contextmanager
 def _explained(target: Path) -> Iterator[None]:
-    """Turn the operating system's refusals into the one error that users see."""
+    """Convert errors of the operating system to `TwingapError`."""
     if "\0" in str(target):
         raise TwingapError("is no file name", where=repr(str(target)), mend="leave out null characters")
     try:
         yield
     except OSError as error:
-        # NumPy reports a full disk by the number of values that it could not write.
+        # On a full disk NumPy reports the number of values that it could not write.
         reason = error.strerror or f"the disk may be full ({error})"
         mend = "choose a folder that is writable and has space"
         named = Path(os.fsdecode(error.filename)) if isinstance(error.filename, (str, bytes)) else None
         if named is not None and not _near(named, target):
-            # What went wrong in the block was about another file, one that the caller reads.
+            # The error in the block concerns another file, one that the caller reads.
             raise TwingapError(f"cannot be used: {reason}", where=named) from error
         raise TwingapError(f"cannot be written: {reason}", where=target, mend=mend) from error
 
 
 def _near(named: Path, target: Path) -> bool:
-    """Whether a path is the target, above it, or in a temporary place beside it."""
+    """Whether a path is the target, one of its parents, or in a temporary path next to it."""
     named, target = Path(os.path.realpath(named)), Path(os.path.realpath(target))
     if named == target or named in target.parents:
         return True

@@ -1,4 +1,4 @@
-"""Where a result comes from: digests of settings, code and data, and the versions of what computed it.
+"""Provenance of a result: digests of settings, code and data, and versions of the software.
 
 settings --canonical--> JSON text --+
 code files -------------------------+--> sha256, the same on every machine and in every run
@@ -32,12 +32,12 @@ LIBRARIES = ("twingap", "numpy", "scipy", "pandas", "numba", "torch", "scikit-le
 
 
 def plain(value: Any) -> Any:
-    """`value` as what JSON can hold: dataclasses become tables, tuples lists, paths and enums text or numbers.
+    """`value` in JSON types: dataclasses become tables, tuples lists, paths and enums text or numbers.
 
     Raises
     ------
     TypeError
-        For what has no faithful JSON form (sets, arrays, functions, keys that are not text).
+        For values without a lossless JSON form (sets, arrays, functions, keys that are not text).
     """
     if dataclasses.is_dataclass(value) and not isinstance(value, type):
         return {field.name: plain(getattr(value, field.name)) for field in dataclasses.fields(value)}
@@ -60,7 +60,7 @@ def plain(value: Any) -> Any:
 
 
 def canonical(value: Any) -> str:
-    """JSON text that is the same for equal values: keys sorted, no spaces, floats to their last bit."""
+    """JSON text that is identical for equal values: keys sorted, no spaces, floats at full precision."""
     return json.dumps(plain(value), sort_keys=True, separators=(",", ":"), ensure_ascii=True)
 
 
@@ -84,7 +84,7 @@ def digest_of_code(*parts: ModuleType | Any) -> str:
     Parameters
     ----------
     *parts : module, function or class
-        A function or class stands for the module that it was written in.
+        A function or class stands for the module that defines it.
     """
     found: dict[str, str] = {}
     for part in parts:
@@ -103,7 +103,7 @@ def digest_of_code(*parts: ModuleType | Any) -> str:
 
 @functools.cache
 def versions() -> dict[str, str]:
-    """Versions of Python and of the libraries that compute, the git commit if there is one, and the machine."""
+    """Versions of Python and of the numerical libraries, the git commit if there is one, and the machine."""
     found = {"python": platform.python_version()}
     for name in LIBRARIES:
         try:
@@ -118,7 +118,7 @@ def versions() -> dict[str, str]:
 
 
 def _git_commit(folder: Path) -> str | None:
-    """Commit of the checkout that `folder` is tracked in, "+changes" when files differ from it; None without git."""
+    """Commit of the checkout that tracks `folder`, with "+changes" when files differ from it; None without git."""
     git = shutil.which("git")
     if git is None:
         return None
@@ -130,7 +130,7 @@ def _git_commit(folder: Path) -> str | None:
             return None
         return done.stdout.strip() if done.returncode == 0 else None
 
-    # An installed copy may lie inside somebody else's repository (a virtual environment): that commit says nothing.
+    # An installed copy may lie inside an unrelated repository (a virtual environment), whose commit is irrelevant.
     if ask("ls-files", "--error-unmatch", "provenance.py") is None:
         return None
     commit = ask("rev-parse", "HEAD")

@@ -1,9 +1,9 @@
 """Independent random streams, one per record and purpose.
 
-Every record, and within it every effect, draws from a stream of its own that depends only on the root entropy, the
-record's place and the purpose's name. So the same seed gives the same bytes on any number of cores, a record does not
-change when others are left out, and adding an effect does not disturb what the others draw: two chains that differ by
-one effect are simulated with common random numbers.
+Every record, and within it every effect, has its own stream, which depends only on the root entropy, the record's
+index and the name of the purpose. The same seed therefore gives the same bytes on any number of cores, a record does
+not change when others are left out, and adding an effect does not change the random numbers of others: two chains that
+differ by one effect are simulated with common random numbers.
 """
 
 from __future__ import annotations
@@ -29,13 +29,13 @@ class Streams:
     root : int
         Entropy shared by all records of a run, from `root_entropy`.
     index : int
-        The record's place in the run, from 0.
+        Index of the record in the run, from 0.
     """
 
     root: int
     index: int
 
     def __call__(self, purpose: str) -> np.random.Generator:
-        """Generator for `purpose` (an effect's name, say); always in its initial state."""
+        """Generator for `purpose` (such as an effect's name), always in its initial state."""
         key = (self.index, zlib.crc32(purpose.encode()))
         return np.random.Generator(np.random.SFC64(np.random.SeedSequence(self.root, spawn_key=key)))

@@ -1,6 +1,6 @@
-"""Public data sets: manifests, verification, fetching, and one reader each.
+"""Public data sets: manifests, verification, download, and one reader each.
 
-Only this package knows where files come from: `load("cwru", fs_hz=12000.0)` gives a `RecordSet` like any other.
+File locations are known to this package alone: `load("cwru", fs_hz=12000.0)` gives a `RecordSet` like any other.
 """
 
 from twingap.data.cut import cut

@@ -1,4 +1,4 @@
-"""Recordings cut into records of equal length, read when asked for.
+"""Recordings cut into records of equal length, read on access.
 
 recording of 10 s --cut--> ten records of 1 s, all of the recording's group
 """
@@ -16,7 +16,7 @@ from twingap.records import Array, RecordSet
 def cut(
     records: RecordSet, *, n_samples: int | None = None, duration_s: float | None = None, step: int | None = None
 ) -> RecordSet:
-    """Cut every record into pieces of equal length; what is left over at its end is dropped.
+    """Cut every record into pieces of equal length; a shorter remainder is dropped.
 
     Pieces keep the group of their record, so that no split ever puts parts of one recording on both sides.
 
@@ -24,17 +24,17 @@ def cut(
     ----------
     records : RecordSet
     n_samples : int, optional
-        Length of a piece in samples; or
+        Length of a piece in samples.
     duration_s : float, optional
-        in seconds, rounded to whole samples at each record's rate. Exactly one of the two.
+        Length of a piece in s, rounded to whole samples at each record's rate. Exactly one of the two is given.
     step : int, optional
-        Samples from the start of one piece to that of the next; the length by default, so that pieces do not overlap.
+        Samples from the start of one piece to that of the next; None = the length, so that pieces do not overlap.
 
     Returns
     -------
     RecordSet
-        Names ``<record>+<first sample>``. Where the run's time is known, `time_s` is that of the piece's first sample.
-        A record shorter than a piece gives none.
+        Names ``<record>+<first sample>``. Where `time_s` is known, it is that of the piece's first sample. A record
+        shorter than a piece gives none.
 
     Raises
     ------
@@ -72,7 +72,7 @@ def cut(
 
 @dataclass(frozen=True)
 class _Whole:
-    """Gives the samples of a whole record."""
+    """Loader of whole records."""
 
     records: RecordSet
 
@@ -82,7 +82,7 @@ class _Whole:
 
 @dataclass(frozen=True)
 class _Pieces:
-    """Gives the samples of piece i; neighbours of one record cost one read."""
+    """Loader of piece i; consecutive pieces of one record cost one read."""
 
     whole: Latest[Array]
     places: tuple[tuple[int, int, int], ...]

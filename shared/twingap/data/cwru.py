@@ -2,8 +2,8 @@
 
 <root>/cwru/105.mat: X105_DE_time, X105_FE_time, X105_BA_time [samples, 1] in g, X105RPM where present
 
-Every fault type x size is ONE bearing, mounted once, and every file one recording: `group` is the recording (the split
-asked for by default), the column `bearing_id` names the bearing for the stricter split.
+Every combination of fault type and size is ONE bearing, mounted once, and every file is one recording: `group` is the
+recording (the default for splits), the column `bearing_id` names the bearing for the stricter split.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ Loader = Callable[[], Array]
 def load_cwru(
     root: str | os.PathLike[str] | None = None, *, channel: Channel = "DE", fs_hz: float | None = 12_000.0
 ) -> RecordSet:
-    """Every recording at hand, one record each, in g.
+    """Every available recording, one record each, in g.
 
     Parameters
     ----------
@@ -41,21 +41,21 @@ def load_cwru(
     channel : {"DE", "FE", "BA"}
         Accelerometer: drive end, fan end or base. Recordings without it are left out.
     fs_hz : float or None
-        Rate to which records are brought: the 48 kHz normal baseline is decimated by 4 to the faults' 12 kHz with a
-        zero-phase FIR filter. None keeps each recording's own rate.
+        Output sampling rate, Hz: the 48 kHz normal baseline is decimated by 4 to the faults' 12 kHz with a zero-phase
+        FIR filter. None keeps each recording's own rate.
 
     Returns
     -------
     RecordSet
         Extra columns: load_hp, fault_size_inch, fault_position (outer race), bearing_id, end, source. `source` is
-        "original", or says that a third party's conversion stands in: 99_repacked.mat (same samples) for 99.mat,
+        "original", or names a third party's conversion: 99_repacked.mat (same samples) for 99.mat,
         98_windows_48k.npy for 98.mat (100 overlapping windows of one recording, in one group; drive end only). An
-        official file, where present, is always preferred. `load_n` stays empty: the owner gives motor load in hp only.
+        official file is preferred where present. `load_n` stays empty: the owner gives motor load in hp only.
 
     Raises
     ------
     NotAtHandError
-        When no recording with this channel is at hand.
+        When no recording with this channel is available.
     TwingapError
         When a file cannot be read.
     """
@@ -77,7 +77,7 @@ def load_cwru(
 def _recording(
     root: Path, facts: Manifest, recording: dict[str, Any], channel: Channel
 ) -> list[tuple[Condition, Loader]]:
-    """Conditions and loaders of one recording, from the official file or else from what stands in for it."""
+    """Conditions and loaders of one recording, from the official file or else from its conversion."""
     official = root / recording["file"]
     if official.is_file():
         return _from_mat(official, recording, channel, "original")
@@ -92,12 +92,12 @@ def _recording(
 
 
 def _from_mat(path: Path, recording: dict[str, Any], channel: Channel, source: str) -> list[tuple[Condition, Loader]]:
-    # 99.mat also holds the arrays of 98, so keys are chosen by number, not by ending.
+    # 99.mat also holds the arrays of 98, so keys are chosen by number, not by suffix.
     prefix = f"X{int(recording['recording']):03d}"
     file = inspect(path)
     held = [c.name for c in file.channels if c.name.startswith(prefix)]
     if held and f"{prefix}_{channel}_time" not in held:
-        return []  # BA is missing from the normal baseline, for one
+        return []  # for example, BA is missing from the normal baseline
     samples = file.find(f"{prefix}_{channel}_time")
     speed_rpm = float(recording["nominal_speed_rpm"])
     if f"{prefix}RPM" in held:

@@ -34,7 +34,7 @@ _SNAPSHOT: Final = re.compile(r"acc_(\d+)\.csv")
 def load_femto(
     root: str | os.PathLike[str] | None = None, *, axis: Axis = "horizontal", fs_hz: float | None = None
 ) -> RecordSet:
-    """Every snapshot of every run at hand, one record each, in g.
+    """Every snapshot of every available run, one record each, in g.
 
     Parameters
     ----------
@@ -43,19 +43,19 @@ def load_femto(
     axis : {"horizontal", "vertical"}
         Accelerometer. The converted files hold the horizontal one only.
     fs_hz : float or None
-        Rate to which records are brought; None keeps 25.6 kHz.
+        Output sampling rate, Hz; None keeps 25.6 kHz.
 
     Returns
     -------
     RecordSet
-        `fault` is unknown throughout: what failed is not published. `time_s` counts snapshots of 10 s, since the clocks
-        in two files of Bearing1_1 are wrong. `group` and column bearing_id are the run's bearing; further columns
-        condition, subset, axis and source (the owner's files, preferred when there, or the conversion).
+        `fault` is unknown throughout: the failed part is not published. `time_s` counts snapshots of 10 s, since the
+        clocks in two files of Bearing1_1 are wrong. `group` and column bearing_id are the run's bearing; further
+        columns condition, subset, axis and source (the owner's files, preferred where present, or the conversion).
 
     Raises
     ------
     NotAtHandError
-        When no run is at hand.
+        When no run is available.
     TwingapError
         When a file cannot be read.
     """
@@ -84,7 +84,7 @@ def load_femto(
 
 
 def _owner_files(folder: Path, run: Mapping[str, Any]) -> list[tuple[int, Path]]:
-    """Number and path of a run's snapshots as the owner lays them out, with or without the subset's folder."""
+    """Number and path of a run's snapshots in the owner's layout, with or without the subset's folder."""
     for place in (folder / run["folder"], folder / run["bearing_id"]):
         if place.is_dir():
             found = [(int(m[1]), p) for p in place.iterdir() if (m := _SNAPSHOT.fullmatch(p.name))]

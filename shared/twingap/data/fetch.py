@@ -1,8 +1,8 @@
-"""Fetching: a data set downloaded from its owner, resumed where it broke off, verified, unpacked.
+"""Download of a data set from its owner: resumed after an interruption, verified, unpacked.
 
 url --resuming download--> .fetch/FILE.part --size and checksum--> <root>/<name>/FILE --unpack--> the readers' layout
 
-Nothing is put in place before it is verified; a file that is there and right is not fetched again.
+Only verified files are moved into place; a file that is present and correct is not downloaded again.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from twingap.data.verify import digest, matches
 from twingap.errors import TwingapError
 
 Progress = Callable[[str, int, int | None], None]
-"""Told the file, the bytes of it that are here, and its size where known."""
+"""Progress callback: progress(file, bytes present, size in bytes or None)."""
 
 _BLOCK = 1 << 18
 _AGAIN = "check the network and run the same command again: what is finished is kept, what broke off is resumed"
@@ -31,14 +31,14 @@ _AGAIN = "check the network and run the same command again: what is finished is 
 
 @dataclass(frozen=True)
 class Fetched:
-    """What a fetch did.
+    """Result of a download.
 
     Parameters
     ----------
     downloaded, kept : tuple of Path
-        Files fetched now; files that were there and right.
+        Files downloaded now; files that were present and correct.
     unpacked : int
-        Files put in place from archives.
+        Number of files extracted from archives.
     """
 
     downloaded: tuple[Path, ...]
@@ -47,13 +47,13 @@ class Fetched:
 
 
 def fetch(facts: Manifest, root: str | os.PathLike[str], *, progress: Progress | None = None) -> Fetched:
-    """Bring a data set under the root.
+    """Download a data set into the data root.
 
     Parameters
     ----------
     facts : Manifest
     root : path-like
-        Data root; made when missing.
+        Data root; created when missing.
     progress : callable, optional
 
     Returns
@@ -63,8 +63,8 @@ def fetch(facts: Manifest, root: str | os.PathLike[str], *, progress: Progress |
     Raises
     ------
     TwingapError
-        When the set cannot be downloaded by a program, the network is out of reach, what arrives is not what the
-        manifest says, or the place cannot be written.
+        When the set cannot be downloaded by a program, the network is unreachable, a file differs from the manifest,
+        or the root cannot be written.
     """
     folder = Path(root) / facts.name
     wanted = [f for f in facts.files if not f.converted and f.contained_in is None]
@@ -102,7 +102,7 @@ def fetch(facts: Manifest, root: str | os.PathLike[str], *, progress: Progress |
             mend="choose a root with space and permission",
         ) from error
     finally:
-        if not root_was_there:  # nothing is left where nothing arrived
+        if not root_was_there:  # a failed download leaves no empty folders
             with contextlib.suppress(OSError):
                 Path(root).rmdir()
     return Fetched(tuple(downloaded), tuple(kept), unpacked)
@@ -111,10 +111,17 @@ def fetch(facts: Manifest, root: str | os.PathLike[str], *, progress: Progress |
 def download(file: DataFile, place: Path, *, progress: Progress | None = None) -> None:
     """Download one file, verify it and move it into place.
 
+    Parameters
+    ----------
+    file : DataFile
+    place : Path
+        Target path.
+    progress : callable, optional
+
     Raises
     ------
     TwingapError
-        When it cannot be reached, or what arrives is not what the manifest says; then nothing is put in place.
+        When it cannot be reached, or differs from the manifest; then no file is put in place.
     """
     if file.url is None:
         raise TwingapError("has no public address", where=file.path)
@@ -123,7 +130,7 @@ def download(file: DataFile, place: Path, *, progress: Progress | None = None) -
     try:
         _into_place(file, place, staging, progress)
     finally:
-        for folder in (staging, place.parent):  # nothing is left where nothing arrived
+        for folder in (staging, place.parent):  # a failed download leaves no empty folders
             with contextlib.suppress(OSError):
                 folder.rmdir()
 
@@ -131,9 +138,9 @@ def download(file: DataFile, place: Path, *, progress: Progress | None = None) -
 def _into_place(file: DataFile, place: Path, staging: Path, progress: Progress | None) -> None:
     import pooch
 
-    pooch.get_logger().setLevel("WARNING")  # progress is ours to show
+    pooch.get_logger().setLevel("WARNING")  # progress is shown by `progress`
     arrived = staging / place.name
-    arrived.unlink(missing_ok=True)  # pooch takes what is there when it knows no hash
+    arrived.unlink(missing_ok=True)  # without a known hash, pooch would keep an existing file
     resuming = _Resuming(staging / f"{place.name}.part", file, progress)
     changed = "run again; if it repeats, the owner changed it"
     try:
@@ -153,12 +160,12 @@ def _into_place(file: DataFile, place: Path, staging: Path, progress: Progress |
 
 
 class _Resuming:
-    """A downloader for pooch that goes on where the last attempt broke off.
+    """A downloader for pooch that resumes an interrupted download.
 
     Parameters
     ----------
     part : Path
-        Where bytes are kept until all have arrived.
+        Partial file.
     file : DataFile
     progress : callable or None
     """
@@ -190,7 +197,7 @@ class _Resuming:
                         if self._progress is not None:
                             self._progress(self._file.path, have, total)
         except urllib.error.HTTPError as error:
-            if error.code == 416:  # the part is no beginning of what the owner has now
+            if error.code == 416:  # the partial file does not belong to the owner's present file
                 self._part.unlink(missing_ok=True)
             raise TwingapError(
                 f"the owner's server answers {error.code} {error.reason}", where=url, mend=_AGAIN

@@ -17,26 +17,26 @@ from twingap.records.samples import inspect
 
 
 def load_hit_sm(root: str | os.PathLike[str] | None = None, *, fs_hz: float | None = None) -> RecordSet:
-    """Every recording at hand, one record each.
+    """Every available recording, one record each.
 
     Parameters
     ----------
     root : path-like, optional
         Data root; TWINGAP_DATA when absent.
     fs_hz : float or None
-        Rate to which records are brought; None keeps 51.2 kHz.
+        Output sampling rate, Hz; None keeps 51.2 kHz.
 
     Returns
     -------
     RecordSet
-        Unit unknown (the authors state none). `group` is the recording; extra columns defect_arc_deg,
+        Unit unknown (not stated by the authors). `group` is the recording; extra columns defect_arc_deg,
         cantilever_load_kg (a mass on the overhung shaft: the bearing's own load is not given, so `load_n` stays empty)
-        and bearing_id (one bearing per state, as far as the authors say).
+        and bearing_id (one bearing per state, as far as the authors state).
 
     Raises
     ------
     NotAtHandError
-        When no recording is at hand.
+        When no recording is available.
     TwingapError
         When a file cannot be read or holds more than one vector.
     """

@@ -29,7 +29,7 @@ from twingap.records import Array, Condition, RecordSet
 N_SAMPLES: Final = 20_480
 _SNAPSHOT: Final = re.compile(r"\d{4}(\.\d\d){5}")
 _FEATURE: Final = re.compile(r"Bearing(\d)_ch(\d)_(\w+)")
-# The owner's archive calls the third test's folder 4th_test/txt; unpackers and people rename it.
+# The owner's archive names the third test's folder 4th_test/txt; some unpackers rename it.
 _FOLDERS: Final = {
     1: ("1st_test",),
     2: ("2nd_test",),
@@ -40,16 +40,16 @@ _FOLDERS: Final = {
 def load_ims(
     root: str | os.PathLike[str] | None = None, *, test: int | None = None, fs_hz: float | None = None
 ) -> RecordSet:
-    """Every raw snapshot at hand, one record per bearing and accelerometer; unit unknown.
+    """Every available raw snapshot, one record per bearing and accelerometer; unit unknown.
 
     Parameters
     ----------
     root : path-like, optional
         Data root; TWINGAP_DATA when absent.
     test : {1, 2, 3}, optional
-        Only this test; all at hand when absent.
+        Only this test; None = all that are available.
     fs_hz : float or None
-        Rate to which records are brought; None keeps 20 kHz.
+        Output sampling rate, Hz; None keeps 20 kHz.
 
     Returns
     -------
@@ -61,15 +61,15 @@ def load_ims(
     Raises
     ------
     NotAtHandError
-        When no raw snapshot is at hand; the feature tables are read by `ims_features`.
+        When no raw snapshot is available; the feature tables are read by `ims_features`.
     TwingapError
-        On access, when a snapshot is not as the owner describes.
+        On access, when a snapshot is not in the documented form.
     """
     tests = (_known(test),) if test is not None else tuple(_FOLDERS)
     folder, facts = data_root(root), manifest_of("ims")
     conditions: list[Condition] = []
     loads: list[partial[Array]] = []
-    snapshot = Latest(columns)  # the columns of one snapshot are asked for one after the other
+    snapshot = Latest(columns)  # the columns of one snapshot are read one after the other
     for number in tests:
         rows = [row for row in facts.recordings if row["test"] == number]
         snapshots = _snapshots(folder / "ims", number)
@@ -99,22 +99,22 @@ def ims_features(root: str | os.PathLike[str] | None = None, *, test: int = 2) -
     Returns
     -------
     pandas.DataFrame
-        A row per snapshot, bearing and channel: test, bearing, accelerometer, bearing_id, filename, time_s, speed_rpm,
-        load_n, end_fault, then rms, mean, std, max, kurt (excess), skew and, where the second table is there, its
-        columns. The definitions of the spectral ones are not documented by their author: check before use.
+        One row per snapshot, bearing and channel: test, bearing, accelerometer, bearing_id, filename, time_s,
+        speed_rpm, load_n, end_fault, then rms, mean, std, max, kurt (excess), skew and, where the second table is
+        present, its columns. The author does not document the definitions of the spectral ones: check before use.
 
     Raises
     ------
     NotAtHandError
-        When no table of the test is at hand.
+        When no table of the test is available.
     TwingapError
-        When the second table is there without the first, or one is not as described.
+        When the second table is present without the first, or a table is not in the documented form.
     """
     folder, facts = data_root(root), manifest_of("ims")
     path = folder / "ims" / f"set{_known(test)}_time_features.csv"
     more = folder / "ims" / f"set{test}_shape_spectral_features.csv"
     if not path.is_file():
-        error = TwingapError if more.is_file() else NotAtHandError  # half a set is not an absent one
+        error = TwingapError if more.is_file() else NotAtHandError  # a partial set is an error, not an absent set
         raise error("does not exist", where=path, mend="compute features from the raw snapshots instead")
     wide = _table(path)
     for column in ("file_index", "filename"):

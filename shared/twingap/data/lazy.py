@@ -1,4 +1,4 @@
-"""Samples read when asked for, in a form that worker processes can be sent: classes, since closures cannot be."""
+"""Loaders of samples on access, as picklable classes for worker processes."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ T = TypeVar("T")
 
 @dataclass(frozen=True)
 class Each:
-    """Gives the samples of record i by calling the i-th of these.
+    """Loader of record i by the i-th of several callables.
 
     Parameters
     ----------
-    loads : tuple of callable, () -> Array
+    loads : tuple of callable, () -> Array [samples]
     """
 
     loads: tuple[Callable[[], Array], ...]
@@ -27,7 +27,7 @@ class Each:
 
 
 class Latest(Generic[T]):
-    """Remembers what was read last, so that memory stays bounded by one file while neighbours ask for the same one.
+    """Cache of the last result of a read function, so that memory is bounded by one file.
 
     Parameters
     ----------
@@ -39,12 +39,12 @@ class Latest(Generic[T]):
         self._held: tuple[Hashable, T] | None = None
 
     def __call__(self, *key: Hashable) -> T:
-        """`read(*key)`, or what it returned the last time if that was for the same key."""
-        held = self._held  # one assignment, so that threads may at worst read twice
+        """`read(*key)`, or the cached result if the last call had the same key."""
+        held = self._held  # one assignment: concurrent threads may read twice but never mix results
         if held is None or held[0] != key:
             held = (key, self._read(*key))
             self._held = held
         return held[1]
 
     def __getstate__(self) -> dict[str, Any]:
-        return {"_read": self._read, "_held": None}  # a copy for another process need not carry the samples
+        return {"_read": self._read, "_held": None}  # samples are not pickled

@@ -1,11 +1,11 @@
-"""Manifests: what a public data set consists of, as Croissant JSON-LD (https://docs.mlcommons.org/croissant, 1.0).
+"""Manifests of public data sets, as Croissant JSON-LD (https://docs.mlcommons.org/croissant, 1.0).
 
 data_manifests/cwru.json --read_manifest--> Manifest: owner, licence, citation, files with size and checksum, facts
 
-What Croissant has no word for stands under `twingap:` in the same file: the git blob id where no sha256 is known,
-whether a file is the owner's own or a third party's conversion, which file a conversion stands in for. Facts of each
-recording (fault, load, speed, sampling rate) are the record set `recordings` with its data inline, so that readers need
-no tables of their own.
+Fields that Croissant does not define have the prefix `twingap:`: the git blob id where no sha256 is known, whether a
+file is the owner's own or a third party's conversion, and which file a conversion replaces. Facts of each recording
+(fault, load, speed, sampling rate) are the record set `recordings` with inline data, so that readers need no tables of
+their own.
 """
 
 from __future__ import annotations
@@ -32,22 +32,22 @@ class DataFile:
     Parameters
     ----------
     path : str
-        Below the data root, with forward slashes.
+        Path below the data root, with forward slashes.
     url : str or None
-        Where its owner offers it; None when it cannot be downloaded by itself.
+        The owner's download address; None when it cannot be downloaded separately.
     size_bytes : int or None
     sha256, git_blob : str or None
-        Hex digests; `git_blob` is SHA-1 over ``"blob <size>\\0"`` and the bytes. None = not known.
+        Hex digests; `git_blob` is SHA-1 over ``"blob <size>\\0"`` and the bytes. None = unknown.
     converted : bool
         Whether a third party changed the form of the owner's file.
     provenance : str or None
-        How a converted file came about.
+        Origin of a converted file.
     stands_in_for : str or None
         Path of the owner's file that it replaces when that is absent.
     contained_in : str or None
         Path of the archive that holds it.
     holds : tuple of str
-        Endings of the archives within this archive, such as ".rar", that Python cannot unpack by itself.
+        Suffixes of the archives within this archive, such as ".rar", that Python cannot unpack.
     """
 
     path: str
@@ -71,16 +71,16 @@ class DataFile:
 
 @dataclass(frozen=True)
 class FilePattern:
-    """Files known only by the pattern of their paths: expected, but without size or checksum.
+    """Expected files that are known by the pattern of their paths only, without size or checksum.
 
     Parameters
     ----------
     pattern : str
-        Path below the data root; ``*`` stands for anything.
+        Path below the data root; ``*`` matches any characters.
     contained_in : str or None
         Path of the archive that holds them.
     count : int or None
-        How many there are in the whole set.
+        Number of files in the complete set.
     """
 
     pattern: str
@@ -94,22 +94,22 @@ class FilePattern:
 
 @dataclass(frozen=True)
 class Manifest:
-    """A data set: whose it is, what may be done with it, and of which files it consists.
+    """A data set: owner, terms of use, files and recordings.
 
     Parameters
     ----------
     name : str
         Short name; also the folder below the data root.
     title, description, url, licence, citation : str
-        `licence` says so plainly where the owner publishes none.
+        `licence` states explicitly where the owner publishes none.
     bearing : str or None
         Name in `twingap.bearing.BEARINGS`.
     unit : str
-        Of all samples, as in record sets.
+        Unit of all samples, as in record sets.
     how_to_get : str or None
-        What to do where no download by program exists; None where `fetch` can do it.
+        Instructions where the set cannot be downloaded by a program; None where `fetch` can.
     made_here : bool
-        Whether twingap makes the records itself (virtual rigs).
+        Whether twingap simulates the records (virtual rigs).
     files, patterns : tuple
     recordings : tuple of Mapping
         Facts of each recording, by field name; None values are left out.
@@ -142,7 +142,7 @@ class Manifest:
 
 
 def manifests_folder() -> Path:
-    """Where the manifests lie: inside an installed package, or at the root of a checkout."""
+    """Folder of the manifests: inside an installed package, or at the root of a checkout."""
     installed = Path(__file__).parent / "manifests"
     checkout = Path(__file__).parents[3] / "data_manifests"
     for folder in (installed, checkout):
@@ -162,7 +162,7 @@ def manifest_of(name: str) -> Manifest:
     Raises
     ------
     TwingapError
-        For a name that no manifest has.
+        For an unknown name.
     """
     names = manifest_names()
     if name not in names:
@@ -176,7 +176,7 @@ def read_manifest(path: str | os.PathLike[str]) -> Manifest:
     Raises
     ------
     TwingapError
-        When it cannot be read, is not JSON, or lacks what a manifest needs; names file and key.
+        When it cannot be read, is not JSON, or lacks a required key; names file and key.
     """
     try:
         document = json.loads(Path(path).read_text(encoding="utf-8"))

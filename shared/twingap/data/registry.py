@@ -1,4 +1,4 @@
-"""The readers by name: `load("cwru")` gives a record set, wherever its files come from."""
+"""Readers by name: `load("cwru")` gives a record set."""
 
 from __future__ import annotations
 
@@ -51,14 +51,14 @@ def load(name: str, root: str | os.PathLike[str] | None = None, **options: Any) 
     root : path-like, optional
         Data root; the environment variable TWINGAP_DATA when absent.
     **options
-        The reader's own: `channel`, `fs_hz`...
+        Options of the reader: `channel`, `fs_hz`...
 
     Raises
     ------
     NotAtHandError
-        When nothing of the data set is at hand.
+        When no file of the data set is available.
     TwingapError
-        For an unknown name or option, and when files that are there cannot be read.
+        For an unknown name or option, and when present files cannot be read.
     """
     read = reader(name)
     given = {key: value for key, value in options.items() if value is not None}
@@ -67,7 +67,7 @@ def load(name: str, root: str | os.PathLike[str] | None = None, **options: Any) 
 
 
 def _options(read: Callable[..., RecordSet]) -> type[Any]:
-    """A dataclass of a reader's options, for their names and types."""
+    """A dataclass with the names and types of a reader's options."""
     hints = typing.get_type_hints(read)
     fields = [
         (key, hints[key], dataclasses.field(default=parameter.default))

@@ -1,4 +1,4 @@
-"""Records brought to a common sampling rate, when they are read."""
+"""Records resampled to a common sampling rate on access."""
 
 from __future__ import annotations
 
@@ -15,19 +15,23 @@ from twingap.records import Array, Condition, RecordSet
 def resampled(records: RecordSet, fs_hz: float | None) -> RecordSet:
     """The same records at sampling rate `fs_hz`, each resampled on access.
 
-    A zero-phase FIR low-pass (Kaiser window, `scipy.signal.resample_poly`) guards against aliasing: 48 kHz to 12 kHz is
-    decimation by 4. Records that have the rate already, or all when `fs_hz` is None, are handed on untouched.
+    A zero-phase FIR low-pass (Kaiser window, `scipy.signal.resample_poly`) prevents aliasing: 48 kHz to 12 kHz is
+    decimation by 4. Records that have the rate already, or all when `fs_hz` is None, are passed on unchanged.
 
     Parameters
     ----------
     records : RecordSet
     fs_hz : float or None
-        Wanted sampling rate, Hz.
+        Output sampling rate, Hz.
+
+    Returns
+    -------
+    RecordSet
 
     Raises
     ------
     TwingapError
-        For a rate that is not positive, or too far from a ratio of small whole numbers to filter well.
+        For a rate that is not positive, or a ratio that needs too long a filter.
     """
     if fs_hz is None or all(c.fs_hz == fs_hz for c in records.conditions):
         return records
@@ -43,7 +47,7 @@ def resampled(records: RecordSet, fs_hz: float | None) -> RecordSet:
 
 @dataclass(frozen=True)
 class _Resampled:
-    """Gives the samples of record i at its new rate."""
+    """Loader of record i at its new rate."""
 
     records: RecordSet
     ratios: tuple[Fraction, ...]
@@ -52,14 +56,14 @@ class _Resampled:
         samples, ratio = self.records[index].samples, self.ratios[index]
         if ratio == 1:
             return samples
-        from scipy.signal import resample_poly  # takes a second, which listing and verifying need not wait
+        from scipy.signal import resample_poly  # slow import, not needed for listing and verifying
 
-        # A line between the ends of the record keeps its offset from ringing at the edges.
+        # Subtracting a line between the ends of the record avoids ringing at its edges.
         return np.asarray(resample_poly(samples, ratio.numerator, ratio.denominator, padtype="line"), dtype=np.float64)
 
 
 def _ratio(fs_hz: float, condition: Condition) -> Fraction:
-    """Output over input rate as a ratio of small whole numbers."""
+    """Output over input rate as a ratio of small integers."""
     ratio = Fraction(fs_hz).limit_denominator(10**6) / Fraction(condition.fs_hz).limit_denominator(10**6)
     if max(ratio.numerator, ratio.denominator) > 1000:
         raise TwingapError(

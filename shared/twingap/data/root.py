@@ -1,4 +1,4 @@
-"""Where data sets lie on this machine: `--root` or TWINGAP_DATA, one folder per data set below it."""
+"""Data root: `--root` or TWINGAP_DATA, with one folder per data set."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ VARIABLE = "TWINGAP_DATA"
 
 
 class NotAtHandError(TwingapError):
-    """Nothing of a data set lies under the data root, or there is no root: only then may a caller do without it.
+    """No file of a data set lies under the data root, or there is no root; callers may continue without the set.
 
-    Files that are there and cannot be read are another error.
+    Present files that cannot be read raise `TwingapError` instead.
     """
 
 
@@ -41,6 +41,6 @@ def data_root(root: str | os.PathLike[str] | None = None, *, must_exist: bool = 
 
 
 def not_at_hand(facts: Manifest, root: Path, what: str) -> NotAtHandError:
-    """The error for a data set of which nothing that was asked for lies under the root."""
+    """The error for a data set of which no requested file lies under the root."""
     mend = facts.how_to_get or f"run `twingap data fetch {facts.name}`, or take the files from {facts.url}"
     return NotAtHandError(f"holds {what}", where=root / facts.name, mend=mend)

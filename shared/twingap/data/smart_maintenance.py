@@ -3,9 +3,9 @@
 <root>/smart_maintenance/A148/measurements.csv     file, time_s, speed_rpm: a row per measurement
 <root>/smart_maintenance/A148/00001.npy (or .csv)  acceleration in g at 50 kHz: a vector, or one column without header
 
-The set is not public and its own layout is not published: this one is ASSUMED, as the least that a user who has the
-data must write down. Published (paper 1, section 4.1 and table 3) are the bearings A148 to A156, FAG 6205-C-TVH with an
-indentation on the inner race, 9 kN, 1000 to 2000 rpm in steps of 100 rpm held for 60 s, 50 kHz, and that a life ends at
+The set is not public and its layout is not published: this layout is ASSUMED, as the minimum that a user with the
+data has to provide. Published (paper 1, section 4.1 and table 3) are the bearings A148 to A156, FAG 6205-C-TVH with an
+indentation on the inner race, 9 kN, 1000 to 2000 rpm in steps of 100 rpm held for 60 s, 50 kHz, and the end of life at
 15 g peak to peak.
 """
 
@@ -30,26 +30,26 @@ from twingap.records.samples import Channel, inspect
 
 
 def load_smart_maintenance(root: str | os.PathLike[str] | None = None, *, fs_hz: float | None = None) -> RecordSet:
-    """Every measurement of every run at hand, one record each, in g.
+    """Every measurement of every available run, one record each, in g.
 
     Parameters
     ----------
     root : path-like, optional
         Data root; TWINGAP_DATA when absent.
     fs_hz : float or None
-        Rate to which records are brought; None keeps 50 kHz.
+        Output sampling rate, Hz; None keeps 50 kHz.
 
     Returns
     -------
     RecordSet
-        `fault` is unknown along the run; column end_fault is where the indentation was. `group` and bearing_id are the
-        run's bearing; further columns end_of_life_peak_to_peak_g and anomaly_s (when the paper's method found the first
-        anomaly).
+        `fault` is unknown along the run; column end_fault is the location of the indentation. `group` and bearing_id
+        are the run's bearing; further columns end_of_life_peak_to_peak_g and anomaly_s (time of the first anomaly that
+        the paper's method found, s).
 
     Raises
     ------
     NotAtHandError
-        When no run is at hand.
+        When no run is available.
     TwingapError
         When a run is not laid out as above; names file, row and column.
     """

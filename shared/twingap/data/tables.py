@@ -1,4 +1,4 @@
-"""Snapshots kept as text: columns of numbers, read in one pass, refused in one clear line."""
+"""Text files with columns of numbers, read in one pass."""
 
 from __future__ import annotations
 
@@ -14,18 +14,22 @@ from twingap.records import Array
 def columns(path: str | os.PathLike[str], n_columns: int) -> Array:
     """A text file of numbers, without header, as [columns, samples].
 
-    Commas, semicolons, tabs and blanks are told apart by the first line.
+    The delimiter (comma, semicolon, tab or blank) is inferred from the first line.
 
     Parameters
     ----------
     path : path-like
     n_columns : int
-        How many columns it must have.
+        Required number of columns.
+
+    Returns
+    -------
+    Array [columns, samples]
 
     Raises
     ------
     TwingapError
-        When the file is missing, has other columns, or holds something that is not a number.
+        When the file is missing, has another number of columns, or holds a value that is not a number.
     """
     try:
         with open(path, encoding="utf-8-sig", errors="strict") as stream:

@@ -1,8 +1,8 @@
-"""Archives of data sets: unpacked, with the archives inside them, into the places where readers look.
+"""Archives of data sets: unpacked, with the archives inside them, into the readers' layout.
 
-owner's archive --unpack--> temporary folder --each file that a pattern of the manifest names--> <root>/<name>/...
+owner's archive --unpack--> temporary folder --each file that a pattern of the manifest matches--> <root>/<name>/...
 
-Zip needs nothing but Python; for .7z and .rar an unpacker must be installed, as Python has none.
+Zip files are unpacked by Python; .7z and .rar need an external program.
 """
 
 from __future__ import annotations
@@ -47,12 +47,12 @@ def _command(program: str, archive: Path, folder: Path) -> list[str]:
 
 
 def require_unpackers(endings: Iterable[str]) -> None:
-    """Make sure that archives with these endings can be unpacked, before a long download.
+    """Check that archives with these suffixes can be unpacked, before a long download.
 
     Raises
     ------
     TwingapError
-        Naming the programs of which one must be installed.
+        Naming the programs of which one has to be installed.
     """
     for ending in endings:
         programs = _PROGRAMS.get(ending, ())
@@ -63,7 +63,7 @@ def require_unpackers(endings: Iterable[str]) -> None:
 
 
 def unpack(archive: Path, folder: Path, name: str, patterns: Iterable[FilePattern]) -> int:
-    """Unpack an archive and move the files that the patterns name to their places.
+    """Unpack an archive and move the files that the patterns match to their places.
 
     Parameters
     ----------
@@ -71,18 +71,18 @@ def unpack(archive: Path, folder: Path, name: str, patterns: Iterable[FilePatter
     folder : Path
         The data set's folder.
     name : str
-        The data set's name, with which the patterns begin.
+        The data set's name, the first part of the patterns.
     patterns : iterable of FilePattern
 
     Returns
     -------
     int
-        How many files were put in place.
+        Number of files put in place.
 
     Raises
     ------
     TwingapError
-        When an archive is broken, holds none of the files, or no program can unpack it.
+        When an archive is damaged, holds none of the files, or no program can unpack it.
     """
     wanted = list(patterns)
     folder.mkdir(parents=True, exist_ok=True)
@@ -105,7 +105,7 @@ def unpack(archive: Path, folder: Path, name: str, patterns: Iterable[FilePatter
 
 
 def _place(path: Path, name: str, patterns: list[FilePattern]) -> PurePosixPath | None:
-    """The shortest tail of an unpacked path that a pattern names: where the file belongs below the set's folder."""
+    """The shortest tail of an unpacked path that matches a pattern: the file's path below the set's folder."""
     parts = path.parts
     for start in range(len(parts) - 1, -1, -1):
         tail = PurePosixPath(*parts[start:])
@@ -115,7 +115,7 @@ def _place(path: Path, name: str, patterns: list[FilePattern]) -> PurePosixPath 
 
 
 def _extract(archive: Path, folder: Path, done: set[str]) -> None:
-    """Extract an archive and those inside it; the same one, met again under its name, is passed over."""
+    """Extract an archive and the archives inside it; names in `done` are skipped."""
     folder.mkdir(parents=True, exist_ok=True)
     if archive.suffix.lower() == ".zip":
         try:

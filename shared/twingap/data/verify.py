@@ -1,9 +1,9 @@
-"""Verification: is what lies under the data root what the owner published?
+"""Verification of the files under the data root against the manifests.
 
 Manifest + <root>/<name>/** --verify--> one Finding per file: ok, altered, missing, unexpected or unchecked
 
-Sizes are compared first; files are hashed in parallel, the largest first, so that disks rather than one core set the
-pace (hashlib lets go of Python's lock while it works).
+Sizes are compared first. Files are hashed in parallel threads, the largest first, so that speed is limited by the disk
+(hashlib releases the global interpreter lock).
 """
 
 from __future__ import annotations
@@ -25,18 +25,18 @@ _BLOCK = 1 << 20
 
 @dataclass(frozen=True)
 class Finding:
-    """What was found of one file.
+    """Verification result of one file.
 
     Parameters
     ----------
     path : str
-        Below the data root; for files known by pattern only, the pattern.
+        Path below the data root; for files known by pattern only, the pattern.
     status : {"ok", "altered", "missing", "unexpected", "unchecked"}
-        unchecked: there, but neither size nor checksum is known to compare with.
+        unchecked: present, but neither size nor checksum is known.
     expected, found : str or None
         Checksums as ``algorithm:hex``, with the size where it differs; None = none.
     mend : str or None
-        What to do about it.
+        Remedy.
     """
 
     path: str
@@ -48,7 +48,7 @@ class Finding:
 
 @dataclass(frozen=True)
 class Verification:
-    """What was found of one data set.
+    """Verification result of one data set.
 
     Parameters
     ----------
@@ -61,17 +61,17 @@ class Verification:
     findings: tuple[Finding, ...]
 
     def count(self, status: Status) -> int:
-        """How many findings have this status."""
+        """Number of findings with this status."""
         return sum(finding.status == status for finding in self.findings)
 
     @property
     def intact(self) -> bool:
-        """Whether nothing is altered."""
+        """Whether no file is altered."""
         return not self.count("altered")
 
     @property
     def here(self) -> bool:
-        """Whether anything of the set is present."""
+        """Whether any file of the set is present."""
         return any(finding.status != "missing" for finding in self.findings)
 
 
@@ -84,11 +84,11 @@ def verify(
     ----------
     facts : Manifest
     root : path-like
-        Data root; the set is looked for in ``root/<name>``. Hidden files are passed over.
+        Data root; the set lies in ``root/<name>``. Hidden files are ignored.
     quick : bool
-        Compare sizes only; what agrees counts as unchecked.
+        Compare sizes only; files that agree count as unchecked.
     progress : callable, optional
-        Told how many bytes were hashed, from several threads.
+        Called with the number of bytes hashed, from several threads.
 
     Returns
     -------
@@ -111,7 +111,7 @@ def verify(
 
 
 def bytes_to_hash(facts: Manifest, root: str | os.PathLike[str]) -> int:
-    """How many bytes `verify` will read, for a progress bar."""
+    """Number of bytes that `verify` will read, for a progress bar."""
     listed = {file.path for file in facts.files}
     return sum(
         path.stat().st_size
@@ -125,10 +125,11 @@ def digest(path: str | os.PathLike[str], algorithm: str = "sha256", progress: Pr
 
     Parameters
     ----------
+    path : path-like
     algorithm : {"sha256", "git-blob"}
         git-blob is SHA-1 over ``"blob <size>\\0"`` and the bytes, as git names files.
     progress : callable, optional
-        Told how many bytes were read.
+        Called with the number of bytes read.
     """
     with open(path, "rb", buffering=0) as stream:
         if algorithm == "git-blob":
@@ -145,7 +146,7 @@ def digest(path: str | os.PathLike[str], algorithm: str = "sha256", progress: Pr
 
 
 def matches(file: DataFile, path: Path) -> bool:
-    """Whether the file at `path` is the one of the manifest: size and, where known, checksum."""
+    """Whether a file agrees with the manifest: size and, where known, checksum."""
     if not path.is_file() or (file.size_bytes is not None and path.stat().st_size != file.size_bytes):
         return False
     return file.checksum is None or digest(path, _algorithm(file)) == file.checksum
@@ -181,7 +182,7 @@ def _present(root: Path, name: str) -> Iterator[tuple[str, Path]]:
 def _digests(
     present: dict[str, Path], wanted: Iterable[str], expected: dict[str, DataFile], progress: Progress | None
 ) -> dict[str, str]:
-    """Checksums of the wanted files, hashed side by side."""
+    """Checksums of the wanted files, hashed in parallel."""
     order = sorted(wanted, key=lambda path: -present[path].stat().st_size)
 
     def one(path: str) -> str:
@@ -224,7 +225,7 @@ def _where_to_get(file: DataFile, present: dict[str, Path], facts: Manifest) -> 
 
 
 def _by_pattern(facts: Manifest, present: dict[str, Path], expected: dict[str, DataFile]) -> list[Finding]:
-    """One finding per pattern: how many of its files are there."""
+    """One finding per pattern, with the number of its files present."""
     findings = []
     for pattern in facts.patterns:
         n = sum(path not in expected and pattern.matches(path) for path in present)

@@ -1,4 +1,4 @@
-"""Virtual rigs as data sets: simulated when asked for, by `twingap.rigs`; nothing lies under the data root."""
+"""Virtual rigs as data sets: simulated on access by `twingap.rigs`, without files under the data root."""
 
 from __future__ import annotations
 
@@ -22,23 +22,23 @@ def load_virtual_cwru(
     Parameters
     ----------
     root : ignored
-        Taken so that all readers are called alike; no data root is needed.
+        Accepted for a signature common to all readers.
     seed : int
-        Which machine and bearings; the same seed gives the same bytes.
+        Selects machine and bearings; the same seed gives the same bytes.
     duration_s : float
         Length of each recording, s.
     fs_hz : float or None
-        Rate to which records are brought; None keeps the rig's 12 kHz.
+        Output sampling rate, Hz; None keeps the rig's 12 kHz.
 
     Returns
     -------
     RecordSet
-        As `twingap.rigs.VirtualCwru.records`.
+        See `twingap.rigs.VirtualCwru.records`.
 
     Raises
     ------
     TwingapError
-        For a negative seed or a length that the rig does not make.
+        For a negative seed or an unsupported length.
     """
     if seed < 0:
         raise TwingapError(f"seed = {seed}, a whole number of at least 0 expected", where="data set virtual_cwru")

@@ -1,4 +1,4 @@
-"""Records chosen by their columns, as people write it: load_hp=2, fault=inner."""
+"""Selection of records by column values, such as load_hp=2, fault=inner."""
 
 from __future__ import annotations
 
@@ -25,14 +25,18 @@ def where(records: RecordSet, conditions: Iterable[str]) -> RecordSet:
     records : RecordSet
     conditions : iterable of str
         Each ``column=value``, or several of them separated by commas. Columns are those of `RecordSet.table`. Numbers
-        are compared as numbers (``load_hp=2`` finds 2.0), text as it stands, with or without quotes; an empty value
-        finds empty cells.
+        are compared as numbers (``load_hp=2`` matches 2.0), text literally, with or without quotes; an empty value
+        matches empty cells.
+
+    Returns
+    -------
+    RecordSet
 
     Raises
     ------
     TwingapError
         For a condition of another form, an unknown column, text for a column of numbers, or when no record is left;
-        names the columns or values that there are.
+        lists the existing columns or values.
     """
     table = records.table
     kept = np.ones(len(table), dtype=bool)
@@ -55,7 +59,7 @@ def where(records: RecordSet, conditions: Iterable[str]) -> RecordSet:
 
 
 def _holds(cells: pd.Series[Any], column: str, text: str) -> np.ndarray[Any, np.dtype[np.bool_]]:
-    """Which cells have this value."""
+    """[records] Whether each cell has this value."""
     empty = cells.isna().to_numpy()
     if text == "":
         return np.asarray(empty)
@@ -78,7 +82,7 @@ def _unquoted(text: str) -> str:
 
 
 def _values(cells: pd.Series[Any]) -> str:
-    """The values of a column, for an error."""
+    """The values of a column, for an error message."""
     distinct = list(dict.fromkeys(cells.dropna()))
     text = ", ".join(f"{value:g}" if isinstance(value, float) else str(value) for value in distinct[:_SHOWN])
     return (text or "empty values only") + (", ..." if len(distinct) > _SHOWN else "")

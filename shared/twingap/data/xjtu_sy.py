@@ -27,7 +27,7 @@ _COLUMN: Final = {"horizontal": "Horizontal_vibration_signals", "vertical": "Ver
 def load_xjtu_sy(
     root: str | os.PathLike[str] | None = None, *, axis: Axis = "horizontal", fs_hz: float | None = None
 ) -> RecordSet:
-    """Every snapshot of every run at hand, one record each, in g.
+    """Every snapshot of every available run, one record each, in g.
 
     Parameters
     ----------
@@ -36,21 +36,21 @@ def load_xjtu_sy(
     axis : {"horizontal", "vertical"}
         Accelerometer; the load acts horizontally.
     fs_hz : float or None
-        Rate to which records are brought; None keeps 25.6 kHz.
+        Output sampling rate, Hz; None keeps 25.6 kHz.
 
     Returns
     -------
     RecordSet
-        `fault` is unknown along the run; column end_fault names what had failed at its end, several joined by "+".
+        `fault` is unknown along the run; column end_fault names the parts that had failed at its end, joined by "+".
         `time_s` counts snapshots of 60 s; `group` and bearing_id are the run's bearing; further columns are
         condition and axis.
 
     Raises
     ------
     NotAtHandError
-        When no run is at hand.
+        When no run is available.
     TwingapError
-        On access, when a file is not as the authors describe.
+        On access, when a file is not in the documented form.
     """
     if axis not in _COLUMN:
         raise TwingapError(f"unknown axis {axis!r}", mend="use horizontal or vertical")
@@ -64,13 +64,13 @@ def load_xjtu_sy(
     if not conditions:
         raise not_at_hand(facts, folder, "no XJTU-SY run")
     bearing = BEARINGS[facts.bearing or "UER204"]
-    # Nine thousand files are not opened to count their lines: a length that differs is an error when it is read.
+    # Lengths are not checked here, as that would open thousands of files; reading a file of another length fails.
     records = RecordSet("xjtu_sy", facts.unit, bearing, conditions, Each(tuple(loads)))
     return resampled(records, fs_hz)
 
 
 def _snapshots(folder: Path, run: Mapping[str, Any]) -> list[tuple[int, Path]]:
-    """Number and path of a run's snapshots; the archive may have been unpacked into a folder of its own name."""
+    """Number and path of a run's snapshots; an unpacker may have added a folder of the archive's name."""
     for place in (folder / run["folder"], folder / "XJTU-SY_Bearing_Datasets" / run["folder"]):
         if place.is_dir():
             return sorted((int(p.stem), p) for p in place.glob("*.csv") if p.stem.isdecimal())

@@ -1,4 +1,4 @@
-"""Baseline of a twin with effects, matched to records through simulations by the twin itself.
+"""Baseline of a twin with effects, matched to records by simulation of the twin itself.
 
 spec with effects --simulated with each noise alone--> spectra [BANDS] --least squares--> two noise powers, per mode
                   --simulated with and without impacts--> energy in the band --fixed point--> impact amplitudes
@@ -28,36 +28,35 @@ from twingap.twins.twin_file import TwinSpec, all_parameters, flat, nested
 Array = NDArray[np.float64]
 
 MOST_SIMULATED: Final = 4
-"""Records of each state that are simulated to match a baseline: more are slower and make levels surer."""
+"""Most records of each state that are simulated to match a baseline: more are slower and reduce the error of levels."""
 BANDS: Final = 128
-"""Bands of the spectra that baselines are matched in."""
+"""Bands of the spectra in which baselines are matched; more resolve sharper modes with more noise."""
 _MOST_STEPS: Final = 4
-"""Steps, of a factor of ten at most, to an impact amplitude: the first value may be far off, if read in another
-band."""
+"""Most steps, each of at most a factor of ten, to an impact amplitude: fewer may not reach a distant one."""
 _LEAST_BEGUN: Final = 1.0
-"""Least impact amplitude to begin at: the energy that weaker ones add is within the noise."""
+"""Least initial impact amplitude: the energy of weaker impacts is within the noise."""
 _SURE_STEP: Final = math.log(9.9)
-"""Logarithm of a step below which no other follows: energy goes with the square of amplitude, so one step suffices."""
+"""Logarithm of a step below which no further step follows: energy is quadratic in amplitude, so one step suffices."""
 _FINAL_STEP: Final = 0.1
-"""The same with effects of acquisition, where energy does not go with the square."""
+"""The same with effects of acquisition, where energy is not quadratic in amplitude; smaller takes more steps."""
 _GRID: Final = (0.08, 0.16, 0.27, 0.4)
-"""Parts of the sampling rate at which broad modes are tried, which show no peak."""
+"""Fractions of the sampling rate tried as frequencies of broad modes, which have no spectral peak."""
 _STRETCH: Final = 128
-"""Samples of a stretch: about as long as an impulse and its ring-down."""
+"""Length of a segment in samples: about one impulse and its ring-down."""
 _FEWEST_STRETCHES: Final = 16
-"""Stretches that a record must have for impulses to be sought."""
+"""Fewest segments of a record for a search for impulses; fewer give a poor estimate of the usual power."""
 _KNOCK: Final = 20.0
-"""Median deviations above the usual power from which a stretch holds an impulse: noise of a sharp mode, whose power is
-nearly exponential, exceeds it in one stretch of thirty thousand."""
+"""Median deviations above the usual power from which a segment counts as an impulse; lower also removes noise of a
+sharp mode, whose power is nearly exponential."""
 _MOST_KNOCKS: Final = 0.08
-"""Largest part of a record's stretches that is left out; where more are loud, the mean over impulses is reliable."""
+"""Largest fraction of a record's segments that is left out; with more loud ones, their mean is reliable."""
 _BESIDE: Final = 0.06
-"""Log ratio of frequencies below which one start of a search suffices for both."""
+"""Log ratio of frequencies below which they share one initial value of a search; larger is faster and less thorough."""
 
 
 @dataclass(frozen=True)
 class StateSpectrum:
-    """Records of one state at one rate: mean power density in bands, tones left out."""
+    """Mean power density in bands of the records of one state at one rate, without tones."""
 
     fault: str
     fs_hz: float
@@ -67,7 +66,7 @@ class StateSpectrum:
 
     @property
     def peak_hz(self) -> float:
-        """Frequency at which the spectrum is highest, the ends left out."""
+        """Frequency of the highest band, Hz, the ends left out."""
         smooth = np.convolve(self.psd[2:], np.ones(3) / 3, mode="same")
         return (int(np.argmax(smooth[: int(0.9 * smooth.size)])) + 2.5) / BANDS * self.fs_hz / 2
 
@@ -84,26 +83,26 @@ def match_baseline(
 ) -> TwinSpec:
     """Match the baseline of a twin with effects to records.
 
-    The healthy spectrum is linear in two powers (structure noise, white noise; disturbances go with their sum), whose
-    spectra are simulated with one of them alone; so they come by weighted non-negative least squares, for each of a few
-    resonances and dampings around the present ones. Impacts come from the energy that they add in the band, found by
-    fixed-point iteration. Random streams are the same throughout.
+    The healthy spectrum is linear in two powers (structure noise and white noise; disturbances scale with their sum).
+    Their spectra are simulated with one of them alone, so the powers follow from weighted non-negative least squares,
+    for each of a few resonances and dampings around the present ones. Impact amplitudes follow from the energy that
+    impacts add in the band, by fixed-point iteration. Common random numbers are used throughout.
 
     Parameters
     ----------
     spec : TwinSpec
         Phenomenological, with all parameters and the effects.
     fit_records : RecordSet
-        A few of each state suffice.
+        A few records of each state suffice.
     frame : Frame
     rng : numpy.random.Generator
     steps : int
-        Rounds; 0 leaves the mode alone and matches levels once.
+        Iterations of the search; 0 keeps the mode and matches levels once.
     free : TwinSpec, optional
-        What it fixes stays as it is.
+        The twin whose fixed parameters stay.
     dampings : sequence of float
-        Damping ratios at which searches for the mode begin, at the present frequency and at the highest peaks: a search
-        from one alone may end in a broad mode that compensates for an effect.
+        Initial damping ratios of the search for the mode, at the present frequency and at the highest peaks: a search
+        from a single one may end in a broad mode that compensates for an effect.
 
     Returns
     -------
@@ -153,24 +152,24 @@ def match_level(
 ) -> float:
     """Factor on a simulator's waveforms that matches its spectra to those of records, effects included.
 
-    The user's own simulator has no baseline but its level. With effects added, another level may be right: without a
-    roll-off of the sensor, say, the level was too low.
+    The level is the only baseline parameter of the user's own simulator. Effects may change the best level: without
+    a sensor's roll-off, for example, the level was too low.
 
     Parameters
     ----------
     made : callable
-        Level, conditions -> simulated records; with the same random numbers at all levels.
+        (level, conditions) -> simulated records, with common random numbers at all levels.
     sides : sequence of StateSpectrum
-        Of the records.
+        Spectra of the records.
     frame : Frame
     now : float
-        Level to begin at.
+        Initial level.
 
     Returns
     -------
     float
-        With the least mean square log ratio over bands, which count as at most one each: strong tones and strong
-        disturbances in some of them do not decide.
+        Minimiser of the mean square log ratio over bands, each clipped at one, so that strong tones and disturbances
+        in a few bands have little influence.
     """
     inside = slice(2, int(0.92 * BANDS))
 
@@ -198,11 +197,11 @@ def _mode_search(
     steps: int,
     dampings: Sequence[float],
 ) -> tuple[tuple[float, float], Array]:
-    """Resonance and damping that fit best, and the powers of structure and white noise that go with them.
+    """Best resonance and damping ratio, and the corresponding powers of structure and white noise.
 
-    Coordinate search from the best of a few starts, since effects may have spoiled the first fit; a step that leads on
-    is kept, one that does not is halved. Starts include peaks of what a defect adds, which rings in the mode and is not
-    hidden by disturbances of healthy records.
+    Coordinate search from the best of a few initial values, since effects may have biased the first fit; a successful
+    step is kept, an unsuccessful one is halved. Initial values include peaks of the spectrum added by a defect, which
+    excites the mode and is not masked by disturbances of healthy records.
     """
     top = 0.49 * min(s.fs_hz for s in quiet)
     names = ("resonance_hz", "damping_ratio")
@@ -248,7 +247,7 @@ def _impact_peaks_hz(quiet: StateSpectrum, loud: Sequence[StateSpectrum]) -> Ite
 
 
 def _apart(places: Sequence[float]) -> list[float]:
-    """Frequencies that are not within `_BESIDE` of an earlier one."""
+    """Frequencies without those within `_BESIDE` of an earlier one."""
     kept: list[float] = []
     for place in places:
         if all(abs(math.log(place / other)) > _BESIDE for other in kept):
@@ -263,7 +262,7 @@ def _moved(point: tuple[float, float], axis: int, by: float) -> tuple[float, flo
 
 
 def state_spectra(records: Sequence[Record], frame: Frame) -> list[StateSpectrum]:
-    """Records gathered by state and rate."""
+    """Spectra of records grouped by state and sampling rate."""
     by: dict[tuple[str, float], list[Record]] = {}
     for record in records:
         by.setdefault((str(record.condition.fault), record.condition.fs_hz), []).append(record)
@@ -280,10 +279,10 @@ def state_spectra(records: Sequence[Record], frame: Frame) -> list[StateSpectrum
 
 
 def _bands(record: Record, frame: Frame) -> tuple[Array, float]:
-    """Power density in `BANDS` bands without tones, and mean square in the frame's band, tones and all.
+    """Power density in `BANDS` bands without tones, and mean square in the frame's band, tones included.
 
-    Impulses are left out of healthy records: a few strong ones in a handful of records give a poor mean, to which mode
-    and noises would be fitted. With a defect, loud stretches may be its impacts.
+    Segments with impulses are left out of healthy records: a few strong impulses in a handful of records give a poor
+    mean, to which mode and noises would be fitted. With a defect, loud segments may be its impacts.
     """
     x, fs_hz = record.samples, record.condition.fs_hz
     x = x - x.mean()
@@ -300,13 +299,13 @@ def _bands(record: Record, frame: Frame) -> tuple[Array, float]:
     blocks = power[1 : 1 + per * BANDS].reshape(BANDS, per)
     if per < 8:
         return np.asarray(blocks.mean(axis=1)), energy
-    # Each bin is clipped at the expected largest of so many bins of noise, which removes tones.
+    # Each bin is clipped at the expected maximum of so many bins of noise, which removes tones.
     level = medians(blocks)[:, None] / math.log(2)
     return np.asarray(np.minimum(blocks, level * (math.log(per) + 3)).mean(axis=1)), energy
 
 
 def _between_impulses(x: Array) -> Array | None:
-    """[samples] Weights: 0 at short stretches far louder than the rest of the record, 1 elsewhere; None without any."""
+    """[samples] Weights: 0 in segments far louder than the rest of the record, 1 elsewhere; None without impulses."""
     count = x.size // _STRETCH
     if count < _FEWEST_STRETCHES:
         return None
@@ -316,7 +315,7 @@ def _between_impulses(x: Array) -> Array | None:
     loud = power > usual + _KNOCK * max(float(medians(np.abs(power - usual))), 0.1 * usual)
     if not 0 < loud.sum() <= _MOST_KNOCKS * count:
         return None
-    # Neighbouring stretches hold the beginning and the ring-down of an impulse.
+    # Neighbouring segments contain the beginning and the ring-down of an impulse.
     quiet = np.convolve(loud, np.ones(3), mode="same") == 0
     kept = np.repeat(quiet, _STRETCH).astype(float)
     kept = np.pad(kept, (0, x.size - kept.size), mode="edge")
@@ -328,7 +327,7 @@ def _between_impulses(x: Array) -> Array | None:
 
 @dataclass(frozen=True)
 class _Matcher:
-    """Simulates a twin under changed baselines with the same random streams."""
+    """Simulator of a twin under changed baselines with common random numbers."""
 
     spec: TwinSpec
     frame: Frame
@@ -348,14 +347,14 @@ class _Matcher:
         return replace(self.spec, parameters=nested(flat(self.spec.parameters) | values))
 
     def simulated(self, conditions: Sequence[Condition], values: dict[str, float]) -> list[Record]:
-        """Its records."""
+        """Simulated records."""
         own = TwinSimulator(self.spec_with(values), self.frame.bearing, self.unit)
         return own.simulate((), conditions, self.root, 0)
 
     def noise(
         self, quiet: Sequence[StateSpectrum], f: float, zeta: float, values: dict[str, float]
     ) -> tuple[float, Array]:
-        """Misfit of the healthy spectra and the powers of structure and white noise that give it."""
+        """Misfit of the healthy spectra and the minimising powers of structure and white noise."""
         loss, powers, weights = 0.0, np.zeros(2), 0.0
         for side in quiet:
             conditions = side.conditions[:MOST_SIMULATED]
@@ -375,11 +374,11 @@ class _Matcher:
         return loss / weights, powers / weights
 
     def _changed(self, conditions: Sequence[Condition], values: dict[str, float]) -> Array | float:
-        """Factor by which effects change the healthy spectrum [BANDS], from records with the same random numbers."""
+        """Factor by which effects change the healthy spectrum [BANDS], from records with common random numbers."""
         acts = self.acts(conditions)
         if acts == "nothing":
             return 1.0
-        # Without structure noise the mode does not matter, unless an effect drives it.
+        # Without structure noise the mode is irrelevant, unless an effect excites it.
         lasting = acts == "after the mode" and values["structure_noise_rms"] < values["white_noise_rms"]
         if lasting and conditions[0].fs_hz in self.known:
             return self.known[conditions[0].fs_hz]
@@ -389,7 +388,7 @@ class _Matcher:
         return factor
 
     def acts(self, conditions: Sequence[Condition]) -> Literal["nothing", "after the mode", "more"]:
-        """Where the effects act on healthy records of these conditions."""
+        """Stage at which the effects act on healthy records of these conditions."""
         stages = {catalogue()[name].stage for name in self.spec.effects}
         if stages <= {Stage.SHAFT, Stage.EXCITATION}:
             key = tuple((c.speed_rpm, c.time_s, c.load_n) for c in conditions)
@@ -405,7 +404,7 @@ class _Matcher:
 
     @cached_property
     def linear(self) -> bool:
-        """Whether no effect of acquisition acts: clipping and quantisation are not linear in the impacts."""
+        """Whether no effect of acquisition acts: clipping and quantisation are nonlinear in the impacts."""
         return Stage.ACQUISITION not in {catalogue()[name].stage for name in self.spec.effects}
 
     def density(self, conditions: Sequence[Condition], values: dict[str, float], spec: TwinSpec) -> Array:
@@ -424,7 +423,7 @@ class _Matcher:
 
         without = energy(0.0)
         wanted = float(number @ (np.array([side.energy for side in sides]) - without))
-        if wanted <= 0:  # simulated impulses, more than the records' by chance, hide the impacts
+        if wanted <= 0:  # by chance, simulated impulses stronger than the records' hide the impacts
             return values[name]
         now = max(values[name], _LEAST_BEGUN)
         for _ in range(_MOST_STEPS):
@@ -433,7 +432,7 @@ class _Matcher:
                 return now
             step = math.sqrt(float(np.clip(wanted / added, 0.01, 100.0)))
             now *= step
-            # Energy goes with the square of amplitude unless the record clips; too long a step may miss.
+            # Energy is quadratic in amplitude unless the record clips; too long a step may miss.
             if abs(math.log(step)) < (_SURE_STEP if self.linear else _FINAL_STEP):
                 break
         return now
@@ -450,7 +449,7 @@ def mode_density(resonance_hz: float, damping_ratio: float, fs_hz: float) -> Arr
 
 
 def _nonnegative(basis: Array, wanted: Array) -> tuple[Array, float]:
-    """Powers [2] of the two spectra [bins, 2] by least squares of relative errors, and their mean log misfit."""
+    """Powers [2] of the two spectra [bins, 2] by non-negative least squares of relative errors, and the log misfit."""
     from scipy.optimize import nnls
 
     weight = 1 / np.maximum(wanted, 1e-300)

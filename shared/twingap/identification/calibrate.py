@@ -1,4 +1,4 @@
-"""Calibration of a twin to records before they are compared: what calibration removes is no gap.
+"""Calibration of a twin to records before they are compared: differences that it removes are not part of the gap.
 
 records --split by group--> fit part, held-out part
 both    --lines-----------> true speeds                        (`identify.speed`)
@@ -6,8 +6,8 @@ fit     --spectra---------> the twin's free parameters         (`identify`, with
 fit     --mode, level-----> Frame: bearing, band, amplitude scale
 twin with more effects --spectra of its own records against the fit part's--> baseline anew (`match_baseline`)
 
-Everything that a diagnosis reports is measured on the held-out part. What calibration hardly moves is measured on both
-parts (pooled features): trends of levels within a fault, lines of many records, the comb of entry and exit impacts.
+All reported results are computed on the held-out part. Pooled features, which calibration hardly affects, are computed
+on both parts: trends of levels within a fault, lines of many records, the comb of entry-exit impacts.
 """
 
 from __future__ import annotations
@@ -37,33 +37,33 @@ from twingap.twins.twin_file import TwinSpec, all_parameters, build_twin, flat, 
 Array = NDArray[np.float64]
 
 MOST_FIT: Final = 12
-"""Records of each state that parameters are identified from: more take longer and hardly sharpen them."""
+"""Most records of each state from which parameters are identified: more are slower and hardly more accurate."""
 CLEAR_COMB: Final = 6.0
-"""Height of a fault's comb (see `speed_reading.COMB`) from which a record of unknown state counts as of that fault:
-higher, and weak faults pass for healthy."""
+"""Height of a fault's comb (see `speed_reading.COMB`) from which a record of unknown state is assigned to that fault;
+a larger value assigns weak faults to the healthy state."""
 
 
 @dataclass(frozen=True)
 class Calibrated:
-    """Records and calibrated twin, ready to be compared.
+    """Records and the calibrated twin, ready for comparison.
 
     Parameters
     ----------
     fit, held_out : RecordSet
         With corrected speeds; the bearing is known in both.
     spec : TwinSpec or None
-        With every parameter that the fit part shows; None for a user's simulated records.
+        With every parameter that the fit part identifies; None for a user's simulated records.
     frame : Frame
     speeds : Speeds
-        Of all records kept, in the order of `names`.
+        Speeds of all records kept, in the order of `names`.
     names : tuple[str, ...]
         Records kept.
     shared : tuple[str, ...]
-        Records that stand in both parts, since their fault has one group only.
+        Records that are in both parts, since their fault has one group only.
     aside : tuple[str, ...]
-        Records left out, their fault unknown.
+        Records left out, as their fault is unknown.
     notes : tuple[str, ...]
-        What was done, and what cannot be decided, for the report.
+        Steps taken and undecidable questions, for the report.
     """
 
     fit: RecordSet
@@ -96,18 +96,18 @@ class Prepared:
 def calibrate(
     records: RecordSet, spec: TwinSpec | None, rng: np.random.Generator, *, sim: RecordSet | None = None
 ) -> Calibrated:
-    """Split, correct speeds, and identify what the twin leaves free.
+    """Calibrate a twin: split the records, correct their speeds and identify the twin's free parameters.
 
     Parameters
     ----------
     records : RecordSet
-        Real ones.
+        Measured records.
     spec : TwinSpec or None
         The twin; None with `sim`.
     rng : numpy.random.Generator
-        Deals out groups.
+        Assigns groups to parts.
     sim : RecordSet, optional
-        The user's simulated records: nothing is identified then.
+        The user's simulated records: then no parameter is identified.
 
     Returns
     -------
@@ -116,7 +116,7 @@ def calibrate(
     Raises
     ------
     TwingapError
-        When the bearing is not known, or records cannot be read.
+        When the bearing is unknown, or records cannot be read.
     """
     return calibrate_prepared(prepare(records, spec, rng, sim=sim), None if sim is not None else spec, rng)
 
@@ -155,7 +155,7 @@ def prepare(
 
 
 def calibrate_prepared(prepared: Prepared, spec: TwinSpec | None, rng: np.random.Generator) -> Calibrated:
-    """Identify what the twin leaves free on the fit part; None, for a user's simulated records, finds the frame alone.
+    """Identify the twin's free parameters on the fit part; with `spec` None (simulated records) only the frame.
 
     `rng` is in the state in which `prepare` left it, or a copy of that.
     """
@@ -189,7 +189,7 @@ def _refuse_unreadable(records: RecordSet, what: str = "record") -> None:
 
 
 def _with_bearing(records: RecordSet, bearing: Bearing) -> RecordSet:
-    """The same records, their bearing known."""
+    """The same records with the bearing set."""
     return RecordSet(records.name, records.unit, bearing, records.conditions, lambda i: records[i].samples)
 
 
@@ -240,12 +240,13 @@ def _simulated_too(records: RecordSet, sim: RecordSet, notes: list[str]) -> tupl
 def split_parts(
     records: RecordSet, rng: np.random.Generator, notes: list[str]
 ) -> tuple[RecordSet, RecordSet, tuple[str, ...]]:
-    """Fit part, held-out part and the names of records in both: groups whole, every fault and its speeds in each part.
+    """Fit part, held-out part and names of records in both: groups whole, every fault and its speeds in each part.
 
-    Groups of one fault are sorted by speed (then load and time) and dealt out in threes, by lot one of three to the fit
-    part: a handful of values needs fewer records than a decision. Two groups go one to each. Where every fault would
-    give one group, one fault of three or four gives two, far apart: change with speed shows only where a fault was
-    recorded at two. A fault with one group is in both parts, which `notes` state.
+    Groups of one fault are sorted by speed (then load and time) and taken in threes, of which a random one goes to the
+    fit part: identification of a few parameters needs fewer records than a decision. Of two groups, one goes to each
+    part. Where every fault would give one group, one fault of three or four gives two with distant speeds, since speed
+    dependence is identifiable only for a fault recorded at two speeds. A fault with one group is in both parts, which
+    is added to `notes`.
     """
     groups: dict[str, list[int]] = {}
     for place, condition in enumerate(records.conditions):
@@ -288,7 +289,7 @@ def split_parts(
             held[part] |= faults[group]
     for group in lone:
         missing = [part for part in (0, 1) if not faults[group] <= held[part]]
-        # Where one part has these faults from other groups, this group goes to the other; else it stands in both.
+        # The group goes to each part that lacks one of its faults; if neither does, to the spare part.
         for part in missing or [spare]:
             parts[part].extend(groups[group])
         if not missing:
@@ -308,7 +309,7 @@ def split_parts(
 
 
 def _fitted(count: int, spans: bool, rng: np.random.Generator) -> list[int]:
-    """Places of the fit part's groups among a fault's `count`; two far apart of three or four if the fault `spans`."""
+    """Indices of the fit part's groups among a fault's `count`; with `spans`, two distant ones of three or four."""
     if spans:
         first = int(rng.integers(count - 2))
         return [first, first + 2]
@@ -318,7 +319,7 @@ def _fitted(count: int, spans: bool, rng: np.random.Generator) -> list[int]:
 
 
 def thinned(records: RecordSet, most: int = MOST_FIT) -> RecordSet:
-    """At most `most` records of each state, evenly spread over its speeds."""
+    """At most `most` records of each state, evenly spaced over its speeds."""
     by_fault: dict[str | None, list[int]] = {}
     for place, condition in enumerate(records.conditions):
         by_fault.setdefault(condition.fault, []).append(place)
@@ -344,7 +345,7 @@ def _frame(records: RecordSet, bearing: Bearing, rng: np.random.Generator) -> Fr
     """Frame from records alone: the band of their dominant mode, and healthy RMS."""
     own = thinned(records, 6)
     scale = healthy_rms(records)
-    if scale is None:  # the quietest there is
+    if scale is None:  # without healthy records, that of the quietest record
         scale = float(np.sqrt(min(r.samples.var() for r in own)))
     try:
         found, _ = quick_identify(TwinSpec("phenomenological", bearing=bearing), own, rng, impacts=False)
@@ -355,7 +356,7 @@ def _frame(records: RecordSet, bearing: Bearing, rng: np.random.Generator) -> Fr
 
 
 def _impulsive_band(records: RecordSet, bearing: Bearing) -> tuple[float, float]:
-    """Band of the highest kurtosis, Hz, of the record where it is highest; wide enough for the impact rate."""
+    """Band of the highest kurtosis over all records, Hz; at least as wide as the impact rate requires."""
     found = []
     for record in records:
         condition = record.condition
@@ -374,7 +375,7 @@ def _impulsive_band(records: RecordSet, bearing: Bearing) -> tuple[float, float]
 def _identified(
     spec: TwinSpec, fit: RecordSet, bearing: Bearing, rng: np.random.Generator, notes: list[str]
 ) -> tuple[TwinSpec, Frame]:
-    """The twin with its free parameters from the fit part, and the frame that goes with it."""
+    """The twin with its free parameters identified on the fit part, and the matching frame."""
     if spec.model == "phenomenological":
         found, more = quick_identify(spec, thinned(fit), rng)
         notes += more
@@ -398,7 +399,7 @@ def _identified(
 
 
 def _scaled(spec: TwinSpec, fit: RecordSet, rng: np.random.Generator, notes: list[str]) -> TwinSpec:
-    """A user's model: only its level is matched to the records, where it has a `scale`."""
+    """A user's model with its level matched to the records, where it has a parameter `scale`."""
     names = flat(all_parameters(spec))
     if "scale" not in names or spec.given("scale"):
         notes.append(f"model {spec.model!r} has nothing to identify: its parameters are taken as they are")
@@ -422,7 +423,7 @@ def recalibrate(
     steps: int = 4,
     dampings: Sequence[float] = (0.04,),
 ) -> Calibrated:
-    """The same parts with a twin that has further effects, its baseline matched to the fit part anew.
+    """The same parts with a twin with further effects, its baseline matched to the fit part again.
 
     Parameters
     ----------
@@ -430,9 +431,13 @@ def recalibrate(
     spec : TwinSpec
         The calibrated twin with further effects and their parameters.
     free : TwinSpec, optional
-        The user's twin: what it fixes stays. None leaves all baseline parameters free.
+        The user's twin, whose fixed parameters stay; None leaves all baseline parameters free.
     steps, dampings
-        As `match_baseline`.
+        As in `match_baseline`.
+
+    Returns
+    -------
+    Calibrated
     """
     if spec.model != "phenomenological":
         return replace(calibrated, spec=spec)

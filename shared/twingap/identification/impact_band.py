@@ -1,4 +1,4 @@
-"""Impact band: the band around a mode in which envelopes and energies of impacts are measured."""
+"""Impact band: the band around a mode in which envelopes and energies of impacts are computed."""
 
 from __future__ import annotations
 
@@ -13,15 +13,20 @@ from twingap.records import Condition
 def mode_band(
     resonance_hz: float, damping_ratio: float, conditions: Sequence[Condition], bearing: Bearing
 ) -> tuple[float, float]:
-    """Impact band, Hz: that of the mode, wide enough for envelopes to show harmonics of the impact rate.
+    """Impact band of a mode, Hz, wide enough for envelopes to contain harmonics of the impact rate.
 
     Parameters
     ----------
     resonance_hz, damping_ratio : float
-        Of the mode.
+        Frequency, Hz, and damping ratio of the mode.
     conditions : sequence of Condition
-        Of the records that envelopes are taken of.
+        Conditions of the records.
     bearing : Bearing
+
+    Returns
+    -------
+    (float, float)
+        Low and high edge, Hz.
     """
     top = min(c.fs_hz for c in conditions) / 2
     rate = float(np.median([impact_hz(c, bearing) for c in conditions]))
@@ -36,6 +41,6 @@ def mode_band(
 
 
 def impact_hz(condition: Condition, bearing: Bearing) -> float:
-    """Rate of the impacts of a record's fault, Hz; of an inner race's where it has none that is known."""
+    """Impact rate of a record's fault, Hz; that of an inner race where the fault is healthy or unknown."""
     fault = condition.fault if condition.fault not in (None, "healthy", "cage") else "inner"
     return bearing.fault_order(str(fault)) * condition.speed_rpm / 60

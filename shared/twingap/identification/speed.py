@@ -3,10 +3,11 @@
 record --speed_reading--> log ratios to nominal: of the shaft itself, of the fault's comb
 all records: log ratio (shaft) = c_j, log ratio (comb) = c_j + k(fault) slip + spin --Gaussian, closed--> c_j, slip
 
-A wrong speed moves all orders alike; a cage that slips moves BPFO by 1 - s and BPFI the other way, see
-`Bearing.slipped`. So one record separates speed from slip only where it shows the shaft itself; a set does where its
-speeds are wrong by one factor (the tachometer's) and it holds faults of both races. Impacts of rollers follow BPFI as
-long as these keep rolling on the inner ring; otherwise their order has a shift of its own (spin), independent of slip.
+A wrong speed scales all orders alike; a slipping cage scales BPFO by 1 - s and shifts BPFI the other way, see
+`Bearing.slipped`. A single record therefore separates speed from slip only where it shows the shaft rate itself; a set
+does where its speeds are wrong by one factor (the tachometer's) and it holds faults of both races. The impact order of
+rollers follows BPFI as long as they roll on the inner ring; otherwise it has a shift of its own (spin), independent of
+slip.
 """
 
 from __future__ import annotations
@@ -32,9 +33,9 @@ COMB_ONLY: Final = "fault comb"
 """Values of `SpeedEstimate.found_by`."""
 
 _COMMON_SD, _SLIP_SD, _SPIN_SD = 0.03, 0.02, 0.02  # prior standard deviations: wider admit larger errors
-_SCATTERS = (1e-5, 3e-4, 1e-3, 4e-3, 0.015)  # standard deviations of records' own speed errors that are tried
+_SCATTERS = (1e-5, 3e-4, 1e-3, 4e-3, 0.015)  # candidate standard deviations of records' own speed errors
 _OUTLIER = math.log(0.02 / 0.16)  # log density of a wrong reading: 2 % of readings, anywhere within the search
-_MARGIN = 3.0  # of log evidence of slip over wrong speeds: larger, and weak slip passes for wrong speeds
+_MARGIN = 3.0  # log evidence required for slip over wrong speeds: larger attributes weak slip to wrong speeds
 
 
 @dataclass(frozen=True)
@@ -44,12 +45,12 @@ class SpeedEstimate:
     Parameters
     ----------
     ratio : float
-        True over nominal speed; 1 where nothing shows it.
+        True over nominal speed; 1 where it is not visible.
     sigma : float
-        Standard error of `ratio`; infinite where nothing is known.
+        Standard error of `ratio`; infinite where unknown.
     found_by : str
-        "shaft lines", "sidebands", "common factor from inner and outer", "fault comb" (taking the slip to be the
-        set's), "common factor" (of the other records) or "not visible".
+        "shaft lines", "sidebands", "common factor from inner and outer", "fault comb" (given the set's slip),
+        "common factor" (of the other records) or "not visible".
     """
 
     ratio: float
@@ -64,17 +65,17 @@ class Speeds:
     Parameters
     ----------
     estimates : tuple[SpeedEstimate, ...]
-        One a record.
+        One per record.
     common_ratio : float
-        Factor that all nominal speeds are off by; 1 when none is established.
+        Common factor of true over nominal speeds; 1 when none is established.
     common_sigma : float
         Its standard error.
     slip : float
-        Part by which the cage lags its kinematic speed; 0 when none is established.
+        Fraction by which the cage lags its kinematic speed; 0 when none is established.
     slip_sigma : float
         Its standard error; infinite where the records cannot show slip.
     slip_free : float
-        Estimate of slip with slip and a common factor free, whether or not slip is established.
+        Estimate of slip in the model with slip and a common factor, whether or not slip is established.
     slip_evidence : float
         Log evidence of the best model with slip over the best one without.
     scatter : float
@@ -97,7 +98,7 @@ class Speeds:
     notes: tuple[str, ...]
 
     def corrected(self, records: RecordSet) -> RecordSet:
-        """The records with these speeds in their conditions; samples stay where they are."""
+        """The records with these speeds in their conditions; samples are unchanged."""
         if len(records) != len(self.estimates):
             raise ValueError(f"{len(self.estimates)} speeds for {len(records)} records")
         conditions = [
@@ -108,7 +109,7 @@ class Speeds:
 
 @dataclass(frozen=True)
 class _Samples:
-    """Gives the samples of record i."""
+    """Loader of the samples of record i."""
 
     records: RecordSet
 
@@ -117,14 +118,14 @@ class _Samples:
 
 
 def estimate_speeds(records: RecordSet, bearing: Bearing | None = None) -> Speeds:
-    """True speeds of records, as far as these show them.
+    """True speeds of records, where the records determine them.
 
     Parameters
     ----------
     records : RecordSet
         One record's samples in memory at a time.
     bearing : Bearing, optional
-        Under test; the set's own when absent.
+        Bearing under test; None = the set's own.
 
     Returns
     -------
@@ -133,7 +134,7 @@ def estimate_speeds(records: RecordSet, bearing: Bearing | None = None) -> Speed
     Raises
     ------
     TwingapError
-        When the bearing is not known.
+        When the bearing is unknown.
     """
     own = bearing or records.bearing
     if own is None:
@@ -146,7 +147,7 @@ def estimate_speeds(records: RecordSet, bearing: Bearing | None = None) -> Speed
 
 @dataclass(frozen=True)
 class _Model:
-    """One model of all readings: with or without a common factor, own deviations, slip (and spin)."""
+    """Model of all readings: with or without a common factor, own deviations, slip (and spin)."""
 
     evidence: float
     scatter: float
@@ -154,14 +155,25 @@ class _Model:
     slip: float
     spin: float
     covariance: Array  # of common, slip and spin
-    kept: NDArray[np.bool_]  # readings [records, 2] that count as right under it
+    kept: NDArray[np.bool_]  # readings [records, 2] that count as correct under it
 
 
 def combine(readings: Sequence[Reading], conditions: Sequence[Condition], bearing: Bearing) -> Speeds:
     """Speeds of a set from readings of its records.
 
-    Records' log ratios are c + own deviation, the comb's moved by slip besides; all Gaussian, so the evidence of each
-    model has a closed form. Of models with about equal evidence, one without slip is taken.
+    Log ratios of the shaft are a common factor plus an own deviation of the record; those of the comb are also shifted
+    by slip. All are Gaussian, so the evidence of each model has a closed form. Of models with about equal evidence, one
+    without slip is chosen.
+
+    Parameters
+    ----------
+    readings : sequence of Reading
+    conditions : sequence of Condition
+    bearing : Bearing
+
+    Returns
+    -------
+    Speeds
     """
     y = np.array([(r.shaft, r.comb) for r in readings])
     sigma = np.array([(r.shaft_sigma, r.comb_sigma) for r in readings])
@@ -215,7 +227,7 @@ def combine(readings: Sequence[Reading], conditions: Sequence[Condition], bearin
 
 
 def _rollers_apart(seen: NDArray[np.bool_], conditions: Sequence[Condition]) -> bool:
-    """Whether combs of both races show the cage, so that those of rollers are not needed for it."""
+    """Whether combs of both races determine the cage, so that those of rollers are not needed for it."""
     return {"inner", "outer", "ball"} <= {str(c.fault) for c, (_, comb) in zip(conditions, seen, strict=True) if comb}
 
 
@@ -226,7 +238,7 @@ def _slip_factor(bearing: Bearing, fault: str | None) -> float:
 
 
 def _precision(sigma: Array, seen: NDArray[np.bool_], scatter: float) -> Array:
-    """Inverse covariance [records, 2, 2] of readings whose records deviate by `scatter`; unseen ones weigh nothing."""
+    """Inverse covariance [records, 2, 2] of readings whose records deviate by `scatter`; zero weight where not seen."""
     w = np.where(seen, sigma**-2, 0.0)
     # Sherman-Morrison: (D + t^2 1 1')^-1 = D^-1 - t^2 D^-1 1 1' D^-1 / (1 + t^2 1' D^-1 1)
     out = -(scatter**2) * w[:, :, None] * w[:, None, :] / (1 + scatter**2 * w.sum(axis=1))[:, None, None]
@@ -238,7 +250,7 @@ def _precision(sigma: Array, seen: NDArray[np.bool_], scatter: float) -> Array:
 def _model(
     y: Array, sigma: Array, seen: NDArray[np.bool_], moves: Array, scatter: float, common: bool, slip: bool, spin: bool
 ) -> _Model:
-    """Evidence and estimates of one model; readings that are very unlikely under it count as wrong."""
+    """Evidence and estimates of one model; readings that are very unlikely under it count as outliers."""
     design = np.zeros((len(y), 2, 3))  # [records, (shaft, comb), (common, slip, spin)]
     design[:, :, 0], design[:, 1, 1:] = 1.0, moves
     free = np.array([common, slip, spin])
@@ -270,7 +282,7 @@ def _model(
 
 
 def _free_slip(y: Array, sigma: Array, seen: NDArray[np.bool_], moves: Array, best: _Model) -> tuple[float, float]:
-    """Slip and its standard error with slip and a common factor free."""
+    """Slip and its standard error in the model with slip and a common factor."""
     both = _model(y, sigma, seen, moves, best.scatter, True, True, best.spin != 0)
     return both.slip, math.sqrt(both.covariance[1, 1])
 
@@ -282,7 +294,7 @@ def _estimates(
     moves: Array,
     readings: Sequence[Reading],
 ) -> tuple[list[SpeedEstimate], float]:
-    """Speed of each record under the model, and the error of the common factor."""
+    """Speed of each record under the model, and the standard error of the common factor."""
     mean_sigma = math.sqrt(best.covariance[0, 0])
     shares, of_comb = moves[:, 0], moves @ np.array([best.slip, best.spin])
     kinds = {"outer" if m < 0 else "inner" for m, (_, comb) in zip(shares, best.kept, strict=True) if comb and m != 0}

@@ -26,23 +26,22 @@ from twingap.signal.record_transforms import medians, tone_power
 Array = NDArray[np.float64]
 
 REACH: Final = 0.06
-"""Largest error of nominal speeds that is searched, as a fraction: wider finds worse speeds, and more chance
-matches."""
+"""Largest relative error of nominal speeds that is searched; wider finds larger errors and more chance matches."""
 SLIP_REACH: Final = 0.02
-"""Further shift of a comb by slip that is searched, as a fraction."""
+"""Further relative shift of a comb by slip that is searched; wider gives more chance matches."""
 COMB: Final = 4.5
-"""Sum of log(1 + z / 3) over a comb's harmonics from which it counts as present: white noise reaches it in about one
-record of ten thousand (over all bands and places searched)."""
+"""Sum of log(1 + z / 3) over a comb's harmonics from which it counts as present; lower gives more false combs."""
 SHAFT_LINE: Final = 16.0
-"""Power over its neighbourhood's mean from which a line counts: noise reaches it once in 1e7 bins."""
+"""Power over the local mean from which a line counts as present: noise exceeds it in 1e-7 of the bins; lower gives more
+false lines."""
 LONE_LINE: Final = 40.0
-"""The same for a line at 1x that no other line confirms: real spectra are not flat down there."""
+"""The same for a line at 1x that no other line confirms; higher, as real spectra are not flat at low frequencies."""
 ORDERS: Final = (0.5, 1.0, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0, 8.0)
-"""Orders of the shaft at which tones are sought."""
+"""Orders of the shaft at which tones are searched."""
 SMEARED: Final = 1e-3
-"""Least relative error of a comb whose lines are smeared (the speed varies, impacts jitter)."""
+"""Least relative error of a comb with smeared lines (varying speed or jitter of impacts); larger lowers its weight."""
 SHARP: Final = 0.75
-"""Part of a harmonic's energy that lies within a bin of its highest when the rate is steady."""
+"""Fraction of a harmonic's energy within one bin of its maximum from which the rate counts as steady."""
 SHAFT_LINES: Final = "shaft lines"
 SIDEBANDS: Final = "sidebands"
 NOT_VISIBLE: Final = "not visible"
@@ -55,13 +54,13 @@ class Reading:
     Parameters
     ----------
     shaft, shaft_sigma : float
-        Of the shaft itself.
+        Log ratio of the shaft rate, and its standard error.
     found_by : str
         "shaft lines", "sidebands" or "not visible".
     comb, comb_sigma : float
-        Of the fault's rate over its kinematic rate at nominal speed.
+        Log ratio of the fault's rate to its kinematic rate at nominal speed, and its standard error.
     height : float
-        Of the comb, see `COMB`.
+        Height of the comb, see `COMB`.
     """
 
     shaft: float = 0.0
@@ -73,14 +72,18 @@ class Reading:
 
 
 def read_speed(samples: Array, condition: Condition, bearing: Bearing) -> Reading:
-    """Read the speed off one record.
+    """Speed reading of one record.
 
     Parameters
     ----------
     samples : Array [n]
     condition : Condition
-        With the nominal speed; the comb of its fault is sought where that is known.
+        With the nominal speed; the comb is searched where the fault is known.
     bearing : Bearing
+
+    Returns
+    -------
+    Reading
     """
     x = np.asarray(samples, float)
     shaft_hz = condition.speed_rpm / 60
@@ -109,7 +112,7 @@ def read_speed(samples: Array, condition: Condition, bearing: Bearing) -> Readin
 
 
 def comb_heights(samples: Array, condition: Condition, bearing: Bearing) -> dict[str, float]:
-    """Height of the comb of each fault in a record of unknown fault: fault -> height, 0 without a comb."""
+    """Height of each fault's comb in a record of unknown fault: fault -> height, 0 without a comb."""
     x, shaft_hz = np.asarray(samples, float), condition.speed_rpm / 60
     out = {}
     for fault in ("inner", "outer", "ball"):
@@ -133,11 +136,11 @@ class _Comb:
     power: Array
     z: Array
     df_hz: float
-    top: int  # bins of the spectrum that the band's width leaves usable
+    top: int  # usable bins of the spectrum, limited by the band's width
 
 
 _Band = tuple[Array, Array, float, int, Array]
-"""Power of the envelope's spectrum, the same over its neighbourhood, width of a bin, usable bins, squared envelope."""
+"""Power spectrum of the envelope, the same over its local mean, bin spacing, usable bins, squared envelope."""
 
 
 def _envelopes(x: Array, fs_hz: float, rate_hz: float, shaft_hz: float) -> list[_Band]:
@@ -162,7 +165,7 @@ def _envelopes(x: Array, fs_hz: float, rate_hz: float, shaft_hz: float) -> list[
 
 
 def _floor(power: Array, width: int = 49) -> Array:
-    """Mean of a periodogram's noise [bins] from medians of half-overlapping stretches, lines left out."""
+    """Mean noise level of a periodogram [bins] from medians of half-overlapping segments, without lines."""
     if power.size < 2 * width:
         return np.full(power.size, max(float(medians(power)) / math.log(2), 1e-300))
     step = width // 2
@@ -173,21 +176,21 @@ def _floor(power: Array, width: int = 49) -> Array:
 
 
 def _find_comb(envelopes: Sequence[_Band], rate_hz: float, cage_hz: float) -> _Comb | None:
-    """The comb of harmonics that stands highest in any band, None where none stands out."""
+    """The highest comb of harmonics in any band; None where none is significant."""
     reach = REACH + SLIP_REACH
     best: tuple[float, float, int] | None = None
     for number, (_, z, df, top, _) in enumerate(envelopes):
         count = min(4, int(top * df / (rate_hz * (1 + reach))))
-        if count < 1 or rate_hz * reach < df:  # too few impacts for a search to resolve anything
+        if count < 1 or rate_hz * reach < df:  # too few impacts to resolve the search range
             continue
         step = 0.4 * df / (count * rate_hz)
         grid = np.arange(1 - reach, 1 + reach, step)
         at = np.outer(np.arange(1, count + 1), grid) * (rate_hz / df)
         heights = np.log1p(_near(z, at) / 3)
-        # Speeds are the likelier the nearer to nominal: decides between a comb and its side lines at cage rate.
+        # A prior that favours nominal speed decides between a comb and its sidebands at cage rate.
         score = heights.sum(axis=0) - (grid - 1) ** 2 / (2 * 0.025**2)
         place = int(np.argmax(score))
-        threshold = COMB * (0.4 + 0.15 * count)  # fewer harmonics, each of which has to stand higher
+        threshold = COMB * (0.4 + 0.15 * count)  # fewer harmonics, each of which has to be higher
         if score[place] > threshold and (heights[:, place] > math.log1p(8 / 3)).sum() >= min(2, count):
             height = float(score[place] / threshold)
             if best is None or height > best[0]:
@@ -211,10 +214,10 @@ def _find_comb(envelopes: Sequence[_Band], rate_hz: float, cage_hz: float) -> _C
 def _mean_rate(squared: Array, place: float, widest: float, power: Array, z: Array) -> tuple[float, float] | None:
     """Cycles of a smeared comb within the record and their relative error; None where its first harmonic is sharp.
 
-    Where the speed varies, the highest point of a smeared line is a poor estimate of the mean. The phase that the first
-    harmonic gathers over the record gives it, where the harmonic is above the noise.
+    Where the speed varies, the maximum of a smeared line is a poor estimate of the mean rate. The phase accumulated by
+    the first harmonic over the record gives it, where the harmonic is above the noise.
     """
-    half = int(min(max(4.0, 0.08 * place), widest))  # short of side lines at cage rate
+    half = int(min(max(4.0, 0.08 * place), widest))  # excludes sidebands at cage rate
     k = round(place)
     low, high = k - half, k + half + 1
     if half < 4 or low < 2 or high > power.size:
@@ -238,20 +241,20 @@ def _mean_rate(squared: Array, place: float, widest: float, power: Array, z: Arr
     around = np.zeros(m, complex)
     around[: own.size] = own
     phase = np.unwrap(np.angle(scipy.fft.ifft(around)))
-    # The ends run into each other: what lies right at them is left out.
+    # The filtered signal wraps around, so its ends are left out.
     first, last = round(0.02 * m), round(0.98 * m) - 1
     cycles = (phase[last] - phase[first]) / (2 * math.pi) * m / (last - first)
     return float(low + cycles), SMEARED
 
 
 def _near(z: Array, at: Array) -> Array:
-    """Spectrum at places between bins: the higher of the two neighbours."""
+    """Spectrum at fractional bins: the higher of the two neighbours."""
     low = np.clip(at.astype(int), 0, z.size - 2)
     return np.asarray(np.maximum(z[low], z[low + 1]))
 
 
 def _peak(power: Array, z: Array, place: float, reach: float = 1.3) -> tuple[float, float]:
-    """Place (bins, fractional) and height of the highest line within `reach` bins; height 0 where there is none."""
+    """Position (fractional bins) and height of the highest line within `reach` bins; height 0 where there is none."""
     low, high = max(round(place - reach), 1), min(round(place + reach) + 1, power.size - 1)
     if high <= low:
         return place, 0.0
@@ -260,7 +263,7 @@ def _peak(power: Array, z: Array, place: float, reach: float = 1.3) -> tuple[flo
     side, sign = (right, 1.0) if right > left else (left, -1.0)
     if mid <= 0 or max(left, right) > mid:  # a slope, not a peak
         return place, 0.0
-    # Hann window: the ratio of neighbours gives the place of a tone exactly.
+    # Hann window: the ratio of neighbours gives the position of a tone exactly.
     alpha = side / mid
     return k + sign * float(np.clip((2 * alpha - 1) / (1 + alpha), -0.5, 0.5)), float(z[k])
 
@@ -268,7 +271,7 @@ def _peak(power: Array, z: Array, place: float, reach: float = 1.3) -> tuple[flo
 def _fit_lines(
     power: Array, z: Array, df: float, at_hz: Array, ratio: float, least: float, top: int
 ) -> tuple[float, float] | None:
-    """Ratio by which lines lie off `at_hz`, from all that stand within a bin or so of `ratio`; None without any."""
+    """Ratio of line frequencies to `at_hz`, from all lines within about a bin of `ratio`; None without any."""
     places, heights, nominal = [], [], []
     for frequency in at_hz:
         expected = ratio * frequency / df
@@ -283,11 +286,11 @@ def _fit_lines(
 
 
 def _ratio_of(places: Array, nominal: Array, heights: Array, limit: float) -> tuple[float, float] | None:
-    """Weighted least squares of places on nominal places, through 0; scatter beyond the lines' own widens the error."""
+    """Weighted least squares of positions on nominal ones, through 0; excess scatter of the lines widens the error."""
     for _ in range(4):
         if places.size == 0:
             return None
-        # Error of a tone's place in bins at power z over noise, window included; never below 1 % of a bin.
+        # Error of a tone's position in bins at power z over noise, window included; at least 1 % of a bin.
         sigma = np.sqrt(0.55**2 / np.maximum(heights, 1) + 0.01**2)
         weight = (nominal / sigma) ** 2
         ratio = float(np.sum(weight * places / nominal) / weight.sum())
@@ -302,14 +305,14 @@ def _ratio_of(places: Array, nominal: Array, heights: Array, limit: float) -> tu
 
 
 def _tones(x: Array, df: float, shaft_hz: float, fault_hz: float | None, *, triplets: bool) -> tuple[float, float]:
-    """Log ratio of the shaft from tones of the raw spectrum, and its error; infinite where none stands out."""
+    """Log ratio of the shaft from tones of the raw spectrum, and its error; infinite where none is significant."""
     power = tone_power(x)
     top = min(power.size, int((max(ORDERS) + 1) * (1 + REACH) * shaft_hz / df) + 40)
     low = power[:top]
     z = low / _floor(low, 25)
     z[:3] = 0
     masked = z.copy()
-    # Mains is tied to no shaft; neither are the fault's own harmonics.
+    # Neither mains lines nor the fault's own harmonics are tied to the shaft rate.
     for base in (50.0, 60.0, *(() if fault_hz is None else (fault_hz,))):
         for frequency in np.arange(base, top * df, base):
             k = round(frequency / df)
@@ -327,16 +330,17 @@ def _tones(x: Array, df: float, shaft_hz: float, fault_hz: float | None, *, trip
 def _chain(power: Array, z: Array, shaft: float, start: float) -> tuple[float, tuple[float, float]]:
     """Height, log ratio and its error of a family of tones that begins with the highest one around order `start`.
 
-    Low orders lead: each next order is sought where those before place it, since real spectra hold lines of other
-    machines' near most whole orders, and a high order may be a per cent or two off one.
+    Low orders come first: each next order is searched where those before predict it, since real spectra contain lines
+    of other machines near most integer orders, and a high order may be off by 1 to 2 %.
 
     Parameters
     ----------
     power, z : Array [bins]
-        Of the raw spectrum, and over its neighbourhood; 0 where lines are not the shaft's.
+        Power of the raw spectrum, and the same over its local mean; 0 at lines that are not the shaft's.
     shaft : float
         Nominal 1x, bins.
     start : float
+        Order of the first tone.
     """
     nothing = -math.inf, (0.0, math.inf)
     if start * shaft * (1 + REACH) > z.size - 3:
@@ -372,7 +376,7 @@ def _chain(power: Array, z: Array, shaft: float, start: float) -> tuple[float, t
 
 
 def _mesh(power: Array, df: float, shaft_hz: float, fault_hz: float | None) -> tuple[float, float] | None:
-    """Log ratio from a mesh of teeth: three lines one order apart, the middle one at a whole order."""
+    """Log ratio from a gear mesh: three lines one order apart, the middle one at an integer order."""
     begin = int(6 * shaft_hz / df)
     if power.size - begin < 200 or shaft_hz / df < 8:
         return None
@@ -380,7 +384,7 @@ def _mesh(power: Array, df: float, shaft_hz: float, fault_hz: float | None) -> t
     inner = z[1:-1]
     peaks = np.flatnonzero((inner > 25) & (inner >= z[:-2]) & (inner > z[2:])) + 1
     peaks = peaks[peaks > begin]
-    if fault_hz is not None:  # harmonics of the fault and their side lines are no mesh
+    if fault_hz is not None:  # excludes harmonics of the fault and their sidebands
         order = peaks * df / fault_hz
         rest = np.abs(order - np.rint(order)) * fault_hz
         aside = np.abs(rest[:, None] - shaft_hz * np.array([0.0, 1.0, 2.0]))
@@ -413,7 +417,7 @@ def _mesh(power: Array, df: float, shaft_hz: float, fault_hz: float | None) -> t
 
 
 def _sidebands(comb: _Comb, shaft_hz: float) -> tuple[float, float] | None:
-    """Log ratio of the shaft from lines one and two orders beside a comb's, and at whole orders, in the envelope."""
+    """Log ratio of the shaft from envelope lines one and two orders beside a comb's lines, and at integer orders."""
     orders = np.array([(m, j) for m in range(5) for j in (-2, -1, 1, 2) if m > 0 or j > 0])
     base, steps = orders[:, 0] * comb.rate_hz / comb.df_hz, orders[:, 1] * shaft_hz / comb.df_hz
     inside = (base + steps * 1.08 > 3) & (base + np.abs(steps) * 1.08 < comb.top)
@@ -421,7 +425,7 @@ def _sidebands(comb: _Comb, shaft_hz: float) -> tuple[float, float] | None:
     if base.size < 3 or shaft_hz / comb.df_hz < 6:
         return None
     grid = np.arange(1 - REACH, 1 + REACH, 0.15 * comb.df_hz / shaft_hz)
-    # Side lines cannot lie where the comb's own (or their leakage) do.
+    # Sidebands cannot lie at the comb's own lines (or their leakage).
     at = base[:, None] + steps[:, None] * grid
     heights = np.log1p(_near(comb.z, at) / 4)
     score = heights.sum(axis=0) - (grid - 1) ** 2 / (2 * 0.03**2)
@@ -435,13 +439,13 @@ def _sidebands(comb: _Comb, shaft_hz: float) -> tuple[float, float] | None:
     fitted = _ratio_of(np.abs(away), np.abs(nominal), high, 2.5)
     if fitted is None or abs(fitted[0] - 1) > REACH + 0.005:
         return None
-    # All harmonics carry the same slow noise of the impacts' strength: many side lines tell little more than one.
+    # All harmonics share the slow noise of impact amplitudes: many sidebands are hardly more informative than one.
     single = 0.55 / math.sqrt(float(high.max())) / float(np.abs(nominal[np.argmax(high)]))
     return math.log(fitted[0]), max(fitted[1] / fitted[0], single)
 
 
 def _pooled(a: tuple[float, float], b: tuple[float, float]) -> tuple[float, float]:
-    """Two readings of one number; the surer one where they contradict each other."""
+    """Combination of two readings of one quantity; the more precise one where they contradict each other."""
     if not math.isfinite(a[1]) or not math.isfinite(b[1]):
         return a if math.isfinite(a[1]) else b
     if abs(a[0] - b[0]) > 5 * math.hypot(a[1], b[1]):

@@ -21,19 +21,19 @@ from twingap.records.model import Condition
 from twingap.records.table import COLUMNS, Row, extras, read_table
 
 _MOST_SAMPLES: Final = 5 * 10**7
-"""Of one record, which is made whole: a quarter of an hour at 51.2 kHz takes some gigabytes on the way."""
+"""Largest length of one simulated record in samples, as it is held in memory; a larger limit needs more memory."""
 
 
 class Conditions(NamedTuple):
-    """What is known of records to be made.
+    """Conditions of records to simulate, with bearing and unit.
 
     Parameters
     ----------
     conditions : tuple of Condition
     bearing : Bearing or None
-        None = not known: a CSV knows none.
+        None = unknown, as in a CSV.
     unit : {"m/s^2", "g", ""} or None
-        Of the record set; None = not stated, as in a CSV.
+        Unit of the record set; None = not stated, as in a CSV.
     """
 
     conditions: tuple[Condition, ...]
@@ -44,19 +44,19 @@ class Conditions(NamedTuple):
 def read_conditions(
     path: str | os.PathLike[str], *, fs_hz: float | None = None, duration_s: float | None = None
 ) -> Conditions:
-    """Conditions of records to be made, and the bearing and unit where they are known.
+    """Conditions of records to simulate, and bearing and unit where known.
 
     Parameters
     ----------
     path : path-like
         A record set (its folder, or the records.csv or recordset.toml in it), or a CSV with the columns of
-        records.csv: `record` and `speed_rpm`, and where wanted `fault`, `load_n`, `time_s`, `fs_hz`, `group`,
-        `n_samples` or `duration_s`, and any others, which are handed on. Columns `file` and `channel` say nothing
-        about records that are still to be made and are left out.
+        records.csv: `record` and `speed_rpm`, optionally `fault`, `load_n`, `time_s`, `fs_hz`, `group`, `n_samples` or
+        `duration_s`, and any others, which are passed on. Columns `file` and `channel` do not apply to records that are
+        still to be simulated and are left out.
     fs_hz : float, optional
-        Sampling rate of rows that state none, Hz. A record set's records have their own: refused with one.
+        Sampling rate of rows without one, Hz. Refused with a record set, whose records have their own.
     duration_s : float, optional
-        Length of rows that state none, s; rounded to whole samples. Refused with a record set, too.
+        Length of rows without one, s; rounded to whole samples. Refused with a record set.
 
     Returns
     -------
@@ -65,7 +65,7 @@ def read_conditions(
     Raises
     ------
     TwingapError
-        Naming file, row, column and reason; or the option that is at fault.
+        Naming file, row, column and reason, or the invalid option.
     """
     path = Path(path)
     options = {"--fs-hz": fs_hz, "--duration-s": duration_s}
@@ -103,7 +103,7 @@ def _of_set(folder: Path) -> Conditions:
 
 
 def _length(row: Row, rate: float, duration_s: float | None) -> int:
-    """Samples of the record that a row asks for."""
+    """Length in samples of the record that a row describes."""
     n_samples = row.number_in("n_samples", positive=True)
     seconds = row.number_in("duration_s", positive=True)
     if n_samples is not None:

@@ -45,7 +45,7 @@ class Description:
 
 @dataclass(frozen=True)
 class _OnDisk:
-    """Gives the samples of record i; can be pickled, so that worker processes read for themselves."""
+    """Loader of record i; picklable, so that worker processes read for themselves."""
 
     places: tuple[tuple[str, Channel], ...]
 
@@ -58,7 +58,7 @@ class _OnDisk:
 
 
 def read_record_set(folder: str | os.PathLike[str], *, labelled: bool = True, turning: bool = False) -> RecordSet:
-    """Read a record set; its samples stay on disk until asked for.
+    """Read a record set; its samples stay on disk until accessed.
 
     Parameters
     ----------
@@ -66,15 +66,14 @@ def read_record_set(folder: str | os.PathLike[str], *, labelled: bool = True, tu
         Holds recordset.toml, records.csv and the samples. Files are named relative to it; absolute paths are refused,
         since a folder that names them cannot be moved ("../" and links may lead to samples that lie elsewhere).
     labelled : bool
-        False = column fault is not looked at, whatever it holds, and every fault is unknown.
+        False = column fault is not read, and every fault is unknown.
     turning : bool
-        True = rows of a machine that stands still (speed_rpm 0), which are no records of one that runs, are left out
-        instead of refused.
+        True = rows of a machine at standstill (speed_rpm 0) are left out; False = they are refused.
 
     Returns
     -------
     RecordSet
-        With the lengths from the files' headers. Values are checked when a record is taken: NaN, infinite or missing
+        Lengths come from the files' headers. Values are checked on access: NaN, infinite or missing
         samples raise then. ``bearing`` is None when recordset.toml has no such table.
 
     Raises
@@ -99,12 +98,12 @@ def read_record_set(folder: str | os.PathLike[str], *, labelled: bool = True, tu
 
 
 def read_description(folder: str | os.PathLike[str]) -> Description:
-    """What all records of a record set share: its recordset.toml.
+    """Content of recordset.toml: the properties that all records of a set share.
 
     Raises
     ------
     TwingapError
-        When there is no such folder, or naming file, key and reason.
+        When there is no such folder, or the file is invalid; names file, key and reason.
     """
     folder = Path(folder)
     if (kind := kind_of(folder)) != "folder":
@@ -129,22 +128,22 @@ def write_records(
     fs_hz: float | None,
     records: Iterable[Record],
 ) -> Path:
-    """Write records as they come, one at a time in memory; the folder appears when all of them are written.
+    """Write records one at a time; the folder appears when all of them are written.
 
-    Samples are written as float64, one .npy file per record and a thousand files per folder: what is read back is what
-    was written, to the last bit, at twice the size of float32.
+    Samples are written as float64, one .npy file per record and a thousand files per folder, so that a round trip is
+    exact, at twice the size of float32.
 
     Parameters
     ----------
     folder : path-like
-        Must not exist, or be empty.
+        Must be absent or empty.
     name, unit, bearing
         As in `RecordSet`.
     fs_hz : float or None
         Rate stated for all, Hz; records at other rates state their own. None = that of the first record.
     records : iterable of Record
         Names unique. Values of `extra` are text, numbers, true or false, or None; a key that only some records have
-        is None in the others. Text that looks like a number comes back as a number where the whole column does.
+        is None in the others. Text is restored as numbers where a whole column looks like numbers.
 
     Returns
     -------
@@ -154,7 +153,7 @@ def write_records(
     Raises
     ------
     TwingapError
-        When a record cannot be written, or the folder cannot; nothing is left then.
+        When a record or the folder cannot be written; no partial folder is left.
     """
     if unit not in UNITS:
         raise TwingapError(f"unit = {unit!r}", where=f"record set {name!r}", mend='use "m/s^2", "g" or "" (unknown)')
@@ -183,14 +182,14 @@ def write_records(
 
 
 def write_record_set(records: RecordSet, folder: str | os.PathLike[str]) -> Path:
-    """Write a record set, whole or not at all; see `write_records`.
+    """Write a record set completely or not at all; see `write_records`.
 
     Parameters
     ----------
     records : RecordSet
-        The rate of most of its records is stated once.
+        The most frequent sampling rate is stated once for the set.
     folder : path-like
-        Must not exist, or be empty.
+        Must be absent or empty.
 
     Returns
     -------
@@ -202,7 +201,7 @@ def write_record_set(records: RecordSet, folder: str | os.PathLike[str]) -> Path
 
 
 def _channel(folder: Path, row: Row, rate: float, opened: dict[str, SampleFile]) -> Channel:
-    """The samples that a row names."""
+    """The channel of samples that a row names."""
     name = row.text("file", needed=True)
     assert name is not None
     if PurePosixPath(name).is_absolute() or PureWindowsPath(name).is_absolute():
@@ -225,14 +224,14 @@ def _channel(folder: Path, row: Row, rate: float, opened: dict[str, SampleFile])
 
 
 def _in_row(where: str, error: TwingapError) -> TwingapError:
-    """The same error, led by the row of the table that brought it about."""
+    """The same error, prefixed with the row of the table that caused it."""
     return TwingapError(
         error.what if error.where is None else f"{error.where}: {error.what}", where=where, mend=error.mend
     )
 
 
 def _check(record: Record, names: set[str]) -> None:
-    """Refuse what could not be read back."""
+    """Refuse a record that could not be read back."""
     condition, where = record.condition, f"record {record.condition.name!r}"
     if condition.name in names:
         raise TwingapError("appears twice", where=where, mend="rename one of them")

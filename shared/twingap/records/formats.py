@@ -1,6 +1,6 @@
-"""The six formats of sample files, each as two functions: what a file holds, and the values of one vector in it.
+"""The six formats of sample files, each with two functions: inspection of a file, and loading of one vector.
 
-Nothing is ever unpickled. Parsers of damaged files raise what they like; `twingap.records.samples` explains it.
+No file is ever unpickled. Parsers may raise anything on damaged files; `twingap.records.samples` converts the errors.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from twingap.errors import TwingapError
 
 
 class Entry(NamedTuple):
-    """One array in a file, by its header.
+    """One array in a file, as described by its header.
 
     Parameters
     ----------
@@ -34,7 +34,7 @@ class Entry(NamedTuple):
         Key, column name, or index where columns have no names.
     n_samples : int
     problem : str or None
-        Why it is no vector of samples, or None when it is one.
+        Why it is not a vector of samples; None when it is one.
     """
 
     name: str
@@ -43,13 +43,13 @@ class Entry(NamedTuple):
 
 
 class Contents(NamedTuple):
-    """What a file holds.
+    """Entries of a file.
 
     Parameters
     ----------
     entries : tuple of Entry
     keyed : bool
-        Entries are known by key alone, not by index.
+        Whether entries are known by key alone, not by index.
     fs_hz : float or None
         Sampling rate that the file itself states.
     """
@@ -61,14 +61,14 @@ class Contents(NamedTuple):
 
 @dataclass(frozen=True)
 class Format:
-    """How one type of file is inspected (path -> contents), and loaded (path, name, place of an entry -> values)."""
+    """Functions of one file type: inspect (path -> contents) and load (path, name, place of an entry -> values)."""
 
     inspect: Callable[[Path], Contents]
     load: Callable[[Path, str, int], Any]
 
 
 def not_real(dtype: np.dtype[Any]) -> str | None:
-    """Why values of this type are no samples, or None when they are."""
+    """Why values of this type are not samples; None when they are."""
     if dtype.kind in "fiu":
         return None
     names = {"c": "complex numbers", "b": "true/false values", "U": "text", "S": "text", "O": "objects"}
@@ -76,7 +76,7 @@ def not_real(dtype: np.dtype[Any]) -> str | None:
 
 
 def _length(shape: Iterable[int]) -> tuple[int, str | None]:
-    """Samples in an array of this shape, and why it is no vector."""
+    """Number of samples in an array of this shape, and why it is not a vector."""
     shape = tuple(shape)
     if not shape or any(n < 0 for n in shape) or sum(n != 1 for n in shape) > 1:
         return 0, f"has shape {shape}, one vector expected"
@@ -87,13 +87,13 @@ def _length(shape: Iterable[int]) -> tuple[int, str | None]:
 
 
 def _npy_header(stream: IO[bytes]) -> tuple[tuple[int, ...], np.dtype[Any]]:
-    """Shape and dtype of the .npy data that begins here; the stream is left at its first value."""
+    """Shape and dtype of the .npy data at the stream's position, which is left at the first value."""
     pickled = TwingapError(
         "holds pickled objects, which are never loaded", mend="save it as an array of numbers, without objects"
     )
     start = stream.read(1)
     stream.seek(0)
-    if start == b"\x80":  # how every pickle begins
+    if start == b"\x80":  # first byte of every pickle
         raise pickled
     version = np.lib.format.read_magic(stream)
     read = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
@@ -170,7 +170,7 @@ def _inspect_mat(path: Path) -> Contents:
         raise TwingapError("is a MATLAB 7.3 file (HDF5), which is not read", mend=mend)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        warnings.filterwarnings("error", message=".*byte ordering")  # of machines long gone: read wrongly
+        warnings.filterwarnings("error", message=".*byte ordering")  # obsolete byte orders are read wrongly
         variables = whosmat(str(path), appendmat=False)
     entries = []
     for name, shape, kind in variables:
@@ -185,15 +185,15 @@ def _load_mat(path: Path, name: str, place: int) -> Any:
 
     _check_mat(path, name)
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # about variables that are not wanted
+        warnings.simplefilter("ignore")  # these concern other variables
         return loadmat(str(path), appendmat=False, variable_names=[name])[name]
 
 
 def _check_mat(path: Path, name: str) -> None:
-    """Refuse a damaged file on which SciPy would end the whole process.
+    """Refuse a damaged file that would crash SciPy.
 
-    SciPy 1.17 looks the data type of a numeric array up in a table without checking that it is one; a damaged byte
-    there is a segmentation fault. So the tags up to that one are walked here first (MAT-file format, level 5).
+    SciPy 1.17 looks up the data type of a numeric array in a table without a range check; a damaged byte there causes
+    a segmentation fault. The tags up to that one are therefore checked here first (MAT-file format, level 5).
     Known upstream: https://github.com/scipy/scipy/pull/25349.
     """
     with path.open("rb") as stream:
@@ -214,9 +214,9 @@ def _check_mat(path: Path, name: str) -> None:
 
 
 def _mat_problem(element: bytes, order: Literal["<", ">"], name: bytes) -> str | None:
-    """Why SciPy must not load this variable, if it is the one of this name and holds numbers; None when it may.
+    """Why SciPy must not load this variable, if it has this name and holds numbers; None when it may.
 
-    Its parts, a tag before each: flags, dimensions, name, numbers (twice where they are complex).
+    Its parts, each after a tag: flags, dimensions, name, numbers (twice where complex).
     """
     flags = struct.unpack_from(order + "I", element, 8)[0] if len(element) >= 16 else 0
     if not 6 <= flags & 0xFF <= 15:
@@ -226,7 +226,7 @@ def _mat_problem(element: bytes, order: Literal["<", ">"], name: bytes) -> str |
         if len(element) < at + 8:
             break
         kind, size = struct.unpack_from(order + "II", element, at)
-        small = kind >> 16  # up to 4 bytes lie within the tag itself
+        small = kind >> 16  # up to 4 bytes are stored within the tag itself
         text = element[at + 4 : at + 4 + small] if small else element[at + 8 : at + 8 + size]
         if part == "name" and text != name:
             return None
@@ -243,16 +243,17 @@ _MAT_DATA_TYPES: Final = (1, 2, 3, 4, 5, 6, 7, 9, 12, 13)
 
 
 _LOOK: Final = 1000
-"""Rows of data that are looked at where a first row of numbers may be column names."""
+"""Rows that are inspected where a first row of numbers may be column names; more are slower and safer."""
 _NO_NAME: Final = re.compile(
     r"[+\-\u2212\u2013]?\s*[.,]?\d|[+-](nan|inf)|(n/?a|#n/a|null|none|nan\(.*)$", re.IGNORECASE
 )
-"""How text begins that was meant as a number (a decimal comma, a minus sign of typesetters, a date), or as none."""
+"""Beginnings of text that is a malformed number (a decimal comma, a typographic minus sign, a date), or of a missing
+value."""
 
 
 def _csv_layout(path: Path) -> tuple[list[str], int, int]:
     """Column names (indices where there is no header row), lines before the data, rows of data."""
-    # utf-8-sig: spreadsheets begin UTF-8 files with a byte-order mark.
+    # utf-8-sig: spreadsheets write a byte-order mark.
     with path.open(encoding="utf-8-sig") as stream:
         first, skipped = "", 0
         for line in stream:
@@ -278,9 +279,9 @@ def _csv_cells(line: str) -> list[str]:
 
 
 def _names_columns(cells: list[str], below: list[str]) -> bool:
-    """Whether the first row of a CSV is a header, by it and the lines below; what may be either is refused.
+    """Whether the first row of a CSV is a header, judged by it and the lines below; ambiguous files are refused.
 
-    pandas heads columns without names 0, 1, 2, ..., and then writes every sample with a decimal point.
+    pandas names unnamed columns 0, 1, 2, ..., and then writes every sample with a decimal point.
     """
     filled = [cell for cell in cells if cell]
     texts = [cell for cell in filled if not _is_number(cell)]
@@ -288,7 +289,7 @@ def _names_columns(cells: list[str], below: list[str]) -> bool:
     second = _csv_cells(below[0]) if below else []
     counted = numbers == [str(i) for i in range(len(numbers))]
     if texts:
-        if cells[0].startswith("# "):  # as NumPy writes a header
+        if cells[0].startswith("# "):  # a header written by NumPy
             return True
         for text in texts:
             if _NO_NAME.match(text) or not any(c.isalpha() for c in text):
@@ -302,7 +303,7 @@ def _names_columns(cells: list[str], below: list[str]) -> bool:
                 mend="put a row of column names first, none of them a number",
             )
         return True
-    if filled and not cells[0] and second and second[0]:  # the corner above an index
+    if filled and not cells[0] and second and second[0]:  # the empty header of an index column
         if counted:
             return True
     elif not counted or not 0 < len(filled) == len(cells):
@@ -319,13 +320,13 @@ def _names_columns(cells: list[str], below: list[str]) -> bool:
 
 
 def _all_pointed(below: list[str]) -> bool:
-    """Whether no sample is written as a whole number, though some are there."""
+    """Whether samples are present and none is written as a whole number."""
     rows = map(_csv_cells, below)
     return bool(below) and not any(cell.lstrip("+-").isdecimal() for row in rows for cell in row)
 
 
 def _counts_on(below: list[str]) -> bool:
-    """Whether the first column goes on as a time would that began at 0 in the row above."""
+    """Whether the first column continues as a time axis that starts at 0 in the row above."""
     try:
         one, two = (float(_csv_cells(line)[0]) for line in below[:2])
     except (ValueError, IndexError):
@@ -339,7 +340,7 @@ def _inspect_csv(path: Path) -> Contents:
 
 
 def _load_csv(path: Path, name: str, place: int) -> Any:
-    # Arrow refuses rows with a field too many or too few, as decimal commas make them; pandas would shift or drop.
+    # Arrow refuses rows with missing or extra fields, as decimal commas cause them; pandas would shift or drop values.
     import pyarrow as pa
     from pyarrow import csv as arrow_csv
 
@@ -359,7 +360,7 @@ def _load_csv(path: Path, name: str, place: int) -> Any:
 
 
 def _csv_fault(path: Path, name: str, place: int, skipped: int, width: int) -> TwingapError:
-    """Name the line that is at fault."""
+    """Error that names the invalid line."""
     with path.open(encoding="utf-8-sig", newline="") as stream:
         rows = csv.reader(stream)
         for row in rows:
@@ -380,7 +381,7 @@ def _is_number(text: str) -> bool:
         float(text)
     except ValueError:
         return False
-    return "_" not in text  # which Python takes for a separator of digits
+    return "_" not in text  # Python accepts underscores as digit separators
 
 
 # --- .parquet ------------------------------------------------------------------------------------------------------
@@ -422,7 +423,7 @@ def _read_wav(path: Path) -> tuple[int, NDArray[Any]]:
 
     _check_wav(path)
     with warnings.catch_warnings():
-        # Recorders add chunks of their own; they are of no concern here.
+        # Recorders add chunks of their own, which are irrelevant here.
         warnings.simplefilter("ignore", wavfile.WavFileWarning)
         try:
             return wavfile.read(path, mmap=True)
@@ -431,14 +432,14 @@ def _read_wav(path: Path) -> tuple[int, NDArray[Any]]:
 
 
 def _check_wav(path: Path) -> None:
-    """Refuse a file whose samples are not all there, or whose header does not say how many there are.
+    """Refuse a file with missing samples, or whose header does not state their number.
 
-    SciPy reads as many as it finds, and nothing where a recorder left the sizes at 0.
+    SciPy reads the samples that it finds, and none where a recorder left the sizes at 0.
     """
     with path.open("rb") as stream:
         head = stream.read(12)
         if head[:4] not in (b"RIFF", b"RIFX", b"RF64") or head[8:] != b"WAVE":
-            return  # SciPy says what it is not
+            return  # SciPy reports the error
         order: Literal["little", "big"] = "big" if head[:4] == b"RIFX" else "little"
         there = stream.seek(0, os.SEEK_END)
         stated = there if head[:4] == b"RF64" else int.from_bytes(head[4:8], order) + 8
@@ -485,8 +486,8 @@ def _inspect_wav(path: Path) -> Contents:
 def _load_wav(path: Path, name: str, place: int) -> Any:
     _, data = _read_wav(path)
     values = data if data.ndim == 1 else data[:, place]
-    # Full scale = 1, as audio tools have it, so that one recording saved in 8, 16, 24 or 32 bits or as float reads
-    # alike; SciPy hands 24-bit samples over in the upper bytes of 32.
+    # Full scale = 1, the convention of audio software, so that a recording reads the same in 8, 16, 24 or 32 bits or as
+    # float. SciPy returns 24-bit samples in the upper bytes of 32.
     if values.dtype.kind == "u":
         return (values.astype(np.float64) - 128) / 128
     if values.dtype.kind == "i":

@@ -1,4 +1,4 @@
-"""Samples that no accelerometer measures: files whose bytes were read wrongly."""
+"""Check for samples of impossible magnitude, which indicate a file that was decoded wrongly."""
 
 from __future__ import annotations
 
@@ -11,17 +11,17 @@ from twingap.errors import TwingapError
 
 LEAST: Final = 1e-30
 MOST: Final = 1e30
-"""Of what samples spread over: fourth powers beyond would vanish or overflow."""
+"""Bounds of the peak-to-peak value of samples: fourth powers beyond them underflow or overflow."""
 
 
 def refuse_unmeasurable(samples: NDArray[np.float64], where: str) -> None:
-    """Refuse samples whose fourth powers would not stay numbers. Equal samples pass.
+    """Refuse samples whose fourth powers would underflow or overflow. Constant samples pass.
 
     Parameters
     ----------
     samples : Array [samples]
     where : str
-        For the message.
+        Place that the message names.
 
     Raises
     ------

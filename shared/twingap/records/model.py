@@ -1,6 +1,6 @@
-"""Conditions, records and record sets: the form of vibration records in all of twingap.
+"""Conditions, records and record sets: the data model of vibration records.
 
-Condition --(a twin, a rig, a machine)--> Record = Condition + samples;  RecordSet = many, of one machine
+Condition --(a twin, a rig, a machine)--> Record = Condition + samples;  RecordSet = records of one machine
 
 On disk: `twingap.records.folder`; splits: `twingap.records.split`.
 """
@@ -30,7 +30,7 @@ UNITS = ("m/s^2", "g", "")
 
 @dataclass(frozen=True)
 class Condition:
-    """What a record was measured or simulated under: everything about it but its samples.
+    """Condition under which a record was measured or simulated: all of it but the samples.
 
     Parameters
     ----------
@@ -41,20 +41,20 @@ class Condition:
     fs_hz : float
         Sampling rate, Hz.
     n_samples : int
-        Length.
+        Length in samples.
     fault : str or None
         One of `twingap.bearing.FAULTS`; None = unknown.
     load_n, time_s : float or None
         Radial load in N; time since the start of the run in s. None = not given.
     group : str or None
-        Recording or bearing that the record was cut from; the record's own name when None.
+        Recording or bearing that the record was cut from; None = the record's own name.
     extra : Mapping[str, Any]
-        Other columns, handed on untouched.
+        Other columns, passed on unchanged.
 
     Raises
     ------
     TwingapError
-        For values that no record can have.
+        For impossible values.
     """
 
     name: str
@@ -114,19 +114,19 @@ class Record:
 
 
 class RecordSet(Sequence[Record]):
-    """Records of one machine. Samples may stay on disk until asked for.
+    """Records of one machine. Samples may stay on disk until accessed.
 
     Parameters
     ----------
     name : str
     unit : {"m/s^2", "g", ""}
-        Of all samples; "" = unknown.
+        Unit of all samples; "" = unknown.
     bearing : Bearing or None
         Bearing under test.
     conditions : sequence of Condition
-        One a record, names unique.
-    load : callable, int -> Array
-        Gives the samples of record i.
+        One per record, names unique.
+    load : callable, int -> Array [samples]
+        Loader of the samples of record i.
     """
 
     def __init__(
@@ -165,8 +165,8 @@ class RecordSet(Sequence[Record]):
     def digest(self) -> str:
         """Hex sha256 of the contents: unit, bearing, conditions and samples, in order.
 
-        The set's name, and how and where it is stored, do not enter. Samples enter as little-endian float64. Reads
-        every sample, one record at a time.
+        Name, format and location of the set are not included. Samples are hashed as little-endian float64. Reads every
+        sample, one record at a time.
         """
         total = hashlib.sha256()
         bearing = None if self.bearing is None else asdict(self.bearing)
@@ -218,7 +218,7 @@ class RecordSet(Sequence[Record]):
     @property
     def table(self) -> pd.DataFrame:
         """One row per record: record, speed_rpm, fault, load_n, time_s, fs_hz, n_samples, group and further columns."""
-        import pandas as pd  # takes a quarter of a second, which the command line need not wait
+        import pandas as pd  # slow import, not needed by most commands
 
         rows = [
             {
@@ -227,7 +227,7 @@ class RecordSet(Sequence[Record]):
             }
             for c in self.conditions
         ]  # fmt: skip
-        # A further column cannot stand in for one of these.
+        # A further column cannot replace one of these.
         return pd.DataFrame([{**row, **dict(c.extra), **row} for row, c in zip(rows, self.conditions, strict=True)])
 
     def _repr_html_(self) -> str:
@@ -247,12 +247,12 @@ class RecordSet(Sequence[Record]):
         return pd.DataFrame({self.name: about}).to_html(border=0)
 
     def common_groups(self, other: RecordSet) -> tuple[str, ...]:
-        """Groups that both sets have; none between the parts of an honest split."""
+        """Groups that both sets contain; none for the parts of a split without leakage."""
         theirs = set(other.groups)
         return tuple(group for group in self.groups if group in theirs)
 
     def without_labels(self) -> RecordSet:
-        """The same records with every fault unknown, as a diagnosis of unlabelled records needs them."""
+        """The same records with every fault unknown, for a diagnosis of unlabelled records."""
         hidden = tuple(replace(c, fault=None) for c in self.conditions)
         return RecordSet(self.name, self.unit, self.bearing, hidden, self._load)
 
@@ -264,7 +264,7 @@ def _range(values: Sequence[float]) -> str:
 
 @dataclass(frozen=True)
 class _Taken:
-    """Gives the samples of some records of a set; a class, since worker processes cannot be sent closures."""
+    """Loader of the samples of selected records; a class, as closures cannot be pickled."""
 
     load: Callable[[int], Array]
     kept: Sequence[int]

@@ -1,16 +1,16 @@
-"""Single vectors of samples in the six formats of a record set.
+"""Vectors of samples in the six file formats of record sets.
 
 file --inspect--> SampleFile: names, lengths, types, by the header --find--> Channel --load--> float64 [samples]
 
-.npy      one vector; a 2-D array has a channel per column, known by its index, and no more of them than samples
-.npz      a channel per key
-.mat      a channel per variable (MATLAB 5 to 7; version 7.3 is refused, with the way out)
+.npy      one vector; a 2-D array has one channel per column, by index, and no more channels than samples
+.npz      one channel per key
+.mat      one channel per variable (MATLAB 5 to 7; version 7.3 is refused, with a remedy)
 .csv      comma-separated, decimal points, UTF-8, with or without a header row (of names, or 0, 1, 2, ... where
-          samples have decimal points; what may be a header or samples is refused); channels by name or index
+          samples have decimal points; ambiguous first rows are refused); channels by name or index
 .parquet  channels by column name or index
 .wav      channels by index; integers are scaled to full scale = 1
 
-Nothing is ever unpickled.
+No file is ever unpickled.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ from twingap.records.formats import FORMATS, not_real
 Array = NDArray[np.float64]
 
 SUFFIXES: Final[tuple[str, ...]] = tuple(FORMATS)
-"""Types of file that can be read."""
+"""Supported file types."""
 
 
 @dataclass(frozen=True)
@@ -47,9 +47,9 @@ class Channel:
     place : int
         Index among the file's channels.
     n_samples : int
-        As the file's header states.
+        From the file's header.
     problem : str or None
-        Why it is not a vector of samples, or None when it is one.
+        Why it is not a vector of samples; None when it is one.
     """
 
     path: Path
@@ -64,18 +64,18 @@ class Channel:
         Returns
         -------
         Array [n_samples]
-            A copy of the caller's own.
+            A copy, safe to modify.
 
         Raises
         ------
         TwingapError
-            When the file cannot be read any more, or a sample is missing, NaN or infinite.
+            When the file is no longer readable, or a sample is missing, NaN or infinite.
         """
         with _explained(self.path):
             values = np.asarray(FORMATS[self.path.suffix.lower()].load(self.path, self.name, self.place))
             if problem := not_real(values.dtype):
                 raise TwingapError(problem, where=self.where)
-            with np.errstate(invalid="ignore", over="ignore"):  # found below, as samples that are not finite
+            with np.errstate(invalid="ignore", over="ignore"):  # detected below as samples that are not finite
                 samples = np.array(values, dtype=np.float64).ravel()
         if samples.size != self.n_samples:
             raise TwingapError(f"holds {samples.size} samples, {self.n_samples} expected", where=self.where)
@@ -96,16 +96,16 @@ class Channel:
 
 @dataclass(frozen=True)
 class SampleFile:
-    """What a file holds, by its header.
+    """Channels of a file, from its header.
 
     Parameters
     ----------
     path : Path
     channels : tuple[Channel, ...]
     keyed : bool
-        Channels are known by key alone (.npz, .mat), not by index.
+        Whether channels are known by key alone (.npz, .mat), not by index.
     fs_hz : float or None
-        Sampling rate that the file itself states (.wav).
+        Sampling rate stated by the file (.wav), Hz.
     """
 
     path: Path
@@ -114,14 +114,14 @@ class SampleFile:
     fs_hz: float | None = None
 
     def find(self, channel: str | None = None) -> Channel:
-        """The channel of this name or index; the only one when none is named.
+        """The channel of this name or index; the only one when None.
 
-        Beside one vector, single numbers (a speed, a rate) in .npz and .mat files do not count as a second one.
+        Scalars (a speed, a rate) in .npz and .mat files do not count as further channels next to a single vector.
 
         Raises
         ------
         TwingapError
-            When there is no such channel, none is named where there are several, or it is no vector of samples.
+            When there is no such channel, None is given for several channels, or it is not a vector of samples.
         """
         found = self._named(channel) if channel else self._only()
         if found.problem is not None:
@@ -138,7 +138,7 @@ class SampleFile:
             )
         if named:
             return named[0]
-        # Longer ones are no index, and Python refuses to make numbers of some of them.
+        # Longer texts are no index, and Python limits the conversion of long digit strings.
         if not self.keyed and channel.isdecimal() and len(channel) < 10 and int(channel) < len(self.channels):
             return self.channels[int(channel)]
         raise TwingapError(f"has no channel {channel!r}", where=self.path, mend=f"it has {self._listing()}")
@@ -162,19 +162,19 @@ class SampleFile:
 
 
 def inspect(path: str | os.PathLike[str]) -> SampleFile:
-    """What a file of samples holds, without loading them.
+    """Channels of a file of samples, without loading the values.
 
-    A CSV has no header that states its length: its lines are counted.
+    A CSV does not state its length: its lines are counted.
 
     Parameters
     ----------
     path : path-like
-        A .npy, .npz, .mat, .csv, .parquet or .wav file; the suffix, in either case, decides.
+        A .npy, .npz, .mat, .csv, .parquet or .wav file; the type is given by the suffix, in either case.
 
     Raises
     ------
     TwingapError
-        When the file is missing, a folder, of another type, damaged, or needs unpickling.
+        When the file is missing, a folder, of another type, damaged, or would need unpickling.
     """
     path = Path(path)
     with _explained(path):
@@ -199,7 +199,7 @@ def load(path: str | os.PathLike[str], channel: str | None = None) -> Array:
 
 @contextmanager
 def _explained(path: Path) -> Iterator[None]:
-    """Turn whatever a parser makes of a damaged file into the one error that users see."""
+    """Convert the errors that a parser raises on a damaged file to `TwingapError`."""
     try:
         yield
     except TwingapError as error:
@@ -210,7 +210,7 @@ def _explained(path: Path) -> Iterator[None]:
         raise TwingapError("does not fit in memory", where=path, mend="cut it into shorter records") from error
     except OSError as error:
         raise TwingapError(f"cannot be read: {error.strerror or error}", where=path) from error
-    except Exception as error:  # parsers of damaged bytes raise nearly anything
+    except Exception as error:  # parsers raise almost any error on damaged bytes
         reason = str(error) or type(error).__name__
         what = f"is not a whole {path.suffix.lower()} file: {reason[:200]}"
         raise TwingapError(what, where=path, mend="copy or write it again") from error

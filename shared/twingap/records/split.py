@@ -1,4 +1,4 @@
-"""Splits of a record set between whose parts nothing leaks: records of one group never sit on both sides."""
+"""Splits of a record set without leakage: all records of one group lie in the same part."""
 
 from __future__ import annotations
 
@@ -11,29 +11,28 @@ from numpy.typing import NDArray
 from twingap.errors import TwingapError
 from twingap.records.model import RecordSet
 
-_ATTEMPTS = 50  # where groups hold several faults, dealing them out can end in a dead end
+_ATTEMPTS = 50  # random restarts where groups hold several faults; more find rarer feasible splits
 
 
 def split(
     records: RecordSet, fractions: Sequence[float], rng: np.random.Generator, *, cover_faults: bool = True
 ) -> tuple[RecordSet, ...]:
-    """Split at random into parts that share no group.
+    """Split a record set at random into parts that share no group.
 
     Parameters
     ----------
     records : RecordSet
     fractions : sequence of float
-        Share of the groups that each part gets, positive; only their ratios count. Groups are whole, so shares are
-        met as nearly as they allow.
+        Relative share of the groups in each part, positive. Groups are never divided, so shares are approximate.
     rng : numpy.random.Generator
     cover_faults : bool
         True: every known fault has groups in every part, in about these shares (iterative stratification), or the
-        split is refused. False: groups are dealt out whatever their faults, and a class may be absent from a part.
+        split is refused. False: groups are assigned regardless of their faults, and a class may be absent from a part.
 
     Returns
     -------
     tuple of RecordSet
-        One per fraction, none empty, each in the original order; together they are all the records.
+        One per fraction, none empty, each in the original order; their union is the set.
 
     Raises
     ------
@@ -43,7 +42,8 @@ def split(
     References
     ----------
     K. Sechidis, G. Tsoumakas, I. Vlahavas, On the stratification of multi-label data, ECML PKDD 2011,
-    doi:10.1007/978-3-642-23808-6_10: the rarest label is dealt out first, each time to the part that lacks it most.
+    doi:10.1007/978-3-642-23808-6_10: the rarest label is assigned first, each time to the part with the largest
+    deficit.
     """
     shares = np.asarray(fractions, dtype=float)
     if shares.size < 1 or not all(isfinite(f) and f > 0 for f in shares):
@@ -77,14 +77,14 @@ def split(
 
 
 def leave_one_group_out(records: RecordSet, *, cover_faults: bool = True) -> Iterator[tuple[RecordSet, RecordSet]]:
-    """Each group in turn held out: pairs (all others, held out).
+    """Leave-one-group-out splits: pairs (all other groups, held-out group).
 
     Parameters
     ----------
     records : RecordSet
     cover_faults : bool
-        True: refused, before the first pair, when a group is the only one with its fault, which the others would
-        then lack. False: such pairs are given as they are.
+        True: refused, before the first pair, when a group is the only one with its fault, which the others would then
+        lack. False: such pairs are returned.
 
     Raises
     ------
@@ -137,7 +137,7 @@ def _deal(labels: dict[str, frozenset[str]], shares: NDArray[np.float64], rng: n
         rarest = min((label for label in every if counts[label]), key=lambda label: counts[label])
         for group in [g for g, faults in left.items() if rarest in faults]:
             new = [sum(held[label][p] == 0 for label in labels[group]) for p in range(len(shares))]
-            # First a part without this fault, then one that lacks others of the group's, then by what is lacking.
+            # First a part without this fault, then one that lacks other faults of the group, then the largest deficit.
             part_of[group] = part = min(
                 range(len(shares)),
                 key=lambda p: (held[rarest][p] > 0, -new[p], -round(float(lacking[rarest][p]), 9), -lacking_any[p]),
@@ -158,7 +158,7 @@ def _lost_fault(labels: dict[str, frozenset[str]], part_of: dict[str, int], n_pa
 
 
 def _verify(records: RecordSet, parts: Sequence[RecordSet]) -> None:
-    """What a split promises: nothing lost, nothing twice, no group on two sides."""
+    """Check the guarantees of a split: no record lost or duplicated, no group in two parts."""
     names = [c.name for part in parts for c in part.conditions]
     if sorted(names) != sorted(c.name for c in records.conditions):
         raise AssertionError("a split lost or doubled records")

@@ -1,6 +1,6 @@
-"""The table of a record set, records.csv: rows of text with their places, and what is in their cells.
+"""Table of a record set, records.csv: rows of text with their locations, and parsing of cells.
 
-Every cell that cannot be used is refused by file, row (as a spreadsheet numbers them: the header is row 1) and column.
+Invalid cells are refused with file, row (numbered as in a spreadsheet: the header is row 1) and column.
 """
 
 from __future__ import annotations
@@ -21,24 +21,24 @@ from twingap.errors import TwingapError
 from twingap.records.model import Condition
 
 COLUMNS: Final = ("record", "file", "channel", "speed_rpm", "fault", "load_n", "time_s", "fs_hz", "group")
-"""Columns whose meaning is set; all others are handed on as `Condition.extra`."""
+"""Columns with a defined meaning; all others are passed on as `Condition.extra`."""
 
 _WHOLE: Final = re.compile(r"[+-]?(0|[1-9]\d*)", re.ASCII)
 _NUMBER: Final = re.compile(r"[+-]?((0|[1-9]\d*)(\.\d*)?|\.\d+)([eE][+-]?\d+)?|[+-]?inf", re.ASCII)
-_DIGITS: Final = 400  # no number is longer; Python refuses to make numbers of some that are
+_DIGITS: Final = 400  # longest text that is parsed as a number; Python limits the conversion of long digit strings
 _TRUTHS: Final = {"true": True, "false": False, "True": True, "False": False}
 
 
 @dataclass(frozen=True)
 class Row:
-    """One row of a table: its text, and where it stands.
+    """One row of a table: its text and its location.
 
     Parameters
     ----------
     path : Path
-        The table.
+        File of the table.
     number : int
-        As a spreadsheet numbers rows, from 1; the header is one of them.
+        Row number as in a spreadsheet, from 1; the header counts.
     cells : Mapping[str, str]
         Column -> text.
     """
@@ -92,7 +92,7 @@ class Row:
         )  # fmt: skip
 
     def rate(self, fs_hz: float | None, elsewhere: str = "fs_hz in recordset.toml") -> float:
-        """Sampling rate of this row, or else `fs_hz`, Hz, which is given `elsewhere`."""
+        """Sampling rate of this row, or else `fs_hz`, Hz, which is given in `elsewhere`."""
         rate = self.number_in("fs_hz", positive=True) or fs_hz
         if rate is None:
             mend = f"add a column fs_hz here, or give one rate for all ({elsewhere})"
@@ -107,7 +107,7 @@ def read_table(path: str | os.PathLike[str], needed: Sequence[str]) -> tuple[Row
     ----------
     path : path-like
     needed : sequence of str
-        Columns that must be there.
+        Required columns.
 
     Raises
     ------
@@ -116,7 +116,7 @@ def read_table(path: str | os.PathLike[str], needed: Sequence[str]) -> tuple[Row
     """
     path = Path(path)
     try:
-        # utf-8-sig: spreadsheets begin UTF-8 files with a byte-order mark. strict: a stray quote is an error.
+        # utf-8-sig: spreadsheets write a byte-order mark. strict: a stray quote is an error.
         with path.open(encoding="utf-8-sig", newline="") as stream:
             lines = [(n, row) for n, row in enumerate(csv.reader(stream, strict=True), 1) if any(map(str.strip, row))]
     except UnicodeDecodeError as error:
@@ -167,8 +167,8 @@ def _header(path: Path, line: tuple[int, list[str]], needed: Sequence[str]) -> l
 def extras(rows: Sequence[Row], known: Sequence[str] = COLUMNS) -> tuple[dict[str, Any], ...]:
     """Values of all columns but the `known`, one dict per row.
 
-    A CSV has no types, so they are read off whole columns: whole numbers, else numbers, else true/false, else text as
-    it stands; numbers with leading zeros are text. Empty = None.
+    A CSV has no types, so they are inferred from whole columns: integers, else numbers, else true/false, else text;
+    numbers with leading zeros are text. Empty = None.
     """
     columns = [column for column in rows[0].cells if column not in known]
     typed = {column: _typed([row.cells[column] for row in rows]) for column in columns}
@@ -204,7 +204,7 @@ def write_table(path: Path, rows: Iterable[Mapping[str, Any]], columns: Sequence
 
 
 def _quoted(text: str) -> str:
-    # csv.writer, asked for lines that end in \n, leaves a lone \r bare, which every reader takes for a line's end.
+    # csv.writer with line ends \n leaves a lone \r unquoted, which readers take for a line end.
     return '"' + text.replace('"', '""') + '"' if any(c in text for c in ',"\r\n') else text
 
 

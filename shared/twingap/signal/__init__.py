@@ -1,6 +1,6 @@
 """Signal tools: spectra, envelope, order tracking, spectral kurtosis, features, variational mode decomposition.
 
-Arrays have time last, `[..., samples]`; whatever precedes it is a batch.
+Arrays have time last, `[..., samples]`; leading axes are batch axes.
 """
 
 from twingap.signal.envelope import (

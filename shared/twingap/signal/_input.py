@@ -1,4 +1,4 @@
-"""What every signal function accepts: finite numbers, time last."""
+"""Input checks of all signal functions: finite numbers, time last."""
 
 from __future__ import annotations
 
@@ -12,24 +12,24 @@ from twingap.errors import TwingapError
 Array = NDArray[np.float64]
 
 _LARGEST = 1e70
-"""Fourth powers of larger numbers overflow; no vibration comes near."""
+"""Largest magnitude accepted: fourth powers of larger numbers overflow."""
 
 
 def as_signals(x: ArrayLike, *, where: str, at_least: int = 1) -> Array:
-    """`x` as float64 `[..., samples]`, refused when it holds anything but finite numbers.
+    """`x` as float64 `[..., samples]`; anything but finite numbers is refused.
 
     Parameters
     ----------
     x : array_like [..., samples]
     where : str
-        The function that asks, for the message.
+        Name of the calling function, for the message.
     at_least : int
-        Fewest samples that make sense to it.
+        Smallest number of samples.
 
     Returns
     -------
     Array [..., samples]
-        A view where that is possible: not to be written to.
+        A view where possible: not to be modified.
 
     Raises
     ------
@@ -77,7 +77,7 @@ def positive(value: float, name: str, *, where: str) -> float:
 
 
 def whole(value: int, name: str, *, where: str, at_least: int = 1) -> int:
-    """`value` as int, refused unless it is a whole number of at least `at_least`."""
+    """`value` as int, refused unless it is an integer of at least `at_least`."""
     try:
         number = int(value)
         wrong = isinstance(value, bool) or number != value or number < at_least
@@ -99,7 +99,7 @@ def band(low_hz: float, high_hz: float, nyquist_hz: float, *, where: str) -> tup
 
 
 def without_mean(signals: Array) -> Array:
-    """Signals less their means; exactly zero for a constant, whose mean is off by rounding."""
+    """Signals minus their means; exactly zero for a constant, whose mean has a rounding error."""
     centred = signals - signals.mean(axis=-1, keepdims=True)
     largest = np.abs(signals).max(axis=-1, keepdims=True)
     nothing = np.abs(centred).max(axis=-1, keepdims=True) <= 1e-14 * largest

@@ -1,8 +1,8 @@
-"""Envelopes and their spectra: where a bearing's impacts show themselves.
+"""Envelopes, their spectra, and lines at fault orders.
 
 x -> band -> analytic signal -> |.|^2 -> spectrum -> lines at fault orders
 
-Impacts repeat at a fault order but excite a resonance far above it; the rate is in the envelope, not in the signal.
+Impacts repeat at a fault order but excite a resonance far above it, so their rate is visible in the envelope only.
 Source: Randall and Antoni, Rolling element bearing diagnostics: a tutorial, MSSP 25 (2011) 485,
 doi:10.1016/j.ymssp.2010.07.017.
 """
@@ -23,7 +23,7 @@ from twingap.signal.spectrum import Spectrum, amplitude_spectrum, nearest_bin
 
 
 def analytic_signal(x: ArrayLike) -> np.ndarray[tuple[int, ...], np.dtype[np.complex128]]:
-    """x + j H(x): the signal with its negative frequencies taken out and the positive ones doubled.
+    """Analytic signal x + j H(x): negative frequencies removed, positive ones doubled.
 
     Parameters
     ----------
@@ -43,14 +43,15 @@ def analytic_signal(x: ArrayLike) -> np.ndarray[tuple[int, ...], np.dtype[np.com
 
 
 def envelope(x: ArrayLike, fs_hz: float | None = None, band_hz: tuple[float, float] | None = None) -> Array:
-    """Modulus of the analytic signal, of a band where one is given.
+    """Envelope: modulus of the analytic signal, optionally of one frequency band.
 
     Parameters
     ----------
     x : array_like [..., samples]
     fs_hz : float, optional
-        Needed with a band.
+        Sampling rate, Hz; required with a band.
     band_hz : (float, float), optional
+        Low and high edge, Hz; None = the full band.
 
     Returns
     -------
@@ -74,8 +75,8 @@ def demodulate(
 ) -> np.ndarray[tuple[int, ...], np.dtype[np.complex128]]:
     """Analytic signal of one frequency band, without delay.
 
-    The band is cut out of the spectrum; its edges fall off as a raised cosine inside the band, so that impacts do not
-    ring for longer than they must. Records are treated as periodic: an impact at one end leaks a little to the other.
+    The band is cut out of the spectrum; its edges are raised-cosine tapers inside the band, to limit ringing of
+    impacts. Records are treated as periodic: an impact at one end leaks slightly to the other.
 
     Parameters
     ----------
@@ -84,9 +85,9 @@ def demodulate(
     fs_hz : float
         Sampling rate, Hz.
     band_hz : (float, float)
-        Low and high, 0 <= low < high <= fs/2.
+        Low and high edge, Hz, 0 <= low < high <= fs/2.
     edge : float
-        Part of the band taken by both edges together, 0 (sharp) to 1.
+        Fraction of the band taken by both edges together, 0 (sharp) to 1.
 
     Returns
     -------
@@ -109,7 +110,7 @@ def demodulate(
     gain = np.where(inside >= 0, 1.0, 0.0)
     if edge > 0:
         gain *= np.sin(0.5 * np.pi * np.clip(inside / (edge / 2), 0, 1)) ** 2
-        # A band that begins at 0 or ends at half the rate has no edge there.
+        # A band that begins at 0 or ends at half the sampling rate has no taper there.
         flat = ((low == 0) & (frequency < (low + high) / 2)) | ((high == rate / 2) & (frequency > (low + high) / 2))
         gain[flat & (inside >= 0)] = 1.0
     if not gain.any():
@@ -137,14 +138,14 @@ def squared_envelope_spectrum(
     Parameters
     ----------
     x : array_like [..., samples]
-        The mean is taken out first.
+        The mean is subtracted first.
     fs_hz : float
         Sampling rate, Hz.
     band_hz : (float, float), optional
-        Band to demodulate; None = all of it.
+        Band to demodulate, Hz; None = the full band.
     normalise : bool
-        Divide by the mean squared envelope: values are then depths of modulation, free of the signal's unit. A carrier
-        of amplitude 1 + m cos reads 2 m / (1 + m^2 / 2) at the modulation's frequency. Zeros for a signal without
+        Divide by the mean squared envelope: values are then modulation depths, independent of the signal's unit. A
+        carrier of amplitude 1 + m cos reads 2 m / (1 + m^2 / 2) at the modulation frequency. Zeros for a signal without
         energy in the band.
     window : str
         As in `amplitude_spectrum`.
@@ -152,7 +153,7 @@ def squared_envelope_spectrum(
     Returns
     -------
     Spectrum
-        Hz; dimensionless, or squared unit of x. The value at 0 Hz is 0 as the mean is taken out.
+        Hz; dimensionless, or squared unit of x. The value at 0 Hz is 0 as the mean is subtracted.
 
     Raises
     ------
@@ -169,7 +170,7 @@ def squared_envelope_spectrum(
 
 
 def most_impulsive_band(x: ArrayLike, fs_hz: float, *, max_level: int | None = None) -> list[Band]:
-    """For each signal the band of its kurtogram with the highest kurtosis.
+    """Band of highest kurtosis in the kurtogram of each signal.
 
     Parameters
     ----------
@@ -178,13 +179,13 @@ def most_impulsive_band(x: ArrayLike, fs_hz: float, *, max_level: int | None = N
     fs_hz : float
         Sampling rate, Hz.
     max_level : int, optional
-        As in `fast_kurtogram`. A band shows only modulations slower than its width: keep it wider than three times the
-        fault frequency.
+        As in `fast_kurtogram`. A band transmits only modulations slower than its width: keep it wider than three times
+        the fault frequency.
 
     Returns
     -------
     list of Band
-        One a signal.
+        One per signal.
 
     Raises
     ------
@@ -212,7 +213,7 @@ def impulsive_envelope_spectrum(
     Spectrum
         Normalised, as `squared_envelope_spectrum`.
     list of Band
-        The bands, one a signal (leading axes flattened).
+        The bands, one per signal (leading axes flattened).
 
     Raises
     ------
@@ -234,13 +235,13 @@ class Lines:
     Parameters
     ----------
     orders : Array [harmonics, 2 sidebands + 1]
-        Where each line was looked for; the middle column holds the harmonics.
+        Nominal order of each line; the middle column holds the harmonics.
     found : Array [..., harmonics, 2 sidebands + 1]
-        Where its largest value lies within the tolerance.
+        Order of the largest value within the tolerance.
     strengths : Array [..., harmonics, 2 sidebands + 1]
-        That value.
+        The largest value within the tolerance.
     floor : Array [..., harmonics, 2 sidebands + 1]
-        Median of the spectrum around it.
+        Median of the spectrum around the line.
     """
 
     orders: Array
@@ -266,7 +267,7 @@ def lines_at(
     tolerance: float = 0.02,
     floor_width: float = 0.25,
 ) -> Lines:
-    """Read the lines of a fault out of a spectrum.
+    """Lines of a fault in a spectrum: harmonics and sidebands.
 
     Parameters
     ----------
@@ -275,14 +276,14 @@ def lines_at(
     order : float
         The fault's order (`Bearing.fault_order`), positive.
     harmonics : int
-        How many multiples of it.
+        Number of harmonics.
     sideband_order, sidebands : float, int
-        Distance and number of sidebands on either side of each: 1 for an inner race, the cage's order for a ball.
+        Spacing and number of sidebands on either side of each: 1 for an inner race, the cage's order for a ball.
     tolerance : float
-        Half width of the search around a line, as a part of its order (slip moves bearing lines by a per cent or two);
-        never less than half a bin, nor more than half the distance to the next sideband.
+        Half width of the search around a line, relative to its order (slip shifts bearing lines by 1 to 2 %); limited
+        to between half a bin and half the distance to the next sideband.
     floor_width : float
-        Half width, as a part of `order`, of the stretch whose median is the floor.
+        Half width, relative to `order`, of the range whose median is the floor.
 
     Returns
     -------
@@ -324,7 +325,7 @@ def lines_at(
 
 
 def _stretch(axis: Array, line: float, reach: float, middle: int) -> tuple[int, int]:
-    """Bins within `reach` of a line, the nearest one at least."""
+    """Range of bins within `reach` of a line, at least the nearest one."""
     low, high = np.searchsorted(axis, (line - reach, line + reach), side="left")
     high = int(np.searchsorted(axis, line + reach, side="right"))
     return min(int(low), middle), max(high, middle + 1)

@@ -1,10 +1,10 @@
-"""Features of whole records: numbers that rise as a bearing wears.
+"""Features of complete records, used as condition indicators.
 
-Paper 2 takes "11 time-domain features including mean, standard deviation, and skewness" and "four features of spectrum
-kurtosis such as mean, and skewness" without naming the rest. MathWorks' well-known example "Wind turbine high-speed
-bearing prognosis" has exactly 11 + 4 with these among them, in wording and order; `PAPER2_FEATURES` are those. Two
-definitions differ: its peak is max(x), which depends on the sensor's sign, here it is max |x|; its margin factor
-max(x) / (mean |x|)^2 depends on the unit, here it is the textbook's clearance factor.
+Paper 2 uses "11 time-domain features including mean, standard deviation, and skewness" and "four features of spectrum
+kurtosis such as mean, and skewness" without naming the others. The MathWorks example "Wind turbine high-speed bearing
+prognosis" has exactly 11 + 4 with these among them, in wording and order; `PAPER2_FEATURES` are those. Two definitions
+differ. The example's peak is max(x), which depends on the sensor's sign; here it is max |x|. The example's margin
+factor max(x) / (mean |x|)^2 depends on the unit; here it is the usual clearance factor.
 """
 
 from __future__ import annotations
@@ -32,12 +32,12 @@ PAPER2_FEATURES: Final = (
 
 @dataclass(frozen=True)
 class FeatureTable:
-    """Features of records.
+    """Features of records, by name.
 
     Parameters
     ----------
     names : tuple of str
-        One a column.
+        One per column.
     values : Array [..., features]
     """
 
@@ -138,7 +138,7 @@ def spectral_kurtosis_features(
 
 
 def paper2_features(x: ArrayLike, fs_hz: float, *, window_samples: int = 128) -> FeatureTable:
-    """The 11 time-domain and 4 spectral-kurtosis features of paper 2, in the reading of this module.
+    """The 11 time-domain and 4 spectral-kurtosis features of paper 2, as interpreted in this module.
 
     Parameters
     ----------
@@ -168,6 +168,6 @@ def _rms(signals: Array) -> Array:
 
 
 def _over(above: Array, below: Array) -> Array:
-    """Quotient, 0 where the denominator is."""
+    """Quotient; 0 where the denominator is 0."""
     above, below = np.broadcast_arrays(above, below)
     return np.divide(above, below, out=np.zeros(above.shape), where=below > 0)

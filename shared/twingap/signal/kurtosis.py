@@ -1,4 +1,4 @@
-"""Spectral kurtosis and the kurtogram: where in the spectrum a signal is impulsive.
+"""Spectral kurtosis and the kurtogram: impulsiveness of a signal by frequency band.
 
 Sources: Antoni, The spectral kurtosis: a useful tool for characterising non-stationary signals, MSSP 20 (2006) 282,
 doi:10.1016/j.ymssp.2004.09.001; Antoni, Fast computation of the kurtogram for the detection of transient faults,
@@ -24,18 +24,19 @@ from twingap.signal.spectrum import Spectrum, segments_of
 
 _TAPS = 16
 _CUTOFF = 0.4
-"""Order and cut-off (of half the rate) of the prototype low-pass, as in Antoni's own code: short, with wide overlap."""
+"""Order and cut-off (relative to half the rate) of the prototype low-pass, as in Antoni's code: short, wide overlap."""
 _FEWEST = 128
-"""Samples that the narrowest band of a kurtogram keeps, before the filters' edges are cut off."""
+"""Fewest samples in the narrowest band of a kurtogram, before the filters' transients are removed; more limits the
+depth."""
 
 
 def spectral_kurtosis(x: ArrayLike, fs_hz: float, *, window_samples: int, overlap: float = 0.75) -> Spectrum:
     """Spectral kurtosis from short-time spectra, unbiased for stationary Gaussian noise.
 
     SK(f) = M / (M - 1) ((M + 1) / M <|X|^4> / <|X|^2>^2 - 2) over M frames. 0 for Gaussian noise, -1 for a steady tone,
-    large where bursts are shorter than the record. With frames that do not overlap its standard deviation in Gaussian
-    noise is `gaussian_sk_sd(M)`. Overlap steadies it: for the same record (simulated, 50 frames long) to 0.71 of that
-    at overlap 1/2 and 0.59 at 3/4, where its mean is -0.01; `gaussian_sk_sd` of the larger M then is not its scatter.
+    large where bursts are shorter than the record. Without overlap of frames, its standard deviation in Gaussian noise
+    is `gaussian_sk_sd(M)`. Overlap reduces it, for the same record of 50 frames in simulation, to 0.71 of that at
+    overlap 1/2 and 0.59 at 3/4, where the mean is -0.01; `gaussian_sk_sd` of the larger M does not apply then.
 
     Parameters
     ----------
@@ -43,15 +44,15 @@ def spectral_kurtosis(x: ArrayLike, fs_hz: float, *, window_samples: int, overla
     fs_hz : float
         Sampling rate, Hz.
     window_samples : int
-        Length of a (Hann) frame: shorter than the distance of two impacts, longer than one impact.
+        Length of a (Hann) frame: shorter than the interval between impacts, longer than one impact.
     overlap : float
-        Of neighbouring frames, 0 <= overlap < 1.
+        Fraction shared by neighbouring frames, 0 <= overlap < 1.
 
     Returns
     -------
     Spectrum
-        Hz, dimensionless; 0 at frequencies without energy. At 0 Hz and half the rate spectra are real, and 3 takes the
-        place of 2; the bins next to these lie between the two, which makes them 0.03 high.
+        Hz, dimensionless; 0 at frequencies without energy. At 0 Hz and half the rate spectra are real, so 3 replaces 2;
+        the bins next to these are biased by +0.03.
 
     Raises
     ------
@@ -76,7 +77,7 @@ def spectral_kurtosis(x: ArrayLike, fs_hz: float, *, window_samples: int, overla
     real = np.zeros(length // 2 + 1, dtype=bool)
     real[0] = True
     real[-1] |= length % 2 == 0
-    for row, out in zip(rows, values, strict=True):  # one at a time: overlapping frames of all would need much memory
+    for row, out in zip(rows, values, strict=True):  # one at a time, as overlapping frames need much memory
         spectra = fft.rfft(np.lib.stride_tricks.sliding_window_view(row, length)[::hop] * weights, axis=-1)
         power = spectra.real**2 + spectra.imag**2
         ratio = _ratio(power.mean(axis=0), (power**2).mean(axis=0))
@@ -105,13 +106,13 @@ def gaussian_sk_sd(n_frames: int) -> float:
 
 @dataclass(frozen=True)
 class Band:
-    """A frequency band and how impulsive a signal is in it.
+    """A frequency band and its kurtosis.
 
     Parameters
     ----------
     low_hz, high_hz : float
     level : float
-        Of the kurtogram: log2 of the number of bands at this width.
+        Level in the kurtogram: log2 of the number of bands of this width.
     kurtosis : float
         Excess kurtosis of the complex envelope; 0 for Gaussian noise.
     """
@@ -123,18 +124,18 @@ class Band:
 
     @property
     def centre_hz(self) -> float:
-        """Middle of the band."""
+        """Centre of the band, Hz."""
         return (self.low_hz + self.high_hz) / 2
 
 
 @dataclass(frozen=True)
 class Kurtogram:
-    """Kurtosis of each band of a tree of bands.
+    """Kurtosis of each band in a tree of bands.
 
     Parameters
     ----------
     level, low_hz, high_hz : Array [bands]
-        log2 of the number of bands of that width; the band. By level, then frequency.
+        log2 of the number of bands of that width; edges of the band, Hz. Sorted by level, then frequency.
     n_samples : int array [bands]
         Samples of the envelope from which the kurtosis was estimated.
     kurtosis : Array [..., bands]
@@ -149,7 +150,7 @@ class Kurtogram:
 
     @property
     def best(self) -> list[Band]:
-        """The band of highest kurtosis of each signal, leading axes flattened; the widest of equals."""
+        """The band of highest kurtosis of each signal, leading axes flattened; on a tie the widest."""
         rows = self.kurtosis.reshape(-1, self.level.size)
         return [
             Band(float(self.low_hz[i]), float(self.high_hz[i]), float(self.level[i]), float(row[i]))
@@ -157,7 +158,7 @@ class Kurtogram:
         ]
 
     def image(self) -> tuple[Array, Array, Array]:
-        """For drawing: levels `[rows]`, edges of the columns in Hz `[columns + 1]`, values `[..., rows, columns]`."""
+        """Data of an image: levels `[rows]`, column edges, Hz `[columns + 1]`, values `[..., rows, columns]`."""
         levels = np.unique(self.level)
         columns = 3 * round(2 ** levels[-1])
         nyquist = float(self.high_hz.max())
@@ -170,17 +171,17 @@ class Kurtogram:
 
 
 def fast_kurtogram(x: ArrayLike, fs_hz: float, *, max_level: int | None = None) -> Kurtogram:
-    """Kurtogram by a tree of filters that halve bands, with thirds in between (levels 0, 1, 1.58, 2, 2.58, 3, ...).
+    """Kurtogram by a tree of filters that split bands into halves and thirds (levels 0, 1, 1.58, 2, 2.58, 3, ...).
 
     Each node filters its parent's complex envelope with a short filter and keeps every second (third) sample; samples
-    that the filters' run-in touches are left out. The filters are Antoni's; unlike his code, the tree starts from the
-    analytic signal: his leaks negative frequencies into the bands at 0 Hz and half the rate, and so sees a kurtosis of
-    0.18 there in Gaussian noise; at level 0 it takes the kurtosis of a real signal, half as high again as of envelopes.
+    within the filters' transients are left out. The filters are Antoni's. Unlike in his code, the tree starts from the
+    analytic signal: his leaks negative frequencies into the bands at 0 Hz and half the rate, with a kurtosis of 0.18
+    there in Gaussian noise, and at level 0 it uses the kurtosis of a real signal, 1.5 times that of envelopes.
 
     Parameters
     ----------
     x : array_like [..., samples]
-        At least 256 samples; the mean is taken out first.
+        At least 256 samples; the mean is subtracted first.
     fs_hz : float
         Sampling rate, Hz.
     max_level : int, optional
@@ -224,7 +225,7 @@ def _grow(
     rate: float,
     found: list[tuple[float, float, float, int, Array]],
 ) -> None:
-    """Split the band `place` of `level`, note the kurtosis of its parts, and go on with its halves."""
+    """Split band `place` of `level`, append the kurtosis of its parts to `found`, and recurse into its halves."""
     for parts in (2, 3) if level + 1 < levels else (2,):
         width = rate / 2 ** (level + 1) / parts
         for part in range(parts):
@@ -237,13 +238,13 @@ def _grow(
 
 
 def _part(node: NDArray[Any], part: int, parts: int) -> NDArray[np.complex128]:
-    """One half (third) of the positive frequencies of `node`, at half (a third) of its rate, band moved back to 0."""
+    """One half (third) of the positive frequencies of `node`, at half (a third) of its rate, shifted down to 0."""
     taps = band_filter(part, parts)
     full = sps.upfirdn(taps, node, down=parts, axis=-1)
     run_in = -(-(taps.size - 1) // parts)
     child: NDArray[np.complex128] = full[..., run_in : (node.shape[-1] - 1) // parts + 1]
     if part % 2:
-        # Kept samples fold an odd part onto negative frequencies; half a turn a sample brings it back.
+        # Decimation aliases an odd part to negative frequencies; a shift by half the rate corrects it.
         child = child * (1 - 2 * (np.arange(child.shape[-1]) % 2))
     return child
 
@@ -255,7 +256,7 @@ def band_filter(part: int, parts: int) -> NDArray[np.complex128]:
     Parameters
     ----------
     part, parts : int
-        Which of how many (2 or 3).
+        Index of the part, and number of parts (2 or 3).
 
     Returns
     -------
@@ -271,7 +272,7 @@ def band_filter(part: int, parts: int) -> NDArray[np.complex128]:
 
 
 def _excess(envelope: NDArray[np.complex128]) -> Array:
-    """Excess kurtosis of complex envelopes, 0 for those without energy."""
+    """Excess kurtosis of complex envelopes; 0 without energy."""
     energy = envelope.real**2 + envelope.imag**2
     ratio = _ratio(energy.mean(axis=-1), (energy**2).mean(axis=-1))
     return np.where(ratio > 0, ratio - 2, 0.0)

@@ -1,9 +1,9 @@
-"""A few order statistics of many samples, without sorting them.
+"""Order statistics at a few ranks without a full sort.
 
 samples --leading bits of each--> bins in ascending order --counts--> the bins that hold a rank --sorted--> its sample
 
-Doubles of one sign ascend as their bits do, so that bins of equal leading bits (1/64 of an octave) need no knowledge of
-the distribution. Three passes over the samples; of what they fall into, only a few dozen are sorted.
+Doubles of one sign ascend as their bits do, so bins of equal leading bits (1/64 of an octave) require no knowledge of
+the distribution. There are three passes over the samples; only the samples in the bins of the ranks are sorted.
 """
 
 from __future__ import annotations
@@ -18,14 +18,14 @@ from twingap._compiled import njit
 Array = NDArray[np.float64]
 
 _SHIFT: Final = 46
-"""Bits of a double's mantissa that bins do not tell apart: 6 of 52 are kept."""
+"""Low bits of a double that bins ignore: 6 of the mantissa's 52 are kept; a smaller shift gives more, smaller bins."""
 _DEEPEST: Final = 24 << (52 - _SHIFT)
-"""Bins of either sign: what is more than 24 octaves below the largest falls into one bin about 0."""
+"""Bins of either sign: values more than 24 octaves below the largest share one bin about 0."""
 _MAGNITUDE: Final = (1 << 63) - 1
 
 
 def order_statistics(x: Array, ranks: NDArray[np.int64]) -> Array:
-    """The same as ``np.sort(x)[ranks]``.
+    """Order statistics: the same as ``np.sort(x)[ranks]``.
 
     Parameters
     ----------
@@ -48,7 +48,7 @@ def order_statistics(x: Array, ranks: NDArray[np.int64]) -> Array:
 
 @njit()
 def _gathered(x, bits, ranks, bin_of, begins, offset, held, place):  # type: ignore[no-untyped-def]  # pragma: no cover
-    """How many samples lie in bins that hold a rank; `held` begins with them, `place` is each rank's once sorted.
+    """Number of samples in bins that hold a rank; `held` begins with them, `place` is each rank's index once sorted.
 
     `begins` and `offset` are zeros; `bin_of` is work space.
     """
@@ -63,7 +63,7 @@ def _gathered(x, bits, ranks, bin_of, begins, offset, held, place):  # type: ign
         own = _DEEPEST + (own if bits[i] >= 0 else -own)
         bin_of[i] = own
         begins[own + 1] += 1
-    for k in range(1, begins.size):  # of each bin, the rank of its first
+    for k in range(1, begins.size):  # rank of the first sample of each bin
         begins[k] += begins[k - 1]
     for k in range(ranks.size):
         low, high = 0, begins.size - 1  # begins[low] <= rank < begins[high]
@@ -78,7 +78,7 @@ def _gathered(x, bits, ranks, bin_of, begins, offset, held, place):  # type: ign
     total = 0
     for k in range(offset.size):
         if offset[k]:
-            offset[k] = total + 1  # 0 stays for bins without a rank
+            offset[k] = total + 1  # 0 marks bins without a rank
             total += begins[k + 1] - begins[k]
     for k in range(ranks.size):
         place[k] = offset[place[k]] - 1 + ranks[k] - begins[place[k]]

@@ -1,8 +1,8 @@
-"""Order tracking: from samples at equal times to samples at equal shaft angles.
+"""Order tracking: resampling from equal times to equal shaft angles.
 
 speed or tacho -> turns(t) -> resample x at turns = 0, 1/n, 2/n, ... -> spectrum over orders, average over turns
 
-Whatever repeats with the shaft becomes a sharp line at its order, however the speed varied within the record.
+Components tied to the shaft become sharp lines at their orders, even if the speed varies within the record.
 Source: Fyfe and Munck, Analysis of computed order tracking, MSSP 11 (1997) 187, doi:10.1006/mssp.1996.0056.
 """
 
@@ -20,9 +20,9 @@ from twingap.signal._input import Array, as_signals, positive, whole
 from twingap.signal.spectrum import Spectrum, amplitude_spectrum
 
 _FINER = 4
-"""Cubic interpolation is good well below half the rate only: signals are brought to this multiple of it first."""
+"""Oversampling before cubic interpolation, which is accurate only well below half the rate; larger is slower."""
 _HALF_LENGTH = 64
-"""Angle steps on either side that the anti-aliasing filter sees: passes 0.92 of half the rate, stops all of it."""
+"""Half length of the anti-aliasing filter in angle steps: passes 0.92 of half the rate; longer is steeper."""
 
 
 def turns_from_speed(speed_rpm: ArrayLike, fs_hz: float) -> Array:
@@ -59,7 +59,7 @@ def turns_from_speed(speed_rpm: ArrayLike, fs_hz: float) -> Array:
 def turns_from_tacho(pulse_times_s: ArrayLike, samples: int, fs_hz: float, *, pulses_per_turn: int = 1) -> Array:
     """Shaft angle at each sample from the times of tacho pulses.
 
-    Between pulses a monotone cubic is followed; before the first and after the last the speed of the outermost pair.
+    Monotone cubic interpolation between pulses; before the first and after the last, the speed of the outermost pair.
 
     Parameters
     ----------
@@ -99,9 +99,9 @@ def turns_from_tacho(pulse_times_s: ArrayLike, samples: int, fs_hz: float, *, pu
 def to_angle(x: ArrayLike, turns: ArrayLike, samples_per_turn: int) -> Array:
     """Resample records at equal increments of shaft angle, without aliasing.
 
-    Where the shaft turns slowly, samples at equal angles lie far apart in time, and high frequencies would fold. So the
-    angle is first cut as finely as the slowest part of the record asks for, then filtered (linear phase, no delay) and
-    thinned out: what remains are orders below samples_per_turn / 2 at any speed.
+    Where the shaft turns slowly, samples at equal angles lie far apart in time, and high frequencies would alias. The
+    angle is therefore first sampled as finely as the slowest part of the record requires, then filtered (linear phase,
+    no delay) and decimated: orders below samples_per_turn / 2 remain at any speed.
 
     Parameters
     ----------
@@ -110,18 +110,18 @@ def to_angle(x: ArrayLike, turns: ArrayLike, samples_per_turn: int) -> Array:
     turns : array_like [samples] or [..., samples]
         Shaft angle at each sample, in turns, strictly increasing.
     samples_per_turn : int
-        Twice the highest order wanted, and a tenth more for the filter's slope.
+        Twice the highest order wanted, plus a tenth for the filter's transition band.
 
     Returns
     -------
     Array [..., angles]
-        From the first sample on; all records as long as the one of fewest turns. Where the filter is needed, up to 64
-        samples at either end feel the record's edges.
+        From the first sample on; all records have the length of the one with the fewest turns. Where the filter is
+        needed, up to 64 samples at either end are affected by the record's edges.
 
     Raises
     ------
     TwingapError
-        For NaN, infinities, an angle that does not increase, shapes that do not fit, less than one turn.
+        For NaN, infinities, an angle that does not increase, inconsistent shapes, or less than one turn.
     """
     where = "to_angle"
     signals, angle = as_signals(x, where=where, at_least=8), as_signals(turns, where=where, at_least=8)
@@ -139,7 +139,7 @@ def to_angle(x: ArrayLike, turns: ArrayLike, samples_per_turn: int) -> Array:
     span = float((angle[..., -1] - angle[..., 0]).min())
     if span < 1:
         raise TwingapError(f"records span {span:g} turns, at least 1 expected", where=where)
-    # Fine enough that even where the shaft is slowest an angle step is no longer than a sampling step.
+    # An angle step is at most one sampling step, even at the lowest speed.
     finer = max(1, math.ceil(1 / (per_turn * float(steps.min())) - 1e-9))
     count = math.floor(span * per_turn * (1 + 1e-12)) + 1
     rows = signals.reshape(-1, samples)
@@ -149,7 +149,7 @@ def to_angle(x: ArrayLike, turns: ArrayLike, samples_per_turn: int) -> Array:
     out = np.empty((rows.shape[0], count))
     for row, own, result in zip(rows, angles, out, strict=True):
         when = CubicSpline(own - own[0], np.arange(samples))(places)
-        # Mirrored, a record is periodic without a jump, and zeros added to its spectrum fill in between its samples.
+        # Mirrored, a record is periodic without a jump, so that zero-padding its spectrum interpolates it.
         dense = sps.resample(np.concatenate((row, row[::-1])), 2 * samples * _FINER)[: (samples - 1) * _FINER + 1]
         fine = CubicSpline(np.arange(dense.size) / _FINER, dense)(np.clip(when, 0, samples - 1))
         if finer > 1:
@@ -171,8 +171,8 @@ def order_spectrum(x: ArrayLike, turns: ArrayLike, samples_per_turn: int, *, win
     Returns
     -------
     Spectrum
-        Multiples of shaft speed; peak amplitude in the unit of x. Cut to whole turns, so that shaft harmonics lie on
-        bins.
+        Orders (multiples of shaft speed); peak amplitude in the unit of x. Records are cut to whole turns, so that
+        shaft harmonics lie on bins.
 
     Raises
     ------
@@ -185,14 +185,14 @@ def order_spectrum(x: ArrayLike, turns: ArrayLike, samples_per_turn: int, *, win
 
 
 def synchronous_average(x: ArrayLike, samples_per_period: int) -> Array:
-    """Mean over periods: what repeats with the shaft stays, everything else falls as 1/sqrt(periods).
+    """Synchronous average: mean over periods; components not tied to the shaft fall as 1/sqrt(periods).
 
     Parameters
     ----------
     x : array_like [..., angles]
-        Sampled at equal shaft angles (`to_angle`); at least one period. A last part of a period is left out.
+        Sampled at equal shaft angles (`to_angle`); at least one period. An incomplete last period is left out.
     samples_per_period : int
-        Samples per turn, or per several turns for what repeats only after these.
+        Samples per turn, or per several turns for components with a longer period.
 
     Returns
     -------
@@ -211,7 +211,7 @@ def synchronous_average(x: ArrayLike, samples_per_period: int) -> Array:
 
 
 def without_average(x: ArrayLike, samples_per_period: int) -> Array:
-    """What is left of a signal over angle when its synchronous average is taken out: bearings, and noise.
+    """Residual of a signal over angle after subtraction of its synchronous average: bearing signal and noise.
 
     Parameters
     ----------

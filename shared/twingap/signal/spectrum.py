@@ -1,11 +1,11 @@
-"""Spectra, one convention each.
+"""Spectra with defined scalings.
 
 amplitude_spectrum        one-sided, peak amplitude in the unit of x: a sine of amplitude A on a bin reads A
 averaged_spectrum         the same, root of the mean square over overlapping segments: phase-free, less scatter
 power_spectral_density    one-sided density in unit^2/Hz: its integral is the variance (Welch 1967)
 
-The mean of a signal is taken out first in all three. At 0 Hz and at half the sampling rate, where a line is not split
-between a positive and a negative frequency, nothing is doubled.
+The mean of a signal is subtracted first in all three. Values at 0 Hz and at half the sampling rate, which have no
+counterpart at a negative frequency, are not doubled.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ class Spectrum(NamedTuple):
 
     @property
     def resolution(self) -> float:
-        """Distance of two bins."""
+        """Bin spacing, in the unit of `frequency`."""
         return float(self.frequency[1] - self.frequency[0])
 
     def at(self, frequency: ArrayLike) -> Array:
@@ -45,19 +45,19 @@ class Spectrum(NamedTuple):
         return values
 
     def in_orders(self, speed_rpm: float) -> Spectrum:
-        """The same values against multiples of a constant shaft speed (a spectrum in Hz is presumed)."""
+        """The same values over multiples of a constant shaft speed; for a spectrum in Hz."""
         return Spectrum(self.frequency / (positive(speed_rpm, "speed_rpm", where="in_orders") / 60), self.values)
 
 
 def nearest_bin(frequency: ArrayLike, wanted: ArrayLike) -> NDArray[np.intp]:
-    """Index of the bin nearest to each wanted frequency or order; the lower one of two equally near.
+    """Index of the bin nearest to each wanted frequency or order; on a tie the lower one.
 
     Parameters
     ----------
     frequency : array_like [bins]
         Bins, equally spaced and ascending.
     wanted : array_like [...]
-        In the same unit.
+        In the unit of `frequency`.
 
     Returns
     -------
@@ -66,7 +66,7 @@ def nearest_bin(frequency: ArrayLike, wanted: ArrayLike) -> NDArray[np.intp]:
     Raises
     ------
     TwingapError
-        For a frequency more than half a bin outside the bins, or NaN.
+        For NaN, or a frequency more than half a bin outside the range of the bins.
     """
     bins, asked = np.asarray(frequency, dtype=np.float64), np.asarray(wanted, dtype=np.float64)
     if bins.ndim != 1 or bins.size < 2:
@@ -93,7 +93,7 @@ def amplitude_spectrum(x: ArrayLike, fs_hz: float, *, window: str = "hann") -> S
     x : array_like [..., samples]
         At least 2 samples.
     fs_hz : float
-        Sampling rate, Hz. Give samples per turn for a spectrum over orders.
+        Sampling rate, Hz; samples per turn for a spectrum over orders.
     window : str
         Any window of `scipy.signal.get_window` without parameters, periodic form; divided by its mean, so that lines
         keep their amplitude. Between bins a line reads up to 15 % low with "hann", 36 % with "boxcar", 0.1 % with
@@ -132,8 +132,9 @@ def averaged_spectrum(
     segment_samples : int
         Length of a segment, at most that of the record.
     overlap : float
-        Of neighbouring segments, 0 <= overlap < 1.
+        Fraction shared by neighbouring segments, 0 <= overlap < 1.
     window : str
+        As in `amplitude_spectrum`.
 
     Returns
     -------
@@ -146,7 +147,7 @@ def averaged_spectrum(
         As `amplitude_spectrum`; also for segments longer than the record.
     """
     frequency, power = _welch(x, fs_hz, segment_samples, overlap, window, "spectrum", "averaged_spectrum")
-    # SciPy gives the mean square of a line: half its squared peak, but the whole at 0 and at half the rate.
+    # SciPy's mean square of a line is half the squared peak, but all of it at 0 and at half the sampling rate.
     power[..., 1 : (segment_samples + 1) // 2] *= 2.0
     return Spectrum(frequency, np.sqrt(power))
 
@@ -154,7 +155,7 @@ def averaged_spectrum(
 def power_spectral_density(
     x: ArrayLike, fs_hz: float, *, segment_samples: int, overlap: float = 0.5, window: str = "hann"
 ) -> Spectrum:
-    """One-sided power spectral density after Welch, by SciPy.
+    """One-sided power spectral density by Welch's method, with SciPy.
 
     Parameters
     ----------
@@ -175,7 +176,7 @@ def power_spectral_density(
 
 
 def segments_of(samples: int, segment_samples: int, overlap: float, *, where: str) -> tuple[int, int]:
-    """Length and overlap of segments in samples, checked against the record's length."""
+    """Segment length and overlap in samples, checked against the record's length."""
     length = whole(segment_samples, "segment_samples", where=where, at_least=2)
     if length > samples:
         raise TwingapError(

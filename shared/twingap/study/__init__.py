@@ -1,7 +1,7 @@
-"""The blind study: worlds of known truth, sealed; diagnosed; unsealed; scored beside what a reader would use instead.
+"""Blind study: worlds of known truth are sealed, diagnosed, unsealed and scored, next to rival methods.
 
-It stands above both the virtual machines (`twingap.rigs`) and the diagnosis (`twingap.gap`), between which no arrow
-leads either way.
+This package depends on the virtual machines (`twingap.rigs`) and on the diagnosis (`twingap.gap`). Neither of these
+depends on the other.
 """
 
 from twingap.study.runner import Study, run_study

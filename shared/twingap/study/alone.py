@@ -1,8 +1,8 @@
-"""The slowest diagnoses of a study once more, one at a time: what each takes where it has the machine to itself.
+"""Runtime of the slowest diagnoses of a study, each repeated with the machine to itself.
 
-study.json --slowest worlds, made again--> diagnosed alone --> seconds beside those of the study
+study.json --slowest worlds, made again--> diagnosed alone --> seconds next to those of the study
 
-A study diagnoses as many worlds at once as there are cores, and two threads of one core take each other's time. Run as
+A study diagnoses as many worlds in parallel as there are cores, so its runtimes include contention. Run as
 ``python -m twingap.study.alone DIR``.
 """
 
@@ -27,15 +27,16 @@ if TYPE_CHECKING:
 
 
 class Timed(NamedTuple):
-    """One world's diagnosis.
+    """Runtime of one world's diagnosis.
 
     Parameters
     ----------
     case : str
+        Name of the case.
     in_study_s, alone_s : float
-        Wall time beside others, and alone.
+        Wall time in the study, in parallel with others, and alone, s.
     same : bool
-        Whether it was named the same effects again.
+        Whether the repetition named the same effects.
     """
 
     case: str
@@ -54,27 +55,27 @@ def slowest_again(
     study : Mapping
         Content of study.json.
     count : int
+        Number of worlds.
     planned : sequence of Case, optional
-        What the study was made of; as `twingap study blind` plans it when None.
+        Cases of the study; None = those of `twingap study blind`.
     diagnose : callable, optional
-        See `worker.Diagnose`; `twingap.gap.diagnose` when None.
+        See `worker.Diagnose`; None = `twingap.gap.diagnose`.
 
     Returns
     -------
     list of Timed
-        Slowest of the study first.
+        In descending order of runtime in the study.
 
     Raises
     ------
     TwingapError
-        When the study was of other code, or of another training: other answers take other times.
+        When the study used other code or another trained model: runtimes are then not comparable.
     """
     from twingap.rigs.worlds import cases, make_world
 
     about, diagnose = study["provenance"], diagnose or diagnosis()
     code = {"diagnosis": digest_of(diagnose), "worlds": digest_of_worlds()}
-    # What is learnt is made here where it is not at hand, which takes its time: neither for other code, nor within the
-    # first world's time.
+    # A missing trained model is made here, so that its training does not count as runtime of the first world.
     if code != about["code_sha256"] or learnt_digest(diagnose) != about["learnt_sha256"]:
         raise TwingapError("the study is of another diagnosis", mend="take the code and the training that it ran on")
     by_name = {case.name: case for case in planned or cases(about["cases"], about["seed"])}
@@ -90,7 +91,7 @@ def slowest_again(
 
 
 def main() -> int:
-    """Print what the slowest diagnoses of a study take alone."""
+    """Print the runtimes of the slowest diagnoses of a study, each alone."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else "")
     parser.add_argument("folder", type=Path, metavar="DIR", help="filled by `twingap study blind --out DIR`")
     parser.add_argument("--slowest", type=int, default=6, metavar="N", help="so many (6)")

@@ -1,4 +1,4 @@
-"""What a diagnosis gets to see of a world: samples, nominal conditions and the twin; nothing else hangs on to them.
+"""Blinded world: the samples, nominal conditions and twin that a diagnosis receives, without the truth.
 
 World (records, sim, twin, truth, ...) --copied, names replaced--> Blind (records, sim, twin)
 """
@@ -16,7 +16,7 @@ from twingap.twins.twin_file import TwinSpec
 
 
 class Worldly(Protocol):
-    """What is used of a world; see `twingap.rigs.worlds`."""
+    """Attributes of a world that blinding uses; see `twingap.rigs.worlds`."""
 
     @property
     def records(self) -> RecordSet: ...
@@ -28,13 +28,14 @@ class Worldly(Protocol):
 
 @dataclass(frozen=True)
 class Blind:
-    """What a diagnosis gets.
+    """Input of a blind diagnosis.
 
     Parameters
     ----------
     records : RecordSet
+        Measured records under neutral names.
     sim : RecordSet or None
-        The user's own simulator; None = the built-in twin.
+        Records of the user's own simulator; None = the built-in twin.
     twin : TwinSpec
     """
 
@@ -44,10 +45,10 @@ class Blind:
 
 
 def blinded(world: Worldly) -> Blind:
-    """Copies of what may be seen of a world, from which no reference leads back to it.
+    """Copy of the visible part of a world, without any reference to the world itself.
 
-    Names of sets, records and groups are replaced by numbers, and columns beyond those of the record-set form are
-    dropped, since either could tell.
+    Names of sets, records and groups are replaced by numbers, and columns beyond the record-set schema are dropped,
+    since either could reveal the truth.
     """
     return Blind(
         anonymous(world.records, "machine"),
@@ -57,7 +58,7 @@ def blinded(world: Worldly) -> Blind:
 
 
 def anonymous(records: RecordSet, name: str) -> RecordSet:
-    """The same records under names that say nothing."""
+    """The same records under neutral names."""
     groups = {group: f"g{place:04d}" for place, group in enumerate(records.groups)}
     copies = (
         Record(
@@ -70,7 +71,7 @@ def anonymous(records: RecordSet, name: str) -> RecordSet:
 
 
 def spec_of(twin: Mapping[str, Any]) -> TwinSpec:
-    """The spec that TWIN.toml of this content describes."""
+    """Twin specification from the content of a TWIN.toml."""
     table = twin.get("twin", twin)
     return TwinSpec(
         model=str(table["model"]),

@@ -1,13 +1,12 @@
-"""How much of a world's gap its true effects close, and what they leave: yardsticks of a verdict's closure.
+"""Reference values for a verdict's closure: gap closed by the true effects, and gap left without any effect.
 
 machine without effects --replayed--> before --+
 machine with the true effects, true values ----+--gap.distance from the records--> (before - after) / (before - floor)
 records ---------------------------------------+
+machine without effects --replayed, blinded, calibrated--> twin --gap.distance--> gap that no effect can close
 
-machine without effects --replayed, blinded, calibrated--> twin --gap.distance--> what the twin leaves of no gap at all
-
-The first asks for a twin that is the machine; the second for one that is as near as this twin can be, whose structure
-is not the machine's.
+The first assumes a twin that equals the machine. The second is the best that this twin can reach, as its structure
+differs from the machine's.
 """
 
 from __future__ import annotations
@@ -28,22 +27,22 @@ REPLICATES = 2
 
 
 def true_closure(world: Any, seed: int) -> float | None:
-    """Closure of the catalogued effects that the world has, at the values it has them.
+    """Closure of the world's catalogued effects at their true values.
 
-    Fresh records of the same machine are compared: without any effect that the twin lacks, and with those of the
-    catalogue. Outsiders are in neither, so what they change stays open.
+    New records of the same machine are compared: without any effect that the twin lacks, and with the catalogued
+    effects. Effects outside the catalogue are in neither, so the gap due to them stays open.
 
     Parameters
     ----------
     world : World
         See `twingap.rigs.worlds`.
     seed : int
-        Of the fresh records.
+        Seed of the new records.
 
     Returns
     -------
     float or None
-        None where there is no effect to add, or no gap to close.
+        Dimensionless; None where there is no effect to add, or no gap to close.
     """
     from twingap.gap.distance.grid import Grid
     from twingap.gap.distance.paired import Paired
@@ -54,7 +53,7 @@ def true_closure(world: Any, seed: int) -> float | None:
     if not truth.effects:
         return None
     records = world.records
-    # True speeds: what a wrong tachometer does is no gap, and calibration is not what is judged here.
+    # True speeds: tachometer errors are not part of the gap, and calibration is not evaluated here.
     conditions = [replace(c, speed_rpm=s) for c, s in zip(records.conditions, truth.speed_rpm, strict=True)]
     fs = min(c.fs_hz for c in conditions)
     scale = float(np.median([np.sqrt(np.mean(r.samples**2)) for r in records]))
@@ -78,20 +77,20 @@ def true_closure(world: Any, seed: int) -> float | None:
 
 
 def left_without_effects(world: Any, seed: int) -> float | None:
-    """Gap between the machine without its effects and its own calibrated twin: no named effect closes that.
+    """Gap between the machine without its effects and its own calibrated twin: no effect of the catalogue closes it.
 
     Parameters
     ----------
     world : World
         See `twingap.rigs.worlds`.
     seed : int
-        Of the fresh records.
+        Seed of the new records.
 
     Returns
     -------
     float or None
-        Overall gap on the held-out part, standard deviations. None where the twin cannot be calibrated, or names
-        effects of its own without values, which only a diagnosis could find.
+        Gap over all domains on the held-out part, in standard deviations. None where the twin cannot be calibrated, or
+        has effects without values, which only a diagnosis could estimate.
     """
     from twingap.gap.search.modelled_effects import without_values
     from twingap.rigs.worlds import replay

@@ -1,11 +1,11 @@
-"""Whether the closure's 90 % interval holds what many more records of the same machine say.
+"""Coverage of the closure's 90 % interval, against many more records of the same machine.
 
 world --diagnose blind--> verdict's effects, closure, interval
-the same machine run again, many times --the same two twins, the same measure--> closure of all of them: the reference
+the same machine run again, many times --the same two twins, the same distance--> reference closure over all runs
 
-Run as ``python -m twingap.study.closure_coverage`` it prints one line per world and the coverage. The reference keeps
-what the verdict added; whether that was right is the blind study's question. It has an error of its own, of about the
-interval's half width over the root of the number of runs, so that the coverage is, if anything, understated.
+Run as ``python -m twingap.study.closure_coverage``; it prints one line per world and the coverage. The reference uses
+the effects of the verdict; whether these are right is evaluated by the blind study. The reference has a sampling error
+of about the interval's half width over the root of the number of runs, so the coverage is slightly underestimated.
 """
 
 from __future__ import annotations
@@ -38,15 +38,18 @@ REPLICATES = 4
 
 @dataclass(frozen=True)
 class Checked:
-    """One world's interval and reference.
+    """Interval and reference of one world.
 
     Parameters
     ----------
     case : str
+        Name of the case.
     effects : tuple of str
-        Named, and added.
+        Effects named by the verdict and added to the twin.
     closure, reference : float
+        Closure of the verdict, and over all runs of the machine; dimensionless.
     ci : (float, float)
+        90 % interval of the closure.
     """
 
     case: str
@@ -57,18 +60,19 @@ class Checked:
 
     @property
     def covered(self) -> bool:
-        """Whether the interval holds the reference."""
+        """Whether the interval contains the reference."""
         return self.ci[0] <= self.reference <= self.ci[1]
 
 
 def check(case: Case, seed: int, learnt: Learnt) -> Checked | None:
-    """A world's interval against what more runs of its machine say; None where the verdict adds nothing.
+    """Interval of a world's closure and the reference from more runs of its machine; None where no effect is named.
 
     Parameters
     ----------
     case : Case
     seed : int
     learnt : Learnt
+        Trained model of the diagnosis.
     """
     from twingap.rigs.worlds import make_world, replay
 
@@ -86,7 +90,7 @@ def check(case: Case, seed: int, learnt: Learnt) -> Checked | None:
     places = {c.name: place for place, c in enumerate(blind.records.conditions)}
 
     def twins(first: int) -> tuple[list[FeatureVectors], list[FeatureVectors]]:
-        """Replicates before and after, from replicate number `first` on."""
+        """Feature vectors of the replicates before and after, from replicate number `first` on."""
         before, after = (
             [
                 evidence.vectors(evidence.simulated(c.simulator, c.effects, part.conditions, first + k), grid)
@@ -113,7 +117,7 @@ def check(case: Case, seed: int, learnt: Learnt) -> Checked | None:
 
 
 def main() -> None:
-    """Worlds with one to five effects of a seed that no study used."""
+    """Print interval and reference of worlds with one to five effects, and the coverage."""
     from twingap.gap.knowledge import shipped
     from twingap.rigs.worlds.plan import cases
 

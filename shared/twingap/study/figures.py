@@ -1,8 +1,8 @@
-"""Figures of a study: scores against targets, who was taken for whom, where it is weak, rivals, reliability.
+"""Figures of a study: scores and targets, confusion matrix, rates by effect, rival methods, reliability.
 
 study.json --draw_all--> scores.png, confusion.png, by_effect.png, rivals.png, reliability.png
 
-Colours are Okabe and Ito's (https://jfly.uni-koeln.de/color/) and shades of one; nothing is told by colour alone.
+Colours are from the Okabe-Ito palette (https://jfly.uni-koeln.de/color/); nothing is encoded by colour alone.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ _MARKS = "osD^vP"
 
 
 def draw_all(table: Mapping[str, Any], folder: Path) -> list[Path]:
-    """Draw every figure of a study into a folder; their paths."""
+    """Draw every figure of a study into a folder; returns their paths."""
     drawings: dict[str, Callable[[Mapping[str, Any]], Figure]] = {
         "scores.png": scores, "confusion.png": confusion, "by_effect.png": by_effect, "rivals.png": rivals,
         "reliability.png": reliability,
@@ -37,7 +37,7 @@ def draw_all(table: Mapping[str, Any], folder: Path) -> list[Path]:
 
 
 def scores(table: Mapping[str, Any]) -> Figure:
-    """Every rate with a target: value, interval, target, met or not."""
+    """Every rate that has a target: value, interval, target, and whether it is met."""
     rows = [r for r in table["scores"] if r["target"] and "upper" not in r["score"]]
     rates = [r for r in rows if not r["score"].startswith(("runtime", "peak", "size"))]
     others = [r for r in rows if r not in rates]
@@ -65,7 +65,7 @@ def scores(table: Mapping[str, Any]) -> Figure:
 
 
 def confusion(table: Mapping[str, Any]) -> Figure:
-    """Single effects: the true one against the one named first, counts written."""
+    """Confusion matrix of worlds with one effect: true effect against the effect named first, with counts."""
     counts = np.array(table["confusion"]["counts"], float)
     effects, named = table["confusion"]["effects"], table["confusion"]["first_named"]
     figure = _figure(10.5, 9.2)
@@ -92,7 +92,7 @@ def confusion(table: Mapping[str, Any]) -> Figure:
 
 
 def by_effect(table: Mapping[str, Any]) -> Figure:
-    """Rates by effect and strength, as shares with counts."""
+    """Rates by effect and strength, with counts."""
     panels = ("detected", "first-named right", "exact set", "found in company")
     effects = table["confusion"]["effects"]
     by = {(r["effect"], r["strength"], r["score"]): r for r in table["by_effect"]}
@@ -120,7 +120,7 @@ def by_effect(table: Mapping[str, Any]) -> Figure:
 
 
 def rivals(table: Mapping[str, Any]) -> Figure:
-    """The diagnosis beside its rivals, score by score."""
+    """Scores of the diagnosis and of its rivals."""
     methods = {"diagnosis": table["scores"], **table["rivals"]}
     chosen = [(r["score"], r["among"]) for r in table["scores"] if r["score"] in COMPARED]
     figure = _figure(10.0, 0.62 * len(chosen) + 2.6)
@@ -155,7 +155,7 @@ def rivals(table: Mapping[str, Any]) -> Figure:
 
 
 def reliability(table: Mapping[str, Any]) -> Figure:
-    """Probabilities given to effects against how often these were there."""
+    """Reliability diagram: predicted probability of an effect against its observed frequency."""
     rows = table["reliability"]
     figure = _figure(5.6, 5.4)
     axis = figure.subplots(1, 1)
@@ -175,7 +175,7 @@ def reliability(table: Mapping[str, Any]) -> Figure:
 
 
 def _figure(width: float, height: float) -> Figure:
-    """A figure of its own, without the global state of pyplot."""
+    """A figure outside pyplot's global state."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
@@ -209,7 +209,7 @@ def _verdict(met: bool | None) -> str:
 
 
 def _bound(target: str) -> tuple[float, bool]:
-    """The number in a target's words, and whether it is a least one."""
+    """Value of a target given as text, and whether it is a lower bound."""
     return float(target.split()[-1]), "at least" in target
 
 

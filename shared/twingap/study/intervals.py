@@ -1,4 +1,4 @@
-"""Exact intervals for counts and medians: a study of few worlds should not look surer than it is.
+"""Exact confidence intervals of rates and medians, valid for few worlds.
 
 k of n --Clopper-Pearson--> interval of a rate;  values --order statistics--> interval of their median
 """
@@ -14,22 +14,24 @@ LEVEL = 0.95
 
 
 def of_rate(k: int, n: int, level: float = LEVEL) -> tuple[float, float]:
-    """Interval of a rate of which k of n were seen; holds its level whatever the rate.
+    """Clopper-Pearson interval of a rate, of at least the nominal coverage for any true rate.
 
     Parameters
     ----------
     k, n : int
-        0 <= k <= n; (0, 1) for n = 0.
+        Successes and trials, 0 <= k <= n; the interval is (0, 1) for n = 0.
     level : float
+        Confidence level.
 
     Returns
     -------
     (float, float)
+        Lower and upper end.
 
     Raises
     ------
     ValueError
-        For counts that cannot be.
+        When k is negative or larger than n.
 
     References
     ----------
@@ -47,17 +49,18 @@ def of_rate(k: int, n: int, level: float = LEVEL) -> tuple[float, float]:
 
 
 def of_median(values: Sequence[float], level: float = LEVEL) -> tuple[float, float]:
-    """Interval of the median of a distribution from independent draws, by order statistics; any distribution.
+    """Distribution-free interval of the median from independent values, by order statistics.
 
     Parameters
     ----------
     values : sequence of float [n]
     level : float
+        Confidence level.
 
     Returns
     -------
     (float, float)
-        Infinite where there are too few values for the level (fewer than six at 95 %).
+        Lower and upper end; infinite where there are too few values for the level (fewer than six at 95 %).
 
     References
     ----------

@@ -1,7 +1,7 @@
-"""Neural posterior estimation of which effects are missing, from the public library `sbi`: an optional rival.
+"""Neural posterior estimation of the missing effects with the public library `sbi`: an optional rival.
 
 examples: indicators of effects [24] + noise --> theta;  plain statistics --PCA--> x
-q(theta | x) learnt once (masked autoregressive flow) --samples--> P(effect is missing | x) --> Found
+q(theta | x), masked autoregressive flow trained once --samples--> P(effect is missing | x) --> Found
 
 M. Deistler et al., sbi reloaded: a toolkit for simulation-based inference workflows, J. Open Source Softw. 10 (2025)
 7754, doi:10.21105/joss.07754; D. S. Greenberg, M. Nonnenmacher, J. H. Macke, Automatic posterior transformation for
@@ -30,14 +30,15 @@ Array = NDArray[np.float64]
 COMPONENTS: Final = 50
 SAMPLES: Final = 1000
 HALF_WIDTH: Final = 0.4
-"""Indicators 0 and 1 are spread evenly by this, since flows describe densities, not atoms."""
+"""Half width of the uniform noise on the indicators 0 and 1, as flows model densities. Larger values blur the two."""
 
 
 class NeuralPosterior(Rival):
-    """Amortised neural posterior over the indicators of all effects together.
+    """Amortised neural posterior over the indicators of all effects jointly.
 
-    A gap is claimed when more than half of the posterior's draws have an effect; the effects of marginal probability
-    0.5 are named, or else the most probable one. "Outside" is read from a claimed gap of which no effect reaches 0.5.
+    A gap is claimed when more than half of the posterior samples contain an effect. The effects of marginal
+    probability 0.5 or more are named, or else the most probable one. A claimed gap in which no effect reaches 0.5
+    counts as "outside the catalogue".
     """
 
     name = "sbi, neural posterior"
@@ -46,13 +47,13 @@ class NeuralPosterior(Rival):
         self.epochs = epochs
 
     def skip(self) -> str | None:
-        """Whether `sbi` is missing."""
+        """Reason to skip: `sbi` is not installed; None when it is."""
         if importlib.util.find_spec("sbi") is None:
             return "sbi is not installed: pip install 'twingap[study]'"
         return None
 
     def fit(self, examples: Examples, rng: np.random.Generator) -> None:
-        """Learn the posterior in one round."""
+        """Train the posterior in one round."""
         import torch
         from sklearn.decomposition import PCA
 
@@ -62,11 +63,11 @@ class NeuralPosterior(Rival):
         noise = rng.uniform(-HALF_WIDTH, HALF_WIDTH, examples.present.shape)
         theta = torch.as_tensor(examples.present + noise, dtype=torch.float32)
         x = self._input(examples.x)
-        # sbi prints its progress; standard output belongs to results.
+        # sbi prints its progress; standard output is reserved for results.
         with _seeded(int(rng.integers(2**31))), warnings.catch_warnings(), redirect_stdout(io.StringIO()):
             warnings.simplefilter("ignore")
             logging.getLogger("arviz").setLevel(logging.ERROR)
-            # Optional: imported by name, so that neither this module nor its type check needs it.
+            # Optional dependency: imported by name, so that neither this module nor its type check requires it.
             sbi: Any = importlib.import_module("sbi.inference")
             box: Any = importlib.import_module("sbi.utils").BoxUniform
 
@@ -78,7 +79,7 @@ class NeuralPosterior(Rival):
         self.seed = int(rng.integers(2**31))
 
     def judge(self, x: Array) -> list[Found]:
-        """From draws of the posterior."""
+        """Effects named for each world from samples of the posterior."""
         import torch
 
         found = []
@@ -102,29 +103,29 @@ class NeuralPosterior(Rival):
 
 
 class _Untracked:
-    """Where sbi may report its training: nowhere. Its own default writes TensorBoard logs into the working folder."""
+    """A tracker for sbi that discards everything; sbi's default writes TensorBoard logs into the working folder."""
 
     log_dir: str | None = None
 
     def log_metric(self, name: str, value: float, step: int | None = None) -> None:
-        """Take no note."""
+        """Discard a value."""
 
     def log_metrics(self, metrics: dict[str, float], step: int | None = None) -> None:
-        """Take no note."""
+        """Discard values."""
 
     def log_params(self, params: dict[str, Any]) -> None:
-        """Take no note."""
+        """Discard parameters."""
 
     def add_figure(self, name: str, figure: Any, step: int | None = None) -> None:
-        """Take no note."""
+        """Discard a figure."""
 
     def flush(self) -> None:
-        """Nothing waits."""
+        """Do nothing: no output is buffered."""
 
 
 @contextmanager
 def _seeded(seed: int) -> Iterator[None]:
-    """Torch's global generator at a seed within the block, as it was after it."""
+    """Seed torch's global generator within the block and restore its state afterwards."""
     import torch
 
     state = torch.get_rng_state()

@@ -1,4 +1,4 @@
-"""Errors of parameters that mean the same in the worlds and in the catalogue.
+"""Errors of estimated effect parameters, for quantities that worlds and catalogue define alike.
 
 report: effect -> parameter -> value, ci --+
 truth: effect -> parameter ----------------+--COMPARABLE--> relative error, coverage of the interval
@@ -33,17 +33,17 @@ COMPARABLE: Final[Mapping[tuple[str, str], Callable[[Mapping[str, Any]], float]]
     ("dropout", "length_s"): lambda p: p["length_s"],
 }
 """(effect, parameter of the catalogue) -> the same quantity from a world's parameters. Amplitudes are left out, since
-worlds give them in the machine's inner units, and so are shapes that the two describe in different words."""
+worlds define them in internal units; so are shapes that worlds and catalogue parametrise differently."""
 
 
 def parameter_errors(rows: Sequence[Row]) -> list[dict[str, Any]]:
-    """Median relative error and coverage of the interval, over worlds in which the effect was there and named.
+    """Median relative error and interval coverage, over worlds in which the effect was present and named.
 
     Returns
     -------
     list of dict
-        effect, parameter, n, median relative error with interval, share of 90 % intervals that hold the truth with
-        interval; by parameter, in the order of `COMPARABLE`, and where nothing was seen not at all.
+        One per parameter in the order of `COMPARABLE`, without those that were never estimated: effect, parameter, n,
+        median relative error with interval, share of 90 % intervals that contain the truth with interval.
     """
     table = []
     for (effect, parameter), truth in COMPARABLE.items():

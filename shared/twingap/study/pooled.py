@@ -1,8 +1,8 @@
-"""Several seeds of one blind study taken together: twice the worlds, narrower intervals.
+"""Pooled scores of several seeds of one blind study: more worlds, narrower intervals.
 
-study.json of each seed --worlds of one and the same diagnosis--> rows --scores--> a column a seed, and one of all
+study.json of each seed --worlds of one and the same diagnosis--> rows --scores--> a column per seed, and one of all
 
-Run as ``python -m twingap.study.pooled DIR DIR ...`` it prints the scores against their targets, and the rivals that
+Run as ``python -m twingap.study.pooled DIR DIR ...``; it prints the scores against their targets, and the rivals that
 ran on every seed.
 """
 
@@ -29,8 +29,8 @@ def read_studies(folders: Sequence[Path]) -> list[Mapping[str, Any]]:
     Raises
     ------
     TwingapError
-        When a folder holds no finished study, or two of them cannot be counted together: one seed twice, or another
-        code, or another thing learnt.
+        When a folder holds no finished study, or studies cannot be pooled: a seed occurs twice, or the code or the
+        trained model differs.
     """
     studies: list[Mapping[str, Any]] = []
     for folder in folders:
@@ -57,7 +57,7 @@ def read_studies(folders: Sequence[Path]) -> list[Mapping[str, Any]]:
 
 
 def rows_of(table: Mapping[str, Any]) -> dict[str, list[Row]]:
-    """Rows of the diagnosis and of each rival, one a world."""
+    """Rows of the diagnosis and of each rival, one per world."""
     out: dict[str, list[Row]] = {DIAGNOSIS: []}
     for world in table["worlds"]:
         was = Was(**_tuples(world["was"]))
@@ -69,12 +69,12 @@ def rows_of(table: Mapping[str, Any]) -> dict[str, list[Row]]:
 
 
 def _tuples(fields: Mapping[str, Any]) -> dict[str, Any]:
-    """As the classes have them: JSON knows lists alone."""
+    """Fields with JSON lists converted back to tuples."""
     return {name: tuple(value) if isinstance(value, list) else value for name, value in fields.items()}
 
 
 def markdown(studies: Sequence[Mapping[str, Any]]) -> str:
-    """Scores seed by seed and of all worlds, and methods side by side."""
+    """Scores by seed and over all worlds, and a comparison of the methods, as Markdown."""
     each = [rows_of(table) for table in studies]
     seeds = [f"seed {table['provenance']['seed']}" for table in studies]
     own = [scores.headline(rows[DIAGNOSIS]) for rows in each]
@@ -111,7 +111,7 @@ def _words(score: scores.Score) -> str:
 
 
 def main() -> int:
-    """Print what studies say together."""
+    """Print the pooled scores of several studies."""
     asked = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else "")
     asked.add_argument("folders", nargs="+", type=Path, metavar="DIR", help="filled by `twingap study blind --out DIR`")
     try:

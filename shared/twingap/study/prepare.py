@@ -1,4 +1,4 @@
-"""The calibrated twin's records beside the measured ones: what the rivals are given, in the study and in training.
+"""Records of the calibrated twin paired with the measured ones: the input of rival methods, in study and training.
 
 records, spec or sim --gap.calibrate--> corrected speeds, identified twin --simulate--> (records, simulated)
 """
@@ -17,10 +17,24 @@ from twingap.twins.twin_file import TwinSpec
 def prepared(
     records: RecordSet, spec: TwinSpec, rng: np.random.Generator, sim: RecordSet | None = None
 ) -> tuple[RecordSet, RecordSet]:
-    """All records that calibration kept, and as many of the calibrated twin under the same conditions.
+    """All records kept by calibration, and one record of the calibrated twin per condition.
 
-    Rivals get the records of both parts, fitted and held out: they learnt on such pairs too, so that what calibration
-    takes away is the same in both, and no rival is weakened by half the records.
+    Rivals get the records of both parts, fit and held-out. They are trained on such pairs too, so calibration has the
+    same effect in training and evaluation, and no rival is weakened by half the records.
+
+    Parameters
+    ----------
+    records : RecordSet
+        Measured records.
+    spec : TwinSpec
+    rng : numpy.random.Generator
+    sim : RecordSet, optional
+        Records of the user's own simulator; None = the built-in twin.
+
+    Returns
+    -------
+    RecordSet, RecordSet
+        Measured and simulated records.
 
     Raises
     ------
@@ -38,13 +52,13 @@ def prepared(
 
 
 def training_worlds(n: int, rng: np.random.Generator) -> Iterator[tuple[RecordSet, RecordSet, frozenset[str]]]:
-    """The simulated gaps that the diagnosis learns from, as pairs for the rivals.
+    """Simulated gaps on which the diagnosis is trained, as pairs of record sets for the rivals.
 
-    Machines with something outside the catalogue are left out: a plain classifier has no class for them.
+    Machines with an effect outside the catalogue are left out: a plain classifier has no class for them.
 
     Yields
     ------
-    (records, simulated records, effects missing)
+    (records, simulated records, missing effects)
     """
     from twingap.gap.knowledge.simulated_gaps import draw_gap
 

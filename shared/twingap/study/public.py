@@ -1,8 +1,8 @@
-"""The diagnosis on public records: what each paper's twin lacks, effects withheld and added, single recordings.
+"""Study on public records: effects missing from each paper's twin, withheld and injected effects, single recordings.
 
-sets --twins--> verdicts --the best twin, an effect left out--> named again?
-     --halves, an effect added or nothing--> named? false alarms?
-     --recording by recording--> beside what the literature says        all --> public.json, public.md
+sets --twins--> verdicts --the best twin, an effect withheld--> named again?
+     --halves, an effect injected or none--> named? false alarms?
+     --each recording alone--> compared with the literature              all --> public.json, public.md
 """
 
 from __future__ import annotations
@@ -27,28 +27,29 @@ from twingap.study.public_sets import DOCUMENTED, SINGLE, PublicSet, documented,
 SCHEMA: Final = "twingap.public/1"
 SETS: Final = ("cwru", "hit_sm")
 SEARCHED: Final = ("bare", "paper1")
-"""Twins from which effects are withheld: the contact twin's effects follow from its physics and cannot be left out."""
+"""Twins from which effects are withheld; the contact twin is not one, as its effects follow from its physics."""
 
 Report = Callable[[str, int, int], None]
-"""report(what, done, total)."""
+"""Progress callback: report(stage, done, total)."""
 
 
 @dataclass(frozen=True)
 class Plan:
-    """How much is done.
+    """Extent of the study.
 
     Parameters
     ----------
     sets : tuple of str
+        Names of the data sets.
     seed : int
     pieces : int
-        Records of each recording.
+        Records cut from each recording.
     splits : int
-        Random halvings of each set with nothing added.
+        Random halvings of each set with no effect added.
     injections : int
-        Halvings that every effect is added on, in the first set.
+        Halvings on which every effect is injected, in the first set.
     single_pieces : int
-        Records of each recording that is diagnosed by itself; 0: none is.
+        Records of each recording that is diagnosed by itself; 0 = no single recordings.
     """
 
     sets: tuple[str, ...] = SETS
@@ -68,21 +69,21 @@ def run_public(
     command: str = "",
     report: Report = lambda what, done, total: None,
 ) -> dict[str, Any]:
-    """Diagnose public records in all ways that the study asks for.
+    """Run all parts of the study on public records.
 
     Parameters
     ----------
     out : path-like
-        Folder; what was finished there by the same code on the same records is taken.
+        Output folder; results of the same code on the same records that it holds already are reused.
     plan : Plan
     root : str or None
         Data root; TWINGAP_DATA when None.
     jobs : int, optional
         Processes; None = one per core.
     command : str
-        For the provenance.
+        Command line, for the provenance.
     report : callable
-        Told of progress.
+        Progress callback.
 
     Returns
     -------
@@ -92,12 +93,12 @@ def run_public(
     Raises
     ------
     TwingapError
-        For an unknown set or a folder that cannot be written, and when none of the sets is at hand and nothing stands
-        in.
+        For an unknown set or a folder that cannot be written, and when none of the sets is available and none has a
+        surrogate.
     """
     begin = time.perf_counter()
     for name in plan.sets:
-        reader(name)  # a name that is none is told, not skipped
+        reader(name)  # raises for an unknown name
     held, skipped = _at_hand(plan, root)
     files.try_folder(out)
     code, data = _digests(held)
@@ -150,7 +151,7 @@ def _at_hand(plan: Plan, root: str | None) -> tuple[dict[str, PublicSet], dict[s
 
 
 def _digests(held: Mapping[str, PublicSet]) -> tuple[str, dict[str, str]]:
-    """Of the code that answers, and of what it reads."""
+    """Digests of the code of the diagnosis and of its data."""
     import twingap.effects
     import twingap.gap
     import twingap.identification
@@ -196,7 +197,7 @@ def _first_jobs(plan: Plan, name: str, own: PublicSet) -> list[PublicJob]:
     jobs += [made("nothing", twin="bare", split=split) for split in range(plan.splits)]
     if name == plan.sets[0] and plan.injections and plan.splits:
         effects = can_be_injected(own.records)
-        # Effects take turns at the halvings; on each, what is named with nothing added is known.
+        # Effects alternate over the halvings; each halving is also diagnosed with no effect added.
         jobs += [
             made("injected", twin="bare", effect=effect, split=(place + turn) % plan.splits)
             for turn in range(plan.injections)
@@ -211,7 +212,7 @@ def _first_jobs(plan: Plan, name: str, own: PublicSet) -> list[PublicJob]:
 
 
 def best_twin(rows: Mapping[str, Mapping[str, Any]]) -> str:
-    """The twin whose gap is smallest once its verdict's effects are added; "" when all were refused."""
+    """The twin with the smallest gap after its verdict's effects are added; "" when all diagnoses were refused."""
     left = {twin: row["gap"]["after"] for twin, row in rows.items() if not row["refused"] and row["gap"]}
     return min(left, key=lambda twin: left[twin]) if left else ""
 
@@ -233,16 +234,16 @@ def _withheld_jobs(
 
 
 def judged(row: Mapping[str, Any], effect: str, besides: Sequence[str] = ()) -> dict[str, Any]:
-    """Whether a diagnosis names an effect: first, at all, and whether its confidence set covers the truth.
+    """Whether a diagnosis names an effect: first, at all, and whether its confidence set contains the truth.
 
     Parameters
     ----------
     row : mapping
-        Of `run_job`.
+        From `run_job`.
     effect : str
-        What is missing.
+        The missing effect.
     besides : sequence of str
-        What is missing too: the truth is the effect and these.
+        Other missing effects: the truth is `effect` and these.
     """
     if row.get("refused"):
         return {"first": None, "named": None, "covers": None, "in_a_set": None}
@@ -257,7 +258,7 @@ def judged(row: Mapping[str, Any], effect: str, besides: Sequence[str] = ()) -> 
 
 
 def withheld_rows(answers: Mapping[PublicJob, Mapping[str, Any]]) -> list[dict[str, Any]]:
-    """A row per effect left out; what the whole chain was said to lack is expected beside it."""
+    """One row per withheld effect; effects that the full chain was found to lack are expected too."""
     own = {j: row for j, row in answers.items() if j.kind == "withheld"}
     rest = {j.data_set: list(row.get("effects", [])) for j, row in own.items() if not j.effect}
     return [
@@ -268,7 +269,7 @@ def withheld_rows(answers: Mapping[PublicJob, Mapping[str, Any]]) -> list[dict[s
 
 
 def injected_rows(answers: Mapping[PublicJob, Mapping[str, Any]]) -> list[dict[str, Any]]:
-    """A row per effect added; what is named on the same halving with nothing added is expected beside it."""
+    """One row per injected effect; effects named on the same halving without injection are expected too."""
     calm = {(j.data_set, j.split): list(r.get("effects", [])) for j, r in answers.items() if j.kind == "nothing"}
     out = []
     for j, row in answers.items():
@@ -283,7 +284,7 @@ def injected_rows(answers: Mapping[PublicJob, Mapping[str, Any]]) -> list[dict[s
 
 
 def nothing_rows(answers: Mapping[PublicJob, Mapping[str, Any]]) -> list[dict[str, Any]]:
-    """A row per set: how often halves of the same records are said to differ."""
+    """One row per set: how often a gap is claimed between halves of the same records."""
     out = []
     own = {j: row for j, row in answers.items() if j.kind == "nothing"}
     for name in dict.fromkeys(j.data_set for j in own):
@@ -304,7 +305,7 @@ def nothing_rows(answers: Mapping[PublicJob, Mapping[str, Any]]) -> list[dict[st
 
 
 def single_rows(answers: Mapping[PublicJob, Mapping[str, Any]]) -> list[dict[str, Any]]:
-    """A row per recording: plain looks, verdict, what is said of it, and whether that is seen."""
+    """One row per recording: plain indicators, verdict, findings of the literature, and whether these are visible."""
     verdicts = {j.recording: row for j, row in answers.items() if j.kind == "recording"}
     looks = [row for j, answer in answers.items() if j.kind == "looks" for row in answer["recordings"]]
     titles = [answer["title"] for j, answer in answers.items() if j.kind == "looks"]
@@ -312,7 +313,7 @@ def single_rows(answers: Mapping[PublicJob, Mapping[str, Any]]) -> list[dict[str
     for look in looks:
         verdict = verdicts.get(look["recording"], {})
         real = not titles[0].startswith("virtual")
-        said = documented(look["recording"]) if real else ()  # a virtual rig's numbers mean other recordings
+        said = documented(look["recording"]) if real else ()  # numbers of a virtual rig denote other recordings
         unclear = [d for d in said if d.shows == "fault unclear"]
         out.append({
             **look, "title": titles[0], **_short(verdict), "said": [d.said for d in said],

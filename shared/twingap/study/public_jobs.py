@@ -1,6 +1,6 @@
-"""One diagnosis of public records, of each kind that the study of real records asks for.
+"""Jobs of the study on public records: one diagnosis each.
 
-PublicJob --records of a public set--> what a twin lacks | an effect withheld | an effect added | one recording --> row
+PublicJob --records of a public set--> twin | effect withheld | effect injected | single recording --> row
 """
 
 from __future__ import annotations
@@ -41,14 +41,14 @@ from twingap.twins.twin_file import TwinSpec
 
 Kind = Literal["twin", "withheld", "injected", "nothing", "recording", "looks"]
 ACCURACY: Final = "accuracy on the records"
-"""What the report's accuracy begins with: of a classifier trained on the twin alone."""
+"""Beginning of the name of the accuracy metric in the report: of a classifier trained on the twin alone."""
 TWINS: Final[Mapping[str, str]] = {
     "bare": "phenomenological twin without effects",
     "paper1": "paper 1: eq. 1 as a chain of effects",
     "paper2": "paper 2: contact twin, printed values",
     "paper3": "paper 3: contact twin, physical values, jitter",
 }
-"""Twin -> in words."""
+"""Twin -> description."""
 INJECTED: Final[tuple[Effect, ...]] = (
     SlipJitter(sigma=0.015, accumulating=True),
     ImpactScatter(sigma=0.45),
@@ -56,34 +56,36 @@ INJECTED: Final[tuple[Effect, ...]] = (
     CageModulation(depth=0.5),
     EntryExit(arc_deg=4.0),
 )
-"""Effects that are added otherwise than at the catalogue's default values: at depths that are plain to see."""
+"""Effects that are injected at other than the catalogue's default values, so that they are clearly visible."""
 _LEAST_CHANGE: Final = 1e-9
-"""Part of a record's RMS below which a change is rounding."""
+"""Relative RMS below which a change counts as rounding."""
 
 
 @dataclass(frozen=True)
 class PublicJob:
-    """A question.
+    """One job of the study.
 
     Parameters
     ----------
     kind : str
-        "twin": records against a twin; "withheld": against the same with the effects of `chain`, but `effect`;
-        "injected" and "nothing": one half of the records, `effect` added or not, against the other half; "recording":
-        one recording against the others of its bearing; "looks": plain looks at every recording.
+        "twin": records against a twin; "withheld": against the twin with the effects of `chain` except `effect`;
+        "injected" and "nothing": one half of the records, with or without `effect` added, against the other half;
+        "recording": one recording against the others of its bearing; "looks": plain indicators of every recording.
     data_set : str
+        Name of the data set.
     twin : str
-        Of `TWINS`.
+        One of `TWINS`.
     seed : int
     pieces : int
-        Records of each recording.
+        Records cut from each recording.
     effect : str
-        Withheld or added; "" for none.
+        Withheld or injected effect; "" for none.
     chain : str
-        JSON: effect -> parameters, beyond the twin's own.
+        JSON: effect -> parameters, in addition to the twin's own.
     split : int
         Number of the random halving.
     recording : str
+        Name of the recording.
     """
 
     kind: Kind
@@ -98,13 +100,13 @@ class PublicJob:
 
     @property
     def words(self) -> str:
-        """For progress and errors."""
+        """Description of the job, for progress and errors."""
         more = [self.effect or self.recording, f"split {self.split}" if self.kind in ("injected", "nothing") else ""]
         return " ".join(filter(None, (self.kind, self.data_set, self.twin, *more)))
 
 
 def twin_spec(name: str, records: RecordSet) -> tuple[TwinSpec, tuple[str, ...]]:
-    """A paper's twin for these records, its free parameters left to calibration; and what of it cannot act on them."""
+    """A paper's twin for these records with its free parameters, and its effects that cannot act on these records."""
     bearing = records.bearing
     if name == "bare":
         return TwinSpec("phenomenological", bearing=bearing), ()
@@ -124,7 +126,7 @@ def twin_spec(name: str, records: RecordSet) -> tuple[TwinSpec, tuple[str, ...]]
 
 
 def with_effects(spec: TwinSpec, chain: Mapping[str, Mapping[str, Any]], without: str = "") -> TwinSpec:
-    """The twin with further effects, at given values, less one (which may be its own)."""
+    """The twin with further effects at given values, without the effect `without` (which may be its own)."""
     names = tuple(n for n in dict.fromkeys((*spec.effects, *chain)) if n != without)
     values = {k: v for k, v in spec.parameters.items() if k != without}
     values |= {n: dict(v) for n, v in chain.items() if n != without}
@@ -132,22 +134,22 @@ def with_effects(spec: TwinSpec, chain: Mapping[str, Mapping[str, Any]], without
 
 
 def parameters_of(effect: Effect) -> dict[str, Any]:
-    """Its parameters by name."""
+    """Parameters of an effect by name."""
     return {f.name: getattr(effect, f.name) for f in dataclasses.fields(effect)}  # type: ignore[arg-type]
 
 
 def injected_effect(name: str) -> Effect:
-    """The effect at the strength at which it is added to real records."""
+    """The effect at the strength at which it is injected into real records."""
     return next((effect for effect in INJECTED if effect.name == name), None) or make_effect(name)
 
 
 def run_job(job: PublicJob, root: str | None = None) -> dict[str, Any]:
-    """Answer one question.
+    """Run one job.
 
     Returns
     -------
     dict
-        Plain values; ``refused`` says why there is no diagnosis.
+        JSON values; ``refused`` holds the reason when there is no diagnosis.
     """
     own = public_set(job.data_set, root, job.pieces)
     rng = np.random.default_rng([job.seed, zlib.crc32(job.words.encode())])
@@ -176,7 +178,7 @@ def diagnosed(
     *,
     closest: bool = False,
 ) -> dict[str, Any]:
-    """The diagnosis in plain values, or why it was refused; with stand-ins for a rest if `closest`."""
+    """Diagnosis as JSON values, or the reason of a refusal; with the effects closest to a remainder if `closest`."""
     from twingap.gap import diagnose
 
     begin = time.perf_counter()
@@ -189,7 +191,7 @@ def diagnosed(
 
 
 def summary(report: GapReport) -> dict[str, Any]:
-    """What tables need of a report."""
+    """Values of a report that the tables show."""
     verdict = report.verdict
     return {
         "status": verdict.status,
@@ -217,7 +219,7 @@ def summary(report: GapReport) -> dict[str, Any]:
 
 
 def _measures(metrics: Sequence[Metric]) -> dict[str, dict[str, float] | None]:
-    """The overall gap and the accuracy: before, after and floor of each."""
+    """The gap over all domains and the accuracy: before, after and floor of each."""
     accuracy = next((m for m in metrics if m.metric.startswith(ACCURACY)), None)
     found = {"gap": metrics[0] if metrics else None, "accuracy": accuracy}
     return {
@@ -237,7 +239,7 @@ def _closest(found: StandIns | None) -> dict[str, Any] | None:
 
 
 def chain_of(row: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
-    """Named effects that the simulator could have -> their fitted values, with the types that the catalogue wants."""
+    """Named effects that the simulator can have -> their fitted values, converted to the catalogue's types."""
     out = {}
     for one in row.get("which", []):
         if one["effect"] in row["effects"] and one["cannot"] is None and one["parameters"]:
@@ -250,7 +252,7 @@ def chain_of(row: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
 
 
 def _against_itself(job: PublicJob, records: RecordSet, spec: TwinSpec, rng: np.random.Generator) -> dict[str, Any]:
-    """One half plays the machine, the other the simulator; the halving depends on seed and split alone."""
+    """One half of the records against the other as simulated; the halving depends on seed and split alone."""
     machine, sim, by = halves(records, np.random.default_rng([job.seed, job.split]))
     sim = RecordSet("the other half", sim.unit, sim.bearing, sim.conditions, _Samples(sim))
     about: dict[str, Any] = {"split_by": by, "changed": None, "acts_on": None}
@@ -265,7 +267,7 @@ def _against_itself(job: PublicJob, records: RecordSet, spec: TwinSpec, rng: np.
 
 
 def _among_its_kind(recording: str, records: RecordSet, spec: TwinSpec, rng: np.random.Generator) -> dict[str, Any]:
-    """One recording against the other recordings of the same bearing, which play the simulator."""
+    """One recording against the other recordings of the same bearing as simulated."""
     own = records.select(lambda c: c.group == recording)
     bearing = bearing_of(own.conditions[0])
     if not any(bearing_of(c) == bearing and c.group != recording for c in records.conditions):
@@ -276,17 +278,24 @@ def _among_its_kind(recording: str, records: RecordSet, spec: TwinSpec, rng: np.
 
 
 def injected(records: RecordSet, effect: Effect, bearing: Bearing, seed: int) -> tuple[RecordSet, float, float, str]:
-    """Records with an effect added where it can act; where healthy records tell strikes from noise, on strikes alone.
+    """Records with an effect added where it can act; on impacts alone where healthy records separate them from noise.
+
+    Parameters
+    ----------
+    records : RecordSet
+    effect : Effect
+    bearing : Bearing
+    seed : int
 
     Returns
     -------
     RecordSet
     float
-        Part of the records that were changed.
+        Fraction of the records that changed.
     float
-        Median RMS of the change over that of the record, among those.
+        Median over these of the RMS of the change relative to that of the record.
     str
-        Why it cannot act on the others; "" where it can on all.
+        Why the effect cannot act on the others; "" where it acts on all.
     """
     quiet = [float(r.samples.var()) for r in records if r.condition.fault == "healthy"]
     reference_rms = float(np.sqrt(np.mean(quiet) if quiet else min(float(r.samples.var()) for r in records)))
@@ -309,7 +318,7 @@ def injected(records: RecordSet, effect: Effect, bearing: Bearing, seed: int) ->
 
 
 def _still(record: Record, bearing: Bearing, background: Background | None) -> NDArray[np.float64] | None:
-    """What of a record with a defect is not its strikes'; None where nobody knows."""
+    """Part of a defective record that is not impacts [samples]; None where it cannot be separated."""
     c = record.condition
     if background is None or c.fault in (None, "healthy"):
         return None
@@ -319,7 +328,7 @@ def _still(record: Record, bearing: Bearing, background: Background | None) -> N
 
 
 def can_be_injected(records: RecordSet) -> tuple[str, ...]:
-    """Catalogued effects that act on at least one of these records' waveforms."""
+    """Catalogued effects that act on the waveform of at least one of these records."""
     by_fault: dict[str, Record] = {}
     for place, condition in enumerate(records.conditions):
         if str(condition.fault) not in by_fault:

@@ -1,7 +1,7 @@
-"""Plain looks at single recordings, for what the literature says of them: no twin, no verdict, numbers alone.
+"""Plain indicators of single recordings, to compare with the literature: no twin and no verdict.
 
-recording --combs, extremes, levels in time, tones--> a row
-signatures --against those of the other recordings of the fault--> what stands out
+recording --combs, extremes, levels over time, tones--> a row
+signatures --compared with the other recordings of the fault--> outlying signatures
 """
 
 from __future__ import annotations
@@ -21,25 +21,32 @@ from twingap.twins.twin_file import TwinSpec
 Array = NDArray[np.float64]
 
 STANDS_OUT: Final = 6.0
-"""Robust standard deviations from the other recordings of the same fault."""
+"""Threshold of an outlying signature, in robust standard deviations; larger reports fewer."""
 CLIPPED: Final = 4
-"""Samples at one extreme from which a record is said to have a rail: without one, one sample is the largest."""
+"""Samples at one extreme from which a record counts as clipped; an unclipped record has one."""
 BURST_DB: Final = 10.0
-"""Level of the loudest twentieth of a record over its median, in the top quarter of the band, from which it bursts."""
+"""Level of the loudest twentieth of a record over its median, dB, in the top quarter of the band, from which it counts
+as a burst; larger reports fewer."""
 PLACES: Final = ("_teeth", "_hz_log", "_fs", "_order", "_ratio_log")
-"""Endings of signatures that say where something lies, which means little where there is nothing."""
+"""Suffixes of signatures that are positions, which are meaningless where there is no line or mode."""
 LOOSE: Final = ("lines.half_mean", "lines.whole_high_mean")
-"""Signatures of half orders and of high whole orders of the shaft."""
+"""Signatures of half orders and of high integer orders of the shaft."""
 
 
 def look_at(records: RecordSet, rng: np.random.Generator) -> list[dict[str, Any]]:
-    """A row of each recording.
+    """Plain indicators of each recording.
+
+    Parameters
+    ----------
+    records : RecordSet
+        The group of a record is its recording.
+    rng : numpy.random.Generator
 
     Returns
     -------
     list of dict
         recording, fault, size_inch, speed_rpm; comb (height of each fault's comb, median over records), shows_fault
-        (None for healthy); at_extremes (samples at one extreme, most of any record), clipped; burst_db, bursts;
+        (None for healthy); at_extremes (samples at one extreme, maximum over records), clipped; burst_db, bursts;
         kurtosis; half_orders, high_orders; stands_out (signature -> robust deviations).
     """
     assert records.bearing is not None
@@ -73,23 +80,24 @@ def look_at(records: RecordSet, rng: np.random.Generator) -> list[dict[str, Any]
 
 
 def shows_fault(comb: dict[str, float], fault: str) -> bool | None:
-    """Whether a fault's own comb is clear and the highest of all; None for a fault without one (healthy, cage)."""
+    """Whether a fault's own comb is significant and the highest; None for a state without a comb (healthy, cage)."""
     if fault not in comb:
         return None
     return comb[fault] >= CLEAR_COMB and comb[fault] == max(comb.values())
 
 
 def standing_out(own: Array, others: list[Array], everyone: list[Array], most: int = 3) -> dict[str, float]:
-    """Signatures [signatures] farthest from those of other recordings, in robust standard deviations.
+    """Signatures that deviate most from those of other recordings, in robust standard deviations.
 
     Parameters
     ----------
     own : Array [signatures]
-    others : list of Array
-        Of recordings of the same fault: fewer than four give nothing.
-    everyone : list of Array
-        Of all recordings: a signature that hardly varies among the others is judged by half of its spread here.
+    others : list of Array [signatures]
+        Of recordings of the same fault; with fewer than four the result is empty.
+    everyone : list of Array [signatures]
+        Of all recordings; half of their spread is the least scale.
     most : int
+        Largest number of signatures returned.
     """
     if len(others) < 4:
         return {}
@@ -107,12 +115,12 @@ def standing_out(own: Array, others: list[Array], everyone: list[Array], most: i
 
 
 def _spread(values: Array) -> float:
-    """Standard deviation by the median of deviations from the median."""
+    """Standard deviation estimated from the median absolute deviation."""
     return 1.4826 * float(np.median(np.abs(values - np.median(values))))
 
 
 def burst_db(x: Array, segments: int = 20) -> float:
-    """Loudest of equal segments over their median, dB, in the top quarter of the band."""
+    """Level of the loudest of equal segments over their median, dB, in the top quarter of the band."""
     transform = np.fft.rfft(x - x.mean())
     transform[: 3 * transform.size // 4] = 0
     top = np.fft.irfft(transform, x.size)
@@ -121,7 +129,7 @@ def burst_db(x: Array, segments: int = 20) -> float:
 
 
 def _at_extremes(x: Array) -> int:
-    """Samples at the highest and at the lowest value, whichever are more."""
+    """Number of samples at the highest or at the lowest value, whichever is larger."""
     return int(max(np.count_nonzero(x == x.max()), np.count_nonzero(x == x.min())))
 
 
@@ -131,7 +139,7 @@ def _kurtosis(x: Array) -> float:
 
 
 def _medians(table: Array) -> Array:
-    """[signatures] Medians over records, NaN where none has a number."""
+    """[signatures] Medians over records; NaN where all are NaN."""
     out = np.full(table.shape[1], np.nan)
     seen = np.isfinite(table).any(axis=0)
     out[seen] = np.nanmedian(table[:, seen], axis=0)

@@ -1,4 +1,4 @@
-"""public.json and public.md: the study of real records for people.
+"""Output of the study on public records: public.json and public.md.
 
 table of `run_public` --json--> public.json;  --tables--> public.md
 """
@@ -17,7 +17,7 @@ from twingap.study.tables import finite, grid
 
 
 def write_public(table: Mapping[str, Any], out: str | os.PathLike[str]) -> list[Path]:
-    """Write both; their paths."""
+    """Write public.json and public.md; returns their paths."""
     text = json.dumps(finite(table), indent=1, allow_nan=False) + "\n"
     written = []
     for name, content in (("public.json", text), ("public.md", markdown(table))):
@@ -29,7 +29,7 @@ def write_public(table: Mapping[str, Any], out: str | os.PathLike[str]) -> list[
 
 
 def markdown(table: Mapping[str, Any]) -> str:
-    """The study of real records as a page of tables."""
+    """The study on public records as Markdown tables."""
     about, titles = table["provenance"], {s["name"]: s["title"] for s in table["sets"]}
     plan, used = about["plan"], about["versions"]
     injected = [r for r in table["injected"] if not r["refused"]]
@@ -92,7 +92,7 @@ def markdown(table: Mapping[str, Any]) -> str:
 
 
 def twin_rows(table: Mapping[str, Any]) -> list[dict[str, str]]:
-    """A row of text per set and twin: verdict, what is missing, gap and accuracy before and after."""
+    """One row of text per set and twin: verdict, missing effects, gap and accuracy before and after."""
     titles = {s["name"]: s["title"] for s in table["sets"]}
     return [_twin(row, titles) for row in table["twins"]]
 
@@ -215,7 +215,7 @@ def _closure(row: Mapping[str, Any]) -> str:
 
 
 def _part(value: float) -> str:
-    """A closure in per cent, without a sign where it is nothing."""
+    """A closure in per cent, without a sign where it rounds to zero."""
     return f"{round(100 * value) + 0:d}%"
 
 

@@ -1,6 +1,6 @@
-"""Public record sets as the study of real records takes them, and what the literature says of single recordings.
+"""Public record sets of the study, and findings of the literature on single recordings.
 
-data.load --> recordings --a few pieces of 1 s each--> RecordSet --halves, by recording--> one part | the other
+data.load --> recordings --a few pieces of 1 s each--> RecordSet --halves, by recording--> one half | the other
 """
 
 from __future__ import annotations
@@ -18,26 +18,28 @@ from twingap.errors import TwingapError
 from twingap.records import Condition, RecordSet
 
 PIECE_S: Final = 1.0
-"""Length of a record, s."""
+"""Length of a record, s; longer gives fewer records with finer spectra."""
 STAND_INS: Final[Mapping[str, str]] = {"cwru": "virtual_cwru"}
-"""Public set -> the virtual rig that takes its place where its records are not at hand."""
+"""Public set -> the virtual rig that replaces it where its records are not available."""
 NEAR_SPEEDS: Final = 1.1
-"""Speeds of one bearing's recordings within this ratio: recordings can stand for each other."""
+"""Largest ratio of speeds at which recordings of one bearing count as interchangeable; larger allows more halvings by
+recording."""
 SINGLE: Final = "cwru"
-"""The set whose single recordings the literature speaks of."""
+"""The data set whose single recordings the literature describes."""
 
 
 @dataclass(frozen=True)
 class PublicSet:
-    """A set of records, with what it really is.
+    """A set of records and its origin.
 
     Parameters
     ----------
     records : RecordSet
         Pieces of `PIECE_S`; group = recording.
     title : str
-        What stands beside every number: "CWRU", or "virtual rig, not CWRU".
+        Label of all results: "CWRU", or "virtual rig, not CWRU".
     real : bool
+        Whether the records are measured; False for a virtual rig.
     """
 
     records: RecordSet
@@ -46,28 +48,28 @@ class PublicSet:
 
 
 def public_set(name: str, root: str | None, pieces: int) -> PublicSet:
-    """A public set, cut and in memory; a named stand-in where its records are not at hand.
+    """A public set, cut into pieces and in memory; a virtual rig where its records are not available.
 
     Parameters
     ----------
     name : str
-        "cwru" or "hit_sm", or another reader of `twingap.data` whose records carry faults.
+        "cwru" or "hit_sm", or another reader of `twingap.data` whose records have fault labels.
     root : str or None
         Data root; TWINGAP_DATA when None.
     pieces : int
-        Of each recording, evenly spread over it.
+        Pieces of each recording, evenly spaced.
 
     Raises
     ------
     TwingapError
-        When the records cannot be read, are not at hand and nothing stands in, or `root` is given without them.
+        When the records cannot be read, are not available and have no surrogate, or `root` is given without them.
     """
     return _read(name, root, os.environ.get("TWINGAP_DATA"), pieces)
 
 
 @lru_cache(maxsize=4)
 def _read(name: str, root: str | None, default_root: str | None, pieces: int) -> PublicSet:
-    """`public_set`, once for each place where the records may lie."""
+    """`public_set` for one of the places where the records may lie."""
     try:
         records, title, real = load(name, root), name.upper().replace("_", "-"), True
     except NotAtHandError:
@@ -79,7 +81,7 @@ def _read(name: str, root: str | None, default_root: str | None, pieces: int) ->
 
 
 def _pieces(records: RecordSet, pieces: int) -> RecordSet:
-    """So many pieces of every recording that is long enough for one."""
+    """At most `pieces` pieces of every recording that is long enough for one."""
     long = records.select(lambda c: c.duration_s >= PIECE_S and c.fault is not None)
     every = cut(long, duration_s=PIECE_S)
     places: dict[str, list[int]] = {}
@@ -98,18 +100,18 @@ def bearing_of(condition: Condition) -> tuple[str, str]:
 
 
 def halves(records: RecordSet, rng: np.random.Generator) -> tuple[RecordSet, RecordSet, str]:
-    """Two halves that hold the same bearings: by recording where recordings can stand for each other.
+    """Two random halves that contain the same bearings, split by recording where recordings are interchangeable.
 
-    Each bearing's recordings are sorted by speed and dealt out in pairs, by lot within a pair; the odd one of a bearing
-    goes where the last odd one did not. Where a bearing's recordings differ in speed by more than `NEAR_SPEEDS`, or
-    there is one only, dealing recordings would make the halves differ by itself: then every recording is cut in the
-    middle of its pieces, and which part goes where is drawn.
+    Each bearing's recordings are sorted by speed and assigned in pairs, at random within a pair; the odd one of a
+    bearing goes to the half that did not get the last odd one. Where a bearing's recordings differ in speed by more
+    than `NEAR_SPEEDS`, or there is only one, a split by recording would itself make the halves differ. Then every
+    recording is cut in the middle of its pieces, and the assignment of its two parts is random.
 
     Returns
     -------
     RecordSet, RecordSet
     str
-        "recording", or "time within recordings", which flatters: both halves are of the same recordings.
+        "recording", or "time within recordings", which is optimistic: both halves are of the same recordings.
 
     Raises
     ------
@@ -156,22 +158,23 @@ def halves(records: RecordSet, rng: np.random.Generator) -> tuple[RecordSet, Rec
     return one, other, "recording" if alike else "time within recordings"
 
 
-# --------------------------------------------------------------------------------------------- what the literature says
+# ------------------------------------------------------------------------------------------- findings of the literature
 
 
 @dataclass(frozen=True)
 class Documented:
-    """What is said of single CWRU recordings.
+    """A finding of the literature on single CWRU recordings.
 
     Parameters
     ----------
     said : str
+        The finding.
     recordings : tuple of str
-        By number, of those of the drive end at 12 kHz; empty: which ones could not be checked.
+        Numbers of recordings of the drive end at 12 kHz; empty where they could not be verified.
     shows : {"fault unclear", "clipping", "bursts", "looseness", "rate", ""}
-        What a look at the record should find if it is so.
+        Indicator of `public_looks` that should confirm it.
     source : str
-        Where it is known from, and how far that could be checked.
+        Reference, and the extent to which it could be verified.
     """
 
     said: str
@@ -185,7 +188,7 @@ _MEMORY: Final = f"{_SMITH}; cited from memory, the paper was not at hand to che
 
 
 def _numbers(*firsts: int) -> tuple[str, ...]:
-    """Recordings at 0, 1, 2, 3 hp."""
+    """Numbers of the recordings at 0, 1, 2, 3 hp."""
     return tuple(str(first + hp) for first in firsts for hp in range(4))
 
 
@@ -218,9 +221,9 @@ DOCUMENTED: Final[tuple[Documented, ...]] = (
         "other filters", ("97", "98", "99", "100"), "rate", "the owner's tables and the files themselves",
     ),
 )  # fmt: skip
-"""Not a list of the paper's findings: only what could be stated without it."""
+"""Findings that could be stated without access to the paper; not a complete list."""
 
 
 def documented(recording: str) -> tuple[Documented, ...]:
-    """What is said of one recording by number."""
+    """Findings on one recording, by its number."""
     return tuple(d for d in DOCUMENTED if recording in d.recordings)

@@ -1,10 +1,10 @@
-"""What a reader would use instead of the diagnosis, on the same worlds and the same calibrated simulated records.
+"""Rival methods to the diagnosis, on the same worlds and the same calibrated simulated records.
 
 training worlds --plain statistics--> Examples --fit--> Rival
 blind world     --plain statistics--> vector   --------> Rival.judge --> Found
                 --per record--------> forest, measured or simulated? --importance--> Found (no training needed)
 
-Each can say what it can say, and no more: which answers count as "outside the catalogue" is written at each rival.
+Each rival's docstring states which of its outputs counts as "outside the catalogue".
 """
 
 from __future__ import annotations
@@ -61,27 +61,33 @@ READING: Final[tuple[tuple[str, str], ...]] = (
     ("envelope_foreign", "foreign_bearing"),
     ("envelope_floor", "impact_scatter"),
 )
-"""Beginning of a statistic's name -> the effect that a reader would blame when it tells measured from simulated most;
-the first that fits. A second impact at the exit, distributed roughness, a gain over speed and growth move no single
-statistic of single records of their own, so a reader of importances names none of them."""
+"""Prefix of a statistic's name -> the effect inferred when that statistic best separates measured from simulated
+records; the first match counts. Entry-exit impacts, distributed roughness, a gain over speed and growth change no
+statistic of single records that is specific to them, so they are never inferred."""
 
 
 def read_importance(statistic: str) -> str:
-    """The effect that a reader would name for this statistic, by `READING`."""
+    """The effect inferred from this statistic by `READING`."""
     return next(effect for start, effect in READING if statistic.startswith(start))
 
 
 def two_sample(ours: Array, theirs: Array, rng: np.random.Generator, permutations: int = PERMUTATIONS) -> Found:
-    """Classifier two-sample test with a random forest, and the reading of its most important statistic.
+    """Classifier two-sample test with a random forest, with the effect inferred from its most important statistic.
 
-    A gap is claimed at permutation p <= 0.05 of the out-of-bag area under the ROC curve. The effect named is that of
-    the most important statistic by the fixed table `READING`; it names one at most and can never say "outside".
+    A gap is claimed at permutation p <= 0.05 of the out-of-bag area under the ROC curve. The effect of the most
+    important statistic in the table `READING` is named: one at most, and never "outside the catalogue".
 
     Parameters
     ----------
     ours, theirs : Array [records, statistics]
+        Measured and simulated records.
     rng : numpy.random.Generator
     permutations : int
+        Permutations of the labels.
+
+    Returns
+    -------
+    Found
 
     References
     ----------
@@ -89,7 +95,7 @@ def two_sample(ours: Array, theirs: Array, rng: np.random.Generator, permutation
     """
     x = np.nan_to_num(np.concatenate((ours, theirs)), nan=0.0)
     label = np.repeat([1, 0], [len(ours), len(theirs)])
-    # One number sows all forests, so that the observed one is exchangeable with those of permuted labels.
+    # One seed for all forests, so that the observed statistic is exchangeable with those of permuted labels.
     sown = int(rng.integers(2**31))
     observed, importance = _forest(x, label, sown)
     null = [_forest(x, rng.permutation(label), sown)[0] for _ in range(permutations)]
@@ -103,12 +109,12 @@ def two_sample(ours: Array, theirs: Array, rng: np.random.Generator, permutation
 def _forest(x: Array, label: NDArray[np.int64], seed: int) -> tuple[float, Array]:
     from sklearn.ensemble import RandomForestClassifier
 
-    # A third of the statistics at each split: with the usual root, one that tells alone is seldom looked at.
+    # A third of the statistics per split: with the usual square root, a single informative one is seldom a candidate.
     forest = RandomForestClassifier(
         TREES, oob_score=True, max_features=0.3, min_samples_leaf=2, random_state=seed, n_jobs=1
     )
     with warnings.catch_warnings(), np.errstate(all="ignore"):
-        warnings.simplefilter("ignore")  # a record that no tree left out has no vote
+        warnings.simplefilter("ignore")  # a record that is in-bag in all trees has no out-of-bag vote
         forest.fit(x, label)
     votes = np.nan_to_num(forest.oob_decision_function_[:, 1], nan=0.5)
     ahead = np.sign(votes[label == 1][:, None] - votes[label == 0][None]).mean()
@@ -117,13 +123,14 @@ def _forest(x: Array, label: NDArray[np.int64], seed: int) -> tuple[float, Array
 
 @dataclass(frozen=True)
 class Examples:
-    """Training worlds.
+    """Training examples, one per world.
 
     Parameters
     ----------
     x : Array [worlds, statistics]
         From `statistics.of_world`; NaN allowed.
     present : NDArray[bool] [worlds, effects]
+        Whether the effect is missing from the twin.
     effects : tuple of str
     """
 
@@ -133,7 +140,7 @@ class Examples:
 
 
 def examples(worlds: Iterable[tuple[RecordSet, RecordSet, frozenset[str]]], effects: Sequence[str]) -> Examples:
-    """Examples from (measured, simulated, missing effects) as they come, one world in memory at a time."""
+    """Examples from (measured, simulated, missing effects), with one world in memory at a time."""
     rows, labels = [], []
     for real, simulated, missing in worlds:
         rows.append(statistics.of_world(real, simulated))
@@ -146,30 +153,31 @@ def examples(worlds: Iterable[tuple[RecordSet, RecordSet, frozenset[str]]], effe
 
 
 class Rival(ABC):
-    """A method trained beforehand on examples.
+    """A method that is trained on examples.
 
     Attributes
     ----------
     name : str
+        Name in tables.
     """
 
     name: ClassVar[str]
 
     def skip(self) -> str | None:
-        """Why it cannot be run here, or None when it can."""
+        """Reason why it cannot run in this environment; None when it can."""
         return None
 
     @abstractmethod
     def fit(self, examples: Examples, rng: np.random.Generator) -> None:
-        """Learn."""
+        """Train on examples."""
 
     @abstractmethod
     def judge(self, x: Array) -> list[Found]:
-        """What it says of worlds, x [worlds, statistics]."""
+        """Findings on worlds, x [worlds, statistics]."""
 
 
 class Filled:
-    """NaN -> median of training, then standardised and clipped at five standard deviations."""
+    """Preprocessing: NaN -> training median, then standardised and clipped at five standard deviations."""
 
     def __init__(self, x: Array) -> None:
         self.middle = np.array([np.median(c[np.isfinite(c)]) if np.isfinite(c).any() else 0.0 for c in x.T])
@@ -177,28 +185,28 @@ class Filled:
         self.mean, self.std = filled.mean(axis=0), filled.std(axis=0) + 1e-9
 
     def __call__(self, x: Array) -> Array:
-        """[worlds, statistics] Ready to learn from."""
+        """[worlds, statistics] Preprocessed statistics."""
         standard = (np.where(np.isfinite(x), x, self.middle) - self.mean) / self.std
         return np.asarray(np.clip(standard, -5, 5))
 
 
 def named(probability: Array, effects: Sequence[str], threshold: float = 0.5) -> tuple[str, ...]:
-    """Effects at or above the threshold, most probable first."""
+    """Effects at or above the threshold, in descending order of probability."""
     order = np.argsort(-probability, kind="stable")
     return tuple(effects[i] for i in order if probability[i] >= threshold)
 
 
 class OneClassifier(Rival):
-    """Extra-trees as one classifier: no effect, or one of the catalogue.
+    """Extra-trees as a single multi-class classifier: no effect, or one effect of the catalogue.
 
-    Trained on the examples with at most one effect, classes weighted alike. It names the most probable class, whatever
-    its probability; "outside" is read from a most probable class that is an effect of a probability below 0.5.
+    Trained on the examples with at most one effect, with balanced class weights. It names the most probable class,
+    whatever its probability. A most probable effect of probability below 0.5 counts as "outside the catalogue".
     """
 
     name = "extra-trees, one classifier"
 
     def fit(self, examples: Examples, rng: np.random.Generator) -> None:
-        """Learn from the examples of no or one effect."""
+        """Train on the examples with no or one effect."""
         from sklearn.ensemble import ExtraTreesClassifier
 
         few = examples.present.sum(axis=1) <= 1
@@ -210,7 +218,7 @@ class OneClassifier(Rival):
         self.model.fit(self.fill(examples.x[few]), label)
 
     def judge(self, x: Array) -> list[Found]:
-        """The most probable class."""
+        """The most probable class of each world."""
         found = []
         for p in self.model.predict_proba(self.fill(x)):
             top = int(self.model.classes_[p.argmax()])
@@ -224,15 +232,15 @@ class OneClassifier(Rival):
 
 
 class Detectors(Rival):
-    """Extra-trees as one detector per effect, each firing at 0.5.
+    """Extra-trees as one detector per effect, each with threshold 0.5.
 
-    Nothing fires: no gap. It can never say "outside".
+    No detection means no gap; "outside the catalogue" is never reported.
     """
 
     name = "extra-trees, detector per effect"
 
     def fit(self, examples: Examples, rng: np.random.Generator) -> None:
-        """Learn one detector per effect; an effect of fewer than two examples has none."""
+        """Train one detector per effect; an effect with fewer than two examples gets none."""
         from sklearn.ensemble import ExtraTreesClassifier
 
         self.effects, self.fill = examples.effects, Filled(examples.x)
@@ -247,13 +255,13 @@ class Detectors(Rival):
             self.models.append(model.fit(x, present) if learnable else None)
 
     def probabilities(self, x: Array) -> Array:
-        """[worlds, effects]."""
+        """[worlds, effects] Probability of each effect."""
         ready = self.fill(x)
         columns = [np.zeros(len(x)) if m is None else m.predict_proba(ready)[:, 1] for m in self.models]
         return np.stack(columns, axis=1)
 
     def judge(self, x: Array) -> list[Found]:
-        """All effects whose detector fires."""
+        """All effects whose probability reaches the threshold."""
         found = []
         for p in self.probabilities(x):
             which = named(p, self.effects)
@@ -263,9 +271,9 @@ class Detectors(Rival):
 
 
 def with_two_sample(detected: Sequence[Found], tested: Sequence[Found]) -> list[Found]:
-    """Detectors that may also say "outside": where none fires, but the two-sample test sees a gap.
+    """Detectors combined with the two-sample test: "outside" where no effect is detected but the test finds a gap.
 
-    The kindest reading of the two rivals together; it pays with the false alarms of both.
+    This is the combination most favourable to the two rivals; it has the false alarms of both.
     """
     joined = []
     for one, test in zip(detected, tested, strict=True):
@@ -276,5 +284,5 @@ def with_two_sample(detected: Sequence[Found], tested: Sequence[Found]) -> list[
 
 
 def as_row(found: Found) -> dict[str, Any]:
-    """For study.json."""
+    """Row of study.json."""
     return {"status": found.status, "effects": list(found.effects), "p_value": found.p_value}

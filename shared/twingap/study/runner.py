@@ -1,4 +1,4 @@
-"""The whole study, from cases to study.json; interrupted, it goes on where it was.
+"""Complete blind study, from cases to study.json; an interrupted study resumes.
 
 cases --make, seal--> sealed.json --blind--> diagnoses, rivals --open seals--> rows --score--> study.json
 """
@@ -37,19 +37,19 @@ TWO_SAMPLE: Final = "two-sample test, random forest"
 BOTH: Final = "extra-trees detectors with two-sample test"
 
 Report = Callable[[str, int, int], None]
-"""report(what, done, total)."""
+"""Progress callback: report(stage, done, total)."""
 
 
 @dataclass(frozen=True)
 class Study:
-    """A finished study.
+    """Result of a study.
 
     Parameters
     ----------
     table : Mapping
         Content of study.json.
     rows : Mapping[str, Sequence[Row]]
-        By method, the diagnosis first.
+        Rows by method, the diagnosis first.
     """
 
     table: Mapping[str, Any]
@@ -64,7 +64,7 @@ def diagnosis() -> worker.Diagnose:
 
 
 def default_rivals() -> tuple[Rival, ...]:
-    """Those that learn beforehand."""
+    """The rivals that are trained on examples."""
     from twingap.study.neural import NeuralPosterior
 
     return (OneClassifier(), Detectors(), NeuralPosterior())
@@ -90,26 +90,28 @@ def run_study(
     Parameters
     ----------
     out : path-like
-        Folder; one that holds the beginning of the same study is taken up again.
+        Output folder; one that holds the beginning of the same study is resumed.
     cases : sequence of Case
         From `twingap.rigs.worlds.cases`; names unique.
     seed : int
     diagnose : callable, optional
         See `worker.Diagnose`; `twingap.gap.diagnose` when None. Defined at module level, as `prepare` and `training`.
     prepare : callable
-        Makes the simulated records that rivals get.
-    training, training_count
-        Worlds that rivals learn from, and how many; 0: no rival that learns.
+        Makes the simulated records for the rivals; see `worker.Prepare`.
+    training : callable
+        Makes the worlds on which rivals are trained; see `worker.Triples`.
+    training_count : int
+        Number of these worlds; 0 = no rival that needs training.
     rivals : sequence of Rival, optional
         None = `default_rivals()`.
     permutations : int
-        Of the rivals' two-sample test; 19 at least, or it can never claim a gap.
+        Permutations of the rivals' two-sample test; with fewer than 19 it can never claim a gap.
     jobs : int, optional
         Processes; None = one per core.
     command : str
-        For the provenance.
+        Command line, for the provenance.
     report : callable
-        Told of progress.
+        Progress callback.
 
     Returns
     -------
@@ -119,9 +121,9 @@ def run_study(
     Raises
     ------
     TwingapError
-        When the folder holds another study, or a truth is not the one that was sealed.
+        When the folder holds another study, or a truth differs from the sealed one.
     SweepError
-        When a diagnosis ended with an error that is not the user's; the other worlds are done and kept.
+        When a diagnosis ended with an error other than `TwingapError`; results of the other worlds are kept.
     """
     begin, folder = time.perf_counter(), Path(out)
     names = [case.name for case in cases]
@@ -193,13 +195,13 @@ def _parameters(rows: Sequence[Row]) -> list[dict[str, Any]]:
 def _seal(
     folder: Path, cases: Sequence[Case], seed: int, code: Mapping[str, str], jobs: int | None, report: Report
 ) -> dict[str, Any]:
-    """Content of sealed.json, which is written here unless the study was begun before."""
+    """Content of sealed.json, written here unless the folder holds one."""
     asked = {"seed": seed, "cases": digest_of_value([plain(case) for case in cases]), "worlds": code["worlds"]}
     held = folder / "sealed.json"
     if held.exists():
         return _taken_up(held, asked)
     nonces = {case.name: secrets.token_hex(16) for case in cases}
-    # Written first: seals without their nonces could never be opened.
+    # Nonces are written first: without them the seals could not be opened.
     _write(folder / "nonces.json", nonces)
     made = _sweep(
         worker.seal_world,
@@ -248,7 +250,7 @@ def _opened(
     folder: Path, cases: Sequence[Case], seed: int, sealed: Mapping[str, Any], code: Mapping[str, str],
     jobs: int | None, report: Report,
 ) -> list[Any]:  # fmt: skip
-    """What the worlds were, each checked against its seal."""
+    """Truths of the worlds, each verified against its seal."""
     from twingap.rigs.worlds import open_seal
 
     nonces = json.loads((folder / "nonces.json").read_text(encoding="utf-8"))
@@ -269,7 +271,7 @@ def _learnt(
     folder: Path, seed: int, training: worker.Triples, count: int, rivals: Sequence[Rival] | None,
     code: Mapping[str, str], jobs: int | None, report: Report,
 ) -> tuple[list[Rival], dict[str, str]]:  # fmt: skip
-    """Rivals that have learnt, and why others were skipped."""
+    """Trained rivals, and the reasons why others were skipped."""
     wanted = list(default_rivals() if rivals is None else rivals)
     skipped = {r.name: reason for r in wanted if (reason := r.skip())}
     ready = [r for r in wanted if r.name not in skipped]
@@ -316,7 +318,7 @@ def _sweep(
 
 
 def _in_words(job: Any) -> str:
-    """The case's name alone: labels lie beside results that a diagnosis could read."""
+    """Name of the case without further labels, as it is stored next to results that a diagnosis could read."""
     return job.case.name if hasattr(job, "case") else f"chunk {job.chunk}"
 
 
@@ -332,7 +334,7 @@ def _tested(told: Mapping[str, Any]) -> Found:
 
 
 def digest_of(function: Callable[..., Any], *own: str) -> str:
-    """Digest of the code of a function: of the whole package where it is the diagnosis's, of its module otherwise."""
+    """Digest of a function's code: of the whole package for the diagnosis, else of the function's module."""
     import importlib
 
     module = function.__module__
@@ -352,7 +354,7 @@ def digest_of_worlds() -> str:
 
 
 def _digest_of_yardsticks() -> str:
-    """What a world's gap is measured with, and what calibrates a twin of it."""
+    """Digest of the code that measures a world's gap and calibrates its twin."""
     from twingap.gap.distance import feature_vectors as views
     from twingap.gap.distance import paired as distance
     from twingap.gap.search import evidence
@@ -365,7 +367,7 @@ def _digest_of_yardsticks() -> str:
 
 
 def learnt_digest(diagnose: worker.Diagnose) -> str:
-    """Digest of what this package's diagnosis has learnt; empty for another method."""
+    """Digest of the trained model of this package's diagnosis; empty for another method."""
     from twingap.gap.knowledge import shipped_digest
 
     return shipped_digest() if diagnose.__module__.startswith("twingap.gap") else ""
@@ -377,7 +379,7 @@ def _write(path: Path, value: Any) -> None:
 
 
 def command_line() -> str:
-    """As this process was called."""
+    """Command line of this process."""
     import shlex
 
     name = Path(sys.argv[0]).name

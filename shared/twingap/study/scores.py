@@ -1,4 +1,4 @@
-"""How often a method was right: rates with exact intervals beside their targets.
+"""Scores of a method: rates with exact intervals and targets, confusion matrix, reliability.
 
 rows of one method --counted by kind, strength, effect, arm--> Score, Score, ...
                    --first named against true--> confusion;  --probability against truth--> reliability
@@ -18,26 +18,28 @@ from twingap.study.intervals import of_median, of_rate
 from twingap.study.verdicts import CATALOGUED, KINDS, STRANGE, Row, of_kind
 
 NOTHING: Final = "(none)"
-"""Stands for "no effect named" in confusion matrices."""
+"""Label of "no effect named" in confusion matrices."""
 STATUSES: Final = ("no_gap", "explained", "partly_explained", "unexplained", "refused")
 LEAST_CLOSURE: Final = 0.1
-"""Part of the gap that the true effects must close for a ratio of closures to mean something."""
+"""Fraction of the gap that the true effects must close for a ratio of closures to be computed; larger leaves out more
+worlds."""
 STRENGTHS: Final = ("weak", "medium", "strong")
 COMPARED: Final = ("false alarms", "first-named right", "exact set", "precision", "recall", "outside recognised")
-"""Scores that every method has."""
+"""Scores that are defined for every method."""
 
 
 @dataclass(frozen=True)
 class Target:
-    """What a score should reach.
+    """Target of a score.
 
     Parameters
     ----------
     bound : float
+        Same unit as the score.
     at_least : bool
-        False: at most.
+        Whether the bound is a lower one; False = an upper one.
     of : {"value", "high"}
-        Whether the value itself must keep it or the upper end of its interval.
+        Whether the bound applies to the value or to the upper end of its interval.
     """
 
     bound: float
@@ -46,7 +48,7 @@ class Target:
 
     @property
     def words(self) -> str:
-        """Such as "at least 0.95"."""
+        """Text such as "at least 0.95"."""
         return (
             f"{'upper bound ' if self.of == 'high' else ''}{'at least' if self.at_least else 'at most'} {self.bound:g}"
         )
@@ -54,18 +56,18 @@ class Target:
 
 @dataclass(frozen=True)
 class Score:
-    """One number about a method.
+    """One score of a method.
 
     Parameters
     ----------
     name, among : str
-        What was counted, and among which worlds.
+        Quantity, and the worlds over which it is computed.
     value, low, high : float
-        With its 95 % interval; NaN where there was nothing to count.
+        Value and 95 % interval; NaN without data.
     n : int
-        Worlds, or named and true effects for precision and recall.
+        Number of worlds, or of named and true effects for precision and recall.
     k : int or None
-        Successes; None where the value is no rate.
+        Successes; None where the value is not a rate.
     target : Target or None
     """
 
@@ -88,7 +90,7 @@ class Score:
 
     @property
     def row(self) -> dict[str, Any]:
-        """For tables and study.json."""
+        """Row of tables and study.json."""
         numbers = {name: _finite(getattr(self, name)) for name in ("value", "low", "high")}
         target = None if self.target is None else self.target.words
         return {
@@ -98,24 +100,24 @@ class Score:
 
 
 def rate(name: str, among: str, hits: Iterable[bool], target: Target | None = None) -> Score:
-    """A rate with its Clopper-Pearson interval."""
+    """Rate with its Clopper-Pearson interval."""
     seen = [bool(hit) for hit in hits]
     return counted(name, among, sum(seen), len(seen), target)
 
 
 def counted(name: str, among: str, k: int, n: int, target: Target | None = None) -> Score:
-    """The same from counts."""
+    """Rate from counts, with its Clopper-Pearson interval."""
     return Score(name, among, k / n if n else math.nan, *of_rate(k, n), n, k, target)
 
 
 def median(name: str, among: str, values: Iterable[float], target: Target | None = None) -> Score:
-    """A median with its interval by order statistics."""
+    """Median with its interval by order statistics."""
     kept = [v for v in values if math.isfinite(v)]
     return Score(name, among, float(np.median(kept)) if kept else math.nan, *of_median(kept), len(kept), None, target)
 
 
 def mean(name: str, among: str, values: Iterable[float], target: Target | None = None) -> Score:
-    """A mean with its interval by Student's t."""
+    """Mean with its interval by Student's t."""
     from scipy.stats import t
 
     kept = np.array([v for v in values if math.isfinite(v)])
@@ -127,28 +129,28 @@ def mean(name: str, among: str, values: Iterable[float], target: Target | None =
 
 
 def largest(name: str, among: str, values: Iterable[float], target: Target | None = None) -> Score:
-    """The largest value seen; no interval."""
+    """Largest value, without an interval."""
     kept = [v for v in values if math.isfinite(v)]
     return Score(name, among, max(kept, default=math.nan), math.nan, math.nan, len(kept), None, target)
 
 
 def right_first(row: Row) -> bool:
-    """Whether the effect named first is one that the world had."""
+    """Whether the effect named first is one of the true ones."""
     return row.found.first in row.was.effects
 
 
 def exact(row: Row) -> bool:
-    """Whether the effects named are those that the world had."""
+    """Whether the effects named are exactly the true ones."""
     return set(row.found.effects) == set(row.was.effects)
 
 
 def covered(row: Row) -> bool:
-    """Whether the confidence set holds the true set."""
+    """Whether the confidence set contains the true set."""
     return frozenset(row.was.effects) in row.found.covers
 
 
 def headline(rows: Sequence[Row]) -> list[Score]:
-    """The scores that have targets, in their order."""
+    """Scores with targets, in the order of the tables."""
     none, single = of_kind(rows, "none"), of_kind(rows, "single")
     clear = [r for r in single if r.was.one_strength in ("medium", "strong")]
     weak = [r for r in single if r.was.one_strength == "weak"]
@@ -211,7 +213,7 @@ def detailed(rows: Sequence[Row]) -> list[Score]:
 
 
 def by_effect(rows: Sequence[Row]) -> list[dict[str, Any]]:
-    """Detection, first-named and exact set of single effects, and recall in company, by effect and strength."""
+    """Detection, first-named and exact set of single effects, and recall among several, by effect and strength."""
     table = []
     for effect in sorted({e for r in rows for e in r.was.effects}):
         for strength in STRENGTHS:
@@ -232,7 +234,7 @@ def by_effect(rows: Sequence[Row]) -> list[dict[str, Any]]:
 
 
 def by_outsider(rows: Sequence[Row]) -> list[dict[str, Any]]:
-    """How often each outsider was recognised, and by which status."""
+    """Recognition rate of each effect outside the catalogue, and the statuses given."""
     table = []
     for name in sorted({o for r in rows for o in r.was.outsiders}):
         own = [r for r in rows if name in r.was.outsiders]
@@ -243,21 +245,21 @@ def by_outsider(rows: Sequence[Row]) -> list[dict[str, Any]]:
 
 
 def precision(rows: Sequence[Row], among: str, target: Target | None = None) -> Score:
-    """Part of the effects named that were there, over all worlds together (micro)."""
+    """Fraction of the named effects that are true, over all worlds together (micro average)."""
     named = [effect in row.was.effects for row in rows for effect in set(row.found.effects)]
     return rate("precision", among, named, target)
 
 
 def recall(rows: Sequence[Row], among: str, target: Target | None = None) -> Score:
-    """Part of the effects that were there that were named, over all worlds together (micro)."""
+    """Fraction of the true effects that are named, over all worlds together (micro average)."""
     return rate("recall", among, [e in row.found.effects for row in rows for e in set(row.was.effects)], target)
 
 
 def closure_ratio(row: Row) -> float:
-    """Closure of the verdict over that of the true effects; a verdict that adds nothing closes nothing.
+    """Closure of the verdict over that of the true effects; 0 where the verdict adds no effect.
 
-    Both count as 1 at most: below the floor lies chance. NaN where the true effects close less than a tenth of the
-    gap, so that a ratio would be chance too, and where there is no closure to compare.
+    Both are capped at 1, since a gap below the floor is chance. NaN where the true effects close less than
+    `LEAST_CLOSURE` of the gap, and where a closure is missing.
     """
     if row.was.closure is None or row.was.closure < LEAST_CLOSURE:
         return math.nan
@@ -267,9 +269,9 @@ def closure_ratio(row: Row) -> float:
 
 
 def closable_ratio(row: Row) -> float:
-    """Part closed of what this twin could close: from the gap as given down to that of the machine without its effects.
+    """Fraction closed of the closable gap: from the initial gap down to that of the machine without effects.
 
-    NaN where that is less than a tenth of the gap, or not known.
+    NaN where that is less than `LEAST_CLOSURE` of the gap, or unknown.
     """
     if row.was.left is None or row.found.gaps is None:
         return math.nan
@@ -281,7 +283,7 @@ def closable_ratio(row: Row) -> float:
 
 
 def statuses(rows: Sequence[Row]) -> list[dict[str, Any]]:
-    """How often each status was given to worlds of each kind."""
+    """Counts of each status by kind of world."""
     return [
         {"kind": kind, "worlds": len(part), **{s: sum(r.found.status == s for r in part) for s in STATUSES}}
         for kind in KINDS
@@ -290,7 +292,7 @@ def statuses(rows: Sequence[Row]) -> list[dict[str, Any]]:
 
 
 def confusion(rows: Sequence[Row], effects: Sequence[str]) -> np.ndarray[tuple[int, int], np.dtype[np.int64]]:
-    """[effects, effects + 1] Single worlds: true effect against the one named first; the last column is none named."""
+    """[effects, effects + 1] Worlds with one effect: true effect against first named; last column: none named."""
     counts = np.zeros((len(effects), len(effects) + 1), np.int64)
     place = {name: i for i, name in enumerate(effects)}
     for row in of_kind(rows, "single"):
@@ -300,12 +302,12 @@ def confusion(rows: Sequence[Row], effects: Sequence[str]) -> np.ndarray[tuple[i
 
 
 def reliability(rows: Sequence[Row], bins: int = 10) -> list[dict[str, Any]]:
-    """How often effects given a probability were there, by bins of probability; worlds with outsiders left out.
+    """Observed frequency of effects by bins of predicted probability, for worlds without uncatalogued effects.
 
     Returns
     -------
     list of dict
-        lo, hi, mean_probability, value, low, high, k, n. Intervals count effects as if independent.
+        lo, hi, mean_probability, value, low, high, k, n. Intervals treat effects as independent.
     """
     pairs = [(p, e in r.was.effects) for r in rows if not r.was.outsiders for e, p in r.found.probability.items()]
     edges = np.linspace(0, 1, bins + 1)
@@ -321,7 +323,7 @@ def reliability(rows: Sequence[Row], bins: int = 10) -> list[dict[str, Any]]:
 
 
 def _parts(rows: Sequence[Row]) -> Iterable[tuple[str, list[Row]]]:
-    """Labelled parts of the rows: all, by kind, by kind and strength, by kind and arm, by strength."""
+    """Labelled subsets of the rows: all, by kind, by kind and strength, by kind and arm, by strength."""
     yield "all", list(rows)
     for kind in KINDS:
         own = of_kind(rows, kind)

@@ -1,9 +1,9 @@
-"""Plain summary statistics of records, as a reader would write them in an afternoon: what the rivals learn from.
+"""Plain summary statistics of records: the input of the rival methods.
 
 record --moments, quantiles, band powers, lines at shaft and fault orders--> [statistics]
 measured and simulated sets --means, spreads, slopes over speed and time--> one vector per world
 
-Nothing here is shared with the signatures of the diagnosis, which the rivals are to be compared with.
+They share no code with the signatures of the diagnosis, to which the rivals are compared.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ Array = NDArray[np.float64]
 BANDS: Final = 16
 QUANTILES: Final = (0.1, 0.5, 0.9, 0.99, 0.999)
 SHAFT_ORDERS: Final = (0.5, 1.0, 1.5, 2.0, 3.0, 4.0, 5.0)
-_HEALTHY_RIVAL_FAULT: Final = "outer"  # where a record has no fault to look for, the outer race's order stands in
+_HEALTHY_RIVAL_FAULT: Final = "outer"  # fault order that is used for a record without a fault
 
 
 @cache
@@ -46,13 +46,13 @@ def names() -> tuple[str, ...]:
 
 
 def of_record(record: Record, bearing: Bearing | None) -> Array:
-    """[statistics] Of one record, in the order of `names`.
+    """[statistics] Statistics of one record, in the order of `names`.
 
     Parameters
     ----------
     record : Record
     bearing : Bearing or None
-        Without it, lines at its orders are NaN.
+        Without it, statistics at its orders are NaN.
     """
     condition = record.condition
     fs, shaft = condition.fs_hz, condition.speed_rpm / 60
@@ -113,12 +113,14 @@ def of_record(record: Record, bearing: Bearing | None) -> Array:
 
 
 class Lines:
-    """Lines of a periodogram over the median of what is around them.
+    """Heights of spectral lines over the local median of a periodogram.
 
     Parameters
     ----------
     power : Array [bins]
+        Periodogram.
     df_hz : float
+        Bin spacing, Hz.
     """
 
     def __init__(self, power: Array, df_hz: float) -> None:
@@ -136,7 +138,7 @@ class Lines:
         return float(np.log((self.power[own - half : own + half + 1].max() + 1e-300) / (np.median(near) + 1e-300)))
 
     def peak(self, frequency_hz: float, tolerance: float) -> tuple[float, float]:
-        """Where the largest power near a frequency lies, Hz, and the log of the share of it in three bins."""
+        """Frequency of the largest power near a frequency, Hz, and the log of its share of the power in three bins."""
         place = frequency_hz / self.df_hz
         half = max(3, round(tolerance * place)) if np.isfinite(place) else 0
         if not half < place < self.power.size - half - 1:
@@ -147,29 +149,29 @@ class Lines:
         return (round(place) - half + top) * self.df_hz, float(np.log(share + 1e-12))
 
     def strongest(self) -> float:
-        """Log of the strongest line of all over the median of the spectrum's own eighth."""
+        """Log of the power of the strongest line over the median of its eighth of the spectrum."""
         parts = [p for p in np.array_split(self.power[2:], 8) if p.size]
         return float(max(np.log((p.max() + 1e-300) / (np.median(p) + 1e-300)) for p in parts))
 
 
 def table(records: RecordSet) -> Array:
-    """[records, statistics] Of a set."""
+    """[records, statistics] Statistics of all records of a set."""
     return np.array([of_record(record, records.bearing) for record in records])
 
 
 def of_world(real: RecordSet, simulated: RecordSet) -> Array:
-    """[4 statistics] Measured less simulated: mean, log spread, and slopes over log speed and time.
+    """[4 statistics] Difference between measured and simulated sets: mean, log spread, slopes over log speed and time.
 
-    NaN where not defined, to be filled by who learns from it.
+    NaN where undefined; the methods that use it fill these in.
     """
     ours, theirs = table(real), table(simulated)
     return from_tables(ours, theirs, real, simulated)
 
 
 def from_tables(ours: Array, theirs: Array, real: RecordSet, simulated: RecordSet) -> Array:
-    """The same from tables made before."""
+    """The same as `of_world`, from tables computed before."""
     with warnings.catch_warnings(), np.errstate(all="ignore"):
-        warnings.simplefilter("ignore", RuntimeWarning)  # means of nothing are NaN, and meant so
+        warnings.simplefilter("ignore", RuntimeWarning)  # means of empty slices are NaN by intent
         means = np.nanmean(ours, axis=0) - np.nanmean(theirs, axis=0)
         spreads = np.log(np.nanstd(ours, axis=0) + 1e-3) - np.log(np.nanstd(theirs, axis=0) + 1e-3)
         slopes = [_slopes(ours, real, key) - _slopes(theirs, simulated, key) for key in ("speed_rpm", "time_s")]
@@ -178,12 +180,12 @@ def from_tables(ours: Array, theirs: Array, real: RecordSet, simulated: RecordSe
 
 
 def world_names() -> tuple[str, ...]:
-    """Names of what `of_world` returns."""
+    """Names of the elements of `of_world`."""
     return tuple(f"{name}|{kind}" for kind in ("mean", "spread", "on_speed", "on_time") for name in names())
 
 
 def _slopes(values: Array, records: RecordSet, key: str) -> Array:
-    """[statistics] Correlation with log speed or time; NaN where that does not vary."""
+    """[statistics] Correlation with log speed or time; NaN where that is constant."""
     x = np.array([np.nan if getattr(c, key) is None else getattr(c, key) for c in records.conditions], float)
     x = np.log(x) if key == "speed_rpm" else x
     x = x - x.mean()
@@ -195,5 +197,5 @@ def _slopes(values: Array, records: RecordSet, key: str) -> Array:
 
 @cache
 def _high_pass(fs_hz: float) -> Array:
-    """Above a sixteenth of the rate, where shaft and mains do not reach."""
+    """High-pass at a sixteenth of the sampling rate, above shaft and mains frequencies."""
     return np.asarray(signal.butter(4, fs_hz / 16, "highpass", fs=fs_hz, output="sos"))

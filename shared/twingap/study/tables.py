@@ -1,4 +1,4 @@
-"""A finished study as a page of tables: study.md."""
+"""study.md: a finished study as Markdown tables."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from twingap.study.scores import COMPARED
 
 
 def markdown(table: Mapping[str, Any]) -> str:
-    """The study as a page of tables."""
+    """A study as Markdown."""
     about = table["provenance"]
     frozen = "the code of the diagnosis did not change between sealing and opening" if about["frozen"] else (
         "**the code of the diagnosis changed after the worlds were sealed**")  # fmt: skip

@@ -1,11 +1,12 @@
-"""What is left of a gap once the machine's one missing effect is added at its true values.
+"""Gap that remains when the machine's one missing effect is added to the twin at its true values.
 
-simulated machine with one effect --calibrate--> distance as given
+simulated machine with one effect --calibrate--> initial distance
                                   --the effect at its true values added, baseline matched anew--> distance left
 
-Nothing is learnt, estimated or searched here: what is left beyond chance is a fault of calibration, of the simulator
-that effects are added to, or of the distance. Run as ``python -m twingap.study.true_values`` it prints one line per
-effect; ``--own`` meets the machines through their own simulator, ``--without-healthy`` takes those of defects alone.
+No model is trained, estimated or searched here: a remainder beyond chance is an error of calibration, of the simulator
+to which effects are added, or of the distance. Run as ``python -m twingap.study.true_values``; it prints one line per
+effect. ``--own`` represents machines by records of their own simulator, ``--without-healthy`` uses only records with
+defects.
 """
 
 from __future__ import annotations
@@ -27,16 +28,16 @@ from twingap.records import Record, RecordSet
 from twingap.twins.twin_file import TwinSpec
 
 MOST_RECORDS = 12
-"""Of a machine."""
+"""Most records of a machine; more are slower."""
 _TRIES = 400
-"""Machines drawn for one whose records could show the effect."""
+"""Most machines drawn until one has records that show the effect; more find rarer cases."""
 _GAIN = 1.3
-"""Of the records over those of the machine's own simulator, whose level is found anew."""
+"""Gain of the records relative to the machine's own simulator, so that its level has to be matched."""
 
 
 @dataclass(frozen=True)
 class Left:
-    """One machine's distances, in standard deviations; negative where the unbiased square is.
+    """Distances of one machine, in standard deviations; negative where the unbiased square is negative.
 
     Parameters
     ----------
@@ -49,19 +50,19 @@ class Left:
 
 
 def left(name: str, number: int, seed: int, *, own: bool = False, healthy: bool = True) -> Left | None:
-    """What the true effect leaves on one machine.
+    """Distances of one machine before and after its true effect is added.
 
     Parameters
     ----------
     name : str
-        Of the effect.
+        Name of the effect.
     number : int
-        Of the machine: it depends on this, the name and the seed alone.
+        Number of the machine, which depends on this, the name and the seed alone.
     seed : int
     own : bool
-        Whether the machine is met through records of its own simulator.
+        Whether the machine is represented by records of its own simulator.
     healthy : bool
-        Whether some records are healthy; False: none is.
+        Whether some of the records are healthy.
 
     Returns
     -------
@@ -87,7 +88,7 @@ def left(name: str, number: int, seed: int, *, own: bool = False, healthy: bool 
             return None
         place = feature_names().index(DISTANCE)
         return Left(*(float(evidence.against(chain).held_out[place]) for chain in ((), effects)))
-    except TwingapError:  # a drawn machine that nobody could calibrate says nothing
+    except TwingapError:  # a machine that cannot be calibrated is skipped
         return None
 
 
@@ -102,7 +103,7 @@ def _drawn(name: str, rng: np.random.Generator, own: bool, healthy: bool) -> tup
 
 
 def main() -> None:
-    """Every effect on a few machines."""
+    """Print the distances left for every effect, on a few machines each."""
     asked = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else "")
     asked.add_argument("effects", nargs="*", help="all of the catalogue when none is named")
     asked.add_argument("--machines", type=int, default=6)

@@ -1,4 +1,4 @@
-"""Time and memory that a block takes.
+"""Wall time and peak memory of a block.
 
 with Usage() as used: ...  -->  used.seconds, used.peak_mb
 """
@@ -16,13 +16,14 @@ _STATUS, _CLEAR = Path("/proc/self/status"), Path("/proc/self/clear_refs")
 
 
 class Usage:
-    """Wall time of a block, and the most memory that this process held within it.
+    """Wall time of a block, and the peak memory of this process within it.
 
     Attributes
     ----------
     seconds : float
+        Wall time, s.
     peak_mb : float
-        Resident, all libraries included. On Linux of the block; elsewhere the largest since the process began.
+        Peak resident memory, MB, libraries included; on Linux within the block, elsewhere since the process began.
     """
 
     seconds: float

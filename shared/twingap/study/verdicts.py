@@ -1,7 +1,7 @@
-"""What a method says of a world, and what the world was: the two sides that scores compare.
+"""Findings of a method and truth of a world: the two sides that scores compare.
 
 gap report of the diagnosis --found_in--+
-answers of a rival ---------------------+--> Found --+
+output of a rival ----------------------+--> Found --+
                                                      +--> Row, one per world and method
 Truth, unsealed --was_of--> Was ---------------------+
 """
@@ -19,29 +19,29 @@ KINDS = ("none", *CATALOGUED, *STRANGE)
 
 @dataclass(frozen=True)
 class Found:
-    """What a method says.
+    """Findings of a method on a world.
 
     Parameters
     ----------
     status : str
         no_gap, explained, partly_explained or unexplained, as in gap_report.schema.json; refused when there was no
-        answer, which finds nothing and is right about nothing but the absence of a gap.
+        diagnosis, which counts as no finding and is correct only where there is no gap.
     effects : tuple of str
-        Found missing, strongest first.
+        Missing effects, strongest first.
     confidence_set : tuple of tuple of str, or None
-        None for a method that gives none.
+        None for a method without one.
     probability : Mapping[str, float]
-        Effect -> probability that it is missing; empty for a method that gives none.
+        Effect -> probability that it is missing; empty for a method without probabilities.
     p_value : float or None
-        Of no gap.
+        Of the hypothesis of no gap.
     parameters : Mapping[str, Mapping[str, Mapping[str, Any]]]
-        Effect -> parameter -> value, unit, ci; of the effects named.
+        Effect -> parameter -> value, unit, ci; of the named effects.
     closure : float or None
-        Of the verdict.
+        Closure of the verdict, dimensionless.
     gaps : (float, float, float) or None
-        Overall gap before and after, and its floor.
+        Gap over all domains before and after, and its floor, in standard deviations.
     runtime_s, peak_mb : float or None
-        Of this answer.
+        Wall time, s, and peak memory, MB.
     """
 
     status: str
@@ -67,32 +67,34 @@ class Found:
 
     @property
     def strange(self) -> bool:
-        """Whether it is said that something is there which the named effects do not explain."""
+        """Whether the method reports an effect outside the catalogue."""
         return self.status in ("unexplained", "partly_explained")
 
     @property
     def covers(self) -> tuple[frozenset[str], ...]:
-        """The confidence set, as sets."""
+        """Members of the confidence set, as sets."""
         return tuple(frozenset(s) for s in self.confidence_set or ())
 
 
 @dataclass(frozen=True)
 class Was:
-    """What a world was.
+    """Truth of a world.
 
     Parameters
     ----------
     case, kind, arm : str
     effects : tuple of str
-        Catalogued ones.
+        Catalogued effects.
     strength : Mapping[str, str]
-        Of each effect and outsider.
+        Strength of each effect, also of those outside the catalogue.
     outsiders : tuple of str
+        Effects outside the catalogue.
     parameters : Mapping[str, Mapping[str, Any]]
+        Effect -> parameter -> true value.
     closure : float or None
-        Of the true effects with their true parameters.
+        Closure of the true effects at their true values.
     left : float or None
-        Gap between the machine without its effects and its own twin.
+        Gap between the machine without its effects and its own calibrated twin, in standard deviations.
     """
 
     case: str
@@ -114,14 +116,14 @@ class Was:
 
 @dataclass(frozen=True)
 class Row:
-    """A world and what a method said of it."""
+    """A world's truth and the findings of one method on it."""
 
     was: Was
     found: Found
 
 
 def was_of(truth: Any, closure: float | None = None, left: float | None = None) -> Was:
-    """The part of a `twingap.rigs.worlds` truth that scores compare with."""
+    """The part of a truth of `twingap.rigs.worlds` that scores use."""
     return Was(
         case=truth.case,
         kind=truth.kind,
@@ -136,13 +138,14 @@ def was_of(truth: Any, closure: float | None = None, left: float | None = None) 
 
 
 def found_in(report: Mapping[str, Any], runtime_s: float | None = None, peak_mb: float | None = None) -> Found:
-    """What a report (content of gap.json) says.
+    """Findings in a gap report.
 
     Parameters
     ----------
     report : Mapping
-        As gap_report.schema.json has it.
+        Content of gap.json, as in gap_report.schema.json.
     runtime_s, peak_mb : float, optional
+        Wall time, s, and peak memory, MB.
     """
     verdict = report["verdict"]
     named = tuple(verdict["effects"])
@@ -163,14 +166,14 @@ def found_in(report: Mapping[str, Any], runtime_s: float | None = None, peak_mb:
 
 
 def _gaps(report: Mapping[str, Any]) -> tuple[float, float, float] | None:
-    """The first metric: before, after, floor."""
+    """Before, after and floor of the first metric."""
     for metric in report["shrink"]["metrics"]:
         return float(metric["before"]), float(metric["after"]), float(metric["floor"])
     return None
 
 
 def _closure(report: Mapping[str, Any]) -> float | None:
-    """Closure of the verdict: as it says, or by the first metric; None where nothing was added."""
+    """Closure of the verdict: as stated, or from the first metric; None where no effect was added."""
     if not report["verdict"]["effects"]:
         return None
     said = report["verdict"].get("closure")

@@ -1,8 +1,8 @@
-"""What worker processes do with a world: seal it, diagnose it blind, open it.
+"""Tasks of worker processes on a world: seal it, diagnose it blind, open it.
 
 SealJob     --make_world--> seal of the truth, digest of the records          (the truth stays in the worker)
 DiagnoseJob --make_world--> Blind --diagnose--> report; --prepare--> rivals' statistics and two-sample test
-OpenJob     --make_world--> truth, closure of the true effects, what no effect can close
+OpenJob     --make_world--> truth, closure of the true effects, gap that no effect can close
 """
 
 from __future__ import annotations
@@ -31,18 +31,19 @@ Diagnose = Callable[..., Any]
 Prepare = Callable[[RecordSet, TwinSpec, np.random.Generator, RecordSet | None], tuple[RecordSet, RecordSet]]
 """prepare(records, spec, rng, sim) -> (records, simulated records of the calibrated twin, same conditions)."""
 Triples = Callable[[int, np.random.Generator], Iterable[tuple[RecordSet, RecordSet, frozenset[str]]]]
-"""worlds(n, rng) -> (records, simulated records, effects missing): for the rivals to learn from."""
+"""worlds(n, rng) -> (records, simulated records, missing effects): training worlds of the rivals."""
 
 
 @dataclass(frozen=True)
 class SealJob:
-    """A world to seal.
+    """Job: seal a world.
 
     Parameters
     ----------
     case : Case
     seed : int
     nonce : str
+        Random text that is hashed with the truth.
     """
 
     case: Case
@@ -52,16 +53,16 @@ class SealJob:
 
 @dataclass(frozen=True)
 class DiagnoseJob:
-    """A world to diagnose blind.
+    """Job: diagnose a world blind.
 
     Parameters
     ----------
     case : Case
     seed : int
     records_sha256 : str
-        Of the records as they were sealed.
+        Digest of the records when the world was sealed.
     permutations : int
-        Of the rivals' two-sample test.
+        Permutations of the rivals' two-sample test.
     """
 
     case: Case
@@ -72,7 +73,7 @@ class DiagnoseJob:
 
 @dataclass(frozen=True)
 class OpenJob:
-    """A world to open."""
+    """Job: open a world."""
 
     case: Case
     seed: int
@@ -80,7 +81,7 @@ class OpenJob:
 
 @dataclass(frozen=True)
 class LearnJob:
-    """Training worlds for the rivals.
+    """Job: make training worlds for the rivals.
 
     Parameters
     ----------
@@ -103,18 +104,18 @@ def seal_world(job: SealJob) -> dict[str, str]:
 
 
 def diagnose_world(job: DiagnoseJob, diagnose: Diagnose, prepare: Prepare) -> dict[str, Any]:
-    """What the diagnosis says of a world of which it sees records, simulated records and twin alone.
+    """Diagnosis of a world from its records, simulated records and twin alone.
 
     Returns
     -------
     dict
-        report (content of gap.json without curves; None when refused), refused (why), seconds, peak_mb; statistics
+        report (content of gap.json without curves; None when refused), refused (reason), seconds, peak_mb; statistics
         [world statistics] and two_sample for the rivals.
 
     Raises
     ------
     TwingapError
-        When the world is not the one that was sealed.
+        When the world differs from the sealed one.
     """
     from twingap.rigs.worlds import make_world
 
@@ -128,12 +129,12 @@ def diagnose_world(job: DiagnoseJob, diagnose: Diagnose, prepare: Prepare) -> di
 
 
 def root_of(case: Case, seed: int) -> list[int]:
-    """What all random numbers of a world's diagnosis begin with."""
+    """Root entropy of all random numbers of a world's diagnosis."""
     return [seed, zlib.crc32(case.name.encode())]
 
 
 def asked(blind: Blind, root: Sequence[int], diagnose: Diagnose) -> dict[str, Any]:
-    """What the diagnosis says of a blind world, and what it takes: report, refused, seconds, peak_mb."""
+    """Diagnosis of a blind world with its runtime and memory: report, refused, seconds, peak_mb."""
     report, refused = None, ""
     with Usage() as used:
         try:
@@ -145,7 +146,7 @@ def asked(blind: Blind, root: Sequence[int], diagnose: Diagnose) -> dict[str, An
 
 
 def open_world(job: OpenJob) -> dict[str, Any]:
-    """A world's truth as canonical JSON, the closure of its true effects, and the gap that the twin has without any."""
+    """A world's truth as canonical JSON, the closure of its true effects, and the gap of its twin without effects."""
     from twingap.rigs.worlds import make_world
     from twingap.study.closure import left_without_effects, true_closure
 
@@ -155,7 +156,7 @@ def open_world(job: OpenJob) -> dict[str, Any]:
 
 
 def learn_from(job: LearnJob, worlds: Triples) -> dict[str, Any]:
-    """Examples for the rivals."""
+    """Training examples for the rivals."""
     from twingap.effects import catalogue
 
     rng = np.random.default_rng([job.seed, job.chunk, 0x1EA4])
@@ -164,7 +165,7 @@ def learn_from(job: LearnJob, worlds: Triples) -> dict[str, Any]:
 
 
 def report_of(diagnosis: Any) -> dict[str, Any]:
-    """Content of gap.json, without what only figures need."""
+    """Content of gap.json, without the data of figures."""
     report = getattr(diagnosis, "report", diagnosis)
     table = to_json(report) if isinstance(report, GapReport) else dict(report)
     table.pop("curves", None)

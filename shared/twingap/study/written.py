@@ -1,4 +1,4 @@
-"""study.json, study.md and figures of a finished study.
+"""Output of a study: study.json, study.md and figures.
 
 Study --json--> study.json;  --tables--> study.md;  --figures--> *.png
 """
@@ -24,7 +24,7 @@ def write_study(study: Study, out: str | os.PathLike[str]) -> list[Path]:
     Returns
     -------
     list of Path
-        What was written.
+        The files written.
     """
     folder = Path(out)
     text = json.dumps(finite(study.table), indent=1, allow_nan=False) + "\n"

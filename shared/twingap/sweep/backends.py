@@ -1,4 +1,4 @@
-"""Where independent tasks run: this process, local processes or a dask cluster, all through joblib."""
+"""Backends for independent tasks: this process, local processes or a dask cluster, all through joblib."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ Backend = Literal["loky", "threading", "sequential", "dask"]
 BACKENDS: Final[tuple[str, ...]] = get_args(Backend)
 
 WORKER_DIED: Final = frozenset({"TerminatedWorkerError", "BrokenProcessPool", "KilledWorker"})
-"""Names of the errors by which joblib and dask say that a worker process is gone."""
+"""Names of the errors with which joblib and dask report a dead worker process."""
 
 
 @dataclass(frozen=True)
@@ -33,11 +33,11 @@ class Pool:
     ----------
     backend : str
     n_jobs : int
-        Tasks at once.
+        Number of parallel tasks.
     threads_inside : int or None
-        Limit that each task must set for itself; None where the pool has set it already.
+        Thread limit that each task must set itself; None where the pool has set it already.
     leader : int or None
-        Process that local workers must not outlive.
+        Id of the process with which local workers must end.
     """
 
     backend: str
@@ -48,23 +48,23 @@ class Pool:
 
 @contextmanager
 def open_pool(backend: str, address: str | None, n_jobs: int | None, threads: int) -> Iterator[Pool]:
-    """Open a backend for the length of the block.
+    """Open a backend for the duration of the block.
 
     Parameters
     ----------
     backend : {"loky", "threading", "sequential", "dask"}
         loky: local processes.
     address : str or None
-        Of a running dask cluster; None starts one on this machine.
+        Address of a running dask cluster; None starts one on this machine.
     n_jobs : int or None
-        Tasks at once; None = all cores (of the cluster).
+        Number of parallel tasks; None = all cores (of the cluster).
     threads : int
         Threads that each task may use inside (BLAS, OpenMP, torch, numba).
 
     Raises
     ------
     TwingapError
-        For an unknown backend, a library that is not installed, a cluster that does not answer.
+        For an unknown backend, a library that is not installed, or a cluster that does not respond.
     """
     if backend not in BACKENDS:
         raise TwingapError(f"unknown backend {backend!r}", mend=f"use one of {', '.join(BACKENDS)}")
@@ -93,7 +93,7 @@ def open_pool(backend: str, address: str | None, n_jobs: int | None, threads: in
 
 @functools.cache
 def end_with(leader: int) -> None:
-    """Make this worker end when its leader does. loky's workers survive a killed leader for minutes, memory and all."""
+    """Make this worker end with its leader; otherwise loky's workers survive a killed leader for minutes."""
 
     def watch() -> None:
         while os.getppid() == leader:
@@ -105,7 +105,7 @@ def end_with(leader: int) -> None:
 
 @contextmanager
 def limited_threads(threads: int) -> Iterator[None]:
-    """At most this many threads in BLAS, OpenMP, torch and numba within the block, also when it loads them first."""
+    """Limit the threads of BLAS, OpenMP, torch and numba within the block, also of libraries loaded in it."""
     import joblib
     import threadpoolctl
 
@@ -163,7 +163,7 @@ def _dask(address: str | None, n_jobs: int | None) -> Iterator[int]:
 
 @contextmanager
 def deaf_to_interrupts() -> Iterator[None]:
-    """Processes started within the block ignore Ctrl-C: this process hears it and ends them in good order."""
+    """Processes started within the block ignore Ctrl-C, so that this process handles it and ends them in order."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return

@@ -3,7 +3,7 @@
 jobs --key--> in the store? --yes--> Result
                    no --> worker: function(job) --> parent: store, on_result --> Result
 
-Only the parent writes results and calls back, so whatever `on_result` does (log to a database, move a bar) never races.
+Only the parent writes results and calls back, so `on_result` (logging to a database, a progress bar) never races.
 """
 
 from __future__ import annotations
@@ -44,15 +44,15 @@ class Result(Generic[J]):
     ----------
     job : J
     value : Any
-        What the function returned, as it comes back from the store: tuples are lists, dataclasses are dicts.
+        Return value of the function as read from the store: tuples are lists, dataclasses are dicts.
     label : str
-        The job in words.
+        Description of the job.
     key : str
-        Its place in the store.
+        Its key in the store.
     seconds : float
-        How long it took, in the run that computed it.
+        Runtime in the run that computed it, s.
     why : str
-        Why it ran now; "" when it was taken from the store.
+        Reason for running it now; "" when it was taken from the store.
     """
 
     job: J
@@ -74,7 +74,7 @@ class Failure(Generic[J]):
 
 
 class SweepError(TwingapError):
-    """Some jobs failed; all the others are done and kept.
+    """Some jobs failed; all others have finished and their results are stored.
 
     Attributes
     ----------
@@ -107,31 +107,31 @@ def sweep(
     on_result: Callable[[Result[J]], None] | None = None,
     describe: Callable[[J], str] | None = None,
 ) -> list[Result[J]]:
-    """Run `function` on every job, in parallel, taking from the store what is there.
+    """Run `function` on every job in parallel, reusing results in the store.
 
     Parameters
     ----------
     function : callable
-        Of one job. Defined at module level, so that workers can import it; `functools.partial` may bind further
-        arguments, whose digests then belong in `data`. It returns numbers, text, arrays, or lists and dicts of them,
-        depends on nothing but its arguments (seeds are part of the job), and does not log.
+        Function of one job. Defined at module level, so that workers can import it; `functools.partial` may bind
+        further arguments, whose digests then belong in `data`. It returns numbers, text, arrays, or lists and dicts of
+        them, depends only on its arguments (seeds are part of the job), and does not log.
     jobs : sequence
-        Frozen dataclasses or mappings of what JSON can hold. A job that appears twice runs once.
+        Frozen dataclasses or mappings of JSON values. A job that appears twice runs once.
     store : path-like, optional
-        Folder of results. None keeps nothing.
+        Folder of results; None = results are not stored.
     backend, address, n_jobs
         Where to run; see `twingap.sweep.backends.open_pool`.
     threads : int
-        Threads that one job may use inside. 1 makes results independent of the number of cores.
+        Threads that one job may use; 1 makes results independent of the number of cores.
     version : str, optional
-        Of the code: results of another version are not taken. Default: digest of the module of `function`; when more
-        code matters, pass ``digest_of_code(...)`` of all that does.
+        Version of the code: results of another version are not reused. Default: digest of the module of `function`;
+        when more code matters, pass ``digest_of_code(...)`` of all of it.
     data : mapping, optional
         Name -> digest of all data that `function` reads besides its job. A digest of the user's own effects is added.
     on_result : callable, optional
-        Called in this process for each result as it becomes known, those from the store first.
+        Called in this process for each result as it becomes available, those from the store first.
     describe : callable, optional
-        A job in words, for progress and errors; a job of the same description that differs has "changed".
+        Description of a job, for progress and errors; a job with the same description and other content has "changed".
 
     Returns
     -------
@@ -143,7 +143,7 @@ def sweep(
     SweepError
         When jobs failed, after all the others have finished.
     TwingapError
-        For a backend that is not there, or a store that cannot be used.
+        For an unavailable backend, or a store that cannot be used.
     """
     name, version = _name(function), version or digest_of_code(_bare(function))
     if isinstance(function, functools.partial) and not data:
@@ -190,7 +190,7 @@ def sweep(
 
 
 def in_words(job: object) -> str:
-    """``task=0->2, seed=1``: a job's fields, for people."""
+    """Description of a job by its fields: ``task=0->2, seed=1``."""
     table = plain(job)
     if not isinstance(table, Mapping):
         return str(table)
@@ -220,7 +220,7 @@ class _Raised:
 def _attempt(
     effects: HandedEffects | None, key: str, function: Callable[[Any], Any], job: Any, pool: Pool
 ) -> tuple[str, _Returned | _Raised]:
-    """Run one job, in a worker. What it raises comes back as text, since not every exception can be sent."""
+    """Run one job in a worker. Exceptions are returned as text, as not every exception can be pickled."""
     if pool.leader is not None:
         end_with(pool.leader)
     begin = time.perf_counter()
@@ -239,10 +239,10 @@ def _attempt(
 def _outcomes(
     pool: Pool, effects: HandedEffects | None, function: Callable[[J], Any], jobs: Mapping[str, J]
 ) -> Iterator[tuple[str, _Returned | _Raised]]:
-    """Each job's outcome, as it comes. When a worker dies, the jobs that were under way then run one by one.
+    """Outcome of each job as it finishes. When a worker dies, the jobs in progress are run again one by one.
 
-    A dead worker takes all that run beside it along and does not say which job killed it. Run alone, the culprit is
-    known, and a job that fell only because many together ran out of memory succeeds.
+    A dead worker aborts all jobs that run in parallel and does not identify the one that killed it. Run alone, that
+    job is identified, and jobs that failed only because many together ran out of memory succeed.
     """
     waiting = deque(jobs)
     while waiting:
@@ -258,7 +258,7 @@ def _outcomes(
 
 
 class _WorkerDiedError(Exception):
-    """A worker process is gone."""
+    """A worker process has died."""
 
 
 def _parallel(
@@ -269,7 +269,7 @@ def _parallel(
     waiting: deque[str],
     under_way: set[str],
 ) -> Iterator[tuple[str, _Returned | _Raised]]:
-    """Outcomes of the waiting jobs; those sent but not back are under way."""
+    """Outcomes of the waiting jobs; those sent but not returned are in progress."""
     if pool.backend == "sequential":
         while waiting:
             key = waiting.popleft()
@@ -283,8 +283,8 @@ def _parallel(
             under_way.add(key)
             yield joblib.delayed(_attempt)(effects, key, function, jobs[key], pool)
 
-    # One job at a time to a worker, and few in line, so that little is lost when a worker dies.
-    # An interruption meets this process alone: workers that are still starting would each say where they were.
+    # One job at a time per worker and a short queue, so that little is lost when a worker dies.
+    # Only this process handles an interruption: workers that are still starting would each print a traceback.
     with deaf_to_interrupts() if pool.backend == "loky" else contextlib.nullcontext():
         outcomes = joblib.Parallel(return_as="generator_unordered", batch_size=1, pre_dispatch="2*n_jobs")(tasks())
     try:
@@ -301,12 +301,12 @@ def _parallel(
             yield key, outcome
     finally:
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore", UserWarning)  # that jobs under way are dropped, which an interruption means
+            warnings.simplefilter("ignore", UserWarning)  # the warning that jobs in progress are dropped is expected
             outcomes.close()
 
 
 def _handed_effects() -> HandedEffects | None:
-    """The user's own effects; None where nothing has to do with effects, which spares workers their import."""
+    """The user's own effects; None without any effects module loaded, which saves workers its import."""
     if "twingap.effects" not in sys.modules and not importlib.metadata.entry_points(group="twingap.effects"):
         return None
     from twingap.effects.handover import handed_effects
@@ -333,6 +333,6 @@ def _name(function: Callable[..., Any]) -> str:
         raise TypeError(f"{name}: workers can only import a function that is defined at module level")
     module = bare.__module__
     if module == "__main__":
-        # The same script has another name when imported; its file's name does not change.
+        # The same script has another module name when imported; its file name is the same.
         module = Path(getattr(sys.modules["__main__"], "__file__", None) or "__main__").stem
     return f"{module}.{name}"

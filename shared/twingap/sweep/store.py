@@ -1,7 +1,7 @@
-"""Results on disk, one per job, keyed by content: written whole or not at all, and checked when read.
+"""Results on disk, one per job, keyed by content: written atomically and verified when read.
 
 <key>.json    the job, the code version, the data digests and the result
-<key>.npz     its arrays, if it has any; written before the JSON, whose presence says "done"
+<key>.npz     its arrays, if any; written before the JSON, whose presence marks the job as done
 failed/<key>.txt    traceback of a job that failed
 """
 
@@ -31,16 +31,16 @@ ARRAY = "$array"
 
 @dataclass(frozen=True)
 class Identity:
-    """What a result depends on. Two equal identities have the same result.
+    """Everything on which a result depends; equal identities have the same result.
 
     Parameters
     ----------
     function : str
-        Qualified name.
+        Qualified name of the function.
     job : Any
         The job in plain JSON form.
     version : str
-        Of the code.
+        Version of the code.
     data : Mapping[str, str]
         Digest of each data set that the function reads.
     """
@@ -52,17 +52,17 @@ class Identity:
 
     @property
     def key(self) -> str:
-        """Hex sha256 of all of it."""
+        """Hex sha256 of all fields."""
         return digest_of_value(self)
 
 
 def encode(value: Any) -> tuple[str, dict[str, NDArray[Any]]]:
-    """A job's value as JSON text and the arrays that it refers to.
+    """A job's value as JSON text and the arrays to which it refers.
 
     Raises
     ------
     TypeError
-        For what JSON and .npz cannot hold.
+        For values that JSON and .npz cannot hold.
     """
     arrays: dict[str, NDArray[Any]] = {}
 
@@ -86,7 +86,7 @@ def encode(value: Any) -> tuple[str, dict[str, NDArray[Any]]]:
 
 
 def decode(text: str, arrays: Arrays) -> Any:
-    """The value behind `encode`'s output, tuples as lists."""
+    """Inverse of `encode`, with tuples as lists."""
 
     def placed(item: dict[str, Any]) -> Any:
         return arrays[item[ARRAY]] if set(item) == {ARRAY} else item
@@ -100,7 +100,7 @@ class ResultStore:
     Parameters
     ----------
     folder : path-like
-        Made when missing.
+        Created when missing.
 
     Raises
     ------
@@ -118,12 +118,12 @@ class ResultStore:
 
     @contextmanager
     def claimed(self) -> Iterator[None]:
-        """Hold the folder for this process alone; the claim ends with the process, however that ends.
+        """Lock the folder for this process; the lock ends with the process, however that ends.
 
         Raises
         ------
         TwingapError
-            At once, when another process holds it or it cannot be written.
+            At once, when another process holds the lock or the folder cannot be written.
         """
         lock = filelock.FileLock(self.folder / ".lock", timeout=0)
         try:
@@ -136,14 +136,14 @@ class ResultStore:
                 f"cannot be written: {error.strerror}", where=self.folder, mend="name another"
             ) from error
         try:
-            for left in self.folder.glob(".[0-9a-f]*"):  # half-written files of a process that was killed
+            for left in self.folder.glob(".[0-9a-f]*"):  # partial files of a killed process
                 left.unlink(missing_ok=True)
             yield
         finally:
             lock.release()
 
     def read(self, key: str) -> tuple[Any, float] | None:
-        """Value and seconds of a finished job, or None when there is none or it is damaged."""
+        """Value and runtime, s, of a finished job; None when there is none or it is damaged."""
         held = self._parsed(self.folder / f"{key}.json")
         if held is None or held["key"] != key:
             return None
@@ -152,14 +152,14 @@ class ResultStore:
             try:
                 with np.load(self.folder / f"{key}.npz", allow_pickle=False) as archive:
                     arrays = {name: archive[name] for name in archive.files}
-            except Exception:  # a damaged zip raises half a dozen kinds of error
+            except Exception:  # a damaged zip file raises many kinds of errors
                 return None
             if _digest(arrays) != held["arrays"]:
                 return None
         return decode(held["value"], arrays), float(held["seconds"])
 
     def write(self, label: str, identity: Identity, text: str, arrays: Arrays, seconds: float) -> None:
-        """Keep a finished job's encoded value."""
+        """Store a finished job's encoded value."""
         key = identity.key
         if arrays:
             with files.replacing(self.folder / f"{key}.npz") as target, target.open("wb") as stream:
@@ -173,16 +173,16 @@ class ResultStore:
         self.failure_path(key).unlink(missing_ok=True)
 
     def write_failure(self, label: str, key: str, traceback: str) -> None:
-        """Keep a failed job's traceback."""
+        """Store a failed job's traceback."""
         with files.replacing(self.failure_path(key)) as target:
             target.write_text(f"{label}\n\n{traceback}", encoding="utf-8")
 
     def failure_path(self, key: str) -> Path:
-        """Where a failed job's traceback lies."""
+        """Path of a failed job's traceback."""
         return self.folder / "failed" / f"{key}.txt"
 
     def why_missing(self, label: str, identity: Identity) -> str:
-        """Why this job has no result to take: the first reason that applies, in words."""
+        """Reason why this job has no reusable result: the first that applies, as text."""
         if self.failure_path(identity.key).exists():
             return "failed before"
         if (self.folder / f"{identity.key}.json").exists():
@@ -197,7 +197,7 @@ class ResultStore:
         return "job changed" if any(h["label"] == label for h in others) else "no result"
 
     def _others(self) -> list[dict[str, Any]]:
-        """What the folder holds already, whatever its version; read once."""
+        """All results in the folder, whatever their version; read once."""
         if self._earlier is None:
             parsed = (self._parsed(path) for path in sorted(self.folder.glob("*.json")))
             self._earlier = [held for held in parsed if held is not None]

@@ -1,4 +1,4 @@
-"""Tracking: runs that nest, kept in MLflow, in plain folders, or not at all."""
+"""Tracking: nested runs, stored in MLflow, in plain folders, or not at all."""
 
 from twingap.track.folder import FolderTracker
 from twingap.track.mlflow import MlflowTracker

@@ -1,4 +1,4 @@
-"""A tracker that keeps runs as plain folders: for tests, and for work without a tracking library."""
+"""Tracker that stores runs as plain folders, for tests and for work without a tracking library."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ from twingap.track.tracker import Run, Status, ending
 
 
 class FolderTracker:
-    """Keeps runs as plain folders: ``parameters.json``, ``metrics.csv``, ``tags.json``, artifacts, ``runs/`` inside.
+    """Tracker that stores runs as folders: ``parameters.json``, ``metrics.csv``, ``tags.json``, artifacts, ``runs/``.
 
     Parameters
     ----------
     root : path-like
-        Made when missing.
+        Created when missing.
     """
 
     def __init__(self, root: str | os.PathLike[str]) -> None:

@@ -1,4 +1,4 @@
-"""Runs kept in MLflow. This module alone knows MLflow, and imports it only when a tracker is made."""
+"""Tracker that stores runs in MLflow; the only module that imports MLflow, when a tracker is made."""
 
 from __future__ import annotations
 
@@ -23,20 +23,20 @@ from twingap.track.tracker import Run, Status, ending
 
 
 class MlflowTracker:
-    """Keeps runs in MLflow: an SQLite file by default, or any tracking server.
+    """Tracker that stores runs in MLflow: an SQLite file by default, or any tracking server.
 
     Parameters
     ----------
     uri : str, optional
-        As MLflow writes it: ``sqlite:///runs/mlflow.db``, ``http://server:5000``, ``postgresql://...``. Default:
-        ``MLFLOW_TRACKING_URI``, else ``mlflow.db`` in `state_folder`. Artifacts of an SQLite store lie beside it.
+        MLflow's tracking URI: ``sqlite:///runs/mlflow.db``, ``http://server:5000``, ``postgresql://...``. Default:
+        ``MLFLOW_TRACKING_URI``, else ``mlflow.db`` in `state_folder`. Artifacts of an SQLite store lie next to it.
     experiment : str
-        Made when missing.
+        Created when missing.
 
     Raises
     ------
     TwingapError
-        When the store cannot be reached (told within seconds), written, or read.
+        When the store cannot be reached (within seconds), written, or read.
     """
 
     def __init__(self, uri: str | None = None, experiment: str = "twingap") -> None:
@@ -48,7 +48,7 @@ class MlflowTracker:
             return
         self.uri = f"sqlite:///{database}"
         _check_sqlite(database)
-        # Two processes that open a fresh store at once would both create its tables.
+        # Two processes that open a new store at once would both create its tables.
         with filelock.FileLock(database.with_name(database.name + ".lock"), timeout=120):
             self._open(database.parent / "artifacts" / clean_file(experiment))
 
@@ -70,7 +70,7 @@ class MlflowTracker:
 
     @contextmanager
     def run(self, name: str, tags: Mapping[str, object] | None = None) -> Iterator[Run]:
-        """A run of the experiment, with the versions of all that computes."""
+        """A run of the experiment, with the versions of the software."""
         with ending(_MlflowRun(self._client, self.uri, self._id, name, None)) as run:
             run.tags({**{f"version.{k}": v for k, v in versions().items()}, **(tags or {})})
             yield run
@@ -115,20 +115,20 @@ class _MlflowRun(Run):
     def _batch(self, **what: list[Any]) -> None:
         (items,) = what.values()
         with _explained(self._uri):
-            for begin in range(0, len(items), 100):  # MLflow takes 100 parameters or tags at once
+            for begin in range(0, len(items), 100):  # MLflow's limit of parameters or tags per call
                 self._client.log_batch(self.id, **{key: values[begin : begin + 100] for key, values in what.items()})
 
     def _file(self, path: Path, folder: str, kind: Literal["file", "table", "image"] = "file") -> None:
         with _explained(self._uri):
             self._client.log_artifact(self.id, str(path), folder or None)
             if kind == "image":
-                # Once more as an image with a key, which the UI lays side by side for several runs.
+                # Logged again as an image with a key, which the UI shows next to those of other runs.
                 import PIL.Image
 
                 with PIL.Image.open(path) as image:
                     self._client.log_image(self.id, image, key=path.stem, step=0)
         if kind == "table":
-            # What MLflow's log_table does, except that a table logged again replaces itself instead of growing.
+            # As MLflow's log_table, but a table logged again replaces the previous one instead of extending it.
             entry = {"path": f"{folder}/{path.name}", "type": "table"}
             listed = json.dumps([*self._listed, entry])
             if entry not in self._listed and len(listed) < 5000:
@@ -144,7 +144,7 @@ class _MlflowRun(Run):
 
 
 def _quiet_mlflow() -> Any:
-    """MLflow, without migration logs, usage reports, or minutes of silent retries (unless the user set those)."""
+    """MLflow without migration logs, telemetry, or long silent retries (unless the user has set those)."""
     os.environ.setdefault("MLFLOW_DISABLE_TELEMETRY", "true")
     os.environ.setdefault("MLFLOW_HTTP_REQUEST_MAX_RETRIES", "4")
     os.environ.setdefault("MLFLOW_HTTP_REQUEST_TIMEOUT", "30")
@@ -156,7 +156,7 @@ def _quiet_mlflow() -> Any:
 
 
 def _created(client: Any, experiment: str, artifacts: str | None) -> str:
-    """The new experiment's id, or that of the one which another process made a moment ago."""
+    """Id of the new experiment, or of the one that another process has just created."""
     from mlflow.exceptions import MlflowException
 
     try:
@@ -171,7 +171,7 @@ def _created(client: Any, experiment: str, artifacts: str | None) -> str:
 
 
 def _check_sqlite(database: Path) -> None:
-    """Fail in one line where SQLAlchemy would fail in fifty."""
+    """Raise a one-line error for an SQLite file that SQLAlchemy could not open."""
     mend = "choose a writable place with --tracking-uri, MLFLOW_TRACKING_URI or TWINGAP_HOME"
     try:
         database.parent.mkdir(parents=True, exist_ok=True)
@@ -186,7 +186,7 @@ def _check_sqlite(database: Path) -> None:
 
 @contextmanager
 def _patience(retries: int, seconds: int) -> Iterator[None]:
-    """Within the block MLflow gives up soon."""
+    """Limit MLflow's retries and timeouts within the block."""
     wanted = {"MLFLOW_HTTP_REQUEST_MAX_RETRIES": str(retries), "MLFLOW_HTTP_REQUEST_TIMEOUT": str(seconds)}
     before = {name: os.environ.get(name) for name in wanted}
     os.environ.update(wanted)
@@ -202,7 +202,7 @@ def _patience(retries: int, seconds: int) -> Iterator[None]:
 
 @contextmanager
 def _explained(uri: str) -> Iterator[None]:
-    """Turn what a tracking store can raise into the one error that users see."""
+    """Convert the errors of a tracking store to `TwingapError`."""
     try:
         yield
     except TwingapError:

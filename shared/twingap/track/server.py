@@ -1,4 +1,4 @@
-"""The MLflow UI as a child process that ends with its block."""
+"""The MLflow UI as a child process that ends with a `with` block."""
 
 from __future__ import annotations
 
@@ -24,12 +24,12 @@ PATIENCE_S = 60.0
 
 
 def runs_in(database: Path) -> int:
-    """How many runs an SQLite store holds, 0 when there is no store; deleted runs do not count.
+    """Number of runs in an SQLite store, 0 without a store; deleted runs do not count.
 
     Raises
     ------
     TwingapError
-        When the file is no tracking store.
+        When the file is not a tracking store.
     """
     if not database.exists():
         return 0
@@ -43,21 +43,22 @@ def runs_in(database: Path) -> int:
 
 @contextmanager
 def serving(uri: str, host: str, port: int, *, need_runs: bool = True) -> Iterator[subprocess.Popen[bytes]]:
-    """Serve the store at `uri`; yield the server's process once it answers, and end it with the block.
+    """Serve the store at `uri`; yield the server's process once it responds, and end it with the block.
 
     Parameters
     ----------
     uri : str
-        ``sqlite:///...`` or another database. Its artifacts are served along.
+        ``sqlite:///...`` or another database. Its artifacts are served too.
     host : str
+        Address to bind to.
     port : int
     need_runs : bool
-        An SQLite store without runs is an error: there would be nothing to see.
+        Whether an SQLite store without runs is an error.
 
     Raises
     ------
     TwingapError
-        When there are no runs, the port is taken, the address is not this machine's, or the server does not start.
+        When there are no runs, the port is in use, the address is not this machine's, or the server does not start.
     """
     database = sqlite_path(uri)
     if database is not None:
@@ -72,14 +73,14 @@ def serving(uri: str, host: str, port: int, *, need_runs: bool = True) -> Iterat
         "host": host, "port": str(port), "workers": "1",
     }  # fmt: skip
     command = [sys.executable, "-m", "mlflow", "server", *(f"--{key}={value}" for key, value in options.items())]
-    # The scheduler of MLflow's own evaluation jobs is of no use here; neither are reports of usage.
+    # MLflow's scheduler of evaluation jobs is not needed; neither is telemetry.
     quiet = {"MLFLOW_DISABLE_TELEMETRY": "true", "MLFLOW_SERVER_ENABLE_JOB_EXECUTION": "false"}
     with tempfile.TemporaryFile() as log:
         server = subprocess.Popen(
             command,
             stdin=subprocess.DEVNULL, stdout=log, stderr=subprocess.STDOUT,
             env={**quiet, **os.environ},
-            start_new_session=True,  # Ctrl-C reaches this process, which then ends the server and its workers
+            start_new_session=True,  # Ctrl-C reaches this process only, which then ends the server and its workers
         )  # fmt: skip
         try:
             with _ending_on_terminate():
@@ -97,7 +98,7 @@ def serving(uri: str, host: str, port: int, *, need_runs: bool = True) -> Iterat
 def _check_free(host: str, port: int) -> None:
     family = socket.AF_INET6 if ":" in host else socket.AF_INET
     with socket.socket(family, socket.SOCK_STREAM) as probe:
-        # As servers do: a port that another server held a moment ago is free.
+        # As servers do: a port that another server has just released is free.
         probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         try:
             probe.bind((host, port))
@@ -108,7 +109,7 @@ def _check_free(host: str, port: int) -> None:
 
 
 def _answers(server: subprocess.Popen[bytes], host: str, port: int) -> bool:
-    """Wait until the server answers; False when it ended or took too long."""
+    """Wait until the server responds; False when it ended or timed out."""
     reach = {"0.0.0.0": "127.0.0.1", "::": "[::1]"}.get(host, f"[{host}]" if ":" in host else host)
     until = time.monotonic() + PATIENCE_S
     direct = urllib.request.build_opener(urllib.request.ProxyHandler({}))
@@ -122,7 +123,7 @@ def _answers(server: subprocess.Popen[bytes], host: str, port: int) -> bool:
 
 
 def _end(server: subprocess.Popen[bytes]) -> None:
-    """End the server and its workers: asked first, killed after ten seconds."""
+    """End the server and its workers: SIGTERM first, SIGKILL after ten seconds."""
     for number, patience in ((signal.SIGTERM, 10), (signal.SIGKILL, 10)):
         with contextlib.suppress(ProcessLookupError):
             os.killpg(server.pid, number)
@@ -130,12 +131,12 @@ def _end(server: subprocess.Popen[bytes]) -> None:
             server.wait(patience)
             break
     with contextlib.suppress(ProcessLookupError):
-        os.killpg(server.pid, signal.SIGKILL)  # a worker that outlived it
+        os.killpg(server.pid, signal.SIGKILL)  # a worker that is still running
 
 
 @contextmanager
 def _ending_on_terminate() -> Iterator[None]:
-    """Let SIGTERM and a closed terminal unwind like Ctrl-C does, so that the server ends too."""
+    """Handle SIGTERM and a closed terminal like Ctrl-C, so that the server ends too."""
 
     def interrupt(*_: object) -> None:
         raise KeyboardInterrupt

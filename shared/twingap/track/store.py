@@ -1,4 +1,4 @@
-"""Which tracking store is in use, and where what is made here lies."""
+"""Location of the tracking store in use, and of local runs."""
 
 from __future__ import annotations
 
@@ -7,12 +7,12 @@ from pathlib import Path
 
 
 def state_folder() -> Path:
-    """Where runs made here are kept: ``TWINGAP_HOME``, or ``.twingap`` in the current folder."""
+    """Folder of local runs: ``TWINGAP_HOME``, or ``.twingap`` in the current folder."""
     return Path(os.environ.get("TWINGAP_HOME") or ".twingap").absolute()
 
 
 def tracking_uri(uri: str | None = None) -> str:
-    """The tracking store in use: `uri`, else ``MLFLOW_TRACKING_URI``, else SQLite in the state folder."""
+    """URI of the tracking store in use: `uri`, else ``MLFLOW_TRACKING_URI``, else SQLite in the state folder."""
     return uri or os.environ.get("MLFLOW_TRACKING_URI") or f"sqlite:///{state_folder() / 'mlflow.db'}"
 
 

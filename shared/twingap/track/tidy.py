@@ -1,4 +1,4 @@
-"""Names and tables in the form that files and tracking libraries take."""
+"""Names and tables in the form that file systems and tracking libraries accept."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import pandas as pd
 
 
 def clean_name(name: str) -> str:
-    """`name` in the characters that every tracking library takes: "macro F1 (%)" becomes "macro F1 percent"."""
+    """`name` in the characters that every tracking library accepts: "macro F1 (%)" becomes "macro F1 percent"."""
     known = name.replace("%", "percent").replace("(", "").replace(")", "")
     parts = re.sub(r"[^A-Za-z0-9_\-. :/]+", "_", known).split("/")
     kept = "/".join(part.strip() for part in parts if part.strip(" ."))
@@ -19,12 +19,12 @@ def clean_name(name: str) -> str:
 
 
 def clean_file(name: str) -> str:
-    """`name` as one file name, letters of any alphabet kept."""
+    """`name` as one file name; letters of any alphabet are kept."""
     return re.sub(r"[^\w\-. ()]+", "_", name).strip(" .")[:120] or "unnamed"
 
 
 def flatten(value: Any, prefix: str = "") -> dict[str, Any]:
-    """Nested tables as one, with dotted names."""
+    """Nested tables as a single table with dotted names."""
     if not isinstance(value, Mapping):
         raise TypeError(f"{type(value).__name__} given, a mapping or dataclass expected")
     flat: dict[str, Any] = {}
@@ -34,7 +34,7 @@ def flatten(value: Any, prefix: str = "") -> dict[str, Any]:
 
 
 def flat_table(frame: pd.DataFrame) -> pd.DataFrame:
-    """The table with its index as columns (unless it only counts rows) and one text per column name."""
+    """The table with its index as columns (unless it is only a row number) and one text per column name."""
     counts = isinstance(frame.index, pd.RangeIndex) and frame.index.name is None
     flat = frame.copy() if counts else frame.reset_index()
     flat.columns = pd.Index(

@@ -1,11 +1,11 @@
-"""Tracking: what a run was given, what it made, and where both are kept.
+"""Tracking of runs: their inputs, their results, and the store of both.
 
 Tracker --run("paper3")--> Run --run("seed 0")--> Run ...      parameters, metrics, tables, figures, data, files
 
-The library and the papers speak to `Run` alone; `twingap.track.mlflow` alone knows MLflow.
+The library and the papers use `Run` alone; `twingap.track.mlflow` alone uses MLflow.
 
 Parallel work never races on the database, because workers do not log: they return results and the parent logs them
-(`twingap.sweep` calls `on_result` in the parent). A `Run` is therefore used from the process that opened it.
+(`twingap.sweep` calls `on_result` in the parent). A `Run` is therefore used only in the process that opened it.
 """
 
 from __future__ import annotations
@@ -30,11 +30,11 @@ from twingap.track.tidy import clean_file, clean_name, flat_table, flatten
 
 Status = Literal["FINISHED", "FAILED", "KILLED"]
 LONGEST_VALUE = 6000
-"""Characters of a parameter's value that MLflow keeps; longer ones go whole into an artifact."""
+"""Characters of a parameter's value that MLflow keeps; longer ones are stored in full as an artifact."""
 
 
 class Tracker(Protocol):
-    """Somewhere runs are kept."""
+    """A store of runs."""
 
     def run(self, name: str, tags: Mapping[str, object] | None = None) -> AbstractContextManager[Run]:
         """Open a run; it ends with the block: FINISHED, FAILED (an exception) or KILLED (interrupted)."""
@@ -44,8 +44,8 @@ class Tracker(Protocol):
 class Run(ABC):
     """One run, open inside its ``with`` block. It is a `Tracker` too: runs nest.
 
-    A tracker for another library implements the six methods with an underscore; what a table or a figure becomes is
-    settled here, the same for all.
+    A tracker for another library implements the six methods with an underscore; the form of tables and figures is
+    defined here, the same for all.
     """
 
     def parameters(self, values: object, prefix: str = "") -> None:
@@ -54,10 +54,10 @@ class Run(ABC):
         Parameters
         ----------
         values : mapping or dataclass
-            Nested tables become dotted names. A value longer than `LONGEST_VALUE` characters is cut, and kept whole
+            Nested tables get dotted names. A value longer than `LONGEST_VALUE` characters is cut, and stored in full
             as the artifact ``parameters/<name>.txt``.
         prefix : str
-            Put before every name.
+            Prefix of every name.
         """
         flat = flatten(plain(values), prefix)
         texts = {self._name(k): v if isinstance(v, str) else json.dumps(v, ensure_ascii=False) for k, v in flat.items()}
@@ -68,12 +68,12 @@ class Run(ABC):
         self._parameters(texts)
 
     def metrics(self, values: Mapping[str, float | int | None], step: int = 0) -> None:
-        """Log numbers. None and NaN mean "not measured": they are named in the tag ``not_measured``, not plotted.
+        """Log numbers. None and NaN mean "not measured": they are listed in the tag ``not_measured``, not plotted.
 
         Parameters
         ----------
         values : mapping
-            Name -> number. Characters that no tracking library takes are replaced ("%" by "percent").
+            Name -> number. Characters that some tracking library does not accept are replaced ("%" by "percent").
         step : int
             Epoch, iteration or seed: the horizontal axis of the metric's curve.
         """
@@ -113,27 +113,27 @@ class Run(ABC):
                 raise TypeError(f"{type(figure).__name__} is neither a matplotlib nor a plotly figure")
 
     def data(self, name: str, sha256: str, role: str = "data", source: str = "") -> None:
-        """Log which data went in.
+        """Log the identity of input data.
 
         Parameters
         ----------
         name : str
-            Of the record set, manifest or file.
+            Name of the record set, manifest or file.
         sha256 : str
             Its digest, from `RecordSet.digest` or `twingap.provenance.digest_of_path`.
         role : str
-            What it was used for: "training", "test", "manifest", ...
+            Use of the data: "training", "test", "manifest", ...
         source : str
-            Where it can be had.
+            Where it can be obtained.
         """
         self.tags({f"data.{role}.{name}": sha256})
 
     def twin(self, toml: str, name: str = "twin.toml") -> None:
-        """Log the twin that made the records: its TOML text."""
+        """Log the twin that made the records, as TOML text."""
         self.text(f"twin/{name}", toml)
 
     def text(self, name: str, text: str) -> None:
-        """Log a text as the artifact `name`, which may name folders: ``notes/reading.md``."""
+        """Log a text as the artifact `name`, which may contain folders: ``notes/reading.md``."""
         place = Path(name)
         with tempfile.TemporaryDirectory() as folder:
             written = Path(folder) / clean_file(place.name)
@@ -141,7 +141,7 @@ class Run(ABC):
             self._file(written, "" if str(place.parent) == "." else place.parent.as_posix())
 
     def file(self, path: str | os.PathLike[str], folder: str = "") -> None:
-        """Log any file, or a folder with all it holds, under the artifact folder `folder`."""
+        """Log any file, or a folder with its content, under the artifact folder `folder`."""
         place = Path(path)
         if place.is_dir():
             for inside in sorted(p for p in place.rglob("*") if p.is_file()):
@@ -153,7 +153,7 @@ class Run(ABC):
             raise TwingapError("is not there to be logged", where=place)
 
     def tags(self, values: Mapping[str, object]) -> None:
-        """Log words to find the run by."""
+        """Log tags for finding the run."""
         self._tags({self._name(key): str(value) for key, value in values.items()})
 
     @contextmanager
@@ -168,7 +168,7 @@ class Run(ABC):
         self._names: dict[str, str] = {}
 
     def _name(self, name: str) -> str:
-        """A clean name, kept apart from another that would become the same."""
+        """A clean name, distinct from others that would become the same."""
         clean = clean_name(name)
         return clean if self._names.setdefault(clean, name) == name else f"{clean}-{zlib.crc32(name.encode()):08x}"
 
@@ -188,10 +188,10 @@ class Run(ABC):
 
 @contextmanager
 def ending(run: Run) -> Iterator[Run]:
-    """End the run as its block ended.
+    """End the run with the status of its block.
 
-    Where a failed or interrupted run cannot be ended either (a full disk, a server that is gone), the block's own
-    exception goes on.
+    Where a failed or interrupted run cannot be ended either (a full disk, an unreachable server), the block's own
+    exception is raised.
     """
     try:
         yield run
@@ -207,11 +207,11 @@ def ending(run: Run) -> Iterator[Run]:
 
 
 class NullTracker:
-    """Keeps nothing: the default of library functions that can log."""
+    """Tracker that discards everything: the default of library functions that can log."""
 
     @contextmanager
     def run(self, name: str, tags: Mapping[str, object] | None = None) -> Iterator[Run]:
-        """A run that forgets all it is told."""
+        """A run that discards everything that is logged."""
         yield _NullRun()
 
 
