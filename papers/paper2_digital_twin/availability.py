@@ -17,6 +17,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
+import twingap._compiled
 import twingap.adapt.training
 import twingap.bearing
 import twingap.effects
@@ -102,7 +103,7 @@ def run(
     # A function stands for its module: the rest of `twingap.adapt` may change without a new run.
     code = digest_of_code(
         records_module, source_module, split_module, jobs_module, methods, twingap.bearing, twingap.effects,
-        twingap.signal, twingap.streams, twingap.twins, select, twingap.adapt.training,
+        twingap.signal, twingap._compiled, twingap.streams, twingap.twins, select, twingap.adapt.training,
     )  # fmt: skip
     folds = range(1 if sizes.smoke else options.folds)
     seeds = range(seed, seed + sizes.seeds)

@@ -22,6 +22,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+import twingap._compiled
 import twingap.bearing
 import twingap.effects
 import twingap.signal
@@ -189,7 +190,7 @@ def run(
     faulty = [c for f in options.faults for c in _cases(options, sizes, f, options.fault_s)]
     code = digest_of_code(
         sys.modules[__name__], dynamics_study, contact_motion, reference, twingap.bearing, twingap.effects,
-        twingap.signal, twingap.streams, twingap.twins,
+        twingap.signal, twingap._compiled, twingap.streams, twingap.twins,
     )  # fmt: skip
     given: dict[str, Any] = {
         "store": out / "results", "backend": backend, "address": address, "version": code,

@@ -20,6 +20,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+import twingap._compiled
 import twingap.bearing
 import twingap.effects
 import twingap.rigs.drifting
@@ -162,7 +163,7 @@ def run(
     still = [_scenario(options, seed + i, 0.0, sizes.steady_hours, ("live",)) for i in range(sizes.steady)]
     code = digest_of_code(
         sys.modules[__name__], live_study, live_twin, twingap.bearing, twingap.effects, twingap.rigs.drifting,
-        twingap.signal, twingap.streams, twingap.twins,
+        twingap.signal, twingap._compiled, twingap.streams, twingap.twins,
     )  # fmt: skip
     given: dict[str, Any] = {
         "store": out / "results", "backend": backend, "address": address, "version": code,

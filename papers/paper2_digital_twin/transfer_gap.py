@@ -22,6 +22,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+import twingap._compiled
 import twingap.adapt.training
 import twingap.bearing
 import twingap.effects
@@ -240,7 +241,7 @@ def run(
         data[RIG], digests[RIG] = measure(records, RIG, common.image), records.digest
     code = digest_of_code(
         records_module, source_module, split_module, jobs_module, methods, twingap.bearing, twingap.effects,
-        twingap.signal, twingap.streams, twingap.twins, select, twingap.adapt.training, simulate,
+        twingap.signal, twingap._compiled, twingap.streams, twingap.twins, select, twingap.adapt.training, simulate,
     )  # fmt: skip
     populations = {
         f"{name} {kind}": _population(options, common, own, kind, size.machines, seed)

@@ -27,7 +27,6 @@ FUNCTIONS = {
     "time_features": signal.time_features,
     "spectral_kurtosis_features": lambda x: signal.spectral_kurtosis_features(x, 1.0),
     "paper2_features": lambda x: signal.paper2_features(x, 1.0),
-    "scalogram": lambda x: signal.scalogram(x, 1.0, [0.1]),
     "vmd": lambda x: signal.vmd(x, 2),
     "vmd_hz": lambda x: signal.vmd_hz(x, 1.0, 2),
 }

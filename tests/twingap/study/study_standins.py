@@ -33,7 +33,7 @@ def answer(status: str, effects: tuple[str, ...], p: float = 0.01) -> dict[str, 
 
 
 def by_level(
-    records: RecordSet, spec: TwinSpec, rng: np.random.Generator, *, sim: RecordSet | None = None
+    records: RecordSet, twin: TwinSpec, *, seed: int | np.random.Generator = 0, sim: RecordSet | None = None
 ) -> dict[str, Any]:
     """An answer that depends on the samples: many equal extremes are called clipping."""
     flat = np.mean([np.mean(np.abs(r.samples) > 0.999 * np.abs(r.samples).max()) for r in records])
@@ -41,12 +41,12 @@ def by_level(
 
 
 def interrupted(
-    records: RecordSet, spec: TwinSpec, rng: np.random.Generator, *, sim: RecordSet | None = None
+    records: RecordSet, twin: TwinSpec, *, seed: int | np.random.Generator = 0, sim: RecordSet | None = None
 ) -> dict[str, Any]:
     """Ends with an error where a simulator is brought."""
     if sim is not None:
         raise RuntimeError("the light went out")
-    return by_level(records, spec, rng)
+    return by_level(records, twin, seed=seed)
 
 
 def noisy_copy(
@@ -94,13 +94,13 @@ def reachable(*roots: object) -> list[object]:
 
 
 def suspicious(
-    records: RecordSet, spec: TwinSpec, rng: np.random.Generator, *, sim: RecordSet | None = None
+    records: RecordSet, twin: TwinSpec, *, seed: int | np.random.Generator = 0, sim: RecordSet | None = None
 ) -> dict[str, Any]:
     """Searches all that it was given for the truth and says what it found in place of effects."""
     from twingap.rigs.worlds import CATALOGUE, OUTSIDERS, Case, Truth, World
 
-    held = reachable(*(vars(r.condition) for r in records), vars(records), vars(spec), *([vars(sim)] if sim else []))
+    held = reachable(*(vars(r.condition) for r in records), vars(records), vars(twin), *([vars(sim)] if sim else []))
     found = {type(o).__name__ for o in held if isinstance(o, (Truth, World, Case))}
     words = {str(o) for o in held if isinstance(o, str)} & {*CATALOGUE, *OUTSIDERS}
-    found |= words - set(spec.effects)
+    found |= words - set(twin.effects)
     return answer("explained" if found else "no_gap", tuple(sorted(found)))
