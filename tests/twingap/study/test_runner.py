@@ -88,9 +88,9 @@ def test_the_search_for_truth_would_find_it() -> None:
     spec, rng = blind.twin, np.random.default_rng(0)
     told = [replace(c, extra={"made_with": "clipping"}) for c in world.records.conditions]
     open_records = RecordSet("machine", "", world.records.bearing, told, lambda i: np.asarray(world.records[i].samples))
-    found = standins.suspicious(open_records, spec, rng)["verdict"]["effects"]
+    found = standins.suspicious(open_records, spec, seed=rng)["verdict"]["effects"]
     assert {"World", "Truth", "Case", "clipping"} <= set(found)
-    assert not standins.suspicious(blind.records, spec, rng)["verdict"]["effects"]
+    assert not standins.suspicious(blind.records, spec, seed=rng)["verdict"]["effects"]
 
 
 def test_blind_records_are_the_same_samples_under_other_names() -> None:
