@@ -226,10 +226,9 @@ def explain(evidence: Evidence, learnt: Learnt, report: Report) -> Explanation:
         name: _probability(outcome.certainty) if judge is None else judge.probability(outcome)
         for name, outcome in ended.outcomes.items()
     } | {name: unlearnt.probability(p) for name, p in tested.items()}
-    sure = [name for name, p in tested.items() if p <= unlearnt.LEVEL / len(own)]
-    if sure:
-        p_value = min(p_value, len(own) * min(tested[name] for name in sure))
-    gap = p_value <= level_of_gap(evidence, max((probability[n] for n in ended.outcomes), default=0.0)) or bool(sure)
+    gap = p_value <= level_of_gap(evidence, max((probability[n] for n in ended.outcomes), default=0.0))
+    # A twin is never calibrated perfectly: an effect that makes up for that is no effect that is missing.
+    sure = [name for name, p in tested.items() if gap and p <= unlearnt.LEVEL / len(own)]
     limit = NAMED_FROM if judge is None else judge.named_from
     names = [*sure, *to_name({name: probability[name] for name in ended.outcomes}, limit)]
     found.keep([name for name in found.values if name in names])
