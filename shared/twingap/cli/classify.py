@@ -57,7 +57,7 @@ def classify(
     # The place is tried before the work begins, and filled only after it has ended well.
     with replacing(out) as table:
         from twingap.adapt.classify import classify as run
-        from twingap.adapt.classify_options import ClassifyOptions  # slow to import: what was mistyped is told before
+        from twingap.adapt.classify_options import ClassifyOptions  # slow to import
 
         options = ClassifyOptions(method, machines, steps, match=match)
         with progress("reading") as shown:

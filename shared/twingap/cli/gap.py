@@ -51,7 +51,7 @@ def gap(
     from twingap.records.folder import read_record_set
     from twingap.twins.twin_file import read_twin
 
-    read_twin(twin)  # what was mistyped is told before anything slow is imported
+    read_twin(twin)  # a mistyped file is refused before anything slow is imported
     records = read_record_set(recordset)
     simulated = None if sim is None else read_record_set(sim)
     # An address that was typed must work; the default one is tried when there is something to keep.
