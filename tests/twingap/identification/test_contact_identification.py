@@ -127,7 +127,7 @@ def test_any_optimiser_will_do_and_only_sees_what_is_free() -> None:
     spec = TwinSpec("contact", parameters={"stiffness": 4e9, "scale": 0.1})
     found = identify_contact(
         spec, records(faults=("outer",)), np.random.default_rng(0),
-        level=0.9, method="whittle", report=lambda what, fraction: None, optimiser=grid,
+        level=0.9, method="whittle", progress=lambda what, fraction: None, optimiser=grid,
     ).estimates  # fmt: skip
     assert tried[0].shape == (16, 1)
     step = tried[0][1, 0] - tried[0][0, 0]
