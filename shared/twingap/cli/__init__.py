@@ -22,6 +22,7 @@ from twingap.cli import (
     bench,
     classify,
     data,
+    demo,
     effects,
     gap,
     health,
@@ -83,6 +84,7 @@ def _add(name: str, function: Callable[..., None], *lines: str, hidden: bool = F
     app.command(name, epilog=examples(*(f"twingap {name} {line}".rstrip() for line in lines)), hidden=hidden)(function)
 
 
+_add("demo", demo.demo, "", "--seed 3 --out another-machine")
 app.add_typer(data.app, name="data")
 _add("simulate", simulate.simulate, "twin.toml --records RECORDSET --out simulated")
 _add("identify", identify.identify, "twin.toml RECORDSET --out identified.toml")
