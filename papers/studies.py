@@ -184,8 +184,9 @@ def command(
 
     name = run.__module__.rpartition(".")[2]
     try:
-        tracker = NullTracker() if untracked else MlflowTracker(uri)
-        with tracker.run(name, _tags(run, profile)) as log:
+        tags = _tags(run, profile)
+        tracker = NullTracker() if untracked else MlflowTracker(uri, " ".join(filter(None, (tags["paper"], name))))
+        with tracker.run(f"{name} · {profile} · seed {given.get('seed', 0)}", tags) as log:
             log.parameters({"profile": profile} | {key: given[key] for key in ("seed", "device") if key in given})
             study = run(profile, **given, log=log, progress=say)
     except KeyboardInterrupt:

@@ -35,5 +35,5 @@ def test_the_twin_file_is_one(tmp_path: Path) -> None:
 
 def test_two_commands_stand_alone_and_are_what_is_checked_before_a_change_lands() -> None:
     commands = block("sh").strip().splitlines()
-    assert len(commands) == 2 and [line.split()[-1] for line in commands] == ["paper3", "tests"]
+    assert len(commands) == 2 and [line.split()[-1] for line in commands] == ["demo,paper1", "tests"]
     assert all(line.startswith("python3 -m venv .venv && .venv/bin/pip install tox && ") for line in commands)

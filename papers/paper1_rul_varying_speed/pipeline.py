@@ -101,7 +101,8 @@ def run(
     target = load_target(options.target, root, sizes.bearings, making)
     version = code_of_training()
     results: list[CaseResult] = []
-    with (tracker or NullTracker()).run("paper1", {"paper": "paper1", "profile": profile, "data": target.title}) as log:
+    tags = {"paper": "paper1", "profile": profile, "data": target.title}
+    with (tracker or NullTracker()).run(f"paper1 · {profile} · seed {seed}", tags) as log:
         _log_inputs(log, options, sizes, profile, seed, config)
         for name in sizes.bearings:
             progress(f"adapting the twin, {name}", done, total)
@@ -204,12 +205,16 @@ def _log_case(log: Run, results: list[CaseResult], target: Target) -> None:
         )  # fmt: skip
         for result in results:
             for model in result.models:
-                words = {"model": model, "twin": result.variant}
-                with of_case.run(f"{model}, {result.variant} twin", words) as of_model:
+                settings = {"task": case.name, "twin": result.variant, "method": model}
+                words = " · ".join(settings.values())
+                with of_case.run(words, settings) as of_model:
                     errors = [t.value["rmse_min"][t.value["place"]] for t in result.of(model)]
-                    of_model.metrics({"rmse min mean": float(np.mean(errors)), "rmse min std": tables.std(errors)})
+                    of_model.parameters(settings)
+                    of_model.metrics({"rmse min": float(np.mean(errors)), "rmse min std": tables.std(errors)})
                     for trained in result.of(model):
-                        with of_model.run(f"seed {trained.job.seed}", {"store key": trained.key}) as of_seed:
+                        name = f"{words} · seed {trained.job.seed}"
+                        with of_model.run(name, {"store key": trained.key}, duration_s=trained.seconds) as of_seed:
+                            of_seed.parameters(settings)
                             _log_training(of_seed, trained)
 
 
@@ -225,7 +230,7 @@ def _log_training(log: Run, trained: Result[Job]) -> None:
             {
                 "loss": value["loss"][place],
                 "domain accuracy": value["domain_accuracy"][place],
-                "rmse min of checkpoint (judge only)": value["rmse_min"][place],
+                "rmse min at checkpoint": value["rmse_min"][place],
                 **curves,
             },
             step=at,

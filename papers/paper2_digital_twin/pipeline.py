@@ -136,7 +136,8 @@ def run(
     missing = tuple(name for name, module in there.items() if module is None)
     studies: dict[str, Any] = {}
     rows: list[dict[str, Any]] = []
-    with (tracker or NullTracker()).run("paper2", {"paper": "paper2", "profile": profile}) as log:
+    tags = {"paper": "paper2", "profile": profile}
+    with (tracker or NullTracker()).run(f"paper2 · {profile} · seed {seed}", tags) as log:
         log.parameters({"profile": profile, "seed": seed, "studies": [n for n in there if n not in missing]})
         for name, module in there.items():
             if module is None:

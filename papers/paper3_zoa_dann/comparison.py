@@ -337,16 +337,20 @@ def _log_task(log: Run, outcome: TaskOutcome) -> None:
             of_task.parameters(dict(values), prefix=f"identified.{available}.{unseen or 'all'}.")
         for method in ALL:
             own_trials = [t for t in outcome.trials if t.job.method == method]
-            with of_task.run(method, {"task": task.name, "method": method}) as of_method:
+            with of_task.run(f"{task.name} · {method}", {"task": task.name, "method": method}) as of_method:
+                of_method.parameters({"task": task.name, "method": method})
                 quiet = [t.value["accuracy"] for t in own_trials if t.job.snr_db is None]
                 if quiet:
-                    of_method.metrics({"accuracy mean": float(np.mean(quiet)), "trials": len(quiet)})
+                    of_method.metrics({"accuracy": float(np.mean(quiet)), "trials": len(quiet)})
                 for found in own_trials:
-                    tags = {
-                        "task": task.name, "method": method, "seed": found.job.seed, "available": found.job.available,
-                        "noise": noise_words(found.job.snr_db), "unseen": found.job.unseen, "store key": found.key,
+                    settings = {
+                        "task": task.name, "method": method, "available": found.job.available,
+                        "noise": noise_words(found.job.snr_db), "unseen": found.job.unseen,
                     }  # fmt: skip
-                    with of_method.run(found.label, tags) as of_trial:
+                    own = {**settings, "seed": found.job.seed, "store key": found.key}
+                    name = f"{task.name} · {method} · {found.label}"
+                    with of_method.run(name, own, duration_s=found.seconds) as of_trial:
+                        of_trial.parameters(settings)
                         _log_trial(of_trial, found)
 
 
@@ -355,7 +359,7 @@ def _log_trial(log: Run, found: Result[Trial]) -> None:
     log.parameters({"seed": found.job.seed, "device": value["device"], **dataclasses.asdict(found.job.training)})
     for row, accuracy in zip(value["history"], value["accuracy_by_checkpoint"], strict=False):
         curves = {name: number for name, number in row.items() if name != "step"}
-        log.metrics({**curves, "target accuracy of checkpoint (judge only)": accuracy}, step=round(row["step"]))
+        log.metrics({**curves, "accuracy at checkpoint": accuracy}, step=round(row["step"]))
     unseen = value["unseen"] or {}
     log.metrics(
         {

@@ -125,7 +125,8 @@ def run(
         progress("training", done, total)
 
     results: list[TaskResult] = []
-    with (tracker or NullTracker()).run("paper3", {"paper": "paper3", "profile": profile, "data": target.title}) as log:
+    tags = {"paper": "paper3", "profile": profile, "data": target.title}
+    with (tracker or NullTracker()).run(f"paper3 · {profile} · seed {seed}", tags) as log:
         _log_inputs(log, options, sizes, profile, seed, target, config)
         if profile in read_study().profiles:
             identification_module.run(
@@ -276,11 +277,16 @@ def _log_task(log: Run, result: TaskResult) -> None:
         for training in result.trainings:
             cells.setdefault((training.job.view, training.job.method), []).append(training)
         for (view, method), trainings in cells.items():
-            with of_task.run(f"{method}, {view}", {"input": view, "method": method}) as of_cell:
+            settings = {"task": result.task.name, "input": view, "method": tables.LABELS[method]}
+            words = " · ".join(settings.values())
+            with of_task.run(words, settings) as of_cell:
                 values = [t.value["accuracy"][t.value["place"]] for t in trainings]
-                of_cell.metrics({"accuracy mean": float(np.mean(values)), "accuracy std": tables.std(values)})
+                of_cell.parameters(settings)
+                of_cell.metrics({"accuracy": float(np.mean(values)), "accuracy std": tables.std(values)})
                 for training in trainings:
-                    with of_cell.run(f"seed {training.job.seed}", {"store key": training.key}) as of_seed:
+                    name = f"{words} · seed {training.job.seed}"
+                    with of_cell.run(name, {"store key": training.key}, duration_s=training.seconds) as of_seed:
+                        of_seed.parameters(settings)
                         _log_training(of_seed, training)
 
 
@@ -293,7 +299,7 @@ def _log_training(log: Run, training: Result[Job]) -> None:
             {
                 "source loss": value["source_loss"][place],
                 "domain accuracy": value["domain_accuracy"][place],
-                "target accuracy of checkpoint (judge only)": value["accuracy"][place],
+                "accuracy at checkpoint": value["accuracy"][place],
                 **curves,
             },
             step=at,

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from papers.paper3_zoa_dann.results import TaskResult
     from twingap.sweep import Result
 
-LABELS = {"source_only": "without adaptation", "dann": "DANN"}
+LABELS = {"source_only": "Non-DA", "dann": "DANN"}
 """Methods in words."""
 
 

@@ -270,7 +270,7 @@ def test_results_computed_elsewhere_are_taken_by_their_keys(
 def test_rows_add_up(whole: pipeline.Outcome) -> None:
     table = tables.frame(whole.rows)
     assert table["method"].tolist() == [
-        "without adaptation", "DANN", "chosen by infomax", "majority class", "analyst's rule",
+        "Non-DA", "DANN", "chosen by infomax", "majority class", "analyst's rule",
         "analyst's rule, whole recordings",
     ]  # fmt: skip
     trained = table[table["seeds"] > 0]

@@ -77,7 +77,7 @@ def gap(
 def _tracker(uri: str | None) -> Tracker:
     from twingap.track import MlflowTracker
 
-    return MlflowTracker(uri)
+    return MlflowTracker(uri, "gap")
 
 
 def _keep(report: GapReport, paths: Sequence[Path], tracker: Tracker | None) -> None:

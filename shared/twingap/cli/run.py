@@ -48,7 +48,7 @@ def run(
     from twingap.track import MlflowTracker, state_folder
 
     pipeline = import_module(f"papers.{_FOLDERS[paper]}.pipeline")
-    tracker = MlflowTracker(tracking_uri)
+    tracker = MlflowTracker(tracking_uri, paper.value)
     try:
         with progress("reading") as shown:
             outcome = pipeline.run(

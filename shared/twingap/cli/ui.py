@@ -29,7 +29,17 @@ def ui(
         return
     with contextlib.suppress(KeyboardInterrupt), serving(uri, host, port) as server:
         shown = "127.0.0.1" if host == "0.0.0.0" else host
-        say(f"runs of {uri}", f"http://{shown}:{port}   (Ctrl-C ends it)")
+        say(f"runs of {uri}", f"http://{shown}:{port}{_page(uri)}   (Ctrl-C ends it)")
         sys.stdout.flush()
         server.wait()
         raise TwingapError("the UI ended by itself", where=uri, mend="start it again")
+
+
+def _page(uri: str) -> str:
+    """Where the latest run is seen beside those of its experiment; "" where the store does not tell."""
+    from twingap.track.server import latest_experiment
+    from twingap.track.store import sqlite_path
+
+    database = sqlite_path(uri)
+    experiment = None if database is None else latest_experiment(database)
+    return "" if experiment is None else f"/#/experiments/{experiment}/runs"

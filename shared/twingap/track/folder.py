@@ -59,8 +59,11 @@ class _FolderRun(Run):
         with files.replacing(self.folder / folder / path.name) as target:
             target.write_bytes(path.read_bytes())
 
-    def _child(self, name: str) -> Run:
-        return _FolderRun(self.folder / "runs", name)
+    def _child(self, name: str, duration_s: float | None) -> Run:
+        child = _FolderRun(self.folder / "runs", name)
+        if duration_s is not None:
+            child._tags({"duration_s": repr(duration_s)})
+        return child
 
     def _end(self, status: Status) -> None:
         self._tags({"status": status})

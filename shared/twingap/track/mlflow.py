@@ -77,13 +77,16 @@ class MlflowTracker:
 
 
 class _MlflowRun(Run):
-    def __init__(self, client: Any, uri: str, experiment_id: str, name: str, parent: str | None) -> None:
+    def __init__(
+        self, client: Any, uri: str, experiment_id: str, name: str, parent: str | None, duration_s: float | None = None
+    ) -> None:
         super().__init__()
         self._client, self._uri, self._experiment_id = client, uri, experiment_id
         self._listed: list[dict[str, str]] = []
         tags = {} if parent is None else {"mlflow.parentRunId": parent}
+        begin = None if duration_s is None else round((datetime.now(UTC).timestamp() - duration_s) * 1000)
         with _explained(uri):
-            self.id: str = client.create_run(experiment_id, run_name=name, tags=tags).info.run_id
+            self.id: str = client.create_run(experiment_id, begin, tags, name).info.run_id
 
     def data(self, name: str, sha256: str, role: str = "data", source: str = "") -> None:
         from mlflow.entities import Dataset, DatasetInput, InputTag
@@ -135,8 +138,8 @@ class _MlflowRun(Run):
                 self._listed.append(entry)
                 self._tags({"mlflow.loggedArtifacts": listed})
 
-    def _child(self, name: str) -> Run:
-        return _MlflowRun(self._client, self._uri, self._experiment_id, name, self.id)
+    def _child(self, name: str, duration_s: float | None) -> Run:
+        return _MlflowRun(self._client, self._uri, self._experiment_id, name, self.id, duration_s)
 
     def _end(self, status: Status) -> None:
         with _explained(self._uri):

@@ -41,6 +41,15 @@ def runs_in(database: Path) -> int:
         raise TwingapError(f"is no tracking store: {error}", where=database, mend="check --tracking-uri") from error
 
 
+def latest_experiment(database: Path) -> str | None:
+    """Id of the experiment with the latest run in an SQLite store; None without runs."""
+    with contextlib.closing(sqlite3.connect(f"{database.as_uri()}?mode=ro", uri=True)) as connection:
+        found = connection.execute(
+            "SELECT experiment_id FROM runs WHERE lifecycle_stage = 'active' ORDER BY start_time DESC LIMIT 1"
+        ).fetchone()
+    return None if found is None else str(found[0])
+
+
 @contextmanager
 def serving(uri: str, host: str, port: int, *, need_runs: bool = True) -> Iterator[subprocess.Popen[bytes]]:
     """Serve the store at `uri`; yield the server's process once it responds, and end it with the block.

@@ -157,9 +157,19 @@ class Run(ABC):
         self._tags({self._name(key): str(value) for key, value in values.items()})
 
     @contextmanager
-    def run(self, name: str, tags: Mapping[str, object] | None = None) -> Iterator[Run]:
-        """Open a run inside this one."""
-        with ending(self._child(name)) as child:
+    def run(
+        self, name: str, tags: Mapping[str, object] | None = None, *, duration_s: float | None = None
+    ) -> Iterator[Run]:
+        """Open a run inside this one.
+
+        Parameters
+        ----------
+        name : str
+        tags : mapping, optional
+        duration_s : float, optional
+            How long the work took that is logged after it was done elsewhere, s; the run is shown with this duration.
+        """
+        with ending(self._child(name, duration_s)) as child:
             child.tags(tags or {})
             yield child
 
@@ -181,7 +191,7 @@ class Run(ABC):
     @abstractmethod
     def _file(self, path: Path, folder: str, kind: Literal["file", "table", "image"] = "file") -> None: ...
     @abstractmethod
-    def _child(self, name: str) -> Run: ...
+    def _child(self, name: str, duration_s: float | None) -> Run: ...
     @abstractmethod
     def _end(self, status: Status) -> None: ...
 
@@ -220,7 +230,7 @@ class _NullRun(Run):
     def _metrics(self, values: Mapping[str, float], step: int) -> None: ...
     def _tags(self, values: Mapping[str, str]) -> None: ...
     def _file(self, path: Path, folder: str, kind: Literal["file", "table", "image"] = "file") -> None: ...
-    def _child(self, name: str) -> Run:
+    def _child(self, name: str, duration_s: float | None) -> Run:
         return _NullRun()
 
     def _end(self, status: Status) -> None: ...

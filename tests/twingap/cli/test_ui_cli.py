@@ -39,7 +39,8 @@ def test_it_serves_the_runs_and_ends_cleanly(tmp_path: Path) -> None:
     child = start(tmp_path, "--port", str(port))
     try:
         assert child.stdout is not None
-        assert "mlflow.db" in child.stdout.readline() and f"http://127.0.0.1:{port}" in child.stdout.readline()
+        assert "mlflow.db" in child.stdout.readline()
+        assert f"http://127.0.0.1:{port}/#/experiments/1/runs " in child.stdout.readline()
         with urllib.request.urlopen(f"http://127.0.0.1:{port}/", timeout=20) as page:
             assert b"<title>MLflow" in page.read()
         ask = urllib.request.Request(

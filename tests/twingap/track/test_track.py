@@ -68,7 +68,7 @@ def log_everything(tracker: Tracker, tmp_path: Path) -> None:
         run.twin("[twin]\nmodel = 'contact'\n")
         run.file(tmp_path / "given")
         for seed in range(2):
-            with run.run(f"seed {seed}") as inner:
+            with run.run(f"seed {seed}", duration_s=90.0) as inner:
                 inner.metrics({"accuracy": seed})
     plt.close(figure)
 
@@ -101,6 +101,7 @@ def check_mlflow(uri: str, experiment: str) -> None:
     assert run.inputs.dataset_inputs[0].dataset.name == "cwru" and run.data.tags["data.test.cwru"] == "ab" * 32
     assert run.data.tags["version.twingap"] == twingap.__version__ and run.data.tags["version.numpy"] == np.__version__
     assert runs["seed 1"].data.tags["mlflow.parentRunId"] == run.info.run_id
+    assert 90_000 <= runs["seed 1"].info.end_time - runs["seed 1"].info.start_time < 600_000
 
 
 def test_sqlite_keeps_everything(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -33,7 +33,7 @@ def track_report(
     files : iterable of path-like
         To be kept with the run: gap.json, report.html.
     name : str, optional
-        Of the run; default "gap" and the name of the records.
+        Of the run; default: records, twin and seed.
 
     Raises
     ------
@@ -42,7 +42,8 @@ def track_report(
     """
     records = str(report.provenance.get("records", ""))
     tags = {"kind": "gap", "status": report.verdict.status, "effects": ", ".join(report.verdict.effects)}
-    with tracker.run(name or " ".join(filter(None, ("gap", records))), tags) as run:
+    described = (records, report.provenance.get("twin"), f"seed {report.provenance.get('seed', 0)}")
+    with tracker.run(name or " · ".join(str(word) for word in described if word), tags) as run:
         log_report(run, report, files)
 
 
