@@ -49,9 +49,10 @@ class EntryExit(FaultEffect):
     look_alikes: ClassVar[tuple[str, ...]] = ("second_resonance", "sensor_rolloff", "slip_jitter")
     deciding_measurement: ClassVar[str] = measurements.LONGER
     features: ClassVar[tuple[str, ...]] = (
-        *LEVELS_OF_IMPACTS, "events.echo_gain", "events.arc_*", "events.exit_ratio", "events.cycle_*",
-        "events.timing_*", "events.jitter_sigma", "background.echo_*", "shape|faulty_*", "answer|*", "answer.*",
-        "comb|*", "background.time_asymmetry", "background.band_*", "lines.fault_*", "change|*",
+        *LEVELS_OF_IMPACTS, "impacts.second_impact_gain", "impacts.arc_*", "impacts.exit_ratio", "impacts.cycle_*",
+        "impacts.timing_*", "impacts.jitter_sigma", "background.echo_*", "shape|faulty_*", "impulse_response|*",
+        "impulse_response.*", "comb|*", "background.time_asymmetry", "background.band_*", "lines.fault_*",
+        "change|*",
     )  # fmt: skip
     draw_weight: ClassVar[float] = 1.8
     inherent_in: ClassVar[tuple[str, ...]] = ("contact",)
@@ -122,9 +123,9 @@ class EntryExit(FaultEffect):
 
     def initial_values(self, seen: Observations) -> Iterator[Effect]:
         pass_deg = 360 / seen.bearing.n_rollers
-        read = ("comb|clear_arc_log", "comb|faint_arc_log", "events.arc_log|all.level")
+        read = ("comb|clear_arc_log", "comb|faint_arc_log", "impacts.arc_log|all.level")
         arcs = [seen.features[name] for name in read]
-        part = seen.features["events.cycle_rise_part|all.level"]
+        part = seen.features["impacts.cycle_rise_part|all.level"]
         if part > 0:
             arcs += [math.log(part * pass_deg), math.log(part * 180)]
         for arc in (arc for arc in arcs if math.isfinite(arc)):

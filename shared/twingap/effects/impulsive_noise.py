@@ -113,10 +113,10 @@ class ImpulsiveNoise(Effect):
     def _counted(self, seen: Observations, of: str) -> Iterator[ImpulsiveNoise]:
         """Impulses at the rate that was counted and with those that noise hides, at their strength, in their mode."""
         level, place, damping = (
-            seen.features[f"background.knock_{what}|{of}.level"] for what in ("level", "fs", "damping_log")
+            seen.features[f"background.impulse_{what}|{of}.level"] for what in ("level", "fs", "damping_log")
         )
         for counted in ("count_log", "rate_log"):
-            rate_hz = 10 ** seen.features[f"background.knock_{counted}|{of}.level"] - LEAST_RATE_HZ
+            rate_hz = 10 ** seen.features[f"background.impulse_{counted}|{of}.level"] - LEAST_RATE_HZ
             if min(rate_hz, place) > 0 and math.isfinite(level + damping):
                 for spread, louder in ((1.0, 1.0), (_EVEN, 2.0)):
                     yield self.moved(

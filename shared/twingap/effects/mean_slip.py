@@ -10,6 +10,7 @@ from typing import ClassVar
 import numpy as np
 
 from twingap.effects import measurements
+from twingap.effects._features import CLARITY_OF_IMPACTS
 from twingap.effects._references import RANDALL_ANTONI
 from twingap.effects.base import Effect, Stage, parameter
 from twingap.effects.draft import Draft
@@ -34,8 +35,9 @@ class MeanSlip(Effect):
     look_alikes: ClassVar[tuple[str, ...]] = ("speed_fluctuation", "foreign_bearing")
     deciding_measurement: ClassVar[str] = measurements.TACHO
     features: ClassVar[tuple[str, ...]] = (
-        "events.rate_log_ratio", "events.shaft_log_ratio", "events.strike_*", "lines.*_ratio_log", "lines.shaft_lock",
-        "lines.wave_*_score", "lines.fault_comb_*", "context|slip*", "context|speed*", "events.wander_log",
+        *CLARITY_OF_IMPACTS, "impacts.rate_log_ratio", "impacts.shaft_log_ratio", "lines.*_ratio_log",
+        "lines.shaft_lock", "lines.wave_*_score", "lines.fault_comb_*", "context|slip*", "context|speed*",
+        "impacts.wander_log",
     )  # fmt: skip
     draw_weight: ClassVar[float] = 2.0
 
@@ -70,7 +72,7 @@ class MeanSlip(Effect):
         }
 
     def initial_values(self, seen: Observations) -> Iterator[Effect]:
-        slip = seen.features["context|slip_seen"]
+        slip = seen.features["context|slip_measured"]
         if math.isfinite(slip):
             for share in (1.0, 0.0, seen.features["context|slip_rollers"]):
                 if math.isfinite(share):

@@ -96,7 +96,7 @@ class SpeedGain(Effect):
         return BentSpeedGain(**self.parameter_values(), bend=self.exponent * rng.normal(0, 0.5))
 
     def initial_values(self, seen: Observations) -> Iterator[Effect]:
-        for trend in ("trend|speed_strikes", "trend|speed_alone", "trend|speed_answer"):
+        for trend in ("trend|speed_impacts", "trend|speed_partial", "trend|speed_harmonics"):
             exponent = seen.features[trend]
             if math.isfinite(exponent):
                 for part in (0.0, 1.0):

@@ -110,7 +110,7 @@ def test_any_feature_may_tell_of_it(belt_tones: type[Effect]) -> None:
     features = ("lines.peaks_log|all.level", "lines.peaks_log|on_speed", "context|anything", "shape|healthy_1")
     assert columns("belt_tones", features) == (0, 1, 2, 3)
     assert columns("shaft_harmonics", features) == (0,)
-    assert columns("speed_gain", ("events.strike_level|on_speed", "events.strike_level|on_time")) == (0,)
+    assert columns("speed_gain", ("impacts.level|on_speed", "impacts.level|on_time")) == (0,)
 
 
 def test_a_measurement_that_isolates_its_stage_decides(belt_tones: type[Effect]) -> None:

@@ -28,7 +28,7 @@ _FEWEST: Final = 60
 """Smallest number of machines with an effect for which its detectability is learnt. Fewer make it less certain."""
 _CONTEXT: Final = (
     "context|records", "context|healthy_share", "context|log_samples", "context|log_turns", "context|speeds",
-    "context|span_s", "context|own_simulator", "events.strike_snr|all.level", "answer.clear|all.level",
+    "context|span_s", "context|own_simulator", "impacts.snr|all.level", "impulse_response.clear|all.level",
 )  # fmt: skip
 """Features that describe the records, whatever is missing."""
 

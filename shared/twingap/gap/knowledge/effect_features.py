@@ -8,7 +8,7 @@ from typing import Final
 
 from twingap.effects import Effect, catalogue
 
-_OF_THE_SET: Final = ("shape", "path", "change", "pooled", "answer", "comb", "trend")
+_OF_THE_SET: Final = ("shape", "path", "change", "pooled", "impulse_response", "comb", "trend")
 """Families of features of the whole set of records, named ``family|feature`` in patterns."""
 _ALWAYS: Final = ("own_simulator", "records", "healthy_share", "log_samples", "log_turns", "speeds", "span_s")
 """Features of the records' conditions that every detector uses."""
@@ -42,7 +42,7 @@ def _columns(kind: type[Effect], features: tuple[str, ...]) -> tuple[int, ...]:
 def _may_tell(kind: type[Effect], feature: str) -> bool:
     """Whether a feature is an input of an effect's detector."""
     of, _, about = feature.partition("|")
-    if of == "view":  # distance between records and twin in a domain
+    if of == "distance":  # distance between records and twin in a domain
         return True
     if of == "context":
         return about in _ALWAYS or _matches(feature, kind)

@@ -104,11 +104,11 @@ def general_columns(names: tuple[str, ...]) -> NDArray[np.int64]:
         "background.*skewness|*", "background.level_coupling|*", "background.echo_*", "background.modulation_*",
         "background.rest_rms|*", "background.kurtosis_log|*", "lines.free_count_log|*", "lines.tonal_share|*",
         "background.white_kurtosis_log|*", "shape|*_rms", "shape|*_rest_share", "path|*_cost*", "path|*_gain*",
-        "change|still", "change|*_gain", "change|left", "view|*", "context|own_simulator",
+        "change|base_cost", "change|*_gain", "change|best_cost", "distance|*", "context|own_simulator",
         "pooled|modulation_fixed*", "pooled|turning*", "pooled|fixed*", "pooled|carrier*",
-        "events.strike_snr|*", "background.rms_log|spread", "background.white_level|spread",
+        "impacts.snr|*", "background.rms_log|spread", "background.white_level|spread",
     )  # fmt: skip
-    wanted, whole = (".diff", ".z", "|spread"), ("context|", "shape|", "path|", "change|", "view|", "pooled|")
+    wanted, whole = (".diff", ".z", "|spread"), ("context|", "shape|", "path|", "change|", "distance|", "pooled|")
     return np.array(
         [
             i for i, name in enumerate(names)

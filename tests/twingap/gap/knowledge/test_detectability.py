@@ -75,7 +75,7 @@ def test_labels_that_no_record_shows_do_not_make_what_is_absent_likelier():
     features = rng.standard_normal((n, 12)).astype(np.float32)
     features[:, 5] += 8.0 * (missing[:, 0] & (level > 0))
     values = np.where(missing, level[:, None], np.nan)
-    names = tuple(f"view|{i}" for i in range(12))
+    names = tuple(f"distance|{i}" for i in range(12))
     made = Examples(
         features, missing, np.zeros_like(missing), np.zeros(n, bool), np.arange(n), np.ones(n, bool), values, features
     )

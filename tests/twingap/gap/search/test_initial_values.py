@@ -182,9 +182,9 @@ def test_a_slope_over_speed_is_an_exponent() -> None:
     ("effect", "feature", "value", "parameter", "expected"),
     [
         ("entry_exit", "comb|clear_arc_log", np.log(5.0), "arc_deg", 5.0),
-        ("entry_exit", "events.cycle_rise_part|all.level", 0.3, "arc_deg", 0.3 * 360 / 9),
-        ("speed_gain", "trend|speed_alone", -1.3, "exponent", -1.3),
-        ("mean_slip", "context|slip_seen", 0.02, "slip", 0.02),
+        ("entry_exit", "impacts.cycle_rise_part|all.level", 0.3, "arc_deg", 0.3 * 360 / 9),
+        ("speed_gain", "trend|speed_partial", -1.3, "exponent", -1.3),
+        ("mean_slip", "context|slip_measured", 0.02, "slip", 0.02),
         ("foreign_bearing", "lines.comb_order|all.level", 5.53, "order", 5.53),
         ("foreign_bearing", "background.foreign_order|healthy.level", 6.31, "order", 6.31),
     ],
@@ -214,10 +214,10 @@ def test_an_order_of_strikes_from_elsewhere_is_tried_at_every_level_and_once() -
 def test_growth_is_read_as_a_rate_over_the_run() -> None:
     own = evidence_of(machine())
     features = np.full(len(feature_names()), np.nan)
-    features[feature_names().index("trend|time_strikes")] = 1.5
+    features[feature_names().index("trend|time_impacts")] = 1.5
     (found,) = places(make_effect("damage_growth"), features, own)
     assert vars(found)["rate_per_s"] * own.setting.span_s == pytest.approx(
         1.0
     )  # the most that is allowed in one second
-    features[feature_names().index("trend|time_strikes")] = -1.5
+    features[feature_names().index("trend|time_impacts")] = -1.5
     assert not list(places(make_effect("damage_growth"), features, own))

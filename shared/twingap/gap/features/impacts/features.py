@@ -25,7 +25,7 @@ from twingap.signal.record_transforms import RecordTransforms, medians
 Array = NDArray[np.float64]
 
 NAMES: Final[tuple[str, ...]] = (
-    "strike_evidence",
+    "evidence",
     "rate_log_ratio",
     "shaft_log_ratio",
     "harmonic_1",
@@ -58,7 +58,7 @@ NAMES: Final[tuple[str, ...]] = (
     "cage_depth",
     "cage_line_log",
     "zone_depth",
-    "echo_gain",
+    "second_impact_gain",
     "arc_deg",
     "arc_log",
     "exit_ratio",
@@ -66,8 +66,8 @@ NAMES: Final[tuple[str, ...]] = (
     "cycle_rise",
     "cycle_rise_part",
     "phase_lock",
-    "strike_level",
-    "strike_snr",
+    "level",
+    "snr",
 )
 """Keys of `measure`. Natural logs where the name ends in log, level, snr, gain or evidence."""
 
@@ -90,7 +90,7 @@ def measure(record: RecordTransforms) -> dict[str, float]:
     dict[str, float]
         One value for each of `NAMES`; NaN where there is no known defect, or where the impacts cannot be tracked.
         `jitter_sigma`, `walk_sigma` in impact spacings; `scatter_sigma`, `*_depth` over the mean strength;
-        `wander_level` rms relative speed; `arc_deg` as in `effects.EntryExit`; `strike_level` log of the root energy of
+        `wander_level` rms relative speed; `arc_deg` as in `effects.EntryExit`; `level` log of the root energy of
         an impact (in the band, s^1/2) over frame.scale.
     """
     out = dict.fromkeys(NAMES, np.nan)
@@ -110,7 +110,7 @@ def _fill(record: RecordTransforms, order: float, out: dict[str, float]) -> None
     found = envelope_comb.find_comb(band, kinematic_hz)
     if found is None:
         return
-    out["strike_evidence"] = float(np.log1p(found.evidence))
+    out["evidence"] = float(np.log1p(found.evidence))
     if found.evidence < envelope_comb.EVIDENCE:
         return
     course = envelope_comb.track(found, record.duration_s)
@@ -308,6 +308,6 @@ def _level(
     energy = max(energy, 1e-3 * float(np.mean(seen.strength**2)))
     # Per second of the cycle at 1 kHz: a length that does not depend on rates makes the level dimensionless.
     scale = record.frame.scale**2 * band.fs_hz / 1000
-    out["strike_level"] = 0.5 * float(np.log(energy / max(scale, 1e-300)))
-    out["strike_snr"] = 0.5 * float(np.log(energy / max(seen.noise, 1e-6 * energy)))
+    out["level"] = 0.5 * float(np.log(energy / max(scale, 1e-300)))
+    out["snr"] = 0.5 * float(np.log(energy / max(seen.noise, 1e-6 * energy)))
     out["phase_lock"] = seen.phase_locked

@@ -32,9 +32,9 @@ NAMES: Final[tuple[str, ...]] = (
     *(f"half_{k}_excess" for k in range(1, 6)),
     "half_mean",
     "half_level",
-    "whole_high_mean",
-    "whole_high_level",
-    "whole_decay",
+    "order_high_mean",
+    "order_high_level",
+    "order_decay",
     "mains_50_mean",
     "mains_60_mean",
     *(f"mains_50_{k}_excess" for k in (1, 2, 3)),
@@ -145,11 +145,11 @@ def _orders(lines: Lines, scale: float, out: dict[str, float], without: NDArray[
     levels = _levels(p, scale)
     for k in _WHOLE:
         out[f"order_{k}_excess"], out[f"order_{k}_level"] = float(logs[k - 1]), float(levels[k - 1])
-    out["whole_high_mean"] = _mean(logs[3:])
-    out["whole_high_level"] = _mean(levels[3:])
+    out["order_high_mean"] = _mean(logs[3:])
+    out["order_high_level"] = _mean(levels[3:])
     strong = np.isfinite(logs) & (logs > 0.6)
     if np.count_nonzero(strong) >= 4:
-        out["whole_decay"] = float(10 ** np.polyfit(whole[strong], levels[strong], 1)[0])
+        out["order_decay"] = float(10 ** np.polyfit(whole[strong], levels[strong], 1)[0])
     logs, p = lines.at(np.array(_HALF) * lines.shaft_hz, relative if lines.locked else 0.02, without)
     for k, value in enumerate(logs, start=1):
         out[f"half_{k}_excess"] = float(value)

@@ -23,7 +23,7 @@ Single = NDArray[np.float32]
 
 _RACES: Final = ("outer", "inner")
 _EACH: Final = ("", "_lead", "_first", "_second", "_share")
-NAMES: Final = (*(f"wave_{race}{part}" for race in _RACES for part in _EACH), "wave_most", "wave_most_lead")
+NAMES: Final = (*(f"wave_{race}{part}" for race in _RACES for part in _EACH), "wave_max", "wave_max_lead")
 
 _BESIDE: Final = np.array([0.085, 0.1, 0.115, 0.13, 0.145, 0.16])
 """Relative distances from the ball-pass order at which the scores of chance are measured."""
@@ -74,5 +74,5 @@ def measure(records: Sequence[Whitened], deviates: Sequence[Single], bearing: Be
         out |= {f"wave_{race}{part}": float(value) for part, value in zip(_EACH, values, strict=True)}
     for part in ("", "_lead"):
         known = [out[f"wave_{race}{part}"] for race in _RACES if math.isfinite(out[f"wave_{race}{part}"])]
-        out[f"wave_most{part}"] = max(known, default=math.nan)
+        out[f"wave_max{part}"] = max(known, default=math.nan)
     return out
