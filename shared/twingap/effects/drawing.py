@@ -39,7 +39,7 @@ def tone_level(rng: np.random.Generator, machine: Machine, most: float) -> float
     return log_uniform(rng, 0.8 * faintest, 5 * faintest) if rng.random() < 0.5 else log_uniform(rng, faintest, most)
 
 
-def ringing_mode(
+def secondary_mode(
     rng: np.random.Generator, machine: Machine, place: tuple[float, float], damping: tuple[float, float]
 ) -> dict[str, float]:
     """`resonance_hz` and `damping_ratio` in which impacts from another source ring: a mode on their path, or the

@@ -15,7 +15,7 @@ from twingap.effects import measurements
 from twingap.effects._features import IMPULSES
 from twingap.effects.base import Effect, Stage, parameter
 from twingap.effects.draft import Draft
-from twingap.effects.drawing import log_uniform, ringing_mode
+from twingap.effects.drawing import log_uniform, secondary_mode
 from twingap.effects.machine import Machine
 from twingap.effects.observations import Observations
 from twingap.effects.registry import register
@@ -71,7 +71,7 @@ class ImpulsiveNoise(Effect):
 
     def apply(self, draft: Draft, rng: np.random.Generator) -> None:
         mode = Mode(self.resonance_hz, self.damping_ratio, self.level * draft.reference_rms)
-        begin, end = -mode.ringing_s, draft.condition.duration_s
+        begin, end = -mode.ring_down_s, draft.condition.duration_s
         count = rng.poisson(self.rate_hz * (end - begin))
         times = rng.uniform(begin, end, count)
         draft.x += ring([mode], draft.condition.fs_hz, draft.x.size, times, self._strengths(count, rng))
@@ -86,7 +86,7 @@ class ImpulsiveNoise(Effect):
 
     @classmethod
     def draw(cls, machine: Machine, rng: np.random.Generator) -> Mapping[str, float]:
-        mode = ringing_mode(rng, machine, (0.03, 0.44), (0.01, 0.25))
+        mode = secondary_mode(rng, machine, (0.03, 0.44), (0.01, 0.25))
         spread = 1.0 if rng.random() < 0.4 else rng.uniform(0.15, 1.0)
         level, rate_hz = log_uniform(rng, 4.0, 60.0), log_uniform(rng, 0.7, 40.0)
         return {"level": level, "rate_hz": rate_hz, "spread": spread, **mode}

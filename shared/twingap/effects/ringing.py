@@ -58,7 +58,7 @@ class Mode:
         return complex(-self.damping_ratio * w, math.sqrt(1 - self.damping_ratio**2) * w)
 
     @property
-    def ringing_s(self) -> float:
+    def ring_down_s(self) -> float:
         """Time after which no more than `NEGLIGIBLE` of an impact is left, s."""
         return -math.log(NEGLIGIBLE) / (self.damping_ratio * 2 * math.pi * self.frequency_hz)
 

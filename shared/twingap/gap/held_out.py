@@ -65,7 +65,7 @@ class HeldOut:
         made = self.evidence.simulated
         return [self.evidence.vectors(made(simulator, effects, self.part.conditions, k), self.grid) for k in numbers]
 
-    def lessons(self, after: Compared | None = None) -> TrainingSets:
+    def training_sets(self, after: Compared | None = None) -> TrainingSets:
         """Further records for training a classifier: the user's simulated records under the conditions of the fit
         part."""
         found = self.found
@@ -73,9 +73,9 @@ class HeldOut:
             return None, None
         fit = self.evidence.calibrated.fit.conditions
         after = after or (found.after if found.gap else found.before)
-        return self._lesson(found.before, fit), self._lesson(after, fit)
+        return self._training_set(found.before, fit), self._training_set(after, fit)
 
-    def _lesson(self, compared: Compared, conditions: Sequence[Condition]) -> tuple[FeatureVectors, list[str]]:
+    def _training_set(self, compared: Compared, conditions: Sequence[Condition]) -> tuple[FeatureVectors, list[str]]:
         """Feature vectors of simulated records under these conditions, and their faults."""
         made = self.evidence.simulated(compared.simulator, compared.effects, conditions, 2)
         return self.evidence.vectors(made, self.grid), [str(c.fault) for c in conditions]
@@ -148,8 +148,8 @@ class HeldOut:
 
     def _of(self, compared: Compared) -> tuple[list[FeatureVectors], Paired]:
         """Two replicates of the held-out part, and its distance from them."""
-        views = self.replicates(compared.simulator, compared.effects, min(self.most, 2))
-        return views, Paired(self.real, views)
+        vectors = self.replicates(compared.simulator, compared.effects, min(self.most, 2))
+        return vectors, Paired(self.real, vectors)
 
     def _with(self, effect: Effect, probability: float, count: int) -> list[FeatureVectors]:
         """Feature vectors of the twin with the named effects and one more."""

@@ -253,7 +253,7 @@ def periodic_impacts(draft: Draft, amplitude: float, phase: float) -> Impacts:
             f"fault {draft.condition.fault!r} has impacts at order {order:g} with this slip",
             where=f"record {draft.condition.name!r}", mend="let the cage slip less",
         )  # fmt: skip
-    lead_s = max([LONGEST_RINGING_S, *(mode.ringing_s for mode in draft.modes)])
+    lead_s = max([LONGEST_RINGING_S, *(mode.ring_down_s for mode in draft.modes)])
     inside = math.ceil(draft.turns[-1] * order)
     before = math.ceil(lead_s * draft.shaft_hz * order) + 2
     after = 4 + math.ceil(2 * math.sqrt(before + inside))

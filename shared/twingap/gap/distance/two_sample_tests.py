@@ -126,7 +126,7 @@ def mmd_kernel(pair: Paired, rng: np.random.Generator) -> tuple[Array, list[str 
     return h, [pair.conditions[i].group for i in kept]
 
 
-def overall_tests(
+def two_sample_tests(
     pair: Paired, rng: np.random.Generator, draws: int = 999, exchange: Exchange = "record"
 ) -> tuple[TwoSample, ...]:
     """Both tests."""

@@ -58,7 +58,7 @@ def write_learnt(learnt: Learnt, folder: Path, parameters: Mapping[str, Any] | N
         "order": list(learnt.effects),
         "detectors": {name: trees.add(detector) for name, detector in learnt.detectors.items()},
         "estimators": estimators,
-        "anything": trees.add(learnt.anything),
+        "any_gap": trees.add(learnt.any_gap),
         "thresholds": dict(learnt.thresholds),
         "set_level": learnt.set_level,
         "calibration": None if learnt.calibration is None else _calibration(learnt.calibration),
@@ -128,7 +128,7 @@ def read_learnt(folder: Path, features: Sequence[str]) -> Learnt:
             (row["effect"], row["parameter"]): _read_estimator(row, trees)
             for row in table["estimators"] if row["effect"] not in outdated
         },
-        anything=trees.get(table["anything"], of_features=False),
+        any_gap=trees.get(table["any_gap"], of_features=False),
         null=nulls["null"],
         features=tuple(features),
         about=table["about"],
@@ -161,7 +161,7 @@ def _as_learnt(name: str, known: Mapping[str, Any] | None) -> bool:
     return kind is not None and kind.__module__.startswith(_OWN) and known == definition(name)
 
 
-_FLOAT: Final[Mapping[str, Any]] = {"quiet": bool}
+_FLOAT: Final[Mapping[str, Any]] = {"with_healthy": bool}
 """Types of the arrays of a null distribution that are not float."""
 
 
@@ -181,11 +181,11 @@ def _estimator(key: tuple[str, str], estimator: Estimator, trees: _TreeWriter) -
         "effect": key[0],
         "parameter": key[1],
         "anchors": [[a.column, a.logarithmic, *a.line] for a in estimator.anchors],
-        "middle": estimator.middle,
+        "default": estimator.default,
         "error": estimator.error,
-        "reach": estimator.reach,
-        "rest": None if estimator.rest is None else trees.add(estimator.rest),
-        "doubt": None if estimator.doubt is None else trees.add(estimator.doubt),
+        "error_factor": estimator.error_factor,
+        "residual": None if estimator.residual is None else trees.add(estimator.residual),
+        "error_model": None if estimator.error_model is None else trees.add(estimator.error_model),
     }
 
 
@@ -195,8 +195,8 @@ def _read_estimator(row: Mapping[str, Any], trees: _TreeReader) -> Estimator:
         Anchor(int(trees.columns(np.array([column]))[0]), logarithmic, (slope, offset))
         for column, logarithmic, slope, offset in row["anchors"]
     )
-    rest, doubt = (None if row[name] is None else trees.get(row[name]) for name in ("rest", "doubt"))
-    return Estimator(anchors, row["middle"], rest, row["error"], doubt, row["reach"])
+    rest, error_model = (None if row[name] is None else trees.get(row[name]) for name in ("residual", "error_model"))
+    return Estimator(anchors, row["default"], rest, row["error"], error_model, row["error_factor"])
 
 
 class _TreeWriter:

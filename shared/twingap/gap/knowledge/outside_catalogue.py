@@ -51,7 +51,7 @@ _FARTHEST = 0.016
 change easier to detect."""
 
 
-def estrange(records: RecordSet, rng: np.random.Generator) -> RecordSet:
+def with_outside_effect(records: RecordSet, rng: np.random.Generator) -> RecordSet:
     """The records with an effect outside the catalogue, of the same kind in all (or about half) of them.
 
     Parameters

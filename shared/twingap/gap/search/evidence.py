@@ -208,7 +208,7 @@ class Evidence:
         return all(effect.cannot_act_on(Draft(c, self.frame.bearing, 1.0, t, t)) is None for c in conditions)
 
     @cached_property
-    def _tried(self) -> RecordSet:
+    def _trial_records(self) -> RecordSet:
         """A few shortened records of each state of the fit part, for trial simulations."""
         few = thinned(self.calibrated.fit, MOST_TRIED)
         conditions = [replace(c, n_samples=min(c.n_samples, LONGEST_TRIED)) for c in few.conditions]
@@ -217,40 +217,46 @@ class Evidence:
     @property
     def trials(self) -> int:
         """Number of simulations of one search for values; it decreases with the cost of a simulation."""
-        conditions = self._tried.conditions
-        samples = len(self._two(self._simulator, conditions)) * sum(c.n_samples for c in conditions)
+        conditions = self._trial_records.conditions
+        samples = len(self._replicate_numbers(self._simulator, conditions)) * sum(c.n_samples for c in conditions)
         dear = CONTACT_COSTS if self.spec.model == "contact" else 1
         return int(np.clip(SAMPLES_TRIED / (samples * dear), *TRIALS))
 
     @property
-    def records_tried(self) -> int:
+    def n_trial_records(self) -> int:
         """Number of records of a trial simulation."""
-        return len(self._tried)
+        return len(self._trial_records)
 
     @cached_property
-    def _tried_grid(self) -> Grid:
+    def _trial_grid(self) -> Grid:
         """Grid of the trial records."""
-        return Grid.of(self._tried.conditions, self.frame.bearing)
+        return Grid.of(self._trial_records.conditions, self.frame.bearing)
 
     @cached_property
-    def _tried_views(self) -> FeatureVectors:
+    def _trial_vectors(self) -> FeatureVectors:
         """Feature vectors of the trial records."""
-        return self.vectors(self._tried, self._tried_grid)
+        return self.vectors(self._trial_records, self._trial_grid)
 
     @cached_property
-    def _yardstick(self) -> Array:
+    def _scale(self) -> Array:
         """Scale [bins] of distances on the fit part, the same for all twins."""
         grid, conditions = Grid.of(self.fit.conditions, self.frame.bearing), self.fit.conditions
-        made = [self.simulated(self._simulator, (), conditions, k) for k in self._two(self._simulator, conditions)]
+        made = [
+            self.simulated(self._simulator, (), conditions, k)
+            for k in self._replicate_numbers(self._simulator, conditions)
+        ]
         return Paired(self.fit.vectors, [self.vectors(records, grid) for records in made]).scale
 
     @cached_property
-    def _trial_yardstick(self) -> Array:
+    def _trial_scale(self) -> Array:
         """Scale [bins] of distances on the trial records, the same for all twins."""
-        vectors = [self._trial(self._simulator, (), k) for k in self._two(self._simulator, self._tried.conditions)]
-        return Paired(self._tried_views, vectors).scale
+        vectors = [
+            self._simulated_trial(self._simulator, (), k)
+            for k in self._replicate_numbers(self._simulator, self._trial_records.conditions)
+        ]
+        return Paired(self._trial_vectors, vectors).scale
 
-    def _two(self, simulator: Simulator, conditions: Sequence[Condition]) -> Sequence[int]:
+    def _replicate_numbers(self, simulator: Simulator, conditions: Sequence[Condition]) -> Sequence[int]:
         """Numbers of two replicates, or of the only one there is."""
         return (3, 4)[: replicates_of(simulator, conditions, 2)]
 
@@ -269,7 +275,7 @@ class Evidence:
         """
         grid = Grid.of(self.fit.conditions, self.frame.bearing)
         made = self.vectors(self.simulated(simulator, effects, self.fit.conditions, replicate), grid)
-        pair = Paired(self.fit.vectors, [made], None, self._yardstick)
+        pair = Paired(self.fit.vectors, [made], None, self._scale)
         return float(pair.over_domains(pair.squares())[0][0])
 
     def misfit(self, simulator: Simulator, effects: Sequence[Effect]) -> float:
@@ -291,12 +297,17 @@ class Evidence:
 
         With one simulation alone, values whose simulations have less scatter would have a smaller distance.
         """
-        made = [self._trial(simulator, effects, k) for k in self._two(simulator, self._tried.conditions)]
-        return Paired(self._tried_views, made, None, self._trial_yardstick)
+        made = [
+            self._simulated_trial(simulator, effects, k)
+            for k in self._replicate_numbers(simulator, self._trial_records.conditions)
+        ]
+        return Paired(self._trial_vectors, made, None, self._trial_scale)
 
-    def _trial(self, simulator: Simulator, effects: Sequence[Effect], replicate: int) -> FeatureVectors:
+    def _simulated_trial(self, simulator: Simulator, effects: Sequence[Effect], replicate: int) -> FeatureVectors:
         """Feature vectors of one simulation of the trial records."""
-        return self.vectors(self.simulated(simulator, effects, self._tried.conditions, replicate), self._tried_grid)
+        return self.vectors(
+            self.simulated(simulator, effects, self._trial_records.conditions, replicate), self._trial_grid
+        )
 
     def with_values(
         self, simulator: Simulator, effects: Sequence[Effect], baseline: Mapping[str, float] | None = None

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from twingap.gap.search.effect_search import valued
+from twingap.gap.search.effect_search import with_fitted_values
 from twingap.gap.search.evidence import THOROUGH, Evidence, simulator_of, values_of
 from twingap.gap.search.parameter_scale import coordinates
 from twingap.identification.calibrate import Prepared, calibrate_prepared
@@ -63,12 +63,12 @@ def completed(
     bare = replace(spec, effects=tuple(n for n in spec.effects if n not in names), parameters=kept)
     calibrated = calibrate_prepared(prepared, bare, rng)
     evidence = Evidence(calibrated, simulator_of(calibrated), bare, root_entropy(rng) >> 66, THOROUGH)
-    found = valued(evidence, learnt, names)
+    found = with_fitted_values(evidence, learnt, names)
     values = {effect.name: values_of(effect) for effect in found}
-    return replace(spec, parameters={**kept, **values}), _told(found)
+    return replace(spec, parameters={**kept, **values}), _notes(found)
 
 
-def _told(found: Sequence[Effect]) -> tuple[str, ...]:
+def _notes(found: Sequence[Effect]) -> tuple[str, ...]:
     """Note on the estimated values, for the report."""
     if not found:
         return ()

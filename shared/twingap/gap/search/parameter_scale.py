@@ -107,7 +107,7 @@ def to_effect(name: str, numbers: Mapping[str, float], setting: Setting) -> Effe
         return make_effect(name)
 
 
-def a_little_off(effect: Effect, error: float, setting: Setting, rng: np.random.Generator) -> Effect:
+def with_errors(effect: Effect, error: float, setting: Setting, rng: np.random.Generator) -> Effect:
     """The effect at values with random errors, as estimates have them.
 
     Parameters

@@ -17,8 +17,8 @@ from twingap.gap.distance.two_sample_tests import (
     exchanges,
     mmd_kernel,
     mmd_test,
-    overall_tests,
     p_value,
+    two_sample_tests,
 )
 from twingap.records import Condition
 
@@ -45,14 +45,14 @@ def pair_of(
 def test_false_alarms_are_five_per_cent(n: int, m: int) -> None:
     rng = np.random.default_rng(n)
     worlds = 200
-    p = np.array([[t.p_value for t in overall_tests(pair_of(n, m, rng), rng, 79)] for _ in range(worlds)])
+    p = np.array([[t.p_value for t in two_sample_tests(pair_of(n, m, rng), rng, 79)] for _ in range(worlds)])
     assert np.all((p <= 0.05).sum(axis=0) <= binom.ppf(0.999, worlds, 0.05))
 
 
 @pytest.mark.parametrize(("n", "m"), [(2, 20), (16, 5), (16, 1)])
 def test_a_broad_difference_is_found(n: int, m: int) -> None:
     rng = np.random.default_rng(3)
-    for result in overall_tests(pair_of(n, m, rng, 1.5), rng, 199):
+    for result in two_sample_tests(pair_of(n, m, rng, 1.5), rng, 199):
         assert result.p_value <= 0.02
         assert result.statistic > result.null_mean
 
@@ -62,7 +62,7 @@ def test_one_bin_of_many_is_found() -> None:
     shift = np.zeros(200)
     shift[70] = 5.0
     pair = pair_of(16, 10, rng, shift, 200)
-    auc, mmd = overall_tests(pair, rng, 199)
+    auc, mmd = two_sample_tests(pair, rng, 199)
     assert auc.p_value <= 0.02 and auc.statistic > 0.75
     assert mmd.p_value <= 0.02
 
@@ -70,13 +70,13 @@ def test_one_bin_of_many_is_found() -> None:
 def test_a_difference_of_opposite_signs_in_two_faults_is_found() -> None:
     rng = np.random.default_rng(9)
     sign = np.where(np.arange(16) % 2 == 0, 1.5, -1.5)[:, None]
-    for result in overall_tests(pair_of(16, 10, rng, sign), rng, 199):
+    for result in two_sample_tests(pair_of(16, 10, rng, sign), rng, 199):
         assert result.p_value <= 0.02 or result.name.startswith("MMD")
 
 
 def test_auc_is_a_half_and_mmd_is_zero_on_average_where_nothing_differs() -> None:
     rng = np.random.default_rng(5)
-    statistics = np.array([[t.statistic for t in overall_tests(pair_of(6, 4, rng), rng, 1)] for _ in range(150)])
+    statistics = np.array([[t.statistic for t in two_sample_tests(pair_of(6, 4, rng), rng, 1)] for _ in range(150)])
     error = statistics.std(axis=0) / np.sqrt(150)
     assert np.all(np.abs(statistics.mean(axis=0) - [0.5, 0.0]) < 4 * error)
 

@@ -91,7 +91,7 @@ def measure(record: RecordTransforms) -> dict[str, float]:
     lines, scale = lines_of(record), max(record.frame.scale, 1e-300)
     out["shaft_ratio_log"] = math.log(lines.lock[0]) if lines.locked else 0.0
     out["shaft_lock"] = lines.lock[1]
-    base, strength, alien = lines.alien_comb
+    base, strength, alien = lines.unrelated_comb
     out["comb_score"] = strength
     if strength > 0:
         out["comb_order"] = base / lines.shaft_hz
@@ -185,7 +185,7 @@ def _waviness(record: RecordTransforms, lines: Lines, scale: float, out: dict[st
     """Multiples of the ball-pass orders of both races."""
     taken = np.zeros(len(lines.peaks), bool)
     reach = SLIP if lines.locked else SEARCH + SLIP / 2
-    free = ~(lines.of_mains | lines.alien_comb[2])
+    free = ~(lines.of_mains | lines.unrelated_comb[2])
     if lines.locked:
         free &= ~lines.on_comb(lines.shaft_hz / 2, highest=42)
     for race, order in (("outer", record.bearing.bpfo), ("inner", record.bearing.bpfi)):
