@@ -2,8 +2,8 @@
 
 from twingap.effects.base import Effect, Stage, effect_name, parameter
 from twingap.effects.draft import Draft, Impacts
+from twingap.effects.modes import Mode
 from twingap.effects.registry import catalogue, in_order, load_effects, make_effect, register
-from twingap.effects.ringing import Mode
 
 # Importing a module registers its effect: in the order of the chain, and within a stage of their acting.
 from twingap.effects.speed_fluctuation import SpeedFluctuation  # isort: skip

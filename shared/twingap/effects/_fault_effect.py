@@ -56,7 +56,7 @@ def passes_within(draft: Draft, rng: np.random.Generator) -> tuple[Array, bool]:
 
     Where the impacts of a finished waveform do not stand out, passes come at the stated rate and begin at random.
     """
-    found = passes_of(draft.x, draft.turns * draft.fault_order) if draft.still is not None else None
+    found = passes_of(draft.x, draft.turns * draft.fault_order) if draft.background is not None else None
     rate, begin = found or (1.0, -rng.random())
     order = rate * draft.fault_order
     return (np.arange(-2, math.ceil(draft.turns[-1] * order) + 2) + begin) / order, found is not None

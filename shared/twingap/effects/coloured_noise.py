@@ -35,7 +35,7 @@ _SLOPES: Final = (-1.0, 0.0, 1.0, 2.0)
 _SHIFTS: Final = (-0.03, 0.0, 0.03)
 _DAMPINGS: Final = (0.01, 0.018, 0.03, 0.05, 0.09, 0.16)
 """Of the twin's own mode beside the noise: logarithms of its frequency about where it may lie, and damping ratios."""
-_LIKELIEST: Final = 5
+_BEST_FITS: Final = 5
 """Fits that are handed on. More cost one calibration each."""
 _NARROWEST: Final = 0.985
 """Lower over upper end of a band above which both estimates cross, and the lower end is set to 0.9 of the upper."""
@@ -126,7 +126,7 @@ class ColouredNoise(Effect):
         fs_hz = healthy.fs_hz
         return [
             dataclasses.replace(self, level=level, slope=slope, low_hz=low * fs_hz, high_hz=high * fs_hz)
-            for _, low, high, slope, level in sorted(_scored(healthy))[:_LIKELIEST]
+            for _, low, high, slope, level in sorted(_scored(healthy))[:_BEST_FITS]
         ]
 
 

@@ -3,22 +3,22 @@
 stage         owns
 SHAFT         turns, cage_speed_ratio
 EXCITATION    impacts, cage_lag, gain, force
-PATH          modes, filters, heard
+PATH          modes, filters, sensed_noise
 DISTURBANCE   x (adds to it)
 ACQUISITION   x (replaces it)
 
 What an effect can move differs with the simulator (`excitation`), and so does who applies what it wrote:
 
 field              "impacts"                   "rollers"                          "waveform"
-turns              when the impacts strike     the contact's shaft angle          x is resampled over the angle
+turns              angles of the impacts        the contact's shaft angle          x is resampled over the angle
 cage_speed_ratio   fault_order                 the rollers' speed                 none: mean_slip refuses
 cage_lag           none (impacts move)         cage angle = ftf ratio             x(turns - cage_lag)
                                                (turns - cage_lag)
 gain               none (amplitudes change)    respond(): x = gain x + ...        x = gain x
-still              none                        none                               x = impacts alone + still
+background         none                        none                               x = impacts alone + background
 force              respond(): through modes    respond(): ... + through modes     none: what needs it refuses
 filters            respond(): x                respond(): x                       x
-heard              white noise                 white noise                        none: x holds its noise already
+sensed_noise       white noise                 white noise                        none: x holds its noise already
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twingap.bearing import Bearing
-from twingap.effects.ringing import LEAD, PAST, Mode
+from twingap.effects.modes import LEAD, PAST, Mode
 from twingap.records import Condition
 
 Array = NDArray[np.float64]
@@ -60,8 +60,8 @@ class Impacts:
     delays: Array | None = None
 
     @property
-    def struck(self) -> Array:
-        """Shaft angle at which each strikes in the end, turns."""
+    def delayed_turns(self) -> Array:
+        """[impacts] Shaft angle of each impact with its delay, turns."""
         return self.turns if self.delays is None else self.turns + self.delays
 
 
@@ -97,20 +97,20 @@ class Draft:
         None for healthy records, and for simulators that hand over a finished waveform.
     force : Array [LEAD + samples] or None
         Broadband force that passes through the modes like the impacts do (structure noise, roughness); it begins
-        `ringing.LEAD` samples before the record. Add to it with `push`.
-    past : Array [`ringing.PAST`] or None
-        What that force did before, for `ring`: no record starts at rest.
+        `modes.LEAD` samples before the record. Add to it with `push`.
+    past : Array [`modes.PAST`] or None
+        What that force did before, for `modal_response`: no record starts at rest.
     gain : Array [samples] or None
         Factor on the waveform that stands for modulated impacts, for simulators that have none ("rollers", "waveform").
         Multiply it with `modulate`.
-    still : Array [samples] or None
-        While what moves or weighs impacts acts on a finished waveform: what of it is not the impacts', `x` being them
-        alone. None where nobody knows what is which.
+    background : Array [samples] or None
+        Finished waveforms, while effects on impacts act: the part that is not impacts; `x` holds the impacts alone.
+        None where the two cannot be separated.
     modes : list[Mode]
         The path: structural modes in parallel. Empty for a finished waveform; "rollers" hold their linearised contact.
     filters : list of callables, Array -> Array
         The path after the modes (mounting, sensor), applied in turn to x and up to LEAD samples before it.
-    heard : list of (float, callable Array -> Array)
+    sensed_noise : list of (float, callable Array -> Array)
         Part of the white noise's power that is vibration before a sensor, not noise of the chain behind it, and what
         that sensor makes of it.
     x : Array [samples]
@@ -130,10 +130,10 @@ class Draft:
     force: Array | None = None
     past: Array | None = None
     gain: Array | None = None
-    still: Array | None = None
+    background: Array | None = None
     modes: list[Mode] = field(default_factory=list)
     filters: list[Callable[[Array], Array]] = field(default_factory=list)
-    heard: list[tuple[float, Callable[[Array], Array]]] = field(default_factory=list)
+    sensed_noise: list[tuple[float, Callable[[Array], Array]]] = field(default_factory=list)
     x: Array = field(default_factory=lambda: np.empty(0))
 
     @property

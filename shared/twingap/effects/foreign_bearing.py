@@ -19,9 +19,9 @@ from twingap.effects.base import Effect, Stage, parameter
 from twingap.effects.draft import Draft
 from twingap.effects.drawing import log_uniform, secondary_mode
 from twingap.effects.machine import Machine
+from twingap.effects.modes import Mode, modal_response
 from twingap.effects.observations import Observations
 from twingap.effects.registry import register
-from twingap.effects.ringing import Mode, ring
 
 Array = NDArray[np.float64]
 
@@ -66,7 +66,7 @@ class ForeignBearing(Effect):
         count = np.arange(-before, math.ceil(draft.turns[-1] * self.order) + 1)
         turns = (count + rng.random()) / self.order
         turns, strengths = self._impacts(turns, rng)
-        draft.x += ring([mode], draft.condition.fs_hz, draft.x.size, draft.when(turns), strengths)
+        draft.x += modal_response([mode], draft.condition.fs_hz, draft.x.size, draft.when(turns), strengths)
 
     def _impacts(self, turns: Array, rng: np.random.Generator) -> tuple[Array, Array]:
         """Shaft angles and strengths of impacts that would come evenly, at these angles, and alike."""

@@ -17,9 +17,9 @@ from twingap.effects.base import Effect, Stage, parameter
 from twingap.effects.draft import Draft
 from twingap.effects.drawing import log_uniform, secondary_mode
 from twingap.effects.machine import Machine
+from twingap.effects.modes import Mode, modal_response
 from twingap.effects.observations import Observations
 from twingap.effects.registry import register
-from twingap.effects.ringing import Mode, ring
 
 Array = NDArray[np.float64]
 
@@ -74,7 +74,7 @@ class ImpulsiveNoise(Effect):
         begin, end = -mode.ring_down_s, draft.condition.duration_s
         count = rng.poisson(self.rate_hz * (end - begin))
         times = rng.uniform(begin, end, count)
-        draft.x += ring([mode], draft.condition.fs_hz, draft.x.size, times, self._strengths(count, rng))
+        draft.x += modal_response([mode], draft.condition.fs_hz, draft.x.size, times, self._strengths(count, rng))
 
     def _strengths(self, count: int, rng: np.random.Generator) -> Array:
         """[count] Of mean size 1."""

@@ -20,9 +20,9 @@ from twingap.effects.base import Effect, Stage, parameter
 from twingap.effects.draft import Draft
 from twingap.effects.drawing import healthy_density, log_uniform
 from twingap.effects.machine import Machine
+from twingap.effects.modes import Mode
 from twingap.effects.observations import Observations
 from twingap.effects.registry import register
-from twingap.effects.ringing import Mode
 
 Array = NDArray[np.float64]
 

@@ -34,7 +34,7 @@ _SHIFTS: Final = (-0.1, -0.05, -0.02, 0.0, 0.02, 0.05, 0.1)
 """Of the mode, about where it was calibrated to be and about the highest peak: logarithms."""
 _DAMPINGS: Final = (0.01, 0.018, 0.03, 0.05, 0.09, 0.16)
 """Damping ratios of the mode."""
-_LIKELIEST: Final = 5
+_BEST_FITS: Final = 5
 """Fits that are handed on. More cost one calibration each."""
 
 
@@ -73,12 +73,12 @@ class SensorRolloff(Effect):
     def apply(self, draft: Draft, rng: np.random.Generator) -> None:
         fs_hz = draft.condition.fs_hz
 
-        def heard(x: Array) -> Array:
+        def sensed(x: Array) -> Array:
             return filtered(x, self._response(fast_length(x.size), fs_hz))
 
-        draft.filters.append(heard)
+        draft.filters.append(sensed)
         if self.background > 0:
-            draft.heard.append((self.background, heard))
+            draft.sensed_noise.append((self.background, sensed))
 
     def _response(self, n: int, fs_hz: float) -> Array:
         """At the frequencies of a real transform of n samples."""
@@ -112,7 +112,7 @@ class SensorRolloff(Effect):
             return ()
         return [
             dataclasses.replace(self, order=order, corner_hz=corner * healthy.fs_hz, background=background)
-            for _, order, corner, background in sorted(self._scored(healthy))[:_LIKELIEST]
+            for _, order, corner, background in sorted(self._scored(healthy))[:_BEST_FITS]
         ]
 
     def _scored(self, healthy: HealthySpectrum) -> list[tuple[float, int, float, float]]:

@@ -69,8 +69,8 @@ class SpeedGain(Effect):
         draft.amplify_force(on_noise)
         if draft.excitation != "impacts":
             draft.modulate(gain if draft.faulty else on_noise)
-        if draft.still is not None:
-            draft.still = draft.still * on_noise
+        if draft.background is not None:
+            draft.background = draft.background * on_noise
 
     @classmethod
     def draw(cls, machine: Machine, rng: np.random.Generator) -> Mapping[str, float] | None:

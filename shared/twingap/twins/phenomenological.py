@@ -31,7 +31,7 @@ from twingap.effects import (
     SlipJitter,
     SpeedGain,
 )
-from twingap.effects.ringing import LEAD, response_rms, ring
+from twingap.effects.modes import LEAD, modal_response, response_rms
 from twingap.errors import TwingapError
 from twingap.streams import Streams
 from twingap.twins.base import Twin
@@ -190,8 +190,8 @@ class PhenomenologicalTwin(Twin):
             condition, impacts = draft.condition, draft.impacts
             times = amplitudes = None
             if impacts is not None:
-                times, amplitudes = draft.when(impacts.struck) + LEAD / condition.fs_hz, impacts.amplitudes
-            x = ring(
+                times, amplitudes = draft.when(impacts.delayed_turns) + LEAD / condition.fs_hz, impacts.amplitudes
+            x = modal_response(
                 draft.modes, condition.fs_hz, LEAD + condition.n_samples, times, amplitudes, draft.force, draft.past
             )
             for act in draft.filters:

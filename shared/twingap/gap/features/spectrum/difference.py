@@ -148,7 +148,7 @@ def _difference(real: Array, simulated: Array) -> dict[str, float]:
     # Heights over the simulated level at the centre.
     level = np.interp(shapes.centre, f, power)[:, None]
     all_points = np.zeros(len(level), np.int64), np.full(len(level), f.size)
-    left, mode, gain = _nearest(curve, shapes.mode * level / power, np.tile(_GAINS, (len(level), 1)), *all_points)
+    left, mode, gain = _best_fit(curve, shapes.mode * level / power, np.tile(_GAINS, (len(level), 1)), *all_points)
     out |= {"mode_share": share_of(left), "mode_gain": math.log10(_GAINS[gain]), "mode_fs": float(shapes.centre[mode])}
     out["mode_damping_log"] = math.log10(shapes.damping[mode])
 
@@ -169,7 +169,7 @@ def _difference(real: Array, simulated: Array) -> dict[str, float]:
     low, high = np.tile(shapes.bands, (_SLOPES.size, 1)).T
     candidates = start.reshape(-1, 1) * _FACTORS
     ratio = (shapes.law / power).reshape(-1, f.size)
-    left, law, factor = _nearest(curve, ratio, candidates, low, high)
+    left, law, factor = _best_fit(curve, ratio, candidates, low, high)
     amount = float(np.clip(candidates[law, factor], *_AMOUNTS))
     # Densities are in scale^2 / fs: the mean of a law is 2, so that half the amount is a mean square.
     slope = float(_SLOPES[law // len(shapes.bands)])
@@ -225,7 +225,7 @@ def _shapes(points: int) -> _Shapes:
     return _Shapes(centre, damping, mode, rolloff.reshape(-1, points), bands, law, np.log(power_law), np.log(size))
 
 
-def _nearest(
+def _best_fit(
     curve: Array, ratio: Array, factor: Array, low: NDArray[np.int64], high: NDArray[np.int64]
 ) -> tuple[float, int, int]:
     """Least square of `curve` less ln(1 + ratio [candidate] factor [candidate, choice]), the candidate, the choice.

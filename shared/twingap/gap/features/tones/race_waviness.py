@@ -33,7 +33,7 @@ _WEIGHTS: Final = np.array([1.0, 0.8, 0.6, 0.5, 0.4])
 """Weights of the harmonics, which fall off as waviness usually does: flatter ones favour other combs."""
 _FREE: Final = 0.035
 """Largest relative error of the order in a healthy record, whose speed and slip are uncertain."""
-_STRUCK: Final = 0.02
+_OTHER_FAULT: Final = 0.02
 """The same where another race's comb shows the speed, and only slip is uncertain."""
 _EVEN: Final = 1.2
 """Least spread of one record's score without waviness: larger, and z is smaller."""
@@ -61,7 +61,7 @@ def measure(records: Sequence[Whitened], deviates: Sequence[Single], bearing: Be
         if not places:
             continue
         own, their = [records[k] for k in places], [deviates[k] for k in places]
-        reach = [_FREE if record.kind == "healthy" else _STRUCK for record in own]
+        reach = [_FREE if record.kind == "healthy" else _OTHER_FAULT for record in own]
         found = aligned(own, their, order * _ORDERS[:, None] * _HARMONICS, _WEIGHTS, reach)
         mean = found.mean()
         if not np.isfinite(mean[0]) or not np.isfinite(mean[1:]).any():

@@ -63,7 +63,7 @@ class Mode:
         return -math.log(NEGLIGIBLE) / (self.damping_ratio * 2 * math.pi * self.frequency_hz)
 
 
-def ring(
+def modal_response(
     modes: Sequence[Mode],
     fs_hz: float,
     n_samples: int,
@@ -108,8 +108,8 @@ def ring(
         root = _state_root(tuple(modes[: past.size // 2]), fs_hz)
         begin[: len(root)] = root @ past[: len(root)]
     for place, mode in enumerate(modes):
-        struck, pole, state = np.zeros((2, n_samples)), mode.pole, begin[2 * place : 2 * place + 2]
-        _add_mode(x, *struck, pole.real, pole.imag, mode.gain, fs_hz, times, strengths, pushed, *state.tolist())
+        buffers, pole, state = np.zeros((2, n_samples)), mode.pole, begin[2 * place : 2 * place + 2]
+        _add_mode(x, *buffers, pole.real, pole.imag, mode.gain, fs_hz, times, strengths, pushed, *state.tolist())
     return x
 
 
