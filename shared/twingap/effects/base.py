@@ -241,10 +241,6 @@ class Effect(ABC):
 
         By default, for an effect of which no features are known to tell, low, middle and high plausible values of each
         parameter; none for others, whose estimates are learnt.
-
-        Parameters
-        ----------
-        seen : Observations
         """
         if self.features:
             return

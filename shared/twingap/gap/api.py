@@ -93,10 +93,6 @@ def diagnose(
     progress : callable, optional
         Called with a description of the current step and the completed part, 0 to 1.
 
-    Returns
-    -------
-    Diagnosis
-
     Raises
     ------
     TwingapError

@@ -49,18 +49,7 @@ class HeldOut:
         self.fewer = min(self.most, int(np.clip(np.ceil(_SIMULATED / 3 / n), 2, 12)))
 
     def replicates(self, simulator: Simulator, effects: tuple[Effect, ...], count: int) -> list[FeatureVectors]:
-        """Feature vectors of `count` replicates of the held-out part.
-
-        Parameters
-        ----------
-        simulator : Simulator
-        effects : tuple of Effect
-        count : int
-
-        Returns
-        -------
-        list of FeatureVectors
-        """
+        """Feature vectors of `count` replicates of the held-out part."""
         numbers = range(2, 2 + count)
         made = self.evidence.simulated
         return [self.evidence.vectors(made(simulator, effects, self.part.conditions, k), self.grid) for k in numbers]
@@ -95,10 +84,6 @@ class HeldOut:
         rng : numpy.random.Generator
         progress : callable
             Called with the completed part, 0 to 1.
-
-        Yields
-        ------
-        Candidate
         """
         found = self.found
         named = {one.effect.name: one for one in found.effects}

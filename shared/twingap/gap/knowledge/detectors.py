@@ -206,10 +206,6 @@ def learn_classifier(
         Examples with the twin as given, calibrated separately from the others. None: all examples.
     counted : Mask [examples], optional
         Examples for training and calibration; for the others, predictions are computed only. None: all examples.
-
-    Returns
-    -------
-    Ensemble or None
     """
     from sklearn.ensemble import HistGradientBoostingClassifier
 
@@ -250,10 +246,6 @@ def learn_estimator(table: Table, value: Array, machine: NDArray[np.int64], allo
         Machine of each example; a machine is in one fold only.
     allowed : sequence of int
         Columns that may be used.
-
-    Returns
-    -------
-    Estimator or None
     """
     known = np.isfinite(value)
     if known.sum() < _FEWEST or np.ptp(value[known]) == 0:

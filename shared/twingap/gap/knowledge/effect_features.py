@@ -22,10 +22,6 @@ def columns(effect: str, features: tuple[str, ...]) -> tuple[int, ...]:
     effect : str
     features : tuple of str
         Names as in `comparison.feature_names`.
-
-    Returns
-    -------
-    tuple of int
     """
     kind = catalogue().get(effect)
     return tuple(range(len(features))) if kind is None else _columns(kind, features)

@@ -35,10 +35,6 @@ def examples(seed: int, machines: Sequence[int], most_records: int, among: Seque
         Largest number of records of a machine.
     among : sequence of str
         Effects to draw from; empty for the whole catalogue.
-
-    Returns
-    -------
-    Examples
     """
     rows = [row for machine in machines for row in _of(seed, machine, most_records, among)]
     return stacked([Examples(*[np.asarray([value]) for value in row]) for row in rows])

@@ -143,10 +143,6 @@ def learn(examples: Examples, effects: tuple[str, ...], parameters: tuple[tuple[
     progress : callable
         Called with a description of the current step and the completed part, 0 to 1.
 
-    Returns
-    -------
-    Learnt
-
     Raises
     ------
     ValueError

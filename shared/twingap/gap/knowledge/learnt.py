@@ -108,10 +108,6 @@ class Learnt:
         features : Array [features]
         modelled : collection of str
             Effects of the given twin, which cannot be missing.
-
-        Returns
-        -------
-        float
         """
         return self._rank(features, self.null, modelled, later=False)
 
@@ -123,10 +119,6 @@ class Learnt:
         features : Array [features]
         has : collection of str
             Effects of the twin, as given or added.
-
-        Returns
-        -------
-        float
         """
         return self._rank(features, self.null_rest, has, later=True)
 

@@ -89,10 +89,6 @@ def read_learnt(folder: Path, features: Sequence[str]) -> Learnt:
     features : sequence of str
         Names of the features that a diagnosis computes now, in their order.
 
-    Returns
-    -------
-    Learnt
-
     Raises
     ------
     TwingapError

@@ -81,10 +81,6 @@ class Machine:
         effects : sequence of Effect
         scale : float
             Factor on its samples.
-
-        Returns
-        -------
-        StructuredTwin
         """
         names = {effect.name for effect in effects}
         small = tuple(effect for effect in self.imperfections if effect.name not in names)
@@ -185,10 +181,6 @@ def draw_machine(rng: np.random.Generator, own_simulator: bool, most_records: in
         True: any structure, compared through simulated records; False: a structure that the baseline can represent.
     most_records : int
         Largest number of records.
-
-    Returns
-    -------
-    Machine
     """
     bearing = draw_bearing(rng)
     fs_hz = float(np.exp(rng.uniform(np.log(6000), np.log(52000))))
@@ -249,10 +241,6 @@ def draw_conditions(
         Sampling rate, Hz.
     most_records : int
         Largest number of records.
-
-    Returns
-    -------
-    tuple of Condition, tuple of Condition
     """
     count = int(np.clip(np.exp(rng.uniform(np.log(5), np.log(1.6 * most_records))), 5, most_records))
     duration = float(rng.choice([0.3, 0.5, 0.8, 1.0, 1.0, 1.5]))

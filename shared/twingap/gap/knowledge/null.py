@@ -115,16 +115,7 @@ class Null:
     machines: MachineScores
 
     def p_value(self, machine: MachineScores) -> float:
-        """P-value of the first of these machines: weighted part of the null machines that are at least as extreme.
-
-        Parameters
-        ----------
-        machine : MachineScores
-
-        Returns
-        -------
-        float
-        """
+        """P-value of the first of these machines: weighted part of the null machines that are at least as extreme."""
         if not len(self.machines):
             return 1.0
         weight = self._weight(machine.records[0], self._alike(machine.kind[0], machine.with_healthy[0]))

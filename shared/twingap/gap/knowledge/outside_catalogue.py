@@ -52,17 +52,7 @@ change easier to detect."""
 
 
 def with_outside_effect(records: RecordSet, rng: np.random.Generator) -> RecordSet:
-    """The records with an effect outside the catalogue, of the same kind in all (or about half) of them.
-
-    Parameters
-    ----------
-    records : RecordSet
-    rng : numpy.random.Generator
-
-    Returns
-    -------
-    RecordSet
-    """
+    """The records with an effect outside the catalogue, of the same kind in all (or about half) of them."""
     n = min(c.n_samples for c in records.conditions)
     duration_s = min(c.duration_s for c in records.conditions)
     low = rng.uniform(0.0, 0.4)

@@ -79,10 +79,6 @@ def draw_gap(
         Largest number of records.
     among : sequence of str
         Effects to draw from; empty for the whole catalogue.
-
-    Returns
-    -------
-    SimulatedGap
     """
     own = bool(rng.random() < 1 / 3) if own_simulator is None else own_simulator
     machine = draw_machine(rng, own, most_records)
@@ -124,10 +120,6 @@ def maybe_variant(effect: Effect, machine: Machine, rng: np.random.Generator) ->
         An effect of the catalogue.
     machine : Machine
     rng : numpy.random.Generator
-
-    Returns
-    -------
-    Effect
     """
     if type(effect).variant is Effect.variant or rng.random() >= VARIANT:
         return effect
@@ -152,10 +144,6 @@ def simulated(machine: Machine, effects: Sequence[Effect], rng: np.random.Genera
     rng : numpy.random.Generator
     gain : float
         Factor on the samples.
-
-    Returns
-    -------
-    RecordSet
     """
     return machine.twin(effects, gain).simulate(machine.conditions, rng)
 
@@ -173,10 +161,6 @@ def draw_effects(
         Number of effects; fewer where the machine's records can show no more.
     among : sequence of str
         Effects to draw from; empty for the whole catalogue.
-
-    Returns
-    -------
-    tuple of Effect
     """
     names = [name for name in catalogue() if not among or name in among]
     chances = np.array([catalogue()[name].draw_weight for name in names])

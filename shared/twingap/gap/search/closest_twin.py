@@ -109,10 +109,6 @@ def surrogate_effects(
 def closest_spec(compared: Compared) -> TwinSpec | None:
     """Twin file of a twin with these effects and values.
 
-    Parameters
-    ----------
-    compared : Compared
-
     Returns
     -------
     TwinSpec or None

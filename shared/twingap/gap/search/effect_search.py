@@ -173,10 +173,6 @@ def search(
         Called with a description of the current step and the completed part, 0 to 1.
     held : Mapping[str, Estimated], optional
         Effects without detectors that are added first and never dropped.
-
-    Returns
-    -------
-    Searched
     """
     found = _Search(evidence, learnt)
     progress("the twin as given", 0.0)
@@ -209,10 +205,6 @@ def explain(evidence: Evidence, learnt: Learnt, progress: Progress) -> Explanati
     learnt : Learnt
     progress : callable
         Called with a description of the current step and the completed part, 0 to 1.
-
-    Returns
-    -------
-    Explanation
     """
     ended = search(evidence, learnt, progress)
     own = [name for name in catalogue() if not learnt.covers(name) and name not in ended.search.already]
@@ -286,10 +278,6 @@ def level_of_gap(evidence: Evidence, surest: float = 0.0) -> float:
     evidence : Evidence
     surest : float
         Largest probability of a missing effect.
-
-    Returns
-    -------
-    float
     """
     exchange_test_follows = not isinstance(evidence.against().simulator, ExternalSimulator) or evidence.exchangeable
     return ALPHA if exchange_test_follows or surest >= SURE else CAUTIOUS_ALPHA
@@ -307,10 +295,6 @@ def with_fitted_values(evidence: Evidence, learnt: Learnt, names: Sequence[str])
         Evidence of a twin without these effects.
     learnt : Learnt
     names : sequence of str
-
-    Returns
-    -------
-    tuple of Effect
     """
     found = _Search(evidence, learnt, MODELLED_PRIOR_WEIGHT)
     found.add(names)
@@ -569,10 +553,6 @@ def to_name(probability: Mapping[str, float], limit: float) -> list[str]:
     probability : Mapping[str, float]
         Probability that each effect is missing.
     limit : float
-
-    Returns
-    -------
-    list of str
     """
     return [name for name, p in probability.items() if p >= limit]
 

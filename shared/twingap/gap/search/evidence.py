@@ -261,35 +261,14 @@ class Evidence:
         return (3, 4)[: replicates_of(simulator, conditions, 2)]
 
     def gap(self, simulator: Simulator, effects: Sequence[Effect], replicate: int = 3) -> float:
-        """Overall distance of the fit part from one simulation of it; for the search only, never reported.
-
-        Parameters
-        ----------
-        simulator : Simulator
-        effects : sequence of Effect
-        replicate : int
-
-        Returns
-        -------
-        float
-        """
+        """Overall distance of the fit part from one simulation of it; for the search only, never reported."""
         grid = Grid.of(self.fit.conditions, self.frame.bearing)
         made = self.vectors(self.simulated(simulator, effects, self.fit.conditions, replicate), grid)
         pair = Paired(self.fit.vectors, [made], None, self._scale)
         return float(pair.over_domains(pair.squares())[0][0])
 
     def misfit(self, simulator: Simulator, effects: Sequence[Effect]) -> float:
-        """Distance of the trial records, the noise of their means included: the objective function of fitted values.
-
-        Parameters
-        ----------
-        simulator : Simulator
-        effects : sequence of Effect
-
-        Returns
-        -------
-        float
-        """
+        """Distance of the trial records, the noise of their means included: the objective function of fitted values."""
         return self.tried(simulator, effects).misfit()
 
     def tried(self, simulator: Simulator, effects: Sequence[Effect]) -> Paired:
@@ -321,10 +300,6 @@ class Evidence:
             Effects of the simulator, at their new values.
         baseline : Mapping[str, float], optional
             New values of baseline parameters.
-
-        Returns
-        -------
-        Simulator
         """
         if isinstance(simulator, ExternalSimulator):
             return simulator.with_gain(baseline["gain"]) if baseline else simulator
@@ -396,10 +371,6 @@ class Evidence:
         conditions : sequence of Condition
         replicate : int
             Number of the replicate; the same number has the same random streams.
-
-        Yields
-        ------
-        Record
         """
         yield from simulator.simulate(tuple(effects), conditions, self.root, replicate)
 
@@ -417,10 +388,6 @@ def replicates_of(simulator: Simulator, conditions: Sequence[Condition], most: i
     conditions : sequence of Condition
     most : int
         Upper bound; the user's own records may limit it further.
-
-    Returns
-    -------
-    int
     """
     return min(simulator.replicates(conditions), most) if isinstance(simulator, ExternalSimulator) else most
 

@@ -82,10 +82,6 @@ def better_initial(
         Misfit at the given values.
     priors : Mapping[(effect, parameter), Prior], optional
         Priors from the estimators; they penalise reduced strengths.
-
-    Returns
-    -------
-    Initial or None
     """
     (given,) = (effect for effect in effects if effect.name == name)
     others = tuple(effect for effect in effects if effect.name != name)
@@ -146,10 +142,6 @@ def observations(evidence: Evidence, features: Array) -> Observations:
     evidence : Evidence
     features : Array [features]
         Features of the fit part, see `comparison.feature_names`.
-
-    Returns
-    -------
-    Observations
     """
     setting, own_mode = evidence.setting, _own_mode(evidence)
     faults = frozenset(str(c.fault) for c in evidence.fit.conditions) - {"healthy"}

@@ -119,10 +119,6 @@ def optimise(
         Priors of values; values without a prior are free. Calibrated baseline parameters always have one.
     prior_weight : float
         Factor on all penalties; larger where effects may be missing for which values must not compensate.
-
-    Returns
-    -------
-    Optimised
     """
     search = _Search(evidence, simulator, tuple(effects), evidence.trials, dict(priors), prior_weight)
     search.gather_effects([e for e in effects if moved is None or e.name in moved], errors)
@@ -187,10 +183,6 @@ def not_farther(
         Result without them.
     errors, priors, prior_weight
         See `optimise`.
-
-    Returns
-    -------
-    Optimised
     """
     if validation_distance(evidence, found.simulator, found.effects) <= validation_distance(
         evidence, bare.simulator, ()
@@ -203,18 +195,7 @@ def not_farther(
 
 
 def validation_distance(evidence: Evidence, simulator: Simulator, effects: Sequence[Effect]) -> float:
-    """Mean distance of the fit part over replicates to which no value was fitted.
-
-    Parameters
-    ----------
-    evidence : Evidence
-    simulator : Simulator
-    effects : sequence of Effect
-
-    Returns
-    -------
-    float
-    """
+    """Mean distance of the fit part over replicates to which no value was fitted."""
     return sum(evidence.gap(simulator, effects, replicate) for replicate in _OTHERS) / len(_OTHERS)
 
 

@@ -69,9 +69,5 @@ def penalty_weight(records: int) -> float:
     ----------
     records : int
         Number of records of the distance; the noise of its means decreases with it.
-
-    Returns
-    -------
-    float
     """
     return 1 / (BINS * max(records, 1))

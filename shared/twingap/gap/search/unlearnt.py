@@ -63,10 +63,6 @@ def fitted(evidence: Evidence, name: str, features: Array, others: Sequence[Effe
         Features of the fit part, without the effect.
     others : sequence of Effect
         Effects already added to the twin.
-
-    Returns
-    -------
-    Effect or None
     """
     others, tried = tuple(others), dict[Effect, float]()
 

@@ -51,10 +51,6 @@ _SHORTEST: Final = 4
 def measure(record: RecordTransforms) -> dict[str, float]:
     """Features of the acquisition.
 
-    Parameters
-    ----------
-    record : RecordTransforms
-
     Returns
     -------
     dict[str, float]

@@ -81,10 +81,6 @@ _STRENGTH_FLOOR: Final = 0.02
 def measure(record: RecordTransforms) -> dict[str, float]:
     """Measure the impacts of one record.
 
-    Parameters
-    ----------
-    record : RecordTransforms
-
     Returns
     -------
     dict[str, float]

@@ -90,10 +90,6 @@ NAMES: Final[tuple[str, ...]] = (
 def measure(record: RecordTransforms) -> dict[str, float]:
     """Features of the background.
 
-    Parameters
-    ----------
-    record : RecordTransforms
-
     Returns
     -------
     dict[str, float]

@@ -76,10 +76,6 @@ NAMES: Final[tuple[str, ...]] = (
 def measure(record: RecordTransforms) -> dict[str, float]:
     """Features of tones.
 
-    Parameters
-    ----------
-    record : RecordTransforms
-
     Returns
     -------
     dict[str, float]
