@@ -68,7 +68,7 @@ def true_closure(world: Any, seed: int) -> float | None:
     fresh = [int(s) for s in rng.integers(2**31, size=2 * REPLICATES)]
     before = Paired(real, [views(replay(world, effects=(), seed=s)) for s in fresh[:REPLICATES]])
     after = Paired(
-        real, [views(replay(world, effects=truth.effects, seed=s)) for s in fresh[REPLICATES:]], None, before.scale
+        real, [views(replay(world, effects=truth.effects, seed=s)) for s in fresh[REPLICATES:]], before.scale
     )
     (start,), (end,) = (pair.over_domains(pair.squares())[0] for pair in (before, after))
     floor, _ = before.floor(rng)

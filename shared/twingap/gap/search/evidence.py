@@ -264,7 +264,7 @@ class Evidence:
         """Overall distance of the fit part from one simulation of it; for the search only, never reported."""
         grid = Grid.of(self.fit.conditions, self.frame.bearing)
         made = self.vectors(self.simulated(simulator, effects, self.fit.conditions, replicate), grid)
-        pair = Paired(self.fit.vectors, [made], None, self._scale)
+        pair = Paired(self.fit.vectors, [made], self._scale)
         return float(pair.over_domains(pair.squares())[0][0])
 
     def misfit(self, simulator: Simulator, effects: Sequence[Effect]) -> float:
@@ -280,7 +280,7 @@ class Evidence:
             self._simulated_trial(simulator, effects, k)
             for k in self._replicate_numbers(simulator, self._trial_records.conditions)
         ]
-        return Paired(self._trial_vectors, made, None, self._trial_scale)
+        return Paired(self._trial_vectors, made, self._trial_scale)
 
     def _simulated_trial(self, simulator: Simulator, effects: Sequence[Effect], replicate: int) -> FeatureVectors:
         """Feature vectors of one simulation of the trial records."""

@@ -131,7 +131,7 @@ def _averaged_misfit(
         return [evidence.vectors(evidence.simulated(simulator, effects, conditions, k), grid) for k in range(count)]
 
     yardstick = Paired(evidence.fit.vectors, made(evidence.against(effects).simulator, effects)).scale
-    return lambda simulator, effects: Paired(evidence.fit.vectors, made(simulator, effects), None, yardstick).misfit()
+    return lambda simulator, effects: Paired(evidence.fit.vectors, made(simulator, effects), yardstick).misfit()
 
 
 def observations(evidence: Evidence, features: Array) -> Observations:

@@ -226,7 +226,7 @@ class _Search:
         """Objective at the initial values."""
         self.priors = {key: one for key, one in self.priors.items() if key in self.at}
         here = self.evidence.tried(self.simulator, self.effects)
-        self.scale = Paired(here.real, here.sims, here.conditions).scale
+        self.scale = Paired(here.real, here.sims).scale
         self.begin = self.least = self.objective(self.measured(here).misfit(), self.at)
         return self.begin
 
@@ -240,7 +240,7 @@ class _Search:
         Effects such as impulsive noise and dropouts act at random: the mean of a few records is uncertain, and on the
         scale of a twin without them this scatter would be fitted.
         """
-        return Paired(pair.real, pair.sims, pair.conditions, self.scale)
+        return Paired(pair.real, pair.sims, self.scale)
 
     def objective(self, misfit: float, at: Mapping[Key, float]) -> float:
         """Objective: the misfit with the penalty of these values."""

@@ -108,7 +108,7 @@ def p_value(evidence: Evidence, chain: Chain, without: Chain) -> float:
         simulator = evidence.against(effects).simulator
         count = replicates_of(simulator, part.conditions, _REPLICATES)
         made = [evidence.simulated(simulator, effects, part.conditions, 2 + k) for k in range(count)]
-        return Paired(real, [evidence.vectors(records, grid) for records in made], None, scale)
+        return Paired(real, [evidence.vectors(records, grid) for records in made], scale)
 
     before = pair(without, None)
     after = pair(chain, before.scale)
