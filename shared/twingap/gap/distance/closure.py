@@ -64,9 +64,7 @@ def closure(before: float, after: float, floor: float) -> float:
 
 
 def paired(
-    real: FeatureVectors,
-    before: Sequence[FeatureVectors],
-    after: Sequence[FeatureVectors],
+    real: FeatureVectors, before: Sequence[FeatureVectors], after: Sequence[FeatureVectors]
 ) -> tuple[Paired, Paired]:
     """Comparisons before and after, both standardised by the smaller of their spreads."""
     first, second = Paired(real, before), Paired(real, after)

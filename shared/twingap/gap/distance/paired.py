@@ -80,12 +80,7 @@ class Paired:
         Without replicates, or when they do not match the records.
     """
 
-    def __init__(
-        self,
-        real: FeatureVectors,
-        sims: Sequence[FeatureVectors],
-        scale: Array | None = None,
-    ) -> None:
+    def __init__(self, real: FeatureVectors, sims: Sequence[FeatureVectors], scale: Array | None = None) -> None:
         if not sims:
             raise TwingapError("no simulated records to compare with", where="distance")
         for sim in sims:

@@ -25,50 +25,14 @@ from twingap.signal.record_transforms import RecordTransforms, medians
 Array = NDArray[np.float64]
 
 NAMES: Final[tuple[str, ...]] = (
-    "evidence",
-    "rate_log_ratio",
-    "shaft_log_ratio",
-    "harmonic_1",
-    "harmonic_2",
-    "harmonic_3",
-    "harmonic_4",
-    "harmonic_slope",
-    "smear_1",
-    "smear_2",
-    "smear_3",
-    "wander_level",
-    "wander_log",
-    "wander_bandwidth_hz",
-    "timing_excess",
-    "timing_log_1",
-    "timing_log_4",
-    "timing_growth",
-    "jitter_sigma",
-    "jitter_log",
-    "walk_sigma",
-    "walk_log",
-    "scatter_sigma",
-    "scatter_log",
-    "scatter_excess",
-    "strength_skew",
-    "strength_kurtosis",
-    "strength_neighbours",
-    "shaft_depth",
-    "shaft_line_log",
-    "cage_depth",
-    "cage_line_log",
-    "zone_depth",
-    "second_impact_gain",
-    "arc_deg",
-    "arc_log",
-    "exit_ratio",
-    "cycle_width_deg",
-    "cycle_rise",
-    "cycle_rise_part",
-    "phase_lock",
-    "level",
-    "snr",
-)
+    "evidence", "rate_log_ratio", "shaft_log_ratio", "harmonic_1", "harmonic_2", "harmonic_3", "harmonic_4",
+    "harmonic_slope", "smear_1", "smear_2", "smear_3", "wander_level", "wander_log", "wander_bandwidth_hz",
+    "timing_excess", "timing_log_1", "timing_log_4", "timing_growth", "jitter_sigma", "jitter_log", "walk_sigma",
+    "walk_log", "scatter_sigma", "scatter_log", "scatter_excess", "strength_skew", "strength_kurtosis",
+    "strength_neighbours", "shaft_depth", "shaft_line_log", "cage_depth", "cage_line_log", "zone_depth",
+    "second_impact_gain", "arc_deg", "arc_log", "exit_ratio", "cycle_width_deg", "cycle_rise", "cycle_rise_part",
+    "phase_lock", "level", "snr",
+)  # fmt: skip
 """Keys of `measure`. Natural logs where the name ends in log, level, snr, gain or evidence."""
 
 _TIMING_FLOOR: Final = 1e-3
@@ -79,15 +43,11 @@ _STRENGTH_FLOOR: Final = 0.02
 
 
 def measure(record: RecordTransforms) -> dict[str, float]:
-    """Measure the impacts of one record.
+    """`NAMES` -> value of one record; NaN without a known defect, or where the impacts cannot be tracked.
 
-    Returns
-    -------
-    dict[str, float]
-        One value for each of `NAMES`; NaN where there is no known defect, or where the impacts cannot be tracked.
-        `jitter_sigma`, `walk_sigma` in impact spacings; `scatter_sigma`, `*_depth` over the mean strength;
-        `wander_level` rms relative speed; `arc_deg` as in `effects.EntryExit`; `level` log of the root energy of
-        an impact (in the band, s^1/2) over frame.scale.
+    `jitter_sigma`, `walk_sigma` in impact spacings; `scatter_sigma`, `*_depth` over the mean strength; `wander_level`
+    rms relative speed; `arc_deg` as in `effects.EntryExit`; `level` log of the root energy of an impact (in the band,
+    s^1/2) over frame.scale.
     """
     out = dict.fromkeys(NAMES, np.nan)
     if record.fault_order is None or not record.shaft_hz > 0 or record.x.size < 256:

@@ -32,31 +32,10 @@ _AMOUNTS: Final = (0.003**2, 30.0**2)
 """Bounds of added noise, mean square over scale^2."""
 _SETS: Final = ("healthy", "faulty", "all")
 _OF_SET: Final = (
-    "rms",
-    "offset",
-    "low",
-    "middle",
-    "high",
-    "slope",
-    "bump",
-    "bump_fs",
-    "bump_width",
-    "dip",
-    "dip_fs",
-    "mode_gain",
-    "mode_share",
-    "mode_fs",
-    "mode_damping_log",
-    "rolloff_share",
-    "rolloff_corner_fs",
-    "rolloff_order",
-    "added_share",
-    "added_level",
-    "added_slope",
-    "added_low_fs",
-    "added_high_fs",
-    "rest_share",
-)
+    "rms", "offset", "low", "middle", "high", "slope", "bump", "bump_fs", "bump_width", "dip", "dip_fs", "mode_gain",
+    "mode_share", "mode_fs", "mode_damping_log", "rolloff_share", "rolloff_corner_fs", "rolloff_order", "added_share",
+    "added_level", "added_slope", "added_low_fs", "added_high_fs", "rest_share",
+)  # fmt: skip
 NAMES: Final[tuple[str, ...]] = (
     *(f"{of}_{what}" for of in _SETS for what in _OF_SET),
     "added_level_change",

@@ -25,62 +25,22 @@ _WHOLE: Final = (1, 2, 3, 4, 5)
 _HALF: Final = (0.5, 1.5, 2.5, 3.5, 4.5)
 
 NAMES: Final[tuple[str, ...]] = (
-    "shaft_ratio_log",
-    "shaft_lock",
-    *(f"order_{k}_excess" for k in _WHOLE),
-    *(f"order_{k}_level" for k in _WHOLE),
-    *(f"half_{k}_excess" for k in range(1, 6)),
-    "half_mean",
-    "half_level",
-    "order_high_mean",
-    "order_high_level",
-    "order_decay",
-    "mains_50_mean",
-    "mains_60_mean",
-    *(f"mains_50_{k}_excess" for k in (1, 2, 3)),
-    *(f"mains_60_{k}_excess" for k in (1, 2, 3)),
-    "mains_peaks_50",
-    "mains_peaks_60",
-    "mains_level",
-    "mains_decay",
-    "mains_is_60",
-    "gear_score",
-    "gear_teeth",
-    "gear_level",
-    "gear_depth_log",
-    "gear_decay",
+    "shaft_ratio_log", "shaft_lock", *(f"order_{k}_excess" for k in _WHOLE), *(f"order_{k}_level" for k in _WHOLE),
+    *(f"half_{k}_excess" for k in range(1, 6)), "half_mean", "half_level", "order_high_mean", "order_high_level",
+    "order_decay", "mains_50_mean", "mains_60_mean", *(f"mains_50_{k}_excess" for k in (1, 2, 3)),
+    *(f"mains_60_{k}_excess" for k in (1, 2, 3)), "mains_peaks_50", "mains_peaks_60", "mains_level", "mains_decay",
+    "mains_is_60", "gear_score", "gear_teeth", "gear_level", "gear_depth_log", "gear_decay",
     *(f"wave_{race}_{what}" for race in ("outer", "inner") for what in ("score", "ratio_log", "level", "decay")),
-    "fault_comb_peaks",
-    "fault_comb_share",
-    "fault_ratio_log",
-    "fault_low_excess",
-    "comb_score",
-    "comb_order",
-    "comb_level",
-    "free_count_log",
-    "free_share",
-    *(f"free_{i}_{what}" for i in (1, 2) for what in ("excess", "level", "hz_log", "fs")),
-    "pair_score",
-    "pair_level",
-    "pair_depth_log",
-    "pair_hz_log",
-    "pair_fs",
-    "pair_side_order",
-    "pair_off_order",
-    "peaks_log",
-    "tonal_share",
-)
+    "fault_comb_peaks", "fault_comb_share", "fault_ratio_log", "fault_low_excess", "comb_score", "comb_order",
+    "comb_level", "free_count_log", "free_share",
+    *(f"free_{i}_{what}" for i in (1, 2) for what in ("excess", "level", "hz_log", "fs")), "pair_score", "pair_level",
+    "pair_depth_log", "pair_hz_log", "pair_fs", "pair_side_order", "pair_off_order", "peaks_log", "tonal_share",
+)  # fmt: skip
 """Keys of `measure`."""
 
 
 def measure(record: RecordTransforms) -> dict[str, float]:
-    """Features of tones.
-
-    Returns
-    -------
-    dict[str, float]
-        `NAMES` -> value, NaN where it does not apply.
-    """
+    """`NAMES` -> value of one record; NaN where a feature does not apply."""
     out = dict.fromkeys(NAMES, math.nan)
     if record.x.size < 64 or not np.isfinite(record.mean_square) or record.mean_square <= 0:
         return out
