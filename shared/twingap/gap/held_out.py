@@ -6,7 +6,6 @@ twin, before and after --simulate, replicates--> feature vectors --paired distan
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Final
 
@@ -98,17 +97,8 @@ class HeldOut:
             if name in found.cannot:
                 gap = float(base[1].over_domains(base[1].squares())[0][0])
                 own = named.get(name)
-                yield Candidate(
-                    name,
-                    probability,
-                    gap,
-                    gap,
-                    0.0,
-                    (0.0, 0.0),
-                    values_of_estimate(own) if own else {},
-                    found.cannot[name],
-                    others,
-                )
+                values = values_of_estimate(own) if own else {}
+                yield Candidate(name, probability, gap, gap, 0.0, (0.0, 0.0), values, found.cannot[name], others)
                 continue
             if name in named:
                 without = self.evidence.against(tuple(named[o].effect for o in others if o not in found.cannot))
@@ -120,16 +110,9 @@ class HeldOut:
                 pair = paired(self.real, few, self._with(value.effect, probability, len(few)))
             closed = closure_interval(*pair, floor, rng, draws=200)
             yield Candidate(
-                name,
-                probability,
-                closed.before,
-                closed.after,
-                closed.closure,
-                closed.ci,
-                values_of_estimate(value),
-                None,
-                others,
-            )
+                name, probability, closed.before, closed.after, closed.closure, closed.ci, values_of_estimate(value),
+                None, others,
+            )  # fmt: skip
 
     def _of(self, compared: Compared) -> tuple[list[FeatureVectors], Paired]:
         """Two replicates of the held-out part, and its distance from them."""
@@ -169,5 +152,5 @@ def values_of_effect(effect: Effect, intervals: Mapping[str, tuple[float, float]
         field.name: ParameterValue(
             float(getattr(effect, field.name)), field.metadata["unit"], intervals.get(field.name)
         )
-        for field in dataclasses.fields(effect)  # type: ignore[arg-type]
+        for field in effect.parameters()
     }

@@ -7,6 +7,7 @@ SimulatedGap --calibrate, simulate, compare--> features with the twin as given
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import fields
 
 import numpy as np
 from numpy.typing import NDArray
@@ -50,8 +51,7 @@ def stacked(parts: Sequence[Examples]) -> Examples:
             nothing, none, none, np.zeros(0, bool), np.zeros(0, np.int64), np.zeros(0, bool), np.zeros((0, values)),
             nothing,
         )  # fmt: skip
-    fields = ("features", "missing", "modelled", "outside", "machine", "first", "values", "fit_features")
-    return Examples(*[np.concatenate([getattr(part, name) for part in parts]) for name in fields])
+    return Examples(*[np.concatenate([getattr(part, field.name) for part in parts]) for field in fields(Examples)])
 
 
 def _of(seed: int, machine: int, most_records: int, among: Sequence[str]) -> Iterator[tuple[object, ...]]:

@@ -48,7 +48,7 @@ def write_learnt(learnt: Learnt, folder: Path, parameters: Mapping[str, Any] | N
         learnt.json and learnt.npz.
     """
     folder.mkdir(parents=True, exist_ok=True)
-    trees = _TreeWriter()
+    trees, calibration = _TreeWriter(), learnt.calibration
     estimators = [_estimator(key, estimator, trees) for key, estimator in learnt.estimators.items()]
     table: dict[str, Any] = {
         "format": FORMAT,
@@ -61,7 +61,7 @@ def write_learnt(learnt: Learnt, folder: Path, parameters: Mapping[str, Any] | N
         "any_gap": trees.add(learnt.any_gap),
         "thresholds": dict(learnt.thresholds),
         "set_level": learnt.set_level,
-        "calibration": None if learnt.calibration is None else _calibration(learnt.calibration),
+        "calibration": None if calibration is None else vars(calibration) | {"weights": calibration.weights.tolist()},
     }
     arrays = trees.arrays() | {"general": learnt.general.astype(np.int32)}
     for name, null in (("null", learnt.null), ("null_rest", learnt.null_rest)):
@@ -146,8 +146,7 @@ def definition(name: str) -> dict[str, dict[str, Any]]:
             "unit": field.metadata["unit"], "plausible": [float(end) for end in field.metadata["plausible"]],
             "log": bool(field.metadata["log"]),
         }
-        for field in dataclasses.fields(catalogue()[name])  # type: ignore[arg-type]
-        if "plausible" in field.metadata
+        for field in catalogue()[name].parameters()
     }  # fmt: skip
 
 
@@ -164,11 +163,6 @@ _FLOAT: Final[Mapping[str, Any]] = {"with_healthy": bool}
 def _small(value: NDArray[Any]) -> NDArray[Any]:
     """Scores and distances rounded to seven digits: only their ranks are used."""
     return value.astype(np.float32) if value.dtype == np.float64 else value
-
-
-def _calibration(found: ScoreCalibration) -> dict[str, Any]:
-    """A score calibration for JSON."""
-    return {"weights": found.weights.tolist(), "offset": found.offset, "named_from": found.named_from}
 
 
 def _estimator(key: tuple[str, str], estimator: Estimator, trees: _TreeWriter) -> dict[str, Any]:

@@ -82,9 +82,7 @@ class MachineScores:
 
     def take(self, rows: Mask) -> MachineScores:
         """A subset of the machines."""
-        return MachineScores(
-            self.scores[rows], self.records[rows], self.distance[rows], self.kind[rows], self.with_healthy[rows]
-        )
+        return MachineScores(**{name: values[rows] for name, values in vars(self).items()})
 
     def __len__(self) -> int:
         return len(self.scores)

@@ -14,7 +14,6 @@ import numpy as np
 from twingap.effects import Draft, Effect, catalogue, make_effect
 from twingap.gap.knowledge.machines import Machine, draw_machine
 from twingap.gap.knowledge.outside_catalogue import with_outside_effect
-from twingap.gap.search.evidence import values_of
 from twingap.gap.search.parameter_scale import Setting, with_errors
 from twingap.records import Record, RecordSet
 from twingap.twins.twin_file import TwinSpec
@@ -104,7 +103,7 @@ def draw_gap(
     if own:
         gain = float(np.exp(rng.normal(0, 0.7))) if rng.random() < 0.7 else 1.0
         sim = simulated(replace(machine, conditions=machine.nominal), modelled, rng, gain)
-    values = {effect.name: values_of(effect) for effect in _as_known(modelled, machine, rng)}
+    values = {effect.name: effect.parameter_values() for effect in _as_known(modelled, machine, rng)}
     spec = TwinSpec("phenomenological", tuple(values), None, values)
     return SimulatedGap(nominal, spec, sim, effects, modelled, outside, machine)
 

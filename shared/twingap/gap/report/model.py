@@ -11,7 +11,7 @@ import html
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any, Final, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 from twingap.gap.distance.domain_names import DomainName
 
@@ -22,8 +22,6 @@ Status = Literal["no_gap", "explained", "partly_explained", "unexplained"]
 Interval = tuple[float, float]
 Numbers = tuple[float, ...]
 """NaN marks what was not measured; it is written as null."""
-
-_NONE: Final[Mapping[str, Any]] = {}
 
 
 @dataclass(frozen=True)

@@ -23,7 +23,7 @@ from twingap.effects import Effect, catalogue
 from twingap.errors import TwingapError
 from twingap.gap.knowledge.learnt import Learnt
 from twingap.gap.search.effect_search import Explanation, estimate
-from twingap.gap.search.evidence import Compared, Evidence, values_of
+from twingap.gap.search.evidence import Compared, Evidence
 from twingap.gap.search.initial_values import observations
 from twingap.gap.search.optimise import Optimised, optimise, validation_distance
 from twingap.gap.search.parameter_prior import Key, Prior
@@ -118,7 +118,7 @@ def closest_spec(compared: Compared) -> TwinSpec | None:
         return None
     spec = compared.simulator.spec
     names = dict.fromkeys((*spec.effects, *(effect.name for effect in compared.effects)))
-    values = {**spec.parameters, **{effect.name: values_of(effect) for effect in compared.effects}}
+    values = {**spec.parameters, **{effect.name: effect.parameter_values() for effect in compared.effects}}
     return replace(spec, effects=tuple(names), parameters=values)
 
 

@@ -26,7 +26,7 @@ from twingap.gap.external_simulator import ExternalSimulator
 from twingap.gap.knowledge.learnt import Learnt
 from twingap.gap.knowledge.score_calibration import Outcome
 from twingap.gap.search import unlearnt
-from twingap.gap.search.evidence import Compared, Evidence, values_of
+from twingap.gap.search.evidence import Compared, Evidence
 from twingap.gap.search.initial_values import better_initial
 from twingap.gap.search.optimise import not_farther, optimise
 from twingap.gap.search.parameter_prior import Key, Prior
@@ -408,7 +408,7 @@ class _Search:
     def _store_values(self, effects: Sequence[Effect]) -> None:
         """Store optimised values; intervals are extended to include them."""
         for effect in effects:
-            known, values = self.values[effect.name], values_of(effect)
+            known, values = self.values[effect.name], effect.parameter_values()
             reaching = {p: (min(low, values[p]), max(high, values[p])) for p, (low, high) in known.intervals.items()}
             self.values[effect.name] = replace(known, effect=effect, intervals=reaching)
 

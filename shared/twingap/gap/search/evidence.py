@@ -7,7 +7,7 @@ twin + effects --recalibrate on the fit part, simulate both parts--> Compared: f
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import fields, replace
+from dataclasses import replace
 from functools import cached_property
 from typing import Final
 
@@ -306,7 +306,7 @@ class Evidence:
         if not isinstance(simulator, TwinSimulator):
             return simulator
         values = flat(simulator.spec.parameters) | dict(baseline or {})
-        own = {e.name: values_of(e) for e in effects if e.name in simulator.spec.effects}
+        own = {e.name: e.parameter_values() for e in effects if e.name in simulator.spec.effects}
         spec = replace(simulator.spec, parameters={**nested(values), **own})
         return TwinSimulator(spec, self.frame.bearing, simulator.unit, simulator.conditions)
 
@@ -321,7 +321,7 @@ class Evidence:
             return self._simulator
         if spec is None or spec.model != "phenomenological":
             return self._levelled(effects)
-        values = {**spec.parameters, **{effect.name: values_of(effect) for effect in effects}}
+        values = {**spec.parameters, **{effect.name: effect.parameter_values() for effect in effects}}
         more = replace(spec, effects=(*spec.effects, *(effect.name for effect in effects)), parameters=values)
         rng = np.random.default_rng(self.root)
         own = recalibrate(self.calibrated, more, rng, free=self.spec, steps=steps, dampings=self.dampings)
@@ -414,9 +414,4 @@ def level_of(simulator: Simulator, given: TwinSpec) -> tuple[str, float] | None:
     return None
 
 
-def values_of(effect: Effect) -> dict[str, float]:
-    """Parameters of an effect by name."""
-    return {field.name: getattr(effect, field.name) for field in fields(effect)}  # type: ignore[arg-type]
-
-
-__all__ = ["Compared", "Evidence", "level_of", "replicates_of", "simulator_of", "values_of"]
+__all__ = ["Compared", "Evidence", "level_of", "replicates_of", "simulator_of"]

@@ -9,7 +9,6 @@ few records plus the penalty of the priors of values (see `parameter_prior`).
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -435,8 +434,7 @@ class _Search:
 
 def _end(effect: Effect, parameter: str, value: float, setting: Setting) -> float | None:
     """An end of a plausible range as a number; None where it is invalid with the other parameters."""
-    values = {f.name: getattr(effect, f.name) for f in dataclasses.fields(effect)}  # type: ignore[arg-type]
     try:
-        return to_number(make_effect(effect.name, values | {parameter: value}), parameter, setting)
+        return to_number(make_effect(effect.name, effect.parameter_values() | {parameter: value}), parameter, setting)
     except TwingapError:
         return None

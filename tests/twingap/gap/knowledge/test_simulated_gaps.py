@@ -10,7 +10,6 @@ from twingap.effects.drawing import healthy_density
 from twingap.gap.knowledge.machines import draw_bearing, draw_machine
 from twingap.gap.knowledge.outside_catalogue import _changed, _Plan, _shape, _wandering, with_outside_effect
 from twingap.gap.knowledge.simulated_gaps import draw_effects, draw_gap
-from twingap.gap.search.evidence import values_of
 from twingap.gap.search.parameter_scale import Setting, coordinates, to_effect, to_number, with_errors
 
 
@@ -132,7 +131,7 @@ def test_a_twin_file_has_what_it_models_at_true_values_or_a_little_off():
     same = []
     for seed in range(160):
         gap = draw_gap(np.random.default_rng([31, seed]), own_simulator=False, most_records=5)
-        same += [gap.spec.parameters[effect.name] == values_of(effect) for effect in gap.modelled]
+        same += [gap.spec.parameters[effect.name] == effect.parameter_values() for effect in gap.modelled]
     assert 0.3 < np.mean(same) < 0.75
     assert len(same) > 15
 

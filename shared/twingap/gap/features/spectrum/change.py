@@ -24,6 +24,7 @@ from twingap._compiled import njit
 from twingap.gap.features.impacts.parallel_mode import Path
 from twingap.gap.features.impacts.response_sampling import continuous
 from twingap.gap.features.spectrum.record_summary import RecordSummary
+from twingap.gap.features.spectrum.smooth_shape import mode_shape
 from twingap.signal.record_transforms import SMOOTH_SEGMENTS
 
 Array = NDArray[np.float64]
@@ -211,8 +212,7 @@ class _Pairs:
     def _mode_at(self, places: Array, dampings: Sequence[float]) -> _Best:
         grid = [(f0, d) for d in dampings for f0 in np.minimum(places, 0.495)]
         f0, d = np.array(grid).T[:, :, None]
-        shape = (2 * d * f0**2) ** 2 / ((f0**2 - self.f**2) ** 2 + (2 * d * self.f * f0) ** 2)
-        shape = np.maximum(shape, 1e-6)
+        shape = np.maximum(mode_shape(self.f, f0, d), 1e-6)
         sizes = np.zeros((len(grid), 2))
         curves = np.zeros((len(grid), BANDS))
         for column, side in enumerate(_SIDES):
