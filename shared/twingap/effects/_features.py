@@ -1,7 +1,7 @@
 """Patterns of features that several effects share.
 
 A pattern is matched against the name of a feature of the comparison: ``family.feature`` for those computed on records,
-``family|feature`` for those of the whole set.
+``family|feature`` for those computed on sets of records.
 """
 
 from __future__ import annotations

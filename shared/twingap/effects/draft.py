@@ -1,4 +1,4 @@
-"""The record while it is being made: what each stage of the chain reads and writes.
+"""Draft: a record under construction, and the fields that each stage of the chain reads and writes.
 
 stage         owns
 SHAFT         turns, cage_speed_ratio
@@ -7,7 +7,7 @@ PATH          modes, filters, sensed_noise
 DISTURBANCE   x (adds to it)
 ACQUISITION   x (replaces it)
 
-What an effect can move differs with the simulator (`excitation`), and so does who applies what it wrote:
+Which fields an effect can use depends on the simulator (`excitation`), and so does the code that applies them:
 
 field              "impacts"                   "rollers"                          "waveform"
 turns              angles of the impacts        the contact's shaft angle          x is resampled over the angle
@@ -44,14 +44,14 @@ class Impacts:
     Parameters
     ----------
     turns : Array [impacts]
-        Shaft angle of each impact, in turns since the record's start; negative for impacts before it, whose ringing
-        still reaches into the record. What weighs impacts by angle reads these, as q(iT) does in eq. 1 of paper 1.
+        Shaft angle of each impact, in turns since the record's start; negative for impacts before it, whose ring-down
+        reaches into the record. Weights by angle are functions of these, as q(iT) in eq. 1 of paper 1.
     amplitudes : Array [impacts]
         Strength of each, in record units.
     passes : NDArray[int64] [impacts]
         Number of the roller pass that made it (several impacts may belong to one pass).
     delays : Array [impacts] or None
-        Random lateness of each against its place, in turns: tau_i of eq. 1. None is no lateness.
+        Random delay of each, in turns: tau_i of eq. 1. None for no delays.
     """
 
     turns: Array
@@ -76,8 +76,8 @@ class Draft:
     bearing : Bearing
         Geometry of the bearing under test.
     reference_rms : float
-        RMS of the twin's healthy vibration, in record units: the yardstick of disturbances and of the converter, the
-        same for every record of a machine whatever its fault.
+        RMS of the twin's healthy vibration, in record units: the amplitude scale of disturbances and of the
+        converter, the same for every record of a machine whatever its fault.
     t : Array [samples]
         Time, s.
     turns : Array [samples]
@@ -88,18 +88,18 @@ class Draft:
         Part of the cage's slip by which the order of a roller's defect moves: 1 where rollers keep rolling on the inner
         ring.
     excitation : {"impacts", "rollers", "waveform"}
-        What the simulator lets an effect act on: a list of impacts (phenomenological), rollers that move through a
-        loaded contact (dynamics), or nothing but a finished waveform (a foreign simulator).
+        Object of effects on the excitation: a list of impacts (phenomenological), rollers that move through a loaded
+        contact (dynamics), or a finished waveform (a foreign simulator).
     cage_lag : Array [samples] or None
         Random delay of the roller train ("rollers"), or of all the waveform ("waveform"), in shaft turns: what would
         have been at shaft angle `turns - cage_lag` is at `turns`. Add to it with `delay`.
     impacts : Impacts or None
-        None for healthy records, and for simulators that hand over a finished waveform.
+        None for healthy records, and for finished waveforms.
     force : Array [LEAD + samples] or None
         Broadband force that passes through the modes like the impacts do (structure noise, roughness); it begins
         `modes.LEAD` samples before the record. Add to it with `push`.
     past : Array [`modes.PAST`] or None
-        What that force did before, for `modal_response`: no record starts at rest.
+        That force before the record, for `modal_response`: no record starts at rest.
     gain : Array [samples] or None
         Factor on the waveform that stands for modulated impacts, for simulators that have none ("rollers", "waveform").
         Multiply it with `modulate`.
@@ -153,7 +153,7 @@ class Draft:
         return self.bearing.slipped(1 - share * (1 - self.cage_speed_ratio))[self.condition.fault or "healthy"]
 
     def beyond_nyquist(self, frequency_hz: float) -> str | None:
-        """Why a frequency cannot appear in this record, or None when it can."""
+        """Reason why a frequency cannot appear in this record, or None."""
         if frequency_hz < self.condition.fs_hz / 2:
             return None
         return (
@@ -172,7 +172,7 @@ class Draft:
     def push(self, force: Array, rng: np.random.Generator, rms_before: float) -> None:
         """Add a broadband force [samples] before the path, independent from sample to sample.
 
-        `rms_before` is its RMS just before the record; `rng` draws what it did then.
+        `rms_before` is its RMS just before the record; `rng` draws its past.
         """
         past = rms_before * rng.standard_normal(PAST)
         force = np.concatenate((rms_before * rng.standard_normal(LEAD), force))

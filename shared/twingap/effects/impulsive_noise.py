@@ -24,13 +24,13 @@ from twingap.effects.registry import register
 Array = NDArray[np.float64]
 
 LEAST_RATE_HZ: Final = 0.3
-"""Added to the rates of impulses before features take their logarithm: records without any have one, too."""
+"""Added to rates before their logarithm, so that records without impulses have one. A larger value hides rare ones."""
 _RATES: Final = (0.06, 0.25, 4.0)
 """Factors on the rate at unchanged power: rare strong impulses and frequent weak ones have one spectrum."""
 _EVEN_LEVELS: Final = (0.55, 0.8)
-"""Factors on the strength of impulses that are as many as estimated, but alike."""
+"""Factors on the strength of regular impulses at the estimated rate."""
 _EVEN: Final = 0.3
-"""Spread of impulses of one loose part: their mean is twice what lies above a threshold that hides few of them."""
+"""Spread of the impulses of one loose part. A larger value tries less regular impulses."""
 
 
 @register
@@ -98,12 +98,12 @@ class ImpulsiveNoise(Effect):
     def initial_values(self, seen: Observations) -> Iterator[Effect]:
         for of in ("all", "healthy"):
             yield from self._counted(seen, of)
-        rings = [self]
+        modes = [self]
         if seen.own_mode is not None:
             resonance_hz, damping_ratio = seen.own_mode
-            rings.append(dataclasses.replace(self, resonance_hz=resonance_hz, damping_ratio=damping_ratio))
-            yield rings[1]
-        for one in rings:
+            modes.append(dataclasses.replace(self, resonance_hz=resonance_hz, damping_ratio=damping_ratio))
+            yield modes[1]
+        for one in modes:
             for factor in _RATES:
                 rarer = {"rate_hz": factor * self.rate_hz, "level": self.level / math.sqrt(factor)}
                 yield dataclasses.replace(one, **rarer)
@@ -111,7 +111,7 @@ class ImpulsiveNoise(Effect):
                 yield dataclasses.replace(one, level=factor * self.level, spread=_EVEN)
 
     def _counted(self, seen: Observations, of: str) -> Iterator[ImpulsiveNoise]:
-        """Impulses at the rate that was counted and with those that noise hides, at their strength, in their mode."""
+        """Initial values from the counted impulses, and from the count corrected for those hidden in noise."""
         level, place, damping = (
             seen.features[f"background.impulse_{what}|{of}.level"] for what in ("level", "fs", "damping_log")
         )

@@ -24,13 +24,13 @@ from twingap._compiled import njit
 Array = NDArray[np.float64]
 
 NEGLIGIBLE = 1e-6
-"""Part of its amplitude below which ringing from before a record is left out."""
+"""Part of its amplitude below which the ring-down of earlier impacts is left out. A smaller value is slower."""
 
 PAST = 16
-"""Normal numbers that stand for a force's past: two for each of eight modes; any further mode starts at rest."""
+"""Normal numbers that describe a force's past: two for each of eight modes; any further mode starts at rest."""
 
 LEAD = 256
-"""Samples made before each record's first and cut off in the end: filters of the path settle in them."""
+"""Samples computed before each record and cut off at the end, in which filters of the path settle."""
 
 
 @dataclass(frozen=True)
@@ -82,7 +82,7 @@ def modal_response(
         Sampling rate, Hz.
     n_samples : int
     times_s, amplitudes : Array [impacts], optional
-        Impacts in any order, at any times: earlier ones ring into the record, later ones are left out. An impact of
+        Impacts in any order and at any times, also before the record; later ones are left out. An impact of
         amplitude A adds A h(t - t_i), whatever the sampling rate.
     force : Array [samples], optional
         One impact per sample.

@@ -43,12 +43,13 @@ def apply_to_waveform(
     bearing : Bearing
         Geometry of the bearing under test.
     reference_rms : float
-        RMS of the machine's healthy vibration in the record's unit: the yardstick of disturbances and of the converter.
+        RMS of the machine's healthy vibration in the record's unit: the amplitude scale of disturbances and of the
+        converter.
     streams : Streams
         The record's random streams; each effect draws from its own.
     background : Array [samples], optional
-        What of a record with a defect is not its impacts', see `Background`: effects on impacts leave that as it is.
-        None: they act on all of it.
+        The part of a record with a defect that is not impacts, see `Background`; effects on impacts leave it unchanged.
+        None: they act on the whole record.
 
     Returns
     -------
@@ -58,7 +59,7 @@ def apply_to_waveform(
     Raises
     ------
     TwingapError
-        When an effect cannot act on a finished waveform (`Effect.cannot_act_on` says why), or the yardstick is not
+        When an effect cannot act on a finished waveform (see `Effect.cannot_act_on`), or `reference_rms` is not
         positive.
     """
     if not (np.isfinite(reference_rms) and reference_rms > 0):
@@ -90,7 +91,7 @@ def apply_to_waveform(
             if draft.background is not None:
                 draft.x, draft.background = draft.x + draft.background, None
         elif stage is Stage.PATH and draft.filters:
-            # Nobody knows what was before the record: its beginning, mirrored, comes nearest.
+            # The signal before the record is unknown; its mirrored beginning is used.
             x = np.pad(draft.x, (LEAD, 0), mode="reflect")
             for act in draft.filters:
                 x = act(x)
