@@ -181,14 +181,12 @@ def diagnosed(asked: Asked, *, root: str | None, config: str) -> dict[str, Any]:
 
 def row_of(found: Diagnosis) -> dict[str, Any]:
     """What a table and a training need of a diagnosis."""
-    from twingap.gap.search.evidence import values_of
-
     report, verdict = found.report, found.report.verdict
     after = found.explanation.after.effects if verdict.effects else ()
     first = report.metrics[0]
     return {
         "refused": "", "status": verdict.status, "p_value": verdict.p_value, "effects": list(verdict.effects),
-        "added": {e.name: values_of(e) for e in after if e.name in verdict.effects},
+        "added": {e.name: e.parameter_values() for e in after if e.name in verdict.effects},
         "closure": verdict.closure, "closure_ci": list(verdict.closure_ci) if verdict.closure_ci else None,
         "metric": first.metric, "before": first.before, "after": first.after, "floor": first.floor,
         "scale": found.calibrated.frame.scale,

@@ -24,7 +24,7 @@ from scipy.signal import welch
 from papers.paper2_digital_twin.live_twin.laws import Laws
 from twingap.bearing import Bearing
 from twingap.effects import Mode
-from twingap.effects.ringing import response_rms
+from twingap.effects.modes import response_rms
 from twingap.errors import TwingapError
 from twingap.records import Condition
 from twingap.twins.contact import ContactTwin

@@ -2,8 +2,8 @@
 
 from twingap.effects.base import Effect, Stage, effect_name, parameter
 from twingap.effects.draft import Draft, Impacts
+from twingap.effects.modes import Mode
 from twingap.effects.registry import catalogue, in_order, load_effects, make_effect, register
-from twingap.effects.ringing import Mode
 
 # Importing a module registers its effect: in the order of the chain, and within a stage of their acting.
 from twingap.effects.speed_fluctuation import SpeedFluctuation  # isort: skip
@@ -33,41 +33,9 @@ from twingap.effects.dropout import Dropout  # isort: skip
 from twingap.effects.on_waveform import apply_to_waveform  # isort: skip
 
 __all__ = [
-    "CageModulation",
-    "Clipping",
-    "ColouredNoise",
-    "DamageGrowth",
-    "DistributedRoughness",
-    "Draft",
-    "DriveInterference",
-    "Dropout",
-    "Effect",
-    "EntryExit",
-    "ForeignBearing",
-    "GearMesh",
-    "ImpactScatter",
-    "Impacts",
-    "ImpulsiveNoise",
-    "LoadZone",
-    "Looseness",
-    "MainsInterference",
-    "MeanSlip",
-    "Mode",
-    "Quantisation",
-    "SecondResonance",
-    "SensorRolloff",
-    "ShaftHarmonics",
-    "SlipJitter",
-    "SpeedFluctuation",
-    "SpeedGain",
-    "Stage",
-    "Waviness",
-    "apply_to_waveform",
-    "catalogue",
-    "effect_name",
-    "in_order",
-    "load_effects",
-    "make_effect",
-    "parameter",
-    "register",
-]
+    "CageModulation", "Clipping", "ColouredNoise", "DamageGrowth", "DistributedRoughness", "Draft", "DriveInterference",
+    "Dropout", "Effect", "EntryExit", "ForeignBearing", "GearMesh", "ImpactScatter", "Impacts", "ImpulsiveNoise",
+    "LoadZone", "Looseness", "MainsInterference", "MeanSlip", "Mode", "Quantisation", "SecondResonance",
+    "SensorRolloff", "ShaftHarmonics", "SlipJitter", "SpeedFluctuation", "SpeedGain", "Stage", "Waviness",
+    "apply_to_waveform", "catalogue", "effect_name", "in_order", "load_effects", "make_effect", "parameter", "register",
+]  # fmt: skip

@@ -1,4 +1,4 @@
-"""What effects on the impacts of a defect share: healthy records, passes of rollers, simulators without impacts.
+"""Base of effects on the impacts of a defect: healthy records, passes of rollers, simulators without impacts.
 
 On impacts (phenomenological twin) they change angles and amplitudes. On rollers (contact twin) and on a finished
 waveform there is no list of impacts: timing becomes a delay of roller train or waveform, strength a gain on the latter.
@@ -21,7 +21,7 @@ Array = NDArray[np.float64]
 
 
 class FaultEffect(Effect):
-    """What acts on the impacts of a defect, and so on nothing when the bearing is healthy."""
+    """Base of effects that act on the impacts of a defect and leave healthy records unchanged."""
 
     stage: ClassVar[Stage] = Stage.EXCITATION
 
@@ -39,12 +39,12 @@ class FaultEffect(Effect):
 
     def cannot_act_on(self, draft: Draft) -> str | None:
         if draft.condition.fault is None:
-            return f"the fault of record {draft.condition.name!r} is unknown, so nobody can say when rollers strike"
+            return f"the fault of record {draft.condition.name!r} is unknown, so the times of its impacts are unknown"
         return None
 
 
 def by_pass(impacts: Impacts) -> tuple[NDArray[np.int64], int]:
-    """Place of each impact's pass among the passes, and their number: impacts of one pass share their chances."""
+    """Index of each impact's pass, and the number of passes: impacts of one pass share their random numbers."""
     if impacts.passes.size == 0:
         return impacts.passes, 0
     places = impacts.passes - impacts.passes.min()
@@ -52,11 +52,11 @@ def by_pass(impacts: Impacts) -> tuple[NDArray[np.int64], int]:
 
 
 def passes_within(draft: Draft, rng: np.random.Generator) -> tuple[Array, bool]:
-    """Angles of the passes in and around a record whose impacts nobody listed, and whether they are the impacts' own.
+    """Angles of the roller passes in and around a finished waveform, and whether they were measured on its impacts.
 
-    Where the impacts of a finished waveform do not stand out, passes come at the stated rate and begin at random.
+    Where the impacts do not stand out, passes have the stated rate and a random phase.
     """
-    found = passes_of(draft.x, draft.turns * draft.fault_order) if draft.still is not None else None
+    found = passes_of(draft.x, draft.turns * draft.fault_order) if draft.background is not None else None
     rate, begin = found or (1.0, -rng.random())
     order = rate * draft.fault_order
     return (np.arange(-2, math.ceil(draft.turns[-1] * order) + 2) + begin) / order, found is not None

@@ -1,4 +1,4 @@
-"""What effects that add tones share: harmonics on a draft, and harmonics in no geometric row."""
+"""Tones of effects: harmonics added to a draft, and harmonics whose amplitudes do not decay geometrically."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ Array = NDArray[np.float64]
 Reals = NDArray[np.floating[Any]]
 
 _UNEVENNESS: Final = 0.7
-"""Standard deviation of the logarithm of the factors on uneven harmonics: larger is less like a geometric row."""
+"""Standard deviation of the logarithm of the factors on uneven harmonics. A larger value makes them less regular."""
 _FACTORS: Final = 64
 
 
@@ -35,7 +35,7 @@ def uneven_factors(rng: np.random.Generator) -> Array:
 
 
 def speed_dependence(machine: Machine, rng: np.random.Generator) -> dict[str, Any]:
-    """`rise` and `reference_rpm` of `UnevenHarmonics` at random; every other machine has none."""
+    """Random `rise` and `reference_rpm` of `UnevenHarmonics`; half of the machines have none."""
     if rng.random() >= 0.5:
         return {}
     middle = float(np.median([c.speed_rpm for c in machine.conditions]))
@@ -44,7 +44,7 @@ def speed_dependence(machine: Machine, rng: np.random.Generator) -> dict[str, An
 
 @dataclass(frozen=True)
 class UnevenHarmonics(Effect):
-    """Mixin: harmonics in no geometric row, each with its own factor. Forces of rotating parts may grow with speed.
+    """Mixin: harmonics with a factor each instead of a geometric decay. Forces of rotating parts may grow with speed.
 
     Parameters
     ----------
@@ -52,7 +52,7 @@ class UnevenHarmonics(Effect):
     rise : float
         Power of the speed that all follow: 2 for an unbalance.
     reference_rpm : float
-        Speed at which they are as the values say.
+        Speed at which the amplitudes have their stated values.
     """
 
     factors: tuple[float, ...] = (1.0,)
@@ -62,11 +62,11 @@ class UnevenHarmonics(Effect):
     @property
     def levels(self) -> Array:
         """[harmonics] Amplitude of each, healthy rms."""
-        own: Array = super().levels  # type: ignore[misc]  # of the effect that stands behind this class
+        own: Array = super().levels  # type: ignore[misc]  # of the next class in the method resolution order
         return np.asarray(own * np.resize(np.array(self.factors), own.size))
 
     def apply(self, draft: Draft, rng: np.random.Generator) -> None:
-        """As the effect that stands behind this class, times the gain of this speed."""
+        """Apply the next class in the method resolution order, times the gain of this speed."""
         before, draft.x = draft.x, np.zeros_like(draft.x)
         super().apply(draft, rng)  # type: ignore[safe-super]
         draft.x = before + (draft.condition.speed_rpm / self.reference_rpm) ** self.rise * draft.x

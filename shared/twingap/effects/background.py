@@ -1,13 +1,13 @@
-"""Impacts of a defect apart from the background, in a finished waveform.
+"""Separation of the impacts of a defect from the background in a finished waveform.
 
 waveforms of the healthy bearing --mean density--> background --subtracted, over frequency and the phase of a pass-->
-impacts in a waveform with a defect --swing of their power--> when they come
+impacts in a waveform with a defect --modulation of their power--> rate and phase of the passes
 
-A foreign simulator hands over impacts and noise in one. Effects that act on impacts would act on its noise as well: a
-second impact would double it, impacts twice as strong make all of the record louder. Noise and impacts share their
-bands, but impacts are there for a part of each pass alone, which a filter that runs with the passes can separate (as
-Wiener's for cyclostationary signals: Gardner 1993, doi:10.1109/26.212375). It passes the square root of what Wiener's
-would: impacts keep their power, where the least error would leave them weaker than they are.
+The waveform of a foreign simulator is the sum of impacts and noise. Effects on impacts would act on the noise as well:
+a second impact would double it, stronger impacts would amplify it. Noise and impacts share their bands, but impacts
+occupy only a part of each pass, so that a periodically time-varying filter separates them (the Wiener filter of
+cyclostationary signals: Gardner 1993, doi:10.1109/26.212375). The filter has the square root of the Wiener gain:
+impacts keep their power, which the least-squares gain would reduce.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 _SEGMENT: Final = 64
-"""Samples: short beside a pass, long enough to tell a mode from what is beside it."""
+"""Segment length, samples. A longer one resolves modes better and impacts within a pass worse."""
 _HOP: Final = 16
 _WINDOW: Final = np.hanning(_SEGMENT + 1)[:-1]
 _GAIN: Final = 1.5
@@ -31,14 +31,14 @@ _GAIN: Final = 1.5
 _PHASES: Final = 12
 _FEWEST_PASSES: Final = 4
 _OFF: Final = 0.03
-"""Part by which the rate of passes may lie off its stated one: cages slip, and foreign simulators have geometries."""
+"""Largest relative error of the stated rate of passes: cages slip, and simulators differ in geometry."""
 _PIECES_A_PASS: Final = 16
 _FINER: Final = 8
-"""Places at which rates are tried, over those that the length of a record tells apart."""
+"""Rates that are tried per resolvable rate. A larger number is more precise and slower."""
 _LOUDEST: Final = 4.0
-"""Power over what one piece in ten exceeds, beyond which it counts no more."""
+"""Upper bound of power, over its 90 % quantile. A larger value lets single strong impacts decide."""
 _PLAIN: Final = 0.2
-"""Swing of the impacts' power over a pass, over its mean, from which it shows when they come."""
+"""Modulation of the impacts' power over a pass from which their phase is known. A larger value rejects more."""
 
 
 @dataclass(frozen=True)
@@ -55,19 +55,19 @@ class Background:
 
     @classmethod
     def of(cls, waveforms: Sequence[Array]) -> Background | None:
-        """Of healthy records, all at one rate; None where none is long enough."""
+        """From healthy records of one sampling rate; None where none is long enough."""
         known = [_power(_frames(x)).mean(axis=1) for x in waveforms if x.size >= 4 * _SEGMENT]
         return cls(np.median(known, axis=0)) if known else None
 
     def impacts(self, x: Array, passes: Array) -> Array:
-        """[samples] What of a record with a defect is more than this; all of it where it is too short to say.
+        """[samples] The part of a record with a defect that exceeds this background; all of it where it is too short.
 
         Parameters
         ----------
         x : Array [samples]
             At the rate of the healthy records.
         passes : Array [samples]
-            How many passes lie behind each sample, from the stated rate.
+            Passes since the record's start at each sample, from the stated rate.
         """
         if x.size < 4 * _SEGMENT:
             return x
@@ -96,7 +96,7 @@ def _frames(x: Array) -> NDArray[np.complex128]:
 
 
 def _built(frames: NDArray[np.complex128], size: int) -> Array:
-    """[samples] The waveform of which these are the segments: they overlap four times, and are added up."""
+    """[samples] Waveform from its segments, by overlap-add (four segments overlap)."""
     pieces = scipy.fft.irfft(frames.T, _SEGMENT, axis=1) * _WINDOW
     out = np.zeros((pieces.shape[0] + _SEGMENT // _HOP - 1, _HOP))
     for part in range(_SEGMENT // _HOP):
@@ -115,13 +115,13 @@ def passes_of(impacts: Array, passes: Array) -> tuple[float, float] | None:
     ----------
     impacts : Array [samples]
     passes : Array [samples]
-        How many passes lie behind each sample, from their stated rate.
+        Passes since the record's start at each sample, from the stated rate.
 
     Returns
     -------
     (float, float) or None
-        The rate over the stated one, and a part of a pass. None where the impacts do not stand out of what is between
-        them, or are too few.
+        Rate over the stated one, and part of a pass. None where the impacts do not exceed the signal between them
+        clearly, or are too few.
     """
     total = float(passes[-1])
     if total < _FEWEST_PASSES:
@@ -129,7 +129,7 @@ def passes_of(impacts: Array, passes: Array) -> tuple[float, float] | None:
     step = max(int(impacts.size / (total * _PIECES_A_PASS)), 1)
     count = impacts.size // step
     power = (impacts[: count * step] ** 2).reshape(count, step).mean(axis=1)
-    # Nothing rare decides: an impulse among the impacts counts as one of them.
+    # A rare impulse must not decide: it counts as one impact.
     power = np.minimum(power, _LOUDEST * float(np.quantile(power, 0.9)))
     even = np.arange(0.0, total, 1 / _PIECES_A_PASS)
     power = np.interp(even, passes[: count * step].reshape(count, step).mean(axis=1), power)

@@ -1,15 +1,15 @@
-"""What an effect is: one modelling choice that acts in one stage of a record.
+"""Base class of effects: modelling choices that act in one stage of a record.
 
 A vibration record is made in five stages, and an `Effect` is one modelling choice that acts in one of them:
 
     shaft angle -> excitation -> path -> disturbance -> acquisition
 
-A twin is a chain of effects. A user adds one in five lines, and everything downstream treats it alike::
+A twin is a chain of effects. A user adds one in a few lines, and all commands treat it like any other::
 
     @register
     @dataclass(frozen=True)
     class Hum(Effect):
-        "A tone that nobody modelled."
+        "A tone at 100 Hz."
 
         stage: ClassVar[Stage] = Stage.DISTURBANCE
         level: float = parameter(0.1, unit="healthy rms", plausible=(0.01, 1.0), doc="amplitude of the tone")
@@ -77,7 +77,7 @@ def parameter(
     Parameters
     ----------
     default : float
-        A middling value: visible, not extreme.
+        A medium value: detectable, not extreme.
     unit : str
         "" for dimensionless.
     plausible : (float, float)
@@ -96,8 +96,8 @@ def parameter(
     exact : bool
         An estimate has this value right or not at all (a number of teeth): estimates are never a little off.
     searched : bool
-        False where a search by simulation leaves the estimate as it is, since a neighbouring value is as wrong as any
-        other or a few simulations cannot tell.
+        False where a search by simulation keeps the estimate: neighbouring values are as wrong as any other, or a few
+        simulations do not resolve them.
     relative_to : {"", "rate", "run", "speed"}, optional
         What makes values comparable between machines: nothing; the sampling rate; the run, for a time (s) or a rate
         (1/s) of it; or the speed, for a reference that is set to the median speed and never estimated. By default
@@ -107,7 +107,7 @@ def parameter(
     log_estimate : bool, optional
         Estimate on a logarithmic scale; as `log` when left out.
     choices : tuple of float
-        The only values there are; estimates become the nearest one.
+        Allowed values; an estimate becomes the nearest one.
     least_spread : float
         Part of the value by which the ends of its interval lie at least apart from it.
     """
@@ -123,11 +123,11 @@ def parameter(
 
 
 _PLACE_IN_SPECTRUM_HZ: Final = 400.0
-"""Highest plausible value beyond which a frequency is a place in a spectrum. Where it lies lower, rates of slow
-processes would count as such."""
+"""Highest plausible value from which a frequency is relative to the sampling rate. A lower value would include rates
+of slow processes."""
 WEAKER: Final = (0.5, 0.25, 0.12, 0.06)
-"""Factors on an effect's strength that a search tries where the estimate is too strong: with a baseline that makes room
-for it, no single step leads back."""
+"""Factors on an effect's strength that a search tries where the estimate is too strong. More factors cost one
+simulation each."""
 _QUANTILES: Final = (0.1, 0.5, 0.9)
 """Where in a plausible range the default initial values lie. More values cost one simulation each."""
 
@@ -153,17 +153,16 @@ class Effect(ABC):
     references : tuple[str, ...]
         Equation, DOI or standard behind it.
     group : str
-        Effects of one group stand in for each other: where single names are uncertain, the group is named. "" stands
-        alone.
+        Effects of one group resemble each other: where single names are uncertain, the group is named. "" is no group.
     look_alikes : tuple[str, ...]
         Names of effects that it is most easily taken for; `registry.look_alikes` adds those that name it.
     deciding_measurement : str
-        What to record to tell it from these; by default a measurement that isolates its stage.
+        Measurement that distinguishes it from these; by default one that isolates its stage.
     features : tuple[str, ...]
-        Patterns of the features that may tell of it or of its look-alikes; empty for all. A detector sees no others,
-        and so learns no coincidences.
+        Patterns of the features that indicate it or its look-alikes; empty for all. Its detector uses no others, so
+        that it learns no spurious correlations.
     trends : tuple[str, ...]
-        How features change over conditions, where that tells of it: "on_speed", "on_time".
+        Trends of features that indicate it: "on_speed", "on_time".
     draw_weight : float
         Relative frequency in simulated gaps. More for effects that are hard to see, or that few machines could show.
     by_chance : bool
@@ -203,7 +202,7 @@ class Effect(ABC):
         """
 
     def cannot_act_on(self, draft: Draft) -> str | None:
-        """Why this effect cannot act on this draft, or None when it can.
+        """Reason why this effect cannot act on this draft, or None.
 
         A draft of a foreign simulator has a waveform but no impacts, for instance.
         """
@@ -211,10 +210,9 @@ class Effect(ABC):
 
     @classmethod
     def draw(cls, machine: Machine, rng: np.random.Generator) -> Mapping[str, float] | None:
-        """Plausible values at random, visible in this machine's records; None where they could not show the effect.
+        """Random plausible values, detectable in this machine's records; None where the records cannot show the effect.
 
-        By default all that is plausible. An effect's own draw is wider than one machine's values, and leaves out what
-        nobody could detect.
+        By default from the plausible ranges. An effect's own draw leaves out values that are undetectable.
         """
         values: dict[str, float] = {}
         for field in cls.parameters():
@@ -231,20 +229,16 @@ class Effect(ABC):
     def variant(self, machine: Machine, rng: np.random.Generator) -> Effect | None:
         """A form of the effect at these values that real machines have and the catalogue does not, or None.
 
-        What is learnt only from machines that have an effect exactly as a twin adds it fails on machines that do not.
-        A variant is a subclass that is not registered: it bears its base's name.
+        Models trained only on the catalogue's form do not transfer to machines with another form. A variant is a
+        subclass that is not registered; it has the name of its base.
         """
         return None
 
     def initial_values(self, seen: Observations) -> Iterator[Effect]:
-        """Where a search for the effect's values may begin, besides this estimate.
+        """Further initial values of a search for the effect's values, besides this estimate.
 
-        By default, for an effect of which no features are known to tell, low, middle and high plausible values of each
-        parameter; none for others, whose estimates are learnt.
-
-        Parameters
-        ----------
-        seen : Observations
+        By default low, middle and high plausible values of each parameter for an effect without `features`; none for
+        others, whose estimates are learnt.
         """
         if self.features:
             return
@@ -268,7 +262,7 @@ class Effect(ABC):
 
     @classmethod
     def consistent(cls, values: dict[str, float]) -> dict[str, float]:
-        """Values moved to where they go together, for those that are each estimated on its own."""
+        """Values made consistent with each other, where each was estimated separately."""
         return values
 
     @classmethod
@@ -305,22 +299,22 @@ class Effect(ABC):
             if "allowed" not in field.metadata:
                 continue
             value, (low, high) = getattr(self, field.name), field.metadata["allowed"]
-            whole = field.type in (int, bool, "int", "bool")
+            integer = field.type in (int, bool, "int", "bool")
             unit, expected = field.metadata["unit"], f"between {low:g} and {high:g}"
-            allowed = isinstance(value, numbers.Integral if whole else numbers.Real)
+            allowed = isinstance(value, numbers.Integral if integer else numbers.Real)
             allowed = allowed and math.isfinite(value) and low <= value <= high
             if choices := field.metadata["choices"]:
                 allowed = allowed and value in choices
                 unit, expected = " or ".join(f"{choice:g}" for choice in choices), unit
             if not allowed:
                 raise TwingapError(
-                    f"{value!r} found, {unit or ('a whole number' if whole else 'a number')} {expected} expected",
+                    f"{value!r} found, {unit or ('a whole number' if integer else 'a number')} {expected} expected",
                     where=f"effect {self.name}: {field.name}",
                 )
 
 
 def within_allowed(field: dataclasses.Field[Any], value: float, most: float = math.inf) -> float:
-    """The value that a parameter allows and that is nearest: in its range, one of its choices, a whole number.
+    """The allowed value of a parameter that is nearest: in its range, one of its choices, an integer.
 
     Parameters
     ----------
@@ -340,7 +334,7 @@ def within_allowed(field: dataclasses.Field[Any], value: float, most: float = ma
 
 
 def effect_name(kind: type[Effect]) -> str:
-    """SecondResonance -> second_resonance. A subclass of a registered effect that is not registered bears its name."""
+    """SecondResonance -> second_resonance. An unregistered subclass of a registered effect has the name of its base."""
     registered = (base for base in kind.__mro__ if vars(base).get("_registered", False))
     return snake_case(next(registered, kind))
 

@@ -34,9 +34,9 @@ _HIGHS: Final = np.geomspace(0.02, 0.5, 16)
 _SLOPES: Final = (-1.0, 0.0, 1.0, 2.0)
 _SHIFTS: Final = (-0.03, 0.0, 0.03)
 _DAMPINGS: Final = (0.01, 0.018, 0.03, 0.05, 0.09, 0.16)
-"""Of the twin's own mode beside the noise: logarithms of its frequency about where it may lie, and damping ratios."""
-_LIKELIEST: Final = 5
-"""Fits that are handed on. More cost one calibration each."""
+"""Trial values of the twin's own mode: logarithmic shifts of its frequency, and damping ratios."""
+_BEST_FITS: Final = 5
+"""Best fits that are returned. More cost one calibration each."""
 _NARROWEST: Final = 0.985
 """Lower over upper end of a band above which both estimates cross, and the lower end is set to 0.9 of the upper."""
 
@@ -80,7 +80,7 @@ class ColouredNoise(Effect):
 
     def apply(self, draft: Draft, rng: np.random.Generator) -> None:
         n = draft.x.size
-        # A transform makes noise that repeats: longer than the record, so that its end does not run into its start.
+        # Noise from a transform is periodic: longer than the record, so that its end does not correlate with its start.
         apart = min(n, math.ceil(2 * draft.condition.fs_hz / self.low_hz))
         length = scipy.fft.next_fast_len(n + apart, real=True)
         weights = _power_law(length, draft.condition.fs_hz, self.slope, self.low_hz, self.high_hz)
@@ -115,10 +115,10 @@ class ColouredNoise(Effect):
         return values
 
     def spectral_values(self, seen: Observations) -> Sequence[Effect]:
-        """The bands and slopes that explain the healthy spectra best, beside a mode and white noise to suit.
+        """The bands and slopes that explain the healthy spectra best, together with a mode and white noise.
 
-        Finished waveforms have one level in their place. A band of noise is made up for by a wide mode, so that both
-        are fitted together.
+        Finished waveforms have one level instead of mode and white noise. A wide mode can compensate for a band of
+        noise, so that both are fitted together.
         """
         healthy = seen.healthy()
         if healthy is None:
@@ -126,7 +126,7 @@ class ColouredNoise(Effect):
         fs_hz = healthy.fs_hz
         return [
             dataclasses.replace(self, level=level, slope=slope, low_hz=low * fs_hz, high_hz=high * fs_hz)
-            for _, low, high, slope, level in sorted(_scored(healthy))[:_LIKELIEST]
+            for _, low, high, slope, level in sorted(_scored(healthy))[:_BEST_FITS]
         ]
 
 
@@ -167,7 +167,7 @@ def _power_law(n: int, fs_hz: float, slope: float, low_hz: float, high_hz: float
     if n % 2 == 0:
         inside[-1] = False  # the bin at half the rate would have to be real
     if not inside.any():
-        # A band between two bins of a short record: its nearest bin stands for it.
+        # A band between two bins of a short record: use the nearest bin.
         inside[min(max(int(np.argmin(np.abs(f - low_hz))), min(1, f.size - 1)), f.size - 1)] = True
     weights = np.where(inside, np.maximum(f, f[min(1, f.size - 1)] or 1.0) ** (-slope / 2), 0.0)
     # Each inner bin and its mirror carry |X|^2 with E|X|^2 = 2 w^2; irfft divides by n.
@@ -176,10 +176,10 @@ def _power_law(n: int, fs_hz: float, slope: float, low_hz: float, high_hz: float
 
 @dataclass(frozen=True)
 class LowPassedNoise(ColouredNoise):
-    """Noise that has passed a low-pass of one or two poles: flat, then falling, in no power law."""
+    """Noise that has passed a low-pass of one or two poles: flat, then falling, not a power law."""
 
     def apply(self, draft: Draft, rng: np.random.Generator) -> None:
-        # As many poles as the slope is nearest to, the corner near where the band begins.
+        # Number of poles nearest to the slope; corner near the lower end of the band.
         poles = 1 if self.slope < 1.5 else 2
         b, a = signal.butter(poles, min(4 * self.low_hz, 0.4 * draft.condition.fs_hz), fs=draft.condition.fs_hz)
         begin = math.ceil(draft.condition.fs_hz / self.low_hz)

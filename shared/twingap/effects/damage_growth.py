@@ -76,7 +76,7 @@ class DamageGrowth(FaultEffect):
         return PowerLawGrowth(**self.parameter_values(), until_s=max(times), power=power)
 
     def initial_values(self, seen: Observations) -> Iterator[Effect]:
-        for trend in ("trend|time_strikes", "trend|time_alone", "trend|time_answer"):
+        for trend in ("trend|time_impacts", "trend|time_partial", "trend|time_harmonics"):
             growth = seen.features[trend]
             if growth > 0:
                 yield self.moved(rate_per_s=growth / seen.span_s, onset_s=seen.begin_s)

@@ -19,8 +19,8 @@ from twingap.effects.base import Effect, Stage, parameter
 from twingap.effects.draft import Draft
 from twingap.effects.drawing import log_uniform
 from twingap.effects.machine import Machine
+from twingap.effects.modes import response_rms
 from twingap.effects.registry import register
-from twingap.effects.ringing import response_rms
 
 Array = NDArray[np.float64]
 

@@ -1,24 +1,24 @@
-"""The record while it is being made: what each stage of the chain reads and writes.
+"""Draft: a record under construction, and the fields that each stage of the chain reads and writes.
 
 stage         owns
 SHAFT         turns, cage_speed_ratio
 EXCITATION    impacts, cage_lag, gain, force
-PATH          modes, filters, heard
+PATH          modes, filters, sensed_noise
 DISTURBANCE   x (adds to it)
 ACQUISITION   x (replaces it)
 
-What an effect can move differs with the simulator (`excitation`), and so does who applies what it wrote:
+Which fields an effect can use depends on the simulator (`excitation`), and so does the code that applies them:
 
 field              "impacts"                   "rollers"                          "waveform"
-turns              when the impacts strike     the contact's shaft angle          x is resampled over the angle
+turns              angles of the impacts        the contact's shaft angle          x is resampled over the angle
 cage_speed_ratio   fault_order                 the rollers' speed                 none: mean_slip refuses
 cage_lag           none (impacts move)         cage angle = ftf ratio             x(turns - cage_lag)
                                                (turns - cage_lag)
 gain               none (amplitudes change)    respond(): x = gain x + ...        x = gain x
-still              none                        none                               x = impacts alone + still
+background         none                        none                               x = impacts alone + background
 force              respond(): through modes    respond(): ... + through modes     none: what needs it refuses
 filters            respond(): x                respond(): x                       x
-heard              white noise                 white noise                        none: x holds its noise already
+sensed_noise       white noise                 white noise                        none: x holds its noise already
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twingap.bearing import Bearing
-from twingap.effects.ringing import LEAD, PAST, Mode
+from twingap.effects.modes import LEAD, PAST, Mode
 from twingap.records import Condition
 
 Array = NDArray[np.float64]
@@ -44,14 +44,14 @@ class Impacts:
     Parameters
     ----------
     turns : Array [impacts]
-        Shaft angle of each impact, in turns since the record's start; negative for impacts before it, whose ringing
-        still reaches into the record. What weighs impacts by angle reads these, as q(iT) does in eq. 1 of paper 1.
+        Shaft angle of each impact, in turns since the record's start; negative for impacts before it, whose ring-down
+        reaches into the record. Weights by angle are functions of these, as q(iT) in eq. 1 of paper 1.
     amplitudes : Array [impacts]
         Strength of each, in record units.
     passes : NDArray[int64] [impacts]
         Number of the roller pass that made it (several impacts may belong to one pass).
     delays : Array [impacts] or None
-        Random lateness of each against its place, in turns: tau_i of eq. 1. None is no lateness.
+        Random delay of each, in turns: tau_i of eq. 1. None for no delays.
     """
 
     turns: Array
@@ -60,8 +60,8 @@ class Impacts:
     delays: Array | None = None
 
     @property
-    def struck(self) -> Array:
-        """Shaft angle at which each strikes in the end, turns."""
+    def delayed_turns(self) -> Array:
+        """[impacts] Shaft angle of each impact with its delay, turns."""
         return self.turns if self.delays is None else self.turns + self.delays
 
 
@@ -76,8 +76,8 @@ class Draft:
     bearing : Bearing
         Geometry of the bearing under test.
     reference_rms : float
-        RMS of the twin's healthy vibration, in record units: the yardstick of disturbances and of the converter, the
-        same for every record of a machine whatever its fault.
+        RMS of the twin's healthy vibration, in record units: the amplitude scale of disturbances and of the
+        converter, the same for every record of a machine whatever its fault.
     t : Array [samples]
         Time, s.
     turns : Array [samples]
@@ -88,29 +88,29 @@ class Draft:
         Part of the cage's slip by which the order of a roller's defect moves: 1 where rollers keep rolling on the inner
         ring.
     excitation : {"impacts", "rollers", "waveform"}
-        What the simulator lets an effect act on: a list of impacts (phenomenological), rollers that move through a
-        loaded contact (dynamics), or nothing but a finished waveform (a foreign simulator).
+        Object of effects on the excitation: a list of impacts (phenomenological), rollers that move through a loaded
+        contact (dynamics), or a finished waveform (a foreign simulator).
     cage_lag : Array [samples] or None
         Random delay of the roller train ("rollers"), or of all the waveform ("waveform"), in shaft turns: what would
         have been at shaft angle `turns - cage_lag` is at `turns`. Add to it with `delay`.
     impacts : Impacts or None
-        None for healthy records, and for simulators that hand over a finished waveform.
+        None for healthy records, and for finished waveforms.
     force : Array [LEAD + samples] or None
         Broadband force that passes through the modes like the impacts do (structure noise, roughness); it begins
-        `ringing.LEAD` samples before the record. Add to it with `push`.
-    past : Array [`ringing.PAST`] or None
-        What that force did before, for `ring`: no record starts at rest.
+        `modes.LEAD` samples before the record. Add to it with `push`.
+    past : Array [`modes.PAST`] or None
+        That force before the record, for `modal_response`: no record starts at rest.
     gain : Array [samples] or None
         Factor on the waveform that stands for modulated impacts, for simulators that have none ("rollers", "waveform").
         Multiply it with `modulate`.
-    still : Array [samples] or None
-        While what moves or weighs impacts acts on a finished waveform: what of it is not the impacts', `x` being them
-        alone. None where nobody knows what is which.
+    background : Array [samples] or None
+        Finished waveforms, while effects on impacts act: the part that is not impacts; `x` holds the impacts alone.
+        None where the two cannot be separated.
     modes : list[Mode]
         The path: structural modes in parallel. Empty for a finished waveform; "rollers" hold their linearised contact.
     filters : list of callables, Array -> Array
         The path after the modes (mounting, sensor), applied in turn to x and up to LEAD samples before it.
-    heard : list of (float, callable Array -> Array)
+    sensed_noise : list of (float, callable Array -> Array)
         Part of the white noise's power that is vibration before a sensor, not noise of the chain behind it, and what
         that sensor makes of it.
     x : Array [samples]
@@ -130,10 +130,10 @@ class Draft:
     force: Array | None = None
     past: Array | None = None
     gain: Array | None = None
-    still: Array | None = None
+    background: Array | None = None
     modes: list[Mode] = field(default_factory=list)
     filters: list[Callable[[Array], Array]] = field(default_factory=list)
-    heard: list[tuple[float, Callable[[Array], Array]]] = field(default_factory=list)
+    sensed_noise: list[tuple[float, Callable[[Array], Array]]] = field(default_factory=list)
     x: Array = field(default_factory=lambda: np.empty(0))
 
     @property
@@ -153,7 +153,7 @@ class Draft:
         return self.bearing.slipped(1 - share * (1 - self.cage_speed_ratio))[self.condition.fault or "healthy"]
 
     def beyond_nyquist(self, frequency_hz: float) -> str | None:
-        """Why a frequency cannot appear in this record, or None when it can."""
+        """Reason why a frequency cannot appear in this record, or None."""
         if frequency_hz < self.condition.fs_hz / 2:
             return None
         return (
@@ -172,7 +172,7 @@ class Draft:
     def push(self, force: Array, rng: np.random.Generator, rms_before: float) -> None:
         """Add a broadband force [samples] before the path, independent from sample to sample.
 
-        `rms_before` is its RMS just before the record; `rng` draws what it did then.
+        `rms_before` is its RMS just before the record; `rng` draws its past.
         """
         past = rms_before * rng.standard_normal(PAST)
         force = np.concatenate((rms_before * rng.standard_normal(LEAD), force))

@@ -1,4 +1,4 @@
-"""Random values of effects that are visible in a machine's records."""
+"""Random values of effects that are detectable in a machine's records."""
 
 from __future__ import annotations
 
@@ -34,16 +34,16 @@ def faintest_tone(machine: Machine) -> float:
 
 
 def tone_level(rng: np.random.Generator, machine: Machine, most: float) -> float:
-    """Amplitude of a tone, healthy rms: half of them near the limit of detection, where a detector must know it."""
+    """Amplitude of a tone, healthy rms: half of them near the limit of detection."""
     faintest = faintest_tone(machine)
     return log_uniform(rng, 0.8 * faintest, 5 * faintest) if rng.random() < 0.5 else log_uniform(rng, faintest, most)
 
 
-def ringing_mode(
+def secondary_mode(
     rng: np.random.Generator, machine: Machine, place: tuple[float, float], damping: tuple[float, float]
 ) -> dict[str, float]:
-    """`resonance_hz` and `damping_ratio` in which impacts from another source ring: a mode on their path, or the
-    machine's own.
+    """`resonance_hz` and `damping_ratio` of the mode that impacts from another source excite: a mode on their path, or
+    the machine's own.
 
     Parameters
     ----------

@@ -33,7 +33,7 @@ class Dropout(Effect):
     look_alikes: ClassVar[tuple[str, ...]] = ("impulsive_noise", "quantisation")
     deciding_measurement: ClassVar[str] = measurements.CHAIN
     features: ClassVar[tuple[str, ...]] = (
-        "converter.*", "background.knock_*", "background.rms_log", "background.segment_*", "background.white_level",
+        "converter.*", "background.impulse_*", "background.rms_log", "background.segment_*", "background.white_level",
     )  # fmt: skip
     by_chance: ClassVar[bool] = True
 

@@ -27,18 +27,18 @@ _SHORTEST: Final = 0.036
 _DELAYS: Final = (0.06, 0.11, 0.17, 0.24, 0.32, 0.41)
 """Parts of a pass after the first impact at which a search tries the second one. More take more simulations."""
 _SOFT: Final = np.linspace(-2.4, 2.4, 13)
-"""Standard deviations about its middle at which a soft impact is made of sharp ones."""
+"""Places, standard deviations, of the sharp impacts that make a soft one. More are smoother and slower."""
 
 
 @register
 @dataclass(frozen=True)
 class EntryExit(FaultEffect):
-    """A defect of finite length: a roller strikes when it enters and again when it leaves.
+    """A defect of finite length: one impact when a roller enters it and another when the roller leaves it.
 
-    The second impact follows at a fixed angle, by which its delay scales with speed: a comb of 1/delay in spectrum and
-    cepstrum. The arc lies on the race that is struck, or on the roller's own surface for a ball defect. A contact model
-    has edges of its own, so its defect is given another length there instead. A finished waveform whose background is
-    not known is repeated as it is, its noise too, at that delay.
+    The second impact follows at a fixed angle, so that its delay decreases with speed: a comb of 1/delay in spectrum
+    and cepstrum. The arc is on the race with the defect, or on the roller's surface for a ball defect. The contact
+    model has edges of its own; its defect has a length parameter instead. A finished waveform whose background is not
+    known is added at that delay, noise included.
     """
 
     references: ClassVar[tuple[str, ...]] = (
@@ -49,9 +49,10 @@ class EntryExit(FaultEffect):
     look_alikes: ClassVar[tuple[str, ...]] = ("second_resonance", "sensor_rolloff", "slip_jitter")
     deciding_measurement: ClassVar[str] = measurements.LONGER
     features: ClassVar[tuple[str, ...]] = (
-        *LEVELS_OF_IMPACTS, "events.echo_gain", "events.arc_*", "events.exit_ratio", "events.cycle_*",
-        "events.timing_*", "events.jitter_sigma", "background.echo_*", "shape|faulty_*", "answer|*", "answer.*",
-        "comb|*", "background.time_asymmetry", "background.band_*", "lines.fault_*", "change|*",
+        *LEVELS_OF_IMPACTS, "impacts.second_impact_gain", "impacts.arc_*", "impacts.exit_ratio", "impacts.cycle_*",
+        "impacts.timing_*", "impacts.jitter_sigma", "background.echo_*", "shape|faulty_*", "impulse_response|*",
+        "impulse_response.*", "comb|*", "background.time_asymmetry", "background.band_*", "lines.fault_*",
+        "change|*",
     )  # fmt: skip
     draw_weight: ClassVar[float] = 1.8
     inherent_in: ClassVar[tuple[str, ...]] = ("contact",)
@@ -87,19 +88,19 @@ class EntryExit(FaultEffect):
             impacts.delays = np.tile(impacts.delays, 2)
 
     def on_waveform(self, draft: Draft, rng: np.random.Generator) -> None:
-        # The impacts that are there are the stronger of the two: nobody meant them to be the fainter.
+        # The existing impacts are the stronger of the two.
         turned, apart = -1 if self.turned else 1, self.delay_turns(draft)
         ratio, apart = (self.exit_ratio, apart) if self.exit_ratio <= 1 else (1 / self.exit_ratio, -apart)
         draft.x = draft.x + turned * ratio * at_angles(draft.x, draft.turns, draft.turns - apart)
 
     def cannot_act_on(self, draft: Draft) -> str | None:
         if draft.excitation == "rollers":
-            return "the contact model's defect has an entry and an exit of its own: give it another length instead"
+            return "the contact model's defect has an entry and an exit of its own: change its length instead"
         return super().cannot_act_on(draft)
 
     @classmethod
     def draw(cls, machine: Machine, rng: np.random.Generator) -> Mapping[str, float] | None:
-        """From what is one impact of another shape to nearly half a pass, on the race where there is one."""
+        """Arcs from a change of one impact's shape to nearly half a pass, on the race where there is one."""
         if not faults(machine):
             return None
         race, bearing = 360 / machine.bearing.n_rollers, machine.bearing
@@ -114,7 +115,7 @@ class EntryExit(FaultEffect):
         return {"arc_deg": arc_deg, "exit_ratio": log_uniform(rng, 0.14, 7.0), "turned": turned}
 
     def variant(self, machine: Machine, rng: np.random.Generator) -> Effect:
-        # Of one length in degrees a ball's is short beside a race's: what is alike is rather how long passes take.
+        # Arcs in degrees differ between ball and race; their parts of a pass are more alike.
         part = self.arc_deg * machine.bearing.n_rollers / 360
         soft = math.exp(rng.uniform(math.log(0.02), math.log(0.2))) if rng.random() < 0.8 else 0.0
         pass_part = part if part < 0.5 and rng.random() < 0.6 else 0.0
@@ -122,9 +123,9 @@ class EntryExit(FaultEffect):
 
     def initial_values(self, seen: Observations) -> Iterator[Effect]:
         pass_deg = 360 / seen.bearing.n_rollers
-        read = ("comb|clear_arc_log", "comb|faint_arc_log", "events.arc_log|all.level")
+        read = ("comb|clear_arc_log", "comb|faint_arc_log", "impacts.arc_log|all.level")
         arcs = [seen.features[name] for name in read]
-        part = seen.features["events.cycle_rise_part|all.level"]
+        part = seen.features["impacts.cycle_rise_part|all.level"]
         if part > 0:
             arcs += [math.log(part * pass_deg), math.log(part * 180)]
         for arc in (arc for arc in arcs if math.isfinite(arc)):
@@ -139,10 +140,10 @@ class EntryExit(FaultEffect):
 
 @dataclass(frozen=True)
 class SoftEntryExit(EntryExit):
-    """Defects that take as much of a pass on a roller as on a race, and whose fainter impact is soft.
+    """Defects that last the same part of a pass on rollers and races, and whose fainter impact is soft.
 
-    A roller rolls into a defect and is stopped by its end (Sawalhi & Randall 2011): one of the two takes longer, and
-    has less at high frequencies.
+    A roller rolls into a defect and is stopped by its end (Sawalhi & Randall 2011): one of the two impacts takes
+    longer, and has less power at high frequencies.
 
     Parameters
     ----------

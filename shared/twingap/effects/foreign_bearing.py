@@ -17,11 +17,11 @@ from twingap.effects._references import RANDALL_ANTONI
 from twingap.effects.angle import cosine
 from twingap.effects.base import Effect, Stage, parameter
 from twingap.effects.draft import Draft
-from twingap.effects.drawing import log_uniform, ringing_mode
+from twingap.effects.drawing import log_uniform, secondary_mode
 from twingap.effects.machine import Machine
+from twingap.effects.modes import Mode, modal_response
 from twingap.effects.observations import Observations
 from twingap.effects.registry import register
-from twingap.effects.ringing import Mode, ring
 
 Array = NDArray[np.float64]
 
@@ -62,11 +62,11 @@ class ForeignBearing(Effect):
 
     def apply(self, draft: Draft, rng: np.random.Generator) -> None:
         mode = Mode(self.resonance_hz, self.damping_ratio, self.level * draft.reference_rms)
-        before = math.ceil(mode.ringing_s * draft.shaft_hz * self.order) + 1
+        before = math.ceil(mode.ring_down_s * draft.shaft_hz * self.order) + 1
         count = np.arange(-before, math.ceil(draft.turns[-1] * self.order) + 1)
         turns = (count + rng.random()) / self.order
         turns, strengths = self._impacts(turns, rng)
-        draft.x += ring([mode], draft.condition.fs_hz, draft.x.size, draft.when(turns), strengths)
+        draft.x += modal_response([mode], draft.condition.fs_hz, draft.x.size, draft.when(turns), strengths)
 
     def _impacts(self, turns: Array, rng: np.random.Generator) -> tuple[Array, Array]:
         """Shaft angles and strengths of impacts that would come evenly, at these angles, and alike."""
@@ -77,7 +77,7 @@ class ForeignBearing(Effect):
 
     @classmethod
     def draw(cls, machine: Machine, rng: np.random.Generator) -> Mapping[str, float]:
-        mode = ringing_mode(rng, machine, (0.04, 0.44), (0.01, 0.15))
+        mode = secondary_mode(rng, machine, (0.04, 0.44), (0.01, 0.15))
         return {"level": log_uniform(rng, 0.8, 20.0), "order": rng.uniform(1.3, 13.0), **mode}
 
     def variant(self, machine: Machine, rng: np.random.Generator) -> Effect:

@@ -1,4 +1,4 @@
-"""A user's own effects, handed to worker processes and clusters, and the digest that tells an edited one.
+"""Transfer of a user's own effects to worker processes and clusters, and a digest that detects edits.
 
 A task takes `HandedEffects` as its first argument. Where that is unpickled, the effects of its sender are registered
 before any later argument is read: those of a file from the file's text, those registered in Python by value. A worker
@@ -58,7 +58,7 @@ class HandedEffects:
         return _received_from, (self.names, self.files, self.classes, self.digest, self.sender)
 
     def check(self) -> None:
-        """Refuse to go on without the sender's effects.
+        """Raise an error where the sender's effects are not registered.
 
         Raises
         ------
@@ -97,7 +97,7 @@ def _received_from(
             registry.without_entry_points()
             registry.replace_own({name: kinds[module][name] for name, module in names})
             _received = sender + digest
-        except Exception as error:  # told by `check`: a task that cannot be unpickled takes its worker down
+        except Exception as error:  # raised by `check`: a task that cannot be unpickled would stop its worker
             fault = str(error) if isinstance(error, TwingapError) else f"{type(error).__name__}: {error}"
     return HandedEffects(names, files, classes, digest, sender, fault)
 

@@ -23,13 +23,13 @@ from twingap.effects.registry import register
 Array = NDArray[np.float64]
 
 _BEFORE: Final = 0.3
-"""Part of a pass before the middle of an impact's energy in which nothing of it rings yet."""
+"""Part of a pass before the centre of an impact's energy at which the gain changes to the next impact's."""
 
 
 @register
 @dataclass(frozen=True)
 class ImpactScatter(FaultEffect):
-    """Impacts have random, independent strengths of mean 1 (lognormal: none strikes backwards).
+    """Impacts have random, independent strengths of mean 1 (lognormal, so always positive).
 
     Raises the floor of the envelope spectrum; its harmonics keep their width. On a finished waveform whose impacts
     stand out a gain of each; on rollers and other waveforms one that runs evenly from pass to pass, of the same

@@ -15,22 +15,22 @@ from twingap.effects import measurements
 from twingap.effects._features import IMPULSES
 from twingap.effects.base import Effect, Stage, parameter
 from twingap.effects.draft import Draft
-from twingap.effects.drawing import log_uniform, ringing_mode
+from twingap.effects.drawing import log_uniform, secondary_mode
 from twingap.effects.machine import Machine
+from twingap.effects.modes import Mode, modal_response
 from twingap.effects.observations import Observations
 from twingap.effects.registry import register
-from twingap.effects.ringing import Mode, ring
 
 Array = NDArray[np.float64]
 
 LEAST_RATE_HZ: Final = 0.3
-"""Added to the rates of impulses before features take their logarithm: records without any have one, too."""
+"""Added to rates before their logarithm, so that records without impulses have one. A larger value hides rare ones."""
 _RATES: Final = (0.06, 0.25, 4.0)
 """Factors on the rate at unchanged power: rare strong impulses and frequent weak ones have one spectrum."""
 _EVEN_LEVELS: Final = (0.55, 0.8)
-"""Factors on the strength of impulses that are as many as estimated, but alike."""
+"""Factors on the strength of regular impulses at the estimated rate."""
 _EVEN: Final = 0.3
-"""Spread of impulses of one loose part: their mean is twice what lies above a threshold that hides few of them."""
+"""Spread of the impulses of one loose part. A larger value tries less regular impulses."""
 
 
 @register
@@ -71,10 +71,10 @@ class ImpulsiveNoise(Effect):
 
     def apply(self, draft: Draft, rng: np.random.Generator) -> None:
         mode = Mode(self.resonance_hz, self.damping_ratio, self.level * draft.reference_rms)
-        begin, end = -mode.ringing_s, draft.condition.duration_s
+        begin, end = -mode.ring_down_s, draft.condition.duration_s
         count = rng.poisson(self.rate_hz * (end - begin))
         times = rng.uniform(begin, end, count)
-        draft.x += ring([mode], draft.condition.fs_hz, draft.x.size, times, self._strengths(count, rng))
+        draft.x += modal_response([mode], draft.condition.fs_hz, draft.x.size, times, self._strengths(count, rng))
 
     def _strengths(self, count: int, rng: np.random.Generator) -> Array:
         """[count] Of mean size 1."""
@@ -86,7 +86,7 @@ class ImpulsiveNoise(Effect):
 
     @classmethod
     def draw(cls, machine: Machine, rng: np.random.Generator) -> Mapping[str, float]:
-        mode = ringing_mode(rng, machine, (0.03, 0.44), (0.01, 0.25))
+        mode = secondary_mode(rng, machine, (0.03, 0.44), (0.01, 0.25))
         spread = 1.0 if rng.random() < 0.4 else rng.uniform(0.15, 1.0)
         level, rate_hz = log_uniform(rng, 4.0, 60.0), log_uniform(rng, 0.7, 40.0)
         return {"level": level, "rate_hz": rate_hz, "spread": spread, **mode}
@@ -98,12 +98,12 @@ class ImpulsiveNoise(Effect):
     def initial_values(self, seen: Observations) -> Iterator[Effect]:
         for of in ("all", "healthy"):
             yield from self._counted(seen, of)
-        rings = [self]
+        modes = [self]
         if seen.own_mode is not None:
             resonance_hz, damping_ratio = seen.own_mode
-            rings.append(dataclasses.replace(self, resonance_hz=resonance_hz, damping_ratio=damping_ratio))
-            yield rings[1]
-        for one in rings:
+            modes.append(dataclasses.replace(self, resonance_hz=resonance_hz, damping_ratio=damping_ratio))
+            yield modes[1]
+        for one in modes:
             for factor in _RATES:
                 rarer = {"rate_hz": factor * self.rate_hz, "level": self.level / math.sqrt(factor)}
                 yield dataclasses.replace(one, **rarer)
@@ -111,12 +111,12 @@ class ImpulsiveNoise(Effect):
                 yield dataclasses.replace(one, level=factor * self.level, spread=_EVEN)
 
     def _counted(self, seen: Observations, of: str) -> Iterator[ImpulsiveNoise]:
-        """Impulses at the rate that was counted and with those that noise hides, at their strength, in their mode."""
+        """Initial values from the counted impulses, and from the count corrected for those hidden in noise."""
         level, place, damping = (
-            seen.features[f"background.knock_{what}|{of}.level"] for what in ("level", "fs", "damping_log")
+            seen.features[f"background.impulse_{what}|{of}.level"] for what in ("level", "fs", "damping_log")
         )
         for counted in ("count_log", "rate_log"):
-            rate_hz = 10 ** seen.features[f"background.knock_{counted}|{of}.level"] - LEAST_RATE_HZ
+            rate_hz = 10 ** seen.features[f"background.impulse_{counted}|{of}.level"] - LEAST_RATE_HZ
             if min(rate_hz, place) > 0 and math.isfinite(level + damping):
                 for spread, louder in ((1.0, 1.0), (_EVEN, 2.0)):
                     yield self.moved(

@@ -1,4 +1,4 @@
-"""Impacts weighted by the load where they strike."""
+"""Weights of impacts by the local load."""
 
 from __future__ import annotations
 
@@ -27,15 +27,15 @@ Array = NDArray[np.float64]
 @register
 @dataclass(frozen=True)
 class LoadZone(FaultEffect):
-    """Impacts are weighted by the load where they strike, q = 1 + depth cos(angle); in a zone, by Stribeck's law.
+    """Impacts are weighted by the load at their angle, q = 1 + depth cos(angle); in a zone, by Stribeck's law.
 
-    Loaded is `extent` of the diameter. All of it: the load goes as the cosine. With clearance it is less than half, and
-    of the part of the load that a turn changes nothing is left beyond the zone: 1 - (1 - cos(angle)) / (2 extent), or
-    nothing (without the exponent of the contact, 3/2 for balls: impacts need not go as the load does).
+    `extent` is the loaded part of the diameter. With 1, the load is a cosine of the angle. With clearance it is below
+    one half, and the varying part of the load is 1 - (1 - cos(angle)) / (2 extent) within the zone and 0 beyond it
+    (without the exponent of the contact, 3/2 for balls, because impacts need not be proportional to the load).
 
-    A defect of the inner race turns through the load zone at shaft rate, one of a rolling element at cage rate; one of
-    the standing outer race stays where it is, and a cage carries no load. Where the record finds the defect is random.
-    On rollers it comes on top of the load that the contact model computes itself.
+    A defect of the inner race turns through the load zone at shaft rate, one of a rolling element at cage rate. The
+    outer race does not turn, and a cage carries no load. The initial angle of the defect is random. On rollers the
+    weight is additional to the load of the contact model.
     """
 
     references: ClassVar[tuple[str, ...]] = (f"{PAPER1}, eq. 1 (q)", MCFADDEN)

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import Protocol
 
 from twingap.bearing import Bearing
-from twingap.effects.ringing import Mode
+from twingap.effects.modes import Mode
 from twingap.records import Condition
 
 

@@ -10,6 +10,7 @@ from typing import ClassVar
 import numpy as np
 
 from twingap.effects import measurements
+from twingap.effects._features import CLARITY_OF_IMPACTS
 from twingap.effects._references import RANDALL_ANTONI
 from twingap.effects.base import Effect, Stage, parameter
 from twingap.effects.draft import Draft
@@ -24,8 +25,8 @@ from twingap.effects.registry import register
 class MeanSlip(Effect):
     """The cage runs slower (or, from a changed contact angle, faster) than its kinematic speed.
 
-    BPFO moves one way and BPFI the other, their sum stays Z; see `Bearing.slipped`. Lines stay sharp. What a roller's
-    spin does is not settled by the cage: it may keep rolling on the inner ring, roll on the outer one, or slide.
+    BPFO and BPFI change in opposite directions and their sum stays Z; see `Bearing.slipped`. Lines stay sharp. The
+    rollers' spin does not follow from the cage: they may roll on the inner ring, roll on the outer one, or slide.
     """
 
     stage: ClassVar[Stage] = Stage.SHAFT
@@ -34,8 +35,9 @@ class MeanSlip(Effect):
     look_alikes: ClassVar[tuple[str, ...]] = ("speed_fluctuation", "foreign_bearing")
     deciding_measurement: ClassVar[str] = measurements.TACHO
     features: ClassVar[tuple[str, ...]] = (
-        "events.rate_log_ratio", "events.shaft_log_ratio", "events.strike_*", "lines.*_ratio_log", "lines.shaft_lock",
-        "lines.wave_*_score", "lines.fault_comb_*", "context|slip*", "context|speed*", "events.wander_log",
+        *CLARITY_OF_IMPACTS, "impacts.rate_log_ratio", "impacts.shaft_log_ratio", "lines.*_ratio_log",
+        "lines.shaft_lock", "lines.wave_*_score", "lines.fault_comb_*", "context|slip*", "context|speed*",
+        "impacts.wander_log",
     )  # fmt: skip
     draw_weight: ClassVar[float] = 2.0
 
@@ -50,17 +52,17 @@ class MeanSlip(Effect):
 
     def apply(self, draft: Draft, rng: np.random.Generator) -> None:
         draft.cage_speed_ratio *= 1 - self.slip
-        # Contact dynamics settle a roller's spin themselves.
+        # Contact dynamics compute the rollers' spin themselves.
         draft.spin_share = 1.0 if draft.excitation == "rollers" else self.of_rollers
 
     def cannot_act_on(self, draft: Draft) -> str | None:
         if draft.excitation == "waveform":
-            return "a finished waveform no longer tells what turns with the cage from what turns with the shaft"
+            return "in a finished waveform, components of cage and shaft cannot be separated"
         return None
 
     @classmethod
     def draw(cls, machine: Machine, rng: np.random.Generator) -> Mapping[str, float] | None:
-        # One fault alone shows it where the shaft itself is seen, by tones or side lines.
+        # A single fault shows it only if tones or side lines show the shaft's rate.
         if not faults(machine):
             return None
         other = rng.choice([-1.0, 0.0, rng.uniform(-1.5, 0.5)])
@@ -70,7 +72,7 @@ class MeanSlip(Effect):
         }
 
     def initial_values(self, seen: Observations) -> Iterator[Effect]:
-        slip = seen.features["context|slip_seen"]
+        slip = seen.features["context|slip_measured"]
         if math.isfinite(slip):
             for share in (1.0, 0.0, seen.features["context|slip_rollers"]):
                 if math.isfinite(share):

@@ -1,4 +1,4 @@
-"""Measurements that tell effects apart which look alike in one set of records."""
+"""Measurements that distinguish effects which look alike in one set of records."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ OTHER_SPEED: Final = (
 )
 HAMMER: Final = (
     "strike the housing with an instrumented hammer at standstill: the response shows the modes and the sensor's "
-    "own loss without the bearing's excitation"
+    "roll-off without the bearing's excitation"
 )
 BACKGROUND: Final = (
     "record the background with the bearing unloaded or at standstill and its surroundings running: noise stays, "
@@ -31,4 +31,8 @@ LONGER: Final = (
 LOAD: Final = (
     "record at another radial load: modulation by the load zone changes with it, modulation by the cage hardly does"
 )
-ALONG: Final = "take more records along the run, at the same speed and load, to tell growth from operating conditions"
+ALONG: Final = (
+    "take more records along the run, at the same speed and load, to distinguish growth from operating conditions"
+)
+    "take more records along the run, at the same speed and load, to distinguish growth from operating conditions"
+)

@@ -15,8 +15,8 @@ from twingap.bearing import Bearing
 from twingap.effects.angle import at_angles
 from twingap.effects.base import Effect, Stage
 from twingap.effects.draft import Draft
+from twingap.effects.modes import LEAD
 from twingap.effects.registry import in_order
-from twingap.effects.ringing import LEAD
 from twingap.errors import TwingapError
 from twingap.records import Record
 from twingap.streams import Streams
@@ -30,7 +30,7 @@ def apply_to_waveform(
     bearing: Bearing,
     reference_rms: float,
     streams: Streams,
-    still: Array | None = None,
+    background: Array | None = None,
 ) -> Record:
     """The record with these effects added to what it holds already.
 
@@ -43,12 +43,13 @@ def apply_to_waveform(
     bearing : Bearing
         Geometry of the bearing under test.
     reference_rms : float
-        RMS of the machine's healthy vibration in the record's unit: the yardstick of disturbances and of the converter.
+        RMS of the machine's healthy vibration in the record's unit: the amplitude scale of disturbances and of the
+        converter.
     streams : Streams
         The record's random streams; each effect draws from its own.
-    still : Array [samples], optional
-        What of a record with a defect is not its impacts', see `Background`: effects on impacts leave that as it is.
-        None: they act on all of it.
+    background : Array [samples], optional
+        The part of a record with a defect that is not impacts, see `Background`; effects on impacts leave it unchanged.
+        None: they act on the whole record.
 
     Returns
     -------
@@ -58,7 +59,7 @@ def apply_to_waveform(
     Raises
     ------
     TwingapError
-        When an effect cannot act on a finished waveform (`Effect.cannot_act_on` says why), or the yardstick is not
+        When an effect cannot act on a finished waveform (see `Effect.cannot_act_on`), or `reference_rms` is not
         positive.
     """
     if not (np.isfinite(reference_rms) and reference_rms > 0):
@@ -70,8 +71,8 @@ def apply_to_waveform(
     draft = Draft(condition, bearing, reference_rms, t, evenly.copy(), excitation="waveform", x=x)
     chain = in_order(tuple(effects))
     for stage in Stage:
-        if stage is Stage.EXCITATION and still is not None and draft.faulty:
-            draft.x, draft.still = draft.x - still, still
+        if stage is Stage.EXCITATION and background is not None and draft.faulty:
+            draft.x, draft.background = draft.x - background, background
         for effect in chain:
             if effect.stage == stage:
                 if reason := effect.cannot_act_on(draft):
@@ -79,18 +80,18 @@ def apply_to_waveform(
                 effect.apply(draft, streams(effect.name))
         if stage is Stage.SHAFT and not np.array_equal(draft.turns, evenly):
             draft.x = at_angles(draft.x, evenly, draft.turns)
-            still = None if still is None else at_angles(still, evenly, draft.turns)
+            background = None if background is None else at_angles(background, evenly, draft.turns)
         elif stage is Stage.EXCITATION:
             if draft.cage_lag is not None:
                 draft.x = at_angles(draft.x, draft.turns, draft.turns - draft.cage_lag)
-                if draft.still is not None:  # noise that comes a little later is as good as before
-                    draft.still = at_angles(draft.still, draft.turns, draft.turns - draft.cage_lag)
+                if draft.background is not None:  # noise that comes a little later is as good as before
+                    draft.background = at_angles(draft.background, draft.turns, draft.turns - draft.cage_lag)
             if draft.gain is not None:
                 draft.x = draft.x * draft.gain
-            if draft.still is not None:
-                draft.x, draft.still = draft.x + draft.still, None
+            if draft.background is not None:
+                draft.x, draft.background = draft.x + draft.background, None
         elif stage is Stage.PATH and draft.filters:
-            # Nobody knows what was before the record: its beginning, mirrored, comes nearest.
+            # The signal before the record is unknown; its mirrored beginning is used.
             x = np.pad(draft.x, (LEAD, 0), mode="reflect")
             for act in draft.filters:
                 x = act(x)

@@ -219,7 +219,7 @@ def _located(error: BaseException, file: EffectFile) -> TwingapError:
 
 
 def _check(kind: object) -> None:
-    """Refuse a class that is no complete effect, and say what it lacks."""
+    """Raise an error for a class that is not a complete effect, naming what it lacks."""
     if not (isinstance(kind, type) and issubclass(kind, Effect)):
         raise TwingapError(f"{getattr(kind, '__name__', kind)} is not a subclass of Effect")
     lacks = None
@@ -251,7 +251,7 @@ def _load_entry_points() -> None:
     global _entry_points_loaded
     if _entry_points_loaded:
         return
-    _entry_points_loaded = True  # a package may look into the catalogue while it is imported
+    _entry_points_loaded = True  # a package may read the catalogue while it is imported
     for point in importlib.metadata.entry_points(group=ENTRY_POINTS):
         try:
             found = point.load()

@@ -20,27 +20,27 @@ from twingap.effects.base import Effect, Stage, parameter
 from twingap.effects.draft import Draft
 from twingap.effects.drawing import healthy_density, log_uniform
 from twingap.effects.machine import Machine
+from twingap.effects.modes import Mode
 from twingap.effects.observations import Observations
 from twingap.effects.registry import register
-from twingap.effects.ringing import Mode
 
 Array = NDArray[np.float64]
 
 _DAMPINGS: Final = (0.02, 0.06)
 _GAINS: Final = (0.1, 0.4, 1.6)
-"""Values that a search tries, each with each, in step with the first mode and against it."""
+"""Trial values of a search, all combinations, in phase with the first mode and in opposition. More are slower."""
 _APART: Final = 0.2
-"""Logarithm of the ratio of both frequencies below which two modes look like one."""
+"""Log ratio of both frequencies below which two modes cannot be distinguished. A larger value draws fewer."""
 
 
 @register
 @dataclass(frozen=True)
 class SecondResonance(Effect):
-    """One more structural mode, beside the first: a peak that stays at its frequency whatever the speed.
+    """A second structural mode: a peak that stays at its frequency whatever the speed.
 
-    Impacts, rollers' contacts and broadband forces pass through both modes in parallel. Where a sensor sits elsewhere
-    than the force acts, a mode may move it the other way: then the two cancel on other sides of their peaks. A finished
-    waveform has passed a path already: what it holds around the frequency is raised by up to 1 + gain.
+    Impacts, rollers' contacts and broadband forces pass through both modes in parallel. Where the sensor is not at the
+    point of the force, a mode may have the opposite sign: the two then cancel on the other sides of their peaks. A
+    finished waveform has passed a path already: its spectrum around the frequency is raised by up to 1 + gain.
     """
 
     stage: ClassVar[Stage] = Stage.PATH
@@ -96,7 +96,7 @@ class SecondResonance(Effect):
                     yield dataclasses.replace(self, opposed=opposed, damping_ratio=damping, gain=gain)
 
     def spectral_values(self, seen: Observations) -> Sequence[Effect]:
-        """The second modes that explain the spectra best, with the first and against it; either may be the twin's."""
+        """The second modes that explain the spectra best, in phase and in opposition; either may be the twin's."""
         return [
             self.moved(frequency_hz=place_hz, damping_ratio=damping, gain=abs(gain), opposed=gain < 0)
             for pair in (seen.mode_pairs() if seen.own_mode is not None else ())

@@ -31,21 +31,21 @@ _CORNERS: Final = np.geomspace(0.02, 0.8, 14)
 """Of the sampling rate."""
 _BACKGROUNDS: Final = (0.0, 0.8, 0.95, 0.985, 1.0)
 _SHIFTS: Final = (-0.1, -0.05, -0.02, 0.0, 0.02, 0.05, 0.1)
-"""Of the mode, about where it was calibrated to be and about the highest peak: logarithms."""
+"""Trial shifts, logarithmic, of the mode from its calibrated frequency and from the highest peak."""
 _DAMPINGS: Final = (0.01, 0.018, 0.03, 0.05, 0.09, 0.16)
 """Damping ratios of the mode."""
-_LIKELIEST: Final = 5
-"""Fits that are handed on. More cost one calibration each."""
+_BEST_FITS: Final = 5
+"""Best fits that are returned. More cost one calibration each."""
 
 
 @register
 @dataclass(frozen=True)
 class SensorRolloff(Effect):
-    """A low-pass of the sensor or its mounting: smooth loss above a corner, the same in all records.
+    """A low-pass of the sensor or its mounting: roll-off above a corner frequency, the same in all records.
 
-    The analogue Butterworth response, so that the loss is right up to half the sampling rate and for corners above it.
-    Disturbances come after the sensor and keep their level. So does the twin's white noise, but for the part of it that
-    is a machine's broadband background: flow, seals and other bearings pass the sensor, too.
+    The response is an analogue Butterworth filter, exact up to half the sampling rate and for corners above it.
+    Disturbances are added after the sensor and keep their level. So does the twin's white noise, except for the part
+    `background`, the broadband vibration of the machine (flow, seals, other bearings), which passes the sensor.
     """
 
     stage: ClassVar[Stage] = Stage.PATH
@@ -61,7 +61,7 @@ class SensorRolloff(Effect):
 
     corner_hz: float = parameter(
         3000.0, unit="Hz", plausible=(500.0, 15000.0), allowed=(1.0, 1e7), log=True, above_nyquist=True,
-        doc="frequency of 3 dB loss",
+        doc="frequency of 3 dB attenuation",
     )  # fmt: skip
     order: int = parameter(
         2, unit="", plausible=(1, 6), allowed=(1, 12), exact=True, doc="order of the filter: 6 dB per octave each"
@@ -73,12 +73,12 @@ class SensorRolloff(Effect):
     def apply(self, draft: Draft, rng: np.random.Generator) -> None:
         fs_hz = draft.condition.fs_hz
 
-        def heard(x: Array) -> Array:
+        def sensed(x: Array) -> Array:
             return filtered(x, self._response(fast_length(x.size), fs_hz))
 
-        draft.filters.append(heard)
+        draft.filters.append(sensed)
         if self.background > 0:
-            draft.heard.append((self.background, heard))
+            draft.sensed_noise.append((self.background, sensed))
 
     def _response(self, n: int, fs_hz: float) -> Array:
         """At the frequencies of a real transform of n samples."""
@@ -87,11 +87,11 @@ class SensorRolloff(Effect):
     @classmethod
     def draw(cls, machine: Machine, rng: np.random.Generator) -> Mapping[str, float]:
         order, loss_db = int(rng.integers(1, 7)), log_uniform(rng, 1.0, 18.0)
-        # Lost at the resonance, or high up: there only background is left to lose.
+        # Attenuation at the resonance, or at high frequencies, where only background is left.
         at_hz = machine.parameters.resonance_hz
         if rng.random() < 0.5:
             at_hz = max(at_hz, rng.uniform(0.2, 0.45) * machine.conditions[0].fs_hz)
-        # Most of what a sensor shows between modes is the machine's, or most is its own.
+        # Most of the noise between modes is the machine's, or most is the chain's.
         background = 0.0 if rng.random() < 0.3 else 1 - 10 ** rng.uniform(-2.5, -0.1)
         corner_hz = at_hz / (10 ** (loss_db / 10) - 1) ** (0.5 / order)
         return {"corner_hz": corner_hz, "order": order, "background": background}
@@ -100,19 +100,19 @@ class SensorRolloff(Effect):
         return RealPoleRolloff(**self.parameter_values())
 
     def spectral_values(self, seen: Observations) -> Sequence[Effect]:
-        """The low-passes that explain the healthy spectra best, each with the mode and the levels that suit it.
+        """The low-passes that explain the healthy spectra best, each with its best mode and levels.
 
-        The spectrum of a twin with a low-pass is known in closed form: loss times (structure noise through its mode,
-        and the part of the white noise that passes the sensor), plus white noise behind it; that of finished waveforms,
-        loss times what they have. What other effects add is not in it. A low-pass of the wrong order is made up for by
-        a mode of the wrong damping, so that both are fitted together.
+        The spectrum of a twin with a low-pass has a closed form: roll-off times (structure noise through its mode, and
+        the part of the white noise that passes the sensor), plus white noise behind it; for finished waveforms, the
+        roll-off times their spectrum. Other effects are not included. A wrong damping of the mode can compensate for a
+        wrong order, so that both are fitted together.
         """
         healthy = seen.healthy()
         if healthy is None:
             return ()
         return [
             dataclasses.replace(self, order=order, corner_hz=corner * healthy.fs_hz, background=background)
-            for _, order, corner, background in sorted(self._scored(healthy))[:_LIKELIEST]
+            for _, order, corner, background in sorted(self._scored(healthy))[:_BEST_FITS]
         ]
 
     def _scored(self, healthy: HealthySpectrum) -> list[tuple[float, int, float, float]]:
@@ -121,17 +121,17 @@ class SensorRolloff(Effect):
         f = healthy.places[inside]
         wanted = healthy.density[inside] * healthy.fs_hz
         wanted = np.maximum(wanted, 1e-9 * wanted.max())  # a band in which a coarse converter shows nothing
-        losses = [(order, float(c), 1 / (1 + (f / c) ** (2 * order))) for order in _ORDERS for c in _CORNERS]
+        rolloffs = [(order, float(c), 1 / (1 + (f / c) ** (2 * order))) for order in _ORDERS for c in _CORNERS]
         if not healthy.centres_hz:
             bare = np.maximum(healthy.twin()[inside] * healthy.fs_hz, 1e-300)
-            return [(misfit_at_any_level(bare * loss, wanted), n, c, self.background) for n, c, loss in losses]
+            return [(misfit_at_any_level(bare * kept, wanted), n, c, self.background) for n, c, kept in rolloffs]
         modes = np.array([
             healthy.mode(centre * math.exp(shift), width)[inside] * healthy.fs_hz
             for centre in healthy.centres_hz for shift in _SHIFTS for width in _DAMPINGS
         ])  # fmt: skip
         return [
-            (misfit_of_modes(modes * loss, 2 * (part * loss + 1 - part), wanted), order, corner, part)
-            for order, corner, loss in losses for part in _BACKGROUNDS
+            (misfit_of_modes(modes * kept, 2 * (part * kept + 1 - part), wanted), order, corner, part)
+            for order, corner, kept in rolloffs for part in _BACKGROUNDS
         ]  # fmt: skip
 
 
@@ -145,7 +145,7 @@ def _low_pass(n: int, fs_hz: float, corner_hz: float, order: int) -> Array:
 
 @dataclass(frozen=True)
 class RealPoleRolloff(SensorRolloff):
-    """As many equal real poles as the order says (glue, cables, wax), 3 dB down at the same corner."""
+    """Equal real poles, as many as the order (glue, cables, wax), with 3 dB at the same corner."""
 
     def _response(self, n: int, fs_hz: float) -> Array:
         pole_hz = self.corner_hz / math.sqrt(2 ** (1 / self.order) - 1)

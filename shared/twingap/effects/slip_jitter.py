@@ -28,7 +28,7 @@ Array = NDArray[np.float64]
 @register
 @dataclass(frozen=True)
 class SlipJitter(FaultEffect):
-    """Impacts come at random angles about their places, or with random spacings that add up.
+    """Impacts have random angular deviations from their places, or random spacings that accumulate.
 
     Not accumulating (tau_i of eq. 1 of paper 1): sharp lines whose harmonic n falls as exp(-(2 pi n sigma)^2 / 2), and
     a raised floor. Accumulating (D'Elia & Cocconcelli's public code, random slip of the cage): lines broaden as n^2.
@@ -54,14 +54,14 @@ class SlipJitter(FaultEffect):
     )  # fmt: skip
     accumulating: bool = parameter(
         False, unit="", plausible=(0, 1), allowed=(0, 1), fitted=False, exact=True,
-        doc="whether spacings are random and add up, rather than places",
+        doc="whether random spacings accumulate, rather than deviations from places",
     )  # fmt: skip
 
     def on_impacts(self, draft: Draft, impacts: Impacts, rng: np.random.Generator) -> None:
         places, count = by_pass(impacts)
         late = self.sigma / draft.fault_order * self._lateness(count, rng)
         if self.accumulating:
-            # A walk of the train itself: what weighs impacts by shaft angle has to see it.
+            # The roller train itself moves, so that weights by shaft angle have to see it.
             impacts.turns = impacts.turns + np.cumsum(late)[places]
         else:
             impacts.delays = late[places] if impacts.delays is None else impacts.delays + late[places]
@@ -69,9 +69,9 @@ class SlipJitter(FaultEffect):
     def on_waveform(self, draft: Draft, rng: np.random.Generator) -> None:
         at, known = passes_within(draft, rng)
         late = self._lateness(at.size, rng)
-        # Interpolating at a random place between two independent draws leaves 2/3 of the variance.
+        # Interpolation at a random place between two independent draws reduces the variance to 2/3.
         late = np.cumsum(late) if self.accumulating else (1.0 if known else math.sqrt(1.5)) * late
-        # A train that is late by one roller spacing is late by 1 / BPFO shaft turns, whatever the defect strikes at.
+        # A train that is late by one roller spacing is late by 1 / BPFO shaft turns.
         order = draft.fault_order
         if draft.excitation == "rollers":
             order = draft.bearing.slipped(draft.cage_speed_ratio)["outer"]
@@ -98,7 +98,7 @@ class SlipJitter(FaultEffect):
 
 @dataclass(frozen=True)
 class NonGaussianJitter(SlipJitter):
-    """Spacings that are evenly spread, or seldom far off, rather than normal.
+    """Uniform or Laplacian rather than normal deviations.
 
     Parameters
     ----------

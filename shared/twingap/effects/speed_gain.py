@@ -20,9 +20,9 @@ from twingap.effects.observations import Observations
 from twingap.effects.registry import register
 
 _APART: Final = math.log(1.12)
-"""Logarithm of the fastest over the slowest record of one fault from which a gain over speed shows."""
+"""Smallest log ratio of speeds of one fault for which a gain is drawn. A larger value draws fewer."""
 _FELT: Final = 0.2
-"""Part of the impacts' gain from which healthy records show it too."""
+"""Smallest `on_noise` at which healthy records count as showing the gain. A larger value draws fewer."""
 _SHOWN: Final = 0.15
 """Slope of log amplitudes times the spread of log speeds that just shows: three times the error of measured levels."""
 
@@ -32,8 +32,8 @@ _SHOWN: Final = 0.15
 class SpeedGain(Effect):
     """All excitation is stronger or weaker with speed, S = (speed / reference)^exponent, at the record's mean speed.
 
-    Eq. 10 of paper 1 with c constant is exponent 1. The shape of a record stays. White noise of the measuring chain and
-    disturbances do not change. What a bearing without a defect does may depend on speed less than impacts do.
+    Eq. 10 of paper 1 with c constant is exponent 1. White noise of the measuring chain and disturbances do not change.
+    The noise of a healthy bearing may depend on speed less than impacts do (`on_noise`).
     """
 
     stage: ClassVar[Stage] = Stage.EXCITATION
@@ -69,8 +69,8 @@ class SpeedGain(Effect):
         draft.amplify_force(on_noise)
         if draft.excitation != "impacts":
             draft.modulate(gain if draft.faulty else on_noise)
-        if draft.still is not None:
-            draft.still = draft.still * on_noise
+        if draft.background is not None:
+            draft.background = draft.background * on_noise
 
     @classmethod
     def draw(cls, machine: Machine, rng: np.random.Generator) -> Mapping[str, float] | None:
@@ -84,7 +84,7 @@ class SpeedGain(Effect):
         courses = [x for x in courses if x.size and np.ptp(x) > _APART]
         if not courses:
             return None
-        sign = 1 if rng.random() < 0.6 else -1  # faster strikes harder, and may leave a resonance behind
+        sign = 1 if rng.random() < 0.6 else -1  # higher speed is mostly stronger, but may move away from a resonance
         speeds = [c.speed_rpm for c in machine.conditions]
         reference = 1800.0 if rng.random() < 0.3 else float(np.median(speeds))
         least = float(np.clip(_SHOWN / math.sqrt(sum(float(((x - x.mean()) ** 2).sum()) for x in courses)), 0.15, 0.8))
@@ -96,7 +96,7 @@ class SpeedGain(Effect):
         return BentSpeedGain(**self.parameter_values(), bend=self.exponent * rng.normal(0, 0.5))
 
     def initial_values(self, seen: Observations) -> Iterator[Effect]:
-        for trend in ("trend|speed_strikes", "trend|speed_alone", "trend|speed_answer"):
+        for trend in ("trend|speed_impacts", "trend|speed_partial", "trend|speed_harmonics"):
             exponent = seen.features[trend]
             if math.isfinite(exponent):
                 for part in (0.0, 1.0):

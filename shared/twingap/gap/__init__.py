@@ -3,7 +3,8 @@
 records + twin --calibrate--> --measure--> --where--> --which--> --how far--> GapReport
 """
 
-from typing import TYPE_CHECKING, Any
+from importlib import import_module
+from typing import TYPE_CHECKING, Any, Final
 
 if TYPE_CHECKING:
     from twingap.gap.api import diagnose
@@ -11,26 +12,18 @@ if TYPE_CHECKING:
     from twingap.gap.report.files import read_report
     from twingap.gap.report.model import GapReport
 
+_MODULES: Final = {
+    "diagnose": "twingap.gap.api", "Diagnosis": "twingap.gap.diagnosis", "GapReport": "twingap.gap.report.model",
+    "read_report": "twingap.gap.report.files",
+}  # fmt: skip
+"""Public names and their modules, imported on first use, so that a report is read without the diagnosis."""
+
 
 def __getattr__(name: str) -> Any:
-    """Public names, imported when they are asked for: a report is read without what diagnoses."""
-    if name == "diagnose":
-        from twingap.gap.api import diagnose
-
-        return diagnose
-    if name == "Diagnosis":
-        from twingap.gap.diagnosis import Diagnosis
-
-        return Diagnosis
-    if name == "GapReport":
-        from twingap.gap.report.model import GapReport
-
-        return GapReport
-    if name == "read_report":
-        from twingap.gap.report.files import read_report
-
-        return read_report
-    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    """A public name, from its module."""
+    if name not in _MODULES:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return getattr(import_module(_MODULES[name]), name)
 
 
 __all__ = ["Diagnosis", "GapReport", "diagnose", "read_report"]

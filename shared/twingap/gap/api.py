@@ -19,20 +19,20 @@ from threadpoolctl import threadpool_limits
 
 from twingap.effects import catalogue
 from twingap.errors import TwingapError
-from twingap.gap.diagnosis import Diagnosis, FilePath, Progress, quiet
+from twingap.gap.diagnosis import Diagnosis, FilePath, Progress, no_progress
 from twingap.gap.distance.closure import Closure, closure_interval, paired
 from twingap.gap.distance.closure_metrics import closure_metrics
 from twingap.gap.distance.curves import curves
 from twingap.gap.distance.feature_vectors import FeatureVectors
 from twingap.gap.distance.localisation import locate
 from twingap.gap.distance.paired import Paired
-from twingap.gap.distance.two_sample_tests import overall_tests
+from twingap.gap.distance.two_sample_tests import two_sample_tests
 from twingap.gap.external_simulator import ExternalSimulator
 from twingap.gap.held_out import HeldOut, values_of_effect
 from twingap.gap.knowledge import shipped
 from twingap.gap.knowledge.learnt import Learnt
-from twingap.gap.report.model import GapReport, ParameterValue, Place, StandIns, Status, Verdict
-from twingap.gap.search.closest_twin import stand_ins
+from twingap.gap.report.model import GapReport, ParameterValue, Place, Status, SurrogateEffects, Verdict
+from twingap.gap.search.closest_twin import surrogate_effects
 from twingap.gap.search.effect_search import ALPHA, ALPHA_REST, SURE, Explanation, explain
 from twingap.gap.search.evidence import THOROUGH, Compared, Evidence, simulator_of
 from twingap.gap.search.exchange_test import exchange_p_value
@@ -93,22 +93,18 @@ def diagnose(
     progress : callable, optional
         Called with a description of the current step and the completed part, 0 to 1.
 
-    Returns
-    -------
-    Diagnosis
-
     Raises
     ------
     TwingapError
         When a file cannot be read, or the records cannot be diagnosed.
     """
-    begin, told = time.monotonic(), progress or quiet
+    begin, progress = time.monotonic(), progress or no_progress
     spec, twin_file = (twin, "") if isinstance(twin, TwinSpec) else (read_twin(twin), Path(twin).name)
     records, sim = _record_set(records), None if sim is None else _record_set(sim)
     # Matrices are small and models predict one row at a time: more threads are slower.
     with threadpool_limits(1):
-        found = _diagnosed(records, spec, np.random.default_rng(seed), sim, told, learnt, closest)
-        told("done", 1.0)
+        found = _diagnosed(records, spec, np.random.default_rng(seed), sim, progress, learnt, closest)
+        progress("done", 1.0)
     known = {
         "records": records.name,
         "twin": twin_file,
@@ -134,51 +130,53 @@ def _diagnosed(
     closest: bool,
 ) -> Diagnosis:
     """The diagnosis without the provenance that `diagnose` adds."""
-    _two_or_more(records)
-    brought = spec if sim is None else replace(spec, bearing=sim.bearing)
-    notes = [told] if (told := overruled(brought, records.bearing, "twin file" if sim is None else sim.name)) else []
+    _require_two_records(records)
+    stated = spec if sim is None else replace(spec, bearing=sim.bearing)
+    notes = [note] if (note := overruled(stated, records.bearing, "twin file" if sim is None else sim.name)) else []
     used = _thinned(records, notes)
     progress("calibration", 0.02)
     prepared = prepare(used, None if sim is not None else spec, rng, sim=sim)
     learnt = shipped() if learnt is None else learnt
     if sim is None:
-        spec, completing = completed(prepared, spec, copy.deepcopy(rng), learnt)
-        notes += completing
+        spec, estimated = completed(prepared, spec, copy.deepcopy(rng), learnt)
+        notes += estimated
     calibrated = calibrate_prepared(prepared, None if sim is not None else spec, rng)
     root = root_entropy(rng) >> 66
     simulator = simulator_of(calibrated, sim)
     evidence = Evidence(calibrated, simulator, spec, root, THOROUGH)
     found = explain(evidence, learnt, lambda what, part: progress(what, 0.1 + 0.5 * part))
     progress("exchange of records", 0.6)
-    found, unlike = _confirmed(found, evidence)
-    notes += unlike
+    found, exchange_notes = _confirmed(found, evidence)
+    notes += exchange_notes
     progress("places and tests", 0.65)
-    trial = HeldOut(evidence, found)
-    before = trial.replicates(found.before.simulator, found.before.effects, trial.most)
-    first = Paired(trial.real, before)
+    held_out = HeldOut(evidence, found)
+    before = held_out.replicates(found.before.simulator, found.before.effects, held_out.most)
+    first = Paired(held_out.real, before)
     located = locate(first, rng)
-    tests = tuple(test.test for test in overall_tests(first, rng))
+    tests = tuple(test.test for test in two_sample_tests(first, rng))
     after = before
     if found.gap and found.after.effects:
-        after = trial.replicates(found.after.simulator, found.after.effects, trial.fewer)
+        after = held_out.replicates(found.after.simulator, found.after.effects, held_out.fewer)
     count = min(len(before), len(after))
     progress("closure", 0.75)
-    pairs = paired(trial.real, before[:count], after[:count])
+    pairs = paired(held_out.real, before[:count], after[:count])
     floors = pairs[1].floor(rng)
     floor, _ = floors
-    metrics = closure_metrics(trial.real, before[:count], after[:count], rng, more=trial.lessons(), floors=floors)
+    metrics = closure_metrics(
+        held_out.real, before[:count], after[:count], rng, more=held_out.training_sets(), floors=floors
+    )
     closed = closure_interval(*pairs, floor, rng)
     progress("candidates", 0.8)
-    candidates = tuple(trial.candidates(learnt, floor, rng, lambda part: progress("candidates", 0.8 + 0.18 * part)))
-    rest = locate(Paired(trial.real, after), rng).places if found.gap else ()
+    candidates = tuple(held_out.candidates(learnt, floor, rng, lambda part: progress("candidates", 0.8 + 0.18 * part)))
+    rest = locate(Paired(held_out.real, after), rng).places if found.gap else ()
     status = _status(found, closed, rest)
     verdict = Verdict(
         status, found.names if status in ("explained", "partly_explained") else (), found.confidence_set,
         found.p_value, *((closed.closure, closed.ci) if found.after.effects and found.gap else (None, None)),
     )  # fmt: skip
-    closer, told_closer = None, None
+    closer, surrogates = None, None
     if closest and status in ("partly_explained", "unexplained"):
-        told_closer, closer, tried = _with_stand_ins(trial, (before, after), learnt, rng, progress)
+        surrogates, closer, tried = _with_surrogates(held_out, (before, after), learnt, rng, progress)
         notes += tried
     rates = sorted({c.fs_hz for c in records.conditions})
     report = GapReport(
@@ -194,47 +192,47 @@ def _diagnosed(
             "fs_hz": rates[0] if len(rates) == 1 else rates,
             "learnt": {key: learnt.about[key] for key in ("version", "machines", "seed") if key in learnt.about},
         },
-        notes=(*notes, *calibrated.notes, *_told(found)),
+        notes=(*notes, *calibrated.notes, *_notes(found)),
         calibration=_calibration(calibrated, found),
         rest=rest if status in ("partly_explained", "unexplained") else (),
         tests=tests,
-        curves=curves(trial.real, before[:count], after[:count] if after is not before else None),
-        stand_ins=told_closer,
+        curves=curves(held_out.real, before[:count], after[:count] if after is not before else None),
+        stand_ins=surrogates,
     )
     return Diagnosis(report, found, calibrated, root, closer, closest)
 
 
-def _with_stand_ins(
-    trial: HeldOut,
+def _with_surrogates(
+    held_out: HeldOut,
     verdict: tuple[list[FeatureVectors], list[FeatureVectors]],
     learnt: Learnt,
     rng: np.random.Generator,
     progress: Progress,
-) -> tuple[StandIns | None, Compared | None, list[str]]:
+) -> tuple[SurrogateEffects | None, Compared | None, list[str]]:
     """Surrogate effects for the rest, kept only where they reduce the distance of held-out records significantly.
 
     Returns
     -------
-    StandIns or None, Compared or None, list of str
+    SurrogateEffects or None, Compared or None, list of str
         Their report, the comparison with them, and notes.
     """
-    found = trial.found
-    closer = stand_ins(trial.evidence, found, learnt, lambda what, _: progress(what, 0.98))
+    found = held_out.found
+    closer = surrogate_effects(held_out.evidence, found, learnt, lambda what, _: progress(what, 0.98))
     none = ["none of the other effects brings the twin significantly closer to the held-out records"]
     if closer is None:
         return None, None, none
     now = closer.compared
-    views = trial.replicates(now.simulator, now.effects, trial.fewer)
-    count = min(*map(len, verdict), len(views))
-    before, after, views = verdict[0][:count], verdict[1][:count], views[:count]
-    further = paired(trial.real, after, views)
+    vectors = held_out.replicates(now.simulator, now.effects, held_out.fewer)
+    count = min(*map(len, verdict), len(vectors))
+    before, after, vectors = verdict[0][:count], verdict[1][:count], vectors[:count]
+    further = paired(held_out.real, after, vectors)
     if closure_interval(*further, further[1].floor(rng)[0], rng).ci[0] <= 0:
         return None, None, none
-    pairs = paired(trial.real, before, views)
+    pairs = paired(held_out.real, before, vectors)
     closed = closure_interval(*pairs, pairs[1].floor(rng)[0], rng)
-    metrics = closure_metrics(trial.real, before, views, rng, more=trial.lessons(now))
+    metrics = closure_metrics(held_out.real, before, vectors, rng, more=held_out.training_sets(now))
     values = {effect.name: values_of_effect(effect, {}) for effect in now.effects}
-    return StandIns(closer.added, values, closed.closure, closed.ci, metrics), now, []
+    return SurrogateEffects(closer.added, values, closed.closure, closed.ci, metrics), now, []
 
 
 def _confirmed(found: Explanation, evidence: Evidence) -> tuple[Explanation, list[str]]:
@@ -248,14 +246,14 @@ def _confirmed(found: Explanation, evidence: Evidence) -> tuple[Explanation, lis
     p = exchange_p_value(evidence)
     if p is None or p <= ALPHA:
         return replace(found, p_value=max(found.p_value, p or 0.0)), []
-    told = (
+    note = (
         f"machines that were learnt from seldom look like this without a gap (p = {found.p_value:.2g}), but when "
         f"records and simulated ones change sides at random that is not rare (p = {p:.2g}): recordings differ as much "
         "from each other"
     )
     sets = ((), *(effects for effects in found.confidence_set if effects))
     nothing = replace(found, gap=False, effects=(), p_value=p, confidence_set=sets, after=found.before)
-    return nothing, [told]
+    return nothing, [note]
 
 
 def _status(found: Explanation, closed: Closure, rest: Sequence[Place]) -> Status:
@@ -274,7 +272,7 @@ def _status(found: Explanation, closed: Closure, rest: Sequence[Place]) -> Statu
     return "explained" if reached and not plain else "partly_explained"
 
 
-def _two_or_more(records: RecordSet) -> None:
+def _require_two_records(records: RecordSet) -> None:
     """Error for a record set with fewer than two records."""
     if len(records) < 2:
         raise TwingapError(
@@ -315,7 +313,7 @@ def _calibration(calibrated: Calibrated, found: Explanation) -> dict[str, Parame
     return out
 
 
-def _told(found: Explanation) -> Iterator[str]:
+def _notes(found: Explanation) -> Iterator[str]:
     """Notes on effects that cannot be added, on the simulator, and on a change of level."""
     for name in found.names:
         if name in found.cannot:

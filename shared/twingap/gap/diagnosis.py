@@ -26,7 +26,7 @@ Progress = Callable[[str, float], None]
 FilePath = str | os.PathLike[str]
 
 
-def quiet(what: str, fraction: float) -> None:
+def no_progress(what: str, fraction: float) -> None:
     """Show no progress."""
 
 
@@ -43,7 +43,7 @@ class Diagnosis:
         Entropy that all simulated records derive from.
     closest : Compared or None
         The twin with the verdict's effects and stand-ins; None where stand-ins were not asked for or do not help.
-    closest_asked : bool
+    write_closest : bool
         Whether `write` writes the closest twin too.
     """
 
@@ -52,7 +52,7 @@ class Diagnosis:
     calibrated: Calibrated
     root: int
     closest: Compared | None = None
-    closest_asked: bool = False
+    write_closest: bool = False
 
     def sim_before(self) -> Iterator[Record]:
         """Records of the calibrated twin as given, for the conditions of all records used."""
@@ -103,17 +103,17 @@ class Diagnosis:
         TwingapError
             When the folder cannot be written, or holds one of the record sets already.
         """
-        folder, told = Path(folder), progress or quiet
+        folder, progress = Path(folder), progress or no_progress
         sets = {"sim_before": self.sim_before, "sim_after": self.sim_after, "sim_closest": self.sim_closest}
-        names = tuple(sets)[: 3 if self.closest_asked else 2] if export else ()
-        twin = self.closest_twin() if self.closest_asked else None
+        names = tuple(sets)[: 3 if self.write_closest else 2] if export else ()
+        twin = self.closest_twin() if self.write_closest else None
         records, bearing = self.calibrated.fit, self.calibrated.frame.bearing
         further = [*([folder / "closest.toml"] if twin is not None else []), *(folder / name for name in names)]
         with ExitStack() as places:
             if twin is not None:
                 write_twin(places.enter_context(replacing(folder / "closest.toml")), twin)
             for done, name in enumerate(names):
-                told(f"write {name}", done / len(names))
+                progress(f"write {name}", done / len(names))
                 label = f"{self.report.provenance['records']}, {name.removeprefix('sim_')}"
                 place = places.enter_context(replacing_folder(folder / name))
                 write_records(place, label, records.unit, bearing, None, sets[name]())

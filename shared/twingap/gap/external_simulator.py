@@ -191,14 +191,6 @@ class ExternalSimulator:
 
         With more replicates, records repeat. The same waveform, cut or shifted, is not independent, and tests that
         assume independence would give false alarms.
-
-        Parameters
-        ----------
-        conditions : sequence of Condition
-
-        Returns
-        -------
-        int
         """
         known = [c for c in conditions if c.name in self._alike]
         least = min((len(self._ranked(c)) // self._alike[c.name] for c in known), default=1)

@@ -6,7 +6,6 @@ twin, before and after --simulate, replicates--> feature vectors --paired distan
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Final
 
@@ -49,23 +48,12 @@ class HeldOut:
         self.fewer = min(self.most, int(np.clip(np.ceil(_SIMULATED / 3 / n), 2, 12)))
 
     def replicates(self, simulator: Simulator, effects: tuple[Effect, ...], count: int) -> list[FeatureVectors]:
-        """Feature vectors of `count` replicates of the held-out part.
-
-        Parameters
-        ----------
-        simulator : Simulator
-        effects : tuple of Effect
-        count : int
-
-        Returns
-        -------
-        list of FeatureVectors
-        """
+        """Feature vectors of `count` replicates of the held-out part."""
         numbers = range(2, 2 + count)
         made = self.evidence.simulated
         return [self.evidence.vectors(made(simulator, effects, self.part.conditions, k), self.grid) for k in numbers]
 
-    def lessons(self, after: Compared | None = None) -> TrainingSets:
+    def training_sets(self, after: Compared | None = None) -> TrainingSets:
         """Further records for training a classifier: the user's simulated records under the conditions of the fit
         part."""
         found = self.found
@@ -73,9 +61,9 @@ class HeldOut:
             return None, None
         fit = self.evidence.calibrated.fit.conditions
         after = after or (found.after if found.gap else found.before)
-        return self._lesson(found.before, fit), self._lesson(after, fit)
+        return self._training_set(found.before, fit), self._training_set(after, fit)
 
-    def _lesson(self, compared: Compared, conditions: Sequence[Condition]) -> tuple[FeatureVectors, list[str]]:
+    def _training_set(self, compared: Compared, conditions: Sequence[Condition]) -> tuple[FeatureVectors, list[str]]:
         """Feature vectors of simulated records under these conditions, and their faults."""
         made = self.evidence.simulated(compared.simulator, compared.effects, conditions, 2)
         return self.evidence.vectors(made, self.grid), [str(c.fault) for c in conditions]
@@ -95,10 +83,6 @@ class HeldOut:
         rng : numpy.random.Generator
         progress : callable
             Called with the completed part, 0 to 1.
-
-        Yields
-        ------
-        Candidate
         """
         found = self.found
         named = {one.effect.name: one for one in found.effects}
@@ -113,17 +97,8 @@ class HeldOut:
             if name in found.cannot:
                 gap = float(base[1].over_domains(base[1].squares())[0][0])
                 own = named.get(name)
-                yield Candidate(
-                    name,
-                    probability,
-                    gap,
-                    gap,
-                    0.0,
-                    (0.0, 0.0),
-                    values_of_estimate(own) if own else {},
-                    found.cannot[name],
-                    others,
-                )
+                values = values_of_estimate(own) if own else {}
+                yield Candidate(name, probability, gap, gap, 0.0, (0.0, 0.0), values, found.cannot[name], others)
                 continue
             if name in named:
                 without = self.evidence.against(tuple(named[o].effect for o in others if o not in found.cannot))
@@ -135,21 +110,14 @@ class HeldOut:
                 pair = paired(self.real, few, self._with(value.effect, probability, len(few)))
             closed = closure_interval(*pair, floor, rng, draws=200)
             yield Candidate(
-                name,
-                probability,
-                closed.before,
-                closed.after,
-                closed.closure,
-                closed.ci,
-                values_of_estimate(value),
-                None,
-                others,
-            )
+                name, probability, closed.before, closed.after, closed.closure, closed.ci, values_of_estimate(value),
+                None, others,
+            )  # fmt: skip
 
     def _of(self, compared: Compared) -> tuple[list[FeatureVectors], Paired]:
         """Two replicates of the held-out part, and its distance from them."""
-        views = self.replicates(compared.simulator, compared.effects, min(self.most, 2))
-        return views, Paired(self.real, views)
+        vectors = self.replicates(compared.simulator, compared.effects, min(self.most, 2))
+        return vectors, Paired(self.real, vectors)
 
     def _with(self, effect: Effect, probability: float, count: int) -> list[FeatureVectors]:
         """Feature vectors of the twin with the named effects and one more."""
@@ -184,5 +152,5 @@ def values_of_effect(effect: Effect, intervals: Mapping[str, tuple[float, float]
         field.name: ParameterValue(
             float(getattr(effect, field.name)), field.metadata["unit"], intervals.get(field.name)
         )
-        for field in dataclasses.fields(effect)  # type: ignore[arg-type]
+        for field in effect.parameters()
     }

@@ -68,7 +68,7 @@ def true_closure(world: Any, seed: int) -> float | None:
     fresh = [int(s) for s in rng.integers(2**31, size=2 * REPLICATES)]
     before = Paired(real, [views(replay(world, effects=(), seed=s)) for s in fresh[:REPLICATES]])
     after = Paired(
-        real, [views(replay(world, effects=truth.effects, seed=s)) for s in fresh[REPLICATES:]], None, before.scale
+        real, [views(replay(world, effects=truth.effects, seed=s)) for s in fresh[REPLICATES:]], before.scale
     )
     (start,), (end,) = (pair.over_domains(pair.squares())[0] for pair in (before, after))
     floor, _ = before.floor(rng)
@@ -109,12 +109,12 @@ def _left(bare: Blind, rng: np.random.Generator) -> float:
     from twingap.gap.distance.grid import Grid
     from twingap.gap.distance.paired import Paired
     from twingap.gap.search.evidence import THOROUGH, Evidence, replicates_of, simulator_of
-    from twingap.gap.search.optimise import bring_nearest
+    from twingap.gap.search.optimise import optimise
     from twingap.identification.calibrate import calibrate
 
     calibrated = calibrate(bare.records, None if bare.sim is not None else bare.twin, rng, sim=bare.sim)
     evidence = Evidence(calibrated, simulator_of(calibrated, bare.sim), bare.twin, int(rng.integers(2**62)), THOROUGH)
-    simulator = bring_nearest(evidence, evidence.against().simulator, (), {}).simulator
+    simulator = optimise(evidence, evidence.against().simulator, (), {}).simulator
     part = calibrated.held_out
     grid = Grid.of(part.conditions, evidence.frame.bearing)
     made = [

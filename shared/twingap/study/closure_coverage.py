@@ -110,7 +110,7 @@ def check(case: Case, seed: int, learnt: Learnt) -> Checked | None:
         views = measure_vectors(
             (RecordTransforms(again[places[c.name]].samples, c, evidence.frame) for c in part.conditions), grid
         )
-        before, after = (Paired(views, sims, None, pairs[0].scale) for sims in twins(20 + REPLICATES * run))
+        before, after = (Paired(views, sims, pairs[0].scale) for sims in twins(20 + REPLICATES * run))
         (b,), (a,) = (p.over_domains(p.squares())[0] for p in (before, after))
         sums += np.array([b, a, after.floor(rng)[0]]) / RUNS
     return Checked(case.name, found.names, own.closure, own.ci, closure(*(float(v) for v in sums)))

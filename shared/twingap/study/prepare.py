@@ -65,7 +65,7 @@ def training_worlds(n: int, rng: np.random.Generator) -> Iterator[tuple[RecordSe
     made = 0
     while made < n:
         gap = draw_gap(rng, most_records=36)
-        if gap.strange:
+        if gap.outside:
             continue
         try:
             real, simulated = prepared(gap.records, gap.spec, rng, gap.sim)

@@ -32,7 +32,7 @@ from twingap.effects import (
 from twingap.effects.background import Background
 from twingap.errors import TwingapError
 from twingap.gap.report.advice import place_words
-from twingap.gap.report.model import GapReport, Metric, StandIns
+from twingap.gap.report.model import GapReport, Metric, SurrogateEffects
 from twingap.records import Record, RecordSet
 from twingap.streams import Streams
 from twingap.study.public_sets import bearing_of, halves, public_set
@@ -228,7 +228,7 @@ def _measures(metrics: Sequence[Metric]) -> dict[str, dict[str, float] | None]:
     }
 
 
-def _closest(found: StandIns | None) -> dict[str, Any] | None:
+def _closest(found: SurrogateEffects | None) -> dict[str, Any] | None:
     if found is None:
         return None
     values = {effect: {k: v.value for k, v in of.items()} for effect, of in found.parameters.items()}

@@ -29,7 +29,7 @@ BURST_DB: Final = 10.0
 as a burst; larger reports fewer."""
 PLACES: Final = ("_teeth", "_hz_log", "_fs", "_order", "_ratio_log")
 """Suffixes of signatures that are positions, which are meaningless where there is no line or mode."""
-LOOSE: Final = ("lines.half_mean", "lines.whole_high_mean")
+LOOSE: Final = ("lines.half_mean", "lines.order_high_mean")
 """Signatures of half orders and of high integer orders of the shaft."""
 
 

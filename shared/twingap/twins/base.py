@@ -18,7 +18,7 @@ import numpy as np
 
 from twingap.bearing import Bearing
 from twingap.effects import Draft, Effect, Stage, in_order
-from twingap.effects.ringing import LEAD
+from twingap.effects.modes import LEAD
 from twingap.errors import TwingapError
 from twingap.records import Condition, Record, RecordSet
 from twingap.streams import Streams, root_entropy
@@ -180,11 +180,11 @@ def _white(draft: Draft, streams: Streams) -> np.ndarray[tuple[int], np.dtype[np
     """[samples] White noise of unit power: the chain's own, and what of it a sensor has heard."""
     n = draft.x.size
     white = streams("white_noise").standard_normal(n)
-    if not draft.heard:
+    if not draft.sensed_noise:
         return white
-    part = max(part for part, _ in draft.heard)
+    part = max(part for part, _ in draft.sensed_noise)
     before = streams("background").standard_normal(LEAD + n)
-    for _, act in draft.heard:
+    for _, act in draft.sensed_noise:
         before = act(before)
     return np.asarray(math.sqrt(1 - part) * white + math.sqrt(part) * before[LEAD:])
 

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from twingap.bearing import Bearing
 from twingap.effects import Draft, Effect, Stage, catalogue
 from twingap.effects.angle import at_angles
-from twingap.effects.ringing import LEAD
+from twingap.effects.modes import LEAD
 from twingap.errors import TwingapError
 from twingap.records import Condition
 from twingap.streams import Streams

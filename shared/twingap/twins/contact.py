@@ -35,7 +35,7 @@ from scipy.signal import lfilter
 
 from twingap.bearing import Bearing
 from twingap.effects import Draft, Effect, Mode, catalogue
-from twingap.effects.ringing import LEAD, response_rms, ring
+from twingap.effects.modes import LEAD, modal_response, response_rms
 from twingap.errors import TwingapError
 from twingap.records import Condition, Record
 from twingap.streams import Streams
@@ -189,7 +189,9 @@ def respond_together(twins: Sequence[ContactTwin], drafts: Sequence[Draft]) -> N
         before = min(lead, LEAD)
         x = total[lead - before :]
         if draft.force is not None:
-            stirred = ring(draft.modes, draft.condition.fs_hz, draft.force.size, force=draft.force, past=draft.past)
+            stirred = modal_response(
+                draft.modes, draft.condition.fs_hz, draft.force.size, force=draft.force, past=draft.past
+            )
             x = x + stirred[LEAD - before :]
         for act in draft.filters:
             x = act(x)

@@ -31,7 +31,7 @@ from twingap.effects import (
     SlipJitter,
     SpeedGain,
 )
-from twingap.effects.ringing import LEAD, response_rms, ring
+from twingap.effects.modes import LEAD, modal_response, response_rms
 from twingap.errors import TwingapError
 from twingap.streams import Streams
 from twingap.twins.base import Twin
@@ -190,8 +190,8 @@ class PhenomenologicalTwin(Twin):
             condition, impacts = draft.condition, draft.impacts
             times = amplitudes = None
             if impacts is not None:
-                times, amplitudes = draft.when(impacts.struck) + LEAD / condition.fs_hz, impacts.amplitudes
-            x = ring(
+                times, amplitudes = draft.when(impacts.delayed_turns) + LEAD / condition.fs_hz, impacts.amplitudes
+            x = modal_response(
                 draft.modes, condition.fs_hz, LEAD + condition.n_samples, times, amplitudes, draft.force, draft.past
             )
             for act in draft.filters:
@@ -253,7 +253,7 @@ def periodic_impacts(draft: Draft, amplitude: float, phase: float) -> Impacts:
             f"fault {draft.condition.fault!r} has impacts at order {order:g} with this slip",
             where=f"record {draft.condition.name!r}", mend="let the cage slip less",
         )  # fmt: skip
-    lead_s = max([LONGEST_RINGING_S, *(mode.ringing_s for mode in draft.modes)])
+    lead_s = max([LONGEST_RINGING_S, *(mode.ring_down_s for mode in draft.modes)])
     inside = math.ceil(draft.turns[-1] * order)
     before = math.ceil(lead_s * draft.shaft_hz * order) + 2
     after = 4 + math.ceil(2 * math.sqrt(before + inside))

@@ -39,7 +39,7 @@ def train(lab: Any, effect: SlipJitter, n_samples: int) -> tuple[np.ndarray, flo
     draft = Draft(condition, lab.bearing, 1.0, t, t * lab.fr)
     draft.impacts = periodic_impacts(draft, 1.0, 0.3)
     effect.apply(draft, np.random.default_rng(0))
-    return draft.impacts.struck * draft.fault_order, draft.fault_order
+    return draft.impacts.delayed_turns * draft.fault_order, draft.fault_order
 
 
 def coherence(places: np.ndarray, harmonic: int) -> float:

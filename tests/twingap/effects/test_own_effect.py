@@ -14,9 +14,9 @@ from twingap.effects import Draft, Effect, Stage, catalogue, effect_name, make_e
 from twingap.effects.observations import Observations
 from twingap.gap.knowledge.effect_features import columns
 from twingap.gap.knowledge.machines import draw_machine
-from twingap.gap.knowledge.simulated_gaps import as_built, draw_effects
+from twingap.gap.knowledge.simulated_gaps import draw_effects, maybe_variant
 from twingap.gap.report.advice import next_steps
-from twingap.gap.search.parameter_scale import Setting, a_little_off, coordinates, to_effect, to_number
+from twingap.gap.search.parameter_scale import Setting, coordinates, to_effect, to_number, with_errors
 
 MODULE = '''
 from __future__ import annotations
@@ -73,7 +73,7 @@ def test_it_is_drawn_from_what_is_plausible(belt_tones: type[Effect]) -> None:
     assert np.median(values["level"]) == pytest.approx(0.1, rel=0.4)  # on a logarithmic scale
     assert set(values["count"]) == {1, 2, 3, 4}
     assert set(values["odd"]) == {False, True}
-    assert as_built(drawn[0], MACHINE, rng) is drawn[0]
+    assert maybe_variant(drawn[0], MACHINE, rng) is drawn[0]
 
 
 def test_it_is_drawn_with_others_in_their_order(belt_tones: type[Effect]) -> None:
@@ -91,7 +91,7 @@ def test_its_values_compare_between_machines(belt_tones: type[Effect]) -> None:
     assert to_effect("belt_tones", numbers, SETTING) == effect
     beyond = to_effect("belt_tones", {"tone_hz": 0.7, "count": 40.0}, SETTING)
     assert vars(beyond) | {"level": 0.1} == {"level": 0.1, "tone_hz": 0.48 * 12_000, "count": 9, "odd": False}
-    off = [a_little_off(effect, 0.1, SETTING, np.random.default_rng(k)) for k in range(50)]
+    off = [with_errors(effect, 0.1, SETTING, np.random.default_rng(k)) for k in range(50)]
     assert np.std([math.log(vars(one)["level"]) for one in off]) == pytest.approx(0.1, rel=0.35)
 
 
@@ -110,7 +110,7 @@ def test_any_feature_may_tell_of_it(belt_tones: type[Effect]) -> None:
     features = ("lines.peaks_log|all.level", "lines.peaks_log|on_speed", "context|anything", "shape|healthy_1")
     assert columns("belt_tones", features) == (0, 1, 2, 3)
     assert columns("shaft_harmonics", features) == (0,)
-    assert columns("speed_gain", ("events.strike_level|on_speed", "events.strike_level|on_time")) == (0,)
+    assert columns("speed_gain", ("impacts.level|on_speed", "impacts.level|on_time")) == (0,)
 
 
 def test_a_measurement_that_isolates_its_stage_decides(belt_tones: type[Effect]) -> None:

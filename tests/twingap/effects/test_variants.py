@@ -20,20 +20,20 @@ UNEVEN = ("mains_interference", "gear_mesh", "waviness", "looseness")
 OTHERWISE = sorted(set(catalogue()) - {"second_resonance", "damage_growth", "mean_slip"})
 
 
-def as_built(effect, rng):
-    return simulated_gaps.as_built(effect, MACHINE, rng)
+def maybe_variant(effect, rng):
+    return simulated_gaps.maybe_variant(effect, MACHINE, rng)
 
 
 @pytest.mark.parametrize("name", sorted(catalogue()))
 def test_names_are_kept(name):
     effect = catalogue()[name]()
-    assert {as_built(effect, np.random.default_rng(seed)).name for seed in range(20)} == {name}
+    assert {maybe_variant(effect, np.random.default_rng(seed)).name for seed in range(20)} == {name}
 
 
 @pytest.mark.parametrize("name", UNEVEN)
 def test_some_have_harmonics_in_no_geometric_row(name):
     effect = catalogue()[name]()
-    made = [as_built(effect, np.random.default_rng(seed)) for seed in range(400)]
+    made = [maybe_variant(effect, np.random.default_rng(seed)) for seed in range(400)]
     other = [one for one in made if type(one) is not type(effect)]
     assert len(other) / 400 == pytest.approx(VARIANT, abs=0.08)
     assert all(one is effect for one in made if type(one) is type(effect))
@@ -45,7 +45,7 @@ def test_some_have_harmonics_in_no_geometric_row(name):
 
 def test_half_of_the_uneven_hums_are_at_twice_the_mains():
     effect = catalogue()["mains_interference"](level=1.0, decay=0.8)
-    made = [as_built(effect, np.random.default_rng(seed)) for seed in range(600)]
+    made = [maybe_variant(effect, np.random.default_rng(seed)) for seed in range(600)]
     other = [one for one in made if type(one) is not type(effect)]
     twice = [one for one in other if one.levels[1] > 5 * one.levels[0]]
     assert 0.35 < len(twice) / len(other) < 0.65
@@ -54,7 +54,7 @@ def test_half_of_the_uneven_hums_are_at_twice_the_mains():
 @pytest.mark.parametrize("name", ["second_resonance", "mean_slip"])
 def test_effects_that_have_no_other_form_are_the_catalogues(name):
     effect = catalogue()[name]()
-    assert all(as_built(effect, np.random.default_rng(seed)) is effect for seed in range(50))
+    assert all(maybe_variant(effect, np.random.default_rng(seed)) is effect for seed in range(50))
 
 
 def test_noise_of_a_slope_may_be_flat_below_a_corner():
@@ -64,7 +64,7 @@ def test_noise_of_a_slope_may_be_flat_below_a_corner():
     (other,) = {
         type(one)
         for seed in range(40)
-        if type(one := as_built(effect, np.random.default_rng(seed))) is not type(effect)
+        if type(one := maybe_variant(effect, np.random.default_rng(seed))) is not type(effect)
     }
     twin = MACHINE.twin((other(**law),))
     quiet = [c for c in MACHINE.conditions if c.fault == "healthy"] or list(MACHINE.conditions)
@@ -81,7 +81,7 @@ def test_noise_of_a_slope_may_be_flat_below_a_corner():
 
 def test_defects_may_take_as_much_of_a_pass_on_a_roller_as_on_a_race():
     effect = make_effect("entry_exit", {"arc_deg": 4.0, "exit_ratio": 0.8})
-    made = [as_built(effect, np.random.default_rng(seed)) for seed in range(300)]
+    made = [maybe_variant(effect, np.random.default_rng(seed)) for seed in range(300)]
     other = [one for one in made if type(one) is not type(effect)]
     parts = {round(one.pass_part, 9) for one in other}
     assert parts == {0.0, round(4.0 * MACHINE.bearing.n_rollers / 360, 9)}
@@ -111,7 +111,7 @@ def other_of(name, values):
     """Another form of an effect of these values."""
     effect = make_effect(name, values)
     for seed in range(60):
-        one = as_built(effect, np.random.default_rng(seed))
+        one = maybe_variant(effect, np.random.default_rng(seed))
         if type(one) is not type(effect):
             return one
     raise AssertionError(f"{name} has no other form")
@@ -164,7 +164,7 @@ def test_damage_grows_otherwise_on_machines_with_a_run_alone():
     growth = make_effect("damage_growth", {"rate_per_s": 1e-3})
     for seed in range(12):
         machine = draw_machine(np.random.default_rng(seed), own_simulator=False, most_records=8)
-        made = {type(simulated_gaps.as_built(growth, machine, np.random.default_rng(k))) for k in range(40)}
+        made = {type(simulated_gaps.maybe_variant(growth, machine, np.random.default_rng(k))) for k in range(40)}
         assert len(made) == (2 if machine.conditions[0].time_s is not None else 1)
 
 
@@ -180,7 +180,7 @@ def test_damage_comes_to_the_same_end():
 
 def test_forces_of_what_turns_may_grow_with_speed():
     effect = make_effect("shaft_harmonics", {})
-    made = [as_built(effect, np.random.default_rng(seed)) for seed in range(60)]
+    made = [maybe_variant(effect, np.random.default_rng(seed)) for seed in range(60)]
     rising = next(one for one in made if getattr(one, "rise", 0.0) > 0)
     rms = {}
     for speed_rpm in (1000.0, 2000.0):

@@ -253,7 +253,7 @@ def test_a_simulator_of_the_machine_itself_is_at_no_distance_from_it() -> None:
         own = Evidence(calibrated, simulator_of(calibrated, made), TwinSpec("phenomenological"), seed)
         features = dict(zip(feature_names(), own.against().held_out, strict=True))
         # Signed roots of squares that are zero on average.
-        found.append([np.sign(v) * v**2 for v in (features[f"view|{kind}"] for kind in ("frequency", "order"))])
+        found.append([np.sign(v) * v**2 for v in (features[f"distance|{kind}"] for kind in ("frequency", "order"))])
     mean, error = np.mean(found, axis=0), np.std(found, axis=0) / math.sqrt(len(found))
     assert np.all(np.abs(mean) < 4 * error + 0.05)
 

@@ -34,7 +34,7 @@ def test_features_are_those_that_were_learnt_from(computed: Examples) -> None:
 
 def test_gaps_are_named_at_a_first_look(computed: Examples, learnt: Learnt) -> None:
     """Of machines not learnt from, by detectors alone: neither worse than a floor nor named without reason."""
-    first = computed.first & ~computed.strange
+    first = computed.first & ~computed.outside
     odds = learnt.log_odds(computed.features[first])
     limits = np.array([learnt.thresholds.get(name, 0.5) for name in learnt.effects])
     missing, modelled = computed.missing[first], computed.modelled[first]
@@ -52,7 +52,7 @@ def test_p_values_of_no_gap_tell_machines_apart(computed: Examples, learnt: Lear
     first = np.flatnonzero(computed.first)
     has = [[n for n, there in zip(learnt.effects, computed.modelled[i], strict=True) if there] for i in first]
     p = np.array([learnt.p_value(computed.features[i], own) for i, own in zip(first, has, strict=True)])
-    gap = computed.missing[first].any(axis=1) | computed.strange[first]
+    gap = computed.missing[first].any(axis=1) | computed.outside[first]
     assert (p[~gap] <= 0.05).mean() <= 0.15
     assert (p[gap] <= 0.05).mean() >= DETECTED
 

@@ -13,7 +13,7 @@ from twingap.effects import make_effect
 from twingap.gap.external_simulator import ExternalSimulator
 from twingap.gap.search.evidence import THOROUGH, Evidence, level_of, simulator_of
 from twingap.gap.search.initial_values import observations
-from twingap.gap.search.optimise import bring_nearest
+from twingap.gap.search.optimise import optimise
 from twingap.identification.baseline import match_level, state_spectra
 from twingap.identification.calibrate import calibrate
 from twingap.records import Condition, Record, RecordSet
@@ -59,7 +59,7 @@ def test_a_level_in_one_unit_is_no_free_one() -> None:
 def test_a_level_that_is_off_moves_with_the_values() -> None:
     own = evidence_of(machine(LOSS), simulated(0.01, "g"))
     start = own.with_values(own.against([LOSS]).simulator, [LOSS], {"gain": 60.0})
-    found = bring_nearest(own, start, [LOSS], {}, moved=())
+    found = optimise(own, start, [LOSS], {}, moved=())
     assert gain_of(found.simulator) == pytest.approx(100.0, rel=0.06)
     assert found.misfit < 0.7 * found.before
 

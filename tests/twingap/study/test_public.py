@@ -14,7 +14,7 @@ import pytest
 from twingap.bearing import BEARINGS
 from twingap.effects import make_effect
 from twingap.errors import TwingapError
-from twingap.gap.report.model import Candidate, GapReport, Metric, ParameterValue, Place, StandIns, Verdict
+from twingap.gap.report.model import Candidate, GapReport, Metric, ParameterValue, Place, SurrogateEffects, Verdict
 from twingap.records import Condition, Record, RecordSet
 from twingap.study import public, public_jobs, public_looks, public_report, public_sets
 from twingap.study.public_jobs import PublicJob
@@ -132,7 +132,7 @@ def test_a_report_becomes_a_row_and_its_verdict_a_chain_for_the_twin() -> None:
             Metric("accuracy on the records of a classifier", 0.4, 0.6, 0.9, (0.5, 0.7), higher_is_better=True),
         ),
         provenance={},
-        stand_ins=StandIns(
+        stand_ins=SurrogateEffects(
             ("looseness",),
             {"looseness": {"level": ParameterValue(0.2)}},
             0.7,

@@ -18,7 +18,7 @@ from scipy.signal import butter, freqz, hilbert, sosfiltfilt
 
 from twingap.bearing import BEARINGS
 from twingap.effects import Draft, Mode, make_effect
-from twingap.effects.ringing import ring
+from twingap.effects.modes import modal_response
 from twingap.errors import TwingapError
 from twingap.records import Condition
 from twingap.streams import Streams
@@ -360,8 +360,8 @@ def test_gain_force_modes_and_filters_act_as_documented() -> None:
 def test_a_further_mode_answers_the_hits_that_the_contact_answered() -> None:
     old, new = Mode(2000.0, 0.03, 1.0), Mode(3100.0, 0.05, 0.4)
     times, sizes = np.array([100, 377, 820]) / 12000, np.array([1.0, 0.3, 2.0])
-    through_old = ring([old], 12000.0, 1200, times, sizes)
-    through_new = ring([new], 12000.0, 1200, times, sizes)
+    through_old = modal_response([old], 12000.0, 1200, times, sizes)
+    through_new = modal_response([new], 12000.0, 1200, times, sizes)
     assert through(new, old, through_old, 12000.0) == pytest.approx(through_new, abs=1e-9)
 
 

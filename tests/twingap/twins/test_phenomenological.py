@@ -14,7 +14,7 @@ from scipy.signal import hilbert, welch
 
 from twingap import BEARINGS, Condition, TwingapError
 from twingap.effects import catalogue, make_effect
-from twingap.effects.ringing import Mode, response_rms, ring
+from twingap.effects.modes import Mode, modal_response, response_rms
 from twingap.streams import Streams, root_entropy
 from twingap.twins.phenomenological import PhenomenologicalParameters, PhenomenologicalTwin, paper1_chain
 
@@ -91,7 +91,7 @@ def test_healthy_is_the_two_noises_at_their_levels() -> None:
     x = one(PhenomenologicalTwin(BEARING, parameters), Condition("a", 1800.0, 20000.0, 2**19, "healthy"))
     assert x.std() == pytest.approx(2.5, rel=0.01)
     f, power = welch(x, 20000.0, nperseg=4096)
-    response = np.exp(-2j * np.pi * np.outer(f, np.arange(2000)) / 20000) @ ring(
+    response = np.exp(-2j * np.pi * np.outer(f, np.arange(2000)) / 20000) @ modal_response(
         [Mode(2500.0, 0.03)], 20000, 2000, *_hit()
     )
     expected = 1.5**2 * np.abs(response) ** 2 / response_rms([Mode(2500.0, 0.03)], 20000.0) ** 2 + 2.0**2
@@ -117,7 +117,9 @@ def test_records_do_not_start_at_rest() -> None:
 def test_response_rms_is_that_of_the_response() -> None:
     modes = [Mode(1500.0, 0.02), Mode(2100.0, 0.05, 0.7)]
     noise = np.random.default_rng(0).standard_normal(400_000)
-    assert ring(modes, 12000.0, noise.size, force=noise).std() == pytest.approx(response_rms(modes, 12000.0), rel=0.02)
+    assert modal_response(modes, 12000.0, noise.size, force=noise).std() == pytest.approx(
+        response_rms(modes, 12000.0), rel=0.02
+    )
 
 
 def test_ringing_is_the_sum_of_its_parts() -> None:
@@ -128,11 +130,13 @@ def test_ringing_is_the_sum_of_its_parts() -> None:
         rng.normal(size=50),
     )
     force = rng.normal(size=5000)
-    whole = ring(modes, 10000.0, 5000, times, strengths, force)
-    parts = ring(modes, 10000.0, 5000, times, strengths) + ring(modes, 10000.0, 5000, force=force)
+    whole = modal_response(modes, 10000.0, 5000, times, strengths, force)
+    parts = modal_response(modes, 10000.0, 5000, times, strengths) + modal_response(modes, 10000.0, 5000, force=force)
     np.testing.assert_allclose(whole, parts, atol=1e-10)
     order = rng.permutation(50)
-    np.testing.assert_allclose(ring(modes, 10000.0, 5000, times[order], strengths[order], force), whole, atol=1e-10)
+    np.testing.assert_allclose(
+        modal_response(modes, 10000.0, 5000, times[order], strengths[order], force), whole, atol=1e-10
+    )
 
 
 @pytest.mark.parametrize("name", sorted(BEARINGS))

@@ -21,7 +21,6 @@ from numpy.typing import NDArray
 from twingap.gap.distance.feature_vectors import FeatureVectors
 from twingap.gap.distance.paired import Paired
 from twingap.gap.report.model import Interval
-from twingap.records import Condition
 
 Array = NDArray[np.float64]
 
@@ -65,15 +64,12 @@ def closure(before: float, after: float, floor: float) -> float:
 
 
 def paired(
-    real: FeatureVectors,
-    before: Sequence[FeatureVectors],
-    after: Sequence[FeatureVectors],
-    conditions: Sequence[Condition] | None = None,
+    real: FeatureVectors, before: Sequence[FeatureVectors], after: Sequence[FeatureVectors]
 ) -> tuple[Paired, Paired]:
     """Comparisons before and after, both standardised by the smaller of their spreads."""
-    first, second = Paired(real, before, conditions), Paired(real, after, conditions)
+    first, second = Paired(real, before), Paired(real, after)
     scale = np.minimum(first.scale, second.scale)
-    return Paired(real, before, conditions, scale), Paired(real, after, conditions, scale)
+    return Paired(real, before, scale), Paired(real, after, scale)
 
 
 def closure_interval(

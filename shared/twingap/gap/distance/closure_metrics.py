@@ -18,13 +18,16 @@ from twingap.gap.distance.feature_vectors import FeatureVectors
 from twingap.gap.distance.paired import Paired
 from twingap.gap.distance.two_sample_tests import auc_of_records, classifier_test, mmd_kernel, mmd_test
 from twingap.gap.report.model import Interval, Metric
-from twingap.records import Condition
 
 Array = NDArray[np.float64]
 TrainingSets = tuple[tuple[FeatureVectors, Sequence[str]] | None, tuple[FeatureVectors, Sequence[str]] | None]
 """Simulated records and their faults, of the twin before and after."""
 
 _NO_TRAINING_SETS: Final[TrainingSets] = (None, None)
+_DRAWS: Final = 400
+"""Draws of each bootstrap: more make intervals more precise, and take longer."""
+_FOLDS: Final = 5
+"""Folds in which a classifier is trained on other real records: more train on more, and take longer."""
 _MOST_TRAINING: Final = 2000
 """Simulated records that a classifier is trained on: more take longer and hardly raise its accuracy."""
 _MOST_EVALUATED: Final = 1000
@@ -36,8 +39,6 @@ def closure_metrics(
     before: Sequence[FeatureVectors],
     after: Sequence[FeatureVectors],
     rng: np.random.Generator,
-    conditions: Sequence[Condition] | None = None,
-    draws: int = 400,
     *,
     more: TrainingSets | None = None,
     floors: tuple[float, Mapping[DomainName, float]] | None = None,
@@ -50,10 +51,6 @@ def closure_metrics(
         Held-out records.
     before, after : sequence of FeatureVectors [replicates]
     rng : numpy.random.Generator
-    conditions : sequence of Condition, optional
-        With the records' faults where they are known; those of `real` when None.
-    draws : int
-        Of each bootstrap.
     more : TrainingSets, optional
         Further simulated records to train on, where those of the held-out conditions are few.
     floors : (float, Mapping), optional
@@ -65,9 +62,9 @@ def closure_metrics(
         Overall gap, gap in each domain, AUC of the classifier two-sample test, MMD^2, and, with at least two known
         faults of two records or more each, the accuracy on the records of a classifier trained on the twin alone.
     """
-    pairs = paired(real, before, after, conditions)
+    pairs = paired(real, before, after)
     floor, of_domains = pairs[1].floor(rng) if floors is None else floors
-    signs = pairs[0].draw_residuals(rng, draws)
+    signs = pairs[0].draw_residuals(rng, _DRAWS)
     (b, domains_b), (a, domains_a) = (p.over_domains(p.squares()) for p in pairs)
     (db, drawn_b), (da, drawn_a) = (p.over_domains(p.resampled(signs)) for p in pairs)
     unit = "standard deviations"
@@ -77,7 +74,7 @@ def closure_metrics(
         ci_a, ci_b = percentile_interval(drawn_a[domain], va), percentile_interval(drawn_b[domain], vb)
         out.append(Metric(f"gap in {domain}", vb, va, of_domains[domain], ci_a, ci_b, unit))
     out = [_plain(metric) for metric in out]
-    return (*out, _auc(pairs, rng, draws), _mmd(pairs, rng, draws), *_accuracy(pairs, rng, draws, more))
+    return (*out, _auc(pairs, rng), _mmd(pairs, rng), *_accuracy(pairs, rng, more))
 
 
 def accuracy_on_records(
@@ -109,7 +106,7 @@ def accuracy_on_records(
 
 
 def accuracy_between_records(
-    real: FeatureVectors, faults: Sequence[str], groups: Sequence[str | None], rng: np.random.Generator, folds: int = 5
+    real: FeatureVectors, faults: Sequence[str], groups: Sequence[str | None], rng: np.random.Generator
 ) -> NDArray[np.bool_]:
     """[records] The same, trained on the other real records: of other groups, where each fault has several.
 
@@ -122,7 +119,7 @@ def accuracy_between_records(
     fold = np.zeros(len(y), dtype=int)
     for f in np.unique(y):  # each fault spread over the folds
         own = list(dict.fromkeys(n for n, fault in zip(names, y, strict=True) if fault == f))
-        place = {name: i % folds for i, name in enumerate(own[k] for k in rng.permutation(len(own)))}
+        place = {name: i % _FOLDS for i, name in enumerate(own[k] for k in rng.permutation(len(own)))}
         for i in np.flatnonzero(y == f):
             fold[i] = place[names[i]]
     right = np.zeros(len(y), bool)
@@ -135,17 +132,17 @@ def accuracy_between_records(
     return right
 
 
-def _auc(pairs: tuple[Paired, Paired], rng: np.random.Generator, draws: int) -> Metric:
+def _auc(pairs: tuple[Paired, Paired], rng: np.random.Generator) -> Metric:
     # The same random numbers for both: where nothing was added, nothing differs.
     seed = int(rng.integers(2**63))
     (b, groups_b), (a, groups_a) = (auc_of_records(p, np.random.default_rng(seed)) for p in pairs)
     floor = classifier_test(pairs[1], rng, draws=99).null_mean
     name = "AUC of a classifier, records against twin"
-    ci_a, ci_b = _mean_interval(a, groups_a, rng, draws), _mean_interval(b, groups_b, rng, draws)
+    ci_a, ci_b = _mean_interval(a, groups_a, rng), _mean_interval(b, groups_b, rng)
     return Metric(name, float(b.mean()), float(a.mean()), floor, ci_a, ci_b)
 
 
-def _mmd(pairs: tuple[Paired, Paired], rng: np.random.Generator, draws: int) -> Metric:
+def _mmd(pairs: tuple[Paired, Paired], rng: np.random.Generator) -> Metric:
     values, intervals = [], []
     for p in pairs:
         h, groups = mmd_kernel(p, rng)
@@ -156,7 +153,7 @@ def _mmd(pairs: tuple[Paired, Paired], rng: np.random.Generator, draws: int) -> 
             values.append(float(table[0, 0]))
             intervals.append((values[-1], values[-1]))
             continue
-        weights = np.concatenate((np.ones((1, k)), rng.multinomial(k, np.full(k, 1 / k), draws)))
+        weights = np.concatenate((np.ones((1, k)), rng.multinomial(k, np.full(k, 1 / k), _DRAWS)))
         own = weights**2 @ np.diagonal(table)
         off = weights.sum(axis=1) ** 2 - (weights**2).sum(axis=1)
         means = (np.einsum("dk,kl,dl->d", weights, table, weights) - own) / np.maximum(off, 1e-12)
@@ -166,9 +163,7 @@ def _mmd(pairs: tuple[Paired, Paired], rng: np.random.Generator, draws: int) -> 
     return Metric("MMD^2 between records and twin", values[0], values[1], floor, intervals[1], intervals[0])
 
 
-def _accuracy(
-    pairs: tuple[Paired, Paired], rng: np.random.Generator, draws: int, more: TrainingSets | None
-) -> Iterator[Metric]:
+def _accuracy(pairs: tuple[Paired, Paired], rng: np.random.Generator, more: TrainingSets | None) -> Iterator[Metric]:
     faults = [c.fault for c in pairs[0].conditions]
     known = [int(i) for i in np.sort(rng.permutation(len(faults))[:_MOST_EVALUATED]) if faults[i] is not None]
     of_each = Counter(str(faults[i]) for i in known)
@@ -185,7 +180,7 @@ def _accuracy(
         for p, further in zip(pairs, _NO_TRAINING_SETS if more is None else more, strict=True)
     )
     among = accuracy_between_records(real, labels, groups, rng)
-    ci_a, ci_b = _mean_interval(a, groups, rng, draws), _mean_interval(b, groups, rng, draws)
+    ci_a, ci_b = _mean_interval(a, groups, rng), _mean_interval(b, groups, rng)
     name = "accuracy on the records of a classifier trained on the twin (higher is better)"
     yield Metric(name, float(b.mean()), float(a.mean()), float(among.mean()), ci_a, ci_b, higher_is_better=True)
 
@@ -205,11 +200,11 @@ def _members(groups: Sequence[str | None]) -> Iterator[list[int]]:
         yield [i for i, g in enumerate(groups) if g == name]
 
 
-def _mean_interval(values: Array, groups: Sequence[str | None], rng: np.random.Generator, draws: int) -> Interval:
+def _mean_interval(values: Array, groups: Sequence[str | None], rng: np.random.Generator) -> Interval:
     """90 % interval of the mean of values [records], groups drawn together."""
     units = list(_members(groups))
     sums, counts = (np.array([f(values[i]) for i in units], float) for f in (np.sum, np.size))
-    weights = rng.multinomial(len(units), np.full(len(units), 1 / len(units)), draws)
+    weights = rng.multinomial(len(units), np.full(len(units), 1 / len(units)), _DRAWS)
     return percentile_interval((weights @ sums) / (weights @ counts), float(values.mean()))
 
 

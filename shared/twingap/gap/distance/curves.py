@@ -19,10 +19,7 @@ Array = NDArray[np.float64]
 
 
 def curves(
-    real: FeatureVectors,
-    before: Sequence[FeatureVectors],
-    after: Sequence[FeatureVectors] | None = None,
-    conditions: Sequence[Condition] | None = None,
+    real: FeatureVectors, before: Sequence[FeatureVectors], after: Sequence[FeatureVectors] | None = None
 ) -> Mapping[str, Curve]:
     """Curves of each domain: medians over records, with the stretch in which 90 % of them lie.
 
@@ -31,7 +28,7 @@ def curves(
     Mapping, name -> Curve
         "spectrum", "lines", "envelope", "order", "amplitude", "time", and "condition" (RMS by fault or speed).
     """
-    pair = Paired(real, before, conditions)
+    pair = Paired(real, before)
     out = {}
     for name in real.domains:
         axis = real.axes[name]

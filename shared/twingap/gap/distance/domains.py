@@ -180,7 +180,7 @@ def _amplitude(record: RecordTransforms, grid: Grid) -> Array:
 
 def _time_axis(grid: Grid) -> Axis:
     parts = np.linspace(0, grid.duration_s, SEGMENTS + 1)
-    return _bins("s", level=parts, kurtosis=parts, unrest=[0.0, grid.duration_s], peak=[0.0, grid.duration_s])
+    return _bins("s", level=parts, kurtosis=parts, unevenness=[0.0, grid.duration_s], peak=[0.0, grid.duration_s])
 
 
 def _time(record: RecordTransforms, grid: Grid) -> Array:

@@ -82,10 +82,6 @@ def measure_vectors(records: Iterable[RecordTransforms], grid: Grid) -> FeatureV
     grid : Grid
         The same for all sets that are to be compared.
 
-    Returns
-    -------
-    FeatureVectors
-
     Raises
     ------
     TwingapError

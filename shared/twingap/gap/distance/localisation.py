@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Final
 
 import numpy as np
@@ -22,13 +22,15 @@ from scipy.stats import norm
 
 from twingap.gap.distance.domain_names import DomainName
 from twingap.gap.distance.paired import Paired
-from twingap.gap.distance.two_sample_tests import Choice, Exchange, exchanges
+from twingap.gap.distance.two_sample_tests import Choice, exchanges
 from twingap.gap.report.model import Place
 from twingap.records import Condition
 
 Array = NDArray[np.float64]
 Single = NDArray[np.float32]
 
+ALPHA: Final = 0.05
+"""Probability that any place is named when the twin equals the machine. A larger value names more places."""
 _CLIP: Final = 4.0
 """Bound of standardised deviations: larger, and bins with rare outliers raise the threshold of all bins."""
 _LEAST_SPREAD: Final = 0.03
@@ -60,13 +62,7 @@ class Located:
     p_value: float
 
 
-def locate(
-    pair: Paired,
-    rng: np.random.Generator,
-    alpha: float = 0.05,
-    draws: int = 999,
-    exchange: Exchange = "record",
-) -> Located:
+def locate(pair: Paired, rng: np.random.Generator, draws: int = 999) -> Located:
     """Find the places in which records and twin differ.
 
     Parameters
@@ -75,11 +71,8 @@ def locate(
         Records and replicates, of any number of either; with m replicates of n records no p-value is below about
         (m + 1)^-n, nor below 1 / (1 + draws).
     rng : numpy.random.Generator
-    alpha : float
-        Probability that any place is named when the twin equals the machine.
     draws : int
-    exchange : {"record", "group", "world"}
-        See `twingap.gap.distance.two_sample_tests`.
+        Random exchanges of record and replicates.
 
     Returns
     -------
@@ -87,17 +80,14 @@ def locate(
         A place names its `condition` when it was found for some faults only; places of the domain "condition" say
         between which conditions the level, impulsiveness, band power or lines differ unequally.
     """
-    groups = [c.group for c in pair.conditions]
-    choices = exchanges(groups, pair.m, draws, rng, exchange)
+    choices = exchanges(pair.n, pair.m, draws, rng)
     deviations = _standardised(pair)
     condition = pair.real.columns("condition") if "condition" in pair.real.domains else slice(0, 0)
     plain = np.ones(deviations.shape[2], bool)
     plain[condition] = False
 
     # Too few records cannot be significant, and would only raise the threshold of others.
-    fewest = math.ceil(math.log(_FEWEST_EXCHANGES) / math.log(pair.m + 1)) if exchange != "world" else 1
-    if exchange == "group":
-        fewest *= max(round(pair.n / len(set(groups))), 1)
+    fewest = math.ceil(math.log(_FEWEST_EXCHANGES) / math.log(pair.m + 1))
     subsets = _subsets(pair.conditions, fewest)
     per_bin = _subset_statistics(deviations[:, :, plain], choices, list(subsets.values()))
     contrasts = _contrasts(pair.conditions, fewest)
@@ -112,11 +102,11 @@ def locate(
     p_contrasts = p[per_bin[0].size :].reshape(scalars[0].shape)
 
     part = pair.real.weight * pair.over_strata(pair.squares())[0]
-    found = _Found(pair, alpha, np.maximum(part, 0.0), p_bins, tuple(subsets), np.abs(per_bin[0]), plain)
+    found = _Found(pair, np.maximum(part, 0.0), p_bins, tuple(subsets), np.abs(per_bin[0]), plain)
     places = [*found.bins(), *found.conditions(contrasts, p_contrasts)]
     # Bins without a gap are as often below zero as above: the sum is an unbiased total, unless places exceed it.
     total = max(float(part.sum()), sum(place.share for place in places), 1e-300)
-    shared = tuple(_with_share(place, place.share / total) for place in places)
+    shared = tuple(replace(place, share=place.share / total) for place in places)
     ordered = tuple(sorted(shared, key=lambda place: (-place.share, place.p_value)))
     return Located(ordered, max(1.0 - sum(place.share for place in ordered), 0.0), float(p.min()))
 
@@ -251,14 +241,13 @@ class _Found:
     def __init__(
         self,
         pair: Paired,
-        alpha: float,
         part: Array,
         p_bins: Array,
         subsets: tuple[str | None, ...],
         statistic: Single,
         plain: NDArray[np.bool_],
     ) -> None:
-        self.pair, self.alpha, self.part, self.p, self.subsets = pair, alpha, part, p_bins, subsets
+        self.pair, self.part, self.p, self.subsets = pair, part, p_bins, subsets
         self.statistic = np.zeros(p_bins.shape)
         self.statistic[:, plain] = statistic
 
@@ -269,16 +258,14 @@ class _Found:
             if domain == "condition":
                 continue
             axis, first = self.pair.real.axes[domain], self.pair.real.columns(domain).start
-            significant = np.asarray(self.p[:, first : first + len(axis.kind)].min(axis=0) <= self.alpha)
+            significant = np.asarray(self.p[:, first : first + len(axis.kind)].min(axis=0) <= ALPHA)
             for run in _runs(significant, axis.kind):
                 place = self._place(domain, axis.lo[run[0]], axis.hi[run[-1]], axis.unit, first + run)
                 key = (domain, place.lo, place.hi, str(place.condition))
                 if key in out:
                     known = out[key]
-                    place = Place(
-                        domain, place.lo, place.hi, place.unit, known.share + place.share,
-                        min(known.p_value, place.p_value), place.condition,
-                    )  # fmt: skip
+                    share, p_value = known.share + place.share, min(known.p_value, place.p_value)
+                    place = replace(place, share=share, p_value=p_value)
                 out[key] = place
         return list(out.values())
 
@@ -292,9 +279,7 @@ class _Found:
         if len(self.subsets) < 2:
             return None
         with_it = [
-            fault
-            for k, fault in enumerate(self.subsets)
-            if fault is not None and (self.p[k, columns] <= self.alpha).any()
+            fault for k, fault in enumerate(self.subsets) if fault is not None and (self.p[k, columns] <= ALPHA).any()
         ]
         without = [k for k, fault in enumerate(self.subsets) if fault is not None and fault not in with_it]
         if not with_it or not without or self.statistic[without][:, columns].max() > 2.5:
@@ -305,12 +290,12 @@ class _Found:
         """The clearest significant contrast of each variable; a scalar's part is divided between them evenly."""
         best: dict[str, int] = {}
         for k in np.argsort(p.min(axis=1, initial=1.0), kind="stable"):
-            if p[k].min(initial=1.0) <= self.alpha:
+            if p[k].min(initial=1.0) <= ALPHA:
                 best.setdefault(contrasts[k].variable, int(k))
         if not best:
             return []
         columns = self.pair.real.columns("condition")
-        significant = p[list(best.values())] <= self.alpha
+        significant = p[list(best.values())] <= ALPHA
         parts = (significant / np.maximum(significant.sum(axis=0), 1)) @ self.part[columns]
         return [
             Place("condition", None, None, "", float(part), float(p[k].min()), self._named(contrasts[k], p[k]))
@@ -348,7 +333,3 @@ def _runs(significant: NDArray[np.bool_], kinds: Sequence[str]) -> list[NDArray[
         else:
             out.append([i])
     return [np.array(run) for run in out]
-
-
-def _with_share(place: Place, share: float) -> Place:
-    return Place(place.domain, place.lo, place.hi, place.unit, share, place.p_value, place.condition)

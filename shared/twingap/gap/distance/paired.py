@@ -26,7 +26,6 @@ from twingap.errors import TwingapError
 from twingap.gap.distance.domain_names import DomainName
 from twingap.gap.distance.feature_vectors import FeatureVectors
 from twingap.gap.distance.stratification import detrended, independent_units, slopes, strata
-from twingap.records import Condition
 
 Array = NDArray[np.float64]
 Places = NDArray[np.int64]
@@ -71,8 +70,6 @@ class Paired:
     real : FeatureVectors
     sims : sequence of FeatureVectors [m replicates]
         Each holds one record per real record, in the same order and of the same condition, from its own random numbers.
-    conditions : sequence of Condition, optional
-        Of the records; those of `real` when None.
     scale : Array [bins], optional
         Spread to standardise by, from another `Paired` of the same records, so that distances before and after compare.
         None = its own.
@@ -83,13 +80,7 @@ class Paired:
         Without replicates, or when they do not match the records.
     """
 
-    def __init__(
-        self,
-        real: FeatureVectors,
-        sims: Sequence[FeatureVectors],
-        conditions: Sequence[Condition] | None = None,
-        scale: Array | None = None,
-    ) -> None:
+    def __init__(self, real: FeatureVectors, sims: Sequence[FeatureVectors], scale: Array | None = None) -> None:
         if not sims:
             raise TwingapError("no simulated records to compare with", where="distance")
         for sim in sims:
@@ -100,7 +91,7 @@ class Paired:
                     where="distance", mend="simulate every record's condition, and measure both on one grid",
                 )  # fmt: skip
         self.real, self.sims = real, tuple(sims)
-        self.conditions = tuple(conditions or real.conditions)
+        self.conditions = real.conditions
         self.n, self.m = len(real), len(sims)
         self._scale = scale
 

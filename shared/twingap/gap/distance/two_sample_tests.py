@@ -7,8 +7,6 @@ null of both: within each condition one of the m replicates takes the record's p
 If the twin equals the machine, a record and its m replicates of the same condition are exchangeable, so p-values of
 (1 + #{null >= observed}) / (1 + draws) are valid at any number of records; two records with 19 replicates each can
 still be significant. A calibrated twin is tested as calibrated: an error of calibration is a difference like any other.
-Where replicates are drawn with parameters from the calibration's uncertainty, one draw for all records of a replicate,
-exchange whole "worlds", and use at least 19.
 
 Sources: Lopez-Paz and Oquab, Revisiting classifier two-sample tests, ICLR 2017, arXiv:1610.06545; Gretton et al., A
 kernel two-sample test, JMLR 13 (2012) 723.
@@ -18,7 +16,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Final, Literal
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,11 +27,12 @@ from twingap.records import Condition
 
 Array = NDArray[np.float64]
 Choice = NDArray[np.int64]
-Exchange = Literal["record", "group", "world"]
 
 MOST_RECORDS: Final = 200
 _MOST_ROWS: Final = 500
 """Records, and records and replicates together, that tests use: more are slower, with the square, and more powerful."""
+_FOLDS: Final = 5
+"""Folds of the classifier's cross-validation: more train on more records, and take longer."""
 _RIDGE: Final = 0.1
 """Ridge over the mean variance of the classifier's inputs: more suppresses noise and small differences alike."""
 
@@ -63,9 +62,7 @@ class TwoSample:
         return TwoSampleTest(self.name, self.statistic, self.p_value)
 
 
-def classifier_test(
-    pair: Paired, rng: np.random.Generator, draws: int = 999, exchange: Exchange = "record", folds: int = 5
-) -> TwoSample:
+def classifier_test(pair: Paired, rng: np.random.Generator, draws: int = 999) -> TwoSample:
     """Classifier two-sample test: can a classifier distinguish held-out records from their replicates?
 
     The classifier is linear, by least squares with a ridge (Fisher's discriminant): its predictions are linear in the
@@ -78,11 +75,7 @@ def classifier_test(
         More than 200 records, or 500 records and replicates together, are thinned at random.
     rng : numpy.random.Generator
     draws : int
-    exchange : {"record", "group", "world"}
-        See the module.
-    folds : int
-        Groups of records are kept together. A single group leaves nothing to train on: its members are ranked by how
-        far each stands out.
+        Random exchanges of record and replicates.
 
     Returns
     -------
@@ -91,28 +84,28 @@ def classifier_test(
     """
     rows, kept = _rows(pair, rng)
     conditions = [pair.conditions[i] for i in kept]
-    choices = exchanges([c.group for c in conditions], rows.shape[1] - 1, draws, rng, exchange)
-    auc = _within_auc(_scores(rows, conditions, choices, folds, rng), choices).mean(axis=1)
+    choices = exchanges(len(rows), rows.shape[1] - 1, draws, rng)
+    auc = _within_auc(_scores(rows, conditions, choices, rng), choices).mean(axis=1)
     return _tested("classifier two-sample test (AUC)", auc)
 
 
-def auc_of_records(pair: Paired, rng: np.random.Generator, folds: int = 5) -> tuple[Array, list[str | None]]:
+def auc_of_records(pair: Paired, rng: np.random.Generator) -> tuple[Array, list[str | None]]:
     """AUC of each (kept) record within its own condition, and the records' groups: for a bootstrap."""
     rows, kept = _rows(pair, rng)
     conditions = [pair.conditions[i] for i in kept]
     real = np.zeros((1, len(rows)), dtype=np.int64)
-    return _within_auc(_scores(rows, conditions, real, folds, rng), real)[0], [c.group for c in conditions]
+    return _within_auc(_scores(rows, conditions, real, rng), real)[0], [c.group for c in conditions]
 
 
-def mmd_test(pair: Paired, rng: np.random.Generator, draws: int = 999, exchange: Exchange = "record") -> TwoSample:
+def mmd_test(pair: Paired, rng: np.random.Generator, draws: int = 999) -> TwoSample:
     """Maximum mean discrepancy, RBF kernel of median width, on feature vectors less their mean within each condition.
 
     Arguments as `classifier_test`. The statistic leaves out the products of a record with itself and with its own
     replicates, so that it is about 0 where nothing differs.
     """
-    rows, kept = _rows(pair, rng)
+    rows, _ = _rows(pair, rng)
     members, kernel = rows.shape[1], rbf(rows)
-    choices = exchanges([pair.conditions[i].group for i in kept], members - 1, draws, rng, exchange)
+    choices = exchanges(len(rows), members - 1, draws, rng)
     return _tested("MMD^2", mmd_statistics(kernel, choices, members))
 
 
@@ -126,31 +119,17 @@ def mmd_kernel(pair: Paired, rng: np.random.Generator) -> tuple[Array, list[str 
     return h, [pair.conditions[i].group for i in kept]
 
 
-def overall_tests(
-    pair: Paired, rng: np.random.Generator, draws: int = 999, exchange: Exchange = "record"
-) -> tuple[TwoSample, ...]:
-    """Both tests."""
-    return classifier_test(pair, rng, draws, exchange), mmd_test(pair, rng, draws, exchange)
+def two_sample_tests(pair: Paired, rng: np.random.Generator, draws: int = 999) -> tuple[TwoSample, ...]:
+    """The classifier two-sample test and the MMD test."""
+    return classifier_test(pair, rng, draws), mmd_test(pair, rng, draws)
 
 
-def exchanges(
-    groups: Sequence[str | None], m: int, draws: int, rng: np.random.Generator, exchange: Exchange = "record"
-) -> Choice:
-    """[1 + draws, n] Member of each condition that takes the record's place: 0 is the record itself, 1..m its
-    replicates.
+def exchanges(n: int, m: int, draws: int, rng: np.random.Generator) -> Choice:
+    """[1 + draws, n] Member that takes the place of each of n records: 0 is the record itself, 1..m its replicates.
 
-    The first row is the observed one. All members are equally likely, the record included. With "group", records of a
-    group are exchanged together: right where replicates share a recording's peculiarities as the records do. With
-    "world", each of the 1 + m exchanges of all records is listed once.
+    The first row is the observed one. All members are equally likely, the record included.
     """
-    n = len(groups)
-    if exchange == "world":
-        return np.repeat(np.arange(m + 1)[:, None], n, axis=1)
-    drawn = rng.integers(0, m + 1, (draws, n))
-    if exchange == "group":
-        first: dict[str | None, int] = {}
-        drawn = drawn[:, [first.setdefault(g, i) for i, g in enumerate(groups)]]
-    return np.concatenate((np.zeros((1, n), dtype=np.int64), drawn))
+    return np.concatenate((np.zeros((1, n), dtype=np.int64), rng.integers(0, m + 1, (draws, n))))
 
 
 def p_value(statistics: Array) -> float:
@@ -194,10 +173,12 @@ def _rows(pair: Paired, rng: np.random.Generator) -> tuple[Array, Choice]:
     return np.asarray(rows * np.sqrt(pair.real.weight)), kept
 
 
-def _scores(
-    rows: Array, conditions: Sequence[Condition], choices: Choice, folds: int, rng: np.random.Generator
-) -> Array:
-    """[draws, records, members] Scores of every member by classifiers that were not trained on its fold."""
+def _scores(rows: Array, conditions: Sequence[Condition], choices: Choice, rng: np.random.Generator) -> Array:
+    """[draws, records, members] Scores of every member by classifiers that were not trained on its fold.
+
+    Records of a group are in one fold. A single group leaves nothing to train on: its members are scored by how far
+    each stands out.
+    """
     n, members, _ = rows.shape
     draws = len(choices)
     labels = np.full((draws, n, members), -1 / (members - 1))
@@ -206,7 +187,7 @@ def _scores(
     # Each fault has weights of its own besides common ones: a missing effect may show in opposite ways.
     faults = np.repeat(np.array([c.fault or "" for c in conditions]), members)
     gram = x @ x.T * (1.0 + (faults[:, None] == faults))
-    fold = np.repeat(_folds([c.group for c in conditions], folds, rng), members)
+    fold = np.repeat(_folds([c.group for c in conditions], rng), members)
     scores = np.zeros((n * members, draws))
     flat = labels.reshape(draws, -1)
     for f in np.unique(fold):
@@ -229,10 +210,10 @@ def _within_auc(scores: Array, choices: Choice) -> Array:
     return np.asarray((below + 0.5 * ties) / float(scores.shape[2] - 1))
 
 
-def _folds(groups: Sequence[str | None], folds: int, rng: np.random.Generator) -> Choice:
+def _folds(groups: Sequence[str | None], rng: np.random.Generator) -> Choice:
     """[records] Fold of each; groups stay together."""
     names = list(dict.fromkeys(groups))
-    order = rng.permutation(len(names)) % max(min(folds, len(names)), 1)
+    order = rng.permutation(len(names)) % max(min(_FOLDS, len(names)), 1)
     place = dict(zip(names, order, strict=True))
     return np.asarray([place[g] for g in groups], dtype=np.int64)
 

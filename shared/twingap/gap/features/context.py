@@ -19,9 +19,9 @@ Array = NDArray[np.float64]
 
 NAMES: Final = (
     "records", "healthy_share", "log_samples", "log_turns", "speeds", "span_s",
-    "own_simulator", "models", "slip", "slip_z", "slip_decidable", "speed_z", "speed_scatter",
+    "own_simulator", "has_effects", "slip", "slip_z", "slip_decidable", "speed_z", "speed_scatter",
     "slip_free", "slip_free_z", "slip_evidence",
-    "slip_seen", "slip_seen_size", "slip_seen_rest", "slip_rollers",
+    "slip_measured", "slip_measured_size", "slip_measured_rest", "slip_rollers",
     "extent_1", "extent_4", "extent_13", "extent_41", "extent_121", "extent_mean",
 )  # fmt: skip
 """In the order of `measure`."""
@@ -74,7 +74,7 @@ def _slip(pair: Pair) -> Array:
     the cage.
     NaN with fewer than two faults.
     """
-    bearing, rate = pair.real.summaries[0].frame.bearing, RECORD_NAMES.index("events.rate_log_ratio")
+    bearing, rate = pair.real.summaries[0].frame.bearing, RECORD_NAMES.index("impacts.rate_log_ratio")
     slipped = bearing.slipped(1 - _SMALL_SLIP)
     shown = {}
     for fault in ("outer", "inner", "ball"):

@@ -18,7 +18,7 @@ from twingap.gap.distance.paired import Paired
 
 def _names() -> tuple[str, ...]:
     """Over all domains, of each domain, and of each kind of bins in a domain that has several."""
-    names = ["overall", *(domain.name for domain in DOMAINS)]
+    names = ["all_domains", *(domain.name for domain in DOMAINS)]
     for domain in DOMAINS:
         kinds = tuple(dict.fromkeys(domain.axis(Grid(1e4, 40.0, 20.0, 1.0)).kind))
         names += [f"{domain.name}_{kind}" for kind in kinds if len(kinds) > 1]
@@ -38,6 +38,6 @@ def compare(real: FeatureVectors, simulated: FeatureVectors) -> dict[str, float]
         own, kinds = square[real.columns(domain)], np.array(axis.kind)
         found[domain] = float(own @ axis.weight)
         found |= {f"{domain}_{kind}": float(own[kinds == kind].mean()) for kind in dict.fromkeys(axis.kind)}
-    found["overall"] = float(np.mean([found[domain] for domain in real.domains]))
+    found["all_domains"] = float(np.mean([found[domain] for domain in real.domains]))
     values = np.array([found[name] for name in NAMES])
     return dict(zip(NAMES, np.sign(values) * np.sqrt(np.abs(values)), strict=True))

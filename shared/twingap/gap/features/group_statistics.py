@@ -20,10 +20,7 @@ from twingap.signal.record_transforms import known_medians
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-GROUPS: Final = {
-    True: ("all", "outer", "inner", "ball"),
-    False: ("all", "healthy", "faulty"),
-}
+GROUPS: Final = {True: ("all", "outer", "inner", "ball"), False: ("all", "healthy", "faulty")}
 """Groups of records that means are taken over, for features of impacts (True) and for all others."""
 _FEWEST_FREE: Final = 2
 """Degrees of freedom from which z is of paired differences; with fewer, of the spread on each side."""

@@ -81,11 +81,11 @@ class SetFeatures:
 
 
 RECORD_FEATURES: Final = (
-    RecordFeatures("events", impacts.NAMES, impacts.measure, of_impacts=True),
+    RecordFeatures("impacts", impacts.NAMES, impacts.measure, of_impacts=True),
     RecordFeatures("lines", tones.NAMES, tones.measure),
     RecordFeatures("background", spectrum.NAMES, spectrum.measure),
     RecordFeatures("converter", acquisition.NAMES, acquisition.measure),
-    RecordFeatures("answer", impulse_response.NAMES, impulse_response.measure, of_impacts=True),
+    RecordFeatures("impulse_response", impulse_response.NAMES, impulse_response.measure, of_impacts=True),
 )
 """In the order of `NAMES`."""
 
@@ -117,9 +117,9 @@ def _path(pair: Pair) -> Mapping[str, float]:
 
 SET_FEATURES: Final = (
     SetFeatures("shape", difference.NAMES, _shape),
-    SetFeatures("answer", impulse_response.COMPARED, _impulse_response),
+    SetFeatures("impulse_response", impulse_response.COMPARED, _impulse_response),
     SetFeatures("change", change.NAMES, _change),
-    SetFeatures("view", distances.NAMES, _distances),
+    SetFeatures("distance", distances.NAMES, _distances),
     SetFeatures("path", _PATH_NAMES, _path),
 )
 """In the order of the feature vector, behind the statistics of record features."""

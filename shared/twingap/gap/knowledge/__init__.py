@@ -23,10 +23,6 @@ SHIPPED: Final = Path(__file__).parent / "learnt"
 def shipped() -> Learnt:
     """Models that are part of the package.
 
-    Returns
-    -------
-    Learnt
-
     Raises
     ------
     TwingapError

@@ -28,7 +28,7 @@ _FEWEST: Final = 60
 """Smallest number of machines with an effect for which its detectability is learnt. Fewer make it less certain."""
 _CONTEXT: Final = (
     "context|records", "context|healthy_share", "context|log_samples", "context|log_turns", "context|speeds",
-    "context|span_s", "context|own_simulator", "events.strike_snr|all.level", "answer.clear|all.level",
+    "context|span_s", "context|own_simulator", "impacts.snr|all.level", "impulse_response.clear|all.level",
 )  # fmt: skip
 """Features that describe the records, whatever is missing."""
 
@@ -70,25 +70,25 @@ class Detectability:
         for j, name in enumerate(self.effects):
             rows = np.flatnonzero(missing[:, j])
             if name in self.forests and rows.size:
-                about = _about(values[rows][:, self.places[name]], features[rows][:, self.context], missing[rows])
+                about = _inputs(values[rows][:, self.places[name]], features[rows][:, self.context], missing[rows])
                 out[rows, j] = self.forests[name].predict(about) < LEAST
         return out
 
 
-def _about(values: Array, context: NDArray[Any], missing: Mask) -> Array:
+def _inputs(values: Array, context: NDArray[Any], missing: Mask) -> Array:
     """[examples, columns] Inputs of a forest: values, context and the number of missing effects."""
     return np.asarray(np.nan_to_num(np.column_stack([values, context, missing.sum(axis=1)]), nan=-9.0))
 
 
 def learn_detectability(
-    said: Mapping[str, Array], missing: Mask, values: Array, features: NDArray[Any], effects: Sequence[str],
+    log_odds: Mapping[str, Array], missing: Mask, values: Array, features: NDArray[Any], effects: Sequence[str],
     parameters: Sequence[tuple[str, str]], names: Sequence[str],
 ) -> tuple[Detectability, Mask]:  # fmt: skip
     """Detectability, and the undetectable effects of the examples themselves, by out-of-bag prediction.
 
     Parameters
     ----------
-    said : Mapping[str, Array]
+    log_odds : Mapping[str, Array]
         Log odds [examples] of each effect, by detectors not trained on the machine.
     missing : Mask [examples, effects]
     values : Array [examples, parameters]
@@ -111,10 +111,10 @@ def learn_detectability(
     hidden = np.zeros(missing.shape, bool)
     for j, name in enumerate(effects):
         rows = np.flatnonzero(missing[:, j])
-        if name not in said or rows.size < _FEWEST or not places[name].size:
+        if name not in log_odds or rows.size < _FEWEST or not places[name].size:
             continue
-        about = _about(values[rows][:, places[name]], features[rows][:, context], missing[rows])
-        chance = 1 / (1 + np.exp(-np.clip(said[name][rows], -30, 30)))
+        about = _inputs(values[rows][:, places[name]], features[rows][:, context], missing[rows])
+        chance = 1 / (1 + np.exp(-np.clip(log_odds[name][rows], -30, 30)))
         forest = RandomForestRegressor(
             n_estimators=150, min_samples_leaf=6, max_features=0.5, oob_score=True, n_jobs=1, random_state=0
         )

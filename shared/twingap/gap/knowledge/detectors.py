@@ -42,7 +42,7 @@ class Ensemble:
     models : list of Boosted
     line, line_later : (float, float)
         Slope and offset of the calibration, for a twin as given and for one to which effects have been added.
-    unseen : Array [examples]
+    out_of_fold : Array [examples]
         Out-of-fold predictions.
     """
 
@@ -50,7 +50,7 @@ class Ensemble:
     models: list[Boosted]
     line: tuple[float, float] = (1.0, 0.0)
     line_later: tuple[float, float] = (1.0, 0.0)
-    unseen: Array = field(default_factory=lambda: np.empty(0))
+    out_of_fold: Array = field(default_factory=lambda: np.empty(0))
 
     def score(self, features: NDArray[Any], *, later: bool = False) -> Array:
         """[examples] Log odds of a classifier, or value of a regressor, averaged over folds.
@@ -102,36 +102,36 @@ class Estimator:
     ----------
     anchors : tuple of Anchor
         Linear functions in order of preference; the first with a known feature is used.
-    middle : float
+    default : float
         Value where none of these features is known.
-    rest : Ensemble or None
+    residual : Ensemble or None
         Trees for the residual; None where they do not reduce the out-of-fold error.
     error : float
         Bound on nine of ten out-of-fold errors, on the scale of `parameter_scale`.
-    doubt : Ensemble or None
+    error_model : Ensemble or None
         Trees for the logarithm of the absolute error, which depends on the machine: the number of teeth, for example,
         is either exact or unknown.
-    reach : float
-        Factor on the error predicted by `doubt` that bounds nine of ten errors.
+    error_factor : float
+        Factor on the error predicted by `error_model` that bounds nine of ten errors.
     """
 
     anchors: tuple[Anchor, ...]
-    middle: float
-    rest: Ensemble | None
+    default: float
+    residual: Ensemble | None
     error: float
-    doubt: Ensemble | None = None
-    reach: float = 1.0
+    error_model: Ensemble | None = None
+    error_factor: float = 1.0
 
     def estimate(self, features: NDArray[Any]) -> Array:
         """[examples] Comparable numbers, see `parameter_scale`."""
-        line = _on_lines(features, self.anchors, self.middle)
-        return line if self.rest is None else line + self.rest.score(features)
+        line = _on_lines(features, self.anchors, self.default)
+        return line if self.residual is None else line + self.residual.score(features)
 
     def within(self, features: NDArray[Any]) -> Array:
         """[examples] Bound on nine of ten errors of such estimates, comparable numbers."""
-        if self.doubt is None:
+        if self.error_model is None:
             return np.full(len(features), self.error)
-        return np.asarray(self.reach * np.exp(self.doubt.score(features)))
+        return np.asarray(self.error_factor * np.exp(self.error_model.score(features)))
 
 
 def _on_lines(features: NDArray[Any], anchors: Sequence[Anchor], middle: float) -> Array:
@@ -165,7 +165,7 @@ class Table:
         part.values, part.ranks = self.values[rows], self.ranks[rows]
         return part
 
-    def telling(self, target: Array, allowed: Sequence[int]) -> NDArray[np.int64]:
+    def informative(self, target: Array, allowed: Sequence[int]) -> NDArray[np.int64]:
         """The most informative of the allowed columns, by rank correlation and by importance in randomised trees."""
         from sklearn.ensemble import ExtraTreesClassifier, ExtraTreesRegressor
 
@@ -206,21 +206,17 @@ def learn_classifier(
         Examples with the twin as given, calibrated separately from the others. None: all examples.
     counted : Mask [examples], optional
         Examples for training and calibration; for the others, predictions are computed only. None: all examples.
-
-    Returns
-    -------
-    Ensemble or None
     """
     from sklearn.ensemble import HistGradientBoostingClassifier
 
     counted = np.ones(len(label), bool) if counted is None else counted
     if min(label[counted].sum(), (~label[counted]).sum()) < _FEWEST:
         return None
-    own_columns = table.take(counted).telling(label[counted].astype(float), allowed)
+    own_columns = table.take(counted).informative(label[counted].astype(float), allowed)
     if own_columns.size == 0:
         return None
     own, fold = table.values[:, own_columns], folds(machine)
-    unseen, models = np.zeros(len(label)), []
+    out_of_fold, models = np.zeros(len(label)), []
     for k in range(FOLDS):
         inside, outside = counted & (fold != k), fold == k
         model = HistGradientBoostingClassifier(
@@ -228,13 +224,13 @@ def learn_classifier(
             max_features=0.2, early_stopping=False, random_state=k,
         )  # fmt: skip
         model.fit(own[inside], label[inside])
-        unseen[outside] = model.decision_function(own[outside])
+        out_of_fold[outside] = model.decision_function(own[outside])
         models.append(Boosted.of(model))
     first = np.ones(len(label), bool) if first is None else first
     early, late = first & counted, ~first & counted
-    line = _platt(unseen[early], label[early])
-    line_later = line if label[late].sum() < _FEWEST else _platt(unseen[late], label[late])
-    calibrated = np.where(first, line[0] * unseen + line[1], line_later[0] * unseen + line_later[1])
+    line = _platt(out_of_fold[early], label[early])
+    line_later = line if label[late].sum() < _FEWEST else _platt(out_of_fold[late], label[late])
+    calibrated = np.where(first, line[0] * out_of_fold + line[1], line_later[0] * out_of_fold + line_later[1])
     return Ensemble(own_columns, models, line, line_later, calibrated)
 
 
@@ -250,36 +246,32 @@ def learn_estimator(table: Table, value: Array, machine: NDArray[np.int64], allo
         Machine of each example; a machine is in one fold only.
     allowed : sequence of int
         Columns that may be used.
-
-    Returns
-    -------
-    Estimator or None
     """
     known = np.isfinite(value)
     if known.sum() < _FEWEST or np.ptp(value[known]) == 0:
         return None
     table, value, machine = table.take(known), value[known], machine[known]
-    own_columns, features = table.telling(value, allowed), table.values
+    own_columns, features = table.informative(value, allowed), table.values
     if own_columns.size == 0:
         return None
     middle = float(np.median(value))
     anchors = _anchors(features, own_columns, value)
     residual = value - _on_lines(features, anchors, middle)
     own, fold = features[:, own_columns], folds(machine)
-    models, unseen = _regressed(
+    models, out_of_fold = _regressed(
         own, residual, fold, loss="absolute_error", max_iter=100, max_leaf_nodes=10, min_samples_leaf=8,
         l2_regularization=1.0,
     )  # fmt: skip
     # A function that is exact for most machines must not be replaced by trees that are slightly off for all.
-    with_trees, alone = np.abs(residual - unseen), np.abs(residual)
+    with_trees, alone = np.abs(residual - out_of_fold), np.abs(residual)
     better = np.median(with_trees) + 0.2 * with_trees.mean() < np.median(alone) + 0.2 * alone.mean()
     off = with_trees if better else alone
     error = float(np.quantile(off, 0.9))
-    rest = Ensemble(own_columns, models, unseen=unseen) if better else None
-    return Estimator(anchors, middle, rest, error, *_doubt(own_columns, own, off, error, fold))
+    rest = Ensemble(own_columns, models, out_of_fold=out_of_fold) if better else None
+    return Estimator(anchors, middle, rest, error, *_error_model(own_columns, own, off, error, fold))
 
 
-def _doubt(
+def _error_model(
     columns: NDArray[np.int64], own: NDArray[np.float32], off: Array, error: float, fold: NDArray[np.int64]
 ) -> tuple[Ensemble | None, float]:
     """Trees for the size of an estimate's error, and the factor that bounds nine of ten out-of-fold errors.
@@ -289,10 +281,10 @@ def _doubt(
     if error <= 0:
         return None, 1.0
     size = np.log(np.maximum(off, _LEAST_OFF * error))
-    models, unseen = _regressed(
+    models, out_of_fold = _regressed(
         own, size, fold, max_iter=40, max_leaf_nodes=6, min_samples_leaf=15, l2_regularization=2.0
     )
-    return Ensemble(columns, models, unseen=unseen), float(np.quantile(off / np.exp(unseen), 0.9))
+    return Ensemble(columns, models, out_of_fold=out_of_fold), float(np.quantile(off / np.exp(out_of_fold), 0.9))
 
 
 def _regressed(
@@ -301,16 +293,16 @@ def _regressed(
     """Regression trees, one model per fold, and their out-of-fold predictions [examples]."""
     from sklearn.ensemble import HistGradientBoostingRegressor
 
-    unseen, models = np.zeros(len(target)), []
+    out_of_fold, models = np.zeros(len(target)), []
     for k in range(FOLDS):
         inside = fold != k
         model = HistGradientBoostingRegressor(
             learning_rate=0.08, max_features=0.5, early_stopping=False, random_state=k, **options
         )
         model.fit(own[inside], target[inside])
-        unseen[~inside] = model.predict(own[~inside])
+        out_of_fold[~inside] = model.predict(own[~inside])
         models.append(Boosted.of(model))
-    return models, unseen
+    return models, out_of_fold
 
 
 def _anchors(features: NDArray[np.float32], columns: NDArray[np.int64], value: Array) -> tuple[Anchor, ...]:

@@ -8,7 +8,7 @@ from typing import Final
 
 from twingap.effects import Effect, catalogue
 
-_OF_THE_SET: Final = ("shape", "path", "change", "pooled", "answer", "comb", "trend")
+_OF_THE_SET: Final = ("shape", "path", "change", "pooled", "impulse_response", "comb", "trend")
 """Families of features of the whole set of records, named ``family|feature`` in patterns."""
 _ALWAYS: Final = ("own_simulator", "records", "healthy_share", "log_samples", "log_turns", "speeds", "span_s")
 """Features of the records' conditions that every detector uses."""
@@ -22,10 +22,6 @@ def columns(effect: str, features: tuple[str, ...]) -> tuple[int, ...]:
     effect : str
     features : tuple of str
         Names as in `comparison.feature_names`.
-
-    Returns
-    -------
-    tuple of int
     """
     kind = catalogue().get(effect)
     return tuple(range(len(features))) if kind is None else _columns(kind, features)
@@ -42,7 +38,7 @@ def _columns(kind: type[Effect], features: tuple[str, ...]) -> tuple[int, ...]:
 def _may_tell(kind: type[Effect], feature: str) -> bool:
     """Whether a feature is an input of an effect's detector."""
     of, _, about = feature.partition("|")
-    if of == "view":  # distance between records and twin in a domain
+    if of == "distance":  # distance between records and twin in a domain
         return True
     if of == "context":
         return about in _ALWAYS or _matches(feature, kind)

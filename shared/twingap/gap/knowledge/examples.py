@@ -7,6 +7,7 @@ SimulatedGap --calibrate, simulate, compare--> features with the twin as given
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import fields
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +18,7 @@ from twingap.gap.features.comparison import feature_names
 from twingap.gap.knowledge.learn import Examples
 from twingap.gap.knowledge.simulated_gaps import SimulatedGap, draw_gap
 from twingap.gap.search.evidence import Compared, Evidence, simulator_of
-from twingap.gap.search.parameter_scale import Setting, a_little_off, coordinates, to_number
+from twingap.gap.search.parameter_scale import Setting, coordinates, to_number, with_errors
 from twingap.identification.calibrate import calibrate
 
 Array = NDArray[np.float64]
@@ -35,10 +36,6 @@ def examples(seed: int, machines: Sequence[int], most_records: int, among: Seque
         Largest number of records of a machine.
     among : sequence of str
         Effects to draw from; empty for the whole catalogue.
-
-    Returns
-    -------
-    Examples
     """
     rows = [row for machine in machines for row in _of(seed, machine, most_records, among)]
     return stacked([Examples(*[np.asarray([value]) for value in row]) for row in rows])
@@ -54,8 +51,7 @@ def stacked(parts: Sequence[Examples]) -> Examples:
             nothing, none, none, np.zeros(0, bool), np.zeros(0, np.int64), np.zeros(0, bool), np.zeros((0, values)),
             nothing,
         )  # fmt: skip
-    fields = ("features", "missing", "modelled", "strange", "machine", "first", "values", "fit_features")
-    return Examples(*[np.concatenate([getattr(part, name) for part in parts]) for name in fields])
+    return Examples(*[np.concatenate([getattr(part, field.name) for part in parts]) for field in fields(Examples)])
 
 
 def _of(seed: int, machine: int, most_records: int, among: Sequence[str]) -> Iterator[tuple[object, ...]]:
@@ -94,7 +90,7 @@ def _row(
     has = {effect.name for effect in gap.modelled}
     lacks, models = (np.array([n in names for n in order]) for names in (present, has))
     return (
-        compared.held_out.astype(np.float32), lacks, models, gap.strange, machine, first, np.array(values),
+        compared.held_out.astype(np.float32), lacks, models, gap.outside, machine, first, np.array(values),
         compared.fit.astype(np.float32),
     )  # fmt: skip
 
@@ -104,4 +100,4 @@ def _partly(rng: np.random.Generator, gap: SimulatedGap, setting: Setting, evide
     can = [e for e in gap.missing if evidence.can_add(e.name) is None]
     chance = 1.0 if rng.random() < 0.5 else 0.6
     error = 0.12 * rng.random()
-    return tuple(a_little_off(effect, error, setting, rng) for effect in can if rng.random() <= chance)
+    return tuple(with_errors(effect, error, setting, rng) for effect in can if rng.random() <= chance)

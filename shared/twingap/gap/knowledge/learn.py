@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from twingap.gap.knowledge.detectability import Detectability, learn_detectability
 from twingap.gap.knowledge.detectors import Ensemble, Estimator, Table, learn_classifier, learn_estimator
 from twingap.gap.knowledge.effect_features import columns
-from twingap.gap.knowledge.learnt import NO_DETECTOR, Learnt, any_effect, inputs_of_anything
+from twingap.gap.knowledge.learnt import NO_DETECTOR, Learnt, any_effect, any_gap_inputs
 from twingap.gap.knowledge.null import MachineScores, Null
 
 Array = NDArray[np.float64]
@@ -35,7 +35,7 @@ class Examples:
     missing : Mask [examples, effects]
     modelled : Mask [examples, effects]
         Effects of the given twin; they cannot be missing, though a machine may have a variant of them.
-    strange : Mask [examples]
+    outside : Mask [examples]
         Whether the machine has an effect outside the catalogue.
     machine : Array [examples]
         Number of the machine; a machine is in one fold only.
@@ -50,7 +50,7 @@ class Examples:
     features: NDArray[np.float32]
     missing: Mask
     modelled: Mask
-    strange: Mask
+    outside: Mask
     machine: NDArray[np.int64]
     first: Mask
     values: Array
@@ -104,16 +104,16 @@ def general_columns(names: tuple[str, ...]) -> NDArray[np.int64]:
         "background.*skewness|*", "background.level_coupling|*", "background.echo_*", "background.modulation_*",
         "background.rest_rms|*", "background.kurtosis_log|*", "lines.free_count_log|*", "lines.tonal_share|*",
         "background.white_kurtosis_log|*", "shape|*_rms", "shape|*_rest_share", "path|*_cost*", "path|*_gain*",
-        "change|still", "change|*_gain", "change|left", "view|*", "context|own_simulator",
+        "change|base_cost", "change|*_gain", "change|best_cost", "distance|*", "context|own_simulator",
         "pooled|modulation_fixed*", "pooled|turning*", "pooled|fixed*", "pooled|carrier*",
-        "events.strike_snr|*", "background.rms_log|spread", "background.white_level|spread",
+        "impacts.snr|*", "background.rms_log|spread", "background.white_level|spread",
     )  # fmt: skip
-    wanted, whole = (".diff", ".z", "|spread"), ("context|", "shape|", "path|", "change|", "view|", "pooled|")
+    wanted, of_sets = (".diff", ".z", "|spread"), ("context|", "shape|", "path|", "change|", "distance|", "pooled|")
     return np.array(
         [
             i for i, name in enumerate(names)
             if any(fnmatchcase(name, p) for p in patterns)
-            and (name.endswith(wanted) or name.startswith(whole))
+            and (name.endswith(wanted) or name.startswith(of_sets))
         ],
         dtype=np.int64,
     )  # fmt: skip
@@ -128,7 +128,7 @@ def _alone(function: Callable[..., Any], *arguments: Any) -> Any:
 
 
 def learn(examples: Examples, effects: tuple[str, ...], parameters: tuple[tuple[str, str], ...],
-          names: tuple[str, ...], report: Callable[[str, float], None]) -> Learnt:  # fmt: skip
+          names: tuple[str, ...], progress: Callable[[str, float], None]) -> Learnt:  # fmt: skip
     """All models of the diagnosis, trained on the examples.
 
     Parameters
@@ -140,12 +140,8 @@ def learn(examples: Examples, effects: tuple[str, ...], parameters: tuple[tuple[
         Effect and parameter of the columns of `examples.values`.
     names : tuple of str
         Names of the features.
-    report : callable
+    progress : callable
         Called with a description of the current step and the completed part, 0 to 1.
-
-    Returns
-    -------
-    Learnt
 
     Raises
     ------
@@ -167,7 +163,7 @@ def learn(examples: Examples, effects: tuple[str, ...], parameters: tuple[tuple[
     # examples are left out.
     has = np.tile(_had(examples), (2, 1))
 
-    def heard(counted: Mask, begin: float) -> dict[str, Ensemble]:
+    def trained(counted: Mask, begin: float) -> dict[str, Ensemble]:
         """Detectors of all effects, trained on the examples of each effect in `counted` [examples, effects]."""
         found = parallel(
             joblib.delayed(_alone)(learn_classifier, table, missing[:, j], machine, allowed[j], first, counted[:, j])
@@ -175,16 +171,16 @@ def learn(examples: Examples, effects: tuple[str, ...], parameters: tuple[tuple[
         )
         out = {}
         for done, (name, detector) in enumerate(zip(effects, found, strict=True)):
-            report(f"detector of {name}", begin + 0.3 * done / len(effects))
+            progress(f"detector of {name}", begin + 0.3 * done / len(effects))
             if detector is not None:
                 out[name] = detector
         return out
 
     # First with all effects, to learn their detectability; then without the undetectable ones.
-    said = {name: detector.unseen[here] for name, detector in heard(~has, 0.0).items()}
-    sight, hidden = _hidden(examples, said, effects, parameters, names)
+    log_odds = {name: detector.out_of_fold[here] for name, detector in trained(~has, 0.0).items()}
+    detectability, hidden = _hidden(examples, log_odds, effects, parameters, names)
     counted = ~np.tile(hidden, (2, 1)) & ~has
-    detectors = heard(counted, 0.3)
+    detectors = trained(counted, 0.3)
     plain = examples.values.copy()
     for j, (name, _) in enumerate(parameters):
         plain[hidden[:, effects.index(name)], j] = np.nan
@@ -197,38 +193,39 @@ def learn(examples: Examples, effects: tuple[str, ...], parameters: tuple[tuple[
         for j, parameter in enumerate(parameters)
     )
     for done, (parameter, estimator) in enumerate(zip(parameters, made, strict=True)):
-        report(f"values of {parameter[0]}", 0.6 + 0.3 * done / len(parameters))
+        progress(f"values of {parameter[0]}", 0.6 + 0.3 * done / len(parameters))
         if estimator is not None:
             estimators[parameter] = estimator
-    report("detector of any gap", 0.9)
+    progress("detector of any gap", 0.9)
     scores = np.full((len(machine), len(effects)), NO_DETECTOR)
     for j, name in enumerate(effects):
         if name in detectors:
-            scores[:, j] = detectors[name].unseen
-            detectors[name].unseen = detectors[name].unseen[here]
-    any_gap = examples.missing.any(axis=1) | examples.strange
+            scores[:, j] = detectors[name].out_of_fold
+            detectors[name].out_of_fold = detectors[name].out_of_fold[here]
+    has_gap = examples.missing.any(axis=1) | examples.outside
     general = general_columns(names)
-    asked = np.where(has, NO_DETECTOR, scores)
-    whole = Table(inputs_of_anything(asked, table.values[:, general]).astype(np.float32))
-    open_ = ~any_gap | examples.strange | (examples.missing & ~hidden).any(axis=1)
-    anything = learn_classifier(
-        whole, np.tile(any_gap, 2), machine, range(whole.values.shape[1]), first, np.tile(open_, 2)
+    odds = np.where(has, NO_DETECTOR, scores)
+    any_gap_table = Table(any_gap_inputs(odds, table.values[:, general]).astype(np.float32))
+    open_ = ~has_gap | examples.outside | (examples.missing & ~hidden).any(axis=1)
+    any_gap = learn_classifier(
+        any_gap_table, np.tile(has_gap, 2), machine, range(any_gap_table.values.shape[1]), first, np.tile(open_, 2)
     )
-    if anything is None:
+    if any_gap is None:
         raise ValueError("too few examples with and without a gap to learn from")
-    anything.unseen = anything.unseen[here]
+    any_gap.out_of_fold = any_gap.out_of_fold[here]
     scores = scores[here]
-    judged = MachineScores.of(np.stack([anything.unseen, any_effect(asked[here])], axis=1), examples.features, names)
-    null, rest = (Null(judged.take(rows)) for rows in (~any_gap & examples.first, ~any_gap & ~examples.first))
+    scored = MachineScores.of(np.stack([any_gap.out_of_fold, any_effect(odds[here])], axis=1), examples.features, names)
+    null, rest = (Null(scored.take(rows)) for rows in (~has_gap & examples.first, ~has_gap & ~examples.first))
     limits = {
         name: _limit(scores[counted[here, j], j], examples.missing[counted[here, j], j])
         for j, name in enumerate(effects)
     }
-    known = examples.first & ~examples.strange & ~hidden.any(axis=1)
+    known = examples.first & ~examples.outside & ~hidden.any(axis=1)
     level = _level(scores[known], examples.missing[known])
     return Learnt(
-        effects, detectors, estimators, anything, null, names, {}, limits, level, rest, general, detectability=sight
-    )
+        effects, detectors, estimators, any_gap, null, names, {}, limits, level, rest, general,
+        detectability=detectability,
+    )  # fmt: skip
 
 
 def _had(examples: Examples) -> Mask:
@@ -240,17 +237,17 @@ def _had(examples: Examples) -> Mask:
 
 
 def _hidden(
-    examples: Examples, said: Mapping[str, Array], effects: tuple[str, ...], parameters: tuple[tuple[str, str], ...],
-    names: tuple[str, ...],
+    examples: Examples, log_odds: Mapping[str, Array], effects: tuple[str, ...],
+    parameters: tuple[tuple[str, str], ...], names: tuple[str, ...],
 ) -> tuple[Detectability, Mask]:  # fmt: skip
     """Detectability, and the undetectable effects [examples, effects] of each machine, whatever was added to its
     twin."""
     rows = np.flatnonzero(examples.first)
-    sight, own = learn_detectability(
-        {name: log_odds[rows] for name, log_odds in said.items()}, examples.missing[rows], examples.values[rows],
+    detectability, own = learn_detectability(
+        {name: odds[rows] for name, odds in log_odds.items()}, examples.missing[rows], examples.values[rows],
         examples.features[rows], effects, parameters, names,
     )  # fmt: skip
     of_machine = dict(zip(examples.machine[rows].tolist(), own, strict=True))
     nothing = np.zeros(len(effects), bool)
     hidden = np.array([of_machine.get(number, nothing) for number in examples.machine.tolist()])
-    return sight, hidden.reshape(examples.missing.shape) & examples.missing
+    return detectability, hidden.reshape(examples.missing.shape) & examples.missing

@@ -31,7 +31,7 @@ class Learnt:
     detectors : Mapping[str, Ensemble]
         Detectors of missing effects; none for an effect with too few examples.
     estimators : Mapping[(effect, parameter), Estimator]
-    anything : Ensemble
+    any_gap : Ensemble
         Detector of a gap of any cause.
     null : Null
         Null distribution: scores of machines whose twin lacks nothing.
@@ -46,7 +46,7 @@ class Learnt:
     null_rest : Null
         Null distribution of twins to which all missing effects have been added.
     general : Array [columns]
-        Columns of features that `anything` uses besides the detectors.
+        Columns of features that `any_gap` uses besides the detectors.
     calibration : ScoreCalibration or None
         Probabilities of effects from outcomes of a search; None where there were too few searches.
     detectability : Detectability or None
@@ -58,7 +58,7 @@ class Learnt:
     effects: tuple[str, ...]
     detectors: Mapping[str, Ensemble]
     estimators: Mapping[tuple[str, str], Estimator]
-    anything: Ensemble
+    any_gap: Ensemble
     null: Null
     features: tuple[str, ...]
     about: dict[str, Any]
@@ -108,10 +108,6 @@ class Learnt:
         features : Array [features]
         modelled : collection of str
             Effects of the given twin, which cannot be missing.
-
-        Returns
-        -------
-        float
         """
         return self._rank(features, self.null, modelled, later=False)
 
@@ -123,10 +119,6 @@ class Learnt:
         features : Array [features]
         has : collection of str
             Effects of the twin, as given or added.
-
-        Returns
-        -------
-        float
         """
         return self._rank(features, self.null_rest, has, later=True)
 
@@ -135,12 +127,12 @@ class Learnt:
         rows = np.atleast_2d(features)
         odds = self.log_odds(rows, later=later)
         odds[:, [name in has for name in self.effects]] = NO_DETECTOR
-        anything = self.anything.score(inputs_of_anything(odds, rows[:, self.general]), later=later)
-        scores = np.stack([anything, any_effect(odds)], axis=1)
+        any_gap = self.any_gap.score(any_gap_inputs(odds, rows[:, self.general]), later=later)
+        scores = np.stack([any_gap, any_effect(odds)], axis=1)
         return null.p_value(MachineScores.of(scores, features, self.features))
 
 
-def inputs_of_anything(log_odds: Array, general: NDArray[Any]) -> Array:
+def any_gap_inputs(log_odds: Array, general: NDArray[Any]) -> Array:
     """Inputs of the detector of any gap: log odds of all effects, the three highest, and general features.
 
     Parameters

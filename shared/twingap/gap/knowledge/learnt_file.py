@@ -48,7 +48,7 @@ def write_learnt(learnt: Learnt, folder: Path, parameters: Mapping[str, Any] | N
         learnt.json and learnt.npz.
     """
     folder.mkdir(parents=True, exist_ok=True)
-    trees = _TreeWriter()
+    trees, calibration = _TreeWriter(), learnt.calibration
     estimators = [_estimator(key, estimator, trees) for key, estimator in learnt.estimators.items()]
     table: dict[str, Any] = {
         "format": FORMAT,
@@ -58,10 +58,10 @@ def write_learnt(learnt: Learnt, folder: Path, parameters: Mapping[str, Any] | N
         "order": list(learnt.effects),
         "detectors": {name: trees.add(detector) for name, detector in learnt.detectors.items()},
         "estimators": estimators,
-        "anything": trees.add(learnt.anything),
+        "any_gap": trees.add(learnt.any_gap),
         "thresholds": dict(learnt.thresholds),
         "set_level": learnt.set_level,
-        "calibration": None if learnt.calibration is None else _calibration(learnt.calibration),
+        "calibration": None if calibration is None else vars(calibration) | {"weights": calibration.weights.tolist()},
     }
     arrays = trees.arrays() | {"general": learnt.general.astype(np.int32)}
     for name, null in (("null", learnt.null), ("null_rest", learnt.null_rest)):
@@ -88,10 +88,6 @@ def read_learnt(folder: Path, features: Sequence[str]) -> Learnt:
         Folder of learnt.json and learnt.npz.
     features : sequence of str
         Names of the features that a diagnosis computes now, in their order.
-
-    Returns
-    -------
-    Learnt
 
     Raises
     ------
@@ -128,7 +124,7 @@ def read_learnt(folder: Path, features: Sequence[str]) -> Learnt:
             (row["effect"], row["parameter"]): _read_estimator(row, trees)
             for row in table["estimators"] if row["effect"] not in outdated
         },
-        anything=trees.get(table["anything"], of_features=False),
+        any_gap=trees.get(table["any_gap"], of_features=False),
         null=nulls["null"],
         features=tuple(features),
         about=table["about"],
@@ -150,8 +146,7 @@ def definition(name: str) -> dict[str, dict[str, Any]]:
             "unit": field.metadata["unit"], "plausible": [float(end) for end in field.metadata["plausible"]],
             "log": bool(field.metadata["log"]),
         }
-        for field in dataclasses.fields(catalogue()[name])  # type: ignore[arg-type]
-        if "plausible" in field.metadata
+        for field in catalogue()[name].parameters()
     }  # fmt: skip
 
 
@@ -161,7 +156,7 @@ def _as_learnt(name: str, known: Mapping[str, Any] | None) -> bool:
     return kind is not None and kind.__module__.startswith(_OWN) and known == definition(name)
 
 
-_FLOAT: Final[Mapping[str, Any]] = {"quiet": bool}
+_FLOAT: Final[Mapping[str, Any]] = {"with_healthy": bool}
 """Types of the arrays of a null distribution that are not float."""
 
 
@@ -170,22 +165,17 @@ def _small(value: NDArray[Any]) -> NDArray[Any]:
     return value.astype(np.float32) if value.dtype == np.float64 else value
 
 
-def _calibration(found: ScoreCalibration) -> dict[str, Any]:
-    """A score calibration for JSON."""
-    return {"weights": found.weights.tolist(), "offset": found.offset, "named_from": found.named_from}
-
-
 def _estimator(key: tuple[str, str], estimator: Estimator, trees: _TreeWriter) -> dict[str, Any]:
     """An estimator for JSON; its trees go to the shared arrays."""
     return {
         "effect": key[0],
         "parameter": key[1],
         "anchors": [[a.column, a.logarithmic, *a.line] for a in estimator.anchors],
-        "middle": estimator.middle,
+        "default": estimator.default,
         "error": estimator.error,
-        "reach": estimator.reach,
-        "rest": None if estimator.rest is None else trees.add(estimator.rest),
-        "doubt": None if estimator.doubt is None else trees.add(estimator.doubt),
+        "error_factor": estimator.error_factor,
+        "residual": None if estimator.residual is None else trees.add(estimator.residual),
+        "error_model": None if estimator.error_model is None else trees.add(estimator.error_model),
     }
 
 
@@ -195,8 +185,8 @@ def _read_estimator(row: Mapping[str, Any], trees: _TreeReader) -> Estimator:
         Anchor(int(trees.columns(np.array([column]))[0]), logarithmic, (slope, offset))
         for column, logarithmic, slope, offset in row["anchors"]
     )
-    rest, doubt = (None if row[name] is None else trees.get(row[name]) for name in ("rest", "doubt"))
-    return Estimator(anchors, row["middle"], rest, row["error"], doubt, row["reach"])
+    rest, error_model = (None if row[name] is None else trees.get(row[name]) for name in ("residual", "error_model"))
+    return Estimator(anchors, row["default"], rest, row["error"], error_model, row["error_factor"])
 
 
 class _TreeWriter:

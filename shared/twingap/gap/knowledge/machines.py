@@ -30,6 +30,7 @@ from twingap.effects import (
     SpeedFluctuation,
     SpeedGain,
 )
+from twingap.effects.drawing import log_uniform
 from twingap.gap.features.impacts.response_sampling import continuous
 from twingap.records import Condition
 from twingap.streams import Streams
@@ -81,10 +82,6 @@ class Machine:
         effects : sequence of Effect
         scale : float
             Factor on its samples.
-
-        Returns
-        -------
-        StructuredTwin
         """
         names = {effect.name for effect in effects}
         small = tuple(effect for effect in self.imperfections if effect.name not in names)
@@ -170,11 +167,6 @@ _OF_FASTEST = 2.5
 draws modes in a narrower band."""
 
 
-def _log(rng: np.random.Generator, low: float, high: float) -> float:
-    """A random number, log-uniform between both bounds."""
-    return float(np.exp(rng.uniform(np.log(low), np.log(high))))
-
-
 def draw_machine(rng: np.random.Generator, own_simulator: bool, most_records: int = 40) -> Machine:
     """A random machine.
 
@@ -185,22 +177,18 @@ def draw_machine(rng: np.random.Generator, own_simulator: bool, most_records: in
         True: any structure, compared through simulated records; False: a structure that the baseline can represent.
     most_records : int
         Largest number of records.
-
-    Returns
-    -------
-    Machine
     """
     bearing = draw_bearing(rng)
-    fs_hz = float(np.exp(rng.uniform(np.log(6000), np.log(52000))))
+    fs_hz = log_uniform(rng, 6000, 52000)
     if rng.random() < 0.7:
         fs_hz = float(rng.choice([8000, 10000, 12000, 12800, 16000, 20000, 24000, 25600, 32000, 48000, 51200]))
     true, nominal = draw_conditions(rng, fs_hz, most_records)
     fastest_hz = max(c.speed_rpm for c in true) / 60 * bearing.bpfi
     # Low modes relative to the sampling rate are common: recorders are fast, structures are heavy.
-    first_hz = max(fs_hz * _log(rng, 0.035, 0.42), min(_OF_FASTEST * fastest_hz, 0.3 * fs_hz))
-    sharpness = _log(rng, 0.006, 0.12)
+    first_hz = max(fs_hz * log_uniform(rng, 0.035, 0.42), min(_OF_FASTEST * fastest_hz, 0.3 * fs_hz))
+    sharpness = log_uniform(rng, 0.006, 0.12)
     structure = rng.uniform(0.25, 0.97)
-    strength = float(np.exp(rng.uniform(np.log(1.8), np.log(25))))
+    strength = log_uniform(rng, 1.8, 25)
 
     def unlike() -> float:
         """Random factor of one fault's impacts."""
@@ -212,13 +200,13 @@ def draw_machine(rng: np.random.Generator, own_simulator: bool, most_records: in
         impact_amplitude={fault: strength * unlike() for fault in ("inner", "outer", "ball")},
         structure_noise_rms=structure,
         white_noise_rms=math.sqrt(1 - structure**2),
-        scale=float(np.exp(rng.uniform(np.log(0.01), np.log(30)))),
+        scale=log_uniform(rng, 0.01, 30),
     )
     modes: tuple[Mode, ...] = ()
     contact_s = 0.0
     if own_simulator:
         modes = tuple(
-            Mode(fs_hz * rng.uniform(0.03, 0.45), float(np.exp(rng.uniform(np.log(0.01), np.log(0.12)))), g)
+            Mode(fs_hz * rng.uniform(0.03, 0.45), log_uniform(rng, 0.01, 0.12), g)
             for g in np.exp(rng.uniform(np.log(0.15), np.log(1.5), rng.integers(0, 4)))
         )
         contact_s = rng.uniform(0, 0.45) / first_hz if rng.random() < 0.5 else 0.0
@@ -249,10 +237,6 @@ def draw_conditions(
         Sampling rate, Hz.
     most_records : int
         Largest number of records.
-
-    Returns
-    -------
-    tuple of Condition, tuple of Condition
     """
     count = int(np.clip(np.exp(rng.uniform(np.log(5), np.log(1.6 * most_records))), 5, most_records))
     duration = float(rng.choice([0.3, 0.5, 0.8, 1.0, 1.0, 1.5]))
@@ -277,13 +261,13 @@ def draw_conditions(
         kinds = kinds[:1]
     order = [kinds[i % len(kinds)] for i in range(count)]
     run = rng.random() < 0.5
-    span = float(np.exp(rng.uniform(np.log(60), np.log(3e6))))
+    span = log_uniform(rng, 60, 3e6)
     times = np.linspace(0, span, count) if rng.random() < 0.5 else np.sort(rng.uniform(0, span, count))
     if run:
         order = [order[i] for i in rng.permutation(count)]
     # Nominal speeds deviate by several per cent under load; a reading varies from record to record.
     common = 1 + (0.02 * rng.standard_normal() if rng.random() < 0.45 else 0.0)
-    single = _log(rng, 0.001, 0.02) * rng.standard_normal(count) * (rng.random() < 0.45)
+    single = log_uniform(rng, 0.001, 0.02) * rng.standard_normal(count) * (rng.random() < 0.45)
     true = tuple(
         Condition(f"r{i}", float(speeds[i]), fs_hz, n, order[i], None, float(times[i]) if run else None)
         for i in range(count)

@@ -19,11 +19,11 @@ RECORDS: Final = "context|records"
 """Feature: logarithm of the number of records compared."""
 OWN: Final = "context|own_simulator"
 """Feature: whether the simulator is the user's own."""
-MODELS: Final = "context|models"
+MODELS: Final = "context|has_effects"
 """Feature: whether the given twin has effects."""
 BARE, OWN_SIMULATOR, WITH_EFFECTS = 0.0, 1.0, 2.0
 """Kinds of simulator: the baseline twin, the user's own simulator, a twin with effects."""
-DISTANCE: Final = "view|overall"
+DISTANCE: Final = "distance|all_domains"
 """Feature: distance between records and twin over all domains, whatever its cause."""
 HEALTHY: Final = "context|healthy_share"
 """Feature: part of the records that is healthy."""
@@ -38,7 +38,7 @@ _FEWEST_ALIKE: Final = 60
 more often."""
 
 
-def _told(features: NDArray[Any], names: tuple[str, ...], name: str, otherwise: float = 0.0) -> Array:
+def _feature(features: NDArray[Any], names: tuple[str, ...], name: str, otherwise: float = 0.0) -> Array:
     """[examples] Feature of this name; `otherwise` where it does not exist."""
     rows = np.atleast_2d(features)
     return np.asarray(rows[:, names.index(name)] if name in names else np.full(len(rows), otherwise), float)
@@ -59,7 +59,7 @@ class MachineScores:
     kind : Array [machines]
         `BARE`, `OWN_SIMULATOR` (no calibrated parameters, therefore smaller distances) or `WITH_EFFECTS` (of which the
         machine may have a variant).
-    quiet : Mask [machines]
+    with_healthy : Mask [machines]
         Whether some records are healthy: without any, the calibration has to separate noise from impacts and is less
         accurate.
     """
@@ -68,21 +68,21 @@ class MachineScores:
     records: Array
     distance: Array
     kind: Array
-    quiet: Mask
+    with_healthy: Mask
 
     @classmethod
     def of(cls, scores: Array, features: NDArray[Any], names: tuple[str, ...]) -> MachineScores:
         """Scores of machines, with their properties read from features [machines, features]."""
-        own, models = _told(features, names, OWN) > 0, _told(features, names, MODELS) > 0
+        own, models = _feature(features, names, OWN) > 0, _feature(features, names, MODELS) > 0
         kind = np.select([own, models], [OWN_SIMULATOR, WITH_EFFECTS], BARE)
-        quiet = _told(features, names, HEALTHY, 1.0) > 0
-        return cls(scores, _told(features, names, RECORDS), _told(features, names, DISTANCE, np.nan), kind, quiet)
+        with_healthy = _feature(features, names, HEALTHY, 1.0) > 0
+        return cls(
+            scores, _feature(features, names, RECORDS), _feature(features, names, DISTANCE, np.nan), kind, with_healthy
+        )
 
     def take(self, rows: Mask) -> MachineScores:
         """A subset of the machines."""
-        return MachineScores(
-            self.scores[rows], self.records[rows], self.distance[rows], self.kind[rows], self.quiet[rows]
-        )
+        return MachineScores(**{name: values[rows] for name, values in vars(self).items()})
 
     def __len__(self) -> int:
         return len(self.scores)
@@ -112,21 +112,12 @@ class Null:
 
     machines: MachineScores
 
-    def p_value(self, judged: MachineScores) -> float:
-        """P-value of the first of these machines: weighted part of the null machines that are at least as extreme.
-
-        Parameters
-        ----------
-        judged : MachineScores
-
-        Returns
-        -------
-        float
-        """
+    def p_value(self, machine: MachineScores) -> float:
+        """P-value of the first of these machines: weighted part of the null machines that are at least as extreme."""
         if not len(self.machines):
             return 1.0
-        weight = self._weight(judged.records[0], self._alike(judged.kind[0], judged.quiet[0]))
-        return _part(weight, self._rarest <= self._rarity(judged, 0))
+        weight = self._weight(machine.records[0], self._alike(machine.kind[0], machine.with_healthy[0]))
+        return _part(weight, self._rarest <= self._rarity(machine, 0))
 
     @cached_property
     def _rarest(self) -> Array:
@@ -135,18 +126,18 @@ class Null:
 
     def _rarity(self, of: MachineScores, place: int) -> float:
         """Smallest p-value over the scores of one machine."""
-        alike = self._alike(of.kind[place], of.quiet[place])
+        alike = self._alike(of.kind[place], of.with_healthy[place])
         weight = self._weight(of.records[place], alike)
         rare = [_part(weight, self.machines.scores[:, k] >= score) for k, score in enumerate(of.scores[place])]
         if np.isfinite(of.distance[place]):
             rare.append(_part(alike, self.machines.distance >= of.distance[place]))
         return min(rare)
 
-    def _alike(self, kind: float, quiet: bool) -> Array:
+    def _alike(self, kind: float, with_healthy: bool) -> Array:
         """[machines] 1 for null machines of the same class (kind of simulator, presence of healthy records), else 0.
         Wider classes are used where this one is small; calibration does not apply to the user's own simulators."""
         kinds, own = self.machines.kind, self.machines.kind == OWN_SIMULATOR
-        same = self.machines.quiet == quiet
+        same = self.machines.with_healthy == with_healthy
         wider = (own,) if kind == OWN_SIMULATOR else (same & (kinds == kind), same & ~own, same, ~own)
         every = np.ones(len(kinds), bool)
         return np.asarray(next((alike for alike in wider if alike.sum() >= _FEWEST_ALIKE), every), float)

@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import hilbert, istft, stft
 
+from twingap.effects.drawing import log_uniform
 from twingap.records import Record, RecordSet
 
 Array = NDArray[np.float64]
@@ -51,28 +52,18 @@ _FARTHEST = 0.016
 change easier to detect."""
 
 
-def estrange(records: RecordSet, rng: np.random.Generator) -> RecordSet:
-    """The records with an effect outside the catalogue, of the same kind in all (or about half) of them.
-
-    Parameters
-    ----------
-    records : RecordSet
-    rng : numpy.random.Generator
-
-    Returns
-    -------
-    RecordSet
-    """
+def with_outside_effect(records: RecordSet, rng: np.random.Generator) -> RecordSet:
+    """The records with an effect outside the catalogue, of the same kind in all (or about half) of them."""
     n = min(c.n_samples for c in records.conditions)
     duration_s = min(c.duration_s for c in records.conditions)
     low = rng.uniform(0.0, 0.4)
     plan = _Plan(
         kind=str(rng.choice(_KINDS, p=_CHANCES)),
         over_time=str(rng.choice(["ramp", "step", "wave", "pulses", "even"])),
-        rate_hz=float(np.exp(rng.uniform(np.log(1.5 / duration_s), np.log(60)))),
+        rate_hz=log_uniform(rng, 1.5 / duration_s, 60),
         low=low,
         high=min(low + rng.uniform(0.05, 0.6), 0.5),
-        strength=float(np.exp(rng.uniform(np.log(0.5), np.log(2.5)))),
+        strength=log_uniform(rng, 0.5, 2.5),
         segment=min(2 ** int(rng.integers(5, 9)), n // 8),
         entropy=int(rng.integers(2**62)),
     )

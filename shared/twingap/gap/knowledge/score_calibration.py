@@ -108,10 +108,6 @@ def learn_score_calibration(
         Whether each effect is missing.
     machine : sequence of int
         Machine, or group of machines, of each outcome; in cross-validation a group is never split.
-
-    Returns
-    -------
-    ScoreCalibration or None
     """
     label = np.asarray(missing, bool)
     if min(label.sum(), (~label).sum()) < _FEWEST:

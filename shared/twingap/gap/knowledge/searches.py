@@ -54,8 +54,8 @@ def searches(
             outcomes = search(evidence, learnt).outcomes
         except TwingapError:  # a machine that cannot be calibrated gives no outcome
             continue
-        missing, unseen = {effect.name for effect in gap.missing}, _hidden(gap, evidence, learnt)
-        found += [(outcome, name in missing) for name, outcome in outcomes.items() if name not in unseen]
+        missing, hidden = {effect.name for effect in gap.missing}, _hidden(gap, evidence, learnt)
+        found += [(outcome, name in missing) for name, outcome in outcomes.items() if name not in hidden]
     return found
 
 

@@ -13,9 +13,8 @@ import numpy as np
 
 from twingap.effects import Draft, Effect, catalogue, make_effect
 from twingap.gap.knowledge.machines import Machine, draw_machine
-from twingap.gap.knowledge.outside_catalogue import estrange
-from twingap.gap.search.evidence import values_of
-from twingap.gap.search.parameter_scale import Setting, a_little_off
+from twingap.gap.knowledge.outside_catalogue import with_outside_effect
+from twingap.gap.search.parameter_scale import Setting, with_errors
 from twingap.records import Record, RecordSet
 from twingap.twins.twin_file import TwinSpec
 
@@ -27,7 +26,7 @@ HOW_MANY_OF_FEW = (0.48, 0.34, 0.18)
 MODELLING = 0.35
 """Part of the machines whose twin models some effects. A larger value resolves smaller p-values of such twins, with
 fewer examples of others."""
-STRANGE = 0.18
+OUTSIDE = 0.18
 """Part of the gaps with an effect outside the catalogue. A larger value leaves fewer gaps with catalogued effects
 only."""
 VARIANT = 0.25
@@ -51,7 +50,7 @@ class SimulatedGap:
         Effects of the machine that the twin lacks.
     modelled : tuple of Effect
         Effects of both, at the machine's values.
-    strange : bool
+    outside : bool
         Whether the machine also has an effect outside the catalogue.
     machine : Machine
     """
@@ -61,7 +60,7 @@ class SimulatedGap:
     sim: RecordSet | None
     missing: tuple[Effect, ...]
     modelled: tuple[Effect, ...]
-    strange: bool
+    outside: bool
     machine: Machine
 
 
@@ -79,10 +78,6 @@ def draw_gap(
         Largest number of records.
     among : sequence of str
         Effects to draw from; empty for the whole catalogue.
-
-    Returns
-    -------
-    SimulatedGap
     """
     own = bool(rng.random() < 1 / 3) if own_simulator is None else own_simulator
     machine = draw_machine(rng, own, most_records)
@@ -95,11 +90,11 @@ def draw_gap(
         modelled, effects = tuple(effects[i] for i in kept[count:]), tuple(effects[i] for i in kept[:count])
     # An external simulator models effects exactly as the machine has them; a twin, in the catalogue's form.
     alike = modelled if own else ()
-    built = [e if e in alike else as_built(e, machine, rng) for e in (*modelled, *effects)]
+    built = [e if e in alike else maybe_variant(e, machine, rng) for e in (*modelled, *effects)]
     records = simulated(machine, tuple(built), rng)
-    strange = bool(rng.random() < STRANGE)
-    if strange:
-        records = estrange(records, rng)
+    outside = bool(rng.random() < OUTSIDE)
+    if outside:
+        records = with_outside_effect(records, rng)
     nominal = RecordSet.from_records(
         "machine", "", machine.bearing,
         (Record(c, r.samples) for c, r in zip(machine.nominal, records, strict=True)),
@@ -108,12 +103,12 @@ def draw_gap(
     if own:
         gain = float(np.exp(rng.normal(0, 0.7))) if rng.random() < 0.7 else 1.0
         sim = simulated(replace(machine, conditions=machine.nominal), modelled, rng, gain)
-    values = {effect.name: values_of(effect) for effect in _as_known(modelled, machine, rng)}
+    values = {effect.name: effect.parameter_values() for effect in _as_known(modelled, machine, rng)}
     spec = TwinSpec("phenomenological", tuple(values), None, values)
-    return SimulatedGap(nominal, spec, sim, effects, modelled, strange, machine)
+    return SimulatedGap(nominal, spec, sim, effects, modelled, outside, machine)
 
 
-def as_built(effect: Effect, machine: Machine, rng: np.random.Generator) -> Effect:
+def maybe_variant(effect: Effect, machine: Machine, rng: np.random.Generator) -> Effect:
     """The effect in the catalogue's form or, with probability `VARIANT`, as a variant at the same values.
 
     Models trained only on the catalogue's form do not transfer to machines whose effects differ from it.
@@ -124,10 +119,6 @@ def as_built(effect: Effect, machine: Machine, rng: np.random.Generator) -> Effe
         An effect of the catalogue.
     machine : Machine
     rng : numpy.random.Generator
-
-    Returns
-    -------
-    Effect
     """
     if type(effect).variant is Effect.variant or rng.random() >= VARIANT:
         return effect
@@ -139,7 +130,7 @@ def _as_known(modelled: Sequence[Effect], machine: Machine, rng: np.random.Gener
     if rng.random() < 0.5:
         return tuple(modelled)
     setting, error = Setting.of(machine.nominal), 0.12 * rng.random()
-    return tuple(a_little_off(effect, error, setting, rng) for effect in modelled)
+    return tuple(with_errors(effect, error, setting, rng) for effect in modelled)
 
 
 def simulated(machine: Machine, effects: Sequence[Effect], rng: np.random.Generator, gain: float = 1.0) -> RecordSet:
@@ -152,10 +143,6 @@ def simulated(machine: Machine, effects: Sequence[Effect], rng: np.random.Genera
     rng : numpy.random.Generator
     gain : float
         Factor on the samples.
-
-    Returns
-    -------
-    RecordSet
     """
     return machine.twin(effects, gain).simulate(machine.conditions, rng)
 
@@ -173,10 +160,6 @@ def draw_effects(
         Number of effects; fewer where the machine's records can show no more.
     among : sequence of str
         Effects to draw from; empty for the whole catalogue.
-
-    Returns
-    -------
-    tuple of Effect
     """
     names = [name for name in catalogue() if not among or name in among]
     chances = np.array([catalogue()[name].draw_weight for name in names])

@@ -24,7 +24,7 @@ from twingap.gap.report.model import (
     Metric,
     ParameterValue,
     Place,
-    StandIns,
+    SurrogateEffects,
     TwoSampleTest,
     Verdict,
 )
@@ -165,12 +165,12 @@ def _values(table: Mapping[str, Any] | None) -> dict[str, ParameterValue]:
     return {name: _made(ParameterValue, value) for name, value in (table or {}).items()}
 
 
-def _stand_ins(table: Mapping[str, Any] | None) -> StandIns | None:
+def _stand_ins(table: Mapping[str, Any] | None) -> SurrogateEffects | None:
     if table is None:
         return None
     values = {effect: _values(parameters) for effect, parameters in table["parameters"].items()}
     metrics = tuple(_made(Metric, m) for m in table.get("metrics", ()))
-    return _made(StandIns, table, parameters=values, metrics=metrics)  # type: ignore[no-any-return]
+    return _made(SurrogateEffects, table, parameters=values, metrics=metrics)  # type: ignore[no-any-return]
 
 
 def _made(kind: type[Any], table: Mapping[str, Any], **given: Any) -> Any:

@@ -11,7 +11,7 @@ import html
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any, Final, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 from twingap.gap.distance.domain_names import DomainName
 
@@ -22,8 +22,6 @@ Status = Literal["no_gap", "explained", "partly_explained", "unexplained"]
 Interval = tuple[float, float]
 Numbers = tuple[float, ...]
 """NaN marks what was not measured; it is written as null."""
-
-_NONE: Final[Mapping[str, Any]] = {}
 
 
 @dataclass(frozen=True)
@@ -200,7 +198,7 @@ class Metric:
 
 
 @dataclass(frozen=True)
-class StandIns:
+class SurrogateEffects:
     """Effects that bring the twin nearer than the verdict's do, whether or not the machine has them.
 
     Parameters
@@ -321,7 +319,7 @@ class GapReport:
     tests : tuple[TwoSampleTest, ...]
     curves : Mapping[str, Curve]
         For figures; any of "spectrum", "envelope", "order", "amplitude", "time", "condition", or others.
-    stand_ins : StandIns or None
+    stand_ins : SurrogateEffects or None
         What brings the twin nearer beyond the verdict; None where it was not asked for, or nothing does.
     """
 
@@ -335,7 +333,7 @@ class GapReport:
     rest: tuple[Place, ...] = ()
     tests: tuple[TwoSampleTest, ...] = ()
     curves: Mapping[str, Curve] = field(default_factory=dict)
-    stand_ins: StandIns | None = None
+    stand_ins: SurrogateEffects | None = None
 
     def __post_init__(self) -> None:
         _set(
@@ -405,8 +403,8 @@ class GapReport:
             if c.effect in self.verdict.effects
         ]
         table = _frame((dict(zip(columns, row, strict=True)) for row in rows), columns)
-        said = [self.sentence] if self.stand_ins is None else [self.sentence, self.stand_ins.sentence]
-        shown = "".join(f"<p>{html.escape(sentence)}</p>" for sentence in said)
+        sentences = [self.sentence] if self.stand_ins is None else [self.sentence, self.stand_ins.sentence]
+        shown = "".join(f"<p>{html.escape(sentence)}</p>" for sentence in sentences)
         return shown + (table.to_html(index=False, border=0) if rows else "")
 
 

@@ -42,7 +42,7 @@ def problems(table: Any) -> list[str]:
     table : Any
         Parsed gap.json, or what is about to be written as one.
     """
-    found = [_said(error) for error in _validator().iter_errors(table)]
+    found = [_message(error) for error in _validator().iter_errors(table)]
     found += [f"{place}: not a finite number" for place in _not_finite(table, "")]
     return found or list(_inconsistent(table))
 
@@ -52,7 +52,7 @@ def _validator() -> Draft202012Validator:
     return Draft202012Validator(schema())
 
 
-def _said(error: ValidationError) -> str:
+def _message(error: ValidationError) -> str:
     """An error as one line with its path."""
     place = ""
     for part in error.absolute_path:

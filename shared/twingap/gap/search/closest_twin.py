@@ -23,10 +23,10 @@ from twingap.effects import Effect, catalogue
 from twingap.errors import TwingapError
 from twingap.gap.knowledge.learnt import Learnt
 from twingap.gap.search.effect_search import Explanation, estimate
-from twingap.gap.search.evidence import Compared, Evidence, values_of
+from twingap.gap.search.evidence import Compared, Evidence
 from twingap.gap.search.initial_values import observations
-from twingap.gap.search.optimise import Nearest, bring_nearest, left_over
-from twingap.gap.search.parameter_prior import Key, Said
+from twingap.gap.search.optimise import Optimised, optimise, validation_distance
+from twingap.gap.search.parameter_prior import Key, Prior
 from twingap.twins.simulator import TwinSimulator
 from twingap.twins.twin_file import TwinSpec
 
@@ -62,7 +62,7 @@ class ClosestTwin:
     added: tuple[str, ...]
 
 
-def stand_ins(
+def surrogate_effects(
     evidence: Evidence, found: Explanation, learnt: Learnt, progress: Progress = lambda what, part: None
 ) -> ClosestTwin | None:
     """Surrogate effects, added one by one to the verdict's, that bring the twin closest to the fit part.
@@ -82,22 +82,24 @@ def stand_ins(
     ClosestTwin or None
         None where no effect brings the twin closer.
     """
-    said = {key: one for value in found.effects for key, one in value.said.items()}
+    priors = {key: one for value in found.effects for key, one in value.priors.items()}
     now, added = found.after, tuple[str, ...]()
-    left = left_over(evidence, now.simulator, now.effects)
+    left = validation_distance(evidence, now.simulator, now.effects)
     names = [n for n in catalogue() if n not in {*evidence.modelled, *found.cannot, *found.names}]
     while names and len(added) < MOST:
         progress(f"stand-ins: {', '.join(added) or 'none yet'}", len(added) / MOST)
         ranked = _ranked(evidence, now, names, learnt)
         if not ranked:
             break
-        moved = [(name, _moved(evidence, now, effect, learnt.errors, said)) for name, effect in ranked[:_FINALISTS]]
-        tried = [(left_over(evidence, one.simulator, one.effects), name, one) for name, one in moved]
+        moved = [
+            (name, _optimised(evidence, now, effect, learnt.errors, priors)) for name, effect in ranked[:_FINALISTS]
+        ]
+        tried = [(validation_distance(evidence, one.simulator, one.effects), name, one) for name, one in moved]
         least, name, one = min(tried, key=lambda row: row[0])
         if least >= WORTH * left:
             break
-        again = bring_nearest(evidence, one.simulator, one.effects, learnt.errors, passes=1, said=said)
-        closer = left_over(evidence, again.simulator, again.effects)
+        again = optimise(evidence, one.simulator, one.effects, learnt.errors, passes=1, priors=priors)
+        closer = validation_distance(evidence, again.simulator, again.effects)
         one, left = (again, closer) if closer < least else (one, least)
         now, added = Compared(evidence, one.effects, one.simulator), (*added, name)
         names = [other for other, _ in ranked[:_KEPT] if other != name]
@@ -106,10 +108,6 @@ def stand_ins(
 
 def closest_spec(compared: Compared) -> TwinSpec | None:
     """Twin file of a twin with these effects and values.
-
-    Parameters
-    ----------
-    compared : Compared
 
     Returns
     -------
@@ -120,16 +118,16 @@ def closest_spec(compared: Compared) -> TwinSpec | None:
         return None
     spec = compared.simulator.spec
     names = dict.fromkeys((*spec.effects, *(effect.name for effect in compared.effects)))
-    values = {**spec.parameters, **{effect.name: values_of(effect) for effect in compared.effects}}
+    values = {**spec.parameters, **{effect.name: effect.parameter_values() for effect in compared.effects}}
     return replace(spec, effects=tuple(names), parameters=values)
 
 
-def _moved(
-    evidence: Evidence, now: Compared, effect: Effect, errors: Mapping[Key, float], said: Mapping[Key, Said]
-) -> Nearest:
+def _optimised(
+    evidence: Evidence, now: Compared, effect: Effect, errors: Mapping[Key, float], priors: Mapping[Key, Prior]
+) -> Optimised:
     """The twin with one more effect, its values optimised together with the twin's own."""
-    return bring_nearest(
-        evidence, now.simulator, (*now.effects, effect), errors, moved=[effect.name], passes=1, said=said
+    return optimise(
+        evidence, now.simulator, (*now.effects, effect), errors, moved=[effect.name], passes=1, priors=priors
     )
 
 

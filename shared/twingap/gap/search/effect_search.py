@@ -26,14 +26,14 @@ from twingap.gap.external_simulator import ExternalSimulator
 from twingap.gap.knowledge.learnt import Learnt
 from twingap.gap.knowledge.score_calibration import Outcome
 from twingap.gap.search import unlearnt
-from twingap.gap.search.evidence import Compared, Evidence, values_of
-from twingap.gap.search.initial_values import better_start
-from twingap.gap.search.optimise import bring_nearest, no_farther
-from twingap.gap.search.parameter_prior import Key, Said
+from twingap.gap.search.evidence import Compared, Evidence
+from twingap.gap.search.initial_values import better_initial
+from twingap.gap.search.optimise import not_farther, optimise
+from twingap.gap.search.parameter_prior import Key, Prior
 from twingap.gap.search.parameter_scale import coordinates, to_effect, to_number, to_value
 
 Array = NDArray[np.float64]
-Report = Callable[[str, float], None]
+Progress = Callable[[str, float], None]
 
 ROUNDS: Final = 4
 """Largest number of rounds of the stepwise search. A larger number may find more effects and takes longer."""
@@ -71,7 +71,7 @@ WORSE: Final = 1.03
 """Factor on the fit part's distance above which an added effect counts as harmful. A larger value tolerates more."""
 DOUBT: Final = 2.0
 """Log odds by which a harmful effect has to exceed the threshold. A larger value drops more of them."""
-STIFF: Final = 10.0
+MODELLED_PRIOR_WEIGHT: Final = 10.0
 """Factor on the prior of the values of modelled effects. A larger value keeps them closer to their estimates, so
 that they do not compensate for effects that are missing."""
 UNLIKELY: Final = -2.5
@@ -87,13 +87,13 @@ class Estimated:
     effect : Effect
     intervals : Mapping[str, (float, float)]
         90 % intervals of its parameters, in their units.
-    said : Mapping[(effect, parameter), Said]
+    priors : Mapping[(effect, parameter), Prior]
         Priors of the parameters from the estimators; they stay when values are optimised.
     """
 
     effect: Effect
     intervals: Mapping[str, tuple[float, float]]
-    said: Mapping[Key, Said] = field(default_factory=dict)
+    priors: Mapping[Key, Prior] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -160,7 +160,7 @@ class Searched:
 def search(
     evidence: Evidence,
     learnt: Learnt,
-    report: Report = lambda what, part: None,
+    progress: Progress = lambda what, part: None,
     held: Mapping[str, Estimated] = MappingProxyType({}),
 ) -> Searched:
     """Stepwise search: add effects that seem missing, drop those that are not confirmed, until nothing changes.
@@ -169,28 +169,24 @@ def search(
     ----------
     evidence : Evidence
     learnt : Learnt
-    report : callable
+    progress : callable
         Called with a description of the current step and the completed part, 0 to 1.
     held : Mapping[str, Estimated], optional
         Effects without detectors that are added first and never dropped.
-
-    Returns
-    -------
-    Searched
     """
     found = _Search(evidence, learnt)
-    report("the twin as given", 0.0)
+    progress("the twin as given", 0.0)
     p_value = learnt.p_value(evidence.against().held_out, evidence.modelled)
     gap = p_value <= level_of_gap(evidence) or bool(held)
     found.hold(held)
     for turn in range(ROUNDS):
-        report("effects added", 0.2 + 0.2 * turn)
+        progress("effects added", 0.2 + 0.2 * turn)
         # An effect once dropped stays out: otherwise the search could cycle.
-        more = found.seem_missing() or (found.that_help() if gap and turn else [])
+        more = found.probable() or (found.helpful() if gap and turn else [])
         if not more and turn:
             break
         found.add(more)
-        found.drop_idle()
+        found.drop_weakest()
     rest_p = found.rest_p(p_value)
     named = len(found.values) - len(held)
     outcomes = {
@@ -200,44 +196,40 @@ def search(
     return Searched(found, p_value, rest_p, outcomes)
 
 
-def explain(evidence: Evidence, learnt: Learnt, report: Report) -> Explanation:
+def explain(evidence: Evidence, learnt: Learnt, progress: Progress) -> Explanation:
     """Search for the effects that the twin lacks, with calibrated probabilities and optimised values.
 
     Parameters
     ----------
     evidence : Evidence
     learnt : Learnt
-    report : callable
+    progress : callable
         Called with a description of the current step and the completed part, 0 to 1.
-
-    Returns
-    -------
-    Explanation
     """
-    ended = search(evidence, learnt, report)
+    ended = search(evidence, learnt, progress)
     own = [name for name in catalogue() if not learnt.covers(name) and name not in ended.search.already]
     tested: dict[str, float] = {}
     if own:
-        ended, tested = _with_unlearnt(evidence, learnt, ended, own, report)
+        ended, tested = _with_unlearnt(evidence, learnt, ended, own, progress)
     found, p_value = ended.search, ended.p_value
-    report("confidence", 0.9)
-    judge = learnt.calibration
+    progress("confidence", 0.9)
+    calibration = learnt.calibration
     probability = {
-        name: _probability(outcome.certainty) if judge is None else judge.probability(outcome)
+        name: _probability(outcome.certainty) if calibration is None else calibration.probability(outcome)
         for name, outcome in ended.outcomes.items()
     } | {name: unlearnt.probability(p) for name, p in tested.items()}
     gap = p_value <= level_of_gap(evidence, max((probability[n] for n in ended.outcomes), default=0.0))
     # A twin is never calibrated perfectly: an effect that makes up for that is no effect that is missing.
     sure = [name for name, p in tested.items() if gap and p <= unlearnt.LEVEL / len(own)]
-    limit = NAMED_FROM if judge is None else judge.named_from
+    limit = NAMED_FROM if calibration is None else calibration.named_from
     names = [*sure, *to_name({name: probability[name] for name in ended.outcomes}, limit)]
     found.keep([name for name in found.values if name in names])
     if gap:
         found.add([name for name in names if name not in found.values])
     rest_p = found.rest_p(p_value)
-    report("values", 0.92)
-    before, after = found.nearest(gap)
-    sets = confidence_set(probability, learnt.set_level if judge is None else LEVEL)
+    progress("values", 0.92)
+    before, after = found.optimised(gap)
+    sets = confidence_set(probability, learnt.set_level if calibration is None else LEVEL)
     named = found.strongest_first() if gap else []
     return Explanation(
         p_value, gap, tuple(found.values[name] for name in named),
@@ -247,7 +239,7 @@ def explain(evidence: Evidence, learnt: Learnt, report: Report) -> Explanation:
 
 
 def _with_unlearnt(
-    evidence: Evidence, learnt: Learnt, plain: Searched, own: Sequence[str], report: Report
+    evidence: Evidence, learnt: Learnt, plain: Searched, own: Sequence[str], progress: Progress
 ) -> tuple[Searched, dict[str, float]]:
     """Search with effects that have no detector, and the p-values of these effects.
 
@@ -259,7 +251,7 @@ def _with_unlearnt(
     level, bare = unlearnt.LEVEL / len(own), evidence.against()
     tested, held, best = dict.fromkeys(own, 1.0), dict[str, Estimated](), plain
     for name in [name for name in own if name not in plain.search.cannot]:
-        report(f"fit of {name}", 0.8)
+        progress(f"fit of {name}", 0.8)
         others = tuple(one.effect for one in held.values())
         effect = unlearnt.fitted(evidence, name, bare.fit, others)
         if effect is None:
@@ -267,7 +259,7 @@ def _with_unlearnt(
         tested[name] = unlearnt.p_value(evidence, (*others, effect), others)
         if tested[name] > level:
             continue
-        again = search(evidence, learnt, report, held | {name: Estimated(effect, {})})
+        again = search(evidence, learnt, progress, held | {name: Estimated(effect, {})})
         chain = again.search.added()
         without = tuple(one for one in chain if one.name != name)
         tested[name] = unlearnt.p_value(evidence, chain, without)
@@ -286,20 +278,16 @@ def level_of_gap(evidence: Evidence, surest: float = 0.0) -> float:
     evidence : Evidence
     surest : float
         Largest probability of a missing effect.
-
-    Returns
-    -------
-    float
     """
-    asked_again = not isinstance(evidence.against().simulator, ExternalSimulator) or evidence.exchangeable
-    return ALPHA if asked_again or surest >= SURE else CAUTIOUS_ALPHA
+    exchange_test_follows = not isinstance(evidence.against().simulator, ExternalSimulator) or evidence.exchangeable
+    return ALPHA if exchange_test_follows or surest >= SURE else CAUTIOUS_ALPHA
 
 
-def valued(evidence: Evidence, learnt: Learnt, names: Sequence[str]) -> tuple[Effect, ...]:
+def with_fitted_values(evidence: Evidence, learnt: Learnt, names: Sequence[str]) -> tuple[Effect, ...]:
     """Modelled effects at the values, near their estimates, that bring the twin closest to the fit part.
 
-    Effects that act on none of the records are left out. Priors are strong (`STIFF`), because other effects may be
-    missing and these values must not compensate for them.
+    Effects that act on none of the records are left out. Priors are strong (`MODELLED_PRIOR_WEIGHT`), because other
+    effects may be missing and these values must not compensate for them.
 
     Parameters
     ----------
@@ -307,21 +295,17 @@ def valued(evidence: Evidence, learnt: Learnt, names: Sequence[str]) -> tuple[Ef
         Evidence of a twin without these effects.
     learnt : Learnt
     names : sequence of str
-
-    Returns
-    -------
-    tuple of Effect
     """
-    found = _Search(evidence, learnt, STIFF)
+    found = _Search(evidence, learnt, MODELLED_PRIOR_WEIGHT)
     found.add(names)
-    return found.nearest(gap=True)[1].effects
+    return found.optimised(gap=True)[1].effects
 
 
 class _Search:
     """State of a search: effects found so far, and the twin that has them."""
 
-    def __init__(self, evidence: Evidence, learnt: Learnt, stiff: float = 1.0) -> None:
-        self.evidence, self.learnt, self.stiff = evidence, learnt, stiff
+    def __init__(self, evidence: Evidence, learnt: Learnt, prior_weight: float = 1.0) -> None:
+        self.evidence, self.learnt, self.prior_weight = evidence, learnt, prior_weight
         self.cannot = {n: why for n in catalogue() if (why := evidence.can_add(n)) is not None}
         self.already = set(evidence.modelled)
         self.now = evidence.against()
@@ -357,14 +341,14 @@ class _Search:
             }
         return self._known[key]
 
-    def seem_missing(self) -> list[str]:
+    def probable(self) -> list[str]:
         """Effects not yet tried whose log odds exceed their threshold, in decreasing order."""
         odds = self.odds(self.now)
         limit = self.learnt.thresholds
         found = [n for n in _strongest(odds) if odds[n] > limit.get(n, THRESHOLD) and n not in self.tried]
         return found[: max(MOST_EFFECTS - len(self.values), 0)]
 
-    def that_help(self) -> list[str]:
+    def helpful(self) -> list[str]:
         """The improbable effect that reduces the distance most, where the rest is significant."""
         rest = self._rest_p() if self.values else 0.0  # without any effect, all of the gap is rest
         if rest > ALPHA_REST or len(self.values) >= MOST_EFFECTS:
@@ -391,39 +375,46 @@ class _Search:
 
     def refine(self, names: Sequence[str]) -> None:
         """Optimise the values of these effects on the fit part."""
-        found = bring_nearest(
+        found = optimise(
             self.evidence, self.now.simulator, self.added(), self.errors,
-            moved=names, baseline=False, passes=1, said=self._said(), stiff=self.stiff,
+            moved=names, baseline=False, passes=1, priors=self._priors(), prior_weight=self.prior_weight,
         )  # fmt: skip
-        self._take_over(found.effects)
+        self._store_values(found.effects)
         self.now = self.evidence.against(self.added())
 
-    def nearest(self, gap: bool) -> tuple[Compared, Compared]:
+    def optimised(self, gap: bool) -> tuple[Compared, Compared]:
         """The twin as given, and the twin with the effects found where there is a gap, both with optimised values.
 
         The baseline is optimised in both, so that what the baseline alone can close is not credited to effects.
         """
-        bare = bring_nearest(self.evidence, self.evidence.against().simulator, (), {})
+        bare = optimise(self.evidence, self.evidence.against().simulator, (), {})
         before = Compared(self.evidence, (), bare.simulator)
         if not gap or not self.added():
             return before, before
-        found = bring_nearest(
-            self.evidence, self.now.simulator, self.added(), self.errors, said=self._said(), stiff=self.stiff
+        found = optimise(
+            self.evidence,
+            self.now.simulator,
+            self.added(),
+            self.errors,
+            priors=self._priors(),
+            prior_weight=self.prior_weight,
         )
-        found = no_farther(self.evidence, found, bare, self.errors, said=self._said(), stiff=self.stiff)
-        self._take_over(found.effects)
+        found = not_farther(
+            self.evidence, found, bare, self.errors, priors=self._priors(), prior_weight=self.prior_weight
+        )
+        self._store_values(found.effects)
         return before, Compared(self.evidence, found.effects, found.simulator)
 
-    def _take_over(self, effects: Sequence[Effect]) -> None:
+    def _store_values(self, effects: Sequence[Effect]) -> None:
         """Store optimised values; intervals are extended to include them."""
         for effect in effects:
-            known, values = self.values[effect.name], values_of(effect)
+            known, values = self.values[effect.name], effect.parameter_values()
             reaching = {p: (min(low, values[p]), max(high, values[p])) for p, (low, high) in known.intervals.items()}
             self.values[effect.name] = replace(known, effect=effect, intervals=reaching)
 
-    def _said(self) -> dict[Key, Said]:
+    def _priors(self) -> dict[Key, Prior]:
         """Priors of the values of all effects found."""
-        return {key: said for value in self.values.values() for key, said in value.said.items()}
+        return {key: prior for value in self.values.values() for key, prior in value.priors.items()}
 
     def add(self, names: Sequence[str]) -> None:
         """Add effects at the values estimated from features of the fit part against the current twin."""
@@ -436,24 +427,24 @@ class _Search:
         self.now = self.evidence.against(self.added())
         here = [name for name in names if name in self.values and name not in self.cannot]
         for name in here:
-            self.begin_better(name, features)
+            self.improve_initial(name, features)
         if here:
             self.refine(here)
 
-    def begin_better(self, name: str, features: Array) -> None:
+    def improve_initial(self, name: str, features: Array) -> None:
         """Replace the values of an effect by other initial values where these have a smaller misfit."""
         added = self.added()
-        said = self.values[name].said
+        priors = self.values[name].priors
         now = self.evidence.misfit(self.now.simulator, added)
-        found = better_start(self.evidence, added, name, features, now, said)
+        found = better_initial(self.evidence, added, name, features, now, priors)
         if found is not None:
-            self._take_over([found.effect])
+            self._store_values([found.effect])
             if found.read:  # other values: the prior moves there
-                anew = {k: one._replace(number=self._number(found.effect, k)) for k, one in said.items()}
-                self.values[name] = replace(self.values[name], said=anew)
+                anew = {k: one._replace(number=self._number(found.effect, k)) for k, one in priors.items()}
+                self.values[name] = replace(self.values[name], priors=anew)
             self.now = self.evidence.against(self.added())
 
-    def drop_idle(self) -> None:
+    def drop_weakest(self) -> None:
         """Backward elimination: drop the weakest effect while its log odds, with it left out, are below its limit."""
         while len(self.values) > len(self.held):
             self.missed, slack, gap = {}, {}, self._gap()
@@ -464,10 +455,10 @@ class _Search:
                 # A missing effect cannot increase the distance when added: one that does needs higher log odds.
                 worse = name not in self.cannot and gap > WORSE * self.evidence.gap(without.simulator, others)
                 slack[name] = self.missed[name] - self._least(name) - DOUBT * worse
-            idle = min(slack, key=lambda name: slack[name])
-            if slack[idle] > 0:
+            weakest = min(slack, key=lambda name: slack[name])
+            if slack[weakest] > 0:
                 return
-            del self.values[idle]
+            del self.values[weakest]
             self.now = self.evidence.against(self.added())
 
     def _number(self, effect: Effect, key: Key) -> float:
@@ -483,9 +474,9 @@ class _Search:
         now = self.odds(self.now)
         return {name: self.missed.get(name, now[name]) if name in self.values else now[name] for name in now}
 
-    def rest_p(self, whole: float) -> float:
-        """P-value of no rest; `whole`, the p-value of no gap, where no effect was added."""
-        return self._rest_p() if self.values else whole
+    def rest_p(self, p_value: float) -> float:
+        """P-value of no rest; `p_value`, that of no gap, where no effect was added."""
+        return self._rest_p() if self.values else p_value
 
     def _rest_p(self) -> float:
         """P-value of no rest for the current twin."""
@@ -550,8 +541,8 @@ def estimate(name: str, features: Array, evidence: Evidence, learnt: Learnt) -> 
             break
         numbers = {p: 0.5 * (n + to_number(default, p, setting)) for p, n in numbers.items()}
         made = to_effect(name, numbers, setting)
-    said = {(name, p): Said(to_number(made, p, setting), off) for p, off in within.items()}
-    return Estimated(made, intervals, said)
+    priors = {(name, p): Prior(to_number(made, p, setting), off) for p, off in within.items()}
+    return Estimated(made, intervals, priors)
 
 
 def to_name(probability: Mapping[str, float], limit: float) -> list[str]:
@@ -562,10 +553,6 @@ def to_name(probability: Mapping[str, float], limit: float) -> list[str]:
     probability : Mapping[str, float]
         Probability that each effect is missing.
     limit : float
-
-    Returns
-    -------
-    list of str
     """
     return [name for name, p in probability.items() if p >= limit]
 

@@ -7,7 +7,7 @@ twin + effects --recalibrate on the fit part, simulate both parts--> Compared: f
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import fields, replace
+from dataclasses import replace
 from functools import cached_property
 from typing import Final
 
@@ -208,7 +208,7 @@ class Evidence:
         return all(effect.cannot_act_on(Draft(c, self.frame.bearing, 1.0, t, t)) is None for c in conditions)
 
     @cached_property
-    def _tried(self) -> RecordSet:
+    def _trial_records(self) -> RecordSet:
         """A few shortened records of each state of the fit part, for trial simulations."""
         few = thinned(self.calibrated.fit, MOST_TRIED)
         conditions = [replace(c, n_samples=min(c.n_samples, LONGEST_TRIED)) for c in few.conditions]
@@ -217,73 +217,58 @@ class Evidence:
     @property
     def trials(self) -> int:
         """Number of simulations of one search for values; it decreases with the cost of a simulation."""
-        conditions = self._tried.conditions
-        samples = len(self._two(self._simulator, conditions)) * sum(c.n_samples for c in conditions)
+        conditions = self._trial_records.conditions
+        samples = len(self._replicate_numbers(self._simulator, conditions)) * sum(c.n_samples for c in conditions)
         dear = CONTACT_COSTS if self.spec.model == "contact" else 1
         return int(np.clip(SAMPLES_TRIED / (samples * dear), *TRIALS))
 
     @property
-    def records_tried(self) -> int:
+    def n_trial_records(self) -> int:
         """Number of records of a trial simulation."""
-        return len(self._tried)
+        return len(self._trial_records)
 
     @cached_property
-    def _tried_grid(self) -> Grid:
+    def _trial_grid(self) -> Grid:
         """Grid of the trial records."""
-        return Grid.of(self._tried.conditions, self.frame.bearing)
+        return Grid.of(self._trial_records.conditions, self.frame.bearing)
 
     @cached_property
-    def _tried_views(self) -> FeatureVectors:
+    def _trial_vectors(self) -> FeatureVectors:
         """Feature vectors of the trial records."""
-        return self.vectors(self._tried, self._tried_grid)
+        return self.vectors(self._trial_records, self._trial_grid)
 
     @cached_property
-    def _yardstick(self) -> Array:
+    def _scale(self) -> Array:
         """Scale [bins] of distances on the fit part, the same for all twins."""
         grid, conditions = Grid.of(self.fit.conditions, self.frame.bearing), self.fit.conditions
-        made = [self.simulated(self._simulator, (), conditions, k) for k in self._two(self._simulator, conditions)]
+        made = [
+            self.simulated(self._simulator, (), conditions, k)
+            for k in self._replicate_numbers(self._simulator, conditions)
+        ]
         return Paired(self.fit.vectors, [self.vectors(records, grid) for records in made]).scale
 
     @cached_property
-    def _trial_yardstick(self) -> Array:
+    def _trial_scale(self) -> Array:
         """Scale [bins] of distances on the trial records, the same for all twins."""
-        vectors = [self._trial(self._simulator, (), k) for k in self._two(self._simulator, self._tried.conditions)]
-        return Paired(self._tried_views, vectors).scale
+        vectors = [
+            self._simulated_trial(self._simulator, (), k)
+            for k in self._replicate_numbers(self._simulator, self._trial_records.conditions)
+        ]
+        return Paired(self._trial_vectors, vectors).scale
 
-    def _two(self, simulator: Simulator, conditions: Sequence[Condition]) -> Sequence[int]:
+    def _replicate_numbers(self, simulator: Simulator, conditions: Sequence[Condition]) -> Sequence[int]:
         """Numbers of two replicates, or of the only one there is."""
         return (3, 4)[: replicates_of(simulator, conditions, 2)]
 
     def gap(self, simulator: Simulator, effects: Sequence[Effect], replicate: int = 3) -> float:
-        """Overall distance of the fit part from one simulation of it; for the search only, never reported.
-
-        Parameters
-        ----------
-        simulator : Simulator
-        effects : sequence of Effect
-        replicate : int
-
-        Returns
-        -------
-        float
-        """
+        """Overall distance of the fit part from one simulation of it; for the search only, never reported."""
         grid = Grid.of(self.fit.conditions, self.frame.bearing)
         made = self.vectors(self.simulated(simulator, effects, self.fit.conditions, replicate), grid)
-        pair = Paired(self.fit.vectors, [made], None, self._yardstick)
+        pair = Paired(self.fit.vectors, [made], self._scale)
         return float(pair.over_domains(pair.squares())[0][0])
 
     def misfit(self, simulator: Simulator, effects: Sequence[Effect]) -> float:
-        """Distance of the trial records, the noise of their means included: the objective function of fitted values.
-
-        Parameters
-        ----------
-        simulator : Simulator
-        effects : sequence of Effect
-
-        Returns
-        -------
-        float
-        """
+        """Distance of the trial records, the noise of their means included: the objective function of fitted values."""
         return self.tried(simulator, effects).misfit()
 
     def tried(self, simulator: Simulator, effects: Sequence[Effect]) -> Paired:
@@ -291,12 +276,17 @@ class Evidence:
 
         With one simulation alone, values whose simulations have less scatter would have a smaller distance.
         """
-        made = [self._trial(simulator, effects, k) for k in self._two(simulator, self._tried.conditions)]
-        return Paired(self._tried_views, made, None, self._trial_yardstick)
+        made = [
+            self._simulated_trial(simulator, effects, k)
+            for k in self._replicate_numbers(simulator, self._trial_records.conditions)
+        ]
+        return Paired(self._trial_vectors, made, self._trial_scale)
 
-    def _trial(self, simulator: Simulator, effects: Sequence[Effect], replicate: int) -> FeatureVectors:
+    def _simulated_trial(self, simulator: Simulator, effects: Sequence[Effect], replicate: int) -> FeatureVectors:
         """Feature vectors of one simulation of the trial records."""
-        return self.vectors(self.simulated(simulator, effects, self._tried.conditions, replicate), self._tried_grid)
+        return self.vectors(
+            self.simulated(simulator, effects, self._trial_records.conditions, replicate), self._trial_grid
+        )
 
     def with_values(
         self, simulator: Simulator, effects: Sequence[Effect], baseline: Mapping[str, float] | None = None
@@ -310,17 +300,13 @@ class Evidence:
             Effects of the simulator, at their new values.
         baseline : Mapping[str, float], optional
             New values of baseline parameters.
-
-        Returns
-        -------
-        Simulator
         """
         if isinstance(simulator, ExternalSimulator):
             return simulator.with_gain(baseline["gain"]) if baseline else simulator
         if not isinstance(simulator, TwinSimulator):
             return simulator
         values = flat(simulator.spec.parameters) | dict(baseline or {})
-        own = {e.name: values_of(e) for e in effects if e.name in simulator.spec.effects}
+        own = {e.name: e.parameter_values() for e in effects if e.name in simulator.spec.effects}
         spec = replace(simulator.spec, parameters={**nested(values), **own})
         return TwinSimulator(spec, self.frame.bearing, simulator.unit, simulator.conditions)
 
@@ -335,7 +321,7 @@ class Evidence:
             return self._simulator
         if spec is None or spec.model != "phenomenological":
             return self._levelled(effects)
-        values = {**spec.parameters, **{effect.name: values_of(effect) for effect in effects}}
+        values = {**spec.parameters, **{effect.name: effect.parameter_values() for effect in effects}}
         more = replace(spec, effects=(*spec.effects, *(effect.name for effect in effects)), parameters=values)
         rng = np.random.default_rng(self.root)
         own = recalibrate(self.calibrated, more, rng, free=self.spec, steps=steps, dampings=self.dampings)
@@ -385,10 +371,6 @@ class Evidence:
         conditions : sequence of Condition
         replicate : int
             Number of the replicate; the same number has the same random streams.
-
-        Yields
-        ------
-        Record
         """
         yield from simulator.simulate(tuple(effects), conditions, self.root, replicate)
 
@@ -406,10 +388,6 @@ def replicates_of(simulator: Simulator, conditions: Sequence[Condition], most: i
     conditions : sequence of Condition
     most : int
         Upper bound; the user's own records may limit it further.
-
-    Returns
-    -------
-    int
     """
     return min(simulator.replicates(conditions), most) if isinstance(simulator, ExternalSimulator) else most
 
@@ -436,9 +414,4 @@ def level_of(simulator: Simulator, given: TwinSpec) -> tuple[str, float] | None:
     return None
 
 
-def values_of(effect: Effect) -> dict[str, float]:
-    """Parameters of an effect by name."""
-    return {field.name: getattr(effect, field.name) for field in fields(effect)}  # type: ignore[arg-type]
-
-
-__all__ = ["Compared", "Evidence", "level_of", "replicates_of", "simulator_of", "values_of"]
+__all__ = ["Compared", "Evidence", "level_of", "replicates_of", "simulator_of"]

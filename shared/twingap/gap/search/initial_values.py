@@ -23,7 +23,7 @@ from twingap.gap.distance.paired import Paired
 from twingap.gap.features.comparison import feature_names
 from twingap.gap.features.spectrum.path import two_modes
 from twingap.gap.search.evidence import replicates_of
-from twingap.gap.search.parameter_prior import Key, Said, pull, strain
+from twingap.gap.search.parameter_prior import Key, Prior, penalty, penalty_weight
 from twingap.gap.search.parameter_scale import to_number
 from twingap.identification.baseline import mode_density, state_spectra
 from twingap.identification.calibrate import thinned
@@ -45,7 +45,7 @@ _RECORDS: Final = 6
 """Largest number of healthy records of the mean spectrum. A larger number takes longer and reduces its noise."""
 
 
-class Start(NamedTuple):
+class Initial(NamedTuple):
     """Initial values of an effect.
 
     Parameters
@@ -59,14 +59,14 @@ class Start(NamedTuple):
     read: bool
 
 
-def better_start(
+def better_initial(
     evidence: Evidence,
     effects: tuple[Effect, ...],
     name: str,
     features: Array,
     now: float,
-    said: Mapping[Key, Said] = MappingProxyType({}),
-) -> Start | None:
+    priors: Mapping[Key, Prior] = MappingProxyType({}),
+) -> Initial | None:
     """The effect at initial values with a smaller misfit than the given ones; None where there are none.
 
     Parameters
@@ -80,12 +80,8 @@ def better_start(
         Features of the fit part before the effect was added.
     now : float
         Misfit at the given values.
-    said : Mapping[(effect, parameter), Said], optional
+    priors : Mapping[(effect, parameter), Prior], optional
         Priors from the estimators; they penalise reduced strengths.
-
-    Returns
-    -------
-    Start or None
     """
     (given,) = (effect for effect in effects if effect.name == name)
     others = tuple(effect for effect in effects if effect.name != name)
@@ -97,29 +93,31 @@ def better_start(
         return None
     misfit_of: Callable[[Simulator, tuple[Effect, ...]], float] = evidence.misfit
     if given.by_chance:
-        misfit_of = _by_many(evidence, effects)
+        misfit_of = _averaged_misfit(evidence, effects)
         now = misfit_of(evidence.against(effects).simulator, effects)
     found: list[tuple[float, int, Effect]] = []
     for place in places:
         chain = (*others, place)
         found.append((misfit_of(evidence.matched(chain), chain), len(found), place))
-    starts = [Start(place, True) for place in (*(place for _, _, place in sorted(found)[:_FINALISTS]), *spectral)]
+    starts = [Initial(place, True) for place in (*(place for _, _, place in sorted(found)[:_FINALISTS]), *spectral)]
     if weaker and now > misfit_of(evidence.against(others).simulator, others):
-        starts += [Start(place, False) for place in weaker]
+        starts += [Initial(place, False) for place in weaker]
     # So far only levels were matched; for the best few the mode is calibrated too, as for the given values.
     least, best = _BETTER * now, None
     for start in starts:
         chain = (*others, start.effect)
         misfit = misfit_of(evidence.against(chain).simulator, chain)
         if not start.read or given.by_chance:
-            numbers = {key: to_number(start.effect, key[1], evidence.setting) for key in said}
-            misfit = math.sqrt(misfit**2 + pull(evidence.records_tried) * strain(said, numbers))
+            numbers = {key: to_number(start.effect, key[1], evidence.setting) for key in priors}
+            misfit = math.sqrt(misfit**2 + penalty_weight(evidence.n_trial_records) * penalty(priors, numbers))
         if misfit < least:
             least, best = misfit, start
     return best
 
 
-def _by_many(evidence: Evidence, effects: tuple[Effect, ...]) -> Callable[[Simulator, tuple[Effect, ...]], float]:
+def _averaged_misfit(
+    evidence: Evidence, effects: tuple[Effect, ...]
+) -> Callable[[Simulator, tuple[Effect, ...]], float]:
     """Misfit of the whole fit part, averaged over several simulations of it.
 
     Its scale is the scatter of simulated records that have these effects: an effect that acts intermittently increases
@@ -133,7 +131,7 @@ def _by_many(evidence: Evidence, effects: tuple[Effect, ...]) -> Callable[[Simul
         return [evidence.vectors(evidence.simulated(simulator, effects, conditions, k), grid) for k in range(count)]
 
     yardstick = Paired(evidence.fit.vectors, made(evidence.against(effects).simulator, effects)).scale
-    return lambda simulator, effects: Paired(evidence.fit.vectors, made(simulator, effects), None, yardstick).misfit()
+    return lambda simulator, effects: Paired(evidence.fit.vectors, made(simulator, effects), yardstick).misfit()
 
 
 def observations(evidence: Evidence, features: Array) -> Observations:
@@ -144,10 +142,6 @@ def observations(evidence: Evidence, features: Array) -> Observations:
     evidence : Evidence
     features : Array [features]
         Features of the fit part, see `comparison.feature_names`.
-
-    Returns
-    -------
-    Observations
     """
     setting, own_mode = evidence.setting, _own_mode(evidence)
     faults = frozenset(str(c.fault) for c in evidence.fit.conditions) - {"healthy"}

@@ -9,7 +9,6 @@ few records plus the penalty of the priors of values (see `parameter_prior`).
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -25,7 +24,7 @@ from twingap.effects.base import WEAKER
 from twingap.errors import TwingapError
 from twingap.gap.distance.paired import Paired
 from twingap.gap.search.evidence import level_of
-from twingap.gap.search.parameter_prior import Key, Said, pull, strain
+from twingap.gap.search.parameter_prior import Key, Prior, penalty, penalty_weight
 from twingap.gap.search.parameter_scale import Setting, coordinates, to_effect, to_number
 from twingap.twins.simulator import Simulator, TwinSimulator
 from twingap.twins.twin_file import all_parameters, flat
@@ -69,7 +68,7 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class Nearest:
+class Optimised:
     """Result of an optimisation.
 
     Parameters
@@ -87,7 +86,7 @@ class Nearest:
     misfit: float
 
 
-def bring_nearest(
+def optimise(
     evidence: Evidence,
     simulator: Simulator,
     effects: Sequence[Effect],
@@ -96,9 +95,9 @@ def bring_nearest(
     moved: Sequence[str] | None = None,
     baseline: bool = True,
     passes: int = PASSES,
-    said: Mapping[Key, Said] = MappingProxyType({}),
-    stiff: float = 1.0,
-) -> Nearest:
+    priors: Mapping[Key, Prior] = MappingProxyType({}),
+    prior_weight: float = 1.0,
+) -> Optimised:
     """Optimise values on the fit part; the result is kept if it also holds with other random streams.
 
     Parameters
@@ -115,56 +114,60 @@ def bring_nearest(
         Whether the twin's own levels, mode and impacts are optimised too, except those fixed by the twin file.
     passes : int
         Largest number of rounds.
-    said : Mapping[(effect, parameter), Said], optional
+    priors : Mapping[(effect, parameter), Prior], optional
         Priors of values; values without a prior are free. Calibrated baseline parameters always have one.
-    stiff : float
+    prior_weight : float
         Factor on all penalties; larger where effects may be missing for which values must not compensate.
-
-    Returns
-    -------
-    Nearest
     """
-    search = _Search(evidence, simulator, tuple(effects), evidence.trials, dict(said), stiff)
+    search = _Search(evidence, simulator, tuple(effects), evidence.trials, dict(priors), prior_weight)
     search.gather_effects([e for e in effects if moved is None or e.name in moved], errors)
     if baseline and isinstance(simulator, TwinSimulator) and simulator.spec.model == "phenomenological":
         search.gather_baseline(simulator)
     elif baseline:
         search.gather_level()
-    begin = search.start()
+    begin = search.initial_objective()
     if search.at:
         if _PLACES * len(search.ends) > search.left / 2:
-            search.together()  # with large records, the grid over many values would use up all trials
-        search.far_places()
+            search.gauss_newton()  # with large records, the grid over many values would use up all trials
+        search.grid_search()
         for _ in range(passes):
             least = search.least
             for key in [key for key in search.at if key[0]]:  # joint steps converge to the nearest minimum only
-                search.follow(key)
-            search.together()
+                search.line_search(key)
+            search.gauss_newton()
             if search.least > _SETTLED * least:
                 break
     built = search.built(search.at)
-    if built is not None and search.holds(*built):
-        return Nearest(*built, begin, search.least)
+    if built is not None and search.validated(*built):
+        return Optimised(*built, begin, search.least)
     own = [effect for effect in effects if moved is None or effect.name in moved]
     if not any(effect.by_chance for effect in own):
-        return Nearest(simulator, tuple(effects), begin, begin)
+        return Optimised(simulator, tuple(effects), begin, begin)
     # Values of effects that act at random may have been fitted to these simulations; the other values may still be
     # valid.
     names = [effect.name for effect in own if not effect.by_chance]
-    return bring_nearest(
-        evidence, simulator, effects, errors, moved=names, baseline=baseline, passes=passes, said=said, stiff=stiff
+    return optimise(
+        evidence,
+        simulator,
+        effects,
+        errors,
+        moved=names,
+        baseline=baseline,
+        passes=passes,
+        priors=priors,
+        prior_weight=prior_weight,
     )
 
 
-def no_farther(
+def not_farther(
     evidence: Evidence,
-    found: Nearest,
-    bare: Nearest,
+    found: Optimised,
+    bare: Optimised,
     errors: Mapping[Key, float],
     *,
-    said: Mapping[Key, Said] = MappingProxyType({}),
-    stiff: float = 1.0,
-) -> Nearest:
+    priors: Mapping[Key, Prior] = MappingProxyType({}),
+    prior_weight: float = 1.0,
+) -> Optimised:
     """The optimised twin, or a closer one where its distance is larger than that of the twin without the effects.
 
     In that case the search ended in the wrong local minimum. A second search begins at the twin without the effects,
@@ -173,38 +176,25 @@ def no_farther(
     Parameters
     ----------
     evidence : Evidence
-    found : Nearest
+    found : Optimised
         Result with the effects.
-    bare : Nearest
+    bare : Optimised
         Result without them.
-    errors, said, stiff
-        See `bring_nearest`.
-
-    Returns
-    -------
-    Nearest
+    errors, priors, prior_weight
+        See `optimise`.
     """
-    if left_over(evidence, found.simulator, found.effects) <= left_over(evidence, bare.simulator, ()):
+    if validation_distance(evidence, found.simulator, found.effects) <= validation_distance(
+        evidence, bare.simulator, ()
+    ):
         return found
     little = [tuple(effect.weakened(factor) for effect in found.effects) for factor in WEAKER]
     begin = min(little, key=lambda effects: evidence.misfit(bare.simulator, effects))
-    again = bring_nearest(evidence, bare.simulator, begin, errors, said=said, stiff=stiff)
-    return min(found, again, key=lambda one: left_over(evidence, one.simulator, one.effects))
+    again = optimise(evidence, bare.simulator, begin, errors, priors=priors, prior_weight=prior_weight)
+    return min(found, again, key=lambda one: validation_distance(evidence, one.simulator, one.effects))
 
 
-def left_over(evidence: Evidence, simulator: Simulator, effects: Sequence[Effect]) -> float:
-    """Mean distance of the fit part over replicates to which no value was fitted.
-
-    Parameters
-    ----------
-    evidence : Evidence
-    simulator : Simulator
-    effects : sequence of Effect
-
-    Returns
-    -------
-    float
-    """
+def validation_distance(evidence: Evidence, simulator: Simulator, effects: Sequence[Effect]) -> float:
+    """Mean distance of the fit part over replicates to which no value was fitted."""
     return sum(evidence.gap(simulator, effects, replicate) for replicate in _OTHERS) / len(_OTHERS)
 
 
@@ -216,12 +206,12 @@ class _Search:
     simulator: Simulator
     effects: tuple[Effect, ...]
     left: int
-    said: dict[Key, Said]
-    stiff: float
+    priors: dict[Key, Prior]
+    prior_weight: float
     at: dict[Key, float] = field(default_factory=dict)
     step: dict[Key, float] = field(default_factory=dict)
     ends: dict[Key, tuple[float, float]] = field(default_factory=dict)
-    whole: set[Key] = field(default_factory=set)
+    integers: set[Key] = field(default_factory=set)
     least: float = 0.0
     begin: float = 0.0
     scale: Array | None = None
@@ -231,12 +221,12 @@ class _Search:
         """Reference of comparable numbers."""
         return self.evidence.setting
 
-    def start(self) -> float:
+    def initial_objective(self) -> float:
         """Objective at the initial values."""
-        self.said = {key: one for key, one in self.said.items() if key in self.at}
+        self.priors = {key: one for key, one in self.priors.items() if key in self.at}
         here = self.evidence.tried(self.simulator, self.effects)
-        self.scale = Paired(here.real, here.sims, here.conditions).scale
-        self.begin = self.least = self.strained(self.measured(here).misfit(), self.at)
+        self.scale = Paired(here.real, here.sims).scale
+        self.begin = self.least = self.objective(self.measured(here).misfit(), self.at)
         return self.begin
 
     def tried(self, simulator: Simulator, effects: tuple[Effect, ...]) -> Paired:
@@ -249,16 +239,16 @@ class _Search:
         Effects such as impulsive noise and dropouts act at random: the mean of a few records is uncertain, and on the
         scale of a twin without them this scatter would be fitted.
         """
-        return Paired(pair.real, pair.sims, pair.conditions, self.scale)
+        return Paired(pair.real, pair.sims, self.scale)
 
-    def strained(self, misfit: float, at: Mapping[Key, float]) -> float:
+    def objective(self, misfit: float, at: Mapping[Key, float]) -> float:
         """Objective: the misfit with the penalty of these values."""
-        return math.sqrt(misfit**2 + self.pull * strain(self.said, at))
+        return math.sqrt(misfit**2 + self.penalty_weight * penalty(self.priors, at))
 
     @cached_property
-    def pull(self) -> float:
-        """Weight of the penalties, see `parameter_prior.pull`."""
-        return self.stiff * pull(self.evidence.records_tried)
+    def penalty_weight(self) -> float:
+        """Weight of the penalties, see `parameter_prior.penalty_weight`."""
+        return self.prior_weight * penalty_weight(self.evidence.n_trial_records)
 
     def gather_effects(self, effects: Sequence[Effect], errors: Mapping[Key, float]) -> None:
         """Add the parameters of effects as numbers, with first steps and plausible ranges."""
@@ -270,17 +260,17 @@ class _Search:
                 if not kind.metadata["searched"]:
                     continue
                 self.at[key] = to_number(effect, key[1], self.setting)
-                whole = kind.type in ("int", int, "bool", bool)
-                if whole:
-                    self.whole.add(key)
+                integer = kind.type in ("int", int, "bool", bool)
+                if integer:
+                    self.integers.add(key)
                 low, high = kind.metadata["plausible"]
                 high *= _LOUDER if key[1].startswith("level") else 1.0
                 plausible = [_end(effect, key[1], value, self.setting) for value in (low, high)]
                 ends, least = [value for value in plausible if value is not None], 0.02
-                if len(ends) == 2 and not whole:
+                if len(ends) == 2 and not integer:
                     self.ends[key] = (min(ends), max(ends))
                     least = min(least, _LEAST_STEP * (max(ends) - min(ends)))
-                self.step[key] = 1.0 if whole else max(0.5 * errors.get(key, 0.6), least)
+                self.step[key] = 1.0 if integer else max(0.5 * errors.get(key, 0.6), least)
 
     def gather_baseline(self, simulator: TwinSimulator) -> None:
         """Add the baseline parameters that the twin file leaves free, as logarithms."""
@@ -292,7 +282,7 @@ class _Search:
                 continue
             self.at["", name] = math.log(float(value))
             self.step["", name] = _BASELINE_STEPS.get(family, _LEVEL_STEP)
-            self.said["", name] = Said(self.at["", name], _CALIBRATED_WITHIN.get(family, _LEVEL_WITHIN))
+            self.priors["", name] = Prior(self.at["", name], _CALIBRATED_WITHIN.get(family, _LEVEL_WITHIN))
 
     def gather_level(self) -> None:
         """Add the level, as a logarithm, of a simulator that has no other free baseline parameter."""
@@ -324,7 +314,7 @@ class _Search:
             return math.inf
         return self.misfit_at({key: value})
 
-    def far_places(self) -> None:
+    def grid_search(self) -> None:
         """Grid search of each value over its plausible range, for estimates beyond the reach of steps."""
         for key, (low, high) in self.ends.items():
             for value in np.linspace(low, high, _PLACES):
@@ -332,27 +322,27 @@ class _Search:
                 if found < _CLEARLY * self.least:
                     self.least, self.at[key] = found, float(value)
 
-    def together(self) -> None:
+    def gauss_newton(self) -> None:
         """Gauss-Newton steps of all continuous values: levels and widths can compensate for each other."""
         shrunk = 0
         while shrunk < _SHRINKS and self.left > 0:
             self.left -= 1
-            here = self.tried(*self._here())
+            here = self.tried(*self._current())
             base, weight = here.residuals(), np.sqrt(here.counts())
-            columns = {key: self._moved(key, base) for key in self.at if key not in self.whole}
+            columns = {key: self._derivative(key, base) for key in self.at if key not in self.integers}
             moved = {key: (column * weight).ravel() for key, column in columns.items() if column is not None}
             if not moved:
                 return
             keys, jacobian = list(moved), np.stack(list(moved.values()), axis=1)
-            springs = [self._spring(key) for key in keys]
+            springs = [self._penalty_derivatives(key) for key in keys]
             wanted = jacobian.T @ (base * weight).ravel() + np.array([spring[0] for spring in springs])
             square = jacobian.T @ jacobian + np.diag([spring[1] for spring in springs])
             begin = self.least
             for damping in _DAMPINGS:
-                stiff = square + damping * np.diag(np.diag(square)) + 1e-12 * np.eye(len(keys))
-                steps = np.clip(np.linalg.solve(stiff, -wanted), -_FARTHEST, _FARTHEST)
+                damped = square + damping * np.diag(np.diag(square)) + 1e-12 * np.eye(len(keys))
+                steps = np.clip(np.linalg.solve(damped, -wanted), -_FARTHEST, _FARTHEST)
                 pairs = zip(keys, steps, strict=True)
-                there = {key: self._inside(key, self.at[key] + float(n) * self.step[key]) for key, n in pairs}
+                there = {key: self._clipped(key, self.at[key] + float(n) * self.step[key]) for key, n in pairs}
                 found = self.misfit_at(there)
                 if found < self.least:
                     self.least = found
@@ -363,29 +353,31 @@ class _Search:
                 for key in keys:
                     self.step[key] *= 0.4
 
-    def _spring(self, key: Key) -> tuple[float, float]:
+    def _penalty_derivatives(self, key: Key) -> tuple[float, float]:
         """Gradient and curvature of a value's penalty, per step."""
-        if key not in self.said:
+        if key not in self.priors:
             return 0.0, 0.0
-        said, step = self.said[key], self.step[key]
-        stiff = self.pull * said.stiffness(self.at[key]) * step
-        return stiff * (self.at[key] - said.number), stiff * step
+        prior, step = self.priors[key], self.step[key]
+        curvature = self.penalty_weight * prior.stiffness(self.at[key]) * step
+        return curvature * (self.at[key] - prior.number), curvature * step
 
-    def holds(self, simulator: Simulator, effects: tuple[Effect, ...]) -> bool:
+    def validated(self, simulator: Simulator, effects: tuple[Effect, ...]) -> bool:
         """Whether the result is no farther from the fit part than the initial values, with other random streams."""
         if not isinstance(simulator, TwinSimulator) or self.least == self.begin:
             return True
-        now, then = (left_over(self.evidence, s, e) for s, e in ((simulator, effects), (self.simulator, self.effects)))
+        now, then = (
+            validation_distance(self.evidence, s, e) for s, e in ((simulator, effects), (self.simulator, self.effects))
+        )
         return now <= then
 
-    def _here(self) -> tuple[Simulator, tuple[Effect, ...]]:
+    def _current(self) -> tuple[Simulator, tuple[Effect, ...]]:
         """The simulator and its effects at the current values."""
         return self.built(self.at) or (self.simulator, self.effects)
 
-    def _moved(self, key: Key, base: Array) -> Array | None:
+    def _derivative(self, key: Key, base: Array) -> Array | None:
         """[strata + slopes, bins] Change of residuals per step of a value; None where the value cannot be moved."""
         for sign in (0.5, -0.5):
-            value = self._inside(key, self.at[key] + sign * self.step[key])
+            value = self._clipped(key, self.at[key] + sign * self.step[key])
             if self.left <= 0 or value == self.at[key]:
                 continue
             self.left -= 1
@@ -398,7 +390,7 @@ class _Search:
                 return np.asarray((pair.residuals() - base) * (self.step[key] / (value - self.at[key])))
         return None
 
-    def _inside(self, key: Key, value: float) -> float:
+    def _clipped(self, key: Key, value: float) -> float:
         """Value clipped to its plausible range, extended to the current value."""
         low, high = self.ends.get(key, (-math.inf, math.inf))
         return float(np.clip(value, min(low, self.at[key]), max(high, self.at[key])))
@@ -411,11 +403,11 @@ class _Search:
         at = {**self.at, **there}
         built = self.built(at)
         try:
-            return self.strained(self.tried(*built).misfit(), at) if built else math.inf
+            return self.objective(self.tried(*built).misfit(), at) if built else math.inf
         except TwingapError:
             return math.inf
 
-    def follow(self, key: Key) -> None:
+    def line_search(self, key: Key) -> None:
         """Line search: double the step while the objective decreases, else go to the vertex of a parabola and
         shorten the step."""
         begin, step = self.at[key], self.step[key]
@@ -442,8 +434,7 @@ class _Search:
 
 def _end(effect: Effect, parameter: str, value: float, setting: Setting) -> float | None:
     """An end of a plausible range as a number; None where it is invalid with the other parameters."""
-    values = {f.name: getattr(effect, f.name) for f in dataclasses.fields(effect)}  # type: ignore[arg-type]
     try:
-        return to_number(make_effect(effect.name, values | {parameter: value}), parameter, setting)
+        return to_number(make_effect(effect.name, effect.parameter_values() | {parameter: value}), parameter, setting)
     except TwingapError:
         return None

@@ -1,6 +1,6 @@
 """Priors of parameters: penalties on values that a search moves away from their estimates.
 
-estimate and the bound of nine of ten errors --Student's t--> penalty ("strain") of another value
+estimate and the bound of nine of ten errors --Student's t--> penalty ("penalty") of another value
 
 Estimators use features that a distance on a few records does not resolve: a trend of level over all speeds, a line
 frequency to a part in ten thousand. Where the distance does not depend on a value, the estimate is kept; where it does,
@@ -28,7 +28,7 @@ Key = tuple[str, str]
 """Effect and parameter."""
 
 
-class Said(NamedTuple):
+class Prior(NamedTuple):
     """Prior of one value, from its estimate.
 
     Parameters
@@ -47,7 +47,7 @@ class Said(NamedTuple):
         """Scale of the estimate's error: its standard deviation if errors were Gaussian."""
         return max(self.within / _NINE_OF_TEN, _EXACT)
 
-    def strain(self, number: float) -> float:
+    def penalty(self, number: float) -> float:
         """Penalty of another value: -2 ln of the ratio of its density to that of the estimate."""
         return (FREEDOM + 1) * math.log1p((number - self.number) ** 2 / (FREEDOM * self.spread**2))
 
@@ -57,21 +57,17 @@ class Said(NamedTuple):
         return (FREEDOM + 1) / (FREEDOM + off) / self.spread**2
 
 
-def strain(said: Mapping[Key, Said], at: Mapping[Key, float]) -> float:
+def penalty(priors: Mapping[Key, Prior], at: Mapping[Key, float]) -> float:
     """Sum of the penalties of several values; 0 at the estimates."""
-    return sum(said[key].strain(at[key]) for key in said if key in at)
+    return sum(priors[key].penalty(at[key]) for key in priors if key in at)
 
 
-def pull(records: int) -> float:
+def penalty_weight(records: int) -> float:
     """Weight of a penalty relative to a squared distance.
 
     Parameters
     ----------
     records : int
         Number of records of the distance; the noise of its means decreases with it.
-
-    Returns
-    -------
-    float
     """
     return 1 / (BINS * max(records, 1))

@@ -65,12 +65,6 @@ def _coordinates(effects: tuple[tuple[str, type[Effect]], ...]) -> tuple[tuple[s
 def to_number(effect: Effect, parameter: str, setting: Setting) -> float:
     """The parameter's value as a comparable number.
 
-    Parameters
-    ----------
-    effect : Effect
-    parameter : str
-    setting : Setting
-
     Returns
     -------
     float
@@ -90,10 +84,6 @@ def to_effect(name: str, numbers: Mapping[str, float], setting: Setting) -> Effe
     numbers : Mapping[str, float]
         Comparable numbers by parameter; parameters without one have their defaults.
     setting : Setting
-
-    Returns
-    -------
-    Effect
     """
     kind, values = catalogue()[name], dict[str, float]()
     for field in kind.parameters():
@@ -107,7 +97,7 @@ def to_effect(name: str, numbers: Mapping[str, float], setting: Setting) -> Effe
         return make_effect(name)
 
 
-def a_little_off(effect: Effect, error: float, setting: Setting, rng: np.random.Generator) -> Effect:
+def with_errors(effect: Effect, error: float, setting: Setting, rng: np.random.Generator) -> Effect:
     """The effect at values with random errors, as estimates have them.
 
     Parameters
@@ -117,10 +107,6 @@ def a_little_off(effect: Effect, error: float, setting: Setting, rng: np.random.
         Standard deviation of numbers, see `to_number`.
     setting : Setting
     rng : numpy.random.Generator
-
-    Returns
-    -------
-    Effect
     """
     numbers = {}
     for field in effect.parameters():
@@ -132,18 +118,7 @@ def a_little_off(effect: Effect, error: float, setting: Setting, rng: np.random.
 
 
 def to_value(name: str, parameter: str, number: float, setting: Setting) -> float:
-    """The parameter's value, in its unit and allowed range, from a comparable number.
-
-    Parameters
-    ----------
-    name, parameter : str
-    number : float
-    setting : Setting
-
-    Returns
-    -------
-    float
-    """
+    """The parameter's value, in its unit and allowed range, from a comparable number."""
     field = _field(catalogue()[name], parameter)
     value = math.exp(min(number, _LARGEST_LOG)) if field.metadata["log_estimate"] else number
     value = (value + _origin(field, setting)) * _unit(field, setting)

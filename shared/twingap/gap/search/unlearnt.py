@@ -22,7 +22,7 @@ from twingap.gap.distance.grid import Grid
 from twingap.gap.distance.paired import Paired
 from twingap.gap.search.evidence import Evidence, replicates_of
 from twingap.gap.search.initial_values import observations
-from twingap.gap.search.optimise import bring_nearest
+from twingap.gap.search.optimise import optimise
 from twingap.identification.calibrate import thinned
 from twingap.records import Record
 from twingap.signal import power_spectral_density
@@ -63,10 +63,6 @@ def fitted(evidence: Evidence, name: str, features: Array, others: Sequence[Effe
         Features of the fit part, without the effect.
     others : sequence of Effect
         Effects already added to the twin.
-
-    Returns
-    -------
-    Effect or None
     """
     others, tried = tuple(others), dict[Effect, float]()
 
@@ -81,7 +77,7 @@ def fitted(evidence: Evidence, name: str, features: Array, others: Sequence[Effe
     best: tuple[float, Effect] | None = None
     for effect in finalists:
         chain = (*others, effect)
-        moved = bring_nearest(evidence, evidence.against(chain).simulator, chain, {}, moved=[name], baseline=False)
+        moved = optimise(evidence, evidence.against(chain).simulator, chain, {}, moved=[name], baseline=False)
         if best is None or moved.misfit < best[0]:
             best = moved.misfit, next(one for one in moved.effects if one.name == name)
     return None if best is None else best[1]
@@ -112,7 +108,7 @@ def p_value(evidence: Evidence, chain: Chain, without: Chain) -> float:
         simulator = evidence.against(effects).simulator
         count = replicates_of(simulator, part.conditions, _REPLICATES)
         made = [evidence.simulated(simulator, effects, part.conditions, 2 + k) for k in range(count)]
-        return Paired(real, [evidence.vectors(records, grid) for records in made], None, scale)
+        return Paired(real, [evidence.vectors(records, grid) for records in made], scale)
 
     before = pair(without, None)
     after = pair(chain, before.scale)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -17,7 +16,6 @@ from twingap.gap.distance.feature_vectors import FeatureVectors, measure_vectors
 from twingap.gap.distance.grid import Axis, Grid
 from twingap.gap.distance.localisation import adjusted, locate
 from twingap.gap.distance.paired import Paired
-from twingap.gap.distance.two_sample_tests import Exchange
 from twingap.gap.report.model import Place
 from twingap.records import Condition
 from twingap.signal.record_transforms import Frame, RecordTransforms
@@ -75,7 +73,7 @@ def places_of(
 ) -> tuple[Place, ...]:
     rng = np.random.default_rng(seed)
     real = simulate(conditions, rng, [make_effect(effect) if isinstance(effect, str) else effect])
-    return locate(Paired(real, replicates, conditions), rng).places
+    return locate(Paired(real, replicates), rng).places
 
 
 @pytest.mark.parametrize("tails", [False, True])
@@ -102,20 +100,6 @@ def test_family_wise_error_of_the_twin_against_itself() -> None:
     for _ in range(worlds):
         real, *sims = (simulate(conditions, rng, resonance_hz=1000.0) for _ in range(m + 1))
         named += bool(locate(Paired(real, sims), rng, draws=99).places)
-    assert named <= binom.ppf(0.999, worlds, 0.05)
-
-
-@pytest.mark.parametrize("exchange", ["group", "world"])
-def test_family_wise_error_where_recordings_or_worlds_have_a_mood_of_their_own(exchange: Exchange) -> None:
-    rng = np.random.default_rng(8)
-    conditions = [replace(c, group=f"g{i // 4}") for i, c in enumerate(conditions_of(24))]
-    named, worlds = 0, 60
-    for _ in range(worlds):
-        # One of each recording in each world, or one of each world.
-        own = 6 if exchange == "group" else 1
-        moods = [np.repeat(rng.standard_normal((own, BINS + 2)), 24 // own, axis=0) for _ in range(20)]
-        real, *sims = (gaussian(conditions, rng, mood) for mood in moods)
-        named += bool(locate(Paired(real, sims), rng, draws=99, exchange=exchange).places)
     assert named <= binom.ppf(0.999, worlds, 0.05)
 
 
@@ -175,11 +159,7 @@ def test_a_bin_is_found_among_many_with_few_records_or_few_replicates(n: int, m:
     hits = wrong = 0
     for _ in range(20):
         sims = [gaussian(conditions, rng) for _ in range(m)]
-        found = [
-            p
-            for p in locate(Paired(gaussian(conditions, rng, shift), sims, conditions), rng).places
-            if p.domain == "order"
-        ]
+        found = [p for p in locate(Paired(gaussian(conditions, rng, shift), sims), rng).places if p.domain == "order"]
         hits += {(20.0, 22.0), (40.0, 41.0)} <= {(p.lo, p.hi) for p in found}
         wrong += any(p.lo not in (20.0, 21.0, 40.0) for p in found)
     assert hits >= 14
@@ -192,7 +172,7 @@ def test_a_loud_bin_does_not_hide_a_faint_one() -> None:
     shift = np.zeros(BINS + 2)
     shift[5], shift[30] = 100.0, 2.0
     sims = [gaussian(conditions, rng) for _ in range(10)]
-    found = locate(Paired(gaussian(conditions, rng, shift), sims, conditions), rng).places
+    found = locate(Paired(gaussian(conditions, rng, shift), sims), rng).places
     assert {5.0, 30.0} <= {p.lo for p in found}
     assert found[0].lo == 5.0 and found[0].share > 0.9
 
@@ -204,7 +184,7 @@ def test_a_level_that_grows_with_speed_is_a_place_of_condition() -> None:
     shift = np.zeros((24, BINS + 2))
     shift[:, BINS] = (speed - speed.min()) / 80
     sims = [gaussian(conditions, rng) for _ in range(10)]
-    found = locate(Paired(gaussian(conditions, rng, shift), sims, conditions), rng).places
+    found = locate(Paired(gaussian(conditions, rng, shift), sims), rng).places
     (place,) = [p for p in found if p.domain == "condition" and p.condition and "speed_rpm" in p.condition]
     assert place.condition is not None
     lo, hi = place.condition["speed_rpm"]
@@ -218,7 +198,7 @@ def test_a_level_of_one_fault_is_a_place_of_condition_that_names_it() -> None:
     shift = np.zeros((16, BINS + 2))
     shift[[c.fault == "inner" for c in conditions], BINS] = 6.0
     sims = [gaussian(conditions, rng) for _ in range(10)]
-    found = locate(Paired(gaussian(conditions, rng, shift), sims, conditions), rng).places
+    found = locate(Paired(gaussian(conditions, rng, shift), sims), rng).places
     assert {"fault": "inner"} in [p.condition for p in found if p.domain == "condition"]
 
 

@@ -102,7 +102,7 @@ def test_windows_of_one_recording_are_one_witness() -> None:
     for _ in range(100):
         own = np.repeat(rng.standard_normal((8, BINS)), 4, axis=0)
         real, sims = views_of(conditions, rng, own), [views_of(conditions, rng) for _ in range(5)]
-        squares.append([Paired(real, sims, c).squares().mean() for c in (conditions, alone)])
+        squares.append([Paired(replace(real, conditions=tuple(c)), sims).squares().mean() for c in (conditions, alone)])
     together, apart = np.mean(squares, axis=0)
     # Eight recordings know their scatter roughly, and what is divided by it is a little more than nothing on average.
     assert apart > 0.2 and abs(together) < 0.25 * apart
@@ -170,7 +170,7 @@ def test_the_misfit_gains_nothing_from_simulations_that_scatter_less() -> None:
             conditions = conditions_of(6)
             real, sims = views_of(conditions, rng, 2.0), [views_of(conditions, rng) for _ in range(2)]
             noisy = [FeatureVectors({"order": spread * sim.matrix}, sim.axes, conditions) for sim in sims]
-            squares.append([Paired(real, noisy[:m], None, np.ones(BINS)).misfit() ** 2 for m in (1, 2)])
+            squares.append([Paired(real, noisy[:m], np.ones(BINS)).misfit() ** 2 for m in (1, 2)])
         found[spread] = np.mean(squares, axis=0)
     one, two = found[2.0] - found[0.2]
     assert one > 1.0

@@ -52,9 +52,9 @@ def test_distances_are_features_of_the_view_in_which_sets_lie_apart():
     plain = measured(1)
     tones = measured(2, make_effect("shaft_harmonics", {"level_1x": 0.2, "level_2x": 0.2, "level_3x": 0.2}))
     same, apart = compared(plain, measured(3)), compared(plain, tones)
-    assert abs(same["view|overall"]) < 0.6
-    assert apart["view|order"] > 0.6 > abs(same["view|order"])
-    assert apart["view|frequency_lines"] > abs(apart["view|frequency_level"])
+    assert abs(same["distance|all_domains"]) < 0.6
+    assert apart["distance|order"] > 0.6 > abs(same["distance|order"])
+    assert apart["distance|frequency_lines"] > abs(apart["distance|frequency_level"])
 
 
 @pytest.mark.parametrize("slip", [0.0, 0.012, -0.03])
@@ -72,5 +72,5 @@ def test_rates_of_several_faults_give_one_slip(slip):
         return measure_records(twin.simulate(conditions, np.random.default_rng(seed)), frame, grid)
 
     found = compared(measured(1, make_effect("mean_slip", {"slip": slip})), measured(2))
-    assert found["context|slip_seen"] == pytest.approx(slip, abs=8e-4)
-    assert found["context|slip_seen_rest"] < np.log(1e-3)
+    assert found["context|slip_measured"] == pytest.approx(slip, abs=8e-4)
+    assert found["context|slip_measured_rest"] < np.log(1e-3)

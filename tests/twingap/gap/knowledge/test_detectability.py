@@ -11,7 +11,7 @@ PARAMETERS = (("a", "level"), ("b", "depth"))
 
 
 @pytest.fixture(scope="module")
-def said():
+def log_odds():
     """Of 900 machines: effect a is found where its level is above 0, but for one in ten; b wherever it is."""
     rng = np.random.default_rng(4)
     missing = rng.random((900, 2)) < 0.5
@@ -24,8 +24,8 @@ def said():
     return {"a": a, "b": b}, missing, values, features, lucky
 
 
-def test_what_hardly_any_of_its_like_were_found_of_is_hidden(said):
-    scores, missing, values, features, lucky = said
+def test_what_hardly_any_of_its_like_were_found_of_is_hidden(log_odds):
+    scores, missing, values, features, lucky = log_odds
     sight, hidden = learn_detectability(scores, missing, values, features, ("a", "b"), PARAMETERS, ("x", "y", "z"))
     faint, plain = (missing[:, 0] & (sign * values[:, 0] > 0.15) for sign in (-1, 1))
     assert hidden[faint, 0].mean() > 0.9
@@ -39,8 +39,8 @@ def test_what_hardly_any_of_its_like_were_found_of_is_hidden(said):
     assert (again == hidden).mean() > 0.95
 
 
-def test_nothing_is_hidden_of_an_effect_that_few_machines_have_or_no_detector_hears(said):
-    scores, missing, values, features, _ = said
+def test_nothing_is_hidden_of_an_effect_that_few_machines_have_or_no_detector_hears(log_odds):
+    scores, missing, values, features, _ = log_odds
     few = missing.copy()
     few[40:, 0] = False
     _, hidden = learn_detectability(scores, few, values, features, ("a", "b"), PARAMETERS, ("x", "y", "z"))
@@ -62,8 +62,8 @@ def test_examples_that_do_not_count_have_no_say_and_are_asked_about_all_the_same
     plain = learn_classifier(Table(features), label, np.arange(400), range(20), None, counted)
     assert told is not None
     assert plain is not None
-    assert np.array_equal(told.unseen, plain.unseen)
-    assert np.mean((told.unseen[wrong] > 0) == label[wrong]) > 0.9
+    assert np.array_equal(told.out_of_fold, plain.out_of_fold)
+    assert np.mean((told.out_of_fold[wrong] > 0) == label[wrong]) > 0.9
 
 
 def test_labels_that_no_record_shows_do_not_make_what_is_absent_likelier():
@@ -75,13 +75,13 @@ def test_labels_that_no_record_shows_do_not_make_what_is_absent_likelier():
     features = rng.standard_normal((n, 12)).astype(np.float32)
     features[:, 5] += 8.0 * (missing[:, 0] & (level > 0))
     values = np.where(missing, level[:, None], np.nan)
-    names = tuple(f"view|{i}" for i in range(12))
+    names = tuple(f"distance|{i}" for i in range(12))
     made = Examples(
         features, missing, np.zeros_like(missing), np.zeros(n, bool), np.arange(n), np.ones(n, bool), values, features
     )
     learnt = learn(made, ("own",), (("own", "level"),), names, lambda what, part: None)
     absent = learnt.log_odds(features[~missing[:, 0]])[:, 0]
     assert learnt.detectability is not None
-    # Three in twenty of all have it unseen: taken for missing, each that shows nothing would have it with odds of 0.18.
+    # Three in twenty have it undetectably: with those as missing, examples without any sign would have odds of 0.18.
     assert np.mean(1 / (1 + np.exp(-absent))) < 0.06
     assert np.median(learnt.log_odds(features[missing[:, 0] & (level > 0.1)])[:, 0]) > 2

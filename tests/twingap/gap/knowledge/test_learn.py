@@ -36,16 +36,16 @@ def examples():
 def test_scores_of_unseen_machines_are_log_odds(examples):
     found = learn_classifier(Table(examples.features), examples.missing[:, 0], examples.machine, range(60))
     assert found is not None
-    probability = 1 / (1 + np.exp(-found.unseen))
+    probability = 1 / (1 + np.exp(-found.out_of_fold))
     assert probability.mean() == pytest.approx(examples.missing[:, 0].mean(), abs=0.03)
-    assert np.mean((found.unseen > 0) == examples.missing[:, 0]) > 0.93
+    assert np.mean((found.out_of_fold > 0) == examples.missing[:, 0]) > 0.93
 
 
 def test_a_label_that_nothing_tells_of_scores_no_better_than_chance(examples):
     label = np.random.default_rng(5).random(len(examples)) < 0.4
     found = learn_classifier(Table(examples.features), label, examples.machine, range(60))
     assert found is not None
-    assert np.mean((found.unseen > 0) == label) < 0.68
+    assert np.mean((found.out_of_fold > 0) == label) < 0.68
 
 
 def test_a_value_is_read_off_the_feature_that_tells_it(examples):
@@ -92,8 +92,8 @@ def test_records_whose_effect_the_twin_has_do_not_teach_that_it_is_absent():
     features = rng.standard_normal((n, 30)).astype(np.float32)
     there, has = features[:, 3] > 0.8, rng.random(n) < 0.5
     missing, modelled = (there & ~has)[:, None], (there & has)[:, None]
-    machine, first, strange = np.arange(n), np.ones(n, bool), np.zeros(n, bool)
-    examples = Examples(features, missing, modelled, strange, machine, first, np.empty((n, 0)), features)
+    machine, first, outside = np.arange(n), np.ones(n, bool), np.zeros(n, bool)
+    examples = Examples(features, missing, modelled, outside, machine, first, np.empty((n, 0)), features)
     learnt = learn(examples, ("a",), (), tuple(f"context|records{k}" for k in range(30)), lambda what, part: None)
     odds = learnt.log_odds(features[missing[:, 0]])[:, 0]
     assert np.mean(odds > np.log(9)) > 0.9
@@ -108,9 +108,9 @@ def judged(scores, records=0.0):
     )
 
 
-def one(scores, distance, kind, records=1.0, quiet=True):
+def one(scores, distance, kind, records=1.0, with_healthy=True):
     """A machine."""
-    return MachineScores(scores, np.log([records]), np.array([distance]), np.array([kind]), np.array([quiet]))
+    return MachineScores(scores, np.log([records]), np.array([distance]), np.array([kind]), np.array([with_healthy]))
 
 
 def test_a_score_is_ranked_among_machines_judged_by_as_many_records():
@@ -181,17 +181,19 @@ def test_a_kind_of_which_there_are_few_is_ranked_among_a_wider_one():
 def test_without_a_healthy_record_the_level_holds_as_with_one():
     """Calibration is further off then, for a twin; a simulator of the machine's own has none."""
     rng = np.random.default_rng(11)
-    kinds, quiet = (np.arange(6000) % 2).astype(float), rng.random(6000) > 0.2
-    further = np.where((kinds == BARE) & ~quiet, 2.5, 1.0)
+    kinds, with_healthy = (np.arange(6000) % 2).astype(float), rng.random(6000) > 0.2
+    further = np.where((kinds == BARE) & ~with_healthy, 2.5, 1.0)
     every = MachineScores(
-        rng.standard_normal((6000, 1)) * further[:, None], np.zeros(6000), np.full(6000, np.nan), kinds, quiet
+        rng.standard_normal((6000, 1)) * further[:, None], np.zeros(6000), np.full(6000, np.nan), kinds, with_healthy
     )
     null, fresh = Null(every.take(np.arange(6000) < 2000)), np.arange(2000, 6000)
     p = np.array([null.p_value(every.take(np.arange(6000) == k)) for k in fresh])
     for kind, there in product((BARE, OWN_SIMULATOR), (True, False)):
-        own = p[(kinds[fresh] == kind) & (quiet[fresh] == there)]
+        own = p[(kinds[fresh] == kind) & (with_healthy[fresh] == there)]
         assert np.mean(own <= 0.05) == pytest.approx(0.05, abs=0.025)
-    strong = {there: null.p_value(one(np.full((1, 1), 2.5), np.nan, BARE, quiet=there)) for there in (True, False)}
+    strong = {
+        there: null.p_value(one(np.full((1, 1), 2.5), np.nan, BARE, with_healthy=there)) for there in (True, False)
+    }
     assert strong[True] < 0.02 < 0.1 < strong[False]
 
 
@@ -200,7 +202,7 @@ def test_what_a_machine_is_met_through_is_read_off_its_features():
     features = np.array([[2.0, 0, 0, 0.1, 0.3], [2.0, 1, 0, 0.1, 0.0], [2.0, 0, 1, 0.1, 1.0]])
     found = MachineScores.of(np.zeros((3, 2)), features, names)
     assert found.kind.tolist() == [BARE, OWN_SIMULATOR, WITH_EFFECTS]
-    assert found.quiet.tolist() == [True, False, True]
+    assert found.with_healthy.tolist() == [True, False, True]
 
 
 def test_the_twin_as_given_and_one_with_effects_added_are_calibrated_apart():
@@ -214,8 +216,8 @@ def test_the_twin_as_given_and_one_with_effects_added_are_calibrated_apart():
     for part, later in ((first, False), (~first, True)):
         said = 1 / (1 + np.exp(-found.score(features[part], later=later)))
         assert said.mean() == pytest.approx(label[part].mean(), abs=0.04)
-        unseen = 1 / (1 + np.exp(-found.unseen[part]))
-        assert unseen.mean() == pytest.approx(label[part].mean(), abs=0.02)
+        out_of_fold = 1 / (1 + np.exp(-found.out_of_fold[part]))
+        assert out_of_fold.mean() == pytest.approx(label[part].mean(), abs=0.02)
     assert np.all(found.score(features, later=True).mean() < found.score(features).mean() - 1)
 
 

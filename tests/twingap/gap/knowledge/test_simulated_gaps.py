@@ -8,10 +8,9 @@ import pytest
 from twingap.effects import EntryExit, MeanSlip, Mode, SpeedGain, catalogue, make_effect
 from twingap.effects.drawing import healthy_density
 from twingap.gap.knowledge.machines import draw_bearing, draw_machine
-from twingap.gap.knowledge.outside_catalogue import _changed, _Plan, _shape, _wandering, estrange
+from twingap.gap.knowledge.outside_catalogue import _changed, _Plan, _shape, _wandering, with_outside_effect
 from twingap.gap.knowledge.simulated_gaps import draw_effects, draw_gap
-from twingap.gap.search.evidence import values_of
-from twingap.gap.search.parameter_scale import Setting, a_little_off, coordinates, to_effect, to_number
+from twingap.gap.search.parameter_scale import Setting, coordinates, to_effect, to_number, with_errors
 
 
 def test_the_same_seed_gives_the_same_gap():
@@ -109,7 +108,7 @@ def test_a_strange_record_keeps_its_length_and_changes():
     machine = draw_machine(np.random.default_rng(2), own_simulator=False, most_records=8)
     records = machine.twin().simulate(machine.conditions, np.random.default_rng(2))
     for seed in range(12):
-        changed = estrange(records, np.random.default_rng(seed))
+        changed = with_outside_effect(records, np.random.default_rng(seed))
         assert all(np.isfinite(r.samples).all() for r in changed)
         assert any(not np.array_equal(a.samples, b.samples) for a, b in zip(changed, records, strict=True))
         assert changed.conditions == records.conditions
@@ -132,7 +131,7 @@ def test_a_twin_file_has_what_it_models_at_true_values_or_a_little_off():
     same = []
     for seed in range(160):
         gap = draw_gap(np.random.default_rng([31, seed]), own_simulator=False, most_records=5)
-        same += [gap.spec.parameters[effect.name] == values_of(effect) for effect in gap.modelled]
+        same += [gap.spec.parameters[effect.name] == effect.parameter_values() for effect in gap.modelled]
     assert 0.3 < np.mean(same) < 0.75
     assert len(same) > 15
 
@@ -140,10 +139,10 @@ def test_a_twin_file_has_what_it_models_at_true_values_or_a_little_off():
 def test_values_a_little_off_are_of_the_same_effect_and_near():
     effect, rng = make_effect("gear_mesh", {"level": 0.5, "teeth": 23, "n_harmonics": 3}), np.random.default_rng(2)
     setting = Setting(12_000.0, 0.0, 1.0, 1800.0)
-    made = [a_little_off(effect, 0.1, setting, rng) for _ in range(300)]
+    made = [with_errors(effect, 0.1, setting, rng) for _ in range(300)]
     assert {one.teeth for one in made} == {23}  # known, or not at all
     assert np.std([np.log(one.level) for one in made]) == pytest.approx(0.1, abs=0.02)
-    assert a_little_off(effect, 0.0, setting, rng) == effect
+    assert with_errors(effect, 0.0, setting, rng) == effect
 
 
 def test_second_strikes_are_drawn_where_they_can_be_told_from_one():

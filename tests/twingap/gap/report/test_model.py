@@ -25,7 +25,7 @@ from twingap.gap.report.model import (
     Metric,
     ParameterValue,
     Place,
-    StandIns,
+    SurrogateEffects,
     TwoSampleTest,
     Verdict,
 )
@@ -81,7 +81,7 @@ def curves(draw: st.DrawFn) -> Curve:
 
 stand_ins = st.builds(
     # Names that no verdict of these reports has: what it names does not stand in.
-    lambda effects, parameters, closure, ci, rows: StandIns(
+    lambda effects, parameters, closure, ci, rows: SurrogateEffects(
         tuple(f"{name}, as a stand-in" for name in effects), parameters, closure, ci, tuple(rows)
     ),
     st.lists(names, unique=True, min_size=1, max_size=3), st.dictionaries(names, st.dictionaries(names, values)),
@@ -131,7 +131,7 @@ def _at(*path: Any, value: Any) -> Callable[[dict[str, Any]], None]:
 
 
 DELETED = object()
-STAND_INS = StandIns(
+STAND_INS = SurrogateEffects(
     ("load_zone",),
     {"load_zone": {"depth": ParameterValue(0.3, "")}},
     0.6,
@@ -275,7 +275,7 @@ def test_the_sentence_says_what_how_far_and_how_sure(make_report: MakeReport, st
 
 
 def test_stand_ins_are_never_said_to_be_what_the_machine_has() -> None:
-    said = StandIns(("load_zone", "slip_jitter"), {}, 0.584, (0.52, 0.634)).sentence
+    said = SurrogateEffects(("load_zone", "slip_jitter"), {}, 0.584, (0.52, 0.634)).sentence
     assert said.startswith("With load zone and slip jitter standing in")
     assert "58 % of the gap closes (90 % interval 52 % to 63 %); that the machine has them is not shown." in said
 

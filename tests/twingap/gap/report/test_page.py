@@ -20,7 +20,7 @@ from twingap.gap.report.model import (
     Metric,
     ParameterValue,
     Place,
-    StandIns,
+    SurrogateEffects,
     TwoSampleTest,
     Verdict,
 )
@@ -109,7 +109,7 @@ def test_the_closest_twin_is_shown_apart_from_the_verdict(make_report: MakeRepor
     report = make_report("partly_explained")
     values = {name: {"depth": ParameterValue(0.3171)} for name in ("second_resonance", "load_zone")}
     metrics = (dataclasses.replace(report.metrics[0], after=0.7654),)
-    told = dataclasses.replace(report, stand_ins=StandIns(("load_zone",), values, 0.6, (0.5, 0.7), metrics))
+    told = dataclasses.replace(report, stand_ins=SurrogateEffects(("load_zone",), values, 0.6, (0.5, 0.7), metrics))
     before, shown = (" ".join(Reader(own(page(one))).words.split()) for one in (report, told))
     assert "The closest twin" not in before and "run the diagnosis with --closest" in before
     assert "With load zone standing in" in shown and "0.7654" in shown and "0.3171" in shown
@@ -117,7 +117,7 @@ def test_the_closest_twin_is_shown_apart_from_the_verdict(make_report: MakeRepor
     better, no_more = "To train on, use the closest twin", "teaches a classifier no more"
     for after, says in ((0.97, better), (0.9, no_more), (0.5, no_more)):  # the verdict's twin teaches 0.95
         accuracy = Metric("accuracy", 0.6, after, 1.0, (0.4, 0.95), higher_is_better=True)
-        taught = StandIns(("load_zone",), values, 0.6, (0.5, 0.7), (*metrics, accuracy))
+        taught = SurrogateEffects(("load_zone",), values, 0.6, (0.5, 0.7), (*metrics, accuracy))
         (said,) = (step for step in next_steps(dataclasses.replace(report, stand_ins=taught)) if "standing in" in step)
         assert said.startswith("T") and says in said and f"{100 * after:.0f} % of held-out records; 60 %" in said
     assert told.sentence == report.sentence

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from twingap.gap.report.files import read_report, write_report
-from twingap.gap.report.model import GapReport, Metric, StandIns
+from twingap.gap.report.model import GapReport, Metric, SurrogateEffects
 from twingap.gap.report.tracking import track_report
 from twingap.track import FolderTracker, MlflowTracker
 
@@ -53,7 +53,7 @@ def test_stand_ins_are_kept_apart_from_the_verdict(make_report: MakeReport, tmp_
     metrics = (Metric("accuracy", 0.61, 0.99, 0.97, (0.9, 1.0), higher_is_better=True),)
     track_report(
         FolderTracker(tmp_path),
-        dataclasses.replace(report, stand_ins=StandIns(("a", "b"), {}, 0.6, (0.5, 0.7), metrics)),
+        dataclasses.replace(report, stand_ins=SurrogateEffects(("a", "b"), {}, 0.6, (0.5, 0.7), metrics)),
     )
     (run,) = tmp_path.iterdir()
     assert json.loads((run / "parameters.json").read_text(encoding="utf-8"))["stand_ins"] == "a, b"

@@ -15,10 +15,10 @@ from twingap.gap import diagnose
 from twingap.gap.report.files import to_json
 from twingap.gap.report.schema import problems
 from twingap.gap.search import evidence as evidence_module
-from twingap.gap.search.closest_twin import ClosestTwin, closest_spec, stand_ins
+from twingap.gap.search.closest_twin import ClosestTwin, closest_spec, surrogate_effects
 from twingap.gap.search.effect_search import Explanation
 from twingap.gap.search.evidence import Compared, Evidence, simulator_of
-from twingap.gap.search.optimise import bring_nearest, left_over
+from twingap.gap.search.optimise import optimise, validation_distance
 from twingap.identification.calibrate import calibrate
 from twingap.records import Condition, RecordSet
 from twingap.twins.phenomenological import PhenomenologicalParameters, PhenomenologicalTwin
@@ -50,7 +50,7 @@ def found_in(records: RecordSet) -> tuple[Evidence, Explanation]:
     """A gap that was called, and nothing named."""
     calibrated = calibrate(records, SPEC, np.random.default_rng(1))
     evidence = Evidence(calibrated, simulator_of(calibrated), SPEC, 7)
-    bare = bring_nearest(evidence, evidence.against().simulator, (), {})
+    bare = optimise(evidence, evidence.against().simulator, (), {})
     now = Compared(evidence, (), bare.simulator)
     return evidence, Explanation(0.01, True, (), {}, ((),), 0.01, now, now, {"slip_jitter": "so says the test"})
 
@@ -65,7 +65,7 @@ def few_trials() -> Iterator[None]:
 @pytest.fixture(scope="module")
 def closer(learnt: Any) -> tuple[Evidence, Explanation, ClosestTwin]:
     evidence, found = found_in(machine(*LACKS))
-    nearer = stand_ins(evidence, found, learnt)
+    nearer = surrogate_effects(evidence, found, learnt)
     assert nearer is not None
     return evidence, found, nearer
 
@@ -75,8 +75,8 @@ def test_what_nobody_named_is_brought_nearer(closer: tuple[Evidence, Explanation
     after = nearer.compared
     assert {effect.name for effect in after.effects} == set(nearer.added)
     assert "slip_jitter" not in nearer.added  # what cannot act is not tried
-    before_left = left_over(evidence, found.after.simulator, found.after.effects)
-    assert left_over(evidence, after.simulator, after.effects) < 0.3 * before_left
+    before_left = validation_distance(evidence, found.after.simulator, found.after.effects)
+    assert validation_distance(evidence, after.simulator, after.effects) < 0.3 * before_left
     assert nearer.added[0] == "impact_scatter"  # of the two the plainer one
 
 
@@ -100,10 +100,12 @@ def test_the_closest_twins_file_makes_the_same_records(
 
 def test_a_twin_as_near_as_chance_allows_gets_nothing(learnt: Any) -> None:
     evidence, found = found_in(machine())
-    left = left_over(evidence, found.after.simulator, ())
-    nearer = stand_ins(evidence, found, learnt)
+    left = validation_distance(evidence, found.after.simulator, ())
+    nearer = surrogate_effects(evidence, found, learnt)
     # Chance may be fitted a little, never by much.
-    assert nearer is None or left_over(evidence, nearer.compared.simulator, nearer.compared.effects) > 0.7 * left
+    assert (
+        nearer is None or validation_distance(evidence, nearer.compared.simulator, nearer.compared.effects) > 0.7 * left
+    )
 
 
 def test_a_diagnosis_tells_of_them_beside_the_verdict_and_changes_nothing_else(learnt: Any) -> None:
@@ -136,5 +138,5 @@ def test_finished_records_have_no_twin_file(learnt: Any) -> None:
     assert closest_spec(evidence.against()) is None
     now = evidence.against()
     found = Explanation(0.01, True, (), {}, ((),), 0.01, now, now, {})
-    nearer = stand_ins(evidence, found, learnt)
+    nearer = surrogate_effects(evidence, found, learnt)
     assert nearer is None or closest_spec(nearer.compared) is None

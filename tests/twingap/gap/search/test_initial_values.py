@@ -12,8 +12,8 @@ from tests.twingap.gap.search.test_optimise import machine
 from twingap.effects import Effect, make_effect
 from twingap.gap.features.comparison import feature_names
 from twingap.gap.search.evidence import THOROUGH, Evidence, simulator_of
-from twingap.gap.search.initial_values import better_start, observations
-from twingap.gap.search.parameter_prior import Said
+from twingap.gap.search.initial_values import better_initial, observations
+from twingap.gap.search.parameter_prior import Prior
 from twingap.gap.search.parameter_scale import to_number
 from twingap.identification.calibrate import calibrate
 from twingap.records import RecordSet
@@ -41,7 +41,7 @@ def places(given: Effect, features: np.ndarray, own: Evidence) -> list[Effect]:
 def begun(own: Evidence, given: Effect) -> Effect:
     """The given values, or better ones."""
     now = own.misfit(own.against([given]).simulator, [given])
-    found = better_start(own, (given,), given.name, own.against().fit, now)
+    found = better_initial(own, (given,), given.name, own.against().fit, now)
     return found.effect if found else given
 
 
@@ -100,8 +100,8 @@ def test_knocks_of_which_few_records_show_any_are_not_made_rare_and_huge(root: i
     own = Evidence(calibrated, simulator_of(calibrated), SPEC, root)
     guess = make_effect("impulsive_noise", truth | {"level": 11.0, "rate_hz": 4.0, "spread": 0.95})
     within = {"level": 1.1, "rate_hz": 0.9}
-    said = {(guess.name, p): Said(to_number(guess, p, own.setting), off) for p, off in within.items()}
-    start = better_start(own, (guess,), guess.name, own.against().fit, np.inf, said)
+    priors = {(guess.name, p): Prior(to_number(guess, p, own.setting), off) for p, off in within.items()}
+    start = better_initial(own, (guess,), guess.name, own.against().fit, np.inf, priors)
     found = vars(start.effect if start else guess)
     assert 0.5 < found["rate_hz"] < 20.0
     assert 4.0 < found["level"] < 25.0
@@ -182,9 +182,9 @@ def test_a_slope_over_speed_is_an_exponent() -> None:
     ("effect", "feature", "value", "parameter", "expected"),
     [
         ("entry_exit", "comb|clear_arc_log", np.log(5.0), "arc_deg", 5.0),
-        ("entry_exit", "events.cycle_rise_part|all.level", 0.3, "arc_deg", 0.3 * 360 / 9),
-        ("speed_gain", "trend|speed_alone", -1.3, "exponent", -1.3),
-        ("mean_slip", "context|slip_seen", 0.02, "slip", 0.02),
+        ("entry_exit", "impacts.cycle_rise_part|all.level", 0.3, "arc_deg", 0.3 * 360 / 9),
+        ("speed_gain", "trend|speed_partial", -1.3, "exponent", -1.3),
+        ("mean_slip", "context|slip_measured", 0.02, "slip", 0.02),
         ("foreign_bearing", "lines.comb_order|all.level", 5.53, "order", 5.53),
         ("foreign_bearing", "background.foreign_order|healthy.level", 6.31, "order", 6.31),
     ],
@@ -214,10 +214,10 @@ def test_an_order_of_strikes_from_elsewhere_is_tried_at_every_level_and_once() -
 def test_growth_is_read_as_a_rate_over_the_run() -> None:
     own = evidence_of(machine())
     features = np.full(len(feature_names()), np.nan)
-    features[feature_names().index("trend|time_strikes")] = 1.5
+    features[feature_names().index("trend|time_impacts")] = 1.5
     (found,) = places(make_effect("damage_growth"), features, own)
     assert vars(found)["rate_per_s"] * own.setting.span_s == pytest.approx(
         1.0
     )  # the most that is allowed in one second
-    features[feature_names().index("trend|time_strikes")] = -1.5
+    features[feature_names().index("trend|time_impacts")] = -1.5
     assert not list(places(make_effect("damage_growth"), features, own))

@@ -13,8 +13,8 @@ from twingap.gap.distance.paired import Paired
 from twingap.gap.search import evidence
 from twingap.gap.search import optimise as nearest
 from twingap.gap.search.evidence import Evidence, simulator_of
-from twingap.gap.search.optimise import Nearest, bring_nearest, no_farther
-from twingap.gap.search.parameter_prior import Said
+from twingap.gap.search.optimise import Optimised, not_farther, optimise
+from twingap.gap.search.parameter_prior import Prior
 from twingap.gap.search.parameter_scale import to_number
 from twingap.identification.calibrate import calibrate
 from twingap.records import Condition, RecordSet
@@ -55,7 +55,7 @@ def test_the_value_of_the_machine_is_found_from_afar(truth: Effect, guess: dict[
     own = evidence_of(machine(truth))
     start = make_effect(truth.name, {**{k: v for k, v in vars(truth).items() if k != parameter}, **guess})
     compared = own.against([start])
-    found = bring_nearest(own, compared.simulator, [start], {(truth.name, parameter): 0.1})
+    found = optimise(own, compared.simulator, [start], {(truth.name, parameter): 0.1})
     # As near as the truth; how near that is to its value, two faulty records say more or less sharply.
     assert found.misfit <= 1.02 * own.misfit(own.against([truth]).simulator, [truth])
     assert getattr(found.effects[0], parameter) == pytest.approx(getattr(truth, parameter), rel=0.35)
@@ -67,7 +67,7 @@ def test_values_that_make_up_for_each_other_are_moved_together() -> None:
     truth = make_effect("coloured_noise", {"level": 0.8, "slope": 0.5, "low_hz": 500.0, "high_hz": 1600.0})
     own = evidence_of(machine(truth))
     start = make_effect("coloured_noise", {"level": 0.4, "slope": 0.0, "low_hz": 350.0, "high_hz": 2100.0})
-    found = bring_nearest(own, own.against([start]).simulator, [start], {})
+    found = optimise(own, own.against([start]).simulator, [start], {})
     best = own.misfit(own.against([truth]).simulator, [truth])
     assert found.before > 1.15 * best
     assert found.misfit < 1.05 * best
@@ -81,7 +81,7 @@ def test_few_trials_go_to_values_that_are_moved_together(monkeypatch: pytest.Mon
     truth = make_effect("coloured_noise", {"level": 0.8, "slope": 0.5, "low_hz": 500.0, "high_hz": 1600.0})
     own = evidence_of(machine(*right, truth))
     start = [*right, make_effect("coloured_noise", {"level": 0.4, "slope": 0.0, "low_hz": 350.0, "high_hz": 2100.0})]
-    found = bring_nearest(own, own.against(start).simulator, start, {})
+    found = optimise(own, own.against(start).simulator, start, {})
     best = own.misfit(own.against([*right, truth]).simulator, [*right, truth])
     assert found.misfit - best < 0.5 * (found.before - best)
 
@@ -94,7 +94,7 @@ def test_what_comes_by_chance_stays_where_other_chances_disagree(monkeypatch: py
     monkeypatch.setattr(
         nearest._Search, "holds", lambda self, *built: not any(name == "dropout" for name, _ in self.at)
     )
-    found = bring_nearest(own, own.against(start).simulator, start, {})
+    found = optimise(own, own.against(start).simulator, start, {})
     by_name = {effect.name: vars(effect) for effect in found.effects}
     assert by_name["dropout"] == vars(start[0])
     assert by_name["mains_interference"]["level"] == pytest.approx(0.9, rel=0.35)
@@ -104,7 +104,7 @@ def test_what_comes_by_chance_stays_where_other_chances_disagree(monkeypatch: py
 def test_what_is_exact_or_wrong_stays() -> None:
     own = evidence_of(machine(make_effect("foreign_bearing", {"level": 6.0, "order": 3.37})))
     start = make_effect("foreign_bearing", {"level": 2.0, "order": 3.37})
-    found = bring_nearest(own, own.against([start]).simulator, [start], {})
+    found = optimise(own, own.against([start]).simulator, [start], {})
     assert vars(found.effects[0])["order"] == pytest.approx(3.37, rel=1e-12)
     assert vars(found.effects[0])["level"] > 3.0
 
@@ -114,7 +114,7 @@ def test_what_other_random_streams_do_not_bear_out_is_not_kept(monkeypatch: pyte
     own = evidence_of(machine(hum))
     start = make_effect("mains_interference", {"level": 0.2})
     simulator = own.against([start]).simulator
-    assert bring_nearest(own, simulator, [start], {}).effects != (start,)
+    assert optimise(own, simulator, [start], {}).effects != (start,)
     gap, asked = Evidence.gap, []
 
     def worse(self: Evidence, simulator: Simulator, effects: tuple[Effect, ...], replicate: int = 3) -> float:
@@ -122,7 +122,7 @@ def test_what_other_random_streams_do_not_bear_out_is_not_kept(monkeypatch: pyte
         return -gap(self, simulator, effects, replicate)
 
     monkeypatch.setattr(Evidence, "gap", worse)
-    found = bring_nearest(own, simulator, [start], {})
+    found = optimise(own, simulator, [start], {})
     assert found.effects == (start,)
     assert found.simulator is simulator
     assert found.misfit == found.before
@@ -132,13 +132,13 @@ def test_what_other_random_streams_do_not_bear_out_is_not_kept(monkeypatch: pyte
 def test_what_drives_records_and_twin_apart_is_sought_anew_from_the_twin_without_it() -> None:
     hum = make_effect("mains_interference", {"level": 0.4})
     own = evidence_of(machine(hum))
-    bare = Nearest(own.against().simulator, (), 0.0, 0.0)
-    loud = Nearest(bare.simulator, (replace(hum, level=9.0),), 0.0, 0.0)
-    found = no_farther(own, loud, bare, {})
+    bare = Optimised(own.against().simulator, (), 0.0, 0.0)
+    loud = Optimised(bare.simulator, (replace(hum, level=9.0),), 0.0, 0.0)
+    found = not_farther(own, loud, bare, {})
     gaps = [own.gap(one.simulator, one.effects, 9) for one in (found, bare, loud)]
     assert gaps[0] < 0.6 * gaps[1] < gaps[2]
     assert vars(found.effects[0])["level"] == pytest.approx(0.4, rel=0.3)
-    assert no_farther(own, found, bare, {}) is found
+    assert not_farther(own, found, bare, {}) is found
 
 
 def test_a_baseline_that_is_off_is_brought_back() -> None:
@@ -146,7 +146,7 @@ def test_a_baseline_that_is_off_is_brought_back() -> None:
     twin = own.against().simulator
     wrong = flat(twin.spec.parameters) | {"scale": 2 * OWN.scale, "resonance_hz": 2600.0}  # type: ignore[attr-defined]
     started = own.with_values(twin, (), wrong)
-    found = bring_nearest(own, started, (), {})
+    found = optimise(own, started, (), {})
     values = flat(found.simulator.spec.parameters)  # type: ignore[attr-defined]
     levels = np.hypot(values["structure_noise_rms"], values["white_noise_rms"]) * values["scale"]
     assert levels == pytest.approx(np.hypot(0.7, 0.6) * 1.5, rel=0.1)
@@ -162,7 +162,7 @@ def test_of_a_few_short_records_chance_says_little_of_strikes() -> None:
     found = []
     for root in range(7, 13):
         own = Evidence(calibrated, simulator_of(calibrated), spec, root)
-        twin = bring_nearest(own, own.against().simulator, (), {}).simulator
+        twin = optimise(own, own.against().simulator, (), {}).simulator
         found.append(flat(twin.spec.parameters)["impact_amplitude.inner"])  # type: ignore[attr-defined]
     assert np.std(np.log(found)) < 0.1
 
@@ -173,10 +173,14 @@ def test_stiff_estimates_do_not_make_up_for_what_is_missing_besides() -> None:
     loose = make_effect("looseness", {"level": 1.5, "decay": 0.9})
     own = evidence_of(machine(hum, loose))
     simulator = own.against([hum]).simulator
-    said = {("mains_interference", p): Said(to_number(hum, p, own.setting), 0.3) for p in ("level", "decay")}
+    priors = {("mains_interference", p): Prior(to_number(hum, p, own.setting), 0.3) for p in ("level", "decay")}
     moved = [
-        abs(np.log(vars(bring_nearest(own, simulator, [hum], {}, said=said, stiff=stiff).effects[0])["level"] / 0.3))
-        for stiff in (1.0, 30.0)
+        abs(
+            np.log(
+                vars(optimise(own, simulator, [hum], {}, priors=priors, prior_weight=weight).effects[0])["level"] / 0.3
+            )
+        )
+        for weight in (1.0, 30.0)
     ]
     assert moved[1] < 0.15
     assert moved[1] < 0.5 * moved[0]
@@ -185,7 +189,7 @@ def test_stiff_estimates_do_not_make_up_for_what_is_missing_besides() -> None:
 def test_what_the_twin_file_fixes_stays() -> None:
     spec = TwinSpec("phenomenological", (), None, {"resonance_hz": 2700.0})
     own = evidence_of(machine(), spec)
-    found = bring_nearest(own, own.against().simulator, (), {})
+    found = optimise(own, own.against().simulator, (), {})
     assert flat(found.simulator.spec.parameters)["resonance_hz"] == 2700.0  # type: ignore[attr-defined]
 
 
@@ -193,7 +197,7 @@ def test_effects_that_are_not_to_move_stay_and_the_misfit_never_grows() -> None:
     hum, zone = make_effect("mains_interference", {"level": 0.9}), make_effect("cage_modulation", {"depth": 0.3})
     own = evidence_of(machine(hum))
     simulator = own.against([hum, zone]).simulator
-    found = bring_nearest(own, simulator, [hum, zone], {}, moved=["cage_modulation"], baseline=False)
+    found = optimise(own, simulator, [hum, zone], {}, moved=["cage_modulation"], baseline=False)
     assert found.effects[0] == hum
     assert found.misfit <= found.before
     assert vars(found.effects[1])["depth"] < 0.3
@@ -213,7 +217,7 @@ def test_trials_are_bounded_whatever_the_records(monkeypatch: pytest.MonkeyPatch
         return once(self, *arguments)  # type: ignore[arg-type]
 
     monkeypatch.setattr(Evidence, "tried", counted)
-    bring_nearest(short, short.against().simulator, (), {}, passes=1000)
+    optimise(short, short.against().simulator, (), {}, passes=1000)
     assert asked <= short.trials + 1
 
 
@@ -229,7 +233,7 @@ def test_values_stay_where_they_are_plausible(monkeypatch: pytest.MonkeyPatch) -
         return once(self, simulator, effects)  # type: ignore[arg-type]
 
     monkeypatch.setattr(Evidence, "tried", seen)
-    bring_nearest(own, own.against([knocks]).simulator, [knocks], {("impulsive_noise", "rate_hz"): 1.0})
+    optimise(own, own.against([knocks]).simulator, [knocks], {("impulsive_noise", "rate_hz"): 1.0})
     assert len(tried) > 50
     for field in fields(knocks):  # type: ignore[arg-type]
         low, high = field.metadata["plausible"]

@@ -9,8 +9,8 @@ from scipy.stats import t as student
 from tests.twingap.gap.search.test_optimise import OWN, evidence_of, machine
 from twingap.bearing import BEARINGS
 from twingap.effects import make_effect
-from twingap.gap.search.optimise import bring_nearest
-from twingap.gap.search.parameter_prior import FREEDOM, Said, pull, strain
+from twingap.gap.search.optimise import optimise
+from twingap.gap.search.parameter_prior import FREEDOM, Prior, penalty, penalty_weight
 from twingap.records import Condition, RecordSet
 from twingap.twins.phenomenological import PhenomenologicalTwin
 from twingap.twins.twin_file import flat
@@ -19,26 +19,26 @@ EXPONENT = ("speed_gain", "exponent")
 
 
 def test_strain_is_that_of_a_t_distribution() -> None:
-    said = Said(0.7, 0.3)
+    priors = Prior(0.7, 0.3)
     for number in (0.7, 0.75, 1.4, -9.0):
-        density = student(FREEDOM, said.number, said.spread).logpdf
-        assert said.strain(number) == pytest.approx(2 * (density(said.number) - density(number)))
-        slope = (said.strain(number + 1e-6) - said.strain(number - 1e-6)) / 2e-6
-        assert 2 * said.stiffness(number) * (number - said.number) == pytest.approx(slope, abs=1e-6)
+        density = student(FREEDOM, priors.number, priors.spread).logpdf
+        assert priors.penalty(number) == pytest.approx(2 * (density(priors.number) - density(number)))
+        slope = (priors.penalty(number + 1e-6) - priors.penalty(number - 1e-6)) / 2e-6
+        assert 2 * priors.stiffness(number) * (number - priors.number) == pytest.approx(slope, abs=1e-6)
     at = {EXPONENT: 1.0, ("", "scale"): 3.0}
-    assert strain({EXPONENT: said}, at) == said.strain(1.0)
-    assert strain({EXPONENT: said}, {}) == 0.0
+    assert penalty({EXPONENT: priors}, at) == priors.penalty(1.0)
+    assert penalty({EXPONENT: priors}, {}) == 0.0
 
 
 def test_an_estimate_that_was_never_off_holds() -> None:
-    said = Said(3.0, 0.0)
-    assert said.strain(3.0) == 0.0
-    assert said.strain(3.01) > Said(3.0, 0.01).strain(3.01) > 0
-    assert np.isfinite([said.stiffness(3.0), said.stiffness(3.01)]).all()
+    priors = Prior(3.0, 0.0)
+    assert priors.penalty(3.0) == 0.0
+    assert priors.penalty(3.01) > Prior(3.0, 0.01).penalty(3.01) > 0
+    assert np.isfinite([priors.stiffness(3.0), priors.stiffness(3.01)]).all()
 
 
 def test_a_strain_counts_less_the_more_records_there_are() -> None:
-    assert pull(4) == 2 * pull(8) > 0
+    assert penalty_weight(4) == 2 * penalty_weight(8) > 0
 
 
 def one_speed_each(exponent: float) -> RecordSet:
@@ -59,8 +59,8 @@ def test_what_distance_cannot_tell_stays_as_the_estimate_says() -> None:
     begun = own.against([start]).simulator
     values = flat(begun.spec.parameters)  # type: ignore[attr-defined]
     begun = own.with_values(begun, [start], {"impact_amplitude.inner": 1.5 * values["impact_amplitude.inner"]})
-    free = bring_nearest(own, begun, [start], {EXPONENT: 0.4})
-    held = bring_nearest(own, begun, [start], {EXPONENT: 0.4}, said={EXPONENT: Said(1.8, 0.3)})
+    free = optimise(own, begun, [start], {EXPONENT: 0.4})
+    held = optimise(own, begun, [start], {EXPONENT: 0.4}, priors={EXPONENT: Prior(1.8, 0.3)})
     assert vars(free.effects[0])["exponent"] < 1.3
     assert vars(held.effects[0])["exponent"] == pytest.approx(1.8, abs=0.15)
     distances = [own.misfit(found.simulator, found.effects) for found in (free, held)]
@@ -70,6 +70,6 @@ def test_what_distance_cannot_tell_stays_as_the_estimate_says() -> None:
 def test_what_records_show_outweighs_what_an_estimate_says() -> None:
     own = evidence_of(machine(make_effect("mains_interference", {"level": 0.9})))
     start = make_effect("mains_interference", {"level": 0.1})
-    said = {("mains_interference", "level"): Said(float(np.log(0.1)), 0.3)}
-    found = bring_nearest(own, own.against([start]).simulator, [start], {}, said=said)
+    priors = {("mains_interference", "level"): Prior(float(np.log(0.1)), 0.3)}
+    found = optimise(own, own.against([start]).simulator, [start], {}, priors=priors)
     assert vars(found.effects[0])["level"] == pytest.approx(0.9, rel=0.2)

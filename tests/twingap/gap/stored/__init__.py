@@ -49,7 +49,7 @@ def end(number: int) -> dict[str, Any]:
         return {"error": str(error)}
     verdict = found.report.verdict
     return {
-        "missing": sorted(effect.name for effect in drawn.missing), "outside": drawn.strange,
+        "missing": sorted(effect.name for effect in drawn.missing), "outside": drawn.outside,
         "status": verdict.status, "effects": sorted(verdict.effects), "p_value": round(verdict.p_value, 4),
         "closure": None if verdict.closure is None else round(verdict.closure, 3),
     }  # fmt: skip

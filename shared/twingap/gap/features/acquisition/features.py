@@ -20,25 +20,10 @@ from twingap.signal.record_transforms import RecordTransforms, medians
 Array = NDArray[np.float64]
 
 NAMES: Final[tuple[str, ...]] = (
-    "clip_excess",
-    "clip_fraction_log",
-    "clip_rail_log",
-    "clip_both",
-    "clip_repeats",
-    "clip_offset",
-    "peak_to_peak_log",
-    "grid_step_log",
-    "grid_step_rms_log",
-    "grid_misfit",
-    "grid_distinct_log",
-    "grid_repeats",
-    "gap_rate_log",
-    "gap_fraction_log",
-    "gap_length_log",
-    "gap_longest_log",
-    "gap_jump",
-    "gap_weight",
-)
+    "clip_excess", "clip_fraction_log", "clip_rail_log", "clip_both", "clip_repeats", "clip_offset", "peak_to_peak_log",
+    "grid_step_log", "grid_step_rms_log", "grid_misfit", "grid_distinct_log", "grid_repeats", "gap_rate_log",
+    "gap_fraction_log", "gap_length_log", "gap_longest_log", "gap_jump", "gap_weight",
+)  # fmt: skip
 """Keys of `measure`."""
 
 FINEST: Final = 3e-3
@@ -49,17 +34,7 @@ _SHORTEST: Final = 4
 
 
 def measure(record: RecordTransforms) -> dict[str, float]:
-    """Features of the acquisition.
-
-    Parameters
-    ----------
-    record : RecordTransforms
-
-    Returns
-    -------
-    dict[str, float]
-        `NAMES` -> value, NaN where it does not apply.
-    """
+    """`NAMES` -> value of one record; NaN where a feature does not apply."""
     out = dict.fromkeys(NAMES, math.nan)
     x, scale = record.x, max(record.frame.scale, 1e-300)
     if x.size < 64 or not np.isfinite(x).all():

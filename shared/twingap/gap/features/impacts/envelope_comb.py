@@ -199,9 +199,9 @@ def track(comb: Comb, duration_s: float) -> Track | None:
     constant = 2 * np.pi * shift * grid
     wander, window = constant, np.inf
     kept = _power(lines, k, constant)
-    # Harmonics that were not fitted judge; with the fundamental alone no wander is assumed.
-    judges = slice(1, None)
-    best_score = float((kept[judges] / floor[judges]).sum())
+    # Harmonics that were not fitted decide; with the fundamental alone no wander is assumed.
+    unfitted = slice(1, None)
+    best_score = float((kept[unfitted] / floor[unfitted]).sum())
     passes = float(rate * duration_s)
     if k.size > 1:
         starts = [constant]
@@ -210,7 +210,7 @@ def track(comb: Comb, duration_s: float) -> Track | None:
             while length * passes / size > 5:
                 smooth = _smooth(lines[0] * np.exp(-1j * phase), length)
                 phase = phase + _unwrapped(smooth)
-                score = float((_power(lines, k, phase)[judges] / floor[judges]).sum())
+                score = float((_power(lines, k, phase)[unfitted] / floor[unfitted]).sum())
                 if score > 1.03 * best_score + 3:
                     best_score, wander, window = score, phase, length * passes / size
                 length /= 1.6
@@ -229,7 +229,7 @@ def track(comb: Comb, duration_s: float) -> Track | None:
         tried = _power(lines, k, straight)
         if (tried / floor).sum() > (kept / floor).sum():
             constant, kept = straight, tried
-            if 1.03 * float((kept[judges] / floor[judges]).sum()) + 3 > best_score:
+            if 1.03 * float((kept[unfitted] / floor[unfitted]).sum()) + 3 > best_score:
                 wander, window = constant, np.inf
     if np.isfinite(window):
         for _ in range(2):

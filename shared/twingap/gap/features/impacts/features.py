@@ -25,50 +25,14 @@ from twingap.signal.record_transforms import RecordTransforms, medians
 Array = NDArray[np.float64]
 
 NAMES: Final[tuple[str, ...]] = (
-    "strike_evidence",
-    "rate_log_ratio",
-    "shaft_log_ratio",
-    "harmonic_1",
-    "harmonic_2",
-    "harmonic_3",
-    "harmonic_4",
-    "harmonic_slope",
-    "smear_1",
-    "smear_2",
-    "smear_3",
-    "wander_level",
-    "wander_log",
-    "wander_bandwidth_hz",
-    "timing_excess",
-    "timing_log_1",
-    "timing_log_4",
-    "timing_growth",
-    "jitter_sigma",
-    "jitter_log",
-    "walk_sigma",
-    "walk_log",
-    "scatter_sigma",
-    "scatter_log",
-    "scatter_excess",
-    "strength_skew",
-    "strength_kurtosis",
-    "strength_neighbours",
-    "shaft_depth",
-    "shaft_line_log",
-    "cage_depth",
-    "cage_line_log",
-    "zone_depth",
-    "echo_gain",
-    "arc_deg",
-    "arc_log",
-    "exit_ratio",
-    "cycle_width_deg",
-    "cycle_rise",
-    "cycle_rise_part",
-    "phase_lock",
-    "strike_level",
-    "strike_snr",
-)
+    "evidence", "rate_log_ratio", "shaft_log_ratio", "harmonic_1", "harmonic_2", "harmonic_3", "harmonic_4",
+    "harmonic_slope", "smear_1", "smear_2", "smear_3", "wander_level", "wander_log", "wander_bandwidth_hz",
+    "timing_excess", "timing_log_1", "timing_log_4", "timing_growth", "jitter_sigma", "jitter_log", "walk_sigma",
+    "walk_log", "scatter_sigma", "scatter_log", "scatter_excess", "strength_skew", "strength_kurtosis",
+    "strength_neighbours", "shaft_depth", "shaft_line_log", "cage_depth", "cage_line_log", "zone_depth",
+    "second_impact_gain", "arc_deg", "arc_log", "exit_ratio", "cycle_width_deg", "cycle_rise", "cycle_rise_part",
+    "phase_lock", "level", "snr",
+)  # fmt: skip
 """Keys of `measure`. Natural logs where the name ends in log, level, snr, gain or evidence."""
 
 _TIMING_FLOOR: Final = 1e-3
@@ -79,19 +43,11 @@ _STRENGTH_FLOOR: Final = 0.02
 
 
 def measure(record: RecordTransforms) -> dict[str, float]:
-    """Measure the impacts of one record.
+    """`NAMES` -> value of one record; NaN without a known defect, or where the impacts cannot be tracked.
 
-    Parameters
-    ----------
-    record : RecordTransforms
-
-    Returns
-    -------
-    dict[str, float]
-        One value for each of `NAMES`; NaN where there is no known defect, or where the impacts cannot be tracked.
-        `jitter_sigma`, `walk_sigma` in impact spacings; `scatter_sigma`, `*_depth` over the mean strength;
-        `wander_level` rms relative speed; `arc_deg` as in `effects.EntryExit`; `strike_level` log of the root energy of
-        an impact (in the band, s^1/2) over frame.scale.
+    `jitter_sigma`, `walk_sigma` in impact spacings; `scatter_sigma`, `*_depth` over the mean strength; `wander_level`
+    rms relative speed; `arc_deg` as in `effects.EntryExit`; `level` log of the root energy of an impact (in the band,
+    s^1/2) over frame.scale.
     """
     out = dict.fromkeys(NAMES, np.nan)
     if record.fault_order is None or not record.shaft_hz > 0 or record.x.size < 256:
@@ -110,7 +66,7 @@ def _fill(record: RecordTransforms, order: float, out: dict[str, float]) -> None
     found = envelope_comb.find_comb(band, kinematic_hz)
     if found is None:
         return
-    out["strike_evidence"] = float(np.log1p(found.evidence))
+    out["evidence"] = float(np.log1p(found.evidence))
     if found.evidence < envelope_comb.EVIDENCE:
         return
     course = envelope_comb.track(found, record.duration_s)
@@ -308,6 +264,6 @@ def _level(
     energy = max(energy, 1e-3 * float(np.mean(seen.strength**2)))
     # Per second of the cycle at 1 kHz: a length that does not depend on rates makes the level dimensionless.
     scale = record.frame.scale**2 * band.fs_hz / 1000
-    out["strike_level"] = 0.5 * float(np.log(energy / max(scale, 1e-300)))
-    out["strike_snr"] = 0.5 * float(np.log(energy / max(seen.noise, 1e-6 * energy)))
+    out["level"] = 0.5 * float(np.log(energy / max(scale, 1e-300)))
+    out["snr"] = 0.5 * float(np.log(energy / max(seen.noise, 1e-6 * energy)))
     out["phase_lock"] = seen.phase_locked

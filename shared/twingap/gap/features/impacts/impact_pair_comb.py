@@ -30,7 +30,9 @@ _KINDS: Final = ("clear", "faint")
 NAMES: Final[tuple[str, ...]] = tuple(
     f"{kind}_{name}"
     for kind in _KINDS
-    for name in ("known", "gain", "score", "same", "opposed", "arc_log", "ratio", "likelier", "likelier_ratio")
+    for name in (
+        "known", "gain", "score", "same", "opposed", "arc_log", "ratio", "smooth_path_gain", "smooth_path_ratio",
+    )
 )  # fmt: skip
 """Keys of `compare`: from harmonics that are each well above the noise ("clear"), and from all harmonics in stretches
 that are ("faint")."""
@@ -88,8 +90,9 @@ def compare(
     dict[str, float]
         `NAMES` -> value, NaN where it is not known. `known` ln of the number of harmonics; `gain` ln of what is left
         without a comb over what the best one leaves; `score` ln(1 + gain root of known); `same`, `opposed` the gain
-        where the second impact has the sign of the first or the other; `arc_log` ln deg, `ratio` signed. `likelier`
-        ln(1 + log likelihood ratio) of the best comb where the path may be any curve, `likelier_ratio` its ratio.
+        where the second impact has the sign of the first or the other; `arc_log` ln deg, `ratio` signed.
+        `smooth_path_gain` ln(1 + log likelihood ratio) of the best comb where the path may be any smooth curve,
+        `smooth_path_ratio` its ratio.
     """
     out = dict.fromkeys(NAMES, math.nan)
     faults = sorted({s.fault for s in real} & {s.fault for s in simulated})
@@ -126,8 +129,8 @@ def _comb(ratios: Iterable[tuple[str, _Ratio]], bearing: Bearing) -> dict[str, f
         "same": float(gain[0].max()), "opposed": float(gain[1].max()),
     }  # fmt: skip
     way, size = (int(v) for v in np.unravel_index(int(np.argmax(over_path)), over_path.shape))
-    out["likelier"] = math.log1p(max(float(over_path[way, size]), 0.0))
-    out["likelier_ratio"] = (1.0 if way == 0 else -1.0) * _RATIOS[size]
+    out["smooth_path_gain"] = math.log1p(max(float(over_path[way, size]), 0.0))
+    out["smooth_path_ratio"] = (1.0 if way == 0 else -1.0) * _RATIOS[size]
     if out["score"] > _LEAST_SCORE:
         # Of the fault whose comb is clearest. A ball defect makes two impacts a turn.
         fault, plainest = max(found, key=lambda of: of[1].energy - of[1].left[i, j])

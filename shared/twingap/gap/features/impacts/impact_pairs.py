@@ -43,7 +43,7 @@ FINEST_DEG: Final = 0.4
 
 
 def measure_second_impact(record: RecordTransforms, seen: Impacts, rate_hz: float, out: dict[str, float]) -> None:
-    """Fill `echo_gain`, `arc_deg`, `arc_log`, `exit_ratio`, `cycle_width_deg`, `cycle_rise`, `cycle_rise_part`.
+    """Fill `second_impact_gain`, `arc_deg`, `arc_log`, `exit_ratio` and `cycle_*`.
 
     Parameters
     ----------
@@ -75,7 +75,7 @@ def measure_second_impact(record: RecordTransforms, seen: Impacts, rate_hz: floa
     gain, delay, ratio = fit
     if delay > 0.5 * spacing:
         delay, ratio = spacing - delay, 1 / ratio
-    out["echo_gain"] = gain
+    out["second_impact_gain"] = gain
     arc = delay / record.fs_hz * deg_per_s
     if gain > 0.7:
         out["arc_deg"], out["arc_log"], out["exit_ratio"] = arc, float(np.log(arc)), ratio

@@ -41,7 +41,7 @@ COMPARED: Final[tuple[str, ...]] = (
     *(f"band_{i:02d}" for i in range(BANDS)),
     "level", "rms", "common", "slope", "high", "low",
     "bump", "bump_fs", "bump_noise", "dip", "dip_fs", "dip_noise",
-    "noise_bump", "noise_bump_fs", "noise_bump_answer", "noise_dip", "noise_dip_fs", "noise_dip_answer",
+    "noise_bump", "noise_bump_fs", "noise_bump_impacts", "noise_dip", "noise_dip_fs", "noise_dip_impacts",
     "known",
 )  # fmt: skip
 """Keys of `compare`."""
@@ -252,4 +252,4 @@ def _over_frequency(ratio: Array, weight: Array, noise: Array | None, out: dict[
         out[f"{name}_noise"] = float(sign * smooth[place])
         place = int(np.argmax(np.where(allowed, sign * smooth, -np.inf)))
         out[f"noise_{name}"], out[f"noise_{name}_fs"] = float(sign * smooth[place]), float(f[place])
-        out[f"noise_{name}_answer"] = float(sign * soft[place])
+        out[f"noise_{name}_impacts"] = float(sign * soft[place])

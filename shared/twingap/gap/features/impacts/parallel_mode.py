@@ -67,19 +67,19 @@ class Path:
         moves the sensor against the path.
         """
         place, damping = (a.ravel() for a in np.meshgrid(places, np.asarray(dampings, float), indexing="ij"))
-        relative = ringing(self.f, place[:, None, None], damping[:, None, None]) * self.inverse[:, None]
+        relative = ring_down_response(self.f, place[:, None, None], damping[:, None, None]) * self.inverse[:, None]
         along, alone = relative.real.mean(axis=2), (relative.real**2 + relative.imag**2).mean(axis=2)
         most = (self.passed * alone)[:, self.known].max(axis=1)
         wanted = np.asarray(levels, float)
         gain = np.copysign(np.sqrt(np.abs(wanted) / most[:, None]), wanted)
         factor = np.maximum(1 + gain[:, :, None] * (2 * along[:, None] + gain[:, :, None] * alone[:, None]), _CANCELLED)
         curves = np.log(self.passed * (factor - 1) + 1).reshape(-1, self.passed.size)
-        ringers = zip(place.tolist(), damping.tolist(), gain.tolist(), strict=True)
-        values = [(at, width, one) for at, width, gains in ringers for one in gains]
+        modes = zip(place.tolist(), damping.tolist(), gain.tolist(), strict=True)
+        values = [(at, width, one) for at, width, gains in modes for one in gains]
         return curves, values, wanted.tolist() * place.size
 
 
-def ringing(f: Array, place: Array | float, damping: Array | float) -> Complex:
+def ring_down_response(f: Array, place: Array | float, damping: Array | float) -> Complex:
     """Minimum-phase response of sampled ring-down, about 1 at its peak.
 
     The delay of one sample is left out here and in `least_phase`; it cancels in their ratio.

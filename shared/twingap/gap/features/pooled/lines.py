@@ -15,14 +15,14 @@ from numpy.typing import NDArray
 
 from twingap.bearing import Bearing
 from twingap.gap.features.tones import carrier, gear_mesh, race_waviness
-from twingap.gap.features.tones.whitened_spectra import MOST_Z, Mean, Whitened, combined_z, most
+from twingap.gap.features.tones.whitened_spectra import MOST_Z, Mean, Whitened, combined_z, max_z
 
 Array = NDArray[np.float64]
 
 NAMES: Final = (
-    "mains_50_1", "mains_50_most", "mains_50_all", "mains_60_1", "mains_60_most", "mains_60_all",
+    "mains_50_1", "mains_50_max", "mains_50_all", "mains_60_1", "mains_60_max", "mains_60_all",
     "order_1", "order_2", "order_3", "order_few", "order_high",
-    "half_1", "half_most", "half_all", *race_waviness.NAMES, *gear_mesh.NAMES, *carrier.NAMES,
+    "half_1", "half_max", "half_all", *race_waviness.NAMES, *gear_mesh.NAMES, *carrier.NAMES,
     "turning", "turning_order",
     "envelope_1x", "envelope_2x", "envelope_cage", "foreign", "foreign_order", "modulation_fixed", "modulation_hz",
 )  # fmt: skip
@@ -39,13 +39,13 @@ def measure(records: Sequence[Whitened], bearing: Bearing) -> dict[str, float]:
     hz, turns = Mean.in_hz(records), Mean.in_orders(records)
     for mains in (50, 60):
         z = hz.at(mains * np.arange(1.0, 7.0))
-        out[f"mains_{mains}_1"], out[f"mains_{mains}_most"] = z[0], most(z)
+        out[f"mains_{mains}_1"], out[f"mains_{mains}_max"] = z[0], max_z(z)
         out[f"mains_{mains}_all"] = combined_z(z)
     z = turns.at(np.arange(1.0, 13.0))
     out["order_1"], out["order_2"], out["order_3"] = z[:3]
     out["order_few"], out["order_high"] = combined_z(z[:4]), combined_z(z[4:])
     z = turns.at(np.arange(0.5, 6.5))
-    out["half_1"], out["half_most"], out["half_all"] = z[0], most(z), combined_z(z)
+    out["half_1"], out["half_max"], out["half_all"] = z[0], max_z(z), combined_z(z)
     few = [records[k] for k in np.linspace(0, len(records) - 1, min(len(records), _MOST_BY_ONE)).round().astype(int)]
     deviates = [record.deviates() for record in few]
     out |= race_waviness.measure(few, deviates, bearing) | gear_mesh.measure(few, deviates)

@@ -39,13 +39,13 @@ _KNOWN: Final = 4.0
 _ALIKE: Final = 0.01
 """Log ratio of speeds below which they count as one."""
 _TRENDS: Final = (
-    "speed_strikes", "speed_noise", "time_strikes", "time_noise", "speed_alone", "time_alone", "speed_answer",
-    "time_answer",
+    "speed_impacts", "speed_noise", "time_impacts", "time_noise", "speed_partial", "time_partial", "speed_harmonics",
+    "time_harmonics",
 )  # fmt: skip
 NAMES: Final = tuple(f"{trend}{kind}" for trend in _TRENDS for kind in ("", "_z", "_size"))
 """Keys of `Levels.trends`: slope of a natural logarithm of amplitudes over that of the speed, or over the run; the
-normal deviate that goes with it; and its size. `speed_alone`, `time_alone`: of impacts, the other variable taken out;
-`speed_answer`, `time_answer`: of the power at their harmonics."""
+normal deviate that goes with it; and its size. `speed_partial`, `time_partial`: of impacts, the other variable
+regressed out; `speed_harmonics`, `time_harmonics`: of the power at the harmonics of the impact rate."""
 
 
 @dataclass(frozen=True)

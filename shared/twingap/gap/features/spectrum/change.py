@@ -24,6 +24,7 @@ from twingap._compiled import njit
 from twingap.gap.features.impacts.parallel_mode import Path
 from twingap.gap.features.impacts.response_sampling import continuous
 from twingap.gap.features.spectrum.record_summary import RecordSummary
+from twingap.gap.features.spectrum.smooth_shape import mode_shape
 from twingap.signal.record_transforms import SMOOTH_SEGMENTS
 
 Array = NDArray[np.float64]
@@ -52,16 +53,16 @@ _CERTAIN: Final = 1e9
 _WHITE: Final = 0.95
 """Part of a spectrum's lowest density that is taken for white noise rather than the skirt of a mode."""
 
-CHANGES: Final = ("mode", "band", "law", "loss")
+CHANGES: Final = ("mode", "band", "power_law", "rolloff")
 NAMES: Final = (
-    "still", "tilt", "continuous", "tilt_gain",
-    *(f"{c}_gain" for c in CHANGES), *(f"{c}_lead" for c in CHANGES), "left",
-    "mode_fs", "mode_damping", "mode_quiet", "mode_struck", "mode_same",
-    "band_low", "band_high", "band_level", "band_quiet", "band_struck",
-    "law_power", "law_level", "law_quiet",
-    "loss_corner", "loss_order", "loss_struck", "loss_quiet",
-    "parallel_gain", "parallel_lead", "parallel_over_mode", "parallel_left", "parallel_fs", "parallel_damping",
-    "parallel_strength", "parallel_quiet", "parallel_struck", "parallel_quiet_low", "parallel_struck_low",
+    "base_cost", "tilt", "continuous", "tilt_gain",
+    *(f"{c}_gain" for c in CHANGES), *(f"{c}_lead" for c in CHANGES), "best_cost",
+    "mode_fs", "mode_damping", "mode_noise", "mode_impacts", "mode_balance",
+    "band_low", "band_high", "band_level", "band_noise", "band_impacts",
+    "power_law_exponent", "power_law_level", "power_law_noise",
+    "rolloff_corner", "rolloff_order", "rolloff_impacts", "rolloff_noise",
+    "parallel_gain", "parallel_lead", "parallel_over_mode", "parallel_cost", "parallel_fs", "parallel_damping",
+    "parallel_strength", "parallel_noise", "parallel_impacts", "parallel_noise_low", "parallel_impacts_low",
 )  # fmt: skip
 """Keys of `compare`."""
 
@@ -87,48 +88,49 @@ def compare(
     Returns
     -------
     dict[str, float]
-        `NAMES` -> value; NaN without pairs. `still`: log misfit per band with levels and sampling alone; `left`: with
-        the best change; `tilt`, `continuous`: how else the measured ones are sampled. Gains are ln(1 + reduction of the
-        misfit), leads a gain less that of the best rival. Frequencies are logarithms of parts of the sampling rate,
-        heights natural logarithms of a power ratio.
+        `NAMES` -> value; NaN without pairs. `base_cost`: log misfit per band with levels and sampling alone;
+        `best_cost`: with the best change; `tilt`, `continuous`: difference in the sampling of the response. Gains are
+        ln(1 + reduction of the misfit), leads a gain less that of the best rival. Frequencies are logarithms of parts
+        of the sampling rate, heights natural logarithms of a power ratio. `_noise` and `_impacts`: change of the noise
+        spectrum, and of the spectrum of records with impacts.
     """
     out = dict.fromkeys(NAMES, math.nan)
     pairs = _Pairs.of(real, simulated, same_sampling)
     if pairs is None:
         return out
-    (level, _), (still, at) = pairs.settled(tilted=False), pairs.settled(tilted=True)
-    found = {"mode": pairs.mode(), "band": pairs.band(), "law": pairs.law(), "loss": pairs.loss()}
-    gains = {name: math.log1p(max(still - best.cost, 0.0)) for name, best in found.items()}
-    out["still"] = math.log(still / pairs.count + 1e-3)
+    (level, _), (base, at) = pairs.settled(tilted=False), pairs.settled(tilted=True)
+    found = {"mode": pairs.mode(), "band": pairs.band(), "power_law": pairs.power_law(), "rolloff": pairs.rolloff()}
+    gains = {name: math.log1p(max(base - best.cost, 0.0)) for name, best in found.items()}
+    out["base_cost"] = math.log(base / pairs.count + 1e-3)
     out["tilt"], out["continuous"] = (float(value) for value in at[_OF_SAMPLING])
-    out["tilt_gain"] = math.log1p(max(level - still, 0.0))
+    out["tilt_gain"] = math.log1p(max(level - base, 0.0))
     for name, gain in gains.items():
         out[f"{name}_gain"] = gain
         out[f"{name}_lead"] = gain - max(g for n, g in gains.items() if n != name)
-    out["left"] = math.log(min(best.cost for best in found.values()) / pairs.count + 1e-3)
+    out["best_cost"] = math.log(min(best.cost for best in found.values()) / pairs.count + 1e-3)
     place, damping, quiet, impacts = found["mode"].at
     out["mode_fs"], out["mode_damping"] = math.log(place), math.log(damping)
-    out["mode_quiet"], out["mode_struck"] = _heights(found["mode"].curve)
-    out["mode_same"] = pairs.proportion(quiet, impacts)
+    out["mode_noise"], out["mode_impacts"] = _heights(found["mode"].curve)
+    out["mode_balance"] = pairs.proportion(quiet, impacts)
     low, high, level_of = found["band"].at
     out["band_low"], out["band_high"] = math.log(max(low, 1e-3)), math.log(high)
     out["band_level"] = 0.5 * math.log(max(level_of * (high - low), 1e-8))
-    out["band_quiet"], out["band_struck"] = _heights(found["band"].curve)
-    out["law_power"], level_of = found["law"].at
-    out["law_level"] = 0.5 * math.log(max(level_of, 1e-8))
-    out["law_quiet"] = _heights(found["law"].curve)[0]
-    out["loss_corner"], out["loss_order"] = math.log(found["loss"].at[0]), found["loss"].at[1]
-    out["loss_quiet"], out["loss_struck"] = (float(v) for v in _lows(found["loss"].curve))
+    out["band_noise"], out["band_impacts"] = _heights(found["band"].curve)
+    out["power_law_exponent"], level_of = found["power_law"].at
+    out["power_law_level"] = 0.5 * math.log(max(level_of, 1e-8))
+    out["power_law_noise"] = _heights(found["power_law"].curve)[0]
+    out["rolloff_corner"], out["rolloff_order"] = math.log(found["rolloff"].at[0]), found["rolloff"].at[1]
+    out["rolloff_noise"], out["rolloff_impacts"] = (float(v) for v in _lows(found["rolloff"].curve))
     parallel = pairs.parallel()
-    gain = math.log1p(max(still - parallel.cost, 0.0))
+    gain = math.log1p(max(base - parallel.cost, 0.0))
     out["parallel_gain"] = gain
     out["parallel_lead"] = gain - max(g for name, g in gains.items() if name != "mode")
     out["parallel_over_mode"] = gain - gains["mode"]
-    out["parallel_left"] = math.log(parallel.cost / pairs.count + 1e-3)
+    out["parallel_cost"] = math.log(parallel.cost / pairs.count + 1e-3)
     place, damping, out["parallel_strength"] = parallel.at
     out["parallel_fs"], out["parallel_damping"] = math.log(place), math.log(damping)
-    out["parallel_quiet"], out["parallel_struck"] = _heights(parallel.curve)
-    out["parallel_quiet_low"], out["parallel_struck_low"] = _lows(parallel.curve)
+    out["parallel_noise"], out["parallel_impacts"] = _heights(parallel.curve)
+    out["parallel_noise_low"], out["parallel_impacts_low"] = _lows(parallel.curve)
     return {name: value if math.isfinite(value) else math.nan for name, value in out.items()}
 
 
@@ -210,8 +212,7 @@ class _Pairs:
     def _mode_at(self, places: Array, dampings: Sequence[float]) -> _Best:
         grid = [(f0, d) for d in dampings for f0 in np.minimum(places, 0.495)]
         f0, d = np.array(grid).T[:, :, None]
-        shape = (2 * d * f0**2) ** 2 / ((f0**2 - self.f**2) ** 2 + (2 * d * self.f * f0) ** 2)
-        shape = np.maximum(shape, 1e-6)
+        shape = np.maximum(mode_shape(self.f, f0, d), 1e-6)
         sizes = np.zeros((len(grid), 2))
         curves = np.zeros((len(grid), BANDS))
         for column, side in enumerate(_SIDES):
@@ -267,7 +268,7 @@ class _Pairs:
         inside = np.minimum(self.f + half, high) - np.maximum(self.f - half, low)
         return self._added(np.clip(inside / (2 * half), 1e-9, 1.0), grid)
 
-    def law(self) -> _Best:
+    def power_law(self) -> _Best:
         """Noise of a power law, the same power on both."""
         powers = (-1.0, 0.4, 0.7, 1.0, 1.4, 1.8, 2.3, 3.0)
         return self._added(self.f ** -np.array(powers)[:, None], [(p,) for p in powers])
@@ -285,7 +286,7 @@ class _Pairs:
         mean = float(shape[place, :QUIET_BANDS].mean()) if len(grid[place]) == 1 else 1.0
         return _Best(cost, (*grid[place], float(size[place]) * mean), curves[place])
 
-    def loss(self) -> _Best:
+    def rolloff(self) -> _Best:
         """A Butterworth roll-off before the white noise."""
         grid = [
             (corner, float(order), white)

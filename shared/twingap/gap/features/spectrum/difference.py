@@ -32,31 +32,10 @@ _AMOUNTS: Final = (0.003**2, 30.0**2)
 """Bounds of added noise, mean square over scale^2."""
 _SETS: Final = ("healthy", "faulty", "all")
 _OF_SET: Final = (
-    "rms",
-    "offset",
-    "low",
-    "middle",
-    "high",
-    "slope",
-    "bump",
-    "bump_fs",
-    "bump_width",
-    "dip",
-    "dip_fs",
-    "mode_gain",
-    "mode_share",
-    "mode_fs",
-    "mode_damping_log",
-    "loss_share",
-    "loss_corner_fs",
-    "loss_order",
-    "added_share",
-    "added_level",
-    "added_slope",
-    "added_low_fs",
-    "added_high_fs",
-    "rest_share",
-)
+    "rms", "offset", "low", "middle", "high", "slope", "bump", "bump_fs", "bump_width", "dip", "dip_fs", "mode_gain",
+    "mode_share", "mode_fs", "mode_damping_log", "rolloff_share", "rolloff_corner_fs", "rolloff_order", "added_share",
+    "added_level", "added_slope", "added_low_fs", "added_high_fs", "rest_share",
+)  # fmt: skip
 NAMES: Final[tuple[str, ...]] = (
     *(f"{of}_{what}" for of in _SETS for what in _OF_SET),
     "added_level_change",
@@ -148,18 +127,18 @@ def _difference(real: Array, simulated: Array) -> dict[str, float]:
     # Heights over the simulated level at the centre.
     level = np.interp(shapes.centre, f, power)[:, None]
     all_points = np.zeros(len(level), np.int64), np.full(len(level), f.size)
-    left, mode, gain = _nearest(curve, shapes.mode * level / power, np.tile(_GAINS, (len(level), 1)), *all_points)
+    left, mode, gain = _best_fit(curve, shapes.mode * level / power, np.tile(_GAINS, (len(level), 1)), *all_points)
     out |= {"mode_share": share_of(left), "mode_gain": math.log10(_GAINS[gain]), "mode_fs": float(shapes.centre[mode])}
     out["mode_damping_log"] = math.log10(shapes.damping[mode])
 
     # White noise comes after the sensor; the least density bounds it from above.
     whites = float(np.quantile(power, 0.05)) * np.array([0.0, 0.5, 0.9])[:, None, None]
-    kept = (shapes.loss * np.maximum(power - whites, 0.0) + np.minimum(whites, power)) / power
+    kept = (shapes.rolloff * np.maximum(power - whites, 0.0) + np.minimum(whites, power)) / power
     apart = ((curve - np.log(np.maximum(kept, 1e-12)).reshape(-1, f.size)) ** 2).sum(axis=1)
     at = int(np.argmin(apart))
-    corner, order = divmod(at % len(shapes.loss), _ORDERS.size)
-    out |= {"loss_share": share_of(float(apart[at])), "loss_corner_fs": float(_CORNERS[corner])}
-    out["loss_order"] = float(_ORDERS[order])
+    corner, order = divmod(at % len(shapes.rolloff), _ORDERS.size)
+    out |= {"rolloff_share": share_of(float(apart[at])), "rolloff_corner_fs": float(_CORNERS[corner])}
+    out["rolloff_order"] = float(_ORDERS[order])
 
     # The level by its best match at the middle of the band first, then a search about it: few candidates remain.
     wanted = np.log(np.maximum(np.expm1(np.minimum(curve, 30.0)), 1e-3) * power) - shapes.log_law
@@ -169,13 +148,13 @@ def _difference(real: Array, simulated: Array) -> dict[str, float]:
     low, high = np.tile(shapes.bands, (_SLOPES.size, 1)).T
     candidates = start.reshape(-1, 1) * _FACTORS
     ratio = (shapes.law / power).reshape(-1, f.size)
-    left, law, factor = _nearest(curve, ratio, candidates, low, high)
+    left, law, factor = _best_fit(curve, ratio, candidates, low, high)
     amount = float(np.clip(candidates[law, factor], *_AMOUNTS))
     # Densities are in scale^2 / fs: the mean of a law is 2, so that half the amount is a mean square.
     slope = float(_SLOPES[law // len(shapes.bands)])
     out |= {"added_share": share_of(left), "added_level": 0.5 * math.log10(amount), "added_slope": slope}
     out |= {"added_low_fs": low[law] / real.size / 2, "added_high_fs": high[law] / real.size / 2}
-    out["rest_share"] = 1 - max(out["mode_share"], out["loss_share"], out["added_share"])
+    out["rest_share"] = 1 - max(out["mode_share"], out["rolloff_share"], out["added_share"])
     return out
 
 
@@ -188,7 +167,7 @@ class _Shapes:
     centre, damping : Array [modes]
     mode : Array [modes, points]
         1 at resonance.
-    loss : Array [corners x orders, points]
+    rolloff : Array [corners x orders, points]
         Of power.
     bands : Places [bands, 2]
         First point and one beyond the last.
@@ -201,7 +180,7 @@ class _Shapes:
     centre: Array
     damping: Array
     mode: Array
-    loss: Array
+    rolloff: Array
     bands: NDArray[np.int64]
     law: Array
     log_law: Array
@@ -212,7 +191,7 @@ class _Shapes:
 def _shapes(points: int) -> _Shapes:
     f = (np.arange(points) + 0.5) / (2 * points)
     centre, damping = np.repeat(_CENTRES, _DAMPINGS.size), np.tile(_DAMPINGS, _CENTRES.size)
-    loss = 1 / (1 + (f / _CORNERS[:, None, None]) ** (2 * _ORDERS[:, None]))
+    rolloff = 1 / (1 + (f / _CORNERS[:, None, None]) ** (2 * _ORDERS[:, None]))
     edges = _EDGES * points // 128
     bands = np.array([(low, high) for i, low in enumerate(edges[:-1]) for high in edges[i + 1 :]])
     power_law = f ** -_SLOPES[:, None]
@@ -222,10 +201,10 @@ def _shapes(points: int) -> _Shapes:
         size[:, place] = power_law[:, low:high].sum(axis=1) / (2 * points)
         law[:, place, low:high] = power_law[:, low:high] / size[:, place, None]
     mode = mode_shape(f, centre[:, None], damping[:, None])
-    return _Shapes(centre, damping, mode, loss.reshape(-1, points), bands, law, np.log(power_law), np.log(size))
+    return _Shapes(centre, damping, mode, rolloff.reshape(-1, points), bands, law, np.log(power_law), np.log(size))
 
 
-def _nearest(
+def _best_fit(
     curve: Array, ratio: Array, factor: Array, low: NDArray[np.int64], high: NDArray[np.int64]
 ) -> tuple[float, int, int]:
     """Least square of `curve` less ln(1 + ratio [candidate] factor [candidate, choice]), the candidate, the choice.

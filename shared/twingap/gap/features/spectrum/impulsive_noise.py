@@ -41,14 +41,14 @@ def measure_impulsive_noise(record: RecordTransforms, smooth: Array, out: dict[s
         peaks = size[: n // period * period].reshape(-1, period).max(axis=1)
         middle = float(medians(peaks))
         threshold = max(threshold, middle + max(6 * float(medians(np.abs(peaks - middle))), 0.5 * middle))
-    out["knock_peak_log"] = math.log10(float(size.max()) / threshold)
+    out["impulse_peak_log"] = math.log10(float(size.max()) / threshold)
     apart = max(int(0.004 * fs_hz), 1)
     at = np.empty(0, np.int64)
     if size.max() >= threshold:
         # Samples below the threshold are zeroed first, which makes the search faster.
         at = find_peaks(np.where(size >= threshold, size, 0.0), height=threshold, distance=apart)[0]
     count = at.size
-    out["knock_count_log"] = math.log10(count / record.duration_s + LEAST_RATE_HZ)
+    out["impulse_count_log"] = math.log10(count / record.duration_s + LEAST_RATE_HZ)
     rate = count / record.duration_s
     if count:
         # Exponential strengths have no memory: the mean excess over the threshold is the mean strength.
@@ -59,9 +59,9 @@ def measure_impulsive_noise(record: RecordTransforms, smooth: Array, out: dict[s
         x = record.centred
         raw = np.abs(x[around]).max(axis=1)
         share = max(excess / max(float(size[at].mean()), 1e-300), 0.2)
-        out["knock_level"] = math.log10(max(float(raw.mean()) * share, 1e-300) / max(record.frame.scale, 1e-300))
+        out["impulse_level"] = math.log10(max(float(raw.mean()) * share, 1e-300) / max(record.frame.scale, 1e-300))
         _ring_down(record, x, at, out)
-    out["knock_rate_log"] = math.log10(rate + LEAST_RATE_HZ)
+    out["impulse_rate_log"] = math.log10(rate + LEAST_RATE_HZ)
 
 
 def _ring_down(record: RecordTransforms, x: Array, at: NDArray[np.int64], out: dict[str, float]) -> None:
@@ -80,12 +80,12 @@ def _ring_down(record: RecordTransforms, x: Array, at: NDArray[np.int64], out: d
     place = int(np.argmax(power))
     if power[place] <= 0:
         return
-    out["knock_fs"] = place / 1024
-    out["knock_hz_log"] = math.log10(max(place, 1) / 1024 * record.fs_hz)
+    out["impulse_fs"] = place / 1024
+    out["impulse_hz_log"] = math.log10(max(place, 1) / 1024 * record.fs_hz)
     over = power > power[place] / 2
     low = high = place
     while low > 0 and over[low - 1]:
         low -= 1
     while high < over.size - 1 and over[high + 1]:
         high += 1
-    out["knock_damping_log"] = math.log10(max(high - low + 1, 1) / 2 / max(place, 1))
+    out["impulse_damping_log"] = math.log10(max(high - low + 1, 1) / 2 / max(place, 1))

@@ -38,11 +38,12 @@ narrow misfits decide."""
 _SECONDS: Final = np.geomspace(0.012, 0.485, 26)
 _STRENGTHS: Final = np.array([0.25, 0.8, 2.5])
 """Places (parts of the sampling rate) and strengths (over the first) of a second mode that `two_modes` tries."""
-MODELS: Final = ("mode", "loss", "slope", "band")
+MODELS: Final = ("mode", "rolloff", "slope", "band")
 NAMES: Final = (
     "base_cost", *(f"{m}_gain" for m in MODELS), *(f"{m}_lead" for m in MODELS), "best_cost",
-    "base_fs", "base_damping", "mode_fs", "mode_damping", "mode_strength", "mode_opposed", "loss_corner", "loss_order",
-    "loss_at_mode", "loss_noise", "slope_level", "slope_power", "band_level", "band_low", "band_high",
+    "base_fs", "base_damping", "mode_fs", "mode_damping", "mode_strength", "mode_opposed",
+    "rolloff_corner", "rolloff_order", "rolloff_at_mode", "rolloff_noise", "slope_level", "slope_power", "band_level",
+    "band_low", "band_high",
 )  # fmt: skip
 
 
@@ -61,8 +62,8 @@ def measure(spectra: Sequence[RecordSummary]) -> dict[str, float]:
     base = curves.base()
     along, against = curves.one_more_mode(base, 1.0), curves.one_more_mode(base, -1.0)
     fits = {
-        "mode": min(along, against, key=lambda fit: fit.cost), "loss": curves.loss(base), "slope": curves.slope(base),
-        "band": curves.band(base),
+        "mode": min(along, against, key=lambda fit: fit.cost), "rolloff": curves.rolloff(base),
+        "slope": curves.slope(base), "band": curves.band(base),
     }  # fmt: skip
     gains = {name: math.log1p(max(base.cost - fit.cost, 0.0)) for name, fit in fits.items()}
     out["base_cost"] = math.log(base.cost / curves.count + 1e-3)
@@ -74,11 +75,11 @@ def measure(spectra: Sequence[RecordSummary]) -> dict[str, float]:
     second, own, gain = fits["mode"].at[2:]
     out["mode_fs"], out["mode_damping"], out["mode_strength"] = math.log(second), math.log(own), math.log(abs(gain))
     out["mode_opposed"] = math.log((along.cost + curves.count) / (against.cost + curves.count))
-    first, _, corner, order = fits["loss"].at
-    out["loss_corner"], out["loss_order"] = math.log(corner), order
-    out["loss_at_mode"] = math.log1p((first / corner) ** (2 * order))
-    _, _, behind, before = fits["loss"].weights
-    out["loss_noise"] = float(before / max(behind + before, 1e-300))
+    first, _, corner, order = fits["rolloff"].at
+    out["rolloff_corner"], out["rolloff_order"] = math.log(corner), order
+    out["rolloff_at_mode"] = math.log1p((first / corner) ** (2 * order))
+    _, _, behind, before = fits["rolloff"].weights
+    out["rolloff_noise"] = float(before / max(behind + before, 1e-300))
     power = fits["slope"].at[2]
     out["slope_power"] = power
     out["slope_level"] = curves.level(fits["slope"].weights[3], _power_law(curves.f, power))
@@ -188,7 +189,7 @@ class _Curves:
         places = np.flatnonzero((smooth[1:-1] > smooth[:-2]) & (smooth[1:-1] >= smooth[2:])) + 1
         return [float(self.f[i]) for i in places[np.argsort(-smooth[places], kind="stable")[:2]]]
 
-    def loss(self, base: _Fit) -> _Fit:
+    def rolloff(self, base: _Fit) -> _Fit:
         """A Butterworth roll-off after the mode, before all of the white noise or a part of it."""
         f1, damping, corner, order = np.meshgrid(
             base.at[0] * np.array([1.0, 1.07, 1.25]), base.at[1] * np.array([0.6, 1.0]),

@@ -37,7 +37,7 @@ def measure_roughness(record: RecordTransforms, out: dict[str, float]) -> None:
             above = max(float(power[0]) - 2 * float(own.floor[place]), 1e-8)
             out["rough_depth"] = 0.5 * math.log10(2 * above)
             if logs[0] > 0.7:
-                out["rough_ratio_log"] = _nearest(own, lines.shaft_hz, reach)
+                out["rough_ratio_log"] = _peak_deviation(own, lines.shaft_hz, reach)
     full = envelope_lines(clean.envelope_in(0.02 * record.fs_hz, 0.48 * record.fs_hz), lines.shaft_hz)
     if full is not None:
         out["rough_1x_full"] = float(full.at(np.array([lines.shaft_hz]), reach)[0][0])
@@ -45,7 +45,7 @@ def measure_roughness(record: RecordTransforms, out: dict[str, float]) -> None:
         _free_modulation(record, own, out)
 
 
-def _nearest(lines: Lines, hz: float, reach: float) -> float:
+def _peak_deviation(lines: Lines, hz: float, reach: float) -> float:
     """ln of the strongest peak's frequency near `hz` over it; NaN without one."""
     near = np.flatnonzero(np.abs(lines.peaks.hz / hz - 1) < reach + lines.df_hz / hz)
     if near.size == 0:

@@ -25,73 +25,29 @@ _WHOLE: Final = (1, 2, 3, 4, 5)
 _HALF: Final = (0.5, 1.5, 2.5, 3.5, 4.5)
 
 NAMES: Final[tuple[str, ...]] = (
-    "shaft_ratio_log",
-    "shaft_lock",
-    *(f"order_{k}_excess" for k in _WHOLE),
-    *(f"order_{k}_level" for k in _WHOLE),
-    *(f"half_{k}_excess" for k in range(1, 6)),
-    "half_mean",
-    "half_level",
-    "whole_high_mean",
-    "whole_high_level",
-    "whole_decay",
-    "mains_50_mean",
-    "mains_60_mean",
-    *(f"mains_50_{k}_excess" for k in (1, 2, 3)),
-    *(f"mains_60_{k}_excess" for k in (1, 2, 3)),
-    "mains_peaks_50",
-    "mains_peaks_60",
-    "mains_level",
-    "mains_decay",
-    "mains_is_60",
-    "gear_score",
-    "gear_teeth",
-    "gear_level",
-    "gear_depth_log",
-    "gear_decay",
+    "shaft_ratio_log", "shaft_lock", *(f"order_{k}_excess" for k in _WHOLE), *(f"order_{k}_level" for k in _WHOLE),
+    *(f"half_{k}_excess" for k in range(1, 6)), "half_mean", "half_level", "order_high_mean", "order_high_level",
+    "order_decay", "mains_50_mean", "mains_60_mean", *(f"mains_50_{k}_excess" for k in (1, 2, 3)),
+    *(f"mains_60_{k}_excess" for k in (1, 2, 3)), "mains_peaks_50", "mains_peaks_60", "mains_level", "mains_decay",
+    "mains_is_60", "gear_score", "gear_teeth", "gear_level", "gear_depth_log", "gear_decay",
     *(f"wave_{race}_{what}" for race in ("outer", "inner") for what in ("score", "ratio_log", "level", "decay")),
-    "fault_comb_peaks",
-    "fault_comb_share",
-    "fault_ratio_log",
-    "fault_low_excess",
-    "comb_score",
-    "comb_order",
-    "comb_level",
-    "free_count_log",
-    "free_share",
-    *(f"free_{i}_{what}" for i in (1, 2) for what in ("excess", "level", "hz_log", "fs")),
-    "pair_score",
-    "pair_level",
-    "pair_depth_log",
-    "pair_hz_log",
-    "pair_fs",
-    "pair_side_order",
-    "pair_off_order",
-    "peaks_log",
-    "tonal_share",
-)
+    "fault_comb_peaks", "fault_comb_share", "fault_ratio_log", "fault_low_excess", "comb_score", "comb_order",
+    "comb_level", "free_count_log", "free_share",
+    *(f"free_{i}_{what}" for i in (1, 2) for what in ("excess", "level", "hz_log", "fs")), "pair_score", "pair_level",
+    "pair_depth_log", "pair_hz_log", "pair_fs", "pair_side_order", "pair_off_order", "peaks_log", "tonal_share",
+)  # fmt: skip
 """Keys of `measure`."""
 
 
 def measure(record: RecordTransforms) -> dict[str, float]:
-    """Features of tones.
-
-    Parameters
-    ----------
-    record : RecordTransforms
-
-    Returns
-    -------
-    dict[str, float]
-        `NAMES` -> value, NaN where it does not apply.
-    """
+    """`NAMES` -> value of one record; NaN where a feature does not apply."""
     out = dict.fromkeys(NAMES, math.nan)
     if record.x.size < 64 or not np.isfinite(record.mean_square) or record.mean_square <= 0:
         return out
     lines, scale = lines_of(record), max(record.frame.scale, 1e-300)
     out["shaft_ratio_log"] = math.log(lines.lock[0]) if lines.locked else 0.0
     out["shaft_lock"] = lines.lock[1]
-    base, strength, alien = lines.alien_comb
+    base, strength, alien = lines.unrelated_comb
     out["comb_score"] = strength
     if strength > 0:
         out["comb_order"] = base / lines.shaft_hz
@@ -145,11 +101,11 @@ def _orders(lines: Lines, scale: float, out: dict[str, float], without: NDArray[
     levels = _levels(p, scale)
     for k in _WHOLE:
         out[f"order_{k}_excess"], out[f"order_{k}_level"] = float(logs[k - 1]), float(levels[k - 1])
-    out["whole_high_mean"] = _mean(logs[3:])
-    out["whole_high_level"] = _mean(levels[3:])
+    out["order_high_mean"] = _mean(logs[3:])
+    out["order_high_level"] = _mean(levels[3:])
     strong = np.isfinite(logs) & (logs > 0.6)
     if np.count_nonzero(strong) >= 4:
-        out["whole_decay"] = float(10 ** np.polyfit(whole[strong], levels[strong], 1)[0])
+        out["order_decay"] = float(10 ** np.polyfit(whole[strong], levels[strong], 1)[0])
     logs, p = lines.at(np.array(_HALF) * lines.shaft_hz, relative if lines.locked else 0.02, without)
     for k, value in enumerate(logs, start=1):
         out[f"half_{k}_excess"] = float(value)
@@ -185,7 +141,7 @@ def _waviness(record: RecordTransforms, lines: Lines, scale: float, out: dict[st
     """Multiples of the ball-pass orders of both races."""
     taken = np.zeros(len(lines.peaks), bool)
     reach = SLIP if lines.locked else SEARCH + SLIP / 2
-    free = ~(lines.of_mains | lines.alien_comb[2])
+    free = ~(lines.of_mains | lines.unrelated_comb[2])
     if lines.locked:
         free &= ~lines.on_comb(lines.shaft_hz / 2, highest=42)
     for race, order in (("outer", record.bearing.bpfo), ("inner", record.bearing.bpfi)):

@@ -55,7 +55,7 @@ def measure_foreign_bearing(record: RecordTransforms, out: dict[str, float]) -> 
     env, logs = found
     hz = _refined(env, hz)
     # Where lines of this bearing hide some of the comb's, a multiple may look like the first: the raw comb decides.
-    raw_hz = lines.alien_comb[0]
+    raw_hz = lines.unrelated_comb[0]
     if math.isfinite(raw_hz):
         multiple = round(hz / raw_hz)
         if multiple in (2, 3) and abs(hz / raw_hz - multiple) < 0.02:

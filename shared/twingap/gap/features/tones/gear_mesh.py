@@ -25,7 +25,7 @@ Array = NDArray[np.float64]
 Single = NDArray[np.float32]
 
 _EACH: Final = ("", "_main", "_sides", "_teeth", "_rival")
-NAMES: Final = (*(f"gear{part}" for part in _EACH), *(f"gear_free{part}" for part in _EACH), "gear_whole")
+NAMES: Final = (*(f"gear{part}" for part in _EACH), *(f"gear_free{part}" for part in _EACH), "gear_integer_lead")
 
 _TEETH: Final = np.arange(6.0, 100.0)
 """Numbers of teeth that are tried."""
@@ -85,7 +85,7 @@ def measure(records: Sequence[Whitened], deviates: Sequence[Single]) -> dict[str
         out |= {f"{name}{part}": float(value) for part, value in zip(_EACH, values, strict=True)}
         if name == "gear":
             off = aligned(records, deviates, _combs(teeth[best] + _OFF), _WEIGHTS, reach).mean()
-            out["gear_whole"] = float(mean[known[best]] - np.nanmax(off)) if np.isfinite(off).any() else math.nan
+            out["gear_integer_lead"] = float(mean[known[best]] - np.nanmax(off)) if np.isfinite(off).any() else math.nan
     return out
 
 

@@ -23,7 +23,7 @@ Single = NDArray[np.float32]
 
 _RACES: Final = ("outer", "inner")
 _EACH: Final = ("", "_lead", "_first", "_second", "_share")
-NAMES: Final = (*(f"wave_{race}{part}" for race in _RACES for part in _EACH), "wave_most", "wave_most_lead")
+NAMES: Final = (*(f"wave_{race}{part}" for race in _RACES for part in _EACH), "wave_max", "wave_max_lead")
 
 _BESIDE: Final = np.array([0.085, 0.1, 0.115, 0.13, 0.145, 0.16])
 """Relative distances from the ball-pass order at which the scores of chance are measured."""
@@ -33,7 +33,7 @@ _WEIGHTS: Final = np.array([1.0, 0.8, 0.6, 0.5, 0.4])
 """Weights of the harmonics, which fall off as waviness usually does: flatter ones favour other combs."""
 _FREE: Final = 0.035
 """Largest relative error of the order in a healthy record, whose speed and slip are uncertain."""
-_STRUCK: Final = 0.02
+_OTHER_FAULT: Final = 0.02
 """The same where another race's comb shows the speed, and only slip is uncertain."""
 _EVEN: Final = 1.2
 """Least spread of one record's score without waviness: larger, and z is smaller."""
@@ -61,7 +61,7 @@ def measure(records: Sequence[Whitened], deviates: Sequence[Single], bearing: Be
         if not places:
             continue
         own, their = [records[k] for k in places], [deviates[k] for k in places]
-        reach = [_FREE if record.kind == "healthy" else _STRUCK for record in own]
+        reach = [_FREE if record.kind == "healthy" else _OTHER_FAULT for record in own]
         found = aligned(own, their, order * _ORDERS[:, None] * _HARMONICS, _WEIGHTS, reach)
         mean = found.mean()
         if not np.isfinite(mean[0]) or not np.isfinite(mean[1:]).any():
@@ -74,5 +74,5 @@ def measure(records: Sequence[Whitened], deviates: Sequence[Single], bearing: Be
         out |= {f"wave_{race}{part}": float(value) for part, value in zip(_EACH, values, strict=True)}
     for part in ("", "_lead"):
         known = [out[f"wave_{race}{part}"] for race in _RACES if math.isfinite(out[f"wave_{race}{part}"])]
-        out[f"wave_most{part}"] = max(known, default=math.nan)
+        out[f"wave_max{part}"] = max(known, default=math.nan)
     return out

@@ -190,7 +190,7 @@ class Lines:
     def lock(self) -> tuple[float, float]:
         """Shaft rate over the stated one, and its evidence (0 none; from 1 on, two lines or more)."""
         use = ~(self.fault_comb[2] | self.of_mains) & (self.peaks.hz < HIGHEST_ORDER * self.stated_hz)
-        use &= ~self.alien_comb[2]
+        use &= ~self.unrelated_comb[2]
         first = self._locked_with(use)
         # Waviness may lie on whole orders of a wrong speed by chance: the comb that explains more is taken.
         rival = np.zeros(len(self.peaks), bool)
@@ -201,7 +201,7 @@ class Lines:
         return self._locked_with(use & ~rival) if rival.any() else first
 
     @cached_property
-    def alien_comb(self) -> tuple[float, float, NDArray[np.bool_]]:
+    def unrelated_comb(self) -> tuple[float, float, NDArray[np.bool_]]:
         """Rate, strength and peaks of a comb that is neither the shaft's nor the fault's, as of another bearing.
 
         Between one and a half and fourteen shaft orders; it has to explain more than the shaft does.

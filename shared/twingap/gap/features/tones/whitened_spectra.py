@@ -254,7 +254,7 @@ def combined_z(z: Array) -> Any:
     return np.where(known.any(axis=-1), total / np.sqrt(np.maximum(known.sum(axis=-1), 1)), np.nan)
 
 
-def most(z: Array) -> float:
+def max_z(z: Array) -> float:
     """The highest z; NaN where none is known."""
     known = z[np.isfinite(z)]
     return float(known.max()) if known.size else math.nan

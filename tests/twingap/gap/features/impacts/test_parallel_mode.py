@@ -24,7 +24,7 @@ def test_the_least_phase_of_a_mode_is_that_of_its_samples(place):
     found = least_phase(np.abs(true) ** 2)
     assert np.abs(found) == pytest.approx(np.abs(true), rel=1e-9)
     assert np.angle(found / true) == pytest.approx(0.0, abs=0.02)
-    shape = parallel_mode.ringing(F, place, 0.05)
+    shape = parallel_mode.ring_down_response(F, place, 0.05)
     assert shape / shape[3] == pytest.approx(true / true[3], rel=1e-6)
     assert np.abs(shape).max() == pytest.approx(1.0, abs=0.08)
 
@@ -38,7 +38,7 @@ def test_a_mode_in_parallel_raises_one_side_and_lowers_the_other(against):
     assert np.sign(gain) == against
     unit = np.sqrt(power.max())
     alone = ringing(F, 0.12, 0.05) / unit
-    true = np.log(np.abs(1 + gain * parallel_mode.ringing(F, 0.2, 0.06) / alone) ** 2)
+    true = np.log(np.abs(1 + gain * parallel_mode.ring_down_response(F, 0.2, 0.06) / alone) ** 2)
     assert np.median(np.abs(curves[0] - true)) < 0.03
     assert curves[0].max() > 0.5 and curves[0].min() < -0.3
 
@@ -46,7 +46,9 @@ def test_a_mode_in_parallel_raises_one_side_and_lowers_the_other(against):
 def test_white_noise_is_left_alone():
     """Where nothing has passed the path, no mode adds anything, whatever its gain over the path."""
     white = 1.0
-    power = white + np.abs(parallel_mode.ringing(F, 0.12, 0.03)) ** 2 * np.where(np.abs(F - 0.12) < 0.05, 9.0, 1e-6)
+    power = white + np.abs(parallel_mode.ring_down_response(F, 0.12, 0.03)) ** 2 * np.where(
+        np.abs(F - 0.12) < 0.05, 9.0, 1e-6
+    )
     path = Path([power], [0.95 * white], [True])
     (curve,), _, _ = path.curves(np.array([0.12]), (0.03,), (1.0,))
     assert curve[np.abs(F - 0.12) < 0.005].max() > 0.5

@@ -76,7 +76,7 @@ def test_records_of_a_second_strike_are_likelier_with_it_though_the_twin_has_ano
     effect = make_effect("entry_exit", {"arc_deg": 0.23 * 360 / bearing.n_rollers, "exit_ratio": 0.5})
     twin = struck(bearing, 0.225)
     found = {
-        there: impact_pair_comb.compare(struck(bearing, 0.2, effects, seed=1), twin, bearing)["clear_likelier"]
+        there: impact_pair_comb.compare(struck(bearing, 0.2, effects, seed=1), twin, bearing)["clear_smooth_path_gain"]
         for there, effects in ((True, (effect,)), (False, ()))
     }
     assert found[True] > np.log1p(20) > np.log1p(12) > found[False]

@@ -75,7 +75,7 @@ def test_records_of_a_fault_at_one_speed_are_one_observation():
         level = np.where(kinds == "healthy", 1.0, 4.0)
         measured = level * np.exp(off + 0.005 * rng.standard_normal(len(conditions)))
         found = Levels(conditions, measured, level, np.full(len(conditions), np.nan)).trends()
-        deviates.append(found["speed_strikes_z"])
+        deviates.append(found["speed_impacts_z"])
         struck = kinds != "healthy"
         (z,) = slope(speed[struck], np.log(measured / level)[struck, None], kinds[struck])[1]
         naive.append(z)
@@ -95,16 +95,16 @@ def test_few_records_on_a_line_are_believed_as_far_as_levels_usually_are():
 
 def test_an_amplitude_that_calibration_missed_is_no_trend():
     found = [levels(seed=10 * k).trends() for k in range(6)]
-    assert np.mean([t["speed_strikes_size"] > 2.5 for t in found]) < 0.35
-    assert np.abs([t["speed_strikes"] for t in found]).max() < 0.15
+    assert np.mean([t["speed_impacts_size"] > 2.5 for t in found]) < 0.35
+    assert np.abs([t["speed_impacts"] for t in found]).max() < 0.15
     assert all(np.isnan(t["time_strikes"]) for t in found)
 
 
 def test_a_gain_that_strikes_alone_have_is_read_off_them():
     gain = {"exponent": 1.4, "reference_speed_rpm": 1500.0}
     found = levels(make_effect("speed_gain", {**gain, "on_noise": 0.0})).trends()
-    assert found["speed_strikes"] == pytest.approx(1.4, abs=0.2)
-    assert found["speed_strikes_z"] == found["speed_strikes_size"] > 4
+    assert found["speed_impacts"] == pytest.approx(1.4, abs=0.2)
+    assert found["speed_impacts_z"] == found["speed_impacts_size"] > 4
     assert abs(found["speed_noise"]) < 0.05
     both = levels(make_effect("speed_gain", gain)).trends()
     assert both["speed_noise"] > 0.4
@@ -113,9 +113,9 @@ def test_a_gain_that_strikes_alone_have_is_read_off_them():
 def test_growth_along_a_run_is_told_from_the_speeds_of_the_run():
     growth = make_effect("damage_growth", {"rate_per_s": 1.0 / 25000, "onset_s": 0.0})
     found = levels(growth, along=True).trends()
-    assert found["time_alone_z"] > 4
-    assert found["time_alone"] == pytest.approx(1.0, abs=0.15)
-    assert abs(found["speed_alone"]) < 0.2 < found["speed_strikes"]
+    assert found["time_partial_z"] > 4
+    assert found["time_partial"] == pytest.approx(1.0, abs=0.15)
+    assert abs(found["speed_partial"]) < 0.2 < found["speed_impacts"]
 
 
 def test_a_run_is_counted_in_parts_of_itself():
@@ -161,10 +161,10 @@ def test_strikes_are_followed_by_their_harmonics_where_tones_drown_them():
     gain = make_effect("speed_gain", {"exponent": 1.4, "reference_speed_rpm": 1500.0, "on_noise": 0.0})
     tone = make_effect("drive_interference", {"level": 4.0, "depth": 0.2, "carrier_hz": 4100.0, "sideband_order": 3.0})
     plain = Levels.of(summaries(tone, seed=1), summaries()).trends()
-    assert abs(plain["speed_answer"]) < 0.1
+    assert abs(plain["speed_harmonics"]) < 0.1
     found = Levels.of(summaries(tone, gain, seed=1), summaries()).trends()
     alone = Levels.of(summaries(gain, seed=1), summaries()).trends()
-    assert found["speed_answer"] == pytest.approx(1.4, abs=0.35)
-    assert found["speed_answer"] == pytest.approx(alone["speed_answer"], abs=0.02)
-    assert found["speed_strikes_z"] < 0.7 * alone["speed_strikes_z"]
-    assert found["speed_answer_z"] > found["speed_strikes_z"]
+    assert found["speed_harmonics"] == pytest.approx(1.4, abs=0.35)
+    assert found["speed_harmonics"] == pytest.approx(alone["speed_harmonics"], abs=0.02)
+    assert found["speed_impacts_z"] < 0.7 * alone["speed_impacts_z"]
+    assert found["speed_harmonics_z"] > found["speed_impacts_z"]

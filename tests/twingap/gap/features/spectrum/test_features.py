@@ -39,7 +39,7 @@ def test_baseline_is_one_mode_over_white_noise(machine: Machine, fault: str) -> 
         assert found["mode_fs"] == pytest.approx(machine.resonance, rel=0.06)
         assert found["mode_damping_log"] == pytest.approx(math.log10(0.05), abs=0.3)
         assert found["foreign_score"] < 3.2
-        assert found["knock_count_log"] < 0.5
+        assert found["impulse_count_log"] < 0.5
 
 
 @every_machine
@@ -55,9 +55,9 @@ def test_roughness_swells_at_shaft_rate_and_tones_do_not_make_it(machine: Machin
 def test_knocks_are_counted(machine: Machine) -> None:
     at = 0.12 * machine.fs_hz
     effect = ImpulsiveNoise(level=40.0, rate_hz=8.0, resonance_hz=at)
-    rates = 10 ** measured(machine, [effect], "knock_rate_log", count=8, length_s=2.0) - 0.3
+    rates = 10 ** measured(machine, [effect], "impulse_rate_log", count=8, length_s=2.0) - 0.3
     assert rates.mean() == pytest.approx(8.0, rel=0.3)
-    ringing = 10 ** np.nanmedian(measured(machine, [effect], "knock_hz_log", length_s=2.0))
+    ringing = 10 ** np.nanmedian(measured(machine, [effect], "impulse_hz_log", length_s=2.0))
     assert ringing == pytest.approx(at, rel=0.1)
 
 
@@ -100,9 +100,9 @@ def test_second_resonance_is_placed(machine: Machine) -> None:
 def test_loss_has_its_corner(machine: Machine) -> None:
     corner = 0.8 * machine.resonance
     found = pairs(machine, [SensorRolloff(corner_hz=corner * machine.fs_hz, order=3)])
-    assert found["faulty_loss_share"] > 0.8
-    assert found["faulty_loss_corner_fs"] == pytest.approx(corner, rel=0.25)
-    assert found["faulty_loss_share"] > found["faulty_added_share"]
+    assert found["faulty_rolloff_share"] > 0.8
+    assert found["faulty_rolloff_corner_fs"] == pytest.approx(corner, rel=0.25)
+    assert found["faulty_rolloff_share"] > found["faulty_added_share"]
 
 
 @every_machine

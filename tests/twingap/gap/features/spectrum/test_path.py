@@ -78,7 +78,7 @@ def test_a_loss_that_most_noise_passes_is_told_from_one_before_it(name):
     shares = []
     for background in (0.0, 0.95):
         values = {"corner_hz": 0.12 * RATES[name], "order": 2, "background": background}
-        shares.append(measured(name, [make_effect("sensor_rolloff", values)])["loss_noise"])
+        shares.append(measured(name, [make_effect("sensor_rolloff", values)])["rolloff_noise"])
     assert shares[0] < 0.3 < 0.6 < shares[1]
 
 
@@ -86,8 +86,8 @@ def test_a_loss_that_most_noise_passes_is_told_from_one_before_it(name):
 def test_a_sensor_that_rolls_off_is_no_noise(name):
     fs_hz = RATES[name]
     found = measured(name, [make_effect("sensor_rolloff", {"corner_hz": 0.16 * fs_hz, "order": 4})])
-    assert found["loss_gain"] > found["slope_gain"]
-    assert np.exp(found["loss_corner"]) == pytest.approx(0.16, rel=0.25)
+    assert found["rolloff_gain"] > found["slope_gain"]
+    assert np.exp(found["rolloff_corner"]) == pytest.approx(0.16, rel=0.25)
 
 
 @pytest.mark.parametrize("name", RATES)
@@ -95,7 +95,7 @@ def test_coloured_noise_is_no_path(name):
     fs_hz = RATES[name]
     pink = {"level": 1.0, "slope": 1.5, "low_hz": 0.002 * fs_hz, "high_hz": 0.5 * fs_hz}
     found = measured(name, [make_effect("coloured_noise", pink)])
-    assert found["slope_gain"] > max(found["mode_gain"], found["loss_gain"]) - 0.3
+    assert found["slope_gain"] > max(found["mode_gain"], found["rolloff_gain"]) - 0.3
     assert found["slope_power"] == pytest.approx(1.5, abs=0.5)
 
 

@@ -53,8 +53,8 @@ def test_speed_is_locked_to_shaft_tones(machine: Machine, fault: str) -> None:
 def test_looseness_has_half_orders(machine: Machine) -> None:
     for record, ratio in machine.records([Looseness(level=0.4)]):
         found = tones.measure(record)
-        assert found["half_mean"] > 1 and found["whole_high_mean"] > 1
-        assert found["whole_decay"] == pytest.approx(0.85, abs=0.05)
+        assert found["half_mean"] > 1 and found["order_high_mean"] > 1
+        assert found["order_decay"] == pytest.approx(0.85, abs=0.05)
         assert found["shaft_ratio_log"] == pytest.approx(math.log(ratio), abs=0.002)
         assert found["gear_score"] < 3
 

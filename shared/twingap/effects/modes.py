@@ -24,13 +24,13 @@ from twingap._compiled import njit
 Array = NDArray[np.float64]
 
 NEGLIGIBLE = 1e-6
-"""Part of its amplitude below which ringing from before a record is left out."""
+"""Part of its amplitude below which the ring-down of earlier impacts is left out. A smaller value is slower."""
 
 PAST = 16
-"""Normal numbers that stand for a force's past: two for each of eight modes; any further mode starts at rest."""
+"""Normal numbers that describe a force's past: two for each of eight modes; any further mode starts at rest."""
 
 LEAD = 256
-"""Samples made before each record's first and cut off in the end: filters of the path settle in them."""
+"""Samples computed before each record and cut off at the end, in which filters of the path settle."""
 
 
 @dataclass(frozen=True)
@@ -58,12 +58,12 @@ class Mode:
         return complex(-self.damping_ratio * w, math.sqrt(1 - self.damping_ratio**2) * w)
 
     @property
-    def ringing_s(self) -> float:
+    def ring_down_s(self) -> float:
         """Time after which no more than `NEGLIGIBLE` of an impact is left, s."""
         return -math.log(NEGLIGIBLE) / (self.damping_ratio * 2 * math.pi * self.frequency_hz)
 
 
-def ring(
+def modal_response(
     modes: Sequence[Mode],
     fs_hz: float,
     n_samples: int,
@@ -82,7 +82,7 @@ def ring(
         Sampling rate, Hz.
     n_samples : int
     times_s, amplitudes : Array [impacts], optional
-        Impacts in any order, at any times: earlier ones ring into the record, later ones are left out. An impact of
+        Impacts in any order and at any times, also before the record; later ones are left out. An impact of
         amplitude A adds A h(t - t_i), whatever the sampling rate.
     force : Array [samples], optional
         One impact per sample.
@@ -108,8 +108,8 @@ def ring(
         root = _state_root(tuple(modes[: past.size // 2]), fs_hz)
         begin[: len(root)] = root @ past[: len(root)]
     for place, mode in enumerate(modes):
-        struck, pole, state = np.zeros((2, n_samples)), mode.pole, begin[2 * place : 2 * place + 2]
-        _add_mode(x, *struck, pole.real, pole.imag, mode.gain, fs_hz, times, strengths, pushed, *state.tolist())
+        buffers, pole, state = np.zeros((2, n_samples)), mode.pole, begin[2 * place : 2 * place + 2]
+        _add_mode(x, *buffers, pole.real, pole.imag, mode.gain, fs_hz, times, strengths, pushed, *state.tolist())
     return x
 
 

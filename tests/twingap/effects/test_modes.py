@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from twingap.bearing import BEARINGS
 from twingap.effects import DistributedRoughness, SensorRolloff, SpeedGain
-from twingap.effects.ringing import PAST, Mode, response_rms, ring
+from twingap.effects.modes import PAST, Mode, modal_response, response_rms
 from twingap.records import Condition
 from twingap.twins.base import Twin
 from twingap.twins.contact import PRESETS, ContactTwin
@@ -25,7 +25,7 @@ def stirred(modes: list[Mode], n: int, count: int, seed: int = 0) -> Array:
     """Responses [count, n] to white noise that has always acted."""
     rng = np.random.default_rng(seed)
     draw = rng.standard_normal
-    return np.stack([ring(modes, FS_HZ, n, force=draw(n), past=draw(PAST)) for _ in range(count)])
+    return np.stack([modal_response(modes, FS_HZ, n, force=draw(n), past=draw(PAST)) for _ in range(count)])
 
 
 @pytest.mark.parametrize(
@@ -38,7 +38,7 @@ def test_noise_is_stationary_from_the_first_sample(modes: list[Mode]) -> None:
     count, n = 6000, 8
     x = stirred(modes, n, count)
     rng = np.random.default_rng(1)
-    long = ring(modes, FS_HZ, 1_200_000, force=rng.standard_normal(1_200_000))[200_000:]
+    long = modal_response(modes, FS_HZ, 1_200_000, force=rng.standard_normal(1_200_000))[200_000:]
     expected = [np.mean(long[: long.size - lag] * long[lag:]) for lag in range(n)]
     assert expected[0] == pytest.approx(response_rms(modes, FS_HZ) ** 2, rel=0.05)
     for at in (0, 1):
