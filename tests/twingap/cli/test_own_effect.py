@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 from pathlib import Path
 
@@ -67,8 +68,9 @@ def test_one_new_file_is_all_that_an_effect_takes(typed: Run, tmp_path: Path) ->
         "--no-track", "--json",
     )  # fmt: skip
     assert said.status == 0, said.err
-    verdict = json.loads((tmp_path / "out" / "gap.json").read_text(encoding="utf-8"))["verdict"]
-    assert "soft_knee" in verdict["effects"]
+    table = json.loads((tmp_path / "out" / "gap.json").read_text(encoding="utf-8"))
+    assert "soft_knee" in table["verdict"]["effects"]
+    assert table["provenance"]["own_effects"] == {"soft_knee": hashlib.sha256(FILE.encode()).hexdigest()}
     assert "soft_knee" in (tmp_path / "out" / "closest.toml").read_text(encoding="utf-8")
     assert "soft knee" in (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
 
