@@ -162,6 +162,7 @@ def command(
     """
     import argparse
 
+    from twingap.effects import load_effects
     from twingap.track import MlflowTracker, NullTracker
 
     parser = argparse.ArgumentParser(description=description)
@@ -174,16 +175,22 @@ def command(
         parser.add_argument("--seed", type=int, default=0)
     if "device" in takes:
         parser.add_argument("--device", default="auto", choices=("auto", "cpu", "cuda"))
+    parser.add_argument(
+        "--effects", type=Path, action="append", default=[], metavar="FILE.py",
+        help="effects of your own: a Python file that registers them; may be given several times",
+    )  # fmt: skip
     parser.add_argument("--tracking-uri", help="of MLflow's store; MLFLOW_TRACKING_URI, or a file in .twingap")
     parser.add_argument("--no-track", action="store_true", help="keep no run for `twingap ui`")
     given = vars(parser.parse_args(arguments))
-    profile, uri, untracked = (given.pop(name) for name in ("profile", "tracking_uri", "no_track"))
+    profile, effects, uri, untracked = (given.pop(name) for name in ("profile", "effects", "tracking_uri", "no_track"))
 
     def say(what: str, done: int, total: int) -> None:
         print(f"\r{what}: {done} of {total}", end="" if done < total else "\n", file=sys.stderr, flush=True)
 
     name = run.__module__.rpartition(".")[2]
     try:
+        for path in effects:
+            load_effects(path)
         tags = _tags(run, profile)
         tracker = NullTracker() if untracked else MlflowTracker(uri, " ".join(filter(None, (tags["paper"], name))))
         with tracker.run(f"{name} · {profile} · seed {given.get('seed', 0)}", tags) as log:

@@ -347,9 +347,9 @@ def _log_task(log: Run, outcome: TaskOutcome) -> None:
                         "task": task.name, "method": method, "available": found.job.available,
                         "noise": noise_words(found.job.snr_db), "unseen": found.job.unseen,
                     }  # fmt: skip
-                    own = {**settings, "seed": found.job.seed, "store key": found.key}
+                    tags = {**settings, "seed": found.job.seed, "store key": found.key}
                     name = f"{task.name} · {method} · {found.label}"
-                    with of_method.run(name, own, duration_s=found.seconds) as of_trial:
+                    with of_method.run(name, tags, duration_s=found.seconds) as of_trial:
                         of_trial.parameters(settings)
                         _log_trial(of_trial, found)
 

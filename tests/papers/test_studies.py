@@ -16,9 +16,13 @@ from matplotlib.figure import Figure
 import papers
 from papers import studies
 from papers.paper2_digital_twin import dynamics
+from papers.paper3_zoa_dann import comparison_study
+from twingap.effects import registry
 from twingap.errors import TwingapError
+from twingap.sweep import sweep
 from twingap.track import FolderTracker
 
+SWEEP_JOBS = Path(__file__).parents[1] / "twingap" / "sweep"
 TABLE = pd.DataFrame({"name": ["a", "b"], "value": [1.23456789, float("nan")], "met": [True, None]})
 
 
@@ -57,6 +61,47 @@ def test_tables_and_figures_are_written_and_logged(tmp_path: Path) -> None:
     assert (tmp_path / "figures" / "of-a.png").read_bytes().startswith(b"\x89PNG")
     logged = {p.name for p in (tmp_path / "runs").rglob("*") if p.is_file()}
     assert "of-a.csv" in logged and "of-a.png" in logged and "of-b.csv" not in logged
+
+
+OWN_EFFECT = """
+from dataclasses import dataclass
+from typing import ClassVar
+from twingap.effects import Effect, Stage, parameter, register
+
+@register
+@dataclass(frozen=True)
+class Hum(Effect):
+    stage: ClassVar[Stage] = Stage.DISTURBANCE
+    level: float = parameter(0.25, unit="healthy rms", plausible=(0.01, 1.0), doc="amplitude of the tone")
+
+    def apply(self, draft, rng):
+        draft.x += self.level
+"""
+
+
+def test_a_studys_configuration_may_name_an_effect_of_the_users_own(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(registry, "_OWN", {})
+    monkeypatch.syspath_prepend(str(SWEEP_JOBS))
+    import sweep_jobs
+
+    config, own = tmp_path / "comparison.toml", tmp_path / "mine.py"
+    text = comparison_study.CONFIG.read_text(encoding="utf-8")
+    config.write_text(text.replace('A = ["foreign_bearing", ', 'A = ["hum", '), encoding="utf-8")
+    own.write_text(OWN_EFFECT, encoding="utf-8")
+
+    def run(profile: str, *, backend: str, **options: Any) -> Study:
+        (name, *_) = comparison_study.read_comparison(config).closed["A"]
+        found = sweep(sweep_jobs.level_of, [{"name": name, "i": i} for i in range(2)], backend=backend, n_jobs=2)
+        return Study({"levels": pd.DataFrame({"level": [result.value[0] for result in found]})})
+
+    typed = ["--out", str(tmp_path), "--no-track"]
+    with pytest.raises(SystemExit) as ended:
+        studies.command(run, "A study.", lambda study: study.tables, typed)
+    assert ended.value.code == 2 and "unknown effect 'hum'" in capsys.readouterr().err
+    studies.command(run, "A study.", lambda study: study.tables, [*typed, "--effects", str(own)])
+    assert capsys.readouterr().out.split()[1:4] == ["level", "0.25", "0.25"]
 
 
 def test_a_command_line_runs_the_study_and_prints_its_tables(

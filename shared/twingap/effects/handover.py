@@ -79,8 +79,13 @@ def handed_effects() -> HandedEffects:
 
 def digest_of_effects() -> str:
     """Hex sha256 of the source of the user's own effects, to be part of every stored result's key; "" without any."""
-    own = registry.own_effects()
-    return digest_of_value([[name, _digest(kind)] for name, kind in own.items()]) if own else ""
+    own = digests_of_effects()
+    return digest_of_value([list(item) for item in own.items()]) if own else ""
+
+
+def digests_of_effects() -> dict[str, str]:
+    """Hex sha256 of the source of each of the user's own effects, by name, in the order of registration."""
+    return {name: _digest(kind) for name, kind in registry.own_effects().items()}
 
 
 def _received_from(

@@ -34,5 +34,3 @@ LOAD: Final = (
 ALONG: Final = (
     "take more records along the run, at the same speed and load, to distinguish growth from operating conditions"
 )
-    "take more records along the run, at the same speed and load, to distinguish growth from operating conditions"
-)

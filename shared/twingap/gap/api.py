@@ -18,6 +18,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from twingap.effects import catalogue
+from twingap.effects.handover import digests_of_effects
 from twingap.errors import TwingapError
 from twingap.gap.diagnosis import Diagnosis, FilePath, Progress, no_progress
 from twingap.gap.distance.closure import Closure, closure_interval, paired
@@ -117,6 +118,8 @@ def diagnose(
         "runtime_s": round(time.monotonic() - begin, 2),
         "n_records": len(records),
     }
+    if own := digests_of_effects():
+        known["own_effects"] = own
     return replace(found, report=replace(found.report, provenance={**known, **found.report.provenance}))
 
 

@@ -33,6 +33,9 @@ _LIKELY: Final = 0.02
 """Probability below which the baseline is not matched anew for a candidate, and one simulation is used. A smaller
 value takes longer."""
 
+_NEVER_ACTS: Final = "none of the values tried lets it act on every record"
+"""Why an effect without a detector has no fitted values."""
+
 
 class HeldOut:
     """The held-out part of the records, compared with simulations of the twin with and without effects."""
@@ -94,18 +97,21 @@ class HeldOut:
             progress(done / len(names))
             probability = min(max(found.probability.get(name, 0.0), 0.0), 1.0)
             others = tuple(other for other in named if other != name)
-            if name in found.cannot:
+            nothing_fitted = name not in found.fitted and not learnt.covers(name)
+            if name in found.cannot or nothing_fitted:
                 gap = float(base[1].over_domains(base[1].squares())[0][0])
                 own = named.get(name)
                 values = values_of_estimate(own) if own else {}
-                yield Candidate(name, probability, gap, gap, 0.0, (0.0, 0.0), values, found.cannot[name], others)
+                why = found.cannot.get(name, _NEVER_ACTS)
+                yield Candidate(name, probability, gap, gap, 0.0, (0.0, 0.0), values, why, others)
                 continue
             if name in named:
                 without = self.evidence.against(tuple(named[o].effect for o in others if o not in found.cannot))
                 pair = paired(self.real, self._of(without)[0], base[0])
                 value = named[name]
             else:
-                value = estimate(name, after.fit, self.evidence, learnt)
+                fitted = found.fitted.get(name)
+                value = Estimated(fitted, {}) if fitted else estimate(name, after.fit, self.evidence, learnt)
                 few = base[0][: 1 + (probability > _LIKELY)]
                 pair = paired(self.real, few, self._with(value.effect, probability, len(few)))
             closed = closure_interval(*pair, floor, rng, draws=200)

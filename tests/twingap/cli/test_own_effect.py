@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
+import re
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
+from papers.paper3_zoa_dann import pipeline
 from tests.twingap.cli.typed import Run, refused
 from twingap.bearing import BEARINGS
 from twingap.records import Condition
@@ -67,8 +71,9 @@ def test_one_new_file_is_all_that_an_effect_takes(typed: Run, tmp_path: Path) ->
         "--no-track", "--json",
     )  # fmt: skip
     assert said.status == 0, said.err
-    verdict = json.loads((tmp_path / "out" / "gap.json").read_text(encoding="utf-8"))["verdict"]
-    assert "soft_knee" in verdict["effects"]
+    table = json.loads((tmp_path / "out" / "gap.json").read_text(encoding="utf-8"))
+    assert "soft_knee" in table["verdict"]["effects"]
+    assert table["provenance"]["own_effects"] == {"soft_knee": hashlib.sha256(FILE.encode()).hexdigest()}
     assert "soft_knee" in (tmp_path / "out" / "closest.toml").read_text(encoding="utf-8")
     assert "soft knee" in (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
 
@@ -76,3 +81,47 @@ def test_one_new_file_is_all_that_an_effect_takes(typed: Run, tmp_path: Path) ->
         "simulate", tmp_path / "out" / "closest.toml", "--records", asked, "--out", tmp_path / "again", "--effects", own
     )
     assert again.status == 0, again.err
+
+
+TINY = """
+[profiles.tiny]
+tasks = ["load_0_to_2"]
+inputs = ["envelope_spectrum"]
+seeds = 1
+steps = 2
+bearings_per_class = 2
+records_per_bearing = 1
+windows_per_recording = 2
+evaluations = 0
+rig_duration_s = 0.6
+"""
+
+
+@pytest.mark.slow
+def test_a_papers_configuration_may_name_it(typed: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    own, config = tmp_path / "my_effects.py", tmp_path / "config.toml"
+    own.write_text(FILE, encoding="utf-8")
+    text = pipeline.CONFIG.read_text(encoding="utf-8").replace('["slip_jitter"]', '["slip_jitter", "soft_knee"]')
+    for name, small in {"checkpoints": 1, "embedded": 0, "records_per_class": 1, "windows_per_record": 2}.items():
+        text = re.sub(rf"(?m)^{name} = \d+", f"{name} = {small}", text)
+    config.write_text(text + TINY, encoding="utf-8")
+    whole = pipeline.run
+
+    def tiny(profile: str, **given: Any) -> pipeline.Outcome:
+        return whole("tiny", config=config, draw=False, **given)
+
+    monkeypatch.delenv("TWINGAP_DATA", raising=False)
+    monkeypatch.setattr(pipeline, "run", tiny)
+    command = (
+        "run",
+        "paper3",
+        "--out",
+        tmp_path / "out",
+        "--tracking-uri",
+        f"sqlite:///{tmp_path / 'runs.db'}",
+        "--json",
+    )
+    refused(typed(*command), "unknown effect 'soft_knee'")
+    said = typed(*command, "--effects", own)  # trainings simulate in worker processes
+    assert said.status == 0, said.err
+    assert {row["method"] for row in json.loads(said.out)} == {"source_only", "dann"}

@@ -118,6 +118,8 @@ class Explanation:
         The twin as given, and the twin with those named effects that its simulator can add.
     cannot : Mapping[str, str]
         Effects that the simulator cannot add, and the reason.
+    fitted : Mapping[str, Effect]
+        Effects without a detector, at the values that were fitted to the twin, named or not.
     """
 
     p_value: float
@@ -129,6 +131,7 @@ class Explanation:
     before: Compared
     after: Compared
     cannot: Mapping[str, str]
+    fitted: Mapping[str, Effect] = field(default_factory=dict)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -209,8 +212,9 @@ def explain(evidence: Evidence, learnt: Learnt, progress: Progress) -> Explanati
     ended = search(evidence, learnt, progress)
     own = [name for name in catalogue() if not learnt.covers(name) and name not in ended.search.already]
     tested: dict[str, float] = {}
+    fitted: dict[str, Effect] = {}
     if own:
-        ended, tested = _with_unlearnt(evidence, learnt, ended, own, progress)
+        ended, tested, fitted = _with_unlearnt(evidence, learnt, ended, own, progress)
     found, p_value = ended.search, ended.p_value
     progress("confidence", 0.9)
     calibration = learnt.calibration
@@ -234,14 +238,14 @@ def explain(evidence: Evidence, learnt: Learnt, progress: Progress) -> Explanati
     return Explanation(
         p_value, gap, tuple(found.values[name] for name in named),
         probability | dict.fromkeys(found.already, 0.0), sets if gap else _with(sets, ()), rest_p,
-        before, after, found.cannot,
+        before, after, found.cannot, fitted,
     )  # fmt: skip
 
 
 def _with_unlearnt(
     evidence: Evidence, learnt: Learnt, plain: Searched, own: Sequence[str], progress: Progress
-) -> tuple[Searched, dict[str, float]]:
-    """Search with effects that have no detector, and the p-values of these effects.
+) -> tuple[Searched, dict[str, float], dict[str, Effect]]:
+    """Search with effects that have no detector, the p-values of these effects, and the effects at fitted values.
 
     Each effect is fitted to the twin as given. One that significantly reduces the distance of held-out records is held,
     and the search is repeated with it, because the first search may have named a surrogate for it. The effect stays if
@@ -250,12 +254,14 @@ def _with_unlearnt(
     """
     level, bare = unlearnt.LEVEL / len(own), evidence.against()
     tested, held, best = dict.fromkeys(own, 1.0), dict[str, Estimated](), plain
+    fitted: dict[str, Effect] = {}
     for name in [name for name in own if name not in plain.search.cannot]:
         progress(f"fit of {name}", 0.8)
         others = tuple(one.effect for one in held.values())
         effect = unlearnt.fitted(evidence, name, bare.fit, others)
         if effect is None:
             continue
+        fitted[name] = effect
         tested[name] = unlearnt.p_value(evidence, (*others, effect), others)
         if tested[name] > level:
             continue
@@ -267,7 +273,7 @@ def _with_unlearnt(
             tested[name] = max(tested[name], unlearnt.p_value(evidence, chain, best.search.added()))
         if tested[name] <= level:
             held, best = held | {name: again.search.values[name]}, again
-    return best, tested
+    return best, tested, fitted
 
 
 def level_of_gap(evidence: Evidence, surest: float = 0.0) -> float:

@@ -12,6 +12,7 @@ import pytest
 
 from twingap.bearing import BEARINGS
 from twingap.effects import Draft, Effect, Stage, make_effect, parameter, register, registry
+from twingap.effects.handover import digests_of_effects
 from twingap.gap import diagnose
 from twingap.gap.search import unlearnt
 from twingap.gap.search.evidence import THOROUGH, Evidence, simulator_of
@@ -67,6 +68,8 @@ def test_an_effect_of_a_users_own_is_named_without_training(soft_knee: type[Effe
     (candidate,) = (c for c in found.report.candidates if c.effect == "soft_knee")
     assert candidate.parameters["knee"].value == pytest.approx(1.2, rel=0.3)
     assert candidate.closure > 0.5
+    digest = found.report.provenance["own_effects"]["soft_knee"]
+    assert digest == digests_of_effects()["soft_knee"] and len(digest) == 64
     assert any("soft_knee" in chosen for chosen in found.report.verdict.confidence_set)
 
 
@@ -75,6 +78,29 @@ def test_it_is_not_named_where_it_is_not_missing(soft_knee: type[Effect], learnt
     hum = diagnose(machine((make_effect("mains_interference", {"level": 0.6}),)), SPEC, seed=0, learnt=learnt)
     assert "soft_knee" not in (*alike.report.verdict.effects, *hum.report.verdict.effects)
     assert "mains_interference" in hum.report.verdict.effects
+    (candidate,) = (c for c in hum.report.candidates if c.effect == "soft_knee")
+    fitted = hum.explanation.fitted["soft_knee"].parameter_values()["knee"]
+    assert candidate.parameters["knee"].value == fitted != soft_knee().parameter_values()["knee"]
+
+
+def test_an_effect_that_was_not_fitted_has_no_values_in_the_report(
+    soft_knee: type[Effect], learnt: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(registry, "_OWN", dict(registry.own_effects()))
+
+    @register
+    @dataclass(frozen=True)
+    class NeverFits(soft_knee):  # type: ignore[valid-type, misc]
+        """A saturation that acts on no record."""
+
+        def cannot_act_on(self, draft: Draft) -> str | None:
+            return "the record is too short"
+
+    found = diagnose(machine(seed=3), SPEC, seed=0, learnt=learnt)
+    (candidate,) = (c for c in found.report.candidates if c.effect == "never_fits")
+    assert not candidate.parameters and candidate.closure == 0 and candidate.gap_before == candidate.gap_after
+    assert candidate.acts is not None and "never_fits" not in found.explanation.fitted
+    assert list(found.report.provenance["own_effects"]) == ["soft_knee", "never_fits"]
 
 
 def test_values_are_found_from_far_away(soft_knee: type[Effect]) -> None:
