@@ -87,7 +87,7 @@ def diagnose(
     sim : RecordSet or path-like, optional
         Simulated records of the user's own simulator, in place of the twin's.
     closest : bool
-        Whether to search, where a rest remains, for surrogate effects (stand-ins) that bring the twin closer. It takes
+        Whether to search, where a rest remains, for surrogate effects that bring the twin closer. It takes
         minutes.
     learnt : Learnt, optional
         Models of the diagnosis; None for those of the package.
@@ -250,9 +250,8 @@ def _confirmed(found: Explanation, evidence: Evidence) -> tuple[Explanation, lis
     if p is None or p <= ALPHA:
         return replace(found, p_value=max(found.p_value, p or 0.0)), []
     note = (
-        f"machines that were learnt from seldom look like this without a gap (p = {found.p_value:.2g}), but when "
-        f"records and simulated ones change sides at random that is not rare (p = {p:.2g}): recordings differ as much "
-        "from each other"
+        f"such a difference is rare on the simulated machines without a gap (p = {found.p_value:.2g}), but not when "
+        f"records and simulated ones are exchanged at random (p = {p:.2g}): recordings differ as much from each other"
     )
     sets = ((), *(effects for effects in found.confidence_set if effects))
     nothing = replace(found, gap=False, effects=(), p_value=p, confidence_set=sets, after=found.before)

@@ -22,12 +22,12 @@ from twingap.twins.simulator import Simulator
 from twingap.twins.twin_file import Provenance, TwinSpec, write_twin
 
 Progress = Callable[[str, float], None]
-"""progress(what, fraction): what is being done, and which part of the whole is done, 0 to 1."""
+"""progress(what, fraction): description of the current step and the completed part, 0 to 1."""
 FilePath = str | os.PathLike[str]
 
 
 def no_progress(what: str, fraction: float) -> None:
-    """Show no progress."""
+    """Progress callback that does nothing."""
 
 
 @dataclass(frozen=True)
@@ -42,7 +42,7 @@ class Diagnosis:
     root : int
         Entropy that all simulated records derive from.
     closest : Compared or None
-        The twin with the verdict's effects and stand-ins; None where stand-ins were not asked for or do not help.
+        The twin with the verdict's and surrogate effects; None where these were not requested or do not help.
     write_closest : bool
         Whether `write` writes the closest twin too.
     """
@@ -64,11 +64,11 @@ class Diagnosis:
         return self._simulated(after.simulator, after.effects)
 
     def sim_closest(self) -> Iterator[Record]:
-        """The same with stand-ins too; equal to `sim_after` where there are none."""
+        """The same with surrogate effects too; equal to `sim_after` where there are none."""
         return self._simulated(self._closest.simulator, self._closest.effects)
 
     def closest_twin(self) -> TwinSpec | None:
-        """The twin with the verdict's effects and stand-ins at their fitted values; None for finished records."""
+        """The twin with the verdict's and surrogate effects at their fitted values; None for an external simulator."""
         spec = closest_spec(self._closest)
         if spec is None:
             return None
@@ -91,12 +91,12 @@ class Diagnosis:
         export : bool
             Also write the record sets sim_before and sim_after, and with ``closest=True`` sim_closest.
         progress : callable, optional
-            Called with what is done and the part of the whole, 0 to 1.
+            Called with a description of the current step and the completed part, 0 to 1.
 
         Returns
         -------
         tuple of Path
-            What was written, gap.json first.
+            The written files and folders, gap.json first.
 
         Raises
         ------

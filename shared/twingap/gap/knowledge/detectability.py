@@ -6,7 +6,7 @@ Effects are drawn at values that records should show, but each draw considers on
 small number of impacts, or a noise band by another. Training on effects that leave no trace would make detectors
 unspecific and confidence sets large. Undetectable effects therefore count neither as missing nor as absent. The
 detection probability depends on values and context, not on the log odds of the same machine: an effect that was missed
-although similar ones are found still counts as missing.
+although similar ones are found counts as missing.
 """
 
 from __future__ import annotations

@@ -67,11 +67,11 @@ class Outcome(NamedTuple):
     def features(self) -> Array:
         """[9] Inputs of the calibration."""
         certainty, first = np.clip((self.certainty, self.first), -_MOST_ODDS, _MOST_ODDS)
-        rest, whole = (np.log(max(p, _LEAST_P)) for p in (self.rest_p, self.p_value))
+        rest, gap = (np.log(max(p, _LEAST_P)) for p in (self.rest_p, self.p_value))
         own, other = float(self.named), float(not self.named)
         return np.array([
             own, own * certainty, own * first, own * rest,
-            other * certainty, other * first, other * rest, other * whole, other * self.others,
+            other * certainty, other * first, other * rest, other * gap, other * self.others,
         ])  # fmt: skip
 
 

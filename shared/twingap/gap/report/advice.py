@@ -1,4 +1,4 @@
-"""What to do after a diagnosis, in words.
+"""Advice after a diagnosis: next steps in sentences, and lines for the twin file.
 
 GapReport --next_steps--> a few sentences, the first the most useful
 GapReport --snippet-----> lines for TWIN.toml: the verdict's effects with their fitted parameters
@@ -17,7 +17,7 @@ from twingap.gap.report.model import Candidate, GapReport, Place, listed
 
 
 def next_steps(report: GapReport) -> tuple[str, ...]:
-    """What to do next, in full sentences, the most useful first."""
+    """Next steps in sentences, the most useful first."""
     verdict = report.verdict
     steps: list[str] = []
     if disagreeing := contradictions(report):
@@ -25,7 +25,7 @@ def next_steps(report: GapReport) -> tuple[str, ...]:
     elif verdict.status == "no_gap":
         steps.append(
             "Use the twin as it is for conditions like these. A gap that shows only elsewhere (other speeds, loads or "
-            "faults) has not been looked for."
+            "faults) would not have been found."
         )
         steps.append("More or longer records would reveal smaller gaps: repeat the diagnosis when you have them.")
     if verdict.effects:
@@ -39,7 +39,7 @@ def next_steps(report: GapReport) -> tuple[str, ...]:
         elif added:
             steps.append(
                 f"{_upper(listed(c.effect for c in added))} show{'s' * (len(added) == 1)} in the records, and at the "
-                f"values found {'it brings' if len(added) == 1 else 'they bring'} records and twin no nearer: look at "
+                f"values found {'it brings' if len(added) == 1 else 'they bring'} records and twin no closer: check "
                 "the values below before you add anything to TWIN.toml."
             )
         steps.extend(
@@ -73,36 +73,36 @@ def next_steps(report: GapReport) -> tuple[str, ...]:
 
 
 def _closest(report: GapReport) -> str:
-    """Of the closest twin: ask for it, use it, or not, by what a classifier learns from it."""
+    """Advice on the closest twin, from the accuracy of a classifier trained on it."""
     found = report.stand_ins
     if found is None:
         return (
-            "If a twin to train on matters more than names, ask for the closest one, with effects that stand in for "
+            "If a twin for training matters more than names, search for the closest one, with surrogate effects for "
             "the rest: run the diagnosis with `--closest`."
         )
     added = listed(found.effects)
     accuracy = next((m for m in found.metrics if m.higher_is_better), None)
     if accuracy is None:
-        return f"If a twin to train on matters more than names, use the closest one, with {added} standing in."
+        return f"If a twin for training matters more than names, use the closest one, with {added} as surrogate."
     verdict = next((m.after for m in report.metrics if m.metric == accuracy.metric), accuracy.before)
     named, as_it_was, by_verdict = (f"{100 * part:.0f} %" for part in (accuracy.after, accuracy.before, verdict))
     right = f"{named} of held-out records; {as_it_was} after the twin as calibrated, {by_verdict} after the verdict's"
     if accuracy.after > max(accuracy.before, verdict):
-        return f"To train on, use the closest twin, with {added} standing in: a classifier then names {right}."
+        return f"For training, use the closest twin, with {added} as surrogate: a classifier then names {right}."
     return (
-        f"The closest twin, with {added} standing in, teaches a classifier no more (it names {right}): nearer is not "
+        f"The closest twin, with {added} as surrogate, does not improve a classifier (it names {right}): closer is not "
         "better for every use."
     )
 
 
 def contradictions(report: GapReport) -> tuple[str, ...]:
-    """Where the parts of a report do not agree, said plainly: a reader should not have to find out."""
+    """Contradictions between parts of a report, in sentences."""
     clear = [t for t in report.tests if t.p_value * len(report.tests) < 0.01]  # Bonferroni
     if report.verdict.status != "no_gap" or not clear:
         return ()
     tests = " and ".join(f"{t.name} (p = {t.p_value:.2g})" for t in clear)
     return (
-        f"Careful: the verdict is no gap, but the overall tests tell records and twin apart: {tests}. Look at the "
+        f"Careful: the verdict is no gap, but the two-sample tests distinguish records and twin: {tests}. Check the "
         "curves before you rely on the verdict.",
     )
 
@@ -134,7 +134,7 @@ def snippet(report: GapReport) -> str | None:
 
 
 def place_words(place: Place) -> str:
-    """A place as people say it: "2150 to 2870 Hz (inner)"."""
+    """A place in words: "2150 to 2870 Hz (inner)"."""
     unit = "" if place.unit in ("", "1") else f" {place.unit}"
     # Of frequencies beyond 10 kHz four digits would be written with an exponent.
     lo, hi = (None if v is None else f"{v:.0f}" if 1e4 <= v < 1e7 else f"{v:.4g}" for v in (place.lo, place.hi))
@@ -149,7 +149,7 @@ def place_words(place: Place) -> str:
 
 
 def condition_words(condition: Mapping[str, Any] | None) -> str:
-    """A condition as people say it: "1797 rpm, inner"; empty for all."""
+    """A condition in words: "1797 rpm, inner"; empty for all."""
     if not condition:
         return ""
     units = {"speed_rpm": "rpm", "load_n": "N", "time_s": "s into the run"}
@@ -169,7 +169,7 @@ def _open(names: tuple[str, ...]) -> str:
 
 
 def _fitted(candidate: Candidate) -> dict[str, Any]:
-    """Values as the twin file takes them: whole numbers and switches where the effect wants those."""
+    """Values for the twin file: integers and booleans where the effect requires them."""
     kinds: Iterable[Any] = ()
     if candidate.effect in catalogue():
         kinds = dataclasses.fields(catalogue()[candidate.effect])  # type: ignore[arg-type]

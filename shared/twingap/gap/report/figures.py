@@ -1,9 +1,9 @@
-"""Figures of a diagnosis, interactive, in colours that colour-blind readers tell apart (Okabe and Ito 2008).
+"""Figures of a diagnosis, interactive, in colours that colour-blind readers can distinguish (Okabe and Ito 2008).
 
 GapReport --all_figures--> name, plotly figure: curves with the places marked, shares, closures, measures
 
 Records are black and solid, the calibrated twin vermilion and dashed, the twin with the verdict's effects blue and
-dotted: three ways to tell them apart besides colour.
+dotted, so that colour is not the only difference.
 """
 
 from __future__ import annotations
@@ -54,7 +54,7 @@ def curve_figure(curve: Curve, places: Sequence[Place] = ()) -> Any:
     ----------
     curve : Curve
     places : sequence of Place
-        Those of other domains are left out; each is numbered as in the whole sequence.
+        Those of other domains are left out; numbers are those of the given sequence.
     """
     import plotly.graph_objects as go
 

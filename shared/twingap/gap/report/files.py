@@ -39,7 +39,7 @@ def to_json(report: GapReport) -> dict[str, Any]:
     Raises
     ------
     ValueError
-        When the report breaks the contract (`twingap.gap.report.schema`), naming every breach: a number that is not
+        When the report violates the schema (`twingap.gap.report.schema`), with all errors: a number that is not
         finite, a probability beyond 1, effects with a status that has none.
     """
     table = {
@@ -58,7 +58,7 @@ def to_json(report: GapReport) -> dict[str, Any]:
     }
     found = problems(table)
     if found:
-        raise ValueError("the report breaks its contract: " + "; ".join(found))
+        raise ValueError("the report violates its schema: " + "; ".join(found))
     return table
 
 
@@ -111,7 +111,7 @@ def read_report(path: str | os.PathLike[str]) -> GapReport:
 
 
 def from_json(table: Mapping[str, Any]) -> GapReport:
-    """A report from the content of a gap.json that keeps its contract; keys of others' making are left out."""
+    """Report from the content of a gap.json that conforms to the schema; unknown keys are ignored."""
     return GapReport(
         verdict=_made(Verdict, table["verdict"]),
         places=tuple(_made(Place, p) for p in table["where"]),
@@ -128,13 +128,13 @@ def from_json(table: Mapping[str, Any]) -> GapReport:
 
 
 def dumped(table: Mapping[str, Any]) -> str:
-    """The text of gap.json: indented for people, with lists of numbers on one line."""
+    """Text of gap.json: indented, with lists of numbers on one line."""
     table = dict(table)
     curves = table.pop("curves", {})
     text = json.dumps(table, indent=2, ensure_ascii=False, allow_nan=False)
     if not curves:
         return text + "\n"
-    # Curves hold thousands of numbers: a line each would bury the rest.
+    # Curves hold thousands of numbers: one line per curve keeps the file readable.
     lines = ",\n".join(
         f"    {json.dumps(n, ensure_ascii=False)}: {json.dumps(c, ensure_ascii=False, allow_nan=False)}"
         for n, c in curves.items()
@@ -151,7 +151,7 @@ def _place(place: Place) -> dict[str, Any]:
 
 
 def _nulls(value: Any) -> Any:
-    """NaN as null, and numbers to six digits: a figure shows no more."""
+    """NaN as null, and numbers rounded to six digits, more than a figure resolves."""
     if isinstance(value, dict):
         return {key: _nulls(item) for key, item in value.items()}
     if isinstance(value, list):

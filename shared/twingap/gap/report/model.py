@@ -1,4 +1,4 @@
-"""The gap report: what a diagnosis found, as immutable objects of plain numbers, and as data frames.
+"""Gap report: the result of a diagnosis as immutable objects of plain numbers, and as data frames.
 
 Verdict, Place, Candidate, Metric, Curve --> GapReport --> .where, .which, .shrink (data frames)
 
@@ -21,21 +21,21 @@ if TYPE_CHECKING:
 Status = Literal["no_gap", "explained", "partly_explained", "unexplained"]
 Interval = tuple[float, float]
 Numbers = tuple[float, ...]
-"""NaN marks what was not measured; it is written as null."""
+"""NaN where nothing was measured, written as null."""
 
 
 @dataclass(frozen=True)
 class Verdict:
-    """The answer: is there a gap, which effects explain it, how sure.
+    """Verdict: whether there is a gap, which effects explain it, and how certain that is.
 
     Parameters
     ----------
     status : {"no_gap", "explained", "partly_explained", "unexplained"}
     effects : tuple[str, ...]
-        Found missing, strongest first; empty for no_gap and unexplained.
+        Missing effects, the most certain first; empty for no_gap and unexplained.
     confidence_set : tuple[tuple[str, ...], ...]
-        Sets of effects that the data cannot tell apart at 90 %; ((),) is no effect. Of machines alike: an effect so
-        faint that on most machines with as much of it nobody would find it counts as neither there nor not.
+        Sets of effects that the data do not distinguish at 90 %; ((),) is no effect. Effects that are undetectable on
+        most similar machines count neither as missing nor as absent.
     p_value : float
         Of no gap at all, after calibration of the twin.
     closure, closure_ci : float and (float, float), or None
@@ -55,10 +55,10 @@ class Verdict:
 
     @property
     def sentence(self) -> str:
-        """One plain sentence: what is missing, how far adding it shrinks the gap, how sure."""
+        """One sentence: the missing effects, the closure when they are added, and the certainty."""
         p = _p_words(self.p_value)
         if self.status == "no_gap":
-            return f"After calibration these records and the twin cannot be told apart ({p})."
+            return f"After calibration these records and the twin cannot be distinguished ({p})."
         if self.status == "unexplained":
             return f"The twin differs from the records ({p}), and no effect of the catalogue shrinks the gap."
         it = "it" if len(self.effects) == 1 else "them"
@@ -93,9 +93,9 @@ class Place:
         Bounds in `unit`; None for domain condition.
     unit : str
     share : float
-        Part of the whole gap, 0 to 1.
+        Part of the gap, 0 to 1.
     p_value : float
-        Adjusted for all places looked at.
+        P-value adjusted for all places tested.
     condition : Mapping or None
         speed_rpm, fault, load_n or time_s range to which the place applies; None = all.
     """
@@ -111,7 +111,7 @@ class Place:
 
 @dataclass(frozen=True)
 class ParameterValue:
-    """A number with its unit and interval (None when there is none, as for a value that was given)."""
+    """A number with its unit and interval; None without an interval, as for a given value."""
 
     value: float
     unit: str = ""
@@ -123,7 +123,7 @@ class ParameterValue:
 
 @dataclass(frozen=True)
 class Candidate:
-    """One effect of the catalogue, tried.
+    """An effect of the catalogue, evaluated.
 
     Parameters
     ----------
@@ -137,11 +137,11 @@ class Candidate:
     closure_ci : (float, float)
         90 % interval.
     parameters : Mapping[str, ParameterValue]
-        As fitted; empty when it was not tried.
+        Fitted values; empty where none were fitted.
     acts : str or None
-        Why it could not be added to this simulator; None when it could.
+        Reason why it could not be added to this simulator; None where it could.
     fitted_with : tuple[str, ...]
-        Other effects that were present while it was fitted and judged.
+        Other effects that were present while it was fitted and evaluated.
     """
 
     effect: str
@@ -160,7 +160,7 @@ class Candidate:
 
 @dataclass(frozen=True)
 class Metric:
-    """One measure of the gap, before and after the verdict's effects are added, on held-out records.
+    """A measure of the gap before and after the verdict's effects are added, on held-out records.
 
     Parameters
     ----------
@@ -168,7 +168,7 @@ class Metric:
         Name, such as "log-spectral distance" or "accuracy on the records".
     before, after : float
     floor : float
-        Records against records: what a perfect twin would reach.
+        Records against records: the value of a perfect twin.
     ci_after : (float, float)
         90 % interval of `after`.
     ci_before : (float, float) or None
@@ -199,7 +199,7 @@ class Metric:
 
 @dataclass(frozen=True)
 class SurrogateEffects:
-    """Effects that bring the twin nearer than the verdict's do, whether or not the machine has them.
+    """Surrogate effects: they bring the twin closer than the verdict's, whether or not the machine has them.
 
     Parameters
     ----------
@@ -224,18 +224,18 @@ class SurrogateEffects:
 
     @property
     def sentence(self) -> str:
-        """How near the twin comes, and that this names no effect."""
+        """Closure with the surrogate effects, and that they are no statement about the machine."""
         ends = "{} to {}".format(*map(_percent, self.closure_ci))
         has = "has it" if len(self.effects) == 1 else "has them"
         return (
-            f"With {listed(self.effects)} standing in for what is not known, {_percent(self.closure)} of the gap "
-            f"closes (90 % interval {ends}); that the machine {has} is not shown."
+            f"With {listed(self.effects)} as surrogate for unknown causes, {_percent(self.closure)} of the gap closes "
+            f"(90 % interval {ends}); that the machine {has} is not shown."
         )
 
 
 @dataclass(frozen=True)
 class TwoSampleTest:
-    """An overall test of records against the calibrated twin; the p-value comes from permutations or simulations."""
+    """A two-sample test of records against the calibrated twin, with a p-value from permutations."""
 
     name: str
     statistic: float
@@ -244,14 +244,14 @@ class TwoSampleTest:
 
 @dataclass(frozen=True)
 class Curve:
-    """Lines to compare: the records, the calibrated twin, and the twin with the verdict's effects.
+    """Curves of the records, of the calibrated twin, and of the twin with the verdict's effects.
 
     Parameters
     ----------
     x : sequence of float, or of str for conditions
         Places, as many as values in each line.
     x_unit : str
-        With the quantity, as an axis says it: "Hz", "shaft orders", "quantile".
+        Unit or quantity for the axis: "Hz", "shaft orders", "quantile".
     real, before : sequence of float
         Medians over held-out records; NaN where not measured.
     after : sequence of float or None
@@ -296,31 +296,31 @@ class Curve:
 
 @dataclass(frozen=True)
 class GapReport:
-    """A whole diagnosis.
+    """Result of a diagnosis.
 
     Parameters
     ----------
     verdict : Verdict
     places : tuple[Place, ...]
-        Where the gap lies; kept largest share first.
+        Where the gap lies, the largest share first.
     candidates : tuple[Candidate, ...]
-        Every one; kept most probable first.
+        All candidates, the most probable first.
     metrics : tuple[Metric, ...]
-        The first is the one that closures speak of.
+        The first is the one that closures refer to.
     provenance : Mapping
-        At least seed, version, records_sha256, runtime_s. The page shows what else is there, such as records, twin,
+        At least seed, version, records_sha256, runtime_s. The page also shows further entries, such as records, twin,
         twin_effects, n_records, n_fit, n_held_out, bearing, fs_hz, simulator.
     notes : tuple[str, ...]
-        What could not be decided, and what was done instead.
+        Remarks on what could not be decided, and on replacements.
     calibration : Mapping[str, ParameterValue]
         Identified parameters of the twin, the speed correction (speed_correction) and the unit gain (unit_gain).
     rest : tuple[Place, ...]
-        Where the unexplained rest lies; kept largest share first.
+        Where the unexplained rest lies, the largest share first.
     tests : tuple[TwoSampleTest, ...]
     curves : Mapping[str, Curve]
         For figures; any of "spectrum", "envelope", "order", "amplitude", "time", "condition", or others.
     stand_ins : SurrogateEffects or None
-        What brings the twin nearer beyond the verdict; None where it was not asked for, or nothing does.
+        Surrogate effects beyond the verdict; None where they were not requested, or none helps.
     """
 
     verdict: Verdict
@@ -350,7 +350,7 @@ class GapReport:
     def sentence(self) -> str:
         """The verdict in one plain sentence; a closure that it does not state is that of the first metric.
 
-        Where nothing could be added, the metrics are the same before and after, and say nothing of a closure.
+        Where nothing could be added, the metrics are equal before and after and define no closure.
         """
         verdict = self.verdict
         if verdict.effects and verdict.closure is None and self.metrics:
@@ -446,12 +446,12 @@ def _pair(value: Any) -> Interval | None:
 
 
 def _numbers(values: Iterable[float | None]) -> Numbers:
-    """Floats; whatever is not finite becomes the one NaN, so that equal curves compare equal."""
+    """Floats; all values that are not finite become the same NaN object, so that equal curves compare equal."""
     floats = (math.nan if v is None else float(v) for v in values)
     return tuple(v if math.isfinite(v) else math.nan for v in floats)
 
 
 def _set(target: object, **values: Any) -> None:
-    """Put normal forms into a frozen object, from its ``__post_init__``."""
+    """Set normalised values of a frozen object, from its ``__post_init__``."""
     for name, value in values.items():
         object.__setattr__(target, name, value)

@@ -1,9 +1,9 @@
 """Validation of gap.json against the JSON Schema that ships with the package.
 
-gap.json (parsed) --problems--> list of "path: what is wrong"; empty for a good report
+gap.json (parsed) --problems--> list of "path: error"; empty for a valid report
 
-`gap_report.schema.json` states types, ranges and required keys. The functions below add what a schema cannot say:
-finite numbers, intervals with lo <= hi, the order of shares and probabilities, effects that stand there once.
+`gap_report.schema.json` states types, ranges and required keys. The functions below check what a schema cannot state:
+finite numbers, intervals with lo <= hi, the order of shares and probabilities, effects without duplicates.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from jsonschema import Draft202012Validator
 from jsonschema.exceptions import ValidationError
 
 _LONGEST = 160
-"""Characters of a message; a longer one, which quotes a whole table, is cut."""
+"""Largest number of characters of a message; longer ones, which quote a table, are cut."""
 
 
 @cache
@@ -30,17 +30,17 @@ def schema() -> Mapping[str, Any]:
 
 
 def version() -> str:
-    """What key ``schema`` of a gap.json says."""
+    """Value of the key ``schema`` of gap.json."""
     return str(schema()["properties"]["schema"]["const"])
 
 
 def problems(table: Any) -> list[str]:
-    """What is wrong with a gap report, each as "path: what"; an empty list for a good one.
+    """Errors of a gap report, each as "path: what"; an empty list for a valid one.
 
     Parameters
     ----------
     table : Any
-        Parsed gap.json, or what is about to be written as one.
+        Parsed gap.json, or its content before writing.
     """
     found = [_message(error) for error in _validator().iter_errors(table)]
     found += [f"{place}: not a finite number" for place in _not_finite(table, "")]
@@ -60,7 +60,7 @@ def _message(error: ValidationError) -> str:
     if error.validator == "required":
         missing = error.message.removesuffix(" is a required property").strip("'")
         return f"{place}.{missing}: missing" if place else f"{missing}: missing"
-    # Quoted values may hold line breaks, and whole tables.
+    # Quoted values may contain line breaks and tables.
     message = " ".join(error.message.split())
     if len(message) > _LONGEST:
         message = f"{error.validator} = {error.validator_value!r:.{_LONGEST}} is not kept"
@@ -79,7 +79,7 @@ def _not_finite(value: Any, place: str) -> Iterator[str]:
 
 
 def _inconsistent(table: Mapping[str, Any]) -> Iterator[str]:
-    """Values of a table that keeps the schema, and contradict each other."""
+    """Contradictions between values of a table that conforms to the schema."""
     verdict, stand_ins = table["verdict"], table.get("stand_ins", {})
     if len({frozenset(names) for names in verdict["confidence_set"]}) < len(verdict["confidence_set"]):
         yield "verdict.confidence_set: a set stands there twice"

@@ -1,4 +1,4 @@
-"""Surrogate effects (stand-ins): effects that reduce the rest, whether or not the machine has them.
+"""Surrogate effects: effects that reduce the rest, whether or not the machine has them.
 
 twin with the verdict's effects --try every other effect at several values--> the best few --optimise values--+
         ^                                                                                                     |
@@ -87,7 +87,7 @@ def surrogate_effects(
     left = validation_distance(evidence, now.simulator, now.effects)
     names = [n for n in catalogue() if n not in {*evidence.modelled, *found.cannot, *found.names}]
     while names and len(added) < MOST:
-        progress(f"stand-ins: {', '.join(added) or 'none yet'}", len(added) / MOST)
+        progress(f"surrogate effects: {', '.join(added) or 'none yet'}", len(added) / MOST)
         ranked = _ranked(evidence, now, names, learnt)
         if not ranked:
             break

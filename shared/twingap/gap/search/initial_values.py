@@ -118,7 +118,7 @@ def better_initial(
 def _averaged_misfit(
     evidence: Evidence, effects: tuple[Effect, ...]
 ) -> Callable[[Simulator, tuple[Effect, ...]], float]:
-    """Misfit of the whole fit part, averaged over several simulations of it.
+    """Misfit of all records of the fit part, averaged over several simulations of it.
 
     Its scale is the scatter of simulated records that have these effects: an effect that acts intermittently increases
     the scatter, and the mean of a few records is uncertain.
@@ -130,8 +130,8 @@ def _averaged_misfit(
         count = replicates_of(simulator, conditions, _MANY)
         return [evidence.vectors(evidence.simulated(simulator, effects, conditions, k), grid) for k in range(count)]
 
-    yardstick = Paired(evidence.fit.vectors, made(evidence.against(effects).simulator, effects)).scale
-    return lambda simulator, effects: Paired(evidence.fit.vectors, made(simulator, effects), yardstick).misfit()
+    scale = Paired(evidence.fit.vectors, made(evidence.against(effects).simulator, effects)).scale
+    return lambda simulator, effects: Paired(evidence.fit.vectors, made(simulator, effects), scale).misfit()
 
 
 def observations(evidence: Evidence, features: Array) -> Observations:

@@ -1,6 +1,6 @@
 """Priors of parameters: penalties on values that a search moves away from their estimates.
 
-estimate and the bound of nine of ten errors --Student's t--> penalty ("penalty") of another value
+estimate and the bound of nine of ten errors --Student's t--> penalty of another value
 
 Estimators use features that a distance on a few records does not resolve: a trend of level over all speeds, a line
 frequency to a part in ten thousand. Where the distance does not depend on a value, the estimate is kept; where it does,

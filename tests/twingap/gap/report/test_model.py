@@ -80,7 +80,7 @@ def curves(draw: st.DrawFn) -> Curve:
 
 
 stand_ins = st.builds(
-    # Names that no verdict of these reports has: what it names does not stand in.
+    # Names that no verdict of these reports has: what it names is no surrogate.
     lambda effects, parameters, closure, ci, rows: SurrogateEffects(
         tuple(f"{name}, as a stand-in" for name in effects), parameters, closure, ci, tuple(rows)
     ),
@@ -258,7 +258,7 @@ def test_a_notebook_shows_the_verdict_and_the_named_effects_escaped(make_report:
 @pytest.mark.parametrize(
     ("status", "parts"),
     [
-        ("no_gap", ["cannot be told apart", "p = 0.4"]),
+        ("no_gap", ["cannot be distinguished", "p = 0.4"]),
         (
             "explained",
             ["lacks second resonance and slip jitter", "closes 93 %", "86 % to 97 %", "p < 0.001", "one other"],
@@ -276,7 +276,7 @@ def test_the_sentence_says_what_how_far_and_how_sure(make_report: MakeReport, st
 
 def test_stand_ins_are_never_said_to_be_what_the_machine_has() -> None:
     said = SurrogateEffects(("load_zone", "slip_jitter"), {}, 0.584, (0.52, 0.634)).sentence
-    assert said.startswith("With load zone and slip jitter standing in")
+    assert said.startswith("With load zone and slip jitter as surrogate")
     assert "58 % of the gap closes (90 % interval 52 % to 63 %); that the machine has them is not shown." in said
 
 

@@ -112,13 +112,13 @@ def test_the_closest_twin_is_shown_apart_from_the_verdict(make_report: MakeRepor
     told = dataclasses.replace(report, stand_ins=SurrogateEffects(("load_zone",), values, 0.6, (0.5, 0.7), metrics))
     before, shown = (" ".join(Reader(own(page(one))).words.split()) for one in (report, told))
     assert "The closest twin" not in before and "run the diagnosis with --closest" in before
-    assert "With load zone standing in" in shown and "0.7654" in shown and "0.3171" in shown
+    assert "With load zone as surrogate" in shown and "0.7654" in shown and "0.3171" in shown
     assert "run the diagnosis with --closest" not in shown and "use the closest one, with load zone" in shown
     better, no_more = "To train on, use the closest twin", "teaches a classifier no more"
     for after, says in ((0.97, better), (0.9, no_more), (0.5, no_more)):  # the verdict's twin teaches 0.95
         accuracy = Metric("accuracy", 0.6, after, 1.0, (0.4, 0.95), higher_is_better=True)
         taught = SurrogateEffects(("load_zone",), values, 0.6, (0.5, 0.7), (*metrics, accuracy))
-        (said,) = (step for step in next_steps(dataclasses.replace(report, stand_ins=taught)) if "standing in" in step)
+        (said,) = (step for step in next_steps(dataclasses.replace(report, stand_ins=taught)) if "as surrogate" in step)
         assert said.startswith("T") and says in said and f"{100 * after:.0f} % of held-out records; 60 %" in said
     assert told.sentence == report.sentence
 
@@ -235,7 +235,7 @@ def test_what_brings_records_and_twin_no_nearer_is_not_advised_to_be_added(make_
     report = make_report()
     worse = dataclasses.replace(report.verdict, closure=-0.32, closure_ci=(-0.4, -0.2))
     steps = next_steps(dataclasses.replace(report, verdict=worse))
-    assert "no nearer" in steps[0] and not any("should shrink" in step for step in steps)
+    assert "no closer" in steps[0] and not any("should shrink" in step for step in steps)
     assert any("should shrink" in step for step in next_steps(report))
 
 

@@ -1,4 +1,4 @@
-"""The closest twin: stand-ins for whatever the machine has bring records and twin together."""
+"""The closest twin: surrogate effects bring records and twin together."""
 
 from __future__ import annotations
 

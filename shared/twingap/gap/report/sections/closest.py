@@ -1,4 +1,4 @@
-"""Section "The closest twin": stand-ins beyond the verdict, where they were asked for and help."""
+"""Section "The closest twin": surrogate effects beyond the verdict."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from twingap.gap.report.sections.shrink import metrics_table
 
 
 def section(report: GapReport, figures: Mapping[str, str]) -> Section | None:
-    """The measures with stand-ins, and the values of all effects."""
+    """The measures with surrogate effects, and the values of all effects; None without any."""
     found = report.stand_ins
     if found is None:
         return None
@@ -23,8 +23,9 @@ def section(report: GapReport, figures: Mapping[str, str]) -> Section | None:
     ]
     return Section(
         "The closest twin",
-        f"{found.sentence} Real machines differ from a twin in much that has no name here; these effects, at these "
-        "values, bring the twin closest to the records. The accuracy tells whether a classifier learns more from it, "
-        "where faults are known. Before and after, on held-out records." + (" ◆ marks the verdict." if named else ""),
+        f"{found.sentence} Real machines differ from a twin in ways that no effect of the catalogue describes; these "
+        "effects, at these values, bring the twin closest to the records. Where faults are known, the accuracy shows "
+        "whether a classifier learns more from it. Before and after, on held-out records."
+        + (" ◆ marks the verdict." if named else ""),
         (metrics_table(found.metrics), Table(("effect", "values, fitted together"), rows)),
     )

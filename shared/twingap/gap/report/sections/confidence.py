@@ -1,4 +1,4 @@
-"""Section "What the data cannot tell apart": the confidence set."""
+"""Section "What the data do not distinguish": the confidence set."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from twingap.gap.report.advice import undecided
 from twingap.gap.report.model import GapReport, count_words, listed
 from twingap.gap.report.sections.parts import Items, Section
 
-_TITLE: Final = "What the data cannot tell apart"
+_TITLE: Final = "What the data do not distinguish"
 _SHOWN: Final = 8
 """Explanations that are listed at once."""
 

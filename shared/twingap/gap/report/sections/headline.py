@@ -18,12 +18,12 @@ STATUS: Final[Mapping[str, tuple[str, str]]] = {
         "Gap unexplained", "There is a significant gap, and nothing in the catalogue shrinks it significantly."
     ),
 }  # fmt: skip
-"""Status -> title, and what it means."""
+"""Status -> title and meaning."""
 
 
 @dataclass(frozen=True)
 class Headline:
-    """What `templates/headline.html` shows."""
+    """Content of `templates/headline.html`."""
 
     kind: str
     status: str
@@ -52,14 +52,14 @@ def headline(report: GapReport) -> Headline:
 
 
 def _closing(verdict: Verdict) -> str:
-    """What the closure allows to be said: names come from what records show, not from how far the gap shrinks."""
+    """Sentence on the closure: effects are named from the records, not from the closure."""
     if not verdict.effects:
         return ""
     if verdict.closure is None or verdict.closure_ci is None:
-        return "They show in the records, but cannot be added to what the simulator has made."
+        return "They show in the records, but cannot be added to the simulated records."
     low, high = verdict.closure_ci
     if low > 0:
         return "They shrink the gap significantly."
     if high < 0:
-        return "They show in the records, but at the values found they widen the gap: look at the values."
-    return "They show in the records; by how much they shrink the gap is too uncertain to say."
+        return "They show in the records, but at the values found they widen the gap: check the values."
+    return "They show in the records; by how much they shrink the gap is uncertain."

@@ -1,4 +1,4 @@
-"""Section "Notes": what could not be decided, and what was done instead."""
+"""Section "Notes": remarks on what could not be decided, and on replacements."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a section of the page is made of: data that `templates/parts.html` renders. Nothing here is HTML but figures."""
+"""Parts of a section of the page: data that the templates render; only figures are HTML."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class Table:
     shown : int or None
         Rows shown at once; None: all.
     more : str
-        What further rows are called, in "3 more places".
+        Name of further rows, as in "3 more places".
     kind : str
         CSS class.
     """
@@ -85,7 +85,7 @@ class Section:
     ----------
     title : str
     text : str
-        Said before all else; empty for nothing.
+        Introduction above the parts; may be empty.
     parts : sequence of Part
         In their order.
     kind : str
@@ -99,7 +99,7 @@ class Section:
 
     @property
     def anchor(self) -> str:
-        """What links to it name."""
+        """Target of links to the section."""
         return self.title.lower().replace(" ", "-")
 
 

@@ -1,4 +1,4 @@
-"""Section "Provenance": what the diagnosis was of, and what computed it."""
+"""Section "Provenance": records, twin and software of the diagnosis."""
 
 from __future__ import annotations
 

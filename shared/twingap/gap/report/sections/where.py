@@ -15,6 +15,6 @@ def section(report: GapReport, figures: Mapping[str, str]) -> Section | None:
         return Section("Where the gap lies", "No place differs significantly (family-wise error 5 %).")
     return Section(
         "Where the gap lies",
-        "Significant places only (family-wise error 5 %), largest share of the whole gap first.",
+        "Significant places only (family-wise error 5 %), largest share of the gap first.",
         (*figure(figures, "shares"), places_table(report.places)),
     )
