@@ -37,7 +37,7 @@ from papers.paper2_digital_twin.degradation_study import (
 )
 from papers.studies import Count, Progress, command, keep_figures, keep_tables, profile_of
 from twingap.prognosis import degradation_forecast, degradation_models, information
-from twingap.prognosis.health_indicator import chosen, judged, offline_indicators, online_indicators
+from twingap.prognosis.health_indicator import chosen, evaluate_candidates, offline_indicators, online_indicators
 from twingap.provenance import digest_of_code
 from twingap.sweep import Result, sweep
 
@@ -137,7 +137,7 @@ def judge_all(runs: Sequence[StudyRun], indicators: Sequence[str] = INDICATORS) 
     indicators that it has."""
     online = [online_indicators(r.run, r.healthy_rows) for r in runs]
     criteria = [
-        judged(i, r.run.time_s, healthy_rows=r.healthy_rows, window=r.trend_rows)
+        evaluate_candidates(i, r.run.time_s, healthy_rows=r.healthy_rows, window=r.trend_rows)
         for r, i in zip(runs, online, strict=True)
     ]
     found = []

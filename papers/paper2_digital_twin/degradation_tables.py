@@ -15,7 +15,7 @@ from scipy.stats import spearmanr
 
 from papers.paper2_digital_twin.degradation_study import Judged, Study
 from twingap.prognosis.degradation_models import MODELS
-from twingap.prognosis.health_indicator import judged, offline_indicators, online_indicators
+from twingap.prognosis.health_indicator import evaluate_candidates, offline_indicators, online_indicators
 from twingap.sweep import Result
 
 if TYPE_CHECKING:
@@ -110,7 +110,8 @@ def fusion9(found: Sequence[Judged]) -> pd.DataFrame:
 
 
 def _nine(made: Any, time_s: Array, healthy_rows: int, trend_rows: int) -> dict[str, Any]:
-    fused = {name: c for name, c in judged(made, time_s, healthy_rows=healthy_rows, window=trend_rows).items()
+    criteria = evaluate_candidates(made, time_s, healthy_rows=healthy_rows, window=trend_rows)
+    fused = {name: c for name, c in criteria.items()
              if name.startswith("fusion ")}  # fmt: skip
     names = list(fused)
     out: dict[str, Any] = {"fusion features": len(names)}

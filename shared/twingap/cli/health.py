@@ -1,4 +1,4 @@
-"""`twingap health`: health indicator, degradation models compared, figure."""
+"""`twingap health`: health indicator of a run, comparison of degradation models, figure."""
 
 from __future__ import annotations
 
@@ -32,23 +32,23 @@ def health(
         ),
     ] = None,
     indicator: Annotated[
-        str | None, typer.Option(help="A feature or fusion feature by name; default the most suitable.")
+        str | None, typer.Option(help="Name of a feature or fusion feature; the most suitable when absent.")
     ] = None,
-    healthy: Annotated[int, typer.Option(help="Records at the beginning taken to be healthy.", min=3)] = 30,
-    group: Annotated[str | None, typer.Option(help="Which run, where there are several.")] = None,
-    robust: Annotated[bool, typer.Option("--robust", help="Weigh records far off the curve less.")] = False,
+    healthy: Annotated[int, typer.Option(help="First records, assumed healthy.", min=3)] = 30,
+    group: Annotated[str | None, typer.Option(help="Group of the run, where there are several.")] = None,
+    robust: Annotated[bool, typer.Option("--robust", help="Give outliers less weight.")] = False,
     level: Annotated[float, typer.Option(help="Coverage of the intervals.", min=0.5, max=0.99)] = 0.9,
     effects: Effects = None,
     seed: Seed = 0,
     as_json: Json = False,
 ) -> None:
-    """Health indicator of a run, degradation models compared, with intervals.
+    """Health indicator of a run, and comparison of degradation models with intervals.
 
-    The indicator is normalised on the healthy beginning and the most suitable on this run by monotonicity, correlation
-    with time and robustness. Exponential, power, polynomial and combined power curves are compared by information
-    criteria and by their error on records after each tenth of the run. Intervals hold if the model does.
+    The indicator is normalised on the healthy beginning and selected by monotonicity, correlation with time and
+    robustness on this run. Exponential, power, polynomial and combined power curves are compared by information
+    criteria and by their error on records after each tenth of the run. Intervals hold if the model is correct.
 
-    DIR gets indicator.csv, candidates.csv, models.csv, degradation.json and degradation.png.
+    Writes indicator.csv, candidates.csv, models.csv, degradation.json and degradation.png to DIR.
     """
     import numpy as np
 
@@ -59,7 +59,7 @@ def health(
     from twingap.prognosis.health_indicator import SILENT, Run, negative_rms, running
 
     options = DegradeOptions(healthy, indicator, limit, robust=robust, level=level)
-    # The place is tried before the work begins, and filled only after it has ended well.
+    # The folder is created at first, and filled only after success.
     with replacing_folder(out) as folder:
         is_folder = kind_of(source) == "folder"
         run, notes = _from_records(source, group) if is_folder else _from_table(source, group)
@@ -76,11 +76,13 @@ def health(
             )
             run = Run(run.name, run.time_s[awake], run.names, run.features[awake])
         with progress("fitting", len(MODELS)) as shown:
-            found = run_all(run, options, np.random.default_rng(seed), step=shown.step)
+            found = run_all(run, options, np.random.default_rng(seed), progress=shown.step)
         if found.candidates.constant:
-            notes.append(f"constant while healthy, left out: {', '.join(found.candidates.constant)}")
+            notes.append(f"constant in the healthy records, left out: {', '.join(found.candidates.constant)}")
         if indicator is None:
-            notes.append(f"{found.indicator!r} was chosen on the whole of this run; name it to watch later records")
+            notes.append(
+                f"{found.indicator!r} was selected on the complete run; state it with --indicator for later records"
+            )
         if limit is None:
             notes.append("no remaining life without --limit, the level at which life ends")
         notes += found.notes
@@ -106,7 +108,7 @@ def health(
             "notes": notes,
         }  # fmt: skip
         _write_json(folder / "degradation.json", {k: v for k, v in about.items() if k != "out"})
-        from twingap.prognosis.degradation_figure import write_figure  # matplotlib, after mistakes have been told
+        from twingap.prognosis.degradation_figure import write_figure  # imports matplotlib
 
         write_figure(folder / "degradation.png", found)
     if as_json:
@@ -135,7 +137,7 @@ def _from_records(source: Path, group: str | None) -> tuple[Run, list[str]]:
     if still := len(read_table(source / "records.csv", ("record",))) - len(records):
         notes.append(f"the machine stands still in {still} rows (speed_rpm 0), which are left out")
     conditions = records.conditions
-    # Without a column, each record is a group of its own.
+    # Without a column `group`, each record is its own group.
     named = [str(c.group) for c in conditions] if any(c.group != c.name for c in conditions) else []
     if group is not None:
         if not named:
@@ -144,18 +146,19 @@ def _from_records(source: Path, group: str | None) -> tuple[Run, list[str]]:
             raise TwingapError(f"no group {group!r}", where=source, mend=f"use one of {listed(named)}")
         records = records.select(lambda c: c.group == group)
     elif named and side_by_side((c.group for c in conditions), (c.time_s for c in conditions)):
-        what = f"holds {len(set(named))} runs side by side: {listed(named)}"
-        raise TwingapError(what, where=source, mend="name one with --group")
+        what = f"contains {len(set(named))} runs that overlap in time: {listed(named)}"
+        raise TwingapError(what, where=source, mend="select one with --group")
     elif (count := len(set(named))) > 1:
-        notes.append(f"{count} groups that follow one another in time: taken for recordings of one run")
+        notes.append(f"{count} groups that follow one another in time: assumed to be recordings of one run")
     speeds = {round(c.speed_rpm, -1) for c in records.conditions}
     if len(speeds) > 1:
-        notes.append(f"speed varies ({min(speeds):g} to {max(speeds):g} rpm), and features with it")
+        notes.append(f"speed varies ({min(speeds):g} to {max(speeds):g} rpm), and features may vary with it")
     with progress("features", len(records)) as shown:
-        return features_of(records, group or records.name, step=shown.step), notes
+        return features_of(records, group or records.name, progress=shown.step), notes
 
 
 def _from_table(source: Path, group: str | None) -> tuple[Run, list[str]]:
+    """Features from a table."""
     from twingap.prognosis.feature_table import read_feature_table
 
     return read_feature_table(source, group=group)

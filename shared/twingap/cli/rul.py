@@ -17,50 +17,50 @@ if TYPE_CHECKING:
 
 
 class Gaps(StrEnum):
-    """What the machine did while rows are missing."""
+    """State of the machine during gaps in the rows."""
 
     running = "running"
     stopped = "stopped"
 
 
 _SHOWN = 15
+"""Rows of the table on the terminal."""
 
 
 def rul(
     recordset: Annotated[
         Path, typer.Argument(metavar="RECORDSET", help="Records of one run with time_s; speed_rpm 0 is a stop.")
     ],
-    out: Annotated[Path, typer.Option(metavar="rul.csv", help="Where the estimates are written, a row a record.")],
+    out: Annotated[Path, typer.Option(metavar="rul.csv", help="File for the estimates, one row per record.")],
     limit: Annotated[
         float | None,
-        typer.Option(help="Peak to peak at which life ends, in the unit of the records, at whatever speed.", min=0.0),
+        typer.Option(help="Peak to peak at which life ends, in the unit of the records, at any speed.", min=0.0),
     ] = None,
     limit_ratio: Annotated[
         float,
         typer.Option(
-            help="Where no --limit is given: life ends at this many times the healthy peak to peak at the same speed."
+            help="Without --limit: multiple of the healthy peak to peak at the same speed at which life ends."
         ),
     ] = 10.0,
-    healthy_rows: Annotated[
-        int, typer.Option(help="Rows at the beginning, the machine running, that count as healthy.", min=8)
-    ] = 60,
+    healthy_rows: Annotated[int, typer.Option(help="First rows of the running machine, assumed healthy.", min=8)] = 60,
     false_alarm: Annotated[
-        float, typer.Option(help="Chance of a false alarm within 2000 healthy rows.", min=1e-6, max=0.49)
+        float, typer.Option(help="Probability of a false alarm within 2000 healthy rows.", min=1e-6, max=0.49)
     ] = 0.01,
     gaps: Annotated[
-        Gaps, typer.Option(help="Whether the machine ran while rows are missing: for more than three times the usual.")
+        Gaps,
+        typer.Option(help="Whether the machine ran during gaps of more than three times the usual spacing of rows."),
     ] = Gaps.running,
     prior: Annotated[
         list[Path] | None,
         typer.Option(
             metavar="RUN",
-            help="A run of such a bearing to its end (a record set), or a table of runs with the columns record, "
-            "life_revolutions, after_anomaly_revolutions, end_ratio. May be given several times. With it there are "
-            "estimates before the anomaly, and intervals are as wide as runs given as record sets would have needed.",
+            help="A run to failure of a bearing of the same kind (a record set), or a table of runs with the columns "
+            "record, life_revolutions, after_anomaly_revolutions, end_ratio; repeatable. It gives estimates before the "
+            "anomaly and adjusts the width of intervals to the errors on these runs.",
         ),
     ] = None,
     group: Annotated[
-        str | None, typer.Option(help="Whose records are the run, where RECORDSET holds several bearings.")
+        str | None, typer.Option(help="Group of the run, where RECORDSET contains several bearings.")
     ] = None,
     effects: Effects = None,
     seed: AnySeed = 0,
@@ -68,11 +68,11 @@ def rul(
 ) -> None:
     """Remaining life along a run to failure: revolutions, and time with a 90 % interval.
 
-    Each row uses only the records up to its own time. Peak to peak is divided by its healthy value at the same speed,
-    learnt from the first rows; an alarm is given when it stays above what healthy rows show; from then on laws of
-    growth are weighed by what was seen. Remaining time is what the remaining revolutions take at the row's own speed.
-    Intervals are calibrated on simulated runs of many growth laws. Where the first rows are not shown to be healthy and
-    no --limit is given, that is said, and the lower end of the interval is 0.
+    The estimate of a row uses only the records up to its time. Peak to peak is divided by its healthy value at the same
+    speed, estimated from the first rows. An alarm is given when it stays above the healthy scatter; from then on,
+    growth laws are weighted by how well they explain the amplitudes. Remaining time is that of the remaining
+    revolutions at the speed of the row. Intervals are calibrated on simulated runs of many growth laws. Where the first
+    rows may not have been healthy and no --limit is given, a note says so, and the lower end of the interval is 0.
 
     rul.csv has the columns record, anomaly (0 or 1), remaining_revolutions, remaining_time_s, remaining_time_s_lo and
     remaining_time_s_hi, rows in order of time; estimates are empty before the anomaly unless --prior is given.
@@ -96,11 +96,13 @@ def rul(
     refuse_overwriting(out, recordset, *(prior or ()))
     options = LifeOptions(limit, limit_ratio, healthy_rows, AnomalyRule(false_alarm), gaps.value)
     run = read_run(recordset, group)
-    taken: list[str] = []
+    prior_notes: list[str] = []
     with replacing(out) as table:
         ended: list[tuple[str, Outcome]] = []
         for path in prior or ():
-            ended += [(f"--prior {path}", outcome) for outcome in _outcomes(path, options, recordset, run.unit, taken)]
+            ended += [
+                (f"--prior {path}", outcome) for outcome in _outcomes(path, options, recordset, run.unit, prior_notes)
+            ]
             refuse_repeats(ended)
         before = [outcome for _, outcome in ended]
         learnt = prior_from(before) if before else None
@@ -109,19 +111,18 @@ def rul(
         refuse_repeats(ended, found.outcome)
         rows = found.rows()
         write_table(table, rows, COLUMNS)
-    notes = [*found.notes, _meaning(options, run.unit), *taken]
+    notes = [*found.notes, _meaning(options, run.unit), *prior_notes]
     if (usual := usual_end(before)) is not None:
         notes.append(f"the runs given by --prior ended at {usual:.3g} times their healthy peak to peak (median)")
     if learnt is not None and learnt.widening != 1:
-        notes.append(
-            f"intervals of this run's growth are {learnt.widening:.2g} times as wide, in logarithms, as they are "
-            "without --prior"
-        )
+        notes.append(f"intervals by growth are {learnt.widening:.2g} times as wide, in logarithms, as without --prior")
     if learnt is not None:
-        wide = "" if learnt.joined_widening == 1 else f", intervals of both {learnt.joined_widening:.2g} times as wide"
-        notes.append(f"growth counts {learnt.growth_weight:g}, lives of other runs {1 - learnt.growth_weight:g}{wide}")
+        wide = "" if learnt.joined_widening == 1 else f", joined intervals {learnt.joined_widening:.2g} times as wide"
+        notes.append(
+            f"weight of growth {learnt.growth_weight:g}, of the lives of other runs {1 - learnt.growth_weight:g}{wide}"
+        )
     if len({row.speed_rpm for row in run.rows if row.speed_rpm > 0}) > 1:
-        notes.append("speed varies: remaining time is at each row's own speed, so it moves with it; revolutions do not")
+        notes.append("speed varies: remaining time is at the speed of each row and varies with it; revolutions do not")
     if as_json:
         last = rows[-1]
         about: dict[str, Any] = {
@@ -138,7 +139,7 @@ def rul(
 
 
 def _outcomes(path: Path, options: LifeOptions, recordset: Path, unit: str, notes: list[str]) -> list[Outcome]:
-    """What runs that ended say: a table of them, or one as a record set, whose unit may be another; that is noted."""
+    """Outcomes of ended runs, from a table or from one record set; appends notes, for instance on units."""
     from dataclasses import replace
 
     from twingap.errors import TwingapError
@@ -148,9 +149,9 @@ def _outcomes(path: Path, options: LifeOptions, recordset: Path, unit: str, note
 
     if not path.is_dir():
         if not path.is_file():
-            raise TwingapError("no such run", where=path, mend="name a record set or a table of runs")
+            raise TwingapError("does not exist", where=path, mend="name a record set or a table of runs")
         return read_outcomes(path)
-    run = read_run(path, several="give each run to --prior as a record set of its own")
+    run = read_run(path, several="give each run to --prior as a separate record set")
     if path.samefile(recordset):
         raise TwingapError(
             "is the run whose remaining life is estimated, and its end would enter the estimate",
@@ -166,7 +167,7 @@ def _outcomes(path: Path, options: LifeOptions, recordset: Path, unit: str, note
         if unit != run.unit:
             notes.append(f"--limit {options.limit:g} {unit} is {limit:.4g} {run.unit} in the records of {path}")
         elif not unit:
-            notes.append(f"units are unknown: those of {path} are taken to be in the unit of --limit")
+            notes.append(f"units are unknown: those of {path} are assumed to be the unit of --limit")
         options = replace(options, limit=limit)
     with progress(f"{run.name}: prior") as shown:
         found = follow(run, options, progress=shown.share)
@@ -176,21 +177,21 @@ def _outcomes(path: Path, options: LifeOptions, recordset: Path, unit: str, note
 
 
 def _meaning(options: LifeOptions, unit: str) -> str:
-    """What the numbers mean, in a line."""
+    """Note on the meaning of the estimates."""
     if options.limit is not None:
         end = (
             f"{options.limit:g} {unit}".strip()
-            + " peak to peak, reached first at the speed of the greatest healthy amplitude (--limit)"
+            + " peak to peak, reached first at the speed of the largest healthy amplitude (--limit)"
         )
     else:
         end = (
             f"{options.limit_ratio:g} times the healthy peak to peak (--limit-ratio; or --limit in the records' unit), "
-            "and sooner than is said here if they were damaged: amplitude cannot tell damage that rests from health"
+            "and earlier than estimated if they were damaged, which constant amplitude does not show"
         )
     rule = options.rule
     return (
-        f"the first {options.healthy_rows} rows of the running machine count as healthy (--healthy-rows): amplitude "
-        f"and alarms are relative to them; life ends at {end}; an alarm is false in {rule.false_alarm:g} of runs of "
-        f"{rule.horizon_rows} independent "
-        "healthy rows; 90 % intervals are calibrated on simulated runs, and hold for growth that is like one of those"
+        f"the first {options.healthy_rows} rows of the running machine are assumed healthy (--healthy-rows): "
+        f"amplitude and alarms are relative to them; life ends at {end}; an alarm is false in {rule.false_alarm:g} "
+        f"of runs of {rule.horizon_rows} independent healthy rows; 90 % intervals are calibrated on simulated runs "
+        "and hold for similar growth"
     )

@@ -20,7 +20,7 @@ Jobs = Annotated[int | None, typer.Option("--jobs", metavar="J", help="Processes
 
 @app.command("blind", epilog=examples("twingap study blind --out study --cases 60 --seed 1"))
 def blind(
-    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder; an interrupted study is taken up again.")],
+    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder; an interrupted study is resumed.")],
     cases: Annotated[int, typer.Option("--cases", metavar="N", help="Worlds, at least 6.", min=6)] = 300,
     effects: Effects = None,
     seed: Seed = 0,
@@ -28,13 +28,13 @@ def blind(
     rivals: Annotated[
         int | None,
         typer.Option(
-            "--rival-worlds", metavar="W", min=0, help="Worlds that the rivals learn from; 0: none that learn.",
+            "--rival-worlds", metavar="W", min=0, help="Worlds on which rival methods are trained; 0: none.",
             show_default="1500, or 5 per world where that is less",
         ),
     ] = None,
     json: Json = False,
 ) -> None:  # fmt: skip
-    """Diagnose machines of known truth blind, and score: made, sealed, diagnosed, unsealed, scored beside rivals."""
+    """Diagnose simulated machines of known truth blind, and score the diagnosis next to rival methods."""
     from twingap.rigs.worlds import cases as plan
     from twingap.study import run_study, write_study
     from twingap.study.runner import command_line
@@ -47,7 +47,7 @@ def blind(
             training_count=min(1500, 5 * cases) if rivals is None else rivals,
             jobs=jobs,
             command=command_line(),
-            report=shown.count,
+            progress=shown.count,
         )
     paths = write_study(done, out)
     if json:
@@ -63,13 +63,16 @@ def blind(
 
 @app.command("public", epilog=examples("twingap study public --out public --sets cwru"))
 def public(
-    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder; an interrupted run is taken up again.")],
+    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder; an interrupted run is resumed.")],
     sets: Annotated[
-        str, typer.Option("--sets", metavar="NAMES", help="Public sets, by comma; effects are added to the first.")
+        str,
+        typer.Option(
+            "--sets", metavar="NAMES", help="Public sets, separated by commas; effects are added to the first."
+        ),
     ] = "cwru,hit_sm",
     root: Annotated[
         Path | None,
-        typer.Option("--root", help="Folder that holds the data sets, one folder each; default TWINGAP_DATA."),
+        typer.Option("--root", help="Folder that holds the data sets, one folder each; TWINGAP_DATA when absent."),
     ] = None,
     pieces: Annotated[
         int, typer.Option("--pieces", metavar="N", help="Records of 1 s from each recording.", min=2, max=60)
@@ -103,7 +106,7 @@ def public(
             root=None if root is None else str(root),
             jobs=jobs,
             command=command_line(),
-            report=shown.count,
+            progress=shown.count,
         )
     paths = write_public(table, out)
     if json:
@@ -116,10 +119,10 @@ def public(
 
 @contextmanager
 def _resumable(title: str) -> Iterator[Progress]:
-    """Progress of work that can be interrupted and taken up again."""
+    """Progress of work that can be interrupted and resumed."""
     try:
         with progress(title) as shown:
             yield shown
-    except KeyboardInterrupt:  # typer would end without a word
-        print("twingap: interrupted; what was finished is kept, run the same command to go on", file=sys.stderr)
+    except KeyboardInterrupt:  # typer would end without a message
+        print("twingap: interrupted; finished results are kept, run the same command to continue", file=sys.stderr)
         raise typer.Exit(130) from None

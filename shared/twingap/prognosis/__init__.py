@@ -1,11 +1,11 @@
 """Health indicators, degradation models and remaining life along a run.
 
 peak to peak, speed --speed_influence--> normalised --anomaly--> alarm
-rows of a run, one by one --OnlineLife.update, Prior of other runs--> Estimate; a whole run --follow--> Followed
+rows of a run, one by one --OnlineLife.update, Prior of other runs--> Estimate; a complete run --follow--> Followed
 features of a run --degrade--> Degradation: indicator, fitted curves, forecasts
 
 A run is a record set with times in `run_records` (`follow`), and a table of features in `health_indicator`
-(`degrade`). `follow` and `degrade` here are the functions, not the modules.
+(`degrade`). The names `follow` and `degrade` of this package are functions.
 """
 
 from twingap.prognosis.anomaly import Anomaly, AnomalyRule, detect_anomaly, deviations

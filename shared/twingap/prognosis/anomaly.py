@@ -1,14 +1,13 @@
-"""Detection of the first anomaly of a run: normalised amplitude leaves the scatter of its healthy beginning.
+"""Detection of the first anomaly of a run: normalised amplitude exceeds the scatter of its healthy beginning.
 
 rows 0 .. n-1 (healthy) --> limit -------+
-rows n, n+1, ... ------------------------+--> above it, `consecutive` rows together? --> K_anomaly
+rows n, n+1, ... ------------------------+--> `consecutive` rows above the limit? --> K_anomaly
 
-Paper 1 (section 3.3) takes mean and standard deviation of the beginning "as the threshold", without saying how many
-deviations. Here their number follows from a stated chance of a false alarm over a stated number of rows, and allows for
-the limit being an estimate. With law "normal" it follows from the normal law; but peak to peak is an extreme and has a
-long upper tail: of simulated runs with Gumbel scatter 12 % gave an alarm where 1 % was stated (60 healthy rows, 2,000
-later ones, 3 together). By default, law "any", the limit is one of the greatest healthy rows, for which the chance is
-known whatever the law.
+Paper 1 (section 3.3) takes mean and standard deviation of the beginning "as the threshold", without the number of
+deviations. Here it follows from the probability of a false alarm over a number of rows, with allowance for the limit
+being an estimate. Law "normal" assumes normal amplitudes; peak to peak is an extreme value with a long upper tail, so
+that false alarms are then much more frequent than stated. With the default law "any", the limit is one of the largest
+healthy rows, for which the probability is known for every continuous distribution.
 """
 
 from __future__ import annotations
@@ -30,19 +29,19 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class AnomalyRule:
-    """When amplitude counts as no longer healthy.
+    """Rule for an alarm: false-alarm probability, horizon, number of consecutive rows, distribution.
 
     Parameters
     ----------
     false_alarm : float
-        Chance of an alarm within `horizon_rows` healthy rows, between 0 and 0.5.
+        Probability of an alarm within `horizon_rows` healthy rows, between 0 and 0.5.
     horizon_rows : int
-        Rows after the reference for which that holds. A fixed number, and not the run's length, which is not known
-        while the machine runs.
+        Rows after the reference for which that holds. It is fixed, since the length of the run is unknown while the
+        machine runs.
     consecutive : int
-        Rows that must lie above the limit together.
+        Number of consecutive rows above the limit that give an alarm.
     law : {"any", "normal"}
-        Of healthy amplitudes about their mean.
+        Distribution of healthy amplitudes about their mean.
     """
 
     false_alarm: float = 0.01
@@ -62,18 +61,18 @@ class AnomalyRule:
 
 @dataclass(frozen=True)
 class Anomaly:
-    """What the rule found.
+    """Limit of the anomaly, and the anomaly if there is one.
 
     Parameters
     ----------
     limit : float
-        Normalised amplitude above which a row counts.
+        Normalised amplitude above which a row counts towards an anomaly.
     mean, std : float
-        Of the reference.
+        Mean and standard deviation of the reference.
     onset_row : int or None
-        K_anomaly: first of the rows above the limit together, counted from the run's first row, 0. None: no anomaly.
+        K_anomaly: first of the consecutive rows above the limit, counted from 0. None: no anomaly.
     alarm_row : int or None
-        Last of them: the row with which the anomaly is known.
+        Last of them: the row at which the alarm is given.
     """
 
     limit: float
@@ -86,28 +85,28 @@ class Anomaly:
 def detect_anomaly(
     normalised: ArrayLike, reference_rows: int, rule: AnomalyRule | None = None, *, speeds: int = 1
 ) -> Anomaly:
-    """Find K_anomaly in normalised peak to peak (eq. 11).
+    """K_anomaly of normalised peak to peak (eq. 11).
 
     Parameters
     ----------
     normalised : array_like [rows]
-        In order of time. NaN (a stopped machine) neither counts nor breaks a sequence.
+        Normalised amplitude in order of time. NaN (a stopped machine) neither counts nor interrupts a sequence.
     reference_rows : int
-        Rows at the beginning that are taken to be healthy: [t0, t1] of figure 5. No alarm is given within them.
+        First rows, assumed healthy: [t0, t1] of figure 5. No alarm is given within them.
     rule : AnomalyRule, optional
     speeds : int
-        Speeds whose constants c were learnt from the reference rows themselves (`SpeedInfluence.speeds_rpm.size`):
-        each takes away a degree of freedom, as a mean does.
+        Number of speeds whose constants c were estimated from the reference rows (`SpeedInfluence.speeds_rpm.size`).
+        Each removes a degree of freedom, as a mean does.
 
     Returns
     -------
     Anomaly
-        Depends on no row after `alarm_row`.
+        It does not depend on rows after `alarm_row`.
 
     Raises
     ------
     TwingapError
-        When the reference is too short for what the rule promises, or does not scatter at all.
+        When the reference is too short for the rule, or has no scatter.
     """
     rule = rule or AnomalyRule()
     x = np.asarray(normalised, float)
@@ -128,48 +127,49 @@ def detect_anomaly(
         place = rank(healthy.size, rule)
         if place == 0:
             raise TwingapError(
-                f"{healthy.size} healthy rows cannot promise {rule.false_alarm:g} false alarms", where="reference",
+                f"{healthy.size} healthy rows are too few for {rule.false_alarm:g} false alarms", where="reference",
                 mend="take more healthy rows, or more consecutive ones",
             )  # fmt: skip
-        # Rows are nearer to constants learnt from them than later rows will be, and the rows of a sequence at one speed
-        # share its constant's error: the first is undone, and what the second costs under the normal law is added.
+        # Reference rows deviate less than later rows from constants estimated from them, which the first factor
+        # corrects. Consecutive rows at one speed share its constant's error; the second term is the cost under
+        # normality.
         wider = float(np.sqrt((healthy.size - 1) / free))
         higher = deviations(healthy.size, speeds, rule) - deviations(healthy.size, 1, rule) if speeds > 1 else 0.0
         limit = mean + float(np.sort(healthy)[-place] - mean) * wider + max(higher, 0.0) * std
     later = np.flatnonzero(np.isfinite(x))
     later = later[later >= reference_rows]
-    together = 0
+    consecutive = 0
     for place, above in enumerate(x[later] > limit):
-        together = together + 1 if above else 0
-        if together == rule.consecutive:
-            return Anomaly(limit, mean, std, int(later[place + 1 - together]), int(later[place]))
+        consecutive = consecutive + 1 if above else 0
+        if consecutive == rule.consecutive:
+            return Anomaly(limit, mean, std, int(later[place + 1 - consecutive]), int(later[place]))
     return Anomaly(limit, mean, std)
 
 
 @lru_cache(maxsize=256)
 def deviations(rows: int, fitted: int, rule: AnomalyRule) -> float:
-    """Standard deviations above the mean at which the limit lies.
+    """Number of standard deviations from the mean to the limit, under the normal law.
 
     Parameters
     ----------
     rows : int
-        Healthy rows behind mean and deviation.
+        Healthy rows from which mean and deviation are estimated.
     fitted : int
-        Levels estimated from them, 1 or more and fewer than `rows`.
+        Number of levels estimated from them, from 1 to `rows` - 1.
     rule : AnomalyRule
 
     Returns
     -------
     float
-        The number for which an independent normal sequence alarms within the horizon with the stated chance, on average
-        over what mean and deviation such a reference may give. With several levels the chance is a bound, nearly
-        reached when each is held for many rows. Rows that depend on one another alarm more often.
+        Number for which an independent normal sequence gives an alarm within the horizon with the stated probability,
+        averaged over the sampling distribution of mean and deviation. With several levels the probability is an upper
+        bound, nearly reached when each is held for many rows. Correlated rows give more alarms.
     """
     free = rows - fitted
     nodes, weights = roots_hermitenorm(41)
     level = nodes * np.sqrt(fitted / rows)
     share, worth = np.polynomial.legendre.leggauss(121)
-    # u^3 crowds the nodes where the spread was underestimated: most false alarms come from there.
+    # u^3 concentrates the nodes where the spread is underestimated, where most false alarms occur.
     u = (share + 1) / 2
     spread = np.sqrt(chi2.ppf(u**3, free) / free)
     weight = np.outer(weights / weights.sum(), worth / 2 * 3 * u**2)
@@ -179,7 +179,7 @@ def deviations(rows: int, fitted: int, rule: AnomalyRule) -> float:
         together = q**rule.consecutive
         begins = (1 - q) * together
         if fitted > 1:
-            # Each speed's constant errs by itself, so a long run averages over their errors; a single one's stays.
+            # Constants of several speeds have independent errors, over which a long run averages.
             level_weight = weights[:, None] / weights.sum()
             together, begins = (np.sum(level_weight * v, axis=0, keepdims=True) for v in (together, begins))
         return float(np.sum(weight * _alarm(together, begins, rule))) - rule.false_alarm
@@ -189,21 +189,22 @@ def deviations(rows: int, fitted: int, rule: AnomalyRule) -> float:
 
 @lru_cache(maxsize=256)
 def rank(rows: int, rule: AnomalyRule) -> int:
-    """Which of the healthy rows, counted from the greatest (1), may be the limit; 0 when not even that one.
+    """Rank of the healthy row that is the limit, counted from the largest (1); 0 when no rank keeps the probability.
 
-    The chance that a later row exceeds the r-th greatest of n is Beta(r, n - r + 1) over references, whatever the law
-    of independent rows (Wilks 1941, DOI 10.1214/aoms/1177731788): over it the chance of an alarm is averaged.
+    The probability that a later row exceeds the r-th largest of n has the distribution Beta(r, n - r + 1) for every
+    continuous law of independent rows (Wilks 1941, DOI 10.1214/aoms/1177731788). The probability of an alarm is
+    averaged over it.
 
     Parameters
     ----------
     rows : int
-        Healthy rows n.
+        Number n of healthy rows.
     rule : AnomalyRule
     """
     share, worth = np.polynomial.legendre.leggauss(121)
     v = (share + 1) / 2
     places = np.arange(1, max(rows // 2, 1) + 1)
-    # v^3 crowds the nodes where the limit came out low.
+    # v^3 concentrates the nodes where the limit is low.
     q: Array = np.asarray(beta.isf(v[None, :] ** 3, places[:, None], rows - places[:, None] + 1), float)
     together = q**rule.consecutive
     chance = np.sum(worth / 2 * 3 * v**2 * _alarm(together, (1 - q) * together, rule), axis=1)
@@ -211,8 +212,8 @@ def rank(rows: int, rule: AnomalyRule) -> int:
 
 
 def _alarm(together: Array, begins: Array, rule: AnomalyRule) -> Array:
-    """Chance of a sequence above the limit within the horizon (Feller 1968, chapter XIII).
+    """Probability of a sequence above the limit within the horizon (Feller 1968, chapter XIII).
 
-    `together` is the chance of one at the first rows, `begins` that one begins, after a row below, at any later row.
+    `together` is the probability of one at the first rows, `begins` that one begins at a later row, after one below.
     """
     return np.asarray(1 - (1 - together) * (1 - begins) ** (rule.horizon_rows - rule.consecutive))

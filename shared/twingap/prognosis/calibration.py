@@ -2,10 +2,10 @@
 
 simulated runs --OnlineLife--> posterior, true life --quantile regression--> TABLE --> corrected median and interval
 
-Growth laws alone err in ways that simulated runs show: soon after the onset rates are estimated from a few rows, lives
-many times longer than what has passed of them are rare, laws change. Quantiles of the true life are linear in terms of
-the posterior (Koenker and Bassett 1978, DOI 10.2307/1913643), so that estimates do not jump from row to row.
-`interval_study` makes and checks the table.
+Intervals by growth laws alone have systematic errors: soon after the onset rates are estimated from few rows, very long
+lives are rare, and laws change. Quantiles of the true life are therefore regressed on terms of the posterior (Koenker
+and Bassett 1978, DOI 10.2307/1913643); they are linear in these, so that estimates do not jump from row to row.
+`interval_study` computes and evaluates the table.
 """
 
 from __future__ import annotations
@@ -21,25 +21,27 @@ from twingap.prognosis.calibration_table import TABLE
 Array = NDArray[np.float64]
 
 TERMS: Final = 13
+"""Number of terms of the regression."""
 _NARROWEST: Final = 0.05
+"""Smallest half width of an interval in logarithms that enters the regression; it limits extrapolation."""
 
 
 @dataclass(frozen=True)
 class Posterior:
-    """Remaining revolutions by the growth laws, before calibration.
+    """Remaining revolutions by growth laws, before calibration.
 
     Parameters
     ----------
     low, middle, high : float
-        5 %, 50 % and 95 %.
+        Quantiles of 5 %, 50 % and 95 %.
     per_row : float
-        Revolutions from row to row.
+        Mean revolutions between rows.
     rows : int
-        Since the onset.
+        Rows since the onset.
     progress : float
-        Present log amplitude over that at the end of life.
+        Present log amplitude relative to that at the end of life.
     since_onset : float
-        Revolutions.
+        Revolutions since the onset.
     """
 
     low: float
@@ -51,17 +53,17 @@ class Posterior:
     since_onset: float
 
     def relative(self, revolutions: float) -> float:
-        """Logarithm of a life over that since the onset; half a row more, so that the end itself has a place."""
+        """Logarithm of a remaining life relative to that since the onset, each plus half a row to be finite at 0."""
         return float(np.log((revolutions + self.per_row / 2) / (self.since_onset + self.per_row / 2)))
 
     def absolute(self, relative: float) -> float:
-        """The life of which `relative` is so much, not negative."""
-        whole = (self.since_onset + self.per_row / 2) * float(np.exp(relative))
-        return max(whole - self.per_row / 2, 0.0)
+        """Inverse of `relative`, not negative."""
+        life = (self.since_onset + self.per_row / 2) * float(np.exp(relative))
+        return max(life - self.per_row / 2, 0.0)
 
     @property
     def terms(self) -> Array:
-        """What the regression is linear in [TERMS]; held within what simulated runs reach."""
+        """Terms of the regression [TERMS], clipped to the range of the simulated runs."""
         low, middle, high = (self.relative(v) for v in (self.low, self.middle, self.high))
         a = float(np.clip(middle, -4.0, 4.0))
         p = float(np.clip(self.progress, 0.0, 1.1))
@@ -77,12 +79,12 @@ def calibrated(posterior: Posterior, table: Array | None = None) -> tuple[float,
     ----------
     posterior : Posterior
     table : Array [3, TERMS], optional
-        The shipped one when absent.
+        Coefficients; `TABLE` when absent.
 
     Returns
     -------
     tuple of float
-        None negative, in increasing order.
+        Not negative, in increasing order.
     """
     found = np.sort(np.asarray(TABLE if table is None else table) @ posterior.terms)
     low, middle, high = (posterior.absolute(float(v)) for v in np.clip(found, -12.0, 12.0))

@@ -1,4 +1,4 @@
-"""Growing arrays: numbers of a run's rows, appended one by one."""
+"""Table of numbers that grows by rows, for the rows of a run."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ Array = NDArray[np.float64]
 
 
 class Columns:
-    """Rows of numbers that grow, each column in one piece: eight bytes a number, its room doubled when it is full.
+    """Table that grows by rows and gives its columns as contiguous arrays.
 
     Parameters
     ----------
     *names : str
-        Of the columns, in the order in which a row is given.
+        Names of the columns, in the order of a row.
     """
 
     def __init__(self, *names: str) -> None:
@@ -26,11 +26,11 @@ class Columns:
         return self._rows
 
     def __getitem__(self, name: str) -> Array:
-        """A view of a column [rows], to be copied where it is kept beyond the next row."""
+        """View of a column [rows]; copy it where it is used after a further `append`."""
         return self._room[self._places[name], : self._rows]
 
     def append(self, *row: float) -> None:
-        """Take a row, a number for each column."""
+        """Append a row, one number for each column."""
         if self._rows == self._room.shape[1]:
             more = np.empty((self._room.shape[0], max(self._rows, 64)))
             self._room = np.concatenate((self._room, more), axis=1)
@@ -38,6 +38,6 @@ class Columns:
         self._rows += 1
 
     def keep_last(self, rows: int) -> None:
-        """Let go of all rows but the last ones."""
+        """Remove all rows except the last ones."""
         self._room = self._room[:, max(self._rows - rows, 0) : self._rows].copy()
         self._rows = self._room.shape[1]

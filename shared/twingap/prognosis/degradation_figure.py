@@ -1,6 +1,6 @@
-"""Figure of a degradation: indicator, fitted curves with intervals, and errors on later records.
+"""Figure of a degradation analysis: indicator, fitted curves with intervals, and errors on later records.
 
-Colours that colour-blind readers tell apart (Okabe and Ito 2008).
+The colours are suitable for colour-blind readers (Okabe and Ito 2008).
 """
 
 from __future__ import annotations
@@ -20,11 +20,11 @@ LINES: Final = {
 }  # fmt: skip
 RECORDS: Final = "#AAAAAA"
 AHEAD: Final = 0.2
-"""How far the figure looks ahead, in times of the run seen."""
+"""Forecast that the figure shows, relative to the duration of the run."""
 
 
 def degradation_figure(found: Degradation) -> Figure:
-    """Two panels: the run with curves and forecast; errors on later records against the share of the run fitted."""
+    """Figure with two panels: run, curves and forecast; errors on later records over the fraction of the run fitted."""
     import matplotlib as mpl
 
     with mpl.rc_context({"font.size": 12}):
@@ -64,7 +64,7 @@ def _run(panel: Any, found: Degradation, per: float) -> None:
         shown.append(found.limit)
     panel.axvline(t[-1] / per, color="black", lw=0.8)
     low, high = min(shown), max(shown)
-    # Extrapolations may go anywhere: the panel shows what was measured, the limit, and half as much again.
+    # The vertical range covers measured values and the limit, extended by half; extrapolations may exceed it.
     seen_levels = [*found.values, *([] if found.limit is None else [found.limit])]
     most = 0.5 * (max(seen_levels) - min(seen_levels))
     low, high = max(low, min(seen_levels) - most), min(high, max(seen_levels) + most)
@@ -86,10 +86,10 @@ def _errors(panel: Any, found: Degradation) -> None:
     panel.set_ylim(max(low, 1e-4), min(high, 1e3))
     panel.set_xlim(0.05, 0.95)
     panel.grid(color="0.9", which="both")
-    panel.set_xlabel("share of the run that was fitted")
+    panel.set_xlabel("fraction of the run that was fitted")
     panel.set_ylabel("RMSE on later records\n/ range of the trend")
 
 
 def write_figure(path: Path, found: Degradation) -> None:
-    """Write it as PNG."""
+    """Write the figure as PNG."""
     degradation_figure(found).savefig(path, dpi=100, format="png", metadata={"Software": "twingap"})

@@ -1,11 +1,11 @@
 """Forecast of a fitted curve: band, remaining life with an interval, and error on later records.
 
-CurveFit --curves that other noise would have given--> band, time at which a level is reached: life, interval
-run, share of life --fit on the part seen--> error on the part not seen
+CurveFit --refits to bootstrap series--> band, time at which a level is reached: life, interval
+run, fraction of life --fit on the first part--> error on the rest
 
-Other noise is made like that of the residuals: an AR(1) process of their memory with their local spread (a sieve
-bootstrap, Buehlmann 1997, DOI 10.2307/3318584, with heteroscedasticity kept as in the wild bootstrap). Intervals hold
-for the parameters, given that the model is right, which no interval covers.
+Bootstrap series have noise like the residuals: an AR(1) process of their correlation with their local spread (a sieve
+bootstrap, Buehlmann 1997, DOI 10.2307/3318584, with heteroscedasticity as in the wild bootstrap). Intervals cover the
+uncertainty of parameters for a correct model, not that of the model.
 """
 
 from __future__ import annotations
@@ -27,21 +27,21 @@ Array = NDArray[np.float64]
 
 TENTHS: Final = tuple(k / 10 for k in range(1, 10))
 MOST_ROWS: Final = 400
-"""Longer runs are averaged to as many rows before curves are refitted by the hundred."""
+"""Number of rows to which longer runs are averaged before refits; more are slower."""
 _REFINED: Final = (0.7, 0.84, 0.93, 1.08, 1.19, 1.4)
-"""Factors on exponents tried about the best of the grid."""
+"""Factors on exponents tried around the best grid point."""
 _STEPS: Final = 5
-"""Gauss-Newton steps from there."""
+"""Gauss-Newton steps after the grid; more are slower and hardly more precise."""
 
 
 @dataclass(frozen=True)
 class Curves:
-    """Curves of one model that other noise would have given.
+    """Refits of one model to bootstrap series.
 
     Parameters
     ----------
     fit : CurveFit
-        The one they scatter about.
+        Fit to the measured series.
     coefficients : Array [curves, linear]
     exponents : Array [curves, exponents]
     scatter : Array [rows]
@@ -54,7 +54,7 @@ class Curves:
     scatter: Array
 
     def at(self, time_s: ArrayLike) -> Array:
-        """Values [curves, times]."""
+        """Values of the curves [curves, times]."""
         u = self.fit.scaled(np.asarray(time_s, float))
         return np.stack([
             self.fit.model.curve(u, c, tuple(map(float, e)))
@@ -66,7 +66,7 @@ class Curves:
     ) -> tuple[Array, Array]:
         """Interval of the curve at each time [times]; of single records when a generator is given.
 
-        Later records are taken to scatter as those at the end of the rows seen.
+        The scatter of later records is assumed to be that of the last rows.
         """
         values = self.at(time_s)
         if rng is not None:
@@ -83,11 +83,11 @@ class RemainingLife:
     Parameters
     ----------
     life_s : float
-        From the last record, s. 0 when the level has been passed, inf when it is not reached within the horizon.
+        Time from the last record, s; 0 when the level has been passed, inf when it is not reached within the horizon.
     low_s, high_s : float
-        Interval; inf likewise.
+        Interval, s; inf when not reached within the horizon.
     never : float
-        Share of curves that do not reach it.
+        Fraction of curves that do not reach it.
     """
 
     life_s: float
@@ -103,13 +103,13 @@ class OutOfSample:
     Parameters
     ----------
     share : float
-        Of the life that was seen.
+        Fraction of the life that was fitted.
     rmse_rest : float
-        On all later records, in the indicator's unit.
+        Error on all later records, in the unit of the indicator.
     rmse_next : float
-        On those of the next tenth only.
+        Error on those of the next tenth only.
     rows : int
-        Records seen.
+        Number of records that were fitted.
     """
 
     share: float
@@ -119,19 +119,19 @@ class OutOfSample:
 
 
 def redrawn(fit: CurveFit, n_curves: int, rng: np.random.Generator) -> Curves:
-    """Refit to as many series of other noise about the curve.
+    """Refits of a model to bootstrap series around its fitted curve.
 
     Parameters
     ----------
     fit : CurveFit
-        Residuals further than four robust deviations off are cut to these, lest one spike make the noise of all rows.
+        Its residuals are clipped at four robust standard deviations, so that a spike does not enlarge the noise.
     n_curves : int
     rng : Generator
 
     Returns
     -------
     Curves
-        By squares within the bounds, from a grid of exponents and then by Gauss-Newton steps.
+        Bounded least squares, by a grid of exponents and Gauss-Newton steps.
     """
     u, centre, off = _thinned(fit)
     n, model = u.size, fit.model
@@ -139,18 +139,18 @@ def redrawn(fit: CurveFit, n_curves: int, rng: np.random.Generator) -> Curves:
     widest = 4 * 1.4826 * float(np.median(np.abs(off - middle)))
     if widest > 0:
         off = np.clip(off, middle - widest, middle + widest)
-    # A curve follows its noise most where it has most leverage, at the ends, and the more the longer noise remembers.
+    # Residuals are too small where leverage is high (at the ends), more so for correlated noise; this is corrected.
     rho = memory_of(off)
     held = leverage(fit, u) * (1 + max(rho, 0.0)) / (1 - max(rho, 0.0))
     off = off / np.sqrt(1 - np.minimum(held, 0.75))
     spread = _local_spread(off)
-    # For the same reason the memory of what is left looks short (Kendall 1954 gives
-    # (1 + 3 rho) / n for a fitted mean; every further parameter takes about as much again).
+    # The correlation of residuals is biased for the same reason: by (1 + 3 rho) / n for a fitted mean (Kendall 1954),
+    # and by about as much for every further parameter.
     rho = min(rho + (1 + 3 * rho) * model.parameters / n, LONGEST_MEMORY) if rho > 0 else rho
     shocks = rng.standard_normal((n_curves, n))
     shocks[:, 1:] *= np.sqrt(1 - rho**2)
     noise = np.asarray(lfilter([1.0], [1.0, -rho], shocks, axis=1), float) * spread
-    # The spread is an estimate too, from fewer independent rows than there are: as Student's t to the normal.
+    # The spread is estimated from a limited number of independent rows, which is accounted for as in Student's t.
     free = max(n * (1 - rho**2) / (1 + rho**2) - model.parameters, 4.0)
     noise *= np.sqrt(free / rng.chisquare(free, n_curves))[:, None]
     size = float(np.abs(fit.values).max()) or 1.0
@@ -159,7 +159,7 @@ def redrawn(fit: CurveFit, n_curves: int, rng: np.random.Generator) -> Curves:
 
 
 def leverage(fit: CurveFit, u: Array) -> Array:
-    """By how much each row [rows] draws the curve to itself: diagonal of the hat matrix of the linearised model."""
+    """Leverage of each row [rows]: diagonal of the hat matrix of the linearised model."""
     sloped = [(fit.coefficients[column] * each)[:, None] for column, each in fit.model.slopes(u, fit.exponents)]
     jacobian = np.concatenate([fit.model.design(u, fit.exponents), *sloped], axis=1)
     size = np.sqrt(np.sum(jacobian**2, axis=0))
@@ -169,16 +169,16 @@ def leverage(fit: CurveFit, u: Array) -> Array:
 
 
 def refitted(model: CurveModel, u: Array, y: Array, near: tuple[float, ...]) -> tuple[Array, Array]:
-    """Least squares of many series at once.
+    """Least-squares fits of many series at once.
 
     Parameters
     ----------
     model : CurveModel
     u : Array [rows]
     y : Array [rows, series]
-        Over the largest indicator.
+        Series relative to the largest indicator.
     near : tuple of float
-        Exponents that are tried first.
+        Exponents to try first.
 
     Returns
     -------
@@ -216,7 +216,7 @@ def refitted(model: CurveModel, u: Array, y: Array, near: tuple[float, ...]) -> 
                 apart = len(exponents) < 2 or exponents[1] >= model.spread * exponents[0]
                 if inside and apart:
                     attempt(exponents, which)
-    # A series that no grid point fits within the limits keeps the estimate: rare, and better than a wild one.
+    # A series that no grid point fits within the bounds keeps the exponents of `near`.
     lost = ~np.isfinite(least)
     if lost.any():
         coefficients[lost] = np.linalg.lstsq(model.design(u, near), y[:, lost], rcond=1e-10)[0].T
@@ -227,7 +227,7 @@ def refitted(model: CurveModel, u: Array, y: Array, near: tuple[float, ...]) -> 
 
 
 def _step(model: CurveModel, u: Array, y: Array, coefficients: Array, exponents: Array) -> None:
-    """One Gauss-Newton step of every series, in place; half of it, or none, where the whole one does not help."""
+    """One Gauss-Newton step of every series, in place; a quarter of it, or none, where that reduces the error."""
     low, high = model.bounds
     count, linear = coefficients.shape
     shape = (count, u.size)
@@ -236,17 +236,17 @@ def _step(model: CurveModel, u: Array, y: Array, coefficients: Array, exponents:
         found = model.columns(u[None], tuple(e[:, k, None] for k in range(e.shape[1])))
         return [np.broadcast_to(column, shape) for column in found]
 
-    def left(c: Array, e: Array) -> Array:
+    def residuals(c: Array, e: Array) -> Array:
         return y.T - sum(c[:, k, None] * column for k, column in enumerate(columns(e)))
 
-    off = left(coefficients, exponents)
+    off = residuals(coefficients, exponents)
     slopes = model.slopes(u[None], tuple(exponents[:, k, None] for k in range(exponents.shape[1])))
     sloped = [np.broadcast_to(coefficients[:, column, None] * each, shape) for column, each in slopes]
     jacobian = np.stack([*columns(exponents), *sloped], axis=-1)
     size = np.sqrt(np.sum(jacobian**2, axis=1))
     size[size == 0] = 1.0
     jacobian = jacobian / size[:, None]
-    # A trace of damping: columns of nearly equal exponents are nearly equal.
+    # Slight damping, since columns of similar exponents are nearly collinear.
     normal = jacobian.transpose(0, 2, 1) @ jacobian + 1e-10 * np.eye(jacobian.shape[-1])
     move = np.linalg.solve(normal, jacobian.transpose(0, 2, 1) @ off[..., None])[..., 0] / size
     rss = np.sum(off**2, axis=1)
@@ -254,7 +254,7 @@ def _step(model: CurveModel, u: Array, y: Array, coefficients: Array, exponents:
         c, e = coefficients + part * move[:, :linear], exponents + part * move[:, linear:]
         allowed = (np.abs(c).max(axis=1) <= AMPLITUDE_LIMIT) & (e >= low).all(axis=1) & (e <= high).all(axis=1)
         c, e = np.where(allowed[:, None], c, coefficients), np.where(allowed[:, None], e, exponents)
-        new = np.sum(left(c, e) ** 2, axis=1)
+        new = np.sum(residuals(c, e) ** 2, axis=1)
         better = new < rss
         coefficients[better], exponents[better], rss[better] = c[better], e[better], new[better]
         move[better] = 0.0
@@ -271,11 +271,11 @@ def remaining_life(
     limit : float
         Indicator at which life ends.
     rising : bool
-        Whether it is reached from below.
+        Whether the limit is reached from below.
     level : float
-        Of the interval.
+        Coverage of the interval.
     horizon : float
-        How far is looked ahead, in times of the run seen.
+        Longest forecast, relative to the duration of the run.
 
     Returns
     -------
@@ -284,7 +284,7 @@ def remaining_life(
     fit = curves.fit
     own = _reached(fit, fit.coefficients[None], np.array([fit.exponents], float), limit, rising, horizon)[0]
     lives = np.sort(_reached(fit, curves.coefficients, curves.exponents, limit, rising, horizon))
-    # Order statistics: an average of a time and "never" is no number.
+    # Order statistics, since interpolation between a time and infinity is undefined.
     places = [round((lives.size - 1) * q) for q in ((1 - level) / 2, (1 + level) / 2)]
     return RemainingLife(own, float(lives[places[0]]), float(lives[places[1]]), float(np.mean(np.isinf(lives))))
 
@@ -297,21 +297,21 @@ def out_of_sample(
     shares: Sequence[float] = TENTHS,
     robust: bool = False,
 ) -> list[OutOfSample]:
-    """Fit on the first part of a life, and compare with what came.
+    """Errors on later records of fits to the first part of a run.
 
     Parameters
     ----------
     model : CurveModel
     time_s, values : array_like [rows]
     shares : sequence of float
-        Of the time from first to last record; between 0 and 1. Those with too few records to fit are left out.
+        Fractions of the time from first to last record, between 0 and 1; those with too few records are left out.
     robust : bool
-        As `fit_curve`.
+        See `fit_curve`.
 
     Returns
     -------
     list[OutOfSample]
-        A fit at a share reads no record after it.
+        A fit to a fraction does not depend on later records.
     """
     t, y = checked(time_s, values, at_least=3)
     found = []
@@ -330,12 +330,12 @@ def out_of_sample(
 
 
 def rows_until(time_s: NDArray[Any], share: float) -> int:
-    """Records taken up to this share of the time from first to last."""
+    """Number of records up to a fraction of the time from first to last."""
     return int(np.searchsorted(time_s, time_s[0] + share * (time_s[-1] - time_s[0]) * (1 + 1e-12), side="right"))
 
 
 def _about(centre: Array, factors: tuple[float, ...]) -> list[tuple[float, ...]]:
-    """Exponents about a centre: one moved at a time, and both together."""
+    """Exponents around a centre, varied one at a time and together."""
     found = []
     for factor in factors:
         for k in range(centre.size):
@@ -348,19 +348,19 @@ def _about(centre: Array, factors: tuple[float, ...]) -> list[tuple[float, ...]]
 
 
 def _local_spread(off: Array) -> Array:
-    """Root mean square about zero of the fifth of the rows about each row."""
+    """Root mean square over a window of a fifth of the rows around each row [rows]."""
     length = min(max(30, off.size // 5), off.size)
     return np.sqrt(_moving_sum(off**2, length) / _moving_sum(np.ones(off.size), length))
 
 
 def _moving_sum(x: Array, length: int) -> Array:
-    """Sum of the rows about each row, as many as there are of this length, as `np.convolve` centres them.
+    """Moving sum over a window of `length` rows, centred as by `np.convolve` [rows].
 
-    A window is the rest of one block and the beginning of the next: two sums a row whatever its length, and unlike
-    differences of one running sum nothing cancels.
+    A window consists of the end of one block and the beginning of the next, so it needs two cumulative sums for any
+    length, without the cancellation of differences of a running sum.
     """
-    whole = -(-(x.size + length) // length) * length
-    padded = np.zeros(whole)
+    padded_size = -(-(x.size + length) // length) * length
+    padded = np.zeros(padded_size)
     padded[length // 2 : length // 2 + x.size] = x
     blocks = padded.reshape(-1, length)
     until = np.cumsum(blocks, axis=1).ravel()
@@ -370,18 +370,18 @@ def _moving_sum(x: Array, length: int) -> Array:
 
 
 def _thinned(fit: CurveFit) -> tuple[Array, Array, Array]:
-    """Scaled time, curve and residuals, averaged to a number of rows that can be refitted often."""
+    """Scaled time, curve and residuals, averaged to at most `MOST_ROWS` rows."""
     u, residuals = fit.scaled(fit.time_s), fit.residuals
     step = -(-u.size // MOST_ROWS)
     if step > 1:
-        # Whole groups from the end: the latest rows predict the next ones best.
+        # Groups are complete from the end, since the latest rows matter most for the forecast.
         cut = u.size % step
         u, residuals = (x[cut:].reshape(-1, step).mean(axis=1) for x in (u, residuals))
     return u, fit.model.curve(u, fit.coefficients, fit.exponents), residuals
 
 
 def _reached(fit: CurveFit, coefficients: Array, exponents: Array, limit: float, rising: bool, horizon: float) -> Array:
-    """Time after the last row at which each curve first reaches the limit, s; inf for never."""
+    """Time after the last row at which each curve first reaches the limit, s; inf when it does not."""
     ahead = np.concatenate([[0.0], np.geomspace(1e-4, horizon, 400)])
     sign = 1.0 if rising else -1.0
     lives = np.empty(len(coefficients))

@@ -1,12 +1,12 @@
 """Curves for a health indicator along a run, fitted by least squares with bounds.
 
-time_s, indicator --start: grid of exponents, the rest linear--> least squares, bounded --> CurveFit --> any later time
+time_s, indicator --grid of exponents, linear coefficients--> bounded least squares --> CurveFit --> any later time
 
 Paper 2 names "the exponential model, power model, and polynomial model" as common and prefers "the combined power
-function", whose form it does not give. Two readings of that are here, a t^b + c and a t^b + c t^d + e. Time enters as
-u = (t - first) / (last - first): only a t^b without offset depends on where the clock begins, and it begins with the
-run. All models are linear but for their exponents (Golub and Pereyra 1973, DOI 10.1137/0710036), which gives starts
-that need no luck.
+function", without its form. Two possible forms are included: a t^b + c and a t^b + c t^d + e. Time enters as
+u = (t - first) / (last - first), so it begins with the run; only a t^b without offset depends on its origin. All models
+are linear except for their exponents (Golub and Pereyra 1973, DOI 10.1137/0710036), so that a grid of exponents gives
+reliable initial values.
 """
 
 from __future__ import annotations
@@ -25,32 +25,33 @@ from twingap.errors import TwingapError
 Array = NDArray[np.float64]
 
 AMPLITUDE_LIMIT: Final = 100.0
-"""Of every linear coefficient, in units of the largest indicator. Without it, two terms of nearly equal exponent grow
-without end against each other, and extrapolate accordingly."""
+"""Bound of every linear coefficient, relative to the largest indicator. Without it, two terms of nearly equal exponent
+can grow without limit with opposite signs, which makes extrapolation useless."""
 LARGEST_ARGUMENT: Final = 300.0
-"""exp(300) is beyond any indicator; it only keeps numbers, and their squares, finite."""
+"""Bound of arguments of exp, which keeps values and their squares finite."""
 POWERS: Final = (0.05, 60.0)
 RATES: Final = (-60.0, 60.0)
-"""Bounds of b and d: per run observed. 60 is a curve that does all it does in the last 2 % of what was seen."""
+"""Bounds of exponents and rates, relative to the duration of the run. At 60 a curve changes only in the last 2 % of
+it."""
 
 
 @dataclass(frozen=True)
 class CurveModel:
-    """A family of curves: y = sum of coefficient times column, columns depending on time and a few exponents.
+    """Family of curves: a linear combination of columns that depend on time and on a few exponents.
 
     Parameters
     ----------
     name, formula : str
     columns : callable
-        (u [rows], exponents) -> list of Arrays [rows]. Exponents may be arrays that go with u.
+        (u [rows], exponents) -> list of Arrays [rows]. Exponents may be arrays that broadcast with u.
     slopes : callable
-        The same for each exponent: (u, exponents) -> list of (column number, its derivative [rows]).
+        (u, exponents) -> list of (index of the column, its derivative [rows]), one for each exponent.
     starts : tuple of Array
-        Grid for each exponent; none for linear models.
+        Grid of each exponent; empty for linear models.
     bounds : (float, float)
-        Of each exponent.
+        Bounds of each exponent.
     spread : float
-        Least ratio of the second exponent to the first, where there are two.
+        Smallest ratio of the second exponent to the first, where there are two.
     linear : int
         Number of columns.
     """
@@ -66,17 +67,17 @@ class CurveModel:
 
     @property
     def parameters(self) -> int:
-        """Coefficients and exponents."""
+        """Number of coefficients and exponents."""
         return self.linear + len(self.starts)
 
     def design(self, u: Array, exponents: tuple[float, ...]) -> Array:
-        """Columns as [rows, linear]."""
+        """Columns [rows, linear]."""
         return np.stack(self.columns(u, exponents), axis=-1)
 
     def grid(self) -> list[tuple[float, ...]]:
-        """Exponents worth trying: one order only, and no two that are nearly equal."""
-        whole = [tuple(float(v) for v in values) for values in itertools.product(*self.starts)]
-        return [v for v in whole if len(v) < 2 or v[1] >= self.spread * v[0]]
+        """Grid of exponents, in ascending order and without nearly equal ones."""
+        combinations = [tuple(float(v) for v in values) for values in itertools.product(*self.starts)]
+        return [v for v in combinations if len(v) < 2 or v[1] >= self.spread * v[0]]
 
     def curve(self, u: Array, coefficients: Array, exponents: tuple[float, ...]) -> Array:
         """Values at u [rows] for coefficients [linear]."""
@@ -94,10 +95,10 @@ class CurveFit:
     origin_s, span_s : float
         u = (t - origin) / span.
     coefficients : Array [linear]
-        In the indicator's unit.
+        In the unit of the indicator.
     exponents : tuple of float
     time_s, values : Array [rows]
-        What it was fitted to.
+        Times, s, and values of the fit.
     """
 
     model: CurveModel
@@ -109,34 +110,34 @@ class CurveFit:
     values: Array
 
     def at(self, time_s: ArrayLike) -> Array:
-        """The curve at these times [...], s."""
+        """Values of the curve at times [...], s."""
         t = np.asarray(time_s, float)
         flat = self.model.curve(self.scaled(t.ravel()), self.coefficients, self.exponents)
         return flat.reshape(t.shape)
 
     def scaled(self, time_s: ArrayLike) -> Array:
-        """u of these times."""
+        """Scaled time u of times [...], s."""
         return np.asarray((np.asarray(time_s, float) - self.origin_s) / self.span_s)
 
     @property
     def residuals(self) -> Array:
-        """Indicator less curve [rows]."""
+        """Indicator minus curve [rows]."""
         return self.values - self.at(self.time_s)
 
     @property
     def rmse(self) -> float:
-        """Root of the mean squared residual."""
+        """Root mean square of the residuals."""
         return float(np.sqrt(np.mean(self.residuals**2)))
 
     @property
     def r2(self) -> float:
-        """Share of variance explained; 0 for an indicator that does not vary."""
+        """Coefficient of determination; 0 for a constant indicator."""
         spread = float(np.sum((self.values - self.values.mean()) ** 2))
         return 1 - float(np.sum(self.residuals**2)) / spread if spread > 0 else 0.0
 
     @property
     def at_bound(self) -> bool:
-        """Whether a parameter lies at its bound: then the data do not determine it."""
+        """Whether a parameter is at its bound, so that the data do not determine it."""
         low, high = self.model.bounds
         limit = AMPLITUDE_LIMIT * float(np.abs(self.values).max())
         ends = [b - low < 1e-3 * (high - low) or high - b < 1e-3 * (high - low) for b in self.exponents]
@@ -149,12 +150,12 @@ def _power(u: Array, b: float) -> Array:
 
 
 def _log(u: Array) -> Array:
-    """log u, 0 where u^b log u is to be 0."""
+    """log u; 0 for u = 0, where u^b log u is 0."""
     return np.log(np.where(u > 0, u, 1.0))
 
 
 def _exp(u: Array, b: float) -> Array:
-    # From the last row instead of the first: the coefficient is then of the indicator's size whatever the rate.
+    # Relative to the last row, so that the coefficient has the size of the indicator for every rate.
     return np.exp(np.minimum(b * (u - 1), LARGEST_ARGUMENT))
 
 
@@ -202,12 +203,12 @@ MODELS: Final[Mapping[str, CurveModel]] = {
         CONSTANT, EXPONENTIAL, EXPONENTIAL_OFFSET, POWER, _polynomial(2), _polynomial(3), COMBINED_3, COMBINED_5,
     )
 }  # fmt: skip
-"""By name. The constant is what a curve has to beat; the exponential without offset is MATLAB's `exp1`, the combined
-power of three parameters its `power2`: the tool that the paper uses."""
+"""Models by name. The constant is the baseline of the comparison. The exponential without offset is `exp1` of MATLAB,
+which the paper uses, and the combined power of three parameters its `power2`."""
 
 
 def fit_curve(model: CurveModel, time_s: ArrayLike, values: ArrayLike, *, robust: bool = False) -> CurveFit:
-    """Least squares of a model, with bounds on every parameter.
+    """Least-squares fit of a model, with bounds on every parameter.
 
     Parameters
     ----------
@@ -217,8 +218,8 @@ def fit_curve(model: CurveModel, time_s: ArrayLike, values: ArrayLike, *, robust
     values : array_like [rows]
         Indicator.
     robust : bool
-        Weigh what is far off the curve less: soft L1, which turns linear at 1.345 robust standard deviations (Huber's
-        constant) of the residuals of the plain fit.
+        Whether outliers get less weight, by a soft L1 loss that becomes linear at 1.345 robust standard deviations
+        (Huber's constant) of the residuals.
 
     Returns
     -------
@@ -227,7 +228,7 @@ def fit_curve(model: CurveModel, time_s: ArrayLike, values: ArrayLike, *, robust
     Raises
     ------
     TwingapError
-        For NaN, times that do not increase, or fewer rows than parameters and two.
+        For NaN, times that do not increase, or fewer rows than parameters plus two.
     """
     t, y = checked(time_s, values, at_least=model.parameters + 2)
     origin, span = float(t[0]), float(t[-1] - t[0])
@@ -240,7 +241,7 @@ def fit_curve(model: CurveModel, time_s: ArrayLike, values: ArrayLike, *, robust
     if model.starts:
         parameters = polished(model, u, y / size, parameters)
     if robust:
-        for _ in range(2):  # the scale is taken anew from the robust curve: outliers have widened the first
+        for _ in range(2):  # the scale is estimated again from the robust curve, since outliers widen the first
             off = y / size - model.curve(u, parameters[: model.linear], tuple(parameters[model.linear :]))
             scale = 1.345 * 1.4826 * float(np.median(np.abs(off - np.median(off))))
             if scale > 1e-12:
@@ -253,7 +254,7 @@ def fit_curve(model: CurveModel, time_s: ArrayLike, values: ArrayLike, *, robust
 def polished(
     model: CurveModel, u: Array, y: Array, parameters: Array, *, scale: float | None = None, memory: float = 0.0
 ) -> Array:
-    """Bounded least squares from a start.
+    """Bounded least squares from initial values.
 
     Parameters
     ----------
@@ -261,11 +262,11 @@ def polished(
     u, y : Array [rows]
         Scaled time; indicator over its largest value.
     parameters : Array [linear + exponents]
-        The start.
+        Initial values.
     scale : float or None
-        Of the soft L1; None for squares.
+        Scale of the soft L1 loss; None for squares.
     memory : float
-        Correlation of neighbouring rows that is taken out of the residuals first, as in an AR(1) process.
+        Correlation of neighbouring rows by which residuals are whitened, as for an AR(1) process.
     """
     low, high = model.bounds
     count = len(model.starts)
@@ -274,7 +275,7 @@ def polished(
         np.array([AMPLITUDE_LIMIT] * model.linear + [high] * count),
     )
 
-    def off(p: Array) -> Array:
+    def residuals(p: Array) -> Array:
         return whitened(model.curve(u, p[: model.linear], tuple(p[model.linear :])) - y, memory)
 
     def slope(p: Array) -> Array:
@@ -287,21 +288,21 @@ def polished(
 
     inside = np.clip(parameters, limits[0] + 1e-9, limits[1] - 1e-9)
     found = least_squares(
-        off, inside, jac=slope, bounds=limits, x_scale="jac", max_nfev=60, xtol=1e-8, ftol=1e-9, gtol=1e-9,
+        residuals, inside, jac=slope, bounds=limits, x_scale="jac", max_nfev=60, xtol=1e-8, ftol=1e-9, gtol=1e-9,
         loss="linear" if scale is None else "soft_l1", f_scale=1.0 if scale is None else scale,
     )  # fmt: skip
     return np.asarray(found.x, float)
 
 
 def whitened(x: Array, memory: float) -> Array:
-    """Rows less `memory` times the row before; the first one scaled to the same variance."""
+    """Rows minus `memory` times the row before; the first row is scaled to the same variance."""
     if memory == 0:
         return x
     return np.concatenate([x[:1] * np.sqrt(1 - memory**2), x[1:] - memory * x[:-1]])
 
 
 def checked(time_s: ArrayLike, values: ArrayLike, *, at_least: int) -> tuple[Array, Array]:
-    """Times and values as arrays [rows], refused where no curve can be laid through them."""
+    """Times and values as arrays [rows]; raises where no curve can be fitted."""
     t, y = np.asarray(time_s, float), np.asarray(values, float)
     where = "degradation curve"
     if t.ndim != 1 or t.shape != y.shape:
@@ -309,9 +310,9 @@ def checked(time_s: ArrayLike, values: ArrayLike, *, at_least: int) -> tuple[Arr
     if t.size < at_least:
         raise TwingapError(f"{t.size} rows, at least {at_least} expected", where=where, mend="give more records")
     if not (np.isfinite(t).all() and np.isfinite(y).all()):
-        raise TwingapError("holds NaN or infinity", where=where, mend="leave these rows out")
+        raise TwingapError("contains NaN or infinity", where=where, mend="leave these rows out")
     if (np.diff(t) <= 0).any():
-        raise TwingapError("times do not increase", where=where, mend="sort the rows, and keep one of each time")
+        raise TwingapError("times do not increase", where=where, mend="sort the rows, and keep one for each time")
     return t, y
 
 
@@ -320,7 +321,7 @@ def _first(model: CurveModel) -> tuple[float, ...]:
 
 
 def _start(model: CurveModel, u: Array, y: Array) -> tuple[Array, tuple[float, ...]]:
-    """Best of the grid; amplitudes within their limit."""
+    """Coefficients and exponents of the best grid point, with coefficients within their bound."""
     found: tuple[float, Array, tuple[float, ...]] | None = None
     spare: tuple[float, Array, tuple[float, ...]] | None = None
     highest = 0.99 * AMPLITUDE_LIMIT

@@ -1,4 +1,4 @@
-"""Degradation of one run, from features to forecast: the function behind `twingap health`.
+"""Degradation analysis of one run, from features to forecast; used by `twingap health`.
 
 Run --healthy start--> candidates --criteria--> indicator --> every model: fit, criteria, errors, band, remaining life
 """
@@ -22,41 +22,41 @@ from twingap.prognosis.degradation_forecast import (
     remaining_life,
 )
 from twingap.prognosis.degradation_models import MODELS, CurveFit, fit_curve
-from twingap.prognosis.health_indicator import Indicators, Run, chosen, judged, online_indicators
+from twingap.prognosis.health_indicator import Indicators, Run, chosen, evaluate_candidates, online_indicators
 from twingap.prognosis.indicator_criteria import IndicatorCriteria, causal_trend
 from twingap.prognosis.information import Criteria, criteria
 
 Array = NDArray[np.float64]
 
 FEWEST_LATER = 10
-"""Rows after the healthy start without which there is nothing to fit a curve to."""
+"""Fewest rows after the healthy start to fit a curve to."""
 _TOGETHER: Final = 5
-"""Rows whose median is the last level of an indicator, so that a spike does not set its direction."""
+"""Rows whose median is the level of an indicator, so that a spike does not determine its direction; more are slower to
+follow."""
 _CLEAR: Final = 5.0
-"""Healthy standard deviations that it has gone by the end, where its way is clear."""
+"""Change of an indicator over the run, in healthy standard deviations, from which its direction counts as clear."""
 
 
 @dataclass(frozen=True)
 class DegradeOptions:
-    """How a run is read.
+    """Options of the degradation analysis.
 
     Parameters
     ----------
     healthy_rows : int
-        Records at the beginning that are taken to be healthy. A fixed number, so that the indicator at a row does not
-        depend on how many rows follow.
+        First records, assumed healthy. The number is fixed, so that the indicator does not depend on later rows.
     indicator : str or None
-        A candidate by name; None takes the one of highest suitability on this run.
+        Name of a candidate; None = the one of highest suitability on this run.
     limit : float or None
-        Level at which life ends: in the feature's own unit where the indicator is a feature, else in the indicator's.
+        Level at which life ends, in the unit of the feature if the indicator is one, else in that of the indicator.
     trend_rows : int
-        Of the causal moving average under the criteria.
+        Rows of the causal moving average of the criteria.
     robust : bool
-        Fit by soft L1.
+        Whether to fit by soft L1.
     curves : int
-        Refits behind an interval.
+        Number of refits for an interval; more make its ends less noisy.
     level : float
-        Of the intervals.
+        Coverage of the intervals.
     """
 
     healthy_rows: int = 30
@@ -70,7 +70,7 @@ class DegradeOptions:
 
 @dataclass(frozen=True)
 class Model:
-    """Fit, criteria and forecast of one model."""
+    """Fit, criteria and forecast of one curve model."""
 
     fit: CurveFit
     criteria: Criteria
@@ -80,36 +80,38 @@ class Model:
 
     @property
     def error(self) -> float | None:
-        """Median over tenths of the error on all later records; None where no tenth could be fitted."""
+        """Median over tenths of the run of the error on all later records; None where no tenth could be fitted."""
         return float(np.median([e.rmse_rest for e in self.errors])) if self.errors else None
 
 
 @dataclass(frozen=True)
 class Degradation:
-    """What came out.
+    """Result of the degradation analysis of a run.
 
     Parameters
     ----------
     run : Run
     options : DegradeOptions
     candidates : Indicators
-    judged : dict[str, IndicatorCriteria]
+    candidate_criteria : dict[str, IndicatorCriteria]
     indicator : str
+        Name of the selected candidate.
     values, trend : Array [rows]
+        The indicator and its moving average.
     models : dict[str, Model]
-        Lowest BIC with AR(1) residuals first.
+        Models in ascending order of BIC with AR(1) residuals.
     limit : float or None
-        In the indicator's unit.
+        In the unit of the indicator.
     rising : bool
         Whether the limit is reached from below.
     notes : tuple of str
-        How the limit was taken, where the run does not state it.
+        How the direction of the limit was determined, where the run leaves it open.
     """
 
     run: Run
     options: DegradeOptions
     candidates: Indicators
-    judged: dict[str, IndicatorCriteria]
+    candidate_criteria: dict[str, IndicatorCriteria]
     indicator: str
     values: Array
     trend: Array
@@ -124,8 +126,8 @@ class Degradation:
         return next(iter(self.models))
 
     def candidate_rows(self) -> list[dict[str, Any]]:
-        """A row a candidate, most suitable first."""
-        names = sorted(self.judged, key=lambda name: -self.judged[name].suitability)
+        """One row per candidate, most suitable first."""
+        names = sorted(self.candidate_criteria, key=lambda name: -self.candidate_criteria[name].suitability)
         return [
             {
                 "candidate": name, "monotonicity": c.monotonicity, "trendability": c.trendability,
@@ -133,11 +135,11 @@ class Degradation:
                 "chosen": int(name == self.indicator),
             }
             for name in names
-            for c in [self.judged[name]]
+            for c in [self.candidate_criteria[name]]
         ]  # fmt: skip
 
     def model_rows(self) -> list[dict[str, Any]]:
-        """A row a model; criteria as differences to the lowest. Empty remaining times: no limit, or not reached."""
+        """One row per model; criteria are differences to the lowest, remaining times are empty without a limit."""
         least = {
             name: min(getattr(m.criteria, name) for m in self.models.values())
             for name in ("aicc", "bic", "aicc_ar1", "bic_ar1")
@@ -158,7 +160,7 @@ class Degradation:
         return rows
 
     def indicator_rows(self) -> list[dict[str, float]]:
-        """A row a record."""
+        """One row per record."""
         return [
             {"time_s": float(t), "indicator": float(x), "trend": float(s)}
             for t, x, s in zip(self.run.time_s, self.values, self.trend, strict=True)
@@ -170,18 +172,18 @@ def degrade(
     options: DegradeOptions,
     rng: np.random.Generator,
     *,
-    step: Callable[[str], None] = lambda what: None,
+    progress: Callable[[str], None] = lambda what: None,
 ) -> Degradation:
-    """Indicator, models, forecasts of one run.
+    """Indicator, curve models and forecasts of one run.
 
     Parameters
     ----------
     run : Run
     options : DegradeOptions
     rng : Generator
-        Of the draws behind intervals.
-    step : callable
-        Called with a model's name when it is done.
+        Generator of the draws of intervals.
+    progress : callable
+        Called with the name of each model after its fit.
 
     Returns
     -------
@@ -190,8 +192,8 @@ def degrade(
     Raises
     ------
     TwingapError
-        For too few rows, features that are all constant, an unknown indicator, a limit that is no number or that the
-        indicator moves away from.
+        For too few rows, constant features, an unknown indicator, a limit that is not finite or from which the
+        indicator moves away.
     """
     rows, needed = run.time_s.size, options.healthy_rows + FEWEST_LATER
     if rows < needed:
@@ -201,7 +203,7 @@ def degrade(
             where=run.name, mend="give more records, or fewer healthy ones (--healthy)",
         )  # fmt: skip
     candidates = online_indicators(run, options.healthy_rows)
-    found = judged(candidates, run.time_s, healthy_rows=options.healthy_rows, window=options.trend_rows)
+    found = evaluate_candidates(candidates, run.time_s, healthy_rows=options.healthy_rows, window=options.trend_rows)
     name = options.indicator or chosen([found])
     if name not in candidates.values:
         known = ", ".join(candidates.values)
@@ -213,7 +215,7 @@ def degrade(
     rising, notes = True, tuple[str, ...]()
     if limit is not None:
         centre, scale, unit = _unit_of(name, run, candidates)
-        rising, notes = _way(name, centre + scale * values, limit, options.healthy_rows, unit)
+        rising, notes = _direction(name, centre + scale * values, limit, options.healthy_rows, unit)
         limit = float((limit - centre) / scale)
     models: dict[str, Model] = {}
     for title, model in MODELS.items():
@@ -222,16 +224,16 @@ def degrade(
         life = None if limit is None else remaining_life(curves, limit, rising=rising, level=options.level)
         errors = out_of_sample(model, run.time_s, values, robust=options.robust)
         models[title] = Model(fit, criteria(fit), errors, curves, life)
-        step(title)
+        progress(title)
     ordered = dict(sorted(models.items(), key=lambda item: item[1].criteria.bic_ar1))
     trend = causal_trend(values, options.trend_rows)
     return Degradation(run, options, candidates, found, name, values, trend, ordered, limit, rising, notes)
 
 
 def _unit_of(name: str, run: Run, candidates: Indicators) -> tuple[float, float, str]:
-    """Centre and scale by which an indicator becomes what its limit is given in, and the name of that.
+    """Centre and scale that convert an indicator to the unit of its limit, and the name of that unit.
 
-    A feature's own values; of a fusion feature, whose axis mixes features in their standard deviations, its own ones.
+    The unit is that of the feature itself; for a fusion feature it is its own healthy standard deviation.
     """
     varying = [n for n in run.names if n not in candidates.constant]
     if name not in varying:
@@ -241,23 +243,23 @@ def _unit_of(name: str, run: Run, candidates: Indicators) -> tuple[float, float,
     return float(candidates.fusion.centre[place]), float(candidates.fusion.scale[place]), "the feature"
 
 
-def _way(name: str, values: Array, limit: float, healthy_rows: int, unit: str) -> tuple[bool, tuple[str, ...]]:
-    """Whether the indicator reaches the limit from below, as it moves in this run; a note where that is not clear.
+def _direction(name: str, values: Array, limit: float, healthy_rows: int, unit: str) -> tuple[bool, tuple[str, ...]]:
+    """Whether the indicator reaches the limit from below, by its change in this run; a note where that is unclear.
 
     Parameters
     ----------
     name : str
     values : Array [rows]
-        In the limit's unit.
+        Indicator in the unit of the limit.
     limit : float
     healthy_rows : int
     unit : str
-        Whose, for the message.
+        Name of the unit, for the message.
 
     Raises
     ------
     TwingapError
-        When the limit lies on the side that the indicator has left: healthy rows are beyond it already.
+        When the indicator moves away from the limit, so that the healthy rows are already beyond it.
     """
     healthy, later = values[:healthy_rows], values[healthy_rows:]
     level = float(healthy.mean())
@@ -267,25 +269,25 @@ def _way(name: str, values: Array, limit: float, healthy_rows: int, unit: str) -
     if not clear:
         side, way = ("above", "rises") if above else ("below", "falls")
         return above, (
-            f"{name} does not move clearly away from its healthy {level:.4g} in this run: the limit {limit:g} lies "
-            f"{side} that, so life is taken to end where it {way} to it",
+            f"{name} does not move clearly away from its healthy {level:.4g} in this run: the limit {limit:g} is "
+            f"{side} that, so life is assumed to end where it {way} to it",
         )
     rising = end > 0
     if rising != above or limit == level:
         way, mend = (
             ("rises", "raise the limit")
             if rising
-            else ("falls", "count rows of running in as healthy ones (--healthy) or lower the limit")
+            else ("falls", "include running in among the healthy rows (--healthy) or lower the limit")
         )
         raise TwingapError(
-            f"healthy rows have {name} {level:.4g} already, and it {way} from there, to {level + end:.4g}",
+            f"healthy rows already have {name} {level:.4g}, and it {way} from there, to {level + end:.4g}",
             where=f"limit {limit:g}", mend=f"{mend}, in the unit of {unit}",
         )  # fmt: skip
     return rising, ()
 
 
 def _difference(value: float, least: float) -> float | None:
-    """None to the criterion of an exact fit, which is -inf."""
+    """Difference of a criterion to the lowest; None relative to -inf, the criterion of an exact fit."""
     return 0.0 if value == least else _finite(value - least)
 
 

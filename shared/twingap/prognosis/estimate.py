@@ -1,4 +1,4 @@
-"""An estimate of remaining life at one row, and the options of estimation."""
+"""Estimate of remaining life at one row, and options of the estimation."""
 
 from __future__ import annotations
 
@@ -12,26 +12,26 @@ from twingap.prognosis.anomaly import AnomalyRule
 from twingap.prognosis.revolutions import Gaps
 
 _HIGHEST_RATIO: Final = 1e6
-"""No accelerometer has a wider range between its noise and full scale."""
+"""Largest ratio accepted; no accelerometer has a wider range between noise and full scale."""
 
 
 @dataclass(frozen=True)
 class LifeOptions:
-    """How remaining life is estimated.
+    """Options of the estimation of remaining life.
 
     Parameters
     ----------
     limit : float or None
-        Peak to peak at which a life ends, unit of the records, at whatever speed (15 g in paper 1). None: by
-        `limit_ratio`.
+        Peak to peak at which life ends, in the unit of the records, at any speed (15 g in paper 1). None: the end is
+        given by `limit_ratio`.
     limit_ratio : float
-        Amplitude at the end over the healthy one at the same speed.
+        Amplitude at the end of life relative to the healthy one at the same speed.
     healthy_rows : int
-        Rows at the beginning of the run that are taken to be healthy.
+        First rows of the run, assumed healthy.
     rule : AnomalyRule
-        States the rate of false alarms.
+        Rule of the alarm.
     gaps : {"running", "stopped"}
-        Whether the machine ran while rows are missing.
+        Whether the machine ran or stood still during gaps in the rows.
     """
 
     limit: float | None = None
@@ -52,17 +52,18 @@ class LifeOptions:
 
 @dataclass(frozen=True)
 class Estimate:
-    """Remaining life as known at a row; NaN where it is not known.
+    """Remaining life at a row; NaN where it is unknown.
 
     Parameters
     ----------
     anomaly : bool
+        Whether the alarm has been given.
     revolutions, revolutions_lo, revolutions_hi : float
-        Median and 90 % interval.
+        Median and 90 % interval of remaining revolutions.
     speed_rpm : float
-        Of the row.
+        Speed at the row, rpm; 0 while the machine stands still.
     closed_lo : float or None
-        Where the lower end is left open, at 0: what it would be after a healthy start. See `OnlineLife.open_below`.
+        Where the lower end is set to 0 (see `OnlineLife.open_below`): lower end that growth alone would give.
     """
 
     anomaly: bool
@@ -73,13 +74,13 @@ class Estimate:
     closed_lo: float | None = None
 
     def closed(self) -> Estimate:
-        """The same with the lower end by growth, as past intervals use it."""
+        """The same estimate with the lower end by growth alone, as past intervals use it."""
         if self.closed_lo is None:
             return self
         return replace(self, revolutions_lo=self.closed_lo, closed_lo=None)
 
     def time_s(self) -> tuple[float, float, float]:
-        """Median, lower and upper remaining time at the row's own speed (eq. 14), s; NaN while it stands still."""
+        """Median, lower and upper remaining time at the speed of the row (eq. 14), s; NaN at standstill."""
         if not self.speed_rpm > 0:
             return (float("nan"),) * 3
         a, b, c = (60 * v / self.speed_rpm for v in (self.revolutions, self.revolutions_lo, self.revolutions_hi))

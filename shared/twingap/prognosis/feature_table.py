@@ -1,6 +1,6 @@
-"""A run as a table of features: comma-separated, a column time_s, a row per record, numbers in the other columns.
+"""Reader of a run as a table of features: CSV with a column time_s, one row per record, one column per feature.
 
-features.csv --numbers; text left out--> time_s, features --sorted by time--> Run, notes on what was done
+features.csv --numeric columns--> time_s, features --sorted by time--> Run, notes
 """
 
 from __future__ import annotations
@@ -24,32 +24,32 @@ Array = NDArray[np.float64]
 TIME: Final = "time_s"
 GROUP: Final = "group"
 CONDITIONS: Final = ("record", "file", "channel", "speed_rpm", "load_n", "fs_hz", "fault")
-"""Columns with a meaning of their own in record sets: no features, even where they are numbers."""
+"""Columns of record sets that are no features, even where they are numbers."""
 
 
 def read_feature_table(path: str | os.PathLike[str], *, group: str | None = None) -> tuple[Run, list[str]]:
-    """Features along one run.
+    """Features along one run, from a CSV file.
 
     Parameters
     ----------
     path : path-like
-        UTF-8, comma-separated, with a header. Columns of text, those of `CONDITIONS` and counters (the same step from
-        row to row) are left out.
+        UTF-8, comma-separated, with a header. Columns of text, those of `CONDITIONS`, and counters (a
+        constant step from row to row) are left out.
     group : str, optional
-        Which rows, by their column group, where the table holds several runs.
+        Group whose rows are the run, where the table contains several.
 
     Returns
     -------
     run : Run
         Sorted by time_s.
     notes : list of str
-        What was left out or sorted.
+        Columns that were left out, and whether rows were sorted.
 
     Raises
     ------
     TwingapError
-        Naming file, row and column: no time_s, a cell that is empty or no finite number in a column of numbers, times
-        that appear twice, no features, several groups and none named.
+        With file, row and column: no time_s, an empty cell or one that is no finite number in a numeric column, equal
+        times, no features, several groups without a selection.
     """
     path = Path(path)
     header, rows = _rows(path)
@@ -64,11 +64,11 @@ def read_feature_table(path: str | os.PathLike[str], *, group: str | None = None
     notes: list[str] = []
     time_s = _column(path, rows, header, TIME)
     if time_s is None:
-        raise TwingapError("holds no numbers", where=f"{path}, column {TIME}", mend="give times in s")
+        raise TwingapError("contains no numbers", where=f"{path}, column {TIME}", mend="give times in s")
     if GROUP in header:
         count = _refuse_several(path, rows, header.index(GROUP), time_s)
         if count > 1:
-            notes.append(f"{count} groups that follow one another in time: taken for recordings of one run")
+            notes.append(f"{count} groups that follow one another in time: assumed to be recordings of one run")
     features: dict[str, Array] = {}
     text: list[str] = []
     for name in header:
@@ -80,7 +80,7 @@ def read_feature_table(path: str | os.PathLike[str], *, group: str | None = None
         else:
             features[name] = column
     if text:
-        notes.append(f"left out, since they hold no numbers: {', '.join(text)}")
+        notes.append(f"left out, since they contain no numbers: {', '.join(text)}")
     order = np.argsort(time_s, kind="stable")
     if not np.array_equal(order, np.arange(order.size)):
         notes.append("rows were not in order of time_s and have been sorted")
@@ -103,7 +103,7 @@ def read_feature_table(path: str | os.PathLike[str], *, group: str | None = None
 
 
 def _rows(path: Path) -> tuple[list[str], list[tuple[int, list[str]]]]:
-    """Header and rows with their numbers, as a spreadsheet counts them."""
+    """Header, and rows with their line numbers from 1."""
     try:
         with path.open(encoding="utf-8-sig", newline="") as stream:
             lines = [(n, row) for n, row in enumerate(csv.reader(stream, strict=True), 1) if any(map(str.strip, row))]
@@ -119,17 +119,17 @@ def _rows(path: Path) -> tuple[list[str], list[tuple[int, list[str]]]]:
     for name in header:
         if not name or header.count(name) > 1:
             shown = f"column {name!r} appears twice" if name else "a column has no name"
-            raise TwingapError(shown, where=f"{path}, row {lines[0][0]}", mend="give each column a name of its own")
-    if len(header) == 1 and any(mark in header[0] for mark in ";\t"):  # as spreadsheets write them in many countries
+            raise TwingapError(shown, where=f"{path}, row {lines[0][0]}", mend="give each column its own name")
+    if len(header) == 1 and any(mark in header[0] for mark in ";\t"):  # the separator of spreadsheets in many countries
         mend = "separate columns by commas and write decimal points"
         raise TwingapError("is not a comma-separated table", where=f"{path}, row {lines[0][0]}", mend=mend)
     for number, row in lines[1:]:
         if len(row) != len(header):
-            mend = "separate columns by commas, and put fields that hold commas in double quotes"
+            mend = "separate columns by commas, and put fields with commas in double quotes"
             what = f"has {len(row)} fields, {len(header)} expected"
             raise TwingapError(what, where=f"{path}, row {number}", mend=mend)
     if len(lines) == 1:
-        raise TwingapError("holds no records", where=path, mend="add a row per record")
+        raise TwingapError("contains no records", where=path, mend="add a row per record")
     return header, lines[1:]
 
 
@@ -143,17 +143,17 @@ def _of_group(path: Path, rows: list[tuple[int, list[str]]], column: int, group:
 
 
 def _refuse_several(path: Path, rows: list[tuple[int, list[str]]], column: int, time_s: Array) -> int:
-    """Refuse runs side by side; how many groups there are otherwise."""
+    """Number of groups; raises where they overlap in time and so are several runs."""
     groups = [row[column].strip() or None for _, row in rows]
     if side_by_side(groups, time_s.tolist()):
         shown = listed([group for group in groups if group])
-        what = f"holds {len(set(groups) - {None})} runs side by side: {shown}"
-        raise TwingapError(what, where=path, mend="name one with --group")
+        what = f"contains {len(set(groups) - {None})} runs that overlap in time: {shown}"
+        raise TwingapError(what, where=path, mend="select one with --group")
     return len(set(groups) - {None})
 
 
 def _column(path: Path, rows: list[tuple[int, list[str]]], header: list[str], name: str) -> Array | None:
-    """Numbers of a column; None when it holds none at all."""
+    """Numbers of a column; None when it contains none."""
     place = header.index(name)
     cells = [row[place].strip() for _, row in rows]
     values = np.array([_number(cell) for cell in cells])
@@ -172,7 +172,7 @@ def _column(path: Path, rows: list[tuple[int, list[str]]], header: list[str], na
         at = int(np.argmax(np.abs(values)))
         size = "large" if largest >= MOST else "small"
         raise TwingapError(
-            f"{values[at]:.3g} is too {size} for what was measured", where=f"{path}, row {rows[at][0]}, column {name}",
+            f"{values[at]:.3g} is too {size} for a measured value", where=f"{path}, row {rows[at][0]}, column {name}",
             mend="check the unit and how the table was written",
         )  # fmt: skip
     return values
@@ -186,6 +186,6 @@ def _number(text: str) -> float:
 
 
 def _counts(x: Array) -> bool:
-    """Whether a column rises by the same step from each row to the next: the best indicator there is, of nothing."""
+    """Whether a column increases by a constant step; it would be the best indicator without any information."""
     steps = np.diff(x)
     return bool(steps.size > 2 and steps[0] != 0 and np.allclose(steps, steps[0], rtol=1e-6, atol=0))

@@ -1,6 +1,6 @@
-"""Remaining life along a whole run, estimated row by row.
+"""Remaining life along a complete run, estimated row by row.
 
-Run --OnlineLife, one record in memory--> Followed: an estimate for each row, notes, and the run as prior for others
+Run --OnlineLife, one record in memory--> Followed: an estimate for each row, notes, and the outcome of the run
 """
 
 from __future__ import annotations
@@ -22,14 +22,13 @@ COLUMNS: Final = (
     "record", "anomaly", "remaining_revolutions", "remaining_time_s", "remaining_time_s_lo", "remaining_time_s_hi",
 )  # fmt: skip
 _NEARLY: Final = 0.9
-"""Share of the length of the healthy records that a shorter one may have: a tenth less lowers peak to peak of noise by
-less than 2 %."""
+"""Smallest length of a record relative to the healthy ones; lower accepts records whose peak to peak is too small."""
 _OUTLIER: Final = 0.5
-"""Share of their median length below which a healthy record does not set how much is taken of all."""
+"""Length relative to the median below which a healthy record does not determine the common length."""
 _IMPULSIVE: Final = 6.0
 """Median kurtosis of the first rows from which a note warns that they may not be healthy; higher warns less often."""
 REACHED: Final = "end of life is reached"
-"""First words of the note that names the record at which life ends."""
+"""Beginning of the note that names the record at which life ends."""
 
 
 @dataclass(frozen=True)
@@ -40,12 +39,12 @@ class Followed:
     ----------
     run : Run
     estimates : tuple of Estimate
-        One a row.
+        One for each row.
     notes : tuple of str
     outcome : Outcome
-        Should the run have ended: with the last row, or where it reached a limit in absolute amplitude.
+        Outcome, if the run has ended: with the last row, or where it reached an absolute limit.
     alarm, onset : str or None
-        Records at which the anomaly was known, and began.
+        Names of the records of the alarm and of the onset.
     """
 
     run: Run
@@ -67,7 +66,7 @@ def follow(
     *,
     progress: Callable[[str, float], None] | None = None,
 ) -> Followed:
-    """Estimate remaining life after every row of a run, each from the rows up to it.
+    """Estimates of remaining life after every row of a run, each from the rows up to it.
 
     Parameters
     ----------
@@ -80,43 +79,43 @@ def follow(
     Raises
     ------
     TwingapError
-        Naming the run: when its healthy rows do not scatter at all, or lie above the limit already.
+        When the healthy rows of the run have no scatter, or are above the limit.
 
     Notes
     -----
-    Peak to peak grows with a record's length. Where lengths differ it is that of the first samples of every record, as
-    many as the shortest healthy one has: an average over stretches would scatter less in longer records, and be no
-    measure for shorter ones. Only healthy rows set how many, so that no row depends on later ones.
+    Peak to peak increases with the length of a record. Where lengths differ, it is that of the first samples of every
+    record, as many as the shortest healthy record has. An average over segments would scatter less for longer records.
+    Only healthy rows determine the length, so that estimates do not depend on later rows.
     """
     life = OnlineLife(options, prior)
-    taken = _taken(run, life.options.healthy_rows)
+    n_samples = _common_length(run, life.options.healthy_rows)
     estimates: list[Estimate] = []
     lived: list[float] = []
     skipped: list[str] = []
     short: list[str] = []
     kurtosis: list[float] = []
-    signs: set[tuple[float, float]] = set()
+    fingerprints: set[tuple[float, float]] = set()
     usable = timeless = 0
     for place, row in enumerate(run.rows):
         try:
-            amplitude = row.amplitude(taken)
+            amplitude = row.amplitude(n_samples)
         except TwingapError as error:
             skipped.append(str(error))
-            height, whole, shape = (float("nan"),) * 3
+            height, full, shape = (float("nan"),) * 3
         else:
-            height, whole, shape = amplitude.peak_to_peak, amplitude.whole, amplitude.kurtosis
-            if (sign := amplitude.sign(run.unit)) is not None:
-                signs.add(sign)
+            height, full, shape = amplitude.peak_to_peak, amplitude.full_peak_to_peak, amplitude.kurtosis
+            if (fingerprint := amplitude.fingerprint(run.unit)) is not None:
+                fingerprints.add(fingerprint)
             if row.speed_rpm > 0 and not height > 0:
-                skipped.append(f"record {row.name!r} does not vibrate at all")
-            elif row.speed_rpm > 0 and row.channel and taken and row.channel.n_samples < _NEARLY * taken:
+                skipped.append(f"record {row.name!r} has no vibration")
+            elif row.speed_rpm > 0 and row.channel and n_samples and row.channel.n_samples < _NEARLY * n_samples:
                 short.append(row.name)
                 height, shape = float("nan"), float("nan")
         if len(kurtosis) < life.options.healthy_rows and np.isfinite(shape):
             kurtosis.append(shape)
         usable += row.speed_rpm > 0 and height > 0
         try:
-            estimates.append(life.update(row.time_s, row.speed_rpm, height, whole=whole))
+            estimates.append(life.update(row.time_s, row.speed_rpm, height, full_peak_to_peak=full))
         except TwingapError as error:
             raise TwingapError(error.what, where=f"run {run.name!r}, {error.where}", mend=error.mend) from error
         lived.append(life.revolutions)
@@ -128,42 +127,41 @@ def follow(
         raise TwingapError(f"no record can be used: {left_out}", where=f"run {run.name!r}")
     notes = [*run.notes, *_shortened(life.notes)]
     lengths = {row.channel.n_samples for row in run.rows if row.channel is not None and row.speed_rpm > 0}
-    if taken is not None and len(lengths) > 1:
+    if n_samples is not None and len(lengths) > 1:
         notes.append(
             f"records have {min(lengths)} to {max(lengths)} samples, and peak to peak grows with length: it is that of "
-            f"the first {taken} of each, as many as the shortest healthy record has"
+            f"the first {n_samples} of each, as many as the shortest healthy record has"
         )
     if short:
         them = f"record {short[0]!r} has" if len(short) == 1 else f"{len(short)} records, the first {short[0]!r}, have"
         notes.append(
-            f"{them} too few samples to be compared with healthy ones: left out, and no anomaly can be seen there"
+            f"{them} too few samples to be compared with healthy ones: left out, so no anomaly can be detected there"
         )
     if timeless:
         notes.append(
-            f"by time_s nothing has turned since the anomaly began in {timeless} rows: remaining life by "
-            "growth is not known there"
+            f"by time_s there are no revolutions since the onset of the anomaly in {timeless} rows: remaining life by "
+            "growth is unknown there"
         )
     if left_out:
-        notes.append(f"left out, with the estimate carried on from the row before: {left_out}")
+        notes.append(f"left out, with the estimate of the row before continued: {left_out}")
     if kurtosis and float(np.median(kurtosis)) > _IMPULSIVE:
         notes.append(
             f"the first rows are impulsive (kurtosis {np.median(kurtosis):.1f}; Gaussian noise has 3): the bearing may "
-            "not have been healthy at the start, and amplitude is relative to what it was then"
+            "not have been healthy at the start, to which amplitude is relative"
         )
     if life.alarm_row is None:
         notes.append(_why_none(life, usable))
     if life.end_row is not None:
-        notes.append(f"{REACHED} at record {run.rows[life.end_row].name!r}: nothing remains from there on")
-    outcome = outcome_of(run.name, life, estimates, lived, frozenset(signs))
+        notes.append(f"{REACHED} at record {run.rows[life.end_row].name!r}: remaining life is 0 from there on")
+    outcome = outcome_of(run.name, life, estimates, lived, frozenset(fingerprints))
     names = [None if place is None else run.rows[place].name for place in (life.alarm_row, life.onset_row)]
     return Followed(run, tuple(estimates), tuple(notes), outcome, names[0], names[1])
 
 
-def _taken(run: Run, healthy_rows: int) -> int | None:
-    """How many samples of every record peak to peak is taken of; None for a run without records.
+def _common_length(run: Run, healthy_rows: int) -> int | None:
+    """Number of first samples of every record that peak to peak is taken of; None for a run without records.
 
-    By the lengths of the first records of the running machine, before the last of which nothing is judged. One that is
-    cut off by far does not count.
+    It is the shortest length among the healthy records, without those that are much shorter than their median.
     """
     lengths = [row.channel.n_samples for row in run.rows if row.channel is not None and row.speed_rpm > 0]
     healthy = np.array(lengths[:healthy_rows])
@@ -177,28 +175,28 @@ def _row(row: RunRow, e: Estimate) -> dict[str, Any]:
 
 
 def _shortened(notes: Sequence[str], kept: int = 3) -> list[str]:
-    """The first notes of each kind (by their first words), and how many more of it there are."""
+    """The first notes of each kind (by their first two words), and the number of the others."""
     kinds: dict[str, list[str]] = {}
     for note in notes:
         kinds.setdefault(" ".join(note.split()[:2]), []).append(note)
     out = []
     for alike in kinds.values():
         more = len(alike) - kept
-        out += alike[:kept] if more > 1 else alike  # a line "and 1 more" is no shorter than that note
+        out += alike[:kept] if more > 1 else alike  # the text "and 1 more" would not be shorter
         out += [f"and {more} more such notes"] if more > 1 else []
     return out
 
 
 def _why_none(life: OnlineLife, usable: int) -> str:
-    if life.judged:
+    if life.monitored:
         why = "amplitude does not stay above its healthy scatter"
         if life.above:
-            last = "the last row lies" if life.above == 1 else f"the last {life.above} rows lie"
-            why = f"{last} above the healthy scatter, {life.together} together make one"
+            last = "the last row is" if life.above == 1 else f"the last {life.above} rows are"
+            why = f"{last} above the healthy scatter, {life.together} consecutive ones are needed"
         return f"no anomaly: {why}; remaining life is left empty" + (
-            "" if life.prior is None else " but for estimates from other runs"
+            "" if life.prior is None else " except for estimates from other runs"
         )
     return (
-        f"{usable} {'row' if usable == 1 else 'rows'} of the running machine that can be used are too few for an "
-        f"anomaly to be detected: the first {life.options.healthy_rows} of them count as healthy (--healthy-rows)"
+        f"{usable} {'row' if usable == 1 else 'rows'} of the running machine are usable, too few to detect an "
+        f"anomaly: the first {life.options.healthy_rows} of them are assumed healthy (--healthy-rows)"
     )

@@ -1,11 +1,11 @@
-"""Feature fusion by principal components, fitted on the healthy beginning of a run or on all of it.
+"""Feature fusion by principal components, fitted on the healthy beginning of a run or on all rows.
 
 features [rows, features] --centre, scale--> normalised --principal axes--> fusion features 1, 2, ... [rows, features]
-     healthy rows only (online) or all rows (the paper's reading, offline) decide centre, scale and axes
+     centre, scale and axes are fitted on healthy rows (online) or on all rows (as in the paper, offline)
 
-Paper 2 normalises 15 features into a matrix and fuses them by PCA of the whole run: at any row its indicator depends on
-rows that come later, so it describes a run and cannot watch one. `Fusion` learnt from healthy rows does both. Fusion
-feature k is numbered from the greatest variance (MATLAB's `pca` and the textbook's order) unless `order` is another.
+Paper 2 normalises 15 features and fuses them by PCA of the complete run, so that the indicator at a row depends on
+later rows and cannot be used online. Fitted on healthy rows, `Fusion` can. Fusion features are numbered in descending
+order of variance, as by `pca` of MATLAB, unless `order` states otherwise.
 """
 
 from __future__ import annotations
@@ -23,9 +23,9 @@ Scaling = Literal["z", "range"]
 Order = Literal["descending", "ascending"]
 
 FLAT = 1e-9
-"""Spread over size below which a feature counts as constant: rounding of sums leaves about 1e-12."""
+"""Range relative to size below which a feature counts as constant; rounding of sums gives about 1e-12."""
 ROUNDING = 1e-10
-"""Variance along an axis, over that along the greatest, which is taken for none."""
+"""Variance along an axis, relative to the largest, below which it counts as zero."""
 
 
 @dataclass(frozen=True)
@@ -37,9 +37,9 @@ class Fusion:
     centre, scale : Array [features]
         A feature x is normalised to (x - centre) / scale.
     axes : Array [components, features]
-        Of unit length, each with its largest entry positive: PCA leaves the sign open.
+        Axes of unit length. The sign, which PCA leaves open, makes the largest entry positive.
     variance : Array [components]
-        Of the rows learnt from along each axis.
+        Variance of the rows of the fit along each axis.
     """
 
     centre: Array
@@ -48,11 +48,11 @@ class Fusion:
     variance: Array
 
     def normalised(self, features: ArrayLike) -> Array:
-        """Features [rows, features] in units of the scale."""
+        """Normalised features [rows, features]."""
         return np.asarray((np.asarray(features, float) - self.centre) / self.scale)
 
     def fused(self, features: ArrayLike) -> Array:
-        """Fusion features [rows, components]; each row depends on no other."""
+        """Fusion features [rows, components]; rows do not depend on each other."""
         return np.asarray(self.normalised(features) @ self.axes.T)
 
 
@@ -62,32 +62,32 @@ def learn_fusion(rows: ArrayLike, *, scaling: Scaling = "z", order: Order = "des
     Parameters
     ----------
     rows : array_like [rows, features]
-        Those to learn from: the healthy start for an indicator that is to run online.
+        Rows of the fit: the healthy start for an online indicator.
     scaling : {"z", "range"}
-        Mean and standard deviation, or least and range: both are called normalisation.
+        Mean and standard deviation, or minimum and range.
     order : {"descending", "ascending"}
-        Of variance, from component 1 on.
+        Order of variance from component 1 on.
 
     Returns
     -------
     Fusion
-        With as many components as features, fewer where some follow from others.
+        As many components as features, or fewer where features are linearly dependent.
 
     Raises
     ------
     TwingapError
-        For NaN, fewer than 3 rows, or a feature that does not vary in them.
+        For NaN, fewer than 3 rows, or a constant feature.
     """
     x = np.asarray(rows, float)
     if x.ndim != 2 or x.shape[0] < 3:
         raise TwingapError(f"shape {x.shape}, at least 3 rows of features expected", where="fusion")
     if not np.isfinite(x).all():
-        raise TwingapError("holds NaN or infinity", where="fusion", mend="leave these rows out")
+        raise TwingapError("contains NaN or infinity", where="fusion", mend="leave these rows out")
     flat = np.flatnonzero(constant(x))
     if flat.size:
         numbers = ", ".join(str(k + 1) for k in flat)
         raise TwingapError(
-            f"feature {numbers} does not vary in the {x.shape[0]} rows learnt from", where="fusion",
+            f"feature {numbers} does not vary in the {x.shape[0]} rows of the fit", where="fusion",
             mend="leave it out or take more rows",
         )  # fmt: skip
     if scaling == "z":
@@ -98,7 +98,7 @@ def learn_fusion(rows: ArrayLike, *, scaling: Scaling = "z", order: Order = "des
     covariance = np.cov(z, rowvar=False, ddof=1).reshape(x.shape[1], x.shape[1])
     variance, vectors = np.linalg.eigh(covariance)
     axes = vectors.T
-    # Features that follow from one another leave axes along which there is nothing but rounding.
+    # Linearly dependent features give axes along which the variance is only rounding.
     real = variance > ROUNDING * variance[-1]
     variance, axes = variance[real], axes[real]
     if order == "descending":
@@ -109,6 +109,6 @@ def learn_fusion(rows: ArrayLike, *, scaling: Scaling = "z", order: Order = "des
 
 
 def constant(rows: ArrayLike) -> NDArray[np.bool_]:
-    """Which features [features] do not vary in rows [rows, features], but for rounding."""
+    """Whether features [features] are constant in rows [rows, features], except for rounding."""
     x = np.asarray(rows, float)
     return np.asarray(np.ptp(x, axis=0) <= FLAT * np.abs(x).max(axis=0))

@@ -1,11 +1,10 @@
-"""Health indicators of a run: features, their fusion, and the choice of the most suitable.
+"""Health indicators of a run: features, their fusion, and selection of the most suitable.
 
 records --> 11 time-domain, 4 spectral-kurtosis features [rows, 15]
-features --healthy start--> normalised features, fusion features --criteria--> the one chosen
+features --healthy start--> normalised features, fusion features --criteria--> selected one
 
-Source: section 4 of paper 2. The indicators themselves are online: learnt from the first `healthy_rows` alone, every
-row's value stands when the row comes. The choice looks at whatever runs it is given; made on other runs than the one it
-is used on, it reads nothing of that run.
+Source: section 4 of paper 2. Indicators are online: they depend on the first `healthy_rows` and on the row itself.
+Selection depends on the runs it is given; where these are other runs, the whole procedure is online.
 """
 
 from __future__ import annotations
@@ -19,7 +18,7 @@ from numpy.typing import NDArray
 
 from twingap.errors import TwingapError
 from twingap.prognosis.fusion import Fusion, Order, Scaling, constant, learn_fusion
-from twingap.prognosis.indicator_criteria import IndicatorCriteria, judge
+from twingap.prognosis.indicator_criteria import IndicatorCriteria, evaluate_indicator
 from twingap.records import RecordSet
 from twingap.records.measurable import refuse_unmeasurable
 from twingap.signal.features import PAPER2_FEATURES, paper2_features
@@ -27,9 +26,9 @@ from twingap.signal.features import PAPER2_FEATURES, paper2_features
 Array = NDArray[np.float64]
 
 WINDOW_SAMPLES: Final = 128
-"""Of the spectral kurtosis."""
+"""Window of the spectral kurtosis; longer resolves frequency better and needs longer records."""
 SILENT: Final = 0.2
-"""Share of the healthy RMS below which a record is silent: machine stopped, or sensor off."""
+"""RMS relative to the healthy one below which a record is silent (machine stopped, or sensor off)."""
 
 
 @dataclass(frozen=True)
@@ -40,7 +39,7 @@ class Run:
     ----------
     name : str
     time_s : Array [rows]
-        Increasing.
+        Time, s, increasing.
     names : tuple of str
     features : Array [rows, features]
     """
@@ -57,31 +56,34 @@ class Run:
                 where=self.name,
             )
         if not (np.isfinite(self.features).all() and np.isfinite(self.time_s).all()):
-            raise TwingapError("holds NaN or infinity", where=self.name, mend="leave these rows out")
+            raise TwingapError("contains NaN or infinity", where=self.name, mend="leave these rows out")
         if (np.diff(self.time_s) <= 0).any():
-            raise TwingapError("times do not increase", where=self.name, mend="sort rows, one of each time")
+            raise TwingapError(
+                "times do not increase", where=self.name, mend="sort the rows, and keep one for each time"
+            )
 
     def until(self, rows: int) -> Run:
-        """The first rows."""
+        """The run up to a number of rows."""
         return Run(self.name, self.time_s[:rows], self.names, self.features[:rows])
 
     def only(self, names: Sequence[str]) -> Run:
-        """These features, in this order."""
+        """The run with these features, in this order."""
         places = [self.names.index(name) for name in names]
         return Run(self.name, self.time_s, tuple(names), self.features[:, places])
 
 
 @dataclass(frozen=True)
 class Indicators:
-    """Candidates for one run, by name: normalised features, and fusion features "fusion 1", "fusion 2", ...
+    """Candidate indicators of one run: normalised features, and fusion features "fusion 1", "fusion 2", ...
 
     Parameters
     ----------
     fusion : Fusion
-        Of the features that vary.
+        Fusion of the features that vary.
     values : dict[str, Array [rows]]
+        Candidates by name.
     constant : tuple of str
-        Features left out, since they do not vary in the rows learnt from.
+        Features left out, since they are constant in the rows of the fit.
     """
 
     fusion: Fusion
@@ -94,19 +96,19 @@ def features_of(
     name: str | None = None,
     *,
     window_samples: int = WINDOW_SAMPLES,
-    step: Callable[[], None] = lambda: None,
+    progress: Callable[[], None] = lambda: None,
 ) -> Run:
     """The 15 features of each record of a run, one record in memory at a time.
 
     Parameters
     ----------
     records : RecordSet
-        With `time_s`, of one run; sorted by it here.
+        Records of one run with `time_s`, by which they are sorted.
     name : str, optional
-        Of the run; the set's name when absent.
+        Name of the run; that of the set when absent.
     window_samples : int
-        Of the spectral kurtosis.
-    step : callable
+        Window of the spectral kurtosis.
+    progress : callable
         Called after each record.
 
     Returns
@@ -116,8 +118,8 @@ def features_of(
     Raises
     ------
     TwingapError
-        When records have no time, share one, are too short for the spectral kurtosis, or hold what no accelerometer
-        measures.
+        When records have no time or equal times, are too short for the spectral kurtosis, or cannot be measured by an
+        accelerometer.
     """
     missing = [c.name for c in records.conditions if c.time_s is None]
     if missing:
@@ -148,27 +150,27 @@ def features_of(
             rows[place] = paper2_features(record.samples, record.condition.fs_hz, window_samples=window_samples).values
         except TwingapError as error:
             raise TwingapError(error.what, where=where, mend=error.mend) from error
-        step()
+        progress()
     return Run(name or records.name, times[order], PAPER2_FEATURES, rows)
 
 
 def running(run: Run, healthy_rows: int, share: float = SILENT) -> NDArray[np.bool_]:
-    """Which records [rows] are not silent: RMS above a share of the healthy one.
+    """Whether records [rows] are not silent: RMS above a fraction of the healthy one.
 
-    All of them where no RMS is known, or where a column of that name is none: decibels have no zero to be near. The
-    healthy one is the upper quartile of the first rows that vibrate at all: a machine may stand still at first.
+    All are kept where there is no RMS, or where it is negative and so in decibels. The healthy RMS is the upper
+    quartile of the first rows with vibration, since a machine may stand still at first.
     """
     if "rms" not in run.names or negative_rms(run) is not None:
         return np.ones(run.time_s.size, dtype=bool)
     rms = run.features[:, run.names.index("rms")]
     first = rms[rms > 0][:healthy_rows]
-    if not first.size:  # nothing vibrates, or all of it is something else
+    if not first.size:  # no row with vibration
         return np.ones(rms.size, dtype=bool)
     return np.asarray((rms > 0) & (rms >= share * np.quantile(first, 0.75)))
 
 
 def negative_rms(run: Run) -> int | None:
-    """How many rows have an `rms` below 0, which no root of a mean square is; None for none."""
+    """Number of rows with an `rms` below 0, which is then no RMS; None without such rows."""
     if "rms" not in run.names:
         return None
     below = int(np.count_nonzero(run.features[:, run.names.index("rms")] < 0))
@@ -178,20 +180,20 @@ def negative_rms(run: Run) -> int | None:
 def online_indicators(
     run: Run, healthy_rows: int, *, scaling: Scaling = "z", order: Order = "descending"
 ) -> Indicators:
-    """Candidates learnt from the first rows; the value at a row depends on these and on itself.
+    """Candidates fitted on the first rows; the value at a row depends on these and on the row itself.
 
     Parameters
     ----------
     run : Run
     healthy_rows : int
-        Taken to be healthy.
+        Number of first rows, assumed healthy.
     scaling, order
-        As `learn_fusion`.
+        See `learn_fusion`.
 
     Raises
     ------
     TwingapError
-        When the run is not longer than its healthy start, or nothing varies in it.
+        When the run is not longer than its healthy start, or all features are constant.
     """
     if not 3 <= healthy_rows < run.time_s.size:
         raise TwingapError(
@@ -201,9 +203,9 @@ def online_indicators(
 
 
 def offline_indicators(run: Run, *, scaling: Scaling = "z", order: Order = "descending") -> Indicators:
-    """The paper's reading: normalisation and axes from the whole run. Each value depends on later rows.
+    """Candidates as in paper 2, fitted on the complete run, so that values depend on later rows.
 
-    Parameters and errors as `online_indicators`.
+    Parameters and errors are those of `online_indicators`.
     """
     return _indicators(run, run.features, scaling, order)
 
@@ -212,13 +214,13 @@ def _indicators(run: Run, learnt_from: Array, scaling: Scaling, order: Order) ->
     flat = constant(learnt_from)
     if flat.all():
         raise TwingapError(
-            f"all {flat.size} features are constant in the {learnt_from.shape[0]} rows learnt from", where=run.name,
+            f"all {flat.size} features are constant in the {learnt_from.shape[0]} rows of the fit", where=run.name,
             mend="give measured features, or more healthy rows",
         )  # fmt: skip
     names = [name for name, is_flat in zip(run.names, flat, strict=True) if not is_flat]
     if taken := [name for name in names if name in {f"fusion {k + 1}" for k in range(len(names))}]:
         raise TwingapError(
-            f"has a feature called {taken[0]!r}, as fusion features are", where=run.name, mend="rename it"
+            f"has a feature with the name {taken[0]!r} of a fusion feature", where=run.name, mend="rename it"
         )
     fusion = learn_fusion(learnt_from[:, ~flat], scaling=scaling, order=order)
     kept = run.features[:, ~flat]
@@ -227,28 +229,30 @@ def _indicators(run: Run, learnt_from: Array, scaling: Scaling, order: Order) ->
     return Indicators(fusion, values, tuple(n for n, is_flat in zip(run.names, flat, strict=True) if is_flat))
 
 
-def judged(indicators: Indicators, time_s: Array, *, healthy_rows: int, window: int) -> dict[str, IndicatorCriteria]:
-    """Criteria of every candidate; see `judge`."""
+def evaluate_candidates(
+    indicators: Indicators, time_s: Array, *, healthy_rows: int, window: int
+) -> dict[str, IndicatorCriteria]:
+    """Criteria of every candidate; see `evaluate_indicator`."""
     return {
-        name: judge(values, time_s, healthy_rows=healthy_rows, window=window)
+        name: evaluate_indicator(values, time_s, healthy_rows=healthy_rows, window=window)
         for name, values in indicators.values.items()
     }
 
 
 def chosen(found: Sequence[Mapping[str, IndicatorCriteria]]) -> str:
-    """The candidate of highest suitability, on average over runs; of equals the first.
+    """Name of the candidate with the highest mean suitability over runs; the first among equals.
 
     Parameters
     ----------
     found : sequence of mappings
-        Criteria by candidate, one mapping a run. Only candidates that all runs have can be chosen.
+        Criteria by candidate, one mapping per run. Only candidates of all runs can be selected.
 
     Raises
     ------
     TwingapError
-        When there is none.
+        When the runs have no common candidate.
     """
     common = [name for name in (found[0] if found else {}) if all(name in each for each in found)]
     if not common:
-        raise TwingapError("no indicator is there in all runs", where="choice of the health indicator")
+        raise TwingapError("no indicator is common to all runs", where="choice of the health indicator")
     return max(common, key=lambda name: float(np.mean([each[name].suitability for each in found])))

@@ -1,9 +1,9 @@
-"""Test of whether the first rows of a run, to which its amplitudes are relative, can have been healthy.
+"""Test of whether the first rows of a run, which are the reference of its amplitudes, were healthy.
 
-normalised amplitude of the healthy rows --Kendall--> `rises`: they grow themselves
+normalised amplitude of the healthy rows --Kendall--> `rises`: they grow already
 amplitude from the first row to the alarm --growth from the first row, or after the healthy ones--> `shown_healthy`
 
-A run that begins damaged and rests there looks like a healthy one: its amplitudes do not show the difference.
+A damaged run of constant amplitude cannot be distinguished from a healthy one by its amplitudes.
 """
 
 from __future__ import annotations
@@ -18,22 +18,24 @@ from twingap.prognosis.speed_influence import SAME_SPEED
 Array = NDArray[np.float64]
 
 _EVIDENCE: Final = 6.0
-"""Twice the log likelihood by which growth after the healthy rows has to explain amplitude better than growth from the
-first row on. With it, 3 % of simulated runs with a healthy start are not shown to have one."""
+"""Twice the difference in log likelihood by which growth after the healthy rows must explain amplitude better than
+growth from the first row. Larger accepts fewer starts as healthy; with 6, 3 % of healthy simulated starts are not
+accepted."""
 _ROWS_A_SPEED: Final = 4
+"""Median number of rows in a speed class; more make classes wider."""
 _ONSETS: Final = 25
-"""Places of an onset that are tried after the healthy rows."""
+"""Number of possible onsets after the healthy rows that are tried."""
 _OUTLIER: Final = 3.0
-"""Standard deviations beyond which a row before the anomaly counts as no further off."""
+"""Standard deviations to which deviations of rows before the anomaly are clipped."""
 
 
 def rises(normalised: Array) -> int | None:
-    """Rows at the beginning to be taken as reference instead, when the healthy rows themselves rise; else None.
+    """Number of first rows to use as reference instead, if amplitude rises within the healthy rows; else None.
 
     Parameters
     ----------
     normalised : Array [healthy rows]
-        Amplitude over its healthy value at the same speed.
+        Amplitude relative to its healthy value at the same speed.
     """
     from scipy.stats import kendalltau, theilslopes
 
@@ -48,15 +50,15 @@ def rises(normalised: Array) -> int | None:
 def shown_healthy(
     log_amplitude: Array, speed_rpm: Array, healthy: int, onset: int, *, scatter: float, memory: float
 ) -> bool:
-    """Whether growth that begins after the healthy rows explains amplitude clearly better than growth from the first.
+    """Whether growth after the healthy rows explains amplitude clearly better than growth from the first row.
 
-    Either is a straight line in log amplitude from its onset on, and every speed has a level of its own: where speed
-    varies, a healthy amplitude learnt from a few rows a speed has taken up what grew while they were taken.
+    Both models are linear in log amplitude from their onset on, with a separate level for every speed: where speed
+    varies, the healthy amplitude of a speed is estimated from few rows and includes their growth.
 
     Parameters
     ----------
     log_amplitude : Array [rows]
-        Over the healthy amplitude at the same speed, from the first row to the one of the alarm.
+        Log amplitude relative to the healthy one at the same speed, from the first row to the row of the alarm.
     speed_rpm : Array [rows]
     healthy, onset : int
         Rows that count as healthy, and rows before the anomaly.
@@ -76,7 +78,7 @@ def shown_healthy(
     row = np.arange(n, dtype=float)
 
     def left(first: float) -> float:
-        """Sum of squares that growth from this row on leaves."""
+        """Residual sum of squares of growth from this row on."""
         grown = within(np.maximum(row - first, 0.0))
         size = float(grown @ grown)
         slope = max(float(grown @ y) / size, 0.0) if size > 0 else 0.0
@@ -89,7 +91,7 @@ def shown_healthy(
 
 
 def _places(speed_rpm: Array) -> NDArray[np.int64]:
-    """Which speed each row [rows] has, in classes as narrow as leave a few rows to most of them."""
+    """Index of the speed class of each row [rows]; classes are as narrow as leaves enough rows in most of them."""
     for width in (SAME_SPEED, 0.06, 0.12, 0.25, 0.5, 1.0):
         classes = np.round(np.log(speed_rpm / speed_rpm[0]) / width)
         _, place, count = np.unique(classes, return_inverse=True, return_counts=True)

@@ -1,4 +1,4 @@
-"""Criteria of a health indicator: monotonicity, correlation with time, robustness, and range.
+"""Criteria of a health indicator: monotonicity, correlation with time, robustness and sensitivity.
 
 indicator --causal moving average--> trend --> monotonicity, trendability
 indicator less trend ------------------------> robustness;   trend, healthy rows --> sensitivity
@@ -22,19 +22,19 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class IndicatorCriteria:
-    """Each between 0 and 1, and more is better, but for sensitivity, which has no upper end.
+    """Criteria of an indicator: larger is better; all are between 0 and 1 except sensitivity, which is unbounded.
 
     Parameters
     ----------
     monotonicity : float
-        |rising steps - falling steps| of the trend over all its steps.
+        |number of rising - falling steps| of the trend over the number of steps.
     trendability : float
         |Pearson correlation| of the trend with time.
     robustness : float
-        Mean of exp(-|indicator - trend| / range of the trend). The published form divides by the indicator itself,
-        which makes it depend on where zero lies; normalised indicators have it at the healthy level.
+        Mean of exp(-|indicator - trend| / range of the trend). The published form divides by the indicator, so that it
+        depends on the position of zero, which normalised indicators have at the healthy level.
     sensitivity : float
-        Greatest distance of the trend from the healthy mean, in the last tenth of the rows, in healthy standard
+        Largest distance of the trend from the healthy mean in the last tenth of the rows, in healthy standard
         deviations of single rows.
     """
 
@@ -45,23 +45,23 @@ class IndicatorCriteria:
 
     @property
     def suitability(self) -> float:
-        """Mean of the first three, by which indicators are chosen. Equal weights are a choice: none is published."""
+        """Mean of the first three criteria, by which indicators are selected; no weights are published."""
         return (self.monotonicity + self.trendability + self.robustness) / 3
 
 
 def causal_trend(values: ArrayLike, window: int) -> Array:
-    """Mean of each row and those before it.
+    """Moving average over each row and those before it.
 
     Parameters
     ----------
     values : array_like [rows, ...]
     window : int
-        Rows averaged; fewer at the beginning. 1 leaves values as they are.
+        Rows averaged; fewer at the beginning. 1 returns the values.
 
     Returns
     -------
     Array [rows, ...]
-        Row k depends on no later row.
+        Row k does not depend on later rows.
 
     Raises
     ------
@@ -71,13 +71,15 @@ def causal_trend(values: ArrayLike, window: int) -> Array:
     x = np.asarray(values, float)
     if window < 1:
         raise TwingapError(f"window = {window}, 1 or more expected", where="trend")
-    # A sum per row, not a running one, whose rounding would make steps of a level that is constant.
+    # Separate means per row: rounding of a running sum would give steps where values are constant.
     padded = np.concatenate([np.full((window - 1, *x.shape[1:]), np.nan), x])
     rows = np.lib.stride_tricks.sliding_window_view(padded, window, axis=0)
     return np.asarray(np.nanmean(rows, axis=-1), float)
 
 
-def judge(values: ArrayLike, time_s: ArrayLike, *, healthy_rows: int, window: int = 1) -> IndicatorCriteria:
+def evaluate_indicator(
+    values: ArrayLike, time_s: ArrayLike, *, healthy_rows: int, window: int = 1
+) -> IndicatorCriteria:
     """Criteria of an indicator over a run.
 
     Parameters
@@ -86,14 +88,14 @@ def judge(values: ArrayLike, time_s: ArrayLike, *, healthy_rows: int, window: in
     time_s : array_like [rows]
         Increasing.
     healthy_rows : int
-        At the beginning, at least 2.
+        Number of first rows, assumed healthy, at least 2.
     window : int
-        Of the trend, rows.
+        Rows of the moving average.
 
     Returns
     -------
     IndicatorCriteria
-        All 0 for an indicator that is constant.
+        All 0 for a constant indicator.
 
     Raises
     ------
@@ -122,7 +124,7 @@ def judge(values: ArrayLike, time_s: ArrayLike, *, healthy_rows: int, window: in
 
 
 def correlation(x: Array, y: Array) -> float:
-    """Pearson's, between -1 and 1; 0 where one of them does not vary."""
+    """Pearson's correlation, between -1 and 1; 0 where one of the series is constant."""
     x, y = x - x.mean(), y - y.mean()
     size = float(np.sqrt(np.sum(x**2) * np.sum(y**2)))
     return float(np.clip(np.sum(x * y) / size, -1, 1)) if size > 0 else 0.0

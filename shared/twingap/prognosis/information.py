@@ -1,10 +1,10 @@
 """Information criteria of fitted curves whose residuals are autocorrelated.
 
-CurveFit --residuals independent--> AICc, BIC (too sure of themselves: a run's residuals wander)
-         --AR(1) errors, refitted--> AICc, BIC that take the wandering into account
+CurveFit --independent residuals--> AICc, BIC (overconfident, since residuals of a run are autocorrelated)
+         --AR(1) errors, refitted--> AICc, BIC that account for autocorrelation
 
 Sources: Hurvich and Tsai 1989, DOI 10.1093/biomet/76.2.297 (AICc); Schwarz 1978, DOI 10.1214/aos/1176344136 (BIC);
-Cochrane and Orcutt 1949, DOI 10.1080/01621459.1949.10483290 (errors with memory).
+Cochrane and Orcutt 1949, DOI 10.1080/01621459.1949.10483290 (autocorrelated errors).
 """
 
 from __future__ import annotations
@@ -20,23 +20,23 @@ from twingap.prognosis.degradation_models import CurveFit, polished, whitened
 Array = NDArray[np.float64]
 
 LONGEST_MEMORY = 0.99
-"""Largest correlation of neighbours: at 1, any level is as likely as any other."""
+"""Largest correlation of neighbouring residuals; at 1 the level of the curve would be undetermined."""
 
 
 @dataclass(frozen=True)
 class Criteria:
-    """Lower is better; differences count, not values.
+    """Information criteria of a fit: lower is better, and only differences between models matter.
 
     Parameters
     ----------
     aicc, bic : float
-        With residuals taken as independent.
+        Criteria with independent residuals.
     aicc_ar1, bic_ar1 : float
-        With residuals as an AR(1) process; its memory counts as a parameter.
+        Criteria with residuals as an AR(1) process, whose correlation counts as a parameter.
     memory : float
         Correlation of neighbouring residuals of the least-squares fit.
     memory_ar1 : float
-        That of the refitted curve.
+        The same correlation for the refitted curve.
     """
 
     aicc: float
@@ -48,7 +48,7 @@ class Criteria:
 
 
 def memory_of(residuals: Array) -> float:
-    """Correlation of neighbouring residuals about zero, between -0.99 and 0.99; 0 where all are 0."""
+    """Correlation of neighbouring residuals about zero, limited to +-0.99; 0 where all residuals are 0."""
     power = float(np.sum(residuals**2))
     if power <= 0:
         return 0.0
@@ -57,23 +57,23 @@ def memory_of(residuals: Array) -> float:
 
 
 def criteria(fit: CurveFit) -> Criteria:
-    """AICc and BIC of a fit, twice: with independent residuals, and with AR(1) ones.
+    """AICc and BIC of a fit, with independent residuals and with AR(1) residuals.
 
     Parameters
     ----------
     fit : CurveFit
-        By squares. Of a robust fit they are those of its curve under the normal law, which it does not minimise.
+        A least-squares fit. For a robust fit, criteria are those of its curve under the normal law.
 
     Returns
     -------
     Criteria
-        Rows are taken as evenly spaced. An exact fit has -inf.
+        Rows are assumed evenly spaced. An exact fit has -inf.
 
     Notes
     -----
-    The curve with AR(1) errors is another one: it is refitted with the memory taken out of curve and indicator, the
-    memory estimated anew from it, until the likelihood no longer rises. Variance is taken as constant along the run; it
-    is not, where a failing bearing scatters more.
+    With AR(1) errors the curve is refitted to whitened values and the correlation is estimated again, until the
+    likelihood no longer increases. Variance is assumed constant along the run, although a failing bearing scatters
+    more.
     """
     n = fit.values.size
     parameters = fit.model.parameters
@@ -104,7 +104,7 @@ def criteria(fit: CurveFit) -> Criteria:
 
 
 def _deviance(residuals: Array, memory: float) -> float:
-    """-2 log likelihood of normal residuals, their variance the most likely one."""
+    """-2 log likelihood of normal residuals at the maximum-likelihood variance."""
     n = residuals.size
     variance = float(np.mean(whitened(residuals, memory) ** 2))
     if variance <= 0:

@@ -1,11 +1,11 @@
-"""Simulation study that makes the table of `calibration` and checks the coverage of intervals.
+"""Simulation study that computes the table of `calibration` and evaluates the coverage of intervals.
 
 law, seed --> simulated run --OnlineLife--> Checked, ... --learn--> table;  Checked, table --> coverage
-law, spread of lives --> bench of six runs --> Checked, ... --the five others' ends, as Prior--> coverage
+law, spread of lives --> bench of six runs --> Checked, ... --Prior from the five others--> coverage
 
-Run as ``python -m twingap.prognosis.interval_study`` it prints the module `calibration_table`; with ``--check``, the
-coverage on runs of other seeds, law by law, among them laws that the table was not made from, without other runs and
-with the five others of a bench, as `twingap rul --prior`.
+``python -m twingap.prognosis.interval_study`` prints the module `calibration_table`. With ``--check`` it prints the
+coverage by law on runs of other seeds, including laws that were not used for the table: without other runs, and with
+the five others of a bench, as `twingap rul --prior`.
 """
 
 from __future__ import annotations
@@ -27,22 +27,23 @@ from twingap.prognosis.simulated_runs import CALIBRATION_LAWS, LAWS, SimulatedRu
 
 Array = NDArray[np.float64]
 _TAIL = 0.04
-"""Left out at either side where the table is made, for intervals of 90 %: new runs, of laws of which a part was not
-used, are covered less often than those that the table was made from."""
+"""Tail probability on either side for which the table is fitted. Less than 5 %, since new runs, partly of other laws,
+are covered less often than those of the fit; smaller widens intervals."""
 SPREADS = (0.15, 0.35, 0.7, 1.2)
-"""Of the logarithm of lives on simulated benches: 0.15 as on the virtual rig, 1.2 as of a Weibull slope of 1.1."""
+"""Standard deviations of log life on simulated benches: 0.15 as on the virtual rig, 1.2 as of a Weibull slope of
+1.1."""
 
 
 @dataclass(frozen=True)
 class Checked:
-    """One row of a simulated run at which remaining life was estimated.
+    """Estimate at one row of a simulated run, with the true remaining life.
 
     Parameters
     ----------
     run : str
     posterior : Posterior
     true : float
-        Remaining revolutions.
+        True remaining revolutions.
     lived : float
         Revolutions since the first row.
     """
@@ -79,7 +80,7 @@ def study(laws: Sequence[str], seeds: Sequence[int], rows: int = 8) -> list[Chec
 
 
 def learn(checked: Sequence[Checked]) -> Array:
-    """The table [3, TERMS]: linear quantiles of log life over that since the onset, every run weighing the same."""
+    """Table [3, TERMS] of quantile regression of log relative life, with equal weight for every run."""
     from sklearn.linear_model import QuantileRegressor
 
     x = np.array([c.posterior.terms for c in checked])
@@ -96,7 +97,7 @@ def learn(checked: Sequence[Checked]) -> Array:
 
 
 def covered(checked: Sequence[Checked], table: Array | None = None) -> tuple[float, float, float, int]:
-    """Share of rows covered, below and above the interval, every run weighing the same; and runs."""
+    """Fraction of rows covered, below and above the interval, with equal weight for every run; and number of runs."""
     weight = _weights(checked)
     weight = weight / weight.sum()
     ends = np.array([calibrated(c.posterior, table) for c in checked])
@@ -107,7 +108,7 @@ def covered(checked: Sequence[Checked], table: Array | None = None) -> tuple[flo
 
 
 def check_bench(law: str, spread: float, seed: int, rows: int = 20) -> list[list[Checked]]:
-    """`check_run` of the runs of a bench, but for those without an estimate."""
+    """`check_run` of the runs of a bench, without runs that have no estimate."""
     rng = np.random.default_rng([seed, zlib.crc32(law.encode()), round(100 * spread)])
     found = [
         check_run(run, f"{law} {spread} {seed} {place}", rows)
@@ -116,13 +117,13 @@ def check_bench(law: str, spread: float, seed: int, rows: int = 20) -> list[list
     return [own for own in found if own]
 
 
-def informed(bench: Sequence[Sequence[Checked]]) -> Array:
-    """Coverage and error with the other runs of a bench, whose ends are known.
+def with_other_runs(bench: Sequence[Sequence[Checked]]) -> Array:
+    """Coverage and error of estimates with a prior from the other runs of a bench.
 
     Returns
     -------
     Array [runs, 3]
-        Share of rows covered; mean absolute error of log life, with the others and without.
+        Fraction of rows covered; mean absolute error of log life, with and without the others.
     """
     ended = [_outcome(own) for own in bench]
     found = []
@@ -139,7 +140,7 @@ def informed(bench: Sequence[Sequence[Checked]]) -> Array:
 
 
 def _outcome(run: Sequence[Checked]) -> Outcome:
-    """Outcome of a run that has ended."""
+    """Outcome of an ended run."""
     growth = np.array([calibrated(c.posterior) for c in run])
     lived, left, since = np.array([(c.lived, c.true, c.posterior.since_onset) for c in run]).T
     past = PastIntervals(growth, lived, since, left, run[-1].posterior.per_row)
@@ -152,7 +153,7 @@ def _weights(checked: Sequence[Checked]) -> Array:
 
 
 def main() -> None:
-    """Print the module of the table, or with --check the coverage of the one in force."""
+    """Print the module of the table, or with --check the coverage of the shipped table."""
     if "--check" in sys.argv:
         for law in LAWS:
             share, below, above, runs = covered(study((law,), range(30_000, 30_060)))
@@ -160,7 +161,9 @@ def main() -> None:
             print(f"{law:12s} {kind:13s} {runs} runs: covered {share:.3f}, below {below:.3f}, above {above:.3f}")
         print("With the five other runs of a bench:")
         every = {
-            (law, spread): np.concatenate([informed(check_bench(law, spread, seed)) for seed in range(40_000, 40_003)])
+            (law, spread): np.concatenate(
+                [with_other_runs(check_bench(law, spread, seed)) for seed in range(40_000, 40_003)]
+            )
             for law in LAWS
             for spread in SPREADS
         }

@@ -9,14 +9,14 @@ from itertools import pairwise
 def side_by_side(groups: Iterable[str | None], times: Iterable[float | None]) -> bool:
     """Whether groups overlap in time.
 
-    Recordings of one run follow one another; runs of several bearings each begin at their own start.
+    Recordings of one run follow one another, whereas the times of several runs each begin at their own start.
 
     Parameters
     ----------
     groups : iterable of str or None [rows]
-        None: of no group.
+        Group of each row; None = no group.
     times : iterable of float or None [rows]
-        From the start of a run, s.
+        Time from the start of a run, s.
     """
     spans: dict[str, list[float]] = {}
     for group, time_s in zip(groups, times, strict=True):

@@ -1,13 +1,13 @@
-"""Online estimate of remaining life, row by row as a run is measured: the class behind `twingap rul`.
+"""Online estimation of remaining life, row by row while a run is measured; used by `twingap rul`.
 
 row: time, speed, peak to peak --> S(k), eqs. 9-11 --> alarm? --yes--> growth laws --> remaining revolutions, 90 %
                                         (healthy rows)    |no                                    |
                                                           v                                      v
                                                   prior of other runs, if any             / speed, eq. 14 --> time
 
-A row's estimate is made when the row is taken and never again: it cannot depend on later ones. Intervals are those of
-the posterior, stretched by what simulated runs showed (see `calibration`). Where the healthy rows are not shown to have
-been healthy (see `healthy_start`) and the end is a ratio to them, intervals have no lower end but 0.
+The estimate of a row is made with that row, so it cannot depend on later ones. Intervals are those of the posterior,
+calibrated on simulated runs (see `calibration`). Where the first rows may not have been healthy (see `healthy_start`)
+and the end of life is a ratio to them, the lower end of intervals is 0.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from twingap.prognosis.anomaly import AnomalyRule, detect_anomaly, rank
 from twingap.prognosis.calibration import Posterior, calibrated
 from twingap.prognosis.columns import Columns
 from twingap.prognosis.estimate import Estimate, LifeOptions
-from twingap.prognosis.growth import Seen, lives
+from twingap.prognosis.growth import Observations, lives
 from twingap.prognosis.healthy_start import rises, shown_healthy
 from twingap.prognosis.prior import Prior
 from twingap.prognosis.revolutions import RevolutionCount
@@ -33,29 +33,30 @@ from twingap.prognosis.speed_influence import SAME_SPEED, SpeedInfluence, fit_sp
 Array = NDArray[np.float64]
 
 _PER_SPEED: Final = 4
-"""Rows by which a speed is known: fewer may be readings of the speed that are wrong."""
+"""Rows from which the healthy amplitude of a speed is estimated; with fewer, wrong speed readings count as speeds."""
 _RUN_IN: Final = 0.15
-"""Fall of healthy log amplitude with which it is learnt again."""
+"""Decrease of healthy log amplitude from which it is estimated again; larger ignores more running in."""
 _CALM: Final = 40
-"""Rows within the healthy limit, but for a tenth of them, with which an anomaly counts as passed."""
+"""Rows of which nine tenths must be within the healthy limit for an anomaly to be withdrawn; more keep it longer."""
 _BINS: Final = 36
+"""Bins of the amplitudes that enter the posterior; more follow amplitude more closely and are slower."""
 
 
 class OnlineLife:
-    """Estimates remaining life after each row of one run, taken in order of time.
+    """Online estimator of the remaining life of one run, whose rows are given in order of time.
 
     Parameters
     ----------
     options : LifeOptions, optional
     prior : Prior, optional
-        From other runs. With it, there are estimates before the anomaly.
+        From ended runs. With it, there are estimates before the anomaly.
 
     Attributes
     ----------
     notes : list of str
-        What was unusual about the run so far, and how it was taken.
+        Unusual properties of the run so far, and how they are treated.
     onset_row, alarm_row : int or None
-        First row of the anomaly, and the row with which it was known, counted in rows taken.
+        First row of the anomaly, and row of the alarm, counted from 0.
     """
 
     def __init__(self, options: LifeOptions | None = None, prior: Prior | None = None) -> None:
@@ -72,7 +73,7 @@ class OnlineLife:
         self._limit = float("nan")
         self._healthy: list[tuple[float, float]] = []
         self._learning: dict[int, list[tuple[float, float]]] = {}
-        # Every row since the first healthy one, and how many of them count as healthy.
+        # All rows since the first healthy one, and how many of them are the healthy reference.
         self._seen_rows = Columns("speed_rpm", "peak_to_peak")
         self._reference_rows = 0
         self._shown_healthy = True
@@ -82,36 +83,43 @@ class OnlineLife:
         self._used_rule = self.options.rule
         self._settled_at = 0
         self._beyond = False
-        self._log = _no_judged_rows()
+        self._log = _no_monitored_rows()
         self._last: tuple[float, float, float, float] | None = None
         self._highest_gain = 0.0
         self._ended_at = 0
         self._gains_beyond: list[float] = []
         self._been_below = False
 
-    def take(self, time_s: float, speed_rpm: float, peak_to_peak: float, *, whole: float | None = None) -> None:
-        """Take the next row without asking for an estimate.
+    def take(
+        self, time_s: float, speed_rpm: float, peak_to_peak: float, *, full_peak_to_peak: float | None = None
+    ) -> None:
+        """Process the next row without an estimate.
 
         Parameters
         ----------
         time_s : float
-            Not before the last row's.
+            Time, s, not before that of the last row.
         speed_rpm : float
-            0 while the machine stands still.
+            Speed; 0 while the machine stands still.
         peak_to_peak : float
-            NaN when the record cannot be used.
-        whole : float, optional
-            That of the whole record, where `peak_to_peak` is of a part whose length was learnt from the healthy rows:
-            among these it decides whether the limit is reached, so that no later row does.
+            Amplitude; NaN when the record cannot be used.
+        full_peak_to_peak : float, optional
+            Peak to peak of the complete record, where `peak_to_peak` is that of a part whose length depends on the
+            healthy rows. Among these it decides whether the limit is reached, so that this does not depend on later
+            rows.
         """
         row, before_s = self._turned.rows, self._turned.time_s
         if not np.isfinite(time_s):
             raise TwingapError(f"time_s = {time_s!r}, a finite number expected", where=f"row {row}")
         if before_s is not None and time_s < before_s:
-            raise TwingapError("is before the row taken last", where=f"time_s = {time_s:g}", mend="sort rows by time")
+            raise TwingapError("is before the last row", where=f"time_s = {time_s:g}", mend="sort rows by time")
         self.notes += self._turned.take(time_s, speed_rpm)
         learning = self._influence is None
-        if learning and speed_rpm > 0 and self._reaches_limit(row, peak_to_peak if whole is None else whole):
+        if (
+            learning
+            and speed_rpm > 0
+            and self._reaches_limit(row, peak_to_peak if full_peak_to_peak is None else full_peak_to_peak)
+        ):
             return
         if not (speed_rpm > 0 and np.isfinite(peak_to_peak) and peak_to_peak > 0):
             return
@@ -124,12 +132,12 @@ class OnlineLife:
         elif self.alarm_row is None and not self._known(speed_rpm):
             self._learn_speed(speed_rpm, peak_to_peak)
         else:
-            self._judge(row, speed_rpm, peak_to_peak)
+            self._monitor(row, speed_rpm, peak_to_peak)
 
     def _reaches_limit(self, row: int, peak_to_peak: float) -> bool:
-        """Whether one of the first rows ends the life: it reaches the limit, and others have been below.
+        """Whether one of the first rows ends the life: it reaches the limit after earlier rows below it.
 
-        Whether a machine that begins at the limit is broken, or the limit wrong, is for its owner to decide.
+        Where all rows so far are at the limit, the machine may be defective or the limit wrong; this is left open.
         """
         limit = self.options.limit
         if limit is None or self.end_row is not None:
@@ -141,13 +149,13 @@ class OnlineLife:
         return False
 
     def _take_healthy(self, row: int, speed_rpm: float, peak_to_peak: float) -> None:
-        """One of the first rows."""
+        """Add one of the first rows to the reference."""
         self._healthy.append((speed_rpm, peak_to_peak))
         if len(self._healthy) >= self.options.healthy_rows:
             self._learn(row)
 
     def estimate(self) -> Estimate:
-        """Remaining life after the rows taken so far."""
+        """Remaining life after the rows so far."""
         speed = self._turned.speed_rpm
         if self.end_row is not None:
             return Estimate(True, 0.0, 0.0, 0.0, speed)
@@ -165,51 +173,53 @@ class OnlineLife:
             return Estimate(True, middle, 0.0, high, speed, closed_lo=low)
         return Estimate(True, middle, low, high, speed)
 
-    def update(self, time_s: float, speed_rpm: float, peak_to_peak: float, *, whole: float | None = None) -> Estimate:
+    def update(
+        self, time_s: float, speed_rpm: float, peak_to_peak: float, *, full_peak_to_peak: float | None = None
+    ) -> Estimate:
         """`take` and then `estimate`."""
-        self.take(time_s, speed_rpm, peak_to_peak, whole=whole)
+        self.take(time_s, speed_rpm, peak_to_peak, full_peak_to_peak=full_peak_to_peak)
         return self.estimate()
 
     @property
     def revolutions(self) -> float:
-        """Since the first row."""
+        """Revolutions since the first row."""
         return self._turned.revolutions
 
     @property
-    def judged(self) -> bool:
-        """Whether any row has been judged: the healthy rows are over."""
+    def monitored(self) -> bool:
+        """Whether rows after the healthy ones have been processed."""
         return len(self._log) > 0
 
     @property
     def above(self) -> int:
-        """Rows that lie above the limit of the anomaly together, the last taken among them."""
+        """Number of consecutive rows above the limit of the anomaly, up to the last one."""
         return len(self._run)
 
     @property
     def together(self) -> int:
-        """How many of them make an anomaly."""
+        """Number of consecutive rows that give an alarm."""
         return self._together
 
     @property
     def open_below(self) -> bool:
-        """Whether intervals have no lower end but 0: the end is reckoned from rows that may have been damaged."""
+        """Whether the lower end of intervals is 0, as the end of life is relative to possibly damaged rows."""
         return self.alarm_row is not None and self.options.limit is None and not self._shown_healthy
 
     @property
     def timeless(self) -> bool:
-        """Whether an anomaly is known within which nothing has turned yet, by its times: growth without a rate."""
-        if self.alarm_row is None or self.end_row is not None or not self.judged:
+        """Whether there were no revolutions since the onset of the anomaly, so that growth has no rate."""
+        if self.alarm_row is None or self.end_row is not None or not self.monitored:
             return False
         return not self._log["turns"][-1] > self.revolutions_at_onset
 
     @property
     def amplitudes(self) -> tuple[NDArray[np.int64], Array, Array]:
-        """Judged rows: number, revolutions since the first row, log normalised amplitude [rows each]."""
+        """Index, revolutions since the first row, and log normalised amplitude of the monitored rows [rows each]."""
         return self._log["row"].astype(np.int64), self._log["turns"].copy(), self._log["log"].copy()
 
     @property
     def end_level(self) -> float:
-        """Log normalised amplitude at which life ends, as far as it is known at this row."""
+        """Log normalised amplitude at which life ends, as estimated at this row."""
         return self._end()
 
     @property
@@ -219,12 +229,12 @@ class OnlineLife:
 
     @property
     def level(self) -> float:
-        """Median log normalised amplitude of the last five judged rows; NaN before any."""
-        return float(np.median(self._log["log"][-5:])) if self.judged else float("nan")
+        """Median log normalised amplitude of the last five monitored rows; NaN without any."""
+        return float(np.median(self._log["log"][-5:])) if self.monitored else float("nan")
 
     @property
     def revolutions_at_onset(self) -> float:
-        """Revolutions since the first row at which the anomaly began; NaN without one."""
+        """Revolutions from the first row to the onset of the anomaly; NaN without one."""
         if self.onset_row is None:
             return float("nan")
         place = int(np.searchsorted(self._log["row"], self.onset_row))
@@ -233,7 +243,7 @@ class OnlineLife:
         return float(self._log["turns"][place])
 
     def _learn(self, row: int) -> None:
-        """S(k), the limit of the anomaly and the scatter, from the healthy rows."""
+        """Estimate S(k), the limit of the anomaly and the scatter from the healthy rows."""
         speed, p = (np.array(v) for v in zip(*self._healthy, strict=True))
         for same_speed in (SAME_SPEED, 0.06, 0.12, 0.25, 0.5, 1.0, 1e9):
             influence = fit_speed_influence(p, speed, same_speed=same_speed)
@@ -245,7 +255,7 @@ class OnlineLife:
             return
         speeds = int(influence.speeds_rpm.size)
         rule = self.options.rule
-        # Few healthy rows promise the same rate of false alarms with longer sequences.
+        # With few healthy rows, longer sequences keep the false-alarm probability.
         for more in range(rule.consecutive, min(rule.horizon_rows, 60)):
             used = AnomalyRule(rule.false_alarm, rule.horizon_rows, more, rule.law)
             if rule.law == "normal" or rank(normalised.size, used) > 0:
@@ -255,13 +265,13 @@ class OnlineLife:
         except TwingapError as error:
             if len(self._healthy) > 20 * self.options.healthy_rows or "equal" in error.what:
                 raise
-            return  # more rows are needed than were taken: the next row tries again
+            return  # more rows are needed; tried again with the next one
         if len(self._healthy) > self.options.healthy_rows:
-            self.notes.append(f"{len(self._healthy)} rows were needed as healthy ones for {speeds} speeds")
+            self.notes.append(f"{len(self._healthy)} healthy rows were needed for {speeds} speeds")
         if used.consecutive > rule.consecutive:
             self.notes.append(
-                f"{normalised.size} healthy rows keep the stated rate of false alarms with {used.consecutive} rows "
-                f"together instead of {rule.consecutive}"
+                f"{normalised.size} healthy rows keep the stated rate of false alarms with {used.consecutive} "
+                f"consecutive rows instead of {rule.consecutive}"
             )
         self._together, self._used_rule = used.consecutive, used
         self._influence, self._same_speed, self._limit = influence, max(same_speed, SAME_SPEED), found.limit
@@ -270,7 +280,7 @@ class OnlineLife:
         self._check_limit()
 
     def _without_healthy_start(self, row: int, first: int) -> None:
-        """The reference rises: the run began, or became, damaged within it."""
+        """Use the first of the healthy rows as reference, since amplitude rises within them."""
         head = self._healthy[:first]
         speed, p = (np.array(v) for v in zip(*head, strict=True))
         self._influence = fit_speed_influence(p, speed, same_speed=0.25)
@@ -279,12 +289,12 @@ class OnlineLife:
         self._check_limit()
         self._reference_rows, self._shown_healthy = first, False
         self.notes.append(
-            f"no healthy start: amplitude rises within the first {len(self._healthy)} rows, so the anomaly is put at "
+            f"no healthy start: amplitude rises within the first {len(self._healthy)} rows, so the anomaly begins at "
             f"the first row and amplitude is relative to the first {first} (if the machine was warming up, leave those "
             "rows out of the run)" + self._late_end()
         )
         self.onset_row, self.alarm_row = 0, row
-        # Their place in the run is not kept while they count as healthy: they are spread evenly.
+        # Revolutions of the first rows are not stored; they are assumed evenly spaced.
         turns = np.linspace(0, self.revolutions, len(self._healthy))
         for place, (u, (s, a)) in enumerate(zip(turns, self._healthy, strict=True)):
             relative = float(np.log(a / self._influence.amplitude(s))) - self._reference[0]
@@ -292,7 +302,7 @@ class OnlineLife:
             self._highest_gain = max(self._highest_gain, float(self._influence.amplitude(s)))
 
     def _check_start(self) -> None:
-        """At an alarm: whether the first rows can have been healthy. An end in absolute amplitude does not need it."""
+        """Test at an alarm whether the first rows were healthy; not needed for an end in absolute amplitude."""
         if self.options.limit is not None:
             return
         assert self._influence is not None
@@ -304,18 +314,18 @@ class OnlineLife:
         )
         if not self._shown_healthy:
             self.notes.append(
-                f"the start is not shown to be healthy: growth from the first row explains amplitude up to row "
-                f"{self.alarm_row} about as well as growth after the {self._reference_rows} rows that count as healthy"
+                f"the start may not have been healthy: growth from the first row explains amplitude up to row "
+                f"{self.alarm_row} about as well as growth after the {self._reference_rows} rows assumed healthy"
                 + self._late_end()
             )
 
     def _late_end(self) -> str:
-        """What damage in the first rows does to the end of life."""
+        """Text on the effect of damage in the first rows on the end of life; "" with an absolute limit."""
         if self.options.limit is not None:
             return ""
         return (
-            "; relative to damaged rows the end of life by ratio comes late by what had grown before, and the "
-            "lower ends of what remains are left open, at 0 (--limit does not depend on them)"
+            "; relative to damaged rows the end of life by ratio is predicted too late, so the lower end of "
+            "remaining life is set to 0 (--limit does not depend on these rows)"
         )
 
     def _set_reference(self, normalised: Array) -> None:
@@ -333,18 +343,18 @@ class OnlineLife:
         healthy, speed = float(amplitudes.max()), float(self._influence.speeds_rpm[amplitudes.argmax()])
         if self.options.limit is not None and healthy >= self.options.limit:
             raise TwingapError(
-                f"healthy rows at {speed:.4g} rpm have {healthy:.4g} peak to peak already",
+                f"healthy rows at {speed:.4g} rpm already have {healthy:.4g} peak to peak",
                 where=f"limit {self.options.limit:g}", mend="raise the limit, in the unit of the records",
             )  # fmt: skip
         self._highest_gain = healthy
 
     def _ended_at_once(self, row: int, peak_to_peak: float) -> None:
-        """The limit is the owner's: what reaches it is the end, whatever came before."""
+        """End of life at a row that reaches the absolute limit, without an anomaly before."""
         self.onset_row = self.alarm_row = self.end_row = row
         self._turns_at_end = self.revolutions
         self.notes.append(
-            f"{peak_to_peak:.4g} peak to peak in row {row} reach the limit before any anomaly was known; if that is "
-            "how a sound machine vibrates at this speed, raise the limit"
+            f"{peak_to_peak:.4g} peak to peak in row {row} reach the limit before any anomaly; if a healthy machine "
+            "vibrates as much at this speed, raise the limit"
         )
 
     def _known(self, speed_rpm: float) -> bool:
@@ -353,7 +363,7 @@ class OnlineLife:
         return bool(near.any())
 
     def _learn_speed(self, speed_rpm: float, peak_to_peak: float) -> None:
-        """A speed not seen in the healthy rows, before any anomaly: its S is learnt from its own first rows."""
+        """Estimate S at a speed that the healthy rows do not contain, from its own first rows before any anomaly."""
         assert self._influence is not None
         place = round(np.log(speed_rpm) / np.log1p(self._same_speed))
         rows = self._learning.setdefault(place, [])
@@ -371,12 +381,12 @@ class OnlineLife:
         del self._learning[place]
         self._highest_gain = max(self._highest_gain, float(self._influence.amplitude(self._influence.speeds_rpm).max()))
         self.notes.append(
-            f"{new.speeds_rpm[0]:.0f} rpm was not among the healthy rows: its healthy amplitude is learnt from its "
-            f"first {len(rows)} rows, which are not judged"
+            f"{new.speeds_rpm[0]:.0f} rpm was not among the healthy rows: its healthy amplitude is estimated from its "
+            f"first {len(rows)} rows, which are not monitored"
         )
 
-    def _judge(self, row: int, speed_rpm: float, peak_to_peak: float) -> None:
-        """One row of the running machine, after the healthy ones."""
+    def _monitor(self, row: int, speed_rpm: float, peak_to_peak: float) -> None:
+        """Update anomaly and end of life by a row of the running machine after the healthy ones."""
         assert self._influence is not None
         gain = float(self._influence.amplitude(speed_rpm))
         normalised = peak_to_peak / gain
@@ -391,14 +401,14 @@ class OnlineLife:
                 self._check_start()
         elif self.end_row is None and self._calm(row):
             self.notes.append(
-                f"the anomaly of row {self.onset_row} has passed by row {row}: amplitude is healthy again"
+                f"the anomaly of row {self.onset_row} is withdrawn at row {row}: amplitude is healthy again"
             )
             self.onset_row = self.alarm_row = self._last = None
             self._run = []
         if self.alarm_row is not None and not self._beyond and not self._influence.covers(speed_rpm):
             self._beyond = True
             self.notes.append(
-                f"{speed_rpm:.0f} rpm lies beyond the speeds seen while healthy: its healthy amplitude is extrapolated"
+                f"{speed_rpm:.0f} rpm is outside the healthy speeds: its healthy amplitude is extrapolated"
             )
         if self.alarm_row is not None and self.end_row is None:
             ended = (
@@ -409,23 +419,23 @@ class OnlineLife:
             if ended:
                 self.end_row, self._ended_at = row, len(self._log)
         elif self.end_row is not None and self.options.limit is None:
-            self._take_end_back(row)
+            self._withdraw_end(row)
 
-    def _take_end_back(self, row: int) -> None:
-        """An end by ratio is one row's amplitude, and so is an impulse: where the next ones lie below, life goes on.
+    def _withdraw_end(self, row: int) -> None:
+        """Withdraw an end by ratio when the next rows are below it, since a single row may be an impulse.
 
-        As many rows as make an anomaly decide. A limit in absolute amplitude is the owner's, and stands.
+        As many rows as give an alarm are needed. An end by an absolute limit is not withdrawn.
         """
         since = self._log["log"][self._ended_at :]
         if since.size < self._together or (since[-self._together :] >= self._end()).any():
             return
         self.notes.append(
-            f"the end of row {self.end_row} is taken back in row {row}: the last {self._together} rows lie below it"
+            f"the end of row {self.end_row} is withdrawn at row {row}: the last {self._together} rows are below it"
         )
         self.end_row = self._last = None
 
     def _raise_highest_gain(self, speed_rpm: float, gain: float) -> None:
-        """Speeds beyond those seen while healthy count once the run keeps to them: one reading may be wrong."""
+        """Update the largest healthy amplitude; speeds outside the healthy ones count after several rows."""
         assert self._influence is not None
         if not self._influence.covers(speed_rpm):
             self._gains_beyond = [*self._gains_beyond[1 - _PER_SPEED :], gain]
@@ -435,7 +445,7 @@ class OnlineLife:
         self._highest_gain = max(self._highest_gain, gain)
 
     def _settled(self) -> bool:
-        """Learn the healthy amplitude again when it has fallen since: a bearing that runs in."""
+        """Whether healthy amplitude has fallen (running in); it is then estimated again."""
         assert self._influence is not None
         count = self.options.healthy_rows
         if len(self._log) - self._settled_at < count:
@@ -454,18 +464,18 @@ class OnlineLife:
         self._influence = SpeedInfluence(old.speeds_rpm, old.c * np.exp(fallen + self._reference[0]), old.counts)
         self._limit = found.limit
         self._set_reference(normalised)
-        self._run, self._log, self._settled_at = [], _no_judged_rows(), 0
+        self._run, self._log, self._settled_at = [], _no_monitored_rows(), 0
         self._seen_rows.keep_last(count)
         self._reference_rows = count
         self._check_limit()
         self.notes.append(
             f"amplitude has fallen to {np.exp(fallen):.2f} of that of the first rows by row {self._turned.rows - 1} "
-            f"(running in): the last {count} rows count as the healthy ones from there on"
+            f"(running in): the last {count} rows are the healthy reference from there on"
         )
         return True
 
     def _calm(self, row: int) -> bool:
-        """Whether amplitude has come back to within its healthy scatter."""
+        """Whether amplitude has returned to its healthy scatter."""
         assert self.alarm_row is not None
         last = self._log["log"][-_CALM:]
         if last.size < _CALM or row - self.alarm_row < _CALM or not np.isfinite(self._limit):
@@ -477,29 +487,29 @@ class OnlineLife:
         if self.options.limit is not None and not self._highest_gain > 0:
             return float("nan")
         if self.options.limit is not None:
-            # It is reached first at the speed at which the structure answers most, of those that the run uses.
+            # The limit is reached first at the speed with the largest healthy amplitude.
             return float(np.log(self.options.limit / self._highest_gain)) - self._reference[0]
         return float(np.log(self.options.limit_ratio)) - self._reference[0]
 
     def _before(self, speed: float) -> Estimate:
-        """Without growth: the lives of other runs, given that this one lives still."""
+        """Estimate without growth: from the lives of other runs, given the life so far."""
         if self.prior is None:
             return Estimate(False, speed_rpm=speed)
         low, middle, high = self.prior.before(self.revolutions)
         return Estimate(False, middle, low, high, speed)
 
     def posterior(self) -> Posterior | None:
-        """Posterior of growth laws at the last judged row, before calibration; None before the anomaly."""
-        if self.alarm_row is None or not self.judged:
+        """Posterior of growth laws at the last monitored row, before calibration; None before the anomaly."""
+        if self.alarm_row is None or not self.monitored:
             return None
-        seen, rows = self._seen()
+        observed, rows = self._observations()
         end = self._end()
-        found = lives(seen, end)
+        found = lives(observed, end)
         low, middle, high = (found.quantile(q) for q in (0.05, 0.5, 0.95))
-        return Posterior(low, middle, high, seen.per_row, rows, found.level / max(end, 1e-9), seen.since_onset)
+        return Posterior(low, middle, high, observed.per_row, rows, found.level / max(end, 1e-9), observed.since_onset)
 
     def _after(self) -> tuple[float, float, float, float]:
-        """Revolutions at the last judged row, and median and interval of what remained there."""
+        """Revolutions at the last monitored row, and median and interval of the remaining life there."""
         found = self.posterior()
         assert found is not None
         low, middle, high = calibrated(found)
@@ -508,8 +518,8 @@ class OnlineLife:
             low, middle, high = self.prior.joined((low, middle, high), self.revolutions, since, found.per_row)
         return float(self._log["turns"][-1]), middle, low, high
 
-    def _seen(self) -> tuple[Seen, int]:
-        """The rows since the onset, and as many revolutions before it, in bins."""
+    def _observations(self) -> tuple[Observations, int]:
+        """Observations since the onset and from as many rows before it, and the number of rows since the onset."""
         assert self.onset_row is not None
         rows, turns, logs = (self._log[name] for name in ("row", "turns", "log"))
         now = float(turns[-1])
@@ -524,19 +534,19 @@ class OnlineLife:
         recent = np.diff(x[-60:])
         if recent.size >= 10:
             std = max(std, float(1.4826 * np.median(np.abs(recent)) / np.sqrt(2)))
-        worth = (1 - memory) / (1 + memory)
-        # The last rows alone, the others in equal bins that keep the onset as a border.
+        independent = (1 - memory) / (1 + memory)
+        # The last rows are bins of one row; the others are in equal bins with the onset as an edge.
         edges = {0, x.size, max(x.size - 5, 0), first - begin}
         edges |= {int(v) for v in np.linspace(0, max(x.size - 5, 0), _BINS)}
         cuts = np.array(sorted(edges))
         size = np.diff(cuts)
         middle = np.array([np.median(x[a:b]) for a, b in pairwise(cuts)])
         place = np.add.reduceat(u, cuts[:-1]) / size
-        variance = std**2 * np.minimum(np.pi / 2, 1 + 0.57 * (size > 1)) / np.maximum(size * worth, 1.0)
+        variance = std**2 * np.minimum(np.pi / 2, 1 + 0.57 * (size > 1)) / np.maximum(size * independent, 1.0)
         began = np.logical_and.reduceat(after, cuts[:-1])
-        return Seen(now - place, middle, variance, began, since, std, max(per_row, 1e-9)), since_rows
+        return Observations(now - place, middle, variance, began, since, std, max(per_row, 1e-9)), since_rows
 
 
-def _no_judged_rows() -> Columns:
-    """Of a judged row: its number, revolutions since the first row, log normalised amplitude."""
+def _no_monitored_rows() -> Columns:
+    """Empty table of monitored rows: index, revolutions since the first row, log normalised amplitude."""
     return Columns("row", "turns", "log")

@@ -1,6 +1,6 @@
-"""Outcomes of runs that have ended, and the prior for other runs that they give.
+"""Outcomes of ended runs, and the prior for other runs derived from them.
 
-a run followed to its end --outcome_of--> Outcome;  a table of lives --read_outcomes--> Outcomes --prior_from--> Prior
+run followed to its end --outcome_of--> Outcome;  table of lives --read_outcomes--> Outcomes --prior_from--> Prior
 """
 
 from __future__ import annotations
@@ -22,22 +22,22 @@ from twingap.prognosis.prior import LogNormal, Prior
 from twingap.records.table import read_table
 
 WEIGHTS: Final = (0.0, 0.25, 0.5, 0.75, 0.9, 1.0)
-"""Weights of growth in `prognosis.prior` that are tried on runs that have ended."""
+"""Weights of growth in `prognosis.prior` that are compared on ended runs."""
 _SHARED: Final = 0.1
-"""Share of the records of the shorter of two runs that makes them the same one."""
+"""Fraction of shared records, relative to the shorter run, from which two runs count as the same."""
 FEWEST_WITH_INTERVALS: Final = 3
-"""Fewest runs with past intervals by which the weight of growth and the width of joined intervals are chosen."""
+"""Fewest runs with past intervals for which the weight of growth and the width of joined intervals are chosen."""
 _SHORTEST: Final = 1.0
 _LONGEST: Final = 1e14
-"""Revolutions: a million rpm for two centuries."""
+"""Bounds of a life in revolutions; values outside are input errors."""
 _USUAL_SPREAD: Final = 0.7
-"""Standard deviation of log life over bearings of one kind, with the weight of two runs: a Weibull life of
-slope 1.5 (rolling bearings: 1.1 to 1.5) has 0.85, one of slope 2 has 0.64."""
+"""Prior standard deviation of log life over bearings of one kind, with the weight of two runs. A Weibull life of slope
+1.5 (rolling bearings: 1.1 to 1.5) has 0.85, one of slope 2 has 0.64. Larger gives wider priors from few runs."""
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """Life and past estimates of a run that has ended.
+    """Life and past estimates of an ended run.
 
     Parameters
     ----------
@@ -45,14 +45,14 @@ class Outcome:
     life : float
         Revolutions from the first row to the end.
     after_onset : float or None
-        From the onset of the anomaly; None when none was found.
+        Revolutions from the onset of the anomaly to the end; None without an anomaly.
     end_ratio : float or None
-        Amplitude at the end over the healthy one.
+        Amplitude at the end relative to the healthy one.
     past : PastIntervals or None
-        Its own estimates after the alarm, made without other runs.
-    signs : frozenset
-        Of its records, by which they are recognised; see `run_records.Amplitude`. Empty when the run is a row of a
-        table.
+        Its estimates after the alarm, made without other runs.
+    fingerprints : frozenset
+        Fingerprints of its records, by which repeated runs are detected; see `run_records.Amplitude`. Empty when the
+        run is a row of a table.
     """
 
     name: str
@@ -60,13 +60,13 @@ class Outcome:
     after_onset: float | None
     end_ratio: float | None
     past: PastIntervals | None = None
-    signs: frozenset[tuple[float, float]] = frozenset()
+    fingerprints: frozenset[tuple[float, float]] = frozenset()
 
     def same_as(self, other: Outcome) -> bool:
-        """Whether both are of one run, or of parts of it that overlap."""
-        if self.signs and other.signs:
-            shared = len(self.signs & other.signs)
-            return shared >= _SHARED * min(len(self.signs), len(other.signs))
+        """Whether both are of the same run, or of overlapping parts of it."""
+        if self.fingerprints and other.fingerprints:
+            shared = len(self.fingerprints & other.fingerprints)
+            return shared >= _SHARED * min(len(self.fingerprints), len(other.fingerprints))
         return self.name == other.name and bool(np.isclose(self.life, other.life, rtol=1e-3, atol=0))
 
 
@@ -75,7 +75,7 @@ def outcome_of(
     life: OnlineLife,
     estimates: Sequence[Estimate],
     lived: Sequence[float],
-    signs: frozenset[tuple[float, float]] = frozenset(),
+    fingerprints: frozenset[tuple[float, float]] = frozenset(),
 ) -> Outcome:
     """Outcome of a run.
 
@@ -83,44 +83,45 @@ def outcome_of(
     ----------
     name : str
     life : OnlineLife
-        As it is after the last row.
+        Estimator after the last row.
     estimates : sequence of Estimate [rows]
-        Made without other runs.
+        Estimates made without other runs.
     lived : sequence of float [rows]
         Revolutions since the first row.
-    signs : frozenset, optional
+    fingerprints : frozenset, optional
         See `Outcome`.
 
     Notes
     -----
-    A life ends where a limit in absolute amplitude was reached, however long the run was recorded beyond it. An end by
-    ratio is a rule of thumb, which the machine's owner did not keep to: there the last row is the end.
+    With an absolute limit, life ends where it was reached, even if the run was recorded beyond it. With an end by
+    ratio, which is a rule of thumb, the last row is the end.
     """
     at_limit = life.options.limit is not None and life.end_row is not None
     rows = life.end_row + 1 if at_limit and life.end_row is not None else len(lived)
-    begun = life.revolutions_at_onset
+    onset = life.revolutions_at_onset
     level = life.end_level if at_limit else life.level
     return Outcome(
         name, lived[rows - 1],
-        None if life.onset_row is None else max(lived[rows - 1] - begun, 0.0),
+        None if life.onset_row is None else max(lived[rows - 1] - onset, 0.0),
         float(np.exp(level)) if np.isfinite(level) else None,
-        past_intervals(estimates[:rows], lived[:rows], begun), signs,
+        past_intervals(estimates[:rows], lived[:rows], onset), fingerprints,
     )  # fmt: skip
 
 
 def refuse_repeats(ended: Sequence[tuple[str, Outcome]], run: Outcome | None = None) -> None:
-    """Refuse runs that are given twice, and the run itself, whose future is to be predicted.
+    """Refuse runs that are given twice, and the run whose remaining life is estimated.
 
     Parameters
     ----------
     ended : sequence of (str, Outcome)
-        Where each was read from, and its outcome.
+        Source and outcome of each run.
     run : Outcome, optional
         The run whose remaining life is estimated.
 
     Raises
     ------
     TwingapError
+        When a run is repeated.
     """
     for place, (where, outcome) in enumerate(ended):
         if run is not None and outcome.same_as(run):
@@ -131,26 +132,26 @@ def refuse_repeats(ended: Sequence[tuple[str, Outcome]], run: Outcome | None = N
         for before, other in ended[:place]:
             if outcome.same_as(other):
                 raise TwingapError(
-                    f"run {outcome.name!r} is given already by {before}, and would count twice",
+                    f"run {outcome.name!r} is already given by {before} and would count twice",
                     where=where, mend="give each run to --prior once",
                 )  # fmt: skip
 
 
 def prior_from(outcomes: Sequence[Outcome]) -> Prior:
-    """Prior of a run from others of its kind that have ended.
+    """Prior of a run from ended runs of its kind.
 
     Parameters
     ----------
     outcomes : sequence of Outcome
-        At least one. Of runs without an anomaly only the life is used.
+        At least one. For runs without an anomaly only the life is used.
 
     Returns
     -------
     Prior
-        Log-normal laws, with the spread of one more draw: sqrt(1 + 1/n) of their standard deviation; and how much
-        wider intervals of growth should have been. Where `FEWEST_WITH_INTERVALS` runs have past intervals, each of
-        them is joined with the estimate from the others: the weight of growth is that of the least error of log life,
-        and intervals are made as wide as these should have been.
+        Log-normal predictive laws (standard deviation times sqrt(1 + 1/n)), and the factor on the width of intervals by
+        growth. Where `FEWEST_WITH_INTERVALS` runs have past intervals, each of them is joined with the estimate from
+        the others: the weight of growth minimises the error of log life, and the width of joined intervals is that
+        which these runs needed.
     """
     prior = _laws(outcomes)
     if sum(own.past is not None for own in outcomes) < FEWEST_WITH_INTERVALS:
@@ -170,7 +171,7 @@ def prior_from(outcomes: Sequence[Outcome]) -> Prior:
 
 
 def _joined(past: PastIntervals, prior: Prior) -> Array:
-    """Intervals [rows, 3] of a run that has ended, joined with the prior of other runs."""
+    """Intervals [rows, 3] of an ended run, joined with the prior of other runs."""
     rows = zip(past.growth, past.lived, past.since_onset, strict=True)
     return np.array(
         [prior.joined((float(a), float(b), float(c)), lived, since, past.per_row) for (a, b, c), lived, since in rows]
@@ -178,13 +179,13 @@ def _joined(past: PastIntervals, prior: Prior) -> Array:
 
 
 def _laws(outcomes: Sequence[Outcome]) -> Prior:
-    """Prior with default weight of growth: laws of lives, widening of growth's intervals."""
+    """Prior with the default weight of growth: laws of lives, and widening of intervals by growth."""
     if not outcomes:
         raise TwingapError("no run has ended", where="prior", mend="give at least one run to failure")
     lives = [o.life for o in outcomes if o.life > 0]
     after = [o.after_onset for o in outcomes if o.after_onset]
     if not lives:
-        raise TwingapError("no run has turned at all", where="prior", mend="give runs with speed_rpm above 0")
+        raise TwingapError("no run has any revolutions", where="prior", mend="give runs with speed_rpm above 0")
     life = _log_normal(lives)
     return Prior(
         life,
@@ -194,21 +195,21 @@ def _laws(outcomes: Sequence[Outcome]) -> Prior:
 
 
 def past_intervals(estimates: Sequence[Estimate], lived: Sequence[float], at_onset: float) -> PastIntervals | None:
-    """Past intervals of a run that has ended, from the onset of its anomaly to the row before the last.
+    """Past intervals of an ended run, from the onset of its anomaly to the last row but one.
 
     Parameters
     ----------
     estimates : sequence of Estimate [rows]
-        Made without other runs.
+        Estimates made without other runs.
     lived : sequence of float [rows]
         Revolutions since the first row.
     at_onset : float
-        Of them, at the onset of the anomaly; NaN where no anomaly was left at the end. Rows before it are left out.
+        Revolutions at the onset of the anomaly; NaN where no anomaly was left at the end. Rows before it are ignored.
 
     Returns
     -------
     PastIntervals or None
-        None where nothing was estimated.
+        None without estimates.
     """
     rows = [
         row for row, e in enumerate(estimates[:-1])
@@ -241,7 +242,11 @@ def read_outcomes(path: str | os.PathLike[str]) -> list[Outcome]:
         after = row.number_in("after_anomaly_revolutions", positive=True)
         if not _SHORTEST <= life <= _LONGEST:
             mend = "give revolutions from the first record to the last"
-            raise TwingapError(f"{life:g} revolutions are no life", where=row.where("life_revolutions"), mend=mend)
+            raise TwingapError(
+                f"life of {life:g} revolutions, {_SHORTEST:g} to {_LONGEST:g} expected",
+                where=row.where("life_revolutions"),
+                mend=mend,
+            )
         if after is not None and after > life * (1 + 1e-9):
             raise TwingapError(
                 f"{after:g} revolutions after the anomaly of {life:g} in all",

@@ -1,13 +1,13 @@
 """Errors of past intervals of remaining life on runs that have ended, and the widening of future intervals.
 
-a run's estimates, its end --errors--> error over half width [rows];  those of several runs --widening--> a factor
-a factor --widened--> the next run's intervals
+estimates and end of a run --errors--> error over half width [rows];  errors of several runs --widening--> factor
+factor --widened--> intervals of the next run
 
-Intervals are calibrated on simulated runs; real ones may grow by other laws. Runs that have ended show by how much, as
-in conformal prediction (Lei et al. 2018, DOI 10.1080/01621459.2017.1307116), but with whole runs for exchangeable
-units: rows of one run err together. Without further assumptions the next of n runs has weight 1 / (n + 1), at an
-infinite error: no finite interval is sure to hold 90 % before n = 9. With fewer, that weight is given to the
-errors of calibrated intervals, as on simulated runs.
+Intervals are calibrated on simulated runs, but real runs may follow other growth laws. As in conformal prediction (Lei
+et al. 2018, DOI 10.1080/01621459.2017.1307116), the errors on runs that have ended give a correction. The exchangeable
+units are runs, since errors within a run are correlated. Without further assumptions, one more run with an infinite
+error has to be added with weight 1 / (n + 1), so that no finite interval covers 90 % for n < 9. Instead, this weight is
+given to the errors of calibrated intervals on simulated runs.
 """
 
 from __future__ import annotations
@@ -24,26 +24,26 @@ Array = NDArray[np.float64]
 Interval = tuple[float, float, float]
 
 ROWS: Final = 64
-"""Most rows of a run that are used: evenly spaced. More follow a run more closely and cost time."""
+"""Most rows of a run that are used, evenly spaced; more follow the run more closely and are slower."""
 _LEVEL: Final = 0.9
 _BOUNDS: Final = (0.5, 5.0)
-"""Least and greatest widening: few runs are no evidence for more."""
+"""Bounds of the factor, since few runs are no evidence for extreme values; wider bounds follow the runs more freely."""
 _CALIBRATED: Final = np.asarray(ndtri(0.5 + 0.5 * (np.arange(ROWS) + 0.5) / ROWS) / ndtri(0.5 + _LEVEL / 2))
-"""Errors of calibrated intervals: half-normal in logarithms."""
+"""Errors of calibrated intervals over their half width: half-normal in logarithms [ROWS]."""
 
 
 @dataclass(frozen=True, eq=False)
 class PastIntervals:
-    """Intervals of remaining life by growth alone, after the alarm of a run that has ended.
+    """Intervals of remaining life by growth alone, after the alarm of an ended run.
 
     Parameters
     ----------
     growth : Array [rows, 3]
-        5 %, 50 % and 95 % of remaining revolutions.
+        Quantiles of 5 %, 50 % and 95 % of remaining revolutions.
     lived, since_onset, left : Array [rows]
         Revolutions since the first row, since the onset of the anomaly, and to the end.
     per_row : float
-        Revolutions from row to row.
+        Mean revolutions between rows.
     """
 
     growth: Array
@@ -53,43 +53,43 @@ class PastIntervals:
     per_row: float
 
     def thinned(self) -> PastIntervals:
-        """Of evenly spaced rows with an estimate, at most `ROWS`."""
+        """The intervals at evenly spaced rows that have an estimate, at most `ROWS`."""
         rows = spaced(np.isfinite(self.growth[:, 1]) & np.isfinite(self.left))
         return PastIntervals(self.growth[rows], self.lived[rows], self.since_onset[rows], self.left[rows], self.per_row)
 
     def errors(self, intervals: Array | None = None) -> Array:
-        """`errors` of these intervals [rows, 3], or of growth alone."""
+        """`errors` of these intervals [rows, 3]; of growth alone when absent."""
         low, middle, high = (self.growth if intervals is None else intervals).T
         return errors(middle, low, high, self.left, self.per_row / 2)
 
     def log_error(self, intervals: Array) -> float:
-        """Mean absolute error of the logarithm of these medians [rows, 3], half a row added."""
+        """Mean absolute error of the logarithm of the medians of intervals [rows, 3], each plus half a row."""
         unit = self.per_row / 2
         return float(np.mean(np.abs(np.log((intervals[:, 1] + unit) / (self.left + unit)))))
 
 
 def spaced(usable: NDArray[np.bool_]) -> NDArray[np.int64]:
-    """Evenly spaced ones of the rows that are usable [rows], at most `ROWS`."""
+    """Indices of evenly spaced usable rows, at most `ROWS`."""
     rows = np.flatnonzero(usable)
     return rows[np.unique(np.linspace(0, rows.size - 1, ROWS).round().astype(int))] if rows.size else rows
 
 
 def errors(predicted: Array, low: Array, high: Array, true: Array, unit: float) -> Array:
-    """Errors in logarithms over the half width of the interval on their side; at most 1 inside it.
+    """Errors of the logarithm relative to the half width of the interval on the same side; at most 1 inside it.
 
     Parameters
     ----------
     predicted, low, high : Array [rows]
-        Median and interval of what remains.
+        Median and interval of the remaining life.
     true : Array [rows]
-        What remained.
+        True remaining life.
     unit : float
-        Added to all of them before their logarithm: half of what passes from row to row.
+        Added before taking logarithms: half of the mean distance of rows.
 
     Returns
     -------
     Array [at most `ROWS`]
-        Of evenly spaced rows, infinite where an interval without width misses.
+        At evenly spaced rows; very large where an interval without width misses.
     """
     chosen = spaced(np.isfinite(predicted) & np.isfinite(true))
     below, middle, above, end = (np.log(np.maximum(v[chosen], 0.0) + unit) for v in (low, predicted, high, true))
@@ -99,17 +99,17 @@ def errors(predicted: Array, low: Array, high: Array, true: Array, unit: float) 
 
 
 def widening(runs: Sequence[Sequence[float] | Array]) -> float:
-    """The factor by which intervals of runs that ended should have been wider in logarithms.
+    """Factor by which intervals of ended runs should have been wider in logarithms.
 
     Parameters
     ----------
     runs : sequence of sequence of float
-        Each run's `errors`; each weighs the same, and as much as all simulated runs do. Empty ones are left out.
+        `errors` of each run. Each run has the same weight, equal to that of all simulated runs. Empty ones are ignored.
 
     Returns
     -------
     float
-        0.5 to 5; 1 without any run.
+        0.5 to 5; 1 without runs.
     """
     given = [np.asarray(own, float) for own in runs if len(own)]
     if not given:
@@ -123,7 +123,7 @@ def widening(runs: Sequence[Sequence[float] | Array]) -> float:
 
 
 def widened(interval: Interval, factor: float, unit: float) -> Interval:
-    """An interval (low, median, high) whose ends lie `factor` times as far from its median in logarithms."""
+    """Interval (low, median, high) with its ends `factor` times as far from the median in logarithms."""
     low, middle, high = (np.log(v + unit) for v in interval)
     return (
         max(float(np.exp(middle - factor * (middle - low))) - unit, 0.0),

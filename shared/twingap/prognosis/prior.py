@@ -1,18 +1,17 @@
 """Prior of remaining life from other runs, pooled with the estimate by growth of this run.
 
-lives of runs that ended --> log-normal laws --outlived so far--> median, interval --+
-growth of this run, calibrated --widened as past runs needed--> median, interval ----+--> weighted in logarithms
-                                                                                             |
-                               widened again, as the same of past runs needed <--------------+
+lives of ended runs --> log-normal laws --given the life so far--> median, interval --+
+growth of this run, calibrated --widened by past errors--> median, interval ----------+--> weighted mean of logarithms
+                                                                                                |
+                                       widened by past errors of this mean <--------------------+
 
-Growth alone has no scale: an amplitude that stands still may do so for ever, and does in half of the public runs, until
-the bearing fails within minutes. Both are kept at a weight chosen on runs that have ended (`outcomes.prior_from`), and
-their quantiles averaged in logarithms (Lichtendahl, Grushka-Cockayne and Winkler 2012, DOI 10.2139/ssrn.2066806). Two
-sources that err independently have a mean that is surer than either, which an average of their quantiles does not know,
-and lives may spread more or less than is supposed: the width of intervals of the mean is chosen on past runs as well.
+Growth alone gives no time scale: amplitude may be constant for most of a run until the bearing fails within minutes.
+Quantiles of both sources are averaged in logarithms (Lichtendahl, Grushka-Cockayne and Winkler 2012, DOI
+10.2139/ssrn.2066806), with a weight chosen on ended runs (`outcomes.prior_from`). An average of quantiles does not
+narrow where errors of the sources are independent, and lives may scatter more or less than assumed, so the width of the
+joined intervals is also chosen on ended runs.
 
-A product of densities would suppress early growth where lives spread by a factor of two; weights by the stated
-precision of each source are no better.
+A product of densities would suppress the evidence of early growth where lives differ by a factor of two.
 """
 
 from __future__ import annotations
@@ -26,7 +25,7 @@ from scipy.special import ndtr, ndtri
 from twingap.prognosis.past_errors import Interval, widened
 
 LEARNT: Final = ("growth_weight", "widening", "joined_widening")
-"""Fields of `Prior` that are chosen on runs that have ended, besides the laws of lives; see `outcomes.prior_from`."""
+"""Fields of `Prior` that are chosen on ended runs, in addition to the laws of lives; see `outcomes.prior_from`."""
 
 
 @dataclass(frozen=True)
@@ -36,8 +35,8 @@ class LogNormal:
     mean: float
     std: float
 
-    def outlived(self, revolutions: float) -> Interval:
-        """5 %, 50 % and 95 % of what is left of a life that is longer than so many revolutions."""
+    def remaining(self, revolutions: float) -> Interval:
+        """Quantiles of 5 %, 50 % and 95 % of the remaining life, given that it is longer than `revolutions`."""
         below = min(float(ndtr((np.log(max(revolutions, 1e-9)) - self.mean) / self.std)), 1 - 1e-9)
         ends = (np.exp(self.mean + self.std * ndtri(below + (1 - below) * q)) for q in (0.05, 0.5, 0.95))
         low, middle, high = (max(float(v) - revolutions, 0.0) for v in ends)
@@ -46,7 +45,7 @@ class LogNormal:
 
 @dataclass(frozen=True)
 class Prior:
-    """Prior of remaining life from other runs of such bearings.
+    """Prior of remaining life from ended runs of bearings of the same kind.
 
     Parameters
     ----------
@@ -57,9 +56,9 @@ class Prior:
     growth_weight : float
         Weight of growth in the mean, 0 to 1.
     widening : float
-        Of growth's intervals, in logarithms; see `past_errors`.
+        Factor on the width of intervals by growth, in logarithms; see `past_errors`.
     joined_widening : float
-        The same of the mean's, after growth's.
+        Factor on the width of the joined intervals, in logarithms.
     """
 
     life: LogNormal
@@ -69,25 +68,25 @@ class Prior:
     joined_widening: float = 1.0
 
     def before(self, lived: float) -> Interval:
-        """5 %, 50 % and 95 % of remaining revolutions before any anomaly."""
-        return self.life.outlived(lived)
+        """Quantiles of 5 %, 50 % and 95 % of remaining revolutions before an anomaly, after `lived` revolutions."""
+        return self.life.remaining(lived)
 
     def joined(self, growth: Interval, lived: float, since_onset: float, per_row: float) -> Interval:
-        """5 %, 50 % and 95 % of remaining revolutions after the onset.
+        """Quantiles of 5 %, 50 % and 95 % of remaining revolutions after the onset.
 
         Parameters
         ----------
         growth : tuple of float
-            The same by growth alone.
+            The same quantiles by growth alone.
         lived, since_onset : float
             Revolutions since the first row, and since the onset.
         per_row : float
-            Revolutions from row to row; half of them are added to lives before their logarithm.
+            Mean revolutions between rows; half of them are added before taking logarithms.
         """
         law, since = self.life, lived
         if self.after_onset is not None and self.after_onset.std < self.life.std:
             law, since = self.after_onset, since_onset
         unit, w = per_row / 2, self.growth_weight
-        own, usual = (np.log(np.add(v, unit)) for v in (widened(growth, self.widening, unit), law.outlived(since)))
+        own, usual = (np.log(np.add(v, unit)) for v in (widened(growth, self.widening, unit), law.remaining(since)))
         low, middle, high = (max(float(v) - unit, 0.0) for v in np.exp(w * own + (1 - w) * usual))
         return widened((low, middle, high), self.joined_widening, unit)

@@ -1,7 +1,7 @@
 """Count of revolutions from the times and speeds of rows, with rules for gaps.
 
-time, speed --> spacing from the row before --longer than usual?--> gap: counted or not, and noted
-                                            --otherwise--> turns = mean speed x time
+time, speed --> spacing from the row before --longer than usual--> gap: counted or not, with a note
+                                            --otherwise---------> turns = mean speed x time
 """
 
 from __future__ import annotations
@@ -11,20 +11,20 @@ from typing import Final, Literal, NamedTuple
 import numpy as np
 
 GAP: Final = 3.0
-"""A row that comes after more than this many times the usual spacing comes after a gap."""
+"""Ratio of a spacing to the usual one above which it is a gap; larger accepts more irregular sampling."""
 _IRREGULAR: Final = 10.0
-"""The most that irregular sampling makes of it."""
+"""Largest value to which irregular sampling raises that ratio."""
 _SPACINGS: Final = 20
-"""Last spacings whose median is the usual one."""
+"""Number of last spacings whose median is the usual one; more adapt more slowly."""
 _FIRST_ROWS: Final = 8
-"""First rows, whose spacings are evaluated again as the usual one is learnt, before any row is judged."""
+"""First rows, whose spacings are evaluated again while the usual one is still being estimated."""
 
 Gaps = Literal["running", "stopped"]
-"""Whether the machine ran while rows are missing."""
+"""Whether the machine ran or stood still during gaps in the rows."""
 
 
 class _Spacing(NamedTuple):
-    """From a row to the next one, at `time_s`: turns counted, at a mean speed."""
+    """Spacing between two rows, the second at `time_s`: duration, turns and mean speed."""
 
     time_s: float
     dt_s: float
@@ -33,22 +33,23 @@ class _Spacing(NamedTuple):
 
 
 class RevolutionCount:
-    """Counts the revolutions of a run from the times and speeds of its rows.
+    """Counter of the revolutions of a run from the times and speeds of its rows.
 
     Parameters
     ----------
     gaps : {"running", "stopped"}
+        Whether the machine ran or stood still during gaps.
 
     Attributes
     ----------
     revolutions : float
-        Since the first row.
+        Revolutions since the first row.
     time_s : float or None
-        Of the last row.
+        Time of the last row, s.
     speed_rpm : float
-        There, 0 while the machine stands still.
+        Speed at the last row, rpm; 0 while the machine stands still.
     rows : int
-        Taken so far.
+        Number of rows so far.
     """
 
     def __init__(self, gaps: Gaps = "running") -> None:
@@ -58,22 +59,22 @@ class RevolutionCount:
         self.speed_rpm = 0.0
         self.rows = 0
         self._spacings: list[_Spacing] = []
-        self._unsure: list[_Spacing] = []
+        self._first_spacings: list[_Spacing] = []
 
     def take(self, time_s: float, speed_rpm: float) -> list[str]:
-        """Take the next row.
+        """Process the next row.
 
         Parameters
         ----------
         time_s : float
-            Finite, and not before the last row's.
+            Time, s, finite and not before the last row's.
         speed_rpm : float
-            That of the row before counts where it is not finite.
+            Speed, rpm; where it is not finite, that of the row before is used.
 
         Returns
         -------
         list of str
-            A note for each gap that is known by this row.
+            A note for each gap that is detected with this row.
         """
         self.rows += 1
         notes: list[str] = []
@@ -84,20 +85,19 @@ class RevolutionCount:
             spacing = _Spacing(time_s, dt_s, turns, mean)
             self._spacings = [*self._spacings[1 - _SPACINGS :], spacing]
             longest = self._longest_spacing()
-            # What is usual is not known at first: a gap among the first rows shows with the ones that follow.
-            for earlier in (s for s in self._unsure if s.dt_s > longest):
+            # A gap among the first rows is detected once enough spacings are known.
+            for earlier in (s for s in self._first_spacings if s.dt_s > longest):
                 self.revolutions -= self._not_counted(earlier, notes)
             self.revolutions += turns - (self._not_counted(spacing, notes) if dt_s > longest else 0.0)
-            unsure = [s for s in (*self._unsure, spacing) if s.dt_s <= longest]
-            self._unsure = unsure if self.rows < _FIRST_ROWS else []
+            kept = [s for s in (*self._first_spacings, spacing) if s.dt_s <= longest]
+            self._first_spacings = kept if self.rows < _FIRST_ROWS else []
         self.time_s, self.speed_rpm = time_s, speed
         return notes
 
     def _longest_spacing(self) -> float:
-        """The longest time between rows that is no gap, s; infinite as long as nothing is usual.
+        """Longest spacing that is no gap, s; infinite while fewer than three spacings are known.
 
-        Gaps only lengthen spacings: how irregular these are is read off the shorter half, by the median over the
-        shortest tenth.
+        Since gaps only lengthen spacings, their irregularity is the ratio of the median to the shortest tenth.
         """
         lengths = sorted(s.dt_s for s in self._spacings if s.dt_s > 0)
         if len(lengths) < 3:
@@ -106,7 +106,7 @@ class RevolutionCount:
         return usual * min(max(GAP, usual / short), _IRREGULAR)
 
     def _not_counted(self, gap: _Spacing, notes: list[str]) -> float:
-        """The revolutions of a gap that are not to be counted, and a note of it."""
+        """Revolutions of a gap that are not counted; appends a note."""
         counted = self._gaps == "running" and gap.turns > 0
         how = f"counted at {gap.speed_rpm:.0f} rpm" if counted else "not counted"
         notes.append(f"gap of {gap.dt_s:.6g} s before time_s = {gap.time_s:.6g}: its revolutions are {how}")

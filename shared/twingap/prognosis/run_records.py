@@ -1,9 +1,9 @@
-"""Rows of one run to failure on disk, in order of time; samples are read one record at a time.
+"""Rows of one run to failure from a record set, in order of time; samples are read one record at a time.
 
 record set folder --> records.csv, sorted by time_s --> RunRow, ... --load--> peak to peak, kurtosis, rms
 
-Unlike `records.read_record_set`, a row may state that the machine stood still (speed_rpm 0), and then needs no file;
-and a record whose samples are not all finite does not end the reading. All else in a row is checked in the same way.
+Unlike in `records.read_record_set`, a row may state that the machine stood still (speed_rpm 0) and then needs no file,
+and a record with samples that are not finite is no error here. All other checks of a row are the same.
 """
 
 from __future__ import annotations
@@ -25,37 +25,37 @@ from twingap.records.samples import Channel, SampleFile, inspect
 from twingap.records.table import Row, read_table
 
 _LONGEST_S: Final = 1e10
-"""Three hundred years: what lies beyond was read wrongly."""
+"""Longest duration of a run (300 years); longer ones are input errors."""
 _FASTEST_RPM: Final = 3e6
-"""The fastest turbines turn a million times a minute."""
+"""Highest speed accepted; higher ones are input errors."""
 _M_S2: Final = {"m/s^2": 1.0, "g": 9.80665}
-"""Units whose size is known, in m/s^2."""
+"""Units that can be converted, in m/s^2."""
 _DIGITS: Final = 6
-"""Of an amplitude's `sign`: as many as survive single precision and a change of unit."""
+"""Significant digits of a fingerprint; more would not survive single precision and a change of unit."""
 
 
 class Amplitude(NamedTuple):
-    """How much a record vibrates, and how.
+    """Amplitude and kurtosis of a record; all NaN when the machine stands still.
 
     Parameters
     ----------
     peak_to_peak : float
-        In the records' unit, of the wanted number of samples.
+        Peak to peak of the first samples, in the unit of the records.
     kurtosis : float
-        3 for Gaussian noise.
+        Kurtosis; 3 for Gaussian noise.
     rms : float
-        About the mean. NaN, as all of them, when the machine stands still.
-    whole : float
+        RMS about the mean.
+    full_peak_to_peak : float
         Peak to peak of all samples.
     """
 
     peak_to_peak: float
     kurtosis: float
     rms: float
-    whole: float
+    full_peak_to_peak: float
 
-    def sign(self, unit: str) -> tuple[float, float] | None:
-        """By which the same record is known again, whatever its file, name and unit; None where nothing vibrates."""
+    def fingerprint(self, unit: str) -> tuple[float, float] | None:
+        """Values that identify a record independently of file, name and unit; None without vibration."""
         if not (self.rms > 0 and np.isfinite(self.kurtosis)):
             return None
         return _rounded(self.rms * _M_S2.get(unit, 1.0)), _rounded(self.kurtosis)
@@ -69,9 +69,9 @@ class RunRow:
     ----------
     name : str
     time_s, speed_rpm : float
-        Speed 0: the machine stands still.
+        Time, s, and speed; 0 while the machine stands still.
     channel : Channel or None
-        Where the samples are; None when the row names no file.
+        Source of the samples; None when the row names no file.
     """
 
     name: str
@@ -85,12 +85,12 @@ class RunRow:
         Parameters
         ----------
         n_samples : int, optional
-            Of which peak to peak is taken, the record's first ones; all when absent.
+            Number of first samples for peak to peak; all when absent.
 
         Raises
         ------
         TwingapError
-            When the samples cannot be read, one is not finite, or they are nothing that an accelerometer measures.
+            When the samples cannot be read, one is not finite, or they cannot be measured by an accelerometer.
         """
         if self.channel is None or self.speed_rpm == 0:
             return Amplitude(*(float("nan"),) * 4)
@@ -99,9 +99,9 @@ class RunRow:
         centred = x - x.mean()
         power = float(np.mean(centred**2))
         kurtosis = float(np.mean(centred**4)) / power**2 if power > 0 else float("nan")
-        whole = float(np.ptp(x))
-        part = whole if n_samples is None else float(np.ptp(x[:n_samples]))
-        return Amplitude(part, kurtosis, float(np.sqrt(power)), whole)
+        full = float(np.ptp(x))
+        part = full if n_samples is None else float(np.ptp(x[:n_samples]))
+        return Amplitude(part, kurtosis, float(np.sqrt(power)), full)
 
 
 @dataclass(frozen=True)
@@ -113,9 +113,9 @@ class Run:
     name : str
     unit : str
     rows : tuple of RunRow
-        In order of time; rows of one time as they stand in the table.
+        Rows in order of time; rows of equal time in the order of the table.
     notes : tuple of str
-        What was put in order.
+        Changes and peculiarities.
     """
 
     name: str
@@ -130,16 +130,16 @@ class Run:
 def read_run(
     folder: str | os.PathLike[str], group: str | None = None, *, several: str = "choose one by --group"
 ) -> Run:
-    """Read the table of a run.
+    """Run from a record set.
 
     Parameters
     ----------
     folder : path-like
-        Record set.
+        Folder of the record set.
     group : str, optional
-        Whose rows are the run, where the set holds several bearings.
+        Group whose rows are the run, where the set contains several bearings.
     several : str
-        What to do about a set of several bearings, should none be named.
+        Advice in the error message for a set of several bearings.
 
     Returns
     -------
@@ -148,8 +148,8 @@ def read_run(
     Raises
     ------
     TwingapError
-        Naming file, row, column and reason: a row without time_s, two runs side by side, a file that is not there, rows
-        of a single time, a cell that no record set may have.
+        With file, row, column and reason: a row without time_s, several runs, a missing file, all rows at the same
+        time, an invalid cell.
     """
     folder = Path(folder)
     about = read_description(folder).recordset
@@ -166,11 +166,13 @@ def read_run(
         assert time_s is not None and speed_rpm is not None and name is not None
         if speed_rpm > _FASTEST_RPM:
             mend = "give revolutions per minute"
-            raise TwingapError(f"{speed_rpm:g} rpm: no machine turns so fast", where=row.where("speed_rpm"), mend=mend)
+            raise TwingapError(
+                f"{speed_rpm:g} rpm, at most {_FASTEST_RPM:g} rpm expected", where=row.where("speed_rpm"), mend=mend
+            )
         turning = speed_rpm > 0
         rate = row.rate(about.fs_hz if turning else about.fs_hz or 1.0)
         channel = _channel(folder, row, rate, opened, needed=turning)
-        # A machine at rest has no condition to be in, but its other cells are held to the same.
+        # Other cells of a row at standstill are checked in the same way.
         checked = row if turning else replace(row, cells={**row.cells, "speed_rpm": "1"})
         checked.condition(rate, 1 if channel is None else channel.n_samples, {})
         if turning:
@@ -178,11 +180,11 @@ def read_run(
         found.append(RunRow(name, time_s, speed_rpm, channel))
     order = sorted(range(len(found)), key=lambda place: found[place].time_s)
     if order != list(range(len(found))):
-        notes.append("records.csv is not in order of time: rows are taken, and written, by time_s")
+        notes.append("records.csv is not in order of time: rows are sorted by time_s")
     times = [found[place].time_s for place in order]
     if times and times[-1] - times[0] > _LONGEST_S:
         raise TwingapError(
-            f"time_s spans {times[-1] - times[0]:.3g} s, more than any run lasts", where=table,
+            f"time_s spans {times[-1] - times[0]:.3g} s, at most {_LONGEST_S:.3g} s expected", where=table,
             mend="give seconds since the start of the run",
         )  # fmt: skip
     if len(times) > 1 and times[0] == times[-1]:
@@ -193,40 +195,40 @@ def read_run(
     if len(rates) > 1:
         notes.append(f"fs_hz varies ({min(rates):g} to {max(rates):g} Hz): amplitude may vary with it")
     if twice := sum(a == b for a, b in pairwise(times)):
-        notes.append(f"{twice} rows have the time of the row before: they are taken as they stand in the table")
+        notes.append(f"{twice} rows have the time of the row before: they are used in the order of the table")
     if still := sum(row.speed_rpm == 0 for row in found):
-        notes.append(f"the machine stands still in {still} rows: no life is used up, and no time to the end is given")
+        notes.append(f"the machine stands still in {still} rows: no life is consumed, and no remaining time is given")
     name = about.name or folder.resolve().name
     return Run(name, about.unit, tuple(found[place] for place in order), tuple(notes))
 
 
 def _one_run(rows: tuple[Row, ...], table: Path, group: str | None, several: str) -> tuple[tuple[Row, ...], list[str]]:
-    """The rows of one bearing, and a note where several follow one another."""
+    """The rows of one run, and a note where several groups follow one another."""
     if group is not None:
         kept = tuple(row for row in rows if row.text("group") == group)
         if not kept:
             known = ", ".join(dict.fromkeys(row.text("group") or "" for row in rows if row.text("group")))
             mend = f"groups found: {known:.200}" if known else "leave --group out"
-            raise TwingapError(f"holds no group {group!r}", where=table, mend=mend)
+            raise TwingapError(f"contains no group {group!r}", where=table, mend=mend)
         return kept, []
     groups = [row.text("group") for row in rows]
     if side_by_side(groups, (row.number_in("time_s") for row in rows)):
         names = [name for name in dict.fromkeys(groups) if name is not None]
         raise TwingapError(
-            f"holds {len(names)} groups that overlap in time ({', '.join(names[:6])}): not one run", where=table,
+            f"contains {len(names)} groups that overlap in time ({', '.join(names[:6])}): not one run", where=table,
             mend=several,
         )  # fmt: skip
     named = {name for name in groups if name is not None}
     if len(named) < 2:
         return rows, []
     return rows, [
-        f"{len(named)} groups that follow one another in time ({', '.join(sorted(named)[:6])}): taken for recordings "
-        f"of one run; if they are not, {several}"
+        f"{len(named)} groups that follow one another in time ({', '.join(sorted(named)[:6])}): assumed to be "
+        f"recordings of one run; if they are not, {several}"
     ]
 
 
 def in_unit(limit: float, unit: str, wanted: str) -> float | None:
-    """An amplitude in another unit; None when the two cannot be compared."""
+    """Amplitude converted to another unit; None when it cannot be converted."""
     if unit == wanted:
         return limit
     return limit * _M_S2[unit] / _M_S2[wanted] if unit in _M_S2 and wanted in _M_S2 else None
@@ -252,8 +254,8 @@ def _channel(folder: Path, row: Row, rate: float, opened: dict[str, SampleFile],
             return None
         raise TwingapError(str(error), where=row.where("file")) from error
     stated = opened[name].fs_hz
-    if needed and stated is not None and abs(stated - rate) > 0.5:  # .wav files state whole numbers
-        what = f"{folder / name} states {stated:g} Hz but the record set {rate:g} Hz"
+    if needed and stated is not None and abs(stated - rate) > 0.5:  # .wav files state integers
+        what = f"{folder / name} states {stated:g} Hz, but the record set {rate:g} Hz"
         mend = "correct fs_hz there or in recordset.toml"
         raise TwingapError(what, where=row.where("fs_hz"), mend=mend)
     return found

@@ -1,9 +1,9 @@
-"""Simulated runs to failure of many growth laws: amplitudes only, for calibration and checks of intervals.
+"""Simulated amplitudes of runs to failure by many growth laws, for calibration and evaluation of intervals.
 
 law, speed profile, scatter, end level --> time, speed, peak to peak [rows], row at which life ends
 
-They are simulated runs, not vibration: what the estimator sees of a record is its amplitude. None of the laws is
-followed exactly: rates wander, amplitude scatters with a long tail and with memory, damage may begin with a jump.
+Only amplitudes are simulated, since the estimator uses nothing else of a record. Runs deviate from their law: rates
+vary slowly, amplitude scatters with a long tail and autocorrelation, and damage may begin with a jump.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ Law = Callable[[Array, np.random.Generator], Array]
 
 @dataclass(frozen=True)
 class SimulatedRun:
-    """One run, from its healthy beginning to its end of life.
+    """Simulated run from its healthy beginning to its end of life.
 
     Parameters
     ----------
@@ -29,11 +29,11 @@ class SimulatedRun:
     time_s, speed_rpm, peak_to_peak : Array [rows]
         The last row is the first whose normalised amplitude reaches `limit_ratio`.
     onset_row : int
-        Where damage begins.
+        First row with damage.
     limit_ratio : float
-        Amplitude at the end of life over the healthy one at the same speed.
+        Amplitude at the end of life relative to the healthy one at the same speed.
     revolutions : Array [rows]
-        Since the first row.
+        Revolutions since the first row.
     """
 
     law: str
@@ -46,17 +46,17 @@ class SimulatedRun:
 
     @property
     def remaining_revolutions(self) -> Array:
-        """At every row, 0 at the last."""
+        """Remaining revolutions [rows], 0 at the last row."""
         return np.asarray(self.revolutions[-1] - self.revolutions)
 
 
 def _exponential(share: Array, rng: np.random.Generator) -> Array:
-    """Eq. 12 of paper 1."""
+    """Exponential growth, eq. 12 of paper 1."""
     return share
 
 
 def _bent(share: Array, rng: np.random.Generator) -> Array:
-    """Powers of damage: log amplitude 0 .. 1 by d(log D)/du ~ D^q, q from linear growth to runaway."""
+    """Growth rate as a power of damage: d(log D)/du ~ D^q, q from linear to accelerating growth."""
     q, span = rng.uniform(-1.0, 2.0), rng.uniform(1.5, 3.5)
     if abs(q) < 0.02:
         return share
@@ -70,13 +70,13 @@ def _power(share: Array, rng: np.random.Generator) -> Array:
 
 
 def _two_phases(share: Array, rng: np.random.Generator) -> Array:
-    """Slow exponential growth, then fast: a spall that spreads to the next roller."""
+    """Slow and then fast exponential growth, as of a spall that spreads to the next roller."""
     turn, height = rng.uniform(0.4, 0.85), rng.uniform(0.15, 0.6)
     return np.asarray(np.interp(share, [0, turn, 1], [0, height, 1]))
 
 
 def _paris(share: Array, rng: np.random.Generator) -> Array:
-    """Length of a spall whose growth rate is a power of its length; amplitude 1 + its length over the healthy floor."""
+    """Paris' law: growth rate of a spall as a power of its length, on top of the healthy amplitude."""
     m, ratio = rng.uniform(1.2, 3.0), rng.uniform(5.0, 40.0)
     start = 0.05 * ratio
     p = 1 - m
@@ -93,7 +93,7 @@ def _steps(share: Array, rng: np.random.Generator) -> Array:
 
 
 def _logistic(share: Array, rng: np.random.Generator) -> Array:
-    """A rise that slows as the spall is rolled flat, before it goes on."""
+    """A rise that slows down while the edges of the spall are rolled out, then further growth."""
     middle, width = rng.uniform(0.2, 0.5), rng.uniform(0.05, 0.15)
     rise = 1 / (1 + np.exp(-(share - middle) / width))
     rise = (rise - rise[0]) / (rise[-1] - rise[0])
@@ -102,7 +102,7 @@ def _logistic(share: Array, rng: np.random.Generator) -> Array:
 
 
 def _plateau(share: Array, rng: np.random.Generator) -> Array:
-    """A rise, a long rest that may even sink, and an abrupt end: what most of the public FEMTO runs look like."""
+    """A rise, a long plateau that may decrease, and an abrupt end, as in most of the public FEMTO runs."""
     height, rise, end = rng.uniform(0.15, 0.6), rng.uniform(0.02, 0.3), rng.uniform(0.02, 0.15)
     rest = height * rng.uniform(0.6, 1.2)
     return np.asarray(np.interp(share, [0, rise, 1 - end, 1], [0, height, rest, 1]))
@@ -113,13 +113,13 @@ LAWS: Final[dict[str, Law]] = {
     "paris": _paris, "steps": _steps, "logistic": _logistic,
 }  # fmt: skip
 CALIBRATION_LAWS: Final = ("exponential", "bent", "power", "two phases", "plateau")
-"""Those on which intervals are calibrated; the others are kept for checking."""
+"""Laws on which intervals are calibrated; the others are used for evaluation only."""
 
 
 def simulate_run(
     rng: np.random.Generator, law: str, *, rows: int | None = None, varying: bool | None = None
 ) -> SimulatedRun:
-    """Draw a run of this law.
+    """Random run of a growth law.
 
     Parameters
     ----------
@@ -127,10 +127,10 @@ def simulate_run(
     law : str
         Key of `LAWS`.
     rows : int, optional
-        Rows from the onset to the end that the law foresees; 15 to 1500 when absent, log-uniform.
+        Rows from the onset to the nominal end of the law; log-uniform from 15 to 1500 when absent.
     varying : bool, optional
-        Speed in steps of 100 rpm from 1000 to 2000 and back, at a resonance of its own, instead of constant. When
-        absent, every third run.
+        Whether speed varies in steps of 100 rpm from 1000 to 2000 and back, with a random resonance. When absent, a
+        third of the runs.
 
     Returns
     -------
@@ -150,7 +150,7 @@ def simulate_run(
     else:
         speed = np.full(n, rng.uniform(300, 6000))
         gain = np.full(n, float(np.exp(rng.normal())))
-    # Wear counts revolutions, at a rate that wanders: an Ornstein-Uhlenbeck process in log rate.
+    # Wear per revolution with a slowly varying rate: an Ornstein-Uhlenbeck process in log rate.
     pace = np.exp(_wander(rng, n, memory=after * rng.uniform(0.03, 0.3), std=rng.uniform(0.0, 0.4)))
     worn = np.cumsum(np.where(np.arange(n) >= before, speed * pace, 0.0))
     worn /= after * float(np.mean(speed))
@@ -168,7 +168,7 @@ def simulate_run(
     scatter = std * (np.sqrt(1 - part) * tail + np.sqrt(part) * _wander(rng, n, memory=rng.uniform(1, 5), std=1.0))
     normalised = np.exp(level + scatter)
     beyond_limit = np.flatnonzero((normalised >= ratio) & (np.arange(n) > before))
-    if beyond_limit.size == 0:  # the wear wandered too slowly for the rows drawn
+    if beyond_limit.size == 0:  # wear is too slow for the number of rows
         return simulate_run(rng, law, rows=rows, varying=varying)
     last = int(beyond_limit[0])
     time_s = np.asarray(np.arange(n) * dt_s, float)
@@ -186,7 +186,9 @@ def simulate_run(
 
 
 def simulate_bench(rng: np.random.Generator, law: str, spread: float, runs: int = 6) -> list[SimulatedRun]:
-    """Draw runs of this law on one bench: one row a revolution on average, lives about a usual one of 30 to 500 rows.
+    """Random runs of a growth law on one bench, with lives about a common value of 30 to 500 rows.
+
+    There is one row per revolution on average.
 
     Parameters
     ----------
@@ -207,7 +209,7 @@ def simulate_bench(rng: np.random.Generator, law: str, spread: float, runs: int 
 
 
 def _wander(rng: np.random.Generator, n: int, *, memory: float, std: float) -> Array:
-    """First-order autoregression of unit memory in rows."""
+    """First-order autoregressive noise [n] with correlation length `memory`, rows, and standard deviation `std`."""
     from scipy.signal import lfilter
 
     keep = float(np.exp(-1 / max(memory, 1e-3)))

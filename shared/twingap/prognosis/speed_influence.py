@@ -3,9 +3,9 @@
 healthy rows: peak to peak, speed --eqs. 9, 10--> SpeedInfluence: S at any speed
 any rows:     peak to peak, speed --eq. 11------> normalised peak to peak, about 1 while healthy
 
-Nothing is assumed of the relation's form: a speed at which the structure resonates is a local maximum of S like any
-other. Source: section 3.2 and 3.3 of paper 1 (Simulation-based remaining useful life prediction of rolling element
-bearings under varying operating conditions).
+The form of the relation is not prescribed, so resonances of the structure are local maxima of S. Source: section 3.2
+and 3.3 of paper 1 (Simulation-based remaining useful life prediction of rolling element bearings under varying
+operating conditions).
 """
 
 from __future__ import annotations
@@ -21,21 +21,22 @@ from twingap.errors import TwingapError
 Array = NDArray[np.float64]
 
 SAME_SPEED = 0.03
-"""Relative spread within which speeds are one operating speed: the paper's own steps are 5 % and more apart."""
+"""Relative spread within which speeds count as one operating speed; larger merges more. The paper's steps differ by 5 %
+or more."""
 
 
 @dataclass(frozen=True)
 class SpeedInfluence:
-    """S of eq. 10: the peak to peak of a healthy bearing as a function of speed.
+    """S of eq. 10: peak to peak of a healthy bearing as a function of speed.
 
     Parameters
     ----------
     speeds_rpm : Array [speeds]
-        Operating speeds seen while healthy, increasing, positive.
+        Operating speeds of the healthy rows, increasing, positive.
     c : Array [speeds]
         c of eq. 9 at each, unit of the amplitude per rpm, positive.
     counts : NDArray[int64] [speeds]
-        Rows behind each.
+        Number of rows of each speed.
     """
 
     speeds_rpm: Array
@@ -44,11 +45,11 @@ class SpeedInfluence:
 
     @property
     def rows(self) -> int:
-        """Rows behind all speeds."""
+        """Number of rows of all speeds."""
         return int(self.counts.sum())
 
     def covers(self, speed_rpm: ArrayLike) -> NDArray[np.bool_]:
-        """Whether a speed lies within those seen while healthy: beyond them S is extrapolated."""
+        """Whether speeds [...] are within those of the healthy rows; outside, S is extrapolated."""
         speed = np.asarray(speed_rpm, float)
         low, high = self.speeds_rpm[0] * (1 - SAME_SPEED), self.speeds_rpm[-1] * (1 + SAME_SPEED)
         return np.asarray((speed >= low) & (speed <= high))
@@ -63,10 +64,9 @@ class SpeedInfluence:
         Returns
         -------
         Array [...]
-            Unit of the amplitude. Between speeds seen, S itself is interpolated by monotone cubics (Fritsch and Carlson
-            1980, DOI 10.1137/0717021): it passes through every point and has no maximum where the data have none, so
-            that a resonance is as high as it was measured and no higher. Beyond them c stays that of the nearest
-            speed. 0 at a stopped machine.
+            Healthy amplitude, unit of the records; 0 at standstill. Between known speeds, S is interpolated by monotone
+            cubics (Fritsch and Carlson 1980, DOI 10.1137/0717021), which have no maxima beyond those of the data.
+            Outside, c is that of the closest known speed.
         """
         speed = np.maximum(np.asarray(speed_rpm, float), 0.0)
         outside = np.where(speed < self.speeds_rpm[0], self.c[0], self.c[-1]) * speed
@@ -77,7 +77,7 @@ class SpeedInfluence:
         return np.where(inside, curve(np.clip(speed, self.speeds_rpm[0], self.speeds_rpm[-1])), outside)
 
     def constant(self, speed_rpm: ArrayLike) -> Array:
-        """c_k of eq. 10 at speeds [...], unit of the amplitude per rpm; NaN at a stopped machine."""
+        """c_k of eq. 10 at speeds [...], unit of the amplitude per rpm; NaN at standstill."""
         speed = np.asarray(speed_rpm, float)
         running = speed > 0
         return np.where(running, self.amplitude(speed) / np.where(running, speed, 1.0), np.nan)
@@ -93,7 +93,7 @@ def speed_constants(peak_to_peak: ArrayLike, speed_rpm: ArrayLike) -> Array:
     Returns
     -------
     Array [rows]
-        NaN where the machine stands still.
+        NaN at standstill.
     """
     p, speed = _rows(peak_to_peak, speed_rpm)
     running = speed > 0
@@ -103,16 +103,16 @@ def speed_constants(peak_to_peak: ArrayLike, speed_rpm: ArrayLike) -> Array:
 def fit_speed_influence(
     peak_to_peak: ArrayLike, speed_rpm: ArrayLike, *, same_speed: float = SAME_SPEED
 ) -> SpeedInfluence:
-    """Learn S from healthy rows, eqs. 9 and 10.
+    """Estimate of S from healthy rows, eqs. 9 and 10.
 
     Parameters
     ----------
     peak_to_peak : array_like [rows]
-        Of healthy records: "a few measurements at the beginning of the operation". NaN rows are left out.
+        Amplitude of healthy records ("a few measurements at the beginning of the operation"). NaN rows are ignored.
     speed_rpm : array_like [rows]
-        Rows at which the machine stands still (0) are left out.
+        Speeds; rows at standstill (0) are ignored.
     same_speed : float
-        Speeds within this relative spread are one operating speed; c is the mean over its rows.
+        Relative spread within which speeds count as one operating speed; c is the mean over its rows.
 
     Returns
     -------
@@ -121,7 +121,7 @@ def fit_speed_influence(
     Raises
     ------
     TwingapError
-        When no row is left.
+        When no usable row is left.
     """
     c = speed_constants(peak_to_peak, speed_rpm)
     speed = np.asarray(speed_rpm, float)
@@ -136,7 +136,7 @@ def fit_speed_influence(
     groups: list[slice] = []
     first = 0
     for place in range(1, speed.size + 1):
-        # A band from its lowest speed on, not a chain of neighbours: a sweep must not melt into one speed.
+        # Width is measured from the lowest speed of a group, so that a sweep is not one group.
         if place == speed.size or speed[place] > speed[first] * (1 + same_speed):
             groups.append(slice(first, place))
             first = place
@@ -158,7 +158,7 @@ def normalised_peak_to_peak(peak_to_peak: ArrayLike, speed_rpm: ArrayLike, influ
     Returns
     -------
     Array [rows]
-        About 1 while healthy; NaN where the machine stands still.
+        About 1 while healthy; NaN at standstill.
     """
     p, speed = _rows(peak_to_peak, speed_rpm)
     running = speed > 0
@@ -166,7 +166,7 @@ def normalised_peak_to_peak(peak_to_peak: ArrayLike, speed_rpm: ArrayLike, influ
 
 
 def _rows(peak_to_peak: ArrayLike, speed_rpm: ArrayLike) -> tuple[Array, Array]:
-    """Both as arrays of one length."""
+    """Both as arrays of equal length."""
     p, speed = np.asarray(peak_to_peak, float), np.asarray(speed_rpm, float)
     if p.ndim != 1 or p.shape != speed.shape:
         raise TwingapError(

@@ -1,7 +1,7 @@
-"""Virtual machines that play reality: for runs without data, for blind studies.
+"""Virtual machines in place of real ones, for studies with known truth and for runs without data.
 
-Other dynamics and own code: this package imports nothing of the effects, twins and diagnosis, nor they of it, and a
-test keeps it so. What it knows of bearings is their geometry.
+Their dynamics are independent of the twins: this package imports nothing of the effects, twins and diagnosis, nor they
+of it; a test verifies this. It shares only the geometry of bearings.
 """
 
 from collections.abc import Callable
@@ -27,11 +27,11 @@ class Rig(Protocol):
 
     @property
     def name(self) -> str:
-        """Its name in the registry."""
+        """Name in the registry."""
         ...
 
     def records(self, seed: int = 0) -> RecordSet:
-        """What its recorder wrote down; the same bytes for the same seed."""
+        """Measured records; the same bytes for the same seed."""
         ...
 
 
@@ -40,30 +40,30 @@ RIGS: Final[dict[str, Callable[..., Rig]]] = {
     "virtual_cwru": VirtualCwru,
     "virtual_smart_maintenance": SmartMaintenanceRig,
 }
-"""Name -> maker, whose keyword arguments are the rig's options."""
+"""Name -> class, whose keyword arguments are the rig's options."""
 
 
 def make_rig(name: str, **options: Any) -> Rig:
-    """A rig by its name.
+    """Rig with a given name.
 
     Parameters
     ----------
     name : str
         One of `RIGS`.
     **options
-        Of that rig, for instance ``duration_s``.
+        Options of that rig, for instance ``duration_s``.
 
     Raises
     ------
     TwingapError
-        For an unknown name or option, or a value that the rig cannot have.
+        For an unknown name or option, or a value outside its range.
     """
     if name not in RIGS:
         raise TwingapError(f"unknown rig {name!r}", mend=f"known rigs: {', '.join(RIGS)}")
     try:
         return RIGS[name](**options)
     except TypeError as error:
-        raise TwingapError(f"takes no such option: {error}", where=f"rig {name}") from None
+        raise TwingapError(f"unknown option: {error}", where=f"rig {name}") from None
 
 
 __all__ = [

@@ -1,13 +1,13 @@
-"""A virtual machine whose parameters drift: it warms up, its oil thins, a seat works loose, somebody adds oil.
+"""Virtual machine with drifting parameters: temperature, oil viscosity, a seat that wears, fresh oil.
 
 speed, load (steps), cooling water --> friction heat --> ring temperatures --> clearance, oil viscosity --> damping
 wear (slow), fresh oil (sudden) ----------------------------------> contact stiffness, damping
-                 all of it --> ring and housing on unequal balls, excited by rough surfaces --> sensor on the housing
+                 these parameters --> ring and housing on unequal balls, excited by rough surfaces --> sensor on the
+                 housing
 
-Written apart from `twingap.twins`, on other assumptions: two bodies in place of one (the sensor stands on the housing,
-feeling what the contacts transmit), balls of unequal size, velocity Verlet in place of Runge and Kutta, Vogel's
-viscosity law with a power of 0.7 for the film's damping, two thermal nodes with a lag, a second structural mode, shaft
-tones.
+Independent of `twingap.twins`, with other assumptions: two bodies instead of one (the sensor on the housing measures
+the forces that the contacts transmit), balls of unequal size, velocity Verlet instead of Runge-Kutta, Vogel's viscosity
+law with a power of 0.7 for the film's damping, two thermal nodes with a lag, a second structural mode, shaft tones.
 """
 
 from __future__ import annotations
@@ -28,33 +28,34 @@ from twingap.streams import Streams
 
 Array = NDArray[np.float64]
 OVERSAMPLING = 8
+"""Steps of the integration per sample; fewer make it less accurate."""
 SETTLING_S = 0.08
-"""Simulated before each recording and thrown away."""
+"""Time simulated before each recording and discarded, s."""
 AMBIENT_C = 20.0
 RING_KG, HOUSING_KG = 0.6, 9.0
 HOUSING_HZ, HOUSING_ZETA = 320.0, 0.05
 EXPANSION = 11.7e-6
-"""Of bearing steel, per K."""
+"""Thermal expansion of bearing steel, per K."""
 STIFFNESS, CLEARANCE_UM = 7.6e9, 9.0
-"""When new and cold: N/m^1.5 of a ball between both races; radial, mounted."""
+"""New and cold: contact stiffness of a ball between both races, N/m^1.5; radial clearance when mounted, um."""
 SOLID, FILM = 130.0, 330.0
-"""Damping that does not care for the oil, and the film's at 40 deg C, N s/m."""
+"""Damping that does not depend on the oil, and that of the film at 40 deg C, N s/m."""
 WEAR, FRESH = 0.33, 1.7
-"""Part of the stiffness that the loose seat takes; factor of fresh oil on the film's damping."""
+"""Fraction of the stiffness that is lost by wear of the seat; factor of fresh oil on the film's damping."""
 COOLED, WEARS, REFILLED = ((0.18, 0.3), (0.88, 0.96)), (0.35, 0.8), 0.6
-"""When the cooling water runs, begin and end of the wear, and when oil is added, as parts of the run."""
+"""Intervals with cooling water, begin and end of the wear, and time of fresh oil, as fractions of the run."""
 
 
 @dataclass(frozen=True)
 class Course:
-    """What the machine goes through; first what anybody can read off it, then what nobody sees.
+    """State of the machine over time: measured quantities and true parameters.
 
     Parameters
     ----------
     time_s, temperature_c, speed_rpm, load_n : Array [states]
-        At each state message: thermometer in the outer ring (0.1 K steps), tachometer, load cell.
+        Measured at each state message: thermometer in the outer ring (steps of 0.1 K), tachometer, load cell.
     stiffness, damping, clearance_um : Array [states]
-        The truth: N/m^1.5, N s/m, um.
+        True values, N/m^1.5, N s/m, um.
     """
 
     time_s: Array
@@ -68,24 +69,25 @@ class Course:
 
 @dataclass(frozen=True)
 class Drifting:
-    """The machine.
+    """Virtual machine with drifting parameters.
 
     Parameters
     ----------
     duration_h : float
-        Of the run, hours.
+        Length of the run, hours.
     drift : float
-        1: as described above. 0: the machine is warm from the start, at one operating point, and nothing wears.
+        Factor on the drifts. 1: as described above. 0: warm from the start, one operating point, no wear.
     state_period_s, snapshot_period_s : float
-        Between two state messages, and between two vibration snapshots.
+        Intervals of state messages and of vibration snapshots, s.
     snapshot_s : float
-        Length of a snapshot.
+        Length of a snapshot, s.
     fs_hz : float
+        Sampling rate, Hz.
 
     Raises
     ------
     TwingapError
-        For values that no run can have.
+        For a value outside its range.
     """
 
     name = "drifting"
@@ -108,7 +110,7 @@ class Drifting:
                 )
 
     def course(self, seed: int = 0) -> Course:
-        """State messages and the truth behind them; the same for the same seed."""
+        """State messages and true parameters; the same for the same seed."""
         rng = Streams(seed, 0)("course")
         t = np.arange(0.0, 3600 * self.duration_h, self.state_period_s)
         part, steady = t / (3600 * self.duration_h), self.drift == 0
@@ -117,7 +119,7 @@ class Drifting:
         day = 0.0 if steady else 4 * np.sin(2 * np.pi * t / 86400 + rng.uniform(0, 2 * np.pi))
         cooled = self.drift * np.any([(part >= on) & (part < off) for on, off in COOLED], axis=0)
         outer, inner, measured = _temperatures(t, speed, load, AMBIENT_C + day, cooled, warm=steady)
-        # Only the excess of the inner ring over the outer one matters: rings and balls of one temperature grow alike.
+        # The clearance depends on the temperature difference of the rings: at equal temperature all parts expand alike.
         pitch_um = 1e3 * BEARINGS["6205"].pitch_diameter_mm
         clearance = CLEARANCE_UM - 0.5 * EXPANSION * pitch_um * (inner - outer)
         grown = np.clip((part - WEARS[0]) / (WEARS[1] - WEARS[0]), 0.0, 1.0)
@@ -128,12 +130,12 @@ class Drifting:
         return Course(t, measured, speed, load, stiffness, damping, clearance)
 
     def records(self, seed: int = 0) -> RecordSet:
-        """The vibration snapshots, each simulated when asked for.
+        """Vibration snapshots, each simulated on access.
 
         Returns
         -------
         RecordSet
-            Unit m/s^2, healthy, in order of `time_s`; speed and load as the machine's instruments give them.
+            Unit m/s^2, healthy, in order of `time_s`; with measured speed and load.
         """
         course = self.course(seed)
         every = max(1, round(self.snapshot_period_s / self.state_period_s))
@@ -164,23 +166,24 @@ def arrivals(
     time_s: Array, rng: np.random.Generator, *, delay_s: float = 20.0, late: float = 0.02, late_s: float = 1500.0,
     lost: float = 0.02, repeated: float = 0.03,
 ) -> tuple[Array, NDArray[np.int64]]:  # fmt: skip
-    """How messages sent at these times arrive over a poor line.
+    """Arrival times of messages over an unreliable connection.
 
     Parameters
     ----------
     time_s : Array [messages]
+        Times of sending, s.
     rng : numpy.random.Generator
     delay_s : float
-        Mean delay, exponential: neighbours overtake each other.
+        Mean of the exponential delay, s; messages can overtake each other.
     late, late_s : float
-        Share of messages that are held up, and for how long on average.
+        Fraction of messages that are late, and mean further delay of these, s.
     lost, repeated : float
-        Shares that never arrive, and that arrive twice.
+        Fractions that never arrive, and that arrive twice.
 
     Returns
     -------
     Array [arrived], NDArray[int64] [arrived]
-        When each arrives, ascending, and which message it is.
+        Arrival times, ascending, and indices of the messages.
     """
     n = time_s.size
     held = rng.random(n) < late
@@ -195,7 +198,7 @@ def arrivals(
 
 
 def _steps(t: Array, rng: np.random.Generator, levels: tuple[float, ...]) -> Array:
-    """An operating point that is changed every one to three hours, with a little wander."""
+    """Operating point that changes every one to three hours, with a small random variation [states]."""
     values, at = np.empty(t.size), 0.0
     while at <= t[-1]:
         until = at + 3600 * rng.uniform(1.0, 3.0)
@@ -207,7 +210,7 @@ def _steps(t: Array, rng: np.random.Generator, levels: tuple[float, ...]) -> Arr
 def _temperatures(
     t: Array, speed_rpm: Array, load_n: Array, ambient_c: Array | float, cooled: Array, warm: bool
 ) -> tuple[Array, Array, Array]:
-    """Outer and inner ring, and what the thermometer says, deg C: two thermal nodes and a sensor, Euler steps."""
+    """Temperatures of outer ring, inner ring and thermometer, deg C [states each]: two thermal nodes and a sensor."""
     step, ambient = float(t[1] - t[0]), np.broadcast_to(ambient_c, t.shape)
     outer, inner, shown = np.empty((3, t.size))
     o, i, s = AMBIENT_C, AMBIENT_C, AMBIENT_C
@@ -235,12 +238,12 @@ def _snapshot(
     course: Course, at: int, count: int, fs_hz: float, balls_um: Array, slip: float, tones: Array,
     rng: np.random.Generator,
 ) -> Array:  # fmt: skip
-    """Acceleration of the housing during one snapshot, m/s^2."""
+    """Acceleration of the housing during one snapshot [count], m/s^2."""
     fine_hz, bearing = OVERSAMPLING * fs_hz, BEARINGS["6205"]
     settle = round(SETTLING_S * fs_hz)
     n = OVERSAMPLING * (count + settle)
     speed, load_n = float(course.speed_rpm[at]), float(course.load_n[at])
-    # Rough surfaces: stronger with speed and, a little, with load; white up to the end of the band and beyond.
+    # Force of rough surfaces: white, stronger with speed and slightly with load.
     strength = 22.0 * (speed / 1800) * (load_n / 550) ** 0.2 * math.sqrt(fine_hz / 96000.0)
     push = strength * rng.standard_normal((2, n))
     cage = rng.uniform(0, 1) + np.arange(n) * (bearing.ftf * (1 - slip) * speed / 60 / fine_hz)
@@ -250,7 +253,7 @@ def _snapshot(
         transmitted, push, cage, clearance, float(course.stiffness[at]), float(course.damping[at]), load_n, 1 / fine_hz
     )
     x = transmitted / HOUSING_KG
-    # A cover plate rings along.
+    # Mode of a cover plate.
     w, zeta = 2 * np.pi * 4100.0, 0.03
     b, a = signal.bilinear([0.12 * w**2], [1.0, 2 * zeta * w, w**2], fine_hz)
     x = x + signal.lfilter(b, a, x)
@@ -264,7 +267,7 @@ def _snapshot(
 
 @lru_cache(maxsize=1)
 def _integrator() -> Callable[..., None]:
-    """The inner loop, compiled when first needed."""
+    """Integration loop, compiled on first use."""
     from twingap._compiled import njit
 
     return njit()(_verlet)
@@ -273,7 +276,8 @@ def _integrator() -> Callable[..., None]:
 def _verlet(
     out: Array, push: Array, cage: Array, clearance: Array, stiffness: float, damping: float, load_n: float, dt: float
 ) -> None:  # pragma: no cover
-    """Ring (rx, ry) in housing (hx, hy), velocity Verlet; `out` is the acceleration force on the housing in y."""
+    """Velocity Verlet of the ring (rx, ry) in the housing (hx, hy); `out` gets the inertial force of the housing in
+    y."""
     z = clearance.size
     mount = HOUSING_KG * (2.0 * math.pi * HOUSING_HZ) ** 2
     loss = 2.0 * HOUSING_ZETA * HOUSING_KG * 2.0 * math.pi * HOUSING_HZ
@@ -287,7 +291,7 @@ def _verlet(
         ry += dt * vy + 0.5 * dt * dt * ay
         hx += dt * ux + 0.5 * dt * dt * bx
         hy += dt * uy + 0.5 * dt * dt * by
-        # Velocities at the half step serve the damping; the error is of second order, as all of this is.
+        # Damping uses velocities at the half step; the error is of second order, as that of the scheme.
         vx += 0.5 * dt * ax
         vy += 0.5 * dt * ay
         ux += 0.5 * dt * bx

@@ -1,12 +1,12 @@
-"""A bench on which a loaded bearing runs until it fails, and one snapshot of what its sensor sees.
+"""Virtual bench of a bearing life test: acceleration at the sensor for a given speed, load and spall.
 
 rough surfaces (spectrum in space, swept by speed) --+
 waviness and changing stiffness (ball-pass orders) --+--> structure's modes --> + tones, background --> sensor [g]
-balls striking a spall (`twingap.rigs.spall`) -------+
+balls hitting a spall (`twingap.rigs.spall`) --------+
 
-Strikes are forces that Hertz's law gives for their speed; the modes are linear and do not act back on the contact,
-whose equation of motion is not integrated. No law says how amplitude depends on speed: surfaces are swept faster, balls
-strike harder and shorter, and ball-pass orders move through the structure's modes, so that some speeds resonate.
+The force of an impact follows from its speed by Hertz's law. The modes are linear and do not act back on the contact,
+whose equation of motion is not integrated. How amplitude depends on speed is not prescribed: at higher speed the rough
+surfaces excite higher frequencies, impacts are stronger and shorter, and ball-pass orders meet the structure's modes.
 """
 
 from __future__ import annotations
@@ -18,47 +18,50 @@ from numpy.typing import NDArray
 from scipy import fft, signal
 
 from twingap.bearing import Bearing
-from twingap.rigs.rolling import Motion, Strikes, force, load_share, move, slow_noise
+from twingap.rigs.rolling import Impacts, Motion, force, load_share, move, slow_noise
 from twingap.rigs.spall import impact
 from twingap.rigs.structure import Structure
 
 Array = NDArray[np.float64]
 GRAVITY = 9.80665
 OVERSAMPLING = 2
+"""Steps of the simulation per sample; more place impacts more finely and are slower."""
 SETTLING_S = 0.1
+"""Time simulated before each snapshot and discarded, s."""
 MOTION_HZ = 2000.0
-"""Shaft and cage turn smoothly: their angles are followed at this rate."""
+"""Rate at which the angles of shaft and cage are computed, Hz; they vary slowly and are interpolated."""
 BANDS_HZ = ((400, 500), (1000, 1500), (2300, 3100), (4100, 5200), (6400, 7900), (9800, 11800))
 FULL_SCALE_G = 50.0
 STEP_G = FULL_SCALE_G / 2**15
-"""Of the 16-bit converter."""
+"""Step of the 16-bit converter, g."""
 DENT_MM = 0.12
-"""The indentation made before the test, as the length of a spall that strikes alike: its shoulders are round."""
+"""Length of a spall with the same impacts as the indentation made before the test, mm; its rounded edges make it
+short."""
 
 
 @dataclass(frozen=True)
 class LifeBench:
-    """A bench with one mounted bearing.
+    """Bench with one mounted bearing.
 
     Parameters
     ----------
     bearing : Bearing
     structure : Structure
-        Of this mounting.
+        Structure with this mounting of the bearing.
     slip : float
         Mean slip of the cage, a fraction.
     roughness : float
-        Strength of the rolling noise at 1500 rpm, N per root Hz at 1 kHz.
+        Amplitude of the rolling noise at 1500 rpm, N per root Hz at 1 kHz.
     waviness_n : float
         Force of the strongest ball-pass order, N.
     wavy_order : int
-        Which multiple of the ball-pass order that is.
+        Multiple of the ball-pass order that is strongest.
     size_spread : Array [rollers]
-        How hard each ball strikes, relative to the mean.
+        Strength of each ball's impacts relative to the mean.
     gain : float
-        What the sensor's place makes of the structure's acceleration.
+        Acceleration at the sensor relative to that of the structure.
     background_g : float
-        RMS of the coloured background, g.
+        RMS of the coloured background noise, g.
     """
 
     bearing: Bearing
@@ -73,11 +76,11 @@ class LifeBench:
 
     @classmethod
     def draw(cls, rng: np.random.Generator, bearing: Bearing) -> LifeBench:
-        """A random bench at 9 kN, on which a spall of 3 mm alone gives 15 g at 1500 rpm, and healthy rolling 2.4 g.
+        """Random bench, scaled to 15 g for a spall of 3 mm and to 2.4 g for healthy rolling, at 1500 rpm and 9 kN.
 
-        Three numbers are set by that: the sensor's place, the surfaces' finish and their waviness, which gives half of
-        the rolling noise or more, peak to peak, where its order meets the first mode. Where that is, and how all of
-        it changes with speed, is left to what was drawn.
+        Both values are peak to peak. They set the gain at the sensor, the roughness and the waviness, which causes half
+        of the rolling noise or more where its order meets the first mode. The speed at which it does, and the
+        dependence on speed in general, follow from the random structure.
         """
         bench = cls(
             bearing, Structure.draw(rng, BANDS_HZ), slip=0.002, roughness=0.0, waviness_n=0.0,
@@ -98,7 +101,7 @@ class LifeBench:
         return replace(bench, roughness=2.4 / rough, waviness_n=waviness_n, background_g=0.03)
 
     def mounted(self, rng: np.random.Generator) -> LifeBench:
-        """The same bench with another bearing in it."""
+        """The same bench with another bearing mounted."""
         return replace(
             self,
             structure=self.structure.remounted(rng),
@@ -108,8 +111,8 @@ class LifeBench:
             size_spread=np.exp(rng.normal(0.0, 0.04, self.bearing.n_rollers)),
         )
 
-    def length_that_shows(self, ratio: float, rng: np.random.Generator) -> float:
-        """Length of spall, mm, with which peak to peak at 1500 rpm and 9 kN is `ratio` times the healthy one."""
+    def length_for_ratio(self, ratio: float, rng: np.random.Generator) -> float:
+        """Length of a spall, mm, that raises peak to peak at 1500 rpm and 9 kN by `ratio` over the healthy bearing."""
         entropy = rng.integers(0, 2**63, 3)
 
         def peak_to_peak(spall_mm: float) -> float:
@@ -129,10 +132,10 @@ class LifeBench:
         self, speed_rpm: float, load_n: float, spall_mm: float, n: int, fs_hz: float, rng: np.random.Generator,
         *, wear: float,
     ) -> Array:  # fmt: skip
-        """A snapshot: `acceleration` in whole steps of the converter, within its range."""
+        """Samples of a snapshot: `acceleration` in steps of the converter, limited to its range [n], g."""
         x = self.acceleration(speed_rpm, load_n, spall_mm, n, fs_hz, rng, wear=wear)
         codes = np.clip(np.round(x / STEP_G), -(2**15), 2**15 - 1)
-        return np.asarray(codes * STEP_G + 0.0)  # a converter knows no negative zero
+        return np.asarray(codes * STEP_G + 0.0)  # no negative zeros
 
     def acceleration(
         self, speed_rpm: float, load_n: float, spall_mm: float, n: int, fs_hz: float, rng: np.random.Generator,
@@ -143,11 +146,13 @@ class LifeBench:
         Parameters
         ----------
         speed_rpm, load_n : float
+            Shaft speed, rpm, and radial load, N.
         spall_mm : float
-            Length of the spall; the indentation is there also at 0.
+            Length of the spall, mm; the indentation is present also at 0.
         n : int
-            Samples.
+            Number of samples.
         fs_hz : float
+            Sampling rate, Hz.
         rng : numpy.random.Generator
         wear : float
             Level of the rolling noise relative to that of new surfaces at working temperature.
@@ -164,7 +169,7 @@ class LifeBench:
         motion = move(self.bearing, speed_rpm, coarse, MOTION_HZ, self.slip, rng)
         t = np.arange(count) / fine_hz
         zone = float(np.clip(0.3 + load_n / 40_000, 0.3, 0.6))
-        acting = force(self._strikes(motion, load_n, zone, spall_mm + DENT_MM, rng), count, fine_hz)
+        acting = force(self._impacts(motion, load_n, zone, spall_mm + DENT_MM, rng), count, fine_hz)
         passing = np.exp(2j * np.pi * self.bearing.n_rollers * np.interp(t, motion.t, motion.cage))
         if self.roughness > 0:
             rolling = wear * self._rolling_noise(speed_rpm, count, fine_hz, rng)
@@ -179,8 +184,8 @@ class LifeBench:
     def _rolling_noise(self, speed_rpm: float, n: int, fs_hz: float, rng: np.random.Generator) -> Array:
         """Force of rough surfaces [2, samples], N.
 
-        Heights with a spectrum falling as k^-2.5 in space, swept at a speed v, have v^1.5 f^-2.5 in time; contacts of
-        finite length see no waves shorter than themselves, which is a corner that moves with v.
+        Heights whose spectrum falls as k^-2.5 over wavenumber give v^1.5 f^-2.5 over frequency at speed v. A contact of
+        finite length averages shorter waves, which gives a corner frequency proportional to v.
         """
         rolling_m_s = speed_rpm / 60 * np.pi * self.bearing.pitch_diameter_mm * 1e-3 * 0.5
         f = np.maximum(np.fft.rfftfreq(n, 1 / fs_hz), 30.0)
@@ -191,7 +196,7 @@ class LifeBench:
         return np.asarray(fft.irfft(spectrum, n, axis=1))
 
     def _waviness(self, passing: NDArray[np.complex128], rng: np.random.Generator) -> Array:
-        """Force along the load of the balls passing: one order of wavy rings, and stiffness that changes, N."""
+        """Force along the load of waviness (one strong order) and of varying stiffness as balls pass [samples], N."""
         turn = np.exp(2j * np.pi * rng.uniform(size=8))
         total = np.zeros(passing.size)
         power = np.ones_like(passing)
@@ -202,7 +207,7 @@ class LifeBench:
         return total
 
     def _disturbances(self, t: Array, motion: Motion, fs_hz: float, rng: np.random.Generator) -> Array:
-        """What does not come through the bearing: unbalance, the drive's switching, coloured background, g."""
+        """Disturbances: unbalance, switching of the drive, coloured background noise [samples], g."""
         x = self.background_g * slow_noise(rng, t.size, fs_hz, 2e-4)
         shaft = 2 * np.pi * np.interp(t, motion.t, motion.shaft)
         for harmonic, level in ((1, 0.02), (2, 0.012)):
@@ -211,32 +216,32 @@ class LifeBench:
             x += 0.015 * np.cos(2 * np.pi * 8000.0 * t + 4 * side * shaft + rng.uniform(0, 2 * np.pi))
         return x
 
-    def _strikes(
+    def _impacts(
         self, motion: Motion, load_n: float, zone: float, length_mm: float, rng: np.random.Generator
-    ) -> Strikes:
-        """Strikes of all balls on a spall of the inner ring."""
+    ) -> Impacts:
+        """Impacts of all balls on a spall of the inner race."""
         bearing = self.bearing
         z = bearing.n_rollers
         relative = motion.shaft - motion.cage
         at: list[Array] = []
-        hard: list[Array] = []
+        relative_strength: list[Array] = []
         for roller in range(z):
             turns = np.arange(np.ceil(relative[0] - roller / z), np.floor(relative[-1] - roller / z) + 1)
-            # A ball wanders in its pocket: a place that it returns to, so that its delays follow one another.
+            # The position of a ball in its pocket is correlated from pass to pass.
             wander = signal.lfilter([1.0], [1.0, -0.7], rng.standard_normal(turns.size + 10))[10:]
             place = roller / z + 0.008 / z * wander
             at.append(np.interp(turns + place, relative, motion.t))
-            hard.append(np.full(turns.size, self.size_spread[roller]))
-        time_s, strength = np.concatenate(at), np.concatenate(hard)
+            relative_strength.append(np.full(turns.size, self.size_spread[roller]))
+        time_s, strength = np.concatenate(at), np.concatenate(relative_strength)
         direction = 2 * np.pi * np.interp(time_s, motion.t, motion.shaft)
         radius_m = 0.5e-3 * (bearing.pitch_diameter_mm - bearing.roller_diameter_mm)
         rolling_m_s = 2 * np.pi * radius_m * np.interp(time_s, motion.t, np.gradient(relative, motion.t))
         peak_n, duration_s = impact(bearing, length_mm, rolling_m_s)
-        # Unloaded balls cross a spall without being pressed into it.
+        # Unloaded balls are hardly pressed into the spall.
         pressed = 0.06 + load_share(direction, zone) * (load_n / 9000) ** 0.6
         peak_n = peak_n * strength * pressed * np.exp(rng.normal(0.0, 0.12, time_s.size))
         crossing_s = 1e-3 * length_mm / rolling_m_s
-        return Strikes(
+        return Impacts(
             time_s=np.concatenate([time_s, time_s + crossing_s]),
             strength_n=np.concatenate([-0.25 * peak_n, peak_n]),
             direction_rad=np.concatenate([direction, direction]),

@@ -1,10 +1,10 @@
-"""What the rolling elements do to the machine: where they are, when they strike a defect, and how hard.
+"""Motion of the rolling elements, their impacts on a defect, and the force of these impacts.
 
-shaft speed -> cage and spin angles (slip, play) -> strikes (time, strength, direction, duration) -> force [2, samples]
+shaft speed -> cage and spin angles (slip, play) -> impacts (time, strength, direction, duration) -> force [2, samples]
 
-Written apart from the simulators in `twingap.twins`, on other assumptions: the cage slips as a slow random process,
-each roller has its own place in its pocket, a strike is a force pulse of finite length with the 3/2-power shape of a
-Hertzian contact, a ball's pit wanders out of the contact track.
+Independent of the simulators in `twingap.twins`, with other assumptions: the slip of the cage is a slow random process,
+each roller has its own position in its pocket, an impact is a force pulse of finite length with the 3/2-power shape of
+a Hertzian contact, and a ball's pit is only part of the time in the contact track.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ LOAD_DIRECTION = 1.5 * np.pi
 
 @dataclass(frozen=True)
 class Motion:
-    """Angles over time, in turns, all from a random start.
+    """Angles over time, in turns, each with a random start.
 
     Parameters
     ----------
@@ -41,12 +41,13 @@ class Motion:
 
 
 @dataclass(frozen=True)
-class Strikes:
+class Impacts:
     """Contacts of rolling elements with a defect.
 
     Parameters
     ----------
-    time_s, strength_n, direction_rad, duration_s : Array [strikes]
+    time_s, strength_n, direction_rad, duration_s : Array [impacts]
+        Begin, s; peak force, N; direction of the force, rad; duration, s.
     """
 
     time_s: Array
@@ -65,7 +66,7 @@ def slow_noise(rng: np.random.Generator, n: int, fs_hz: float, time_constant_s: 
 
 
 def move(bearing: Bearing, speed_rpm: float, n: int, fs_hz: float, slip: float, rng: np.random.Generator) -> Motion:
-    """Shaft with small speed wander, cage with mean slip `slip` (a fraction, positive = slower) and wander about it."""
+    """Random motion of shaft and cage; `slip` is the mean slip of the cage (fraction, positive = slower)."""
     hz = speed_rpm / 60 * (1 + 4e-4 * slow_noise(rng, n, fs_hz, 0.3))
     cage_hz = hz * bearing.ftf * (1 - slip + 1.5e-3 * slow_noise(rng, n, fs_hz, 0.05))
     # Without slip at the inner race the roller turns with the speed of the inner ring relative to the cage.
@@ -75,40 +76,40 @@ def move(bearing: Bearing, speed_rpm: float, n: int, fs_hz: float, slip: float, 
 
 
 def load_share(direction_rad: Array, zone: float) -> Array:
-    """Load on a roller at this angle over that on the lowest one (Stribeck); `zone`, in (0, 1], is the load zone."""
+    """Load on a roller at this angle relative to the lowest one (Stribeck); `zone`, in (0, 1], is the load zone."""
     depth = 1 - (1 - np.cos(direction_rad - LOAD_DIRECTION)) / (2 * zone)
     return np.asarray(np.maximum(depth, 0.0) ** 1.5)
 
 
 def _passes(turns: Array, t: Array, offset: float) -> Array:
-    """Times at which `turns` + offset crosses a whole number."""
+    """Times at which `turns` + offset is an integer, s."""
     first, last = np.ceil(turns[0] + offset), np.floor(turns[-1] + offset)
     return np.interp(np.arange(first, last + 1) - offset, turns, t)
 
 
-def strikes(
+def impacts(
     bearing: Bearing, fault: str, size_mm: float, load_n: float, zone: float, motion: Motion, rng: np.random.Generator
-) -> Strikes:
-    """All strikes of one defect during a motion.
+) -> Impacts:
+    """Impacts of all rolling elements on one defect during a motion.
 
     Parameters
     ----------
     bearing : Bearing
     fault : {"inner", "outer", "ball"}
     size_mm : float
-        Diameter of the pit.
+        Diameter of the defect, mm.
     load_n : float
-        Radial load.
+        Radial load, N.
     zone : float
-        Load zone factor; 0.5 loads the lower half.
+        Load zone factor; with 0.5 the lower half is loaded.
     motion : Motion
     rng : numpy.random.Generator
-        Places of rollers in their pockets, play, scatter.
+        Generator of the rollers' positions in their pockets, their play, and the scatter of impacts.
 
     Returns
     -------
-    Strikes
-        Entry (soft, weak) and exit (hard) of every pass.
+    Impacts
+        Entry (long, weak) and exit (short, strong) of every pass.
     """
     places = (np.arange(bearing.n_rollers) + rng.normal(0, 0.01, bearing.n_rollers)) / bearing.n_rollers
     radius_mm = 0.5 * (bearing.pitch_diameter_mm + bearing.roller_diameter_mm)
@@ -132,18 +133,18 @@ def strikes(
     time_s, direction = time_s[order], direction[order]
 
     strength = 0.02 * load_n * (size_mm / 0.36) ** 0.7 * (0.1 + load_share(direction, zone))
-    if fault == "ball":  # the ball also turns about other axes: its pit is in the track only part of the time
+    if fault == "ball":  # the ball also rotates about other axes: its pit is in the track only part of the time
         in_track = np.maximum(0.0, 0.55 + 0.45 * slow_noise(rng, motion.t.size, 1 / float(motion.t[1]), 0.15))
         strength *= 0.6 * np.interp(time_s, motion.t, in_track)
     strength *= np.exp(rng.normal(0, 0.25, time_s.size))
-    # Roller centre relative to the race; play in the pocket moves single strikes by about a per cent of their spacing.
+    # Roller centre relative to the race; play in the pocket shifts single impacts by about 1 % of their spacing.
     speed_mm_s = 2 * np.pi * radius_mm * (motion.cage[-1] - motion.cage[0]) / motion.t[-1]
     if fault == "inner":
         speed_mm_s *= (1 - bearing.ftf) / bearing.ftf
     spacing_s = motion.t[-1] / max(time_s.size, 1)
     time_s = time_s + rng.normal(0, 0.008 * spacing_s, time_s.size)
     crossing_s = size_mm / speed_mm_s
-    return Strikes(
+    return Impacts(
         time_s=np.concatenate([time_s, time_s + crossing_s]),
         strength_n=np.concatenate([-0.35 * strength, strength]),
         direction_rad=np.concatenate([direction, direction]),
@@ -153,8 +154,8 @@ def strikes(
     )
 
 
-def force(strike: Strikes, n: int, fs_hz: float) -> Array:
-    """Force over time of all strikes, each a pulse sin(pi s)^(3/2), 0 < s < 1.
+def force(pulses: Impacts, n: int, fs_hz: float) -> Array:
+    """Force over time of all impacts, each a pulse of shape sin(pi s)^(3/2), 0 < s < 1.
 
     Returns
     -------
@@ -162,15 +163,15 @@ def force(strike: Strikes, n: int, fs_hz: float) -> Array:
         Along x and y, N.
     """
     total = np.zeros((2, n))
-    if strike.time_s.size == 0:
+    if pulses.time_s.size == 0:
         return total
-    length = int(np.ceil(strike.duration_s.max() * fs_hz)) + 1
-    first = np.ceil(strike.time_s * fs_hz).astype(np.int64)
+    length = int(np.ceil(pulses.duration_s.max() * fs_hz)) + 1
+    first = np.ceil(pulses.time_s * fs_hz).astype(np.int64)
     places = first[:, None] + np.arange(length)
-    s = (places / fs_hz - strike.time_s[:, None]) / strike.duration_s[:, None]
-    pulse = strike.strength_n[:, None] * np.sin(np.pi * np.clip(s, 0.0, 1.0)) ** 1.5
+    s = (places / fs_hz - pulses.time_s[:, None]) / pulses.duration_s[:, None]
+    pulse = pulses.strength_n[:, None] * np.sin(np.pi * np.clip(s, 0.0, 1.0)) ** 1.5
     inside = (places >= 0) & (places < n)
-    for axis, weight in enumerate((np.cos(strike.direction_rad), np.sin(strike.direction_rad))):
+    for axis, weight in enumerate((np.cos(pulses.direction_rad), np.sin(pulses.direction_rad))):
         values = (pulse * weight[:, None])[inside]
         total[axis] = np.bincount(places[inside], weights=values, minlength=n)
     return total

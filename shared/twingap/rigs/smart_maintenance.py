@@ -1,8 +1,8 @@
-"""The virtual Smart Maintenance rig (surrogate): six bearings run to failure at varying speed, simulated.
+"""Virtual Smart Maintenance rig (surrogate): six simulated bearings run to failure at varying speed.
 
 published: durations, onsets (table 3), profile, load, end at 15 g --+
-seed --> bench (`life_bench`), growth of each spall (`spall`) -------+--> snapshots, a record each, made when asked for
-                                                                     +--> truth(rig, seed): for scoring only
+seed --> bench (`life_bench`), growth of each spall (`spall`) -------+--> snapshots, one record each, made on access
+                                                                     +--> truth(rig, seed), for scoring only
 
 The real set (Flanders Make) is not public. This one has its layout and the columns of its reader
 (`twingap.data.smart_maintenance`), not its numbers: no vibration was fitted. Published, in section 4.1 and table 3 of
@@ -10,17 +10,18 @@ paper 1 (Simulation-based remaining useful life prediction of rolling element be
 conditions): bearings, durations, times of the first anomaly, FAG 6205-C-TVH with an indented inner race, 9 kN, 1000 to
 2000 rpm in steps of 100 rpm held for 60 s, 50 kHz, signals of 25,000 samples, end of life at 15 g peak to peak.
 
-Chosen here, since the paper does not say:
-- how often a snapshot is taken: every 20 s, three a step; the last one is the one that ends the test;
-- that the profile is a saw-tooth, dropping from 2000 to 1000 rpm at once, every 11 min and alike for all bearings. Two
-  of its edges, at 231 and 242 min, are the abrupt drops that the paper tells of after A156's anomaly; the others have
-  such drops after theirs too, and whoever takes the profile to go on as it was foresees them. Lives end at 1500 rpm or
-  more. A triangle would have A148 and A150 end at 1200 and 1300 rpm, minutes after higher speeds had shaken harder;
-- that the published times are when a spall begins to grow. They are when an anomaly showed in peak to peak, so the
-  first flakes here, broken out within minutes, are of a size that shows: 1.3 to 1.5 of the healthy level at 1500 rpm;
-- how balls strike: each strike is a force pulse with the peak and duration of a Hertzian impact (`spall.impact`), on
-  linear modes that do not act back. No equation of motion of the contact is integrated;
-- mounting, growth and noise are drawn anew until 15 g is first reached by the last snapshot: durations are the paper's.
+Assumptions, since the paper does not state these points:
+- A snapshot is taken every 20 s, three per speed step; the last one ends the test.
+- The profile is a sawtooth that drops from 2000 to 1000 rpm at once, every 11 min, for all bearings. Two of its drops,
+  at 231 and 242 min, match the abrupt drops that the paper reports after A156's anomaly; with a periodic profile, drops
+  after the anomalies of the other bearings can be predicted. Lives end at 1500 rpm or more. With a triangle, A148 and
+  A150 would end at 1200 and 1300 rpm, minutes after higher speeds with stronger vibration.
+- The spall begins to grow at the published times. These are times at which an anomaly was detected in peak to peak, so
+  the first flakes break out within minutes and raise the level at 1500 rpm to 1.3 to 1.5 of the healthy one.
+- An impact is a force pulse with the peak and duration of a Hertzian impact (`spall.impact`) on linear modes that do
+  not act back. No equation of motion of the contact is integrated.
+- Mounting, growth and noise are drawn until the last snapshot is the first to reach 15 g, so that durations are those
+  of the paper.
 """
 
 from __future__ import annotations
@@ -46,14 +47,15 @@ from twingap.streams import Streams
 Array = NDArray[np.float64]
 
 TITLE: Final = "virtual Smart Maintenance rig (surrogate)"
-"""What it is called wherever its numbers appear."""
+"""Label of all results of this rig."""
 END_OF_LIFE_G: Final = 15.0
-"""Peak to peak, g."""
+"""Peak to peak acceleration at the end of life, g."""
 LOAD_N: Final = 9000.0
+"""Radial load, N."""
 
 
 class Run(NamedTuple):
-    """A row of table 3: how long the test took and when the first anomaly came, min."""
+    """Row of table 3: duration of the test and time of the first anomaly, min."""
 
     duration_min: float
     onset_min: float
@@ -71,24 +73,27 @@ RUNS: Final[Mapping[str, Run]] = MappingProxyType({
 DIGEST: Final = "c88a0b2899c682ffddbb9a139e7e403abd0c0e4ddc7a4cb65a560e1e1e5944b8"
 """sha256 (`twingap.rigs.digest`) of A156 with seed 0, a snapshot of 0.1 s every 300 s."""
 _MOUNTINGS = 50
+"""Most mountings drawn for one life; more find a life for rarer seeds."""
 _ATTEMPTS = 20
+"""Most draws of growth and noise for one mounting; more keep a mounting longer before another is drawn."""
 
 
 @dataclass(frozen=True)
 class SmartMaintenanceRig:
-    """The rig.
+    """Virtual Smart Maintenance rig.
 
     Parameters
     ----------
     interval_s : float
-        From one snapshot to the next. Fewer snapshots are other lives: noise ends one where another goes on.
+        Interval of snapshots, s. Another interval gives other lives, since each is settled by its own snapshots.
     duration_s : float
-        Length of a snapshot; 0.5 s are the paper's 25,000 samples.
+        Length of a snapshot, s; 0.5 s gives the paper's 25,000 samples.
     fs_hz : float
+        Sampling rate, Hz.
     profile : {"sawtooth", "triangle", "constant"}
         See `SpeedProfile`; "constant" is 1500 rpm.
     bearings : tuple of str
-        Which of `RUNS`; each is the same bearing whichever others are left out.
+        Bearings of `RUNS` to simulate; each is the same whichever others are included.
     """
 
     name = "virtual_smart_maintenance"
@@ -111,50 +116,50 @@ class SmartMaintenanceRig:
         if self.duration_s > self.interval_s:
             raise TwingapError(
                 f"duration_s = {self.duration_s:g} with interval_s = {self.interval_s:g}", where=where,
-                mend="let snapshots end before the next begins",
+                mend="choose a duration shorter than the interval",
             )  # fmt: skip
         for bearing_id in self.bearings:
             if bearing_id not in RUNS:
                 raise TwingapError(f"unknown bearing {bearing_id!r}", where=where, mend=f"use {', '.join(RUNS)}")
         if not self.bearings or len(set(self.bearings)) < len(self.bearings):
             raise TwingapError(f"bearings = {self.bearings!r}, one or more different ones expected", where=where)
-        self.speeds  # noqa: B018 - refuses an unknown shape now, not with the first record
+        self.speeds  # noqa: B018 - raises for an unknown shape
 
     @property
     def speeds(self) -> SpeedProfile:
-        """Set speed over time."""
+        """Profile of the set speed."""
         return SpeedProfile(self.profile)
 
     @property
     def n_samples(self) -> int:
-        """Of each snapshot."""
+        """Samples of each snapshot."""
         return round(self.duration_s * self.fs_hz)
 
     def times_s(self, bearing_id: str) -> Array:
-        """When snapshots are taken [records], s since the start; the last at the end of life."""
+        """Times of the snapshots [records], s since the start; the last is the end of life."""
         end_s = round(60 * RUNS[bearing_id].duration_min)
         count = int(end_s // self.interval_s) + 1
         return end_s - self.interval_s * np.arange(count - 1, -1, -1.0)
 
     def records(self, seed: int = 0) -> RecordSet:
-        """All snapshots of all runs; each is simulated when asked for, 16 ms, after a few seconds for a run's first.
+        """All snapshots of all runs, each simulated on access; the first access to a run takes some seconds.
 
-        To make them once and read them afterwards: `twingap.rigs.stored_records`.
+        `twingap.rigs.stored_records` stores them for later reading.
 
         Parameters
         ----------
         seed : int
-            Another seed is another bench, with other bearings and other growth.
+            Selects bench, bearings and growth.
 
         Returns
         -------
         RecordSet
             Unit g. Columns as those of the real set's reader: `fault` is unknown along the run, `group` and bearing_id
-            are the run's bearing, end_fault "inner", end_of_life_peak_to_peak_g. anomaly_s, there what the paper's
-            method found, is None here: it would be the truth. See `truth`.
+            are the run's bearing, end_fault "inner", end_of_life_peak_to_peak_g. anomaly_s, in the real set the
+            time found by the paper's method, is None here, since it would be the truth. See `truth`.
         """
         if seed < 0:
-            raise TwingapError(f"seed = {seed}, a whole number of at least 0 expected", where=f"rig {self.name}")
+            raise TwingapError(f"seed = {seed}, an integer of at least 0 expected", where=f"rig {self.name}")
         places = tuple((run, k) for run in self.bearings for k in range(self.times_s(run).size))
         conditions = [c for run in self.bearings for c in self._conditions(run)]
         return RecordSet(self.name, "g", BEARINGS["6205"], conditions, _Simulated(self, seed, places))
@@ -183,19 +188,19 @@ class SmartMaintenanceRig:
 
 @dataclass(frozen=True)
 class RunTruth:
-    """What really happened in a run: for scoring, never for a method.
+    """Truth of a run, for scoring only.
 
     Parameters
     ----------
     bearing_id : str
     onset_s, end_of_life_s : float
-        When the spall began to grow, and when the test ended.
+        Onset of the spall and end of the test, s.
     time_s : Array [records]
-        Of the snapshots.
+        Times of the snapshots, s.
     spall_mm : Array [records]
-        Length of the spall; 0 until the onset.
+        Length of the spall, mm; 0 until the onset.
     remaining_turns, remaining_time_s : Array [records]
-        Turns of the shaft, and time, until the end under the speeds that really came.
+        Turns of the shaft, and time, s, until the end at the actual speeds.
     """
 
     bearing_id: str
@@ -213,12 +218,13 @@ class RunTruth:
 
 
 def truth(rig: SmartMaintenanceRig, seed: int = 0) -> dict[str, RunTruth]:
-    """What really happened, by bearing.
+    """Truth of each run, by bearing.
 
     Parameters
     ----------
-    rig, seed
-        As the records were made with.
+    rig : SmartMaintenanceRig
+    seed : int
+        The rig and the seed of the records.
     """
     found = {}
     for bearing_id in rig.bearings:
@@ -234,7 +240,7 @@ def truth(rig: SmartMaintenanceRig, seed: int = 0) -> dict[str, RunTruth]:
 
 @dataclass(frozen=True)
 class _Simulated:
-    """Gives the samples of record i; a class, so that worker processes can be sent it."""
+    """Loader of the samples of record i, as a class, so that it can be pickled for worker processes."""
 
     rig: SmartMaintenanceRig
     seed: int
@@ -247,16 +253,17 @@ class _Simulated:
 
 @dataclass(frozen=True)
 class _Life:
-    """One run, settled: enough to make any of its snapshots.
+    """Bench, growth and noise of one run, from which any of its snapshots can be simulated.
 
     Parameters
     ----------
     bench : LifeBench
     streams : Streams
-        Of this bearing on this bench; snapshot k has purposes of its own.
+        Random streams of this bearing; every snapshot has its own purpose.
     drawn : str
-        Which draw of growth and of noise after the onset.
+        Label of the draw of growth and of noise after the onset.
     time_s, true_rpm, wear, spall_mm : Array [records]
+        Time, s; true speed, rpm; relative level of the rolling noise; length of the spall, mm.
     """
 
     bench: LifeBench
@@ -270,7 +277,7 @@ class _Life:
     spall_mm: Array
 
     def snapshot(self, k: int, spall_mm: float | None = None) -> Array:
-        """Samples [samples] of snapshot k, with another spall if one is given."""
+        """Samples [samples] of snapshot k, g, with the spall length of the run or a given one, mm."""
         length = float(self.spall_mm[k]) if spall_mm is None else spall_mm
         drawn = self.drawn if length > 0 else "healthy"
         return self.bench.record(
@@ -286,31 +293,33 @@ def _bench(seed: int) -> LifeBench:
 
 @lru_cache(maxsize=32)
 def _life(rig: SmartMaintenanceRig, seed: int, bearing_id: str) -> _Life:
-    """Settle a run: mounting, growth and noise with which 15 g is first reached by the last snapshot."""
+    """Mounting, growth and noise of a run in which the last snapshot is the first to reach 15 g."""
     for mounting in range(_MOUNTINGS):
         life = _settled(rig, seed, bearing_id, mounting)
         if life is not None:
             return life
     raise TwingapError(
-        f"no life of {bearing_id} ends where the published one does", where=f"rig {rig.name}", mend="take another seed"
+        f"no simulated life of {bearing_id} ends at the published time",
+        where=f"rig {rig.name}",
+        mend="use another seed",
     )
 
 
 def _settled(rig: SmartMaintenanceRig, seed: int, bearing_id: str, mounting: int) -> _Life | None:
-    """A run with this mounting; None when its resonances have lives end elsewhere."""
+    """Run with this mounting; None when no draw of growth and noise ends at the published time."""
     streams = Streams(seed, 1 + list(RUNS).index(bearing_id))
     bench = _bench(seed).mounted(streams(f"mounting {mounting}"))
     flake = streams(f"flake {mounting}")
-    flake_mm = bench.length_that_shows(float(flake.uniform(1.3, 1.5)), flake)
+    flake_mm = bench.length_for_ratio(float(flake.uniform(1.3, 1.5)), flake)
     time_s = rig.times_s(bearing_id)
     turns = rig.speeds.turns(time_s) - rig.speeds.turns(60 * RUNS[bearing_id].onset_min)
     life = _Life(
         bench, streams, f"{mounting}", rig.n_samples, rig.fs_hz, time_s,
-        # A drive keeps its set speed to a few parts in ten thousand.
+        # The drive holds its set speed to a few parts in ten thousand.
         true_rpm=rig.speeds.speed_rpm(time_s) * (1 + 4e-4 * streams("speed").standard_normal(time_s.size)),
         wear=_wear(time_s, rig.interval_s, streams("wear")), spall_mm=np.zeros(time_s.size),
     )  # fmt: skip
-    earlier = np.flatnonzero(turns > 0)[-2::-1]  # from the end, where a life that ends too early is found soonest
+    earlier = np.flatnonzero(turns > 0)[-2::-1]  # from the end, where too high a level is most likely
     for attempt in range(_ATTEMPTS):
         drawn = f"{mounting}, {attempt}"
         growth = Growth.draw(streams(f"growth {drawn}"), float(turns[-1]), flake_mm)
@@ -324,7 +333,7 @@ def _settled(rig: SmartMaintenanceRig, seed: int, bearing_id: str, mounting: int
 
 
 def _wear(time_s: Array, interval_s: float, rng: np.random.Generator) -> Array:
-    """Level of the rolling noise over a run: new surfaces run in, temperature wanders."""
+    """Relative level of the rolling noise over a run [records]: run-in of new surfaces, varying temperature."""
     stay = float(np.exp(-interval_s / 900.0))
     steps = np.sqrt(1 - stay**2) * rng.standard_normal(time_s.size)
     wander, _ = signal.lfilter([1.0], [1.0, -stay], steps, zi=np.array([stay * rng.standard_normal()]))
@@ -332,7 +341,7 @@ def _wear(time_s: Array, interval_s: float, rng: np.random.Generator) -> Array:
 
 
 def _length_at_the_end(life: _Life) -> float:
-    """Length of spall with which the last snapshot just passes the end of life, mm."""
+    """Length of the spall, mm, at which the last snapshot just exceeds the end-of-life level."""
     last = life.time_s.size - 1
     low, high = 0.1, 20.0
     length = 2.0
@@ -341,7 +350,7 @@ def _length_at_the_end(life: _Life) -> float:
         if END_OF_LIFE_G <= reached < 1.01 * END_OF_LIFE_G:
             return length
         low, high = (length, high) if reached < END_OF_LIFE_G else (low, length)
-        # Strikes grow as the power 1.2 of the length: a good next guess, kept within what is known.
+        # Impacts grow with about the power 1.2 of the length; the next guess is kept within the known bounds.
         guess = length * float(1.005 * END_OF_LIFE_G / reached) ** (1 / 1.2)
         length = guess if low < guess < high else float(np.sqrt(low * high))
     return high

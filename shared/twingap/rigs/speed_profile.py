@@ -1,4 +1,4 @@
-"""Speed of a life test over time: steps, held in turn, again and again; and the turns that they add up to.
+"""Speed of a life test over time: a periodic sequence of steps, and the turns of the shaft.
 
 time since the start [s] --> set speed [rpm] --integral--> turns of the shaft
 """
@@ -24,11 +24,11 @@ class SpeedProfile:
     Parameters
     ----------
     shape : {"sawtooth", "triangle", "constant"}
-        "sawtooth" rises from low to high and drops back at once, "triangle" comes down by the same steps, "constant"
-        stays midway.
+        "sawtooth" rises from low to high and drops back at once, "triangle" descends by the same steps, "constant" is
+        midway between low and high.
     low_rpm, high_rpm, step_rpm : float
     hold_s : float
-        How long each step lasts.
+        Duration of each step, s.
     """
 
     shape: str = "sawtooth"
@@ -54,7 +54,7 @@ class SpeedProfile:
     def speed_rpm(self, time_s: ArrayLike) -> Array:
         """Set speed at times [...], s since the start, at least 0; at a change, the new speed."""
         steps = self.steps_rpm
-        # Whole milliseconds, so that a time computed as 7560.0000001 - 1e-7 belongs to the step that begins there.
+        # Rounded to milliseconds, so that a time computed as 7560.0000001 - 1e-7 belongs to the step that begins there.
         elapsed_ms = np.round(np.asarray(time_s, float) * 1e3).astype(np.int64)
         return np.asarray(steps[elapsed_ms // round(self.hold_s * 1e3) % steps.size])
 

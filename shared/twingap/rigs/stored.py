@@ -1,9 +1,9 @@
-"""A rig's records made once and read afterwards: a file per run of 16-bit steps, its checksum beside it.
+"""Stored records of a rig: simulated once, then read from one verified file per run.
 
 rig, seed --key--> folder/A148.npy [records, samples] int16 + A148.npy.sha256   --verified, one row at a time--> records
 
-A file is written row by row under another name and moved into place when it is whole, its checksum first; a file that
-does not match its checksum is made again. Nothing about the truth of a run is stored.
+Samples are stored as 16-bit steps of the converter. A complete file is moved into place after its checksum; a file that
+does not match its checksum is made again. The truth of a run is not stored.
 """
 
 from __future__ import annotations
@@ -32,11 +32,11 @@ _CODE: Final = (
     "life_bench.py", "rolling.py", "smart_maintenance.py", "spall.py", "speed_profile.py", "stored.py", "structure.py",
     "../bearing.py", "../streams.py",
 )  # fmt: skip
-"""All that the samples depend on; another version of any is another folder."""
+"""Source files on which the samples depend; a change of any of them gives another folder."""
 
 
 def stored_folder() -> Path:
-    """Where records made by rigs are kept: ``TWINGAP_HOME``/rigs, or the user's cache folder."""
+    """Folder of stored records: ``TWINGAP_HOME``/rigs, or one in the user's cache folder."""
     home = os.environ.get("TWINGAP_HOME")
     if home:
         return Path(home).absolute() / "rigs"
@@ -52,27 +52,27 @@ def quiet(what: str, fraction: float) -> None:
 def stored_records(
     rig: SmartMaintenanceRig, seed: int = 0, *, folder: str | os.PathLike[str] | None = None, progress: Progress = quiet
 ) -> RecordSet:
-    """The records of `rig.records(seed)`, read from files that are made when missing.
+    """Records of `rig.records(seed)`, read from files that are made when missing.
 
     Parameters
     ----------
     rig : SmartMaintenanceRig
     seed : int
     folder : path-like, optional
-        `stored_folder()` when absent. Each rig, seed and version of the code has a folder of its own in it, and runs
-        are shared between rigs that differ only in which they have.
+        `stored_folder()` when absent. It has a subfolder for each rig, seed and version of the code; rigs that differ
+        only in their bearings share it.
     progress : callable (what, fraction)
         Called while records are made.
 
     Returns
     -------
     RecordSet
-        The same records, bit by bit; one is in memory at a time.
+        The same records to the bit; one is in memory at a time.
 
     Raises
     ------
     TwingapError
-        When the folder cannot be written, or a file is altered after this call.
+        When the folder cannot be written, or a file is changed after this call.
     """
     made = rig.records(seed)
     place = (stored_folder() if folder is None else Path(folder)).absolute() / f"{rig.name}-{key(rig, seed)}"
@@ -82,7 +82,7 @@ def stored_records(
     for bearing_id in rig.bearings:
         count = rig.times_s(bearing_id).size
         path = place / f"{bearing_id}.npy"
-        if not _is_whole(path):
+        if not _is_complete(path):
             _write(path, made[first : first + count], rig.n_samples, partial(progress, bearing_id))
         paths += [path] * count
         rows += range(count)
@@ -92,17 +92,17 @@ def stored_records(
 
 def key(rig: SmartMaintenanceRig, seed: int) -> str:
     """Digest of all that the samples of a run depend on."""
-    whole = hashlib.sha256()
+    digest = hashlib.sha256()
     for name in _CODE:
-        whole.update((Path(__file__).parent / name).read_bytes())
+        digest.update((Path(__file__).parent / name).read_bytes())
     about = {name: value for name, value in asdict(rig).items() if name != "bearings"}
-    whole.update(repr((seed, sorted(about.items()), np.__version__)).encode())
-    return whole.hexdigest()[:16]
+    digest.update(repr((seed, sorted(about.items()), np.__version__)).encode())
+    return digest.hexdigest()[:16]
 
 
 @dataclass(frozen=True)
 class _Stored:
-    """Gives the samples of record i; a class, so that worker processes can be sent it."""
+    """Loader of the samples of record i, as a class, so that it can be pickled for worker processes."""
 
     paths: tuple[Path, ...]
     rows: tuple[int, ...]
@@ -112,25 +112,25 @@ class _Stored:
         path, row = self.paths[index], self.rows[index]
         mend = "make the records again"
         if path not in self._verified:
-            if not _is_whole(path):
+            if not _is_complete(path):
                 raise TwingapError("is missing or does not match its checksum", where=path, mend=mend)
             self._verified.add(path)
         try:
-            # Mapped for this row only: what is read is given back with it.
+            # Mapped for this row only, so that its memory is released.
             return np.asarray(np.load(path, mmap_mode="r")[row] * STEP_G, dtype=np.float64)
         except (OSError, ValueError, IndexError) as error:
             raise TwingapError(f"cannot be read: {error}", where=path, mend=mend) from error
 
     def __getstate__(self) -> dict[str, object]:
-        return {"paths": self.paths, "rows": self.rows, "_verified": set()}  # another process verifies for itself
+        return {"paths": self.paths, "rows": self.rows, "_verified": set()}  # every process verifies files itself
 
 
 def _checksum(path: Path) -> Path:
     return path.with_name(path.name + ".sha256")
 
 
-def _is_whole(path: Path) -> bool:
-    """Whether a file is there and matches the checksum beside it."""
+def _is_complete(path: Path) -> bool:
+    """Whether a file exists and matches its checksum."""
     try:
         found = path.stat()
         expected = _checksum(path).read_text(encoding="ascii").split()[0]
@@ -141,12 +141,12 @@ def _is_whole(path: Path) -> bool:
 
 @lru_cache(maxsize=64)
 def _digest(path: Path, size: int, mtime_ns: int, inode: int) -> str:
-    """sha256 of a file, computed again when it changed."""
+    """sha256 of a file; the other arguments make the cache depend on its state."""
     return sha256(path)
 
 
 def _write(path: Path, records: RecordSet, n_samples: int, progress: Callable[[float], None]) -> None:
-    """Write a run, whole or not at all."""
+    """Write the records of a run; an interrupted write leaves no file."""
     header = {"descr": "<i2", "fortran_order": False, "shape": (len(records), n_samples)}
     with replacing(path) as temporary:
         with temporary.open("wb") as stream:
@@ -154,7 +154,7 @@ def _write(path: Path, records: RecordSet, n_samples: int, progress: Callable[[f
             for place, record in enumerate(records):
                 progress(place / len(records))
                 stream.write(np.round(record.samples / STEP_G).astype("<i2").tobytes())
-        # The file that vouches comes first: between the two, the old or missing run does not match and is made again.
-        with replacing(_checksum(path)) as beside:
-            beside.write_text(f"{sha256(temporary)}  {path.name}\n", encoding="ascii")
+        # The checksum is replaced first: if the second replacement fails, the run does not match and is made again.
+        with replacing(_checksum(path)) as checksum:
+            checksum.write_text(f"{sha256(temporary)}  {path.name}\n", encoding="ascii")
     progress(1.0)

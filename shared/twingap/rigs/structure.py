@@ -1,4 +1,4 @@
-"""The machine around the bearing: forces at the bearing seat in, acceleration at the sensor out.
+"""Structure of a machine: from forces at the bearing seat to acceleration at the sensor.
 
 force along x and y [2, samples] -> modes in state-space form -> acceleration [samples]
 """
@@ -16,15 +16,15 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Structure:
-    """A sum of lightly damped modes, each driven along x and y with weights of its own.
+    """Sum of lightly damped modes, each driven along x and y with its own weights.
 
     Parameters
     ----------
     frequency_hz, damping_ratio : Array [modes]
     participation : Array [2, modes]
-        How strongly a force along x and along y drives each mode, 1/kg.
+        Response of each mode to a force along x and along y, 1/kg.
     seen : Array [modes]
-        How much of each mode's acceleration the sensor sees, with sign.
+        Weight of each mode's acceleration at the sensor, with sign.
     """
 
     frequency_hz: Array
@@ -34,17 +34,17 @@ class Structure:
 
     @classmethod
     def draw(cls, rng: np.random.Generator, bands_hz: tuple[tuple[float, float], ...]) -> Structure:
-        """A random structure: one mode in each band, with random damping and residues of either sign."""
+        """Random structure: one mode in each band, with random damping and residues of either sign."""
         low, high = np.array(bands_hz).T
         modes = len(bands_hz)
         participation, seen = rng.normal(0.0, 1.0, (2, modes)), rng.normal(0.0, 1.0, modes)
-        # Machines differ in their modes, less so in their mass: keep the sum of squared residues.
+        # The sum of squared residues is fixed: machines differ more in their modes than in their mass.
         seen *= 3.0 / np.sqrt(np.sum((participation * seen) ** 2))
         damping_ratio = np.exp(rng.uniform(np.log(0.012), np.log(0.06), modes))
         return cls(rng.uniform(low, high), damping_ratio, participation, seen)
 
     def remounted(self, rng: np.random.Generator) -> Structure:
-        """The same machine after the bearing was taken out and another put in: seats and bolts never return alike."""
+        """The same machine after the bearing was replaced, with slightly different seats and bolts."""
         modes = self.frequency_hz.size
         return Structure(
             frequency_hz=self.frequency_hz * np.exp(rng.normal(0.0, 0.015, modes)),
@@ -59,7 +59,7 @@ class Structure:
         Parameters
         ----------
         force : Array [2, samples]
-            Along x and y, N.
+            Force along x and y, N.
         fs_hz : float
 
         Returns

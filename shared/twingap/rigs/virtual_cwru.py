@@ -1,7 +1,7 @@
-"""A virtual test stand whose records are shaped like those of the CWRU Bearing Data Center's drive end.
+"""Virtual test stand whose records have the layout of those of the CWRU Bearing Data Center's drive end.
 
 One healthy bearing and nine with a seeded defect (inner, ball, outer; 0.007, 0.014 and 0.021 inch), each mounted once
-and run at 0, 1, 2 and 3 hp. It imitates the layout of those records, not their numbers: nothing was fitted to them.
+and run at 0, 1, 2 and 3 hp. Only the layout is that of the CWRU records; no value was fitted to them.
 """
 
 from __future__ import annotations
@@ -33,13 +33,14 @@ _BANDS_HZ = ((450, 750), (1000, 1500), (2000, 2800), (2900, 3600), (3800, 4600),
 
 @dataclass(frozen=True)
 class VirtualCwru:
-    """The stand.
+    """Virtual test stand.
 
     Parameters
     ----------
     duration_s : float
-        Length of each recording.
+        Length of each recording, s, from 0.2 to 600.
     fs_hz : float
+        Sampling rate, Hz.
     """
 
     name = "virtual_cwru"
@@ -53,12 +54,12 @@ class VirtualCwru:
             )
 
     def records(self, seed: int = 0) -> RecordSet:
-        """All forty recordings; each is simulated when asked for.
+        """All forty recordings, each simulated on access.
 
         Parameters
         ----------
         seed : int
-            Another seed is another machine of the same kind, with other bearings.
+            Selects machine and bearings; another seed gives another machine of the same kind.
 
         Returns
         -------
@@ -85,7 +86,7 @@ class VirtualCwru:
 
 
 def _recording(seed: int, mounting: int, size_inch: float, recording: int, condition: Condition) -> Array:
-    """The samples of one recording: the stand of this seed, with this bearing mounted, on this day."""
+    """Samples of one recording of a mounted bearing."""
     stand = Structure.draw(Streams(seed, 0)("structure"), _BANDS_HZ)
     mounted = Streams(seed, 1 + mounting)
     own = mounted("bearing")
@@ -95,10 +96,10 @@ def _recording(seed: int, mounting: int, size_inch: float, recording: int, condi
         slip=float(own.uniform(0.0, 0.006)),
         roughness=float(0.012 * np.exp(own.normal(0, 0.1))),
     )
-    # Severity does not follow size strictly: edges, burrs and the pit's place in the track differ between bearings.
+    # Severity is not determined by size alone: edges, burrs and position in the track differ between bearings.
     severity = float(np.exp(own.normal(0, 0.35)))
     rng = Streams(seed, 1000 + recording)("recording")
-    speed_rpm = condition.speed_rpm + rng.normal(0, 1.0)  # the stated speed is read off a display
+    speed_rpm = condition.speed_rpm + rng.normal(0, 1.0)  # error of the stated speed
     load_n = condition.load_n or 0.0
     return machine.record(
         speed_rpm, load_n, condition.fault or "healthy", 25.4 * size_inch, severity, condition.n_samples,

@@ -1,6 +1,6 @@
 """Runtime of the slowest diagnoses of a study, each repeated with the machine to itself.
 
-study.json --slowest worlds, made again--> diagnosed alone --> seconds next to those of the study
+study.json --slowest worlds--> diagnosed one after the other --> seconds next to those of the study
 
 A study diagnoses as many worlds in parallel as there are cores, so its runtimes include contention. Run as
 ``python -m twingap.study.alone DIR``.
@@ -77,16 +77,16 @@ def slowest_again(
     code = {"diagnosis": digest_of(diagnose), "worlds": digest_of_worlds()}
     # A missing trained model is made here, so that its training does not count as runtime of the first world.
     if code != about["code_sha256"] or learnt_digest(diagnose) != about["learnt_sha256"]:
-        raise TwingapError("the study is of another diagnosis", mend="take the code and the training that it ran on")
+        raise TwingapError("the study is of another diagnosis", mend="use the code and the trained model of the study")
     by_name = {case.name: case for case in planned or cases(about["cases"], about["seed"])}
     worlds = sorted(study["worlds"], key=lambda world: -world["found"]["runtime_s"])
     out = []
     for world in worlds[:count]:
         case, before = by_name[world["was"]["case"]], world["found"]
         blind = blinded(make_world(case, about["seed"]))
-        told = worker.asked(blind, worker.root_of(case, about["seed"]), diagnose)
-        found = () if told["report"] is None else found_in(told["report"], told["seconds"], told["peak_mb"]).effects
-        out.append(Timed(case.name, before["runtime_s"], told["seconds"], list(found) == list(before["effects"])))
+        again = worker.timed_diagnosis(blind, worker.root_of(case, about["seed"]), diagnose)
+        effects = () if again["report"] is None else found_in(again["report"]).effects
+        out.append(Timed(case.name, before["runtime_s"], again["seconds"], list(effects) == list(before["effects"])))
     return out
 
 
@@ -94,7 +94,7 @@ def main() -> int:
     """Print the runtimes of the slowest diagnoses of a study, each alone."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else "")
     parser.add_argument("folder", type=Path, metavar="DIR", help="filled by `twingap study blind --out DIR`")
-    parser.add_argument("--slowest", type=int, default=6, metavar="N", help="so many (6)")
+    parser.add_argument("--slowest", type=int, default=6, metavar="N", help="number of worlds (6)")
     given = parser.parse_args()
     if given.slowest < 1:
         parser.error(f"argument --slowest: {given.slowest}, at least 1 expected")

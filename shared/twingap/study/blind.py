@@ -15,7 +15,7 @@ from twingap.records import Record, RecordSet
 from twingap.twins.twin_file import TwinSpec
 
 
-class Worldly(Protocol):
+class BlindableWorld(Protocol):
     """Attributes of a world that blinding uses; see `twingap.rigs.worlds`."""
 
     @property
@@ -44,8 +44,8 @@ class Blind:
     twin: TwinSpec
 
 
-def blinded(world: Worldly) -> Blind:
-    """Copy of the visible part of a world, without any reference to the world itself.
+def blinded(world: BlindableWorld) -> Blind:
+    """Copy of what a diagnosis may use of a world, without any reference to the world itself.
 
     Names of sets, records and groups are replaced by numbers, and columns beyond the record-set schema are dropped,
     since either could reveal the truth.

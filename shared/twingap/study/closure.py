@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from twingap.study.blind import Blind
 
 REPLICATES = 2
+"""Simulated replicates of each record; more lower the sampling error of the distances and are slower."""
 
 
 def true_closure(world: Any, seed: int) -> float | None:
@@ -60,15 +61,15 @@ def true_closure(world: Any, seed: int) -> float | None:
     frame = Frame(records.bearing, (0.05 * fs, 0.45 * fs), scale)
     grid = Grid.of(conditions, records.bearing)
 
-    def views(of: RecordSet) -> Any:
-        return _views(of, conditions, frame, grid)
+    def vectors(of: RecordSet) -> Any:
+        return _vectors(of, conditions, frame, grid)
 
-    real = views(records)
+    real = vectors(records)
     rng = np.random.default_rng([seed, 0xC105])
     fresh = [int(s) for s in rng.integers(2**31, size=2 * REPLICATES)]
-    before = Paired(real, [views(replay(world, effects=(), seed=s)) for s in fresh[:REPLICATES]])
+    before = Paired(real, [vectors(replay(world, effects=(), seed=s)) for s in fresh[:REPLICATES]])
     after = Paired(
-        real, [views(replay(world, effects=truth.effects, seed=s)) for s in fresh[REPLICATES:]], before.scale
+        real, [vectors(replay(world, effects=truth.effects, seed=s)) for s in fresh[REPLICATES:]], before.scale
     )
     (start,), (end,) = (pair.over_domains(pair.squares())[0] for pair in (before, after))
     floor, _ = before.floor(rng)
@@ -125,7 +126,7 @@ def _left(bare: Blind, rng: np.random.Generator) -> float:
     return float(pair.over_domains(pair.squares())[0][0])
 
 
-def _views(records: RecordSet, conditions: Sequence[Condition], frame: Any, grid: Any) -> Any:
+def _vectors(records: RecordSet, conditions: Sequence[Condition], frame: Any, grid: Any) -> Any:
     from twingap.gap.distance.feature_vectors import measure_vectors
     from twingap.signal.record_transforms import RecordTransforms
 

@@ -33,7 +33,9 @@ if TYPE_CHECKING:
     from twingap.rigs.worlds import Case
 
 RUNS = 8
+"""Further runs of each machine; more give a more precise reference."""
 REPLICATES = 4
+"""Simulated replicates of each record; more lower the sampling error of the distances."""
 
 
 @dataclass(frozen=True)
@@ -107,10 +109,10 @@ def check(case: Case, seed: int, learnt: Learnt) -> Checked | None:
     sums = np.zeros(3)
     for run in range(RUNS):
         again = list(anonymous(replay(world, effects=case.effect_names, seed=run), "again"))
-        views = measure_vectors(
+        vectors = measure_vectors(
             (RecordTransforms(again[places[c.name]].samples, c, evidence.frame) for c in part.conditions), grid
         )
-        before, after = (Paired(views, sims, pairs[0].scale) for sims in twins(20 + REPLICATES * run))
+        before, after = (Paired(vectors, sims, pairs[0].scale) for sims in twins(20 + REPLICATES * run))
         (b,), (a,) = (p.over_domains(p.squares())[0] for p in (before, after))
         sums += np.array([b, a, after.floor(rng)[0]]) / RUNS
     return Checked(case.name, found.names, own.closure, own.ci, closure(*(float(v) for v in sums)))
@@ -121,10 +123,10 @@ def main() -> None:
     from twingap.gap.knowledge import shipped
     from twingap.rigs.worlds.plan import cases
 
-    asked = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else "")
-    asked.add_argument("--worlds", type=int, default=40)
-    asked.add_argument("--seed", type=int, default=77)
-    options = asked.parse_args()
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else "")
+    parser.add_argument("--worlds", type=int, default=40)
+    parser.add_argument("--seed", type=int, default=77)
+    options = parser.parse_args()
     learnt = shipped()
     done: list[Checked] = []
     for case in cases(4 * options.worlds, options.seed):

@@ -51,7 +51,7 @@ def scores(table: Mapping[str, Any]) -> Figure:
     left.set_yticks(range(len(rates)), words, fontsize=8)
     left.set_xlim(-0.02, 1.08)
     left.set_ylim(len(rates) - 0.4, -0.6)
-    left.set_xlabel("value with exact 95 % interval; line and shade: target and the side to be on")
+    left.set_xlabel("value with exact 95 % interval; line and shade: target and the side that meets it")
     left.grid(axis="x", color="#dddddd", linewidth=0.6)
     left.set_axisbelow(True)
     lines = [
@@ -87,7 +87,11 @@ def confusion(table: Mapping[str, Any]) -> Figure:
     axes.set_xlabel("named first")
     axes.set_ylabel("the one effect of the world (worlds)")
     right = int(np.trace(counts[:, :-1]))
-    _title(axes, table, f"Single effects: {right} of {int(counts.sum())} named right; darker: larger part of the row")
+    _title(
+        axes,
+        table,
+        f"Single effects: {right} of {int(counts.sum())} named correctly; darker: larger fraction of the row",
+    )
     return figure
 
 
@@ -115,7 +119,9 @@ def by_effect(table: Mapping[str, Any]) -> Figure:
         axis.set_yticks(range(len(effects)), effects, fontsize=8)
         alone = "pairs, crowds, outside_plus" if place == 3 else "single"
         axis.set_title(f"{panel}\n({alone})", fontsize=9)
-    figure.suptitle(f"By effect and strength, {_worlds(table)}; darker: more often; a dash: no such world", fontsize=10)
+    figure.suptitle(
+        f"By effect and strength, {_worlds(table)}; darker: higher rate; a dash: no such world", fontsize=10
+    )
     return figure
 
 
@@ -143,14 +149,14 @@ def rivals(table: Mapping[str, Any]) -> Figure:
             bound, _ = _bound(target)
             axis.plot([bound, bound], [y - 0.45, y + 0.45], color=BLACK, linewidth=1, linestyle=":")
         if name == "false alarms":
-            axis.text(1.02, y, "less is\nbetter", fontsize=7, va="center")
+            axis.text(1.02, y, "lower is\nbetter", fontsize=7, va="center")
     axis.set_yticks(range(len(chosen)), [f"{name}\n{among}" for name, among in chosen], fontsize=8)
     axis.set_ylim(len(chosen) - 0.5, -0.5)
     axis.set_xlim(-0.02, 1.1)
     axis.set_xlabel("value with exact 95 % interval; dotted: target")
     handles, labels = axis.get_legend_handles_labels()
     figure.legend(handles, labels, fontsize=8, loc="outside lower center", ncols=2, frameon=False)
-    _title(axis, table, "The diagnosis and what a reader would use instead, on the same worlds")
+    _title(axis, table, "The diagnosis and rival methods on the same worlds")
     return figure
 
 
@@ -159,7 +165,7 @@ def reliability(table: Mapping[str, Any]) -> Figure:
     rows = table["reliability"]
     figure = _figure(5.6, 5.4)
     axis = figure.subplots(1, 1)
-    axis.plot([0, 1], [0, 1], color=GREY, linewidth=1, linestyle="--", label="as often as said")
+    axis.plot([0, 1], [0, 1], color=GREY, linewidth=1, linestyle="--", label="calibrated")
     for row in rows:
         x = row["mean_probability"]
         axis.plot([x, x], [row["low"], row["high"]], color=BLUE, linewidth=1.4)
@@ -167,8 +173,8 @@ def reliability(table: Mapping[str, Any]) -> Figure:
         axis.annotate(f"n {row['n']}", (x, row["value"]), (6, -9), textcoords="offset points", fontsize=7)
     axis.set_xlim(-0.03, 1.08)
     axis.set_ylim(-0.03, 1.05)
-    axis.set_xlabel("probability that the diagnosis gave (mean of bin)")
-    axis.set_ylabel("part of these effects that were there, 95 % interval")
+    axis.set_xlabel("predicted probability (mean of bin)")
+    axis.set_ylabel("fraction of these effects that were present, 95 % interval")
     axis.legend(fontsize=8, frameon=False)
     _title(axis, table, "Reliability of probabilities")
     return figure

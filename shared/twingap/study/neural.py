@@ -28,7 +28,9 @@ from twingap.study.verdicts import Found
 Array = NDArray[np.float64]
 
 COMPONENTS: Final = 50
+"""Principal components of the statistics; more keep more detail and need more training worlds."""
 SAMPLES: Final = 1000
+"""Posterior samples per world; more make probabilities less noisy."""
 HALF_WIDTH: Final = 0.4
 """Half width of the uniform noise on the indicators 0 and 1, as flows model densities. Larger values blur the two."""
 
@@ -78,7 +80,7 @@ class NeuralPosterior(Rival):
             )
         self.seed = int(rng.integers(2**31))
 
-    def judge(self, x: Array) -> list[Found]:
+    def predict(self, x: Array) -> list[Found]:
         """Effects named for each world from samples of the posterior."""
         import torch
 

@@ -49,15 +49,15 @@ def parameter_errors(rows: Sequence[Row]) -> list[dict[str, Any]]:
     for (effect, parameter), truth in COMPARABLE.items():
         errors, held = [], []
         for row in rows:
-            said = row.found.parameters.get(effect, {}).get(parameter)
-            if said is None or effect not in row.was.effects or effect not in row.was.parameters:
+            estimated = row.found.parameters.get(effect, {}).get(parameter)
+            if estimated is None or effect not in row.was.effects or effect not in row.was.parameters:
                 continue
-            true, value = float(truth(row.was.parameters[effect])), said.get("value")
+            true, value = float(truth(row.was.parameters[effect])), estimated.get("value")
             if value is None or not math.isfinite(value) or true == 0:
                 continue
             errors.append(abs(float(value) / true - 1))
-            if said.get("ci"):
-                low, high = said["ci"]
+            if estimated.get("ci"):
+                low, high = estimated["ci"]
                 held.append(low <= true <= high)
         if errors:
             error, cover = median("error", effect, errors), rate("coverage", effect, held)

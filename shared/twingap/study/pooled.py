@@ -1,6 +1,6 @@
 """Pooled scores of several seeds of one blind study: more worlds, narrower intervals.
 
-study.json of each seed --worlds of one and the same diagnosis--> rows --scores--> a column per seed, and one of all
+study.json of each seed --worlds, all by the same diagnosis--> rows --scores--> a column per seed, and one of all
 
 Run as ``python -m twingap.study.pooled DIR DIR ...``; it prints the scores against their targets, and the rivals that
 ran on every seed.
@@ -46,11 +46,11 @@ def read_studies(folders: Sequence[Path]) -> list[Mapping[str, Any]]:
         for other, seen in zip(folders, studies, strict=False):
             about = seen["provenance"]
             if key[0] == about["seed"]:
-                raise TwingapError(f"seed {key[0]} stands in {other} too", where=str(path), mend="count it once")
+                raise TwingapError(f"seed {key[0]} is in {other} too", where=str(path), mend="count it once")
             if key[1:] != (about["code_sha256"]["diagnosis"], about["learnt_sha256"]):
                 raise TwingapError(
                     f"is of another diagnosis than {other}",
-                    where=str(path), mend="take studies of one code together, and of one training",
+                    where=str(path), mend="pool studies of the same code and the same trained model",
                 )  # fmt: skip
         studies.append(table)
     return studies
@@ -60,12 +60,17 @@ def rows_of(table: Mapping[str, Any]) -> dict[str, list[Row]]:
     """Rows of the diagnosis and of each rival, one per world."""
     out: dict[str, list[Row]] = {DIAGNOSIS: []}
     for world in table["worlds"]:
-        was = Was(**_tuples(world["was"]))
+        was = Was(**_tuples(_present_names(world["was"])))
         out[DIAGNOSIS].append(Row(was, Found(**_tuples(world["found"]))))
-        for method, said in world["rivals"].items():
-            answer = Found(said["status"], tuple(said["effects"]), p_value=said["p_value"])
-            out.setdefault(method, []).append(Row(was, answer))
+        for method, row in world["rivals"].items():
+            found = Found(row["status"], tuple(row["effects"]), p_value=row["p_value"])
+            out.setdefault(method, []).append(Row(was, found))
     return out
+
+
+def _present_names(fields: Mapping[str, Any]) -> dict[str, Any]:
+    """Fields of a truth, with `uncatalogued` under its former name too."""
+    return {"uncatalogued" if name == "outsiders" else name: value for name, value in fields.items()}
 
 
 def _tuples(fields: Mapping[str, Any]) -> dict[str, Any]:
@@ -78,7 +83,7 @@ def markdown(studies: Sequence[Mapping[str, Any]]) -> str:
     each = [rows_of(table) for table in studies]
     seeds = [f"seed {table['provenance']['seed']}" for table in studies]
     own = [scores.headline(rows[DIAGNOSIS]) for rows in each]
-    whole = scores.headline([row for rows in each for row in rows[DIAGNOSIS]])
+    pooled = scores.headline([row for rows in each for row in rows[DIAGNOSIS]])
     lines = [
         {
             "score": score.name, "among": score.among,
@@ -86,18 +91,18 @@ def markdown(studies: Sequence[Mapping[str, Any]]) -> str:
             "all": _words(score), "target": score.target.words if score.target else "",
             "met": {None: "", True: "yes", False: "**no**"}[score.met],
         }
-        for i, score in enumerate(whole)
+        for i, score in enumerate(pooled)
     ]  # fmt: skip
     methods = [method for method in each[0] if all(method in rows for rows in each)]
-    beside = []
+    comparison = []
     for method in methods:
         together = scores.headline([row for rows in each for row in rows[method]])
         chosen = {f"{s.name}: {s.among}": _words(s) for s in together if s.name in scores.COMPARED}
-        beside.append({"method": method, **chosen})
+        comparison.append({"method": method, **chosen})
     count = sum(len(rows[DIAGNOSIS]) for rows in each)
     return (
-        f"{count} worlds, {', '.join(seeds)}; one code and one training.\n\n"
-        f"## Scores against targets\n\n{grid(lines)}\n\n## Methods on all of these worlds\n\n{grid(beside)}\n"
+        f"{count} worlds, {', '.join(seeds)}; the same code and the same trained model.\n\n"
+        f"## Scores against targets\n\n{grid(lines)}\n\n## Methods on all of these worlds\n\n{grid(comparison)}\n"
     )
 
 
@@ -112,10 +117,12 @@ def _words(score: scores.Score) -> str:
 
 def main() -> int:
     """Print the pooled scores of several studies."""
-    asked = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else "")
-    asked.add_argument("folders", nargs="+", type=Path, metavar="DIR", help="filled by `twingap study blind --out DIR`")
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else "")
+    parser.add_argument(
+        "folders", nargs="+", type=Path, metavar="DIR", help="filled by `twingap study blind --out DIR`"
+    )
     try:
-        print(markdown(read_studies(asked.parse_args().folders)))
+        print(markdown(read_studies(parser.parse_args().folders)))
     except TwingapError as error:
         print(f"error: {error}", file=sys.stderr)
         return 2

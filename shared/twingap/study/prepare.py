@@ -1,6 +1,6 @@
 """Records of the calibrated twin paired with the measured ones: the input of rival methods, in study and training.
 
-records, spec or sim --gap.calibrate--> corrected speeds, identified twin --simulate--> (records, simulated)
+records, spec or sim --calibrate--> corrected speeds, identified twin --simulate--> (records, simulated)
 """
 
 from __future__ import annotations

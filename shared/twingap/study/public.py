@@ -29,8 +29,8 @@ SETS: Final = ("cwru", "hit_sm")
 SEARCHED: Final = ("bare", "paper1")
 """Twins from which effects are withheld; the contact twin is not one, as its effects follow from its physics."""
 
-Report = Callable[[str, int, int], None]
-"""Progress callback: report(stage, done, total)."""
+Progress = Callable[[str, int, int], None]
+"""Progress callback: progress(stage, done, total)."""
 
 
 @dataclass(frozen=True)
@@ -67,7 +67,7 @@ def run_public(
     root: str | None = None,
     jobs: int | None = None,
     command: str = "",
-    report: Report = lambda what, done, total: None,
+    progress: Progress = lambda what, done, total: None,
 ) -> dict[str, Any]:
     """Run all parts of the study on public records.
 
@@ -82,7 +82,7 @@ def run_public(
         Processes; None = one per core.
     command : str
         Command line, for the provenance.
-    report : callable
+    progress : callable
         Progress callback.
 
     Returns
@@ -99,18 +99,18 @@ def run_public(
     begin = time.perf_counter()
     for name in plan.sets:
         reader(name)  # raises for an unknown name
-    held, skipped = _at_hand(plan, root)
+    held, skipped = _available(plan, root)
     files.try_folder(out)
     code, data = _digests(held)
     run = functools.partial(
-        _swept, store=Path(out) / "work", code=code, data=data, root=root, workers=jobs, report=report
+        _swept, store=Path(out) / "work", code=code, data=data, root=root, workers=jobs, progress=progress
     )
     work = [j for name in held for j in _first_jobs(plan, name, held[name])]
-    answers = dict(zip(work, run(work, "records diagnosed"), strict=True))
-    twins = {(j.data_set, j.twin): row for j, row in answers.items() if j.kind == "twin"}
+    results = dict(zip(work, run(work, "records diagnosed"), strict=True))
+    twins = {(j.data_set, j.twin): row for j, row in results.items() if j.kind == "twin"}
     best = {name: best_twin({t: twins[name, t] for t in SEARCHED}) for name in held}
     later = [j for name in held for j in _withheld_jobs(plan, name, best[name], twins, held[name])]
-    answers |= dict(zip(later, run(later, "effects withheld"), strict=True))
+    results |= dict(zip(later, run(later, "effects withheld"), strict=True))
     table: dict[str, Any] = {
         "schema": SCHEMA,
         "sets": [
@@ -121,23 +121,24 @@ def run_public(
         "skipped": skipped,
         "twins": [{"set": s, "twin": t, **row} for (s, t), row in twins.items()],
         "best": best,
-        "withheld": withheld_rows(answers),
-        "injected": injected_rows(answers),
-        "nothing": nothing_rows(answers),
-        "single": single_rows(answers),
+        "withheld": withheld_rows(results),
+        "injected": injected_rows(results),
+        "nothing": nothing_rows(results),
+        "single": single_rows(results),
         "documented": [
-            {"said": d.said, "recordings": list(d.recordings), "shows": d.shows, "source": d.source} for d in DOCUMENTED
+            {"finding": d.finding, "recordings": list(d.recordings), "shows": d.shows, "source": d.source}
+            for d in DOCUMENTED
         ],
     }  # fmt: skip
     table["provenance"] = {
         "command": command, "plan": plain(plan), "versions": versions(), "code_sha256": code, "data": data,
-        "diagnoses": len(answers), "computed_s": sum(r.get("seconds", 0.0) for r in answers.values()),
+        "diagnoses": len(results), "computed_s": sum(r.get("seconds", 0.0) for r in results.values()),
         "runtime_s": round(time.perf_counter() - begin, 1),
     }  # fmt: skip
     return table
 
 
-def _at_hand(plan: Plan, root: str | None) -> tuple[dict[str, PublicSet], dict[str, str]]:
+def _available(plan: Plan, root: str | None) -> tuple[dict[str, PublicSet], dict[str, str]]:
     held: dict[str, PublicSet] = {}
     skipped: dict[str, str] = {}
     for name in plan.sets:
@@ -146,7 +147,9 @@ def _at_hand(plan: Plan, root: str | None) -> tuple[dict[str, PublicSet], dict[s
         except TwingapError as error:
             skipped[name] = str(error)
     if not held:
-        raise TwingapError("none of the sets is at hand", where=", ".join(plan.sets), mend="; ".join(skipped.values()))
+        raise TwingapError(
+            "none of the sets is available", where=", ".join(plan.sets), mend="; ".join(skipped.values())
+        )
     return held, skipped
 
 
@@ -158,18 +161,18 @@ def _digests(held: Mapping[str, PublicSet]) -> tuple[str, dict[str, str]]:
     import twingap.signal
     import twingap.twins
     from twingap.gap.knowledge import shipped_digest
-    from twingap.study import public_jobs, public_looks, public_sets
+    from twingap.study import public_indicators, public_jobs, public_sets
 
     code = digest_of_code(
-        twingap.effects, twingap.gap, twingap.identification, twingap.signal, twingap.twins, public_jobs, public_looks,
-        public_sets,
+        twingap.effects, twingap.gap, twingap.identification, twingap.signal, twingap.twins, public_indicators,
+        public_jobs, public_sets,
     )  # fmt: skip
     return code, {"learnt": shipped_digest(), **{name: own.records.digest for name, own in held.items()}}
 
 
 def _swept(
     work: Sequence[PublicJob], what: str, *, store: Path, code: str, data: Mapping[str, str], root: str | None,
-    workers: int | None, report: Report,
+    workers: int | None, progress: Progress,
 ) -> list[dict[str, Any]]:  # fmt: skip
     from twingap.sweep import sweep
 
@@ -178,12 +181,12 @@ def _swept(
     def one_more(_: object) -> None:
         nonlocal done
         done += 1
-        report(what, done, len(work))
+        progress(what, done, len(work))
 
-    report(what, 0, len(work))
+    progress(what, 0, len(work))
     results = sweep(
         functools.partial(run_job, root=root), work, store=store, n_jobs=workers, version=code, data=data,
-        on_result=one_more, describe=lambda job: job.words,
+        on_result=one_more, describe=lambda job: job.description,
     )  # fmt: skip
     return [dict(result.value) for result in results]
 
@@ -233,7 +236,7 @@ def _withheld_jobs(
 # ---------------------------------------------------------------------------------------------------------------- rows
 
 
-def judged(row: Mapping[str, Any], effect: str, besides: Sequence[str] = ()) -> dict[str, Any]:
+def naming(row: Mapping[str, Any], effect: str, others: Sequence[str] = ()) -> dict[str, Any]:
     """Whether a diagnosis names an effect: first, at all, and whether its confidence set contains the truth.
 
     Parameters
@@ -242,12 +245,12 @@ def judged(row: Mapping[str, Any], effect: str, besides: Sequence[str] = ()) -> 
         From `run_job`.
     effect : str
         The missing effect.
-    besides : sequence of str
-        Other missing effects: the truth is `effect` and these.
+    others : sequence of str
+        Other missing effects; the truth is `effect` together with these.
     """
     if row.get("refused"):
         return {"first": None, "named": None, "covers": None, "in_a_set": None}
-    truth = {effect, *besides}
+    truth = {effect, *others}
     sets = [set(s) for s in row["confidence_set"]]
     return {
         "first": row["effects"][:1] == [effect],
@@ -257,68 +260,68 @@ def judged(row: Mapping[str, Any], effect: str, besides: Sequence[str] = ()) -> 
     }
 
 
-def withheld_rows(answers: Mapping[PublicJob, Mapping[str, Any]]) -> list[dict[str, Any]]:
-    """One row per withheld effect; effects that the full chain was found to lack are expected too."""
-    own = {j: row for j, row in answers.items() if j.kind == "withheld"}
+def withheld_rows(results: Mapping[PublicJob, Mapping[str, Any]]) -> list[dict[str, Any]]:
+    """One row per withheld effect; effects missing from the full chain are expected too."""
+    own = {j: row for j, row in results.items() if j.kind == "withheld"}
     rest = {j.data_set: list(row.get("effects", [])) for j, row in own.items() if not j.effect}
     return [
         {"set": j.data_set, "twin": j.twin, "effect": j.effect, "rest": rest[j.data_set],
-         "from_verdict": j.effect in json.loads(j.chain), **judged(row, j.effect, rest[j.data_set]), **_short(row)}
+         "from_verdict": j.effect in json.loads(j.chain), **naming(row, j.effect, rest[j.data_set]), **_short(row)}
         for j, row in own.items() if j.effect
     ]  # fmt: skip
 
 
-def injected_rows(answers: Mapping[PublicJob, Mapping[str, Any]]) -> list[dict[str, Any]]:
+def injected_rows(results: Mapping[PublicJob, Mapping[str, Any]]) -> list[dict[str, Any]]:
     """One row per injected effect; effects named on the same halving without injection are expected too."""
-    calm = {(j.data_set, j.split): list(r.get("effects", [])) for j, r in answers.items() if j.kind == "nothing"}
+    uninjected = {(j.data_set, j.split): list(r.get("effects", [])) for j, r in results.items() if j.kind == "nothing"}
     out = []
-    for j, row in answers.items():
+    for j, row in results.items():
         if j.kind == "injected":
-            rest = calm.get((j.data_set, j.split), [])
+            rest = uninjected.get((j.data_set, j.split), [])
             more = {key: row.get(key) for key in ("split_by", "parameters", "acts_on", "changed")}
             out.append({
                 "set": j.data_set, "effect": j.effect, "split": j.split, "rest": rest,
-                "named_without_it": j.effect in rest, **judged(row, j.effect, rest), **more, **_short(row),
+                "named_without_it": j.effect in rest, **naming(row, j.effect, rest), **more, **_short(row),
             })  # fmt: skip
     return out
 
 
-def nothing_rows(answers: Mapping[PublicJob, Mapping[str, Any]]) -> list[dict[str, Any]]:
+def nothing_rows(results: Mapping[PublicJob, Mapping[str, Any]]) -> list[dict[str, Any]]:
     """One row per set: how often a gap is claimed between halves of the same records."""
     out = []
-    own = {j: row for j, row in answers.items() if j.kind == "nothing"}
+    own = {j: row for j, row in results.items() if j.kind == "nothing"}
     for name in dict.fromkeys(j.data_set for j in own):
         rows = [row for j, row in own.items() if j.data_set == name]
-        heard = [row for row in rows if not row["refused"]]
-        alarms = [row for row in heard if row["status"] != "no_gap"]
-        low, high = of_rate(len(alarms), len(heard)) if heard else (0.0, 1.0)
+        diagnosed = [row for row in rows if not row["refused"]]
+        alarms = [row for row in diagnosed if row["status"] != "no_gap"]
+        low, high = of_rate(len(alarms), len(diagnosed)) if diagnosed else (0.0, 1.0)
         named: dict[str, int] = {}
         for effect in (e for row in alarms for e in row["effects"]):
             named[effect] = named.get(effect, 0) + 1
         out.append({
             "set": name, "title": rows[0]["title"], "split_by": rows[0]["split_by"], "alarms": len(alarms),
-            "splits": len(heard), "rate": len(alarms) / len(heard) if heard else None, "interval": [low, high],
-            "named": named, "p_values": [row["p_value"] for row in heard],
-            "accuracy": [row["accuracy"] for row in heard], "refused": [r["refused"] for r in rows if r["refused"]],
+            "splits": len(diagnosed), "rate": len(alarms) / len(diagnosed) if diagnosed else None, "interval": [low,
+            high], "named": named, "p_values": [row["p_value"] for row in diagnosed], "accuracy": [row["accuracy"] for
+            row in diagnosed], "refused": [r["refused"] for r in rows if r["refused"]],
         })  # fmt: skip
     return out
 
 
-def single_rows(answers: Mapping[PublicJob, Mapping[str, Any]]) -> list[dict[str, Any]]:
-    """One row per recording: plain indicators, verdict, findings of the literature, and whether these are visible."""
-    verdicts = {j.recording: row for j, row in answers.items() if j.kind == "recording"}
-    looks = [row for j, answer in answers.items() if j.kind == "looks" for row in answer["recordings"]]
-    titles = [answer["title"] for j, answer in answers.items() if j.kind == "looks"]
+def single_rows(results: Mapping[PublicJob, Mapping[str, Any]]) -> list[dict[str, Any]]:
+    """One row per recording: plain indicators, verdict, findings of the literature, and whether these agree."""
+    verdicts = {j.recording: row for j, row in results.items() if j.kind == "recording"}
+    indicators = [row for j, result in results.items() if j.kind == "looks" for row in result["recordings"]]
+    titles = [result["title"] for j, result in results.items() if j.kind == "looks"]
     out = []
-    for look in looks:
-        verdict = verdicts.get(look["recording"], {})
+    for row in indicators:
+        verdict = verdicts.get(row["recording"], {})
         real = not titles[0].startswith("virtual")
-        said = documented(look["recording"]) if real else ()  # numbers of a virtual rig denote other recordings
-        unclear = [d for d in said if d.shows == "fault unclear"]
+        findings = documented(row["recording"]) if real else ()  # numbers of a virtual rig denote other recordings
+        unclear = [d for d in findings if d.shows == "fault unclear"]
         out.append({
-            **look, "title": titles[0], **_short(verdict), "said": [d.said for d in said],
-            "said_unclear": bool(unclear),
-            "agrees": None if look["shows_fault"] is None or not real else look["shows_fault"] != bool(unclear),
+            **row, "title": titles[0], **_short(verdict), "findings": [d.finding for d in findings],
+            "reported_unclear": bool(unclear),
+            "agrees": None if row["shows_fault"] is None or not real else row["shows_fault"] != bool(unclear),
         })  # fmt: skip
     return out
 

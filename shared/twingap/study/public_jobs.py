@@ -56,7 +56,7 @@ INJECTED: Final[tuple[Effect, ...]] = (
     CageModulation(depth=0.5),
     EntryExit(arc_deg=4.0),
 )
-"""Effects that are injected at other than the catalogue's default values, so that they are clearly visible."""
+"""Effects that are injected at other than the catalogue's default values, so that they are clearly detectable."""
 _LEAST_CHANGE: Final = 1e-9
 """Relative RMS below which a change counts as rounding."""
 
@@ -99,7 +99,7 @@ class PublicJob:
     recording: str = ""
 
     @property
-    def words(self) -> str:
+    def description(self) -> str:
         """Description of the job, for progress and errors."""
         more = [self.effect or self.recording, f"split {self.split}" if self.kind in ("injected", "nothing") else ""]
         return " ".join(filter(None, (self.kind, self.data_set, self.twin, *more)))
@@ -152,17 +152,17 @@ def run_job(job: PublicJob, root: str | None = None) -> dict[str, Any]:
         JSON values; ``refused`` holds the reason when there is no diagnosis.
     """
     own = public_set(job.data_set, root, job.pieces)
-    rng = np.random.default_rng([job.seed, zlib.crc32(job.words.encode())])
+    rng = np.random.default_rng([job.seed, zlib.crc32(job.description.encode())])
     about = {"title": own.title, "real": own.real}
     if job.kind == "looks":
-        from twingap.study.public_looks import look_at
+        from twingap.study.public_indicators import indicators
 
-        return {**about, "recordings": look_at(own.records, rng)}
+        return {**about, "recordings": indicators(own.records, rng)}
     records, spec = own.records, twin_spec(job.twin, own.records)[0]
     if job.kind in ("injected", "nothing"):
         return {**about, **_against_itself(job, records, spec, rng)}
     if job.kind == "recording":
-        return {**about, **_among_its_kind(job.recording, records, spec, rng)}
+        return {**about, **_against_same_bearing(job.recording, records, spec, rng)}
     if job.kind == "withheld":
         spec = with_effects(spec, json.loads(job.chain), job.effect)
     left_out = twin_spec(job.twin, records)[1]
@@ -266,7 +266,9 @@ def _against_itself(job: PublicJob, records: RecordSet, spec: TwinSpec, rng: np.
     return {**about, **diagnosed(machine, spec, rng, sim)}
 
 
-def _among_its_kind(recording: str, records: RecordSet, spec: TwinSpec, rng: np.random.Generator) -> dict[str, Any]:
+def _against_same_bearing(
+    recording: str, records: RecordSet, spec: TwinSpec, rng: np.random.Generator
+) -> dict[str, Any]:
     """One recording against the other recordings of the same bearing as simulated."""
     own = records.select(lambda c: c.group == recording)
     bearing = bearing_of(own.conditions[0])
@@ -305,19 +307,19 @@ def injected(records: RecordSet, effect: Effect, bearing: Bearing, seed: int) ->
     why = ""
     for place, record in enumerate(records):
         try:
-            still = _still(record, bearing, background) if effect.stage is Stage.EXCITATION else None
-            after = apply_to_waveform((effect,), record, bearing, reference_rms, Streams(seed, place), still)
+            rest = _without_impacts(record, bearing, background) if effect.stage is Stage.EXCITATION else None
+            after = apply_to_waveform((effect,), record, bearing, reference_rms, Streams(seed, place), rest)
         except TwingapError as error:
             after, why = record, error.what
         change = float(np.std(after.samples - record.samples)) / max(float(np.std(record.samples)), 1e-300)
         if change > _LEAST_CHANGE:
             changes.append(change)
         made.append(after)
-    whole = RecordSet.from_records(f"{records.name} with {effect.name}", records.unit, records.bearing, made)
-    return whole, len(changes) / len(made), float(np.median(changes)) if changes else 0.0, why or "it changes nothing"
+    changed = RecordSet.from_records(f"{records.name} with {effect.name}", records.unit, records.bearing, made)
+    return changed, len(changes) / len(made), float(np.median(changes)) if changes else 0.0, why or "it changes nothing"
 
 
-def _still(record: Record, bearing: Bearing, background: Background | None) -> NDArray[np.float64] | None:
+def _without_impacts(record: Record, bearing: Bearing, background: Background | None) -> NDArray[np.float64] | None:
     """Part of a defective record that is not impacts [samples]; None where it cannot be separated."""
     c = record.condition
     if background is None or c.fault in (None, "healthy"):

@@ -36,12 +36,12 @@ def markdown(table: Mapping[str, Any]) -> str:
     parts = [
         "# The gap diagnosis on public records",
         f"Command: `{about['command']}`, seed {plan['seed']}, twingap {used['twingap']}, code "
-        f"{about['code_sha256'][:12]}, learnt {about['data']['learnt'][:12]}; {about['diagnoses']} answers, "
+        f"{about['code_sha256'][:12]}, learnt {about['data']['learnt'][:12]}; {about['diagnoses']} results, "
         f"{about['computed_s']:.0f} s of computing. Records of 1 s, {plan['pieces']} of each recording; recordings are "
         "never on both sides unless a table says so.",
         *(
-            f"**{s['title']}**: stands in for {s['name'].upper()}, whose records were not at hand; nothing below is "
-            "of that set."
+            f"**{s['title']}**: a surrogate for {s['name'].upper()}, whose records were not available; nothing "
+            "below is of that set."
             for s in table["sets"] if not s["real"]
         ),
         *(f"Left out: {name} ({why})." for name, why in table["skipped"].items()),
@@ -51,41 +51,42 @@ def markdown(table: Mapping[str, Any]) -> str:
         "## What each paper's twin lacks",
         "Accuracy: of a classifier that learns from the twin's records alone, on held-out real records, before and "
         "after the verdict's effects are added; in brackets, learning from other real records. Closest adds: "
-        "effects that are not named, and bring the twin nearer all the same (`--closest`); what it closes then is "
-        "measured with the verdict's effects, on held-out records, by fewer simulations.",
+        "effects that are not named but reduce the gap further (`--closest`). The closure then includes the verdict's "
+        "effects and is measured on held-out records, with fewer simulations.",
         grid(twin_rows(table)),
         *(part for row in table["twins"] for part in _details(row, titles)),
         "## An effect withheld",
-        "From the twin that is nearest to the records once its verdict's effects are added, one effect is left out; "
-        "the diagnosis is blind to which. Nobody knows that the machine has these effects: they are what the "
-        "diagnosis, or paper 1, says that it has, so this shows whether verdicts stand, not whether they are true. "
-        "Covers: the confidence set holds the effect together with what the whole twin was said to lack.",
+        "From the twin with the smallest gap after its verdict's effects are added, one effect is left out, unknown to "
+        "the diagnosis. These effects are those of a verdict or of paper 1; the truth is unknown. The table therefore "
+        "shows whether verdicts are consistent, not whether they are true. Covers: the confidence set contains the "
+        "effect together with the effects missing from the full twin.",
         grid([{"set": titles[r["set"]], "twin": r["twin"], "left out": r["effect"],
-                "comes from": "verdict" if r["from_verdict"] else "the paper", **_answers(r)}
+                "comes from": "verdict" if r["from_verdict"] else "the paper", **_naming(r)}
                for r in table["withheld"]]),
         _tally(table["withheld"]),
         "## Real records with an effect added",
-        "One half of the real recordings plays the simulator, the other half, with the effect added, the machine. "
-        "Changed: RMS of the change over that of a record, median. What hardly changes the records cannot be seen "
-        "(speed_gain where speeds are nearly equal).",
+        "One half of the real recordings is used as the simulator, the other half, with the effect added, as the "
+        "machine. Changed: RMS of the change over that of a record, median. An effect that hardly changes the records "
+        "(speed_gain where speeds are nearly equal) cannot be detected.",
         grid([{"effect": r["effect"], "parameters": _values(r["parameters"]), "halved by": r["split_by"],
-               "acts on": _percent(r["acts_on"]), "changed": _percent(r["changed"]), **_answers(r)}
+               "acts on": _percent(r["acts_on"]), "changed": _percent(r["changed"]), **_naming(r)}
               for r in injected]),
         _tally(injected),
         *(f"Not added: {r['effect']} ({r['refused']})." for r in table["injected"] if r["refused"]),
         "## Nothing added",
         "Halves of the same records against each other; a gap is a false alarm unless recordings of the same bearing "
-        "differ by themselves, which they do to some degree. Halvings share recordings: the interval (95 %, "
-        "Clopper-Pearson) takes them as independent and is too narrow.",
+        "differ by themselves, which they do to some degree. Halvings share recordings, but the interval "
+        "(95 %, Clopper-Pearson) assumes that they are independent, so it is too narrow.",
         grid([_nothing(r) for r in table["nothing"]]),
-        "## Single recordings and what the literature says of them",
-        grid([{"said": d["said"], "recordings": ", ".join(d["recordings"]) or "not known to us", "source": d["source"]}
+        "## Single recordings and findings of the literature",
+        grid([{"finding": d["finding"], "recordings": ", ".join(d["recordings"]) or "not known", "source": d["source"]}
               for d in table["documented"]]),
         _agreement(table["single"]),
-        "Plain looks (comb: height of the fault's own comb in the envelope, clear from 6; at extremes: samples at one "
-        "extreme value, rail from 4; bursts: loudest twentieth of a second over the median, top quarter of the band) "
-        "and the verdict of a diagnosis of the recording against the other recordings of the same bearing, which play "
-        "the simulator: what all recordings of a bearing have is no gap there, and what the load changes is one:",
+        "Plain indicators and the verdict of each recording. Comb: height of the fault's own comb in the envelope, "
+        "significant from 6. At extremes: samples at one extreme value, clipped from 4. Bursts: level of the loudest "
+        "twentieth over the median, top quarter of the band. The verdict is of a diagnosis against the other "
+        "recordings of the same bearing, used as the simulator: what all recordings of a bearing share is no gap "
+        "there, and what the load changes is one.",
         grid([_single(row) for row in table["single"]]),
     ]  # fmt: skip
     return "\n\n".join(part for part in parts if part) + "\n"
@@ -146,22 +147,22 @@ def _details(row: Mapping[str, Any], titles: Mapping[str, str]) -> list[str]:
     ]
 
 
-def _answers(row: Mapping[str, Any]) -> dict[str, str]:
+def _naming(row: Mapping[str, Any]) -> dict[str, str]:
     return {
         "verdict": row.get("status") or f"refused: {row.get('refused', '')}",
         "named": ", ".join(row.get("effects") or ()),
         "first": _yes(row["first"]), "at all": _yes(row["named"]), "covers": _yes(row["covers"]),
-        "in a set": _yes(row["in_a_set"]), "expected besides": ", ".join(row["rest"]),
+        "in a set": _yes(row["in_a_set"]), "also expected": ", ".join(row["rest"]),
     }  # fmt: skip
 
 
 def _tally(rows: Sequence[Mapping[str, Any]]) -> str:
-    heard = [r for r in rows if r["first"] is not None]
-    if not heard:
-        return "Nothing could be asked." if not rows else "All were refused."
-    counts = {k: sum(bool(r[k]) for r in heard) for k in ("first", "named", "covers", "in_a_set")}
+    diagnosed = [r for r in rows if r["first"] is not None]
+    if not diagnosed:
+        return "No row." if not rows else "All were refused."
+    counts = {k: sum(bool(r[k]) for r in diagnosed) for k in ("first", "named", "covers", "in_a_set")}
     return "Of {}: first {first}, at all {named}, covered {covers}, in one of the sets {in_a_set}.".format(
-        len(heard), **counts
+        len(diagnosed), **counts
     )
 
 
@@ -175,19 +176,19 @@ def _nothing(row: Mapping[str, Any]) -> dict[str, str]:
 
 
 def _agreement(rows: Sequence[Mapping[str, Any]]) -> str:
-    judged = [r for r in rows if r["agrees"] is not None]
-    if not judged:
+    comparable = [r for r in rows if r["agrees"] is not None]
+    if not comparable:
         return ""
-    unclear = [r for r in judged if r["said_unclear"]]
-    clear = [r for r in judged if not r["said_unclear"]]
+    unclear = [r for r in comparable if r["reported_unclear"]]
+    clear = [r for r in comparable if not r["reported_unclear"]]
     dim = sum(not r["shows_fault"] for r in unclear)
     seen = sum(bool(r["shows_fault"]) for r in clear)
-    rails = [r["recording"] for r in rows if r["clipped"]]
+    clipped = [r["recording"] for r in rows if r["clipped"]]
     bursts = [r["recording"] for r in rows if r["bursts"]]
     loose = [r["recording"] for r in rows if "looseness" in (r.get("effects") or ())]
     return (
-        f"Of {len(unclear)} recordings said to be unclear, {dim} do not show their fault's comb as the highest and "
-        f"clear; of {len(clear)} other faulty ones, {seen} do. Records at a rail: {', '.join(rails) or 'none'}. "
+        f"Of {len(unclear)} recordings reported as unclear, {dim} do not show their fault's comb as the highest and "
+        f"significant; of {len(clear)} other faulty ones, {seen} do. Clipped records: {', '.join(clipped) or 'none'}. "
         f"Bursts: {', '.join(bursts) or 'none'}. Looseness named: {', '.join(loose) or 'none'}."
     )
 
@@ -198,11 +199,11 @@ def _single(row: Mapping[str, Any]) -> dict[str, str]:
         "recording": row["recording"], "fault": row["fault"],
         "size, in": "" if not row["size_inch"] else f"{row['size_inch']:g}",
         "comb": "" if comb is None else f"{comb:.1f}", "shows it": _yes(row["shows_fault"]),
-        "said unclear": "yes" if row["said_unclear"] else "",
+        "reported unclear": "yes" if row["reported_unclear"] else "",
         "at extremes": f"{row['at_extremes']}", "burst, dB": f"{row['burst_db']:.1f}",
         "kurtosis": f"{row['kurtosis']:.1f}",
-        "stands out by": ", ".join(f"{k} {v:+.0f}" for k, v in row["stands_out"].items()),
-        "verdict": row.get("status") or row.get("refused") or "not asked",
+        "outlying": ", ".join(f"{k} {v:+.0f}" for k, v in row["outlying"].items()),
+        "verdict": row.get("status") or row.get("refused") or "not diagnosed",
         "named": ", ".join(row.get("effects") or ()),
     }  # fmt: skip
 

@@ -19,7 +19,7 @@ from twingap.records import Condition, RecordSet
 
 PIECE_S: Final = 1.0
 """Length of a record, s; longer gives fewer records with finer spectra."""
-STAND_INS: Final[Mapping[str, str]] = {"cwru": "virtual_cwru"}
+SURROGATES: Final[Mapping[str, str]] = {"cwru": "virtual_cwru"}
 """Public set -> the virtual rig that replaces it where its records are not available."""
 NEAR_SPEEDS: Final = 1.1
 """Largest ratio of speeds at which recordings of one bearing count as interchangeable; larger allows more halvings by
@@ -69,13 +69,13 @@ def public_set(name: str, root: str | None, pieces: int) -> PublicSet:
 
 @lru_cache(maxsize=4)
 def _read(name: str, root: str | None, default_root: str | None, pieces: int) -> PublicSet:
-    """`public_set` for one of the places where the records may lie."""
+    """`public_set` with the default data root as an argument, since the cache depends on it."""
     try:
         records, title, real = load(name, root), name.upper().replace("_", "-"), True
     except NotAtHandError:
-        if root is not None or name not in STAND_INS:
+        if root is not None or name not in SURROGATES:
             raise
-        records, real = load(STAND_INS[name]), False
+        records, real = load(SURROGATES[name]), False
         title = f"virtual rig, not {name.upper()}"
     return PublicSet(_pieces(records, pieces), title, real)
 
@@ -167,7 +167,7 @@ class Documented:
 
     Parameters
     ----------
-    said : str
+    finding : str
         The finding.
     recordings : tuple of str
         Numbers of recordings of the drive end at 12 kHz; empty where they could not be verified.
@@ -177,14 +177,14 @@ class Documented:
         Reference, and the extent to which it could be verified.
     """
 
-    said: str
+    finding: str
     recordings: tuple[str, ...]
     shows: str
     source: str
 
 
 _SMITH: Final = "W. A. Smith, R. B. Randall, MSSP 64-65 (2015) 100-131, doi:10.1016/j.ymssp.2015.04.021"
-_MEMORY: Final = f"{_SMITH}; cited from memory, the paper was not at hand to check it"
+_SMITH_UNCHECKED: Final = f"{_SMITH}; cited without access to the paper"
 
 
 def _numbers(*firsts: int) -> tuple[str, ...]:
@@ -195,26 +195,27 @@ def _numbers(*firsts: int) -> tuple[str, ...]:
 DOCUMENTED: Final[tuple[Documented, ...]] = (
     Documented(
         "most recordings of ball faults do not show the ball's classical signature", _numbers(118, 185, 222),
-        "fault unclear", _MEMORY,
+        "fault unclear", _SMITH_UNCHECKED,
     ),
     Documented(
         "the outer-race fault of 0.014 in can hardly be diagnosed, unlike the smaller and the larger one",
-        _numbers(197), "fault unclear", _MEMORY,
+        _numbers(197), "fault unclear", _SMITH_UNCHECKED,
     ),
     Documented(
         "the inner-race fault of 0.014 in is among the difficult ones", _numbers(169), "fault unclear",
-        f"{_MEMORY}; our memory is less sure of this one",
+        f"{_SMITH_UNCHECKED}; this citation is less certain",
     ),
     Documented(
-        "some recordings are clipped", (), "clipping", f"{_MEMORY}; the numbers of the recordings are not recalled",
+        "some recordings are clipped", (), "clipping",
+        f"{_SMITH_UNCHECKED}; the numbers of the recordings are not known",
     ),
     Documented(
         "some recordings hold patches of electrical noise", (), "bursts",
-        f"{_MEMORY}; the numbers of the recordings are not recalled, they may be of the fan end only",
+        f"{_SMITH_UNCHECKED}; the numbers of the recordings are not known, they may be of the fan end only",
     ),
     Documented(
         "some recordings show mechanical looseness: orders of the shaft and their modulation stand above the fault's",
-        (), "looseness", f"{_MEMORY}; the numbers of the recordings are not recalled",
+        (), "looseness", f"{_SMITH_UNCHECKED}; the numbers of the recordings are not known",
     ),
     Documented(
         "the healthy recordings were sampled at 48 kHz, the faults at 12 kHz: healthy and faulty records went through "

@@ -1,7 +1,7 @@
 """Rival methods to the diagnosis, on the same worlds and the same calibrated simulated records.
 
 training worlds --plain statistics--> Examples --fit--> Rival
-blind world     --plain statistics--> vector   --------> Rival.judge --> Found
+blind world     --plain statistics--> vector   --------> Rival.predict --> Found
                 --per record--------> forest, measured or simulated? --importance--> Found (no training needed)
 
 Each rival's docstring states which of its outputs counts as "outside the catalogue".
@@ -25,7 +25,9 @@ from twingap.study.verdicts import Found
 Array = NDArray[np.float64]
 
 PERMUTATIONS: Final = 39
+"""Permutations of the two-sample test; fewer than 19 can never reach p = 0.05, more give a finer p-value."""
 TREES: Final = 60
+"""Trees of each forest; more make the area under the ROC curve less noisy and are slower."""
 
 READING: Final[tuple[tuple[str, str], ...]] = (
     ("log_rms_spread", "impulsive_noise"),
@@ -96,9 +98,9 @@ def two_sample(ours: Array, theirs: Array, rng: np.random.Generator, permutation
     x = np.nan_to_num(np.concatenate((ours, theirs)), nan=0.0)
     label = np.repeat([1, 0], [len(ours), len(theirs)])
     # One seed for all forests, so that the observed statistic is exchangeable with those of permuted labels.
-    sown = int(rng.integers(2**31))
-    observed, importance = _forest(x, label, sown)
-    null = [_forest(x, rng.permutation(label), sown)[0] for _ in range(permutations)]
+    forest_seed = int(rng.integers(2**31))
+    observed, importance = _forest(x, label, forest_seed)
+    null = [_forest(x, rng.permutation(label), forest_seed)[0] for _ in range(permutations)]
     p = (1 + sum(value >= observed for value in null)) / (1 + permutations)
     if p > 0.05:
         return Found("no_gap", p_value=p)
@@ -172,7 +174,7 @@ class Rival(ABC):
         """Train on examples."""
 
     @abstractmethod
-    def judge(self, x: Array) -> list[Found]:
+    def predict(self, x: Array) -> list[Found]:
         """Findings on worlds, x [worlds, statistics]."""
 
 
@@ -217,7 +219,7 @@ class OneClassifier(Rival):
         )
         self.model.fit(self.fill(examples.x[few]), label)
 
-    def judge(self, x: Array) -> list[Found]:
+    def predict(self, x: Array) -> list[Found]:
         """The most probable class of each world."""
         found = []
         for p in self.model.predict_proba(self.fill(x)):
@@ -260,7 +262,7 @@ class Detectors(Rival):
         columns = [np.zeros(len(x)) if m is None else m.predict_proba(ready)[:, 1] for m in self.models]
         return np.stack(columns, axis=1)
 
-    def judge(self, x: Array) -> list[Found]:
+    def predict(self, x: Array) -> list[Found]:
         """All effects whose probability reaches the threshold."""
         found = []
         for p in self.probabilities(x):
@@ -277,8 +279,8 @@ def with_two_sample(detected: Sequence[Found], tested: Sequence[Found]) -> list[
     """
     joined = []
     for one, test in zip(detected, tested, strict=True):
-        strange = not one.effects and test.gap
-        status = "unexplained" if strange else one.status
+        outside = not one.effects and test.gap
+        status = "unexplained" if outside else one.status
         joined.append(Found(status, one.effects, probability=one.probability, p_value=test.p_value))
     return joined
 

@@ -32,12 +32,13 @@ if TYPE_CHECKING:
 
 SCHEMA: Final = "twingap.study/1"
 CHUNK: Final = 20
+"""Training worlds of the rivals per job; more make fewer and longer jobs."""
 DIAGNOSIS: Final = "diagnosis"
 TWO_SAMPLE: Final = "two-sample test, random forest"
 BOTH: Final = "extra-trees detectors with two-sample test"
 
-Report = Callable[[str, int, int], None]
-"""Progress callback: report(stage, done, total)."""
+Progress = Callable[[str, int, int], None]
+"""Progress callback: progress(stage, done, total)."""
 
 
 @dataclass(frozen=True)
@@ -83,7 +84,7 @@ def run_study(
     permutations: int = PERMUTATIONS,
     jobs: int | None = None,
     command: str = "",
-    report: Report = lambda what, done, total: None,
+    progress: Progress = lambda what, done, total: None,
 ) -> Study:
     """Make, seal, diagnose, open and score worlds.
 
@@ -110,7 +111,7 @@ def run_study(
         Processes; None = one per core.
     command : str
         Command line, for the provenance.
-    report : callable
+    progress : callable
         Progress callback.
 
     Returns
@@ -128,37 +129,37 @@ def run_study(
     begin, folder = time.perf_counter(), Path(out)
     names = [case.name for case in cases]
     if len(set(names)) < len(names):
-        raise TwingapError("two cases of one name", where="study", mend="give every case a name of its own")
+        raise TwingapError("two cases of one name", where="study", mend="give every case its own name")
     diagnose = diagnose or diagnosis()
     code = {"diagnosis": digest_of(diagnose), "worlds": digest_of_worlds()}
 
-    sealed = _seal(folder, cases, seed, code, jobs, report)
+    sealed = _seal(folder, cases, seed, code, jobs, progress)
     learnt_from = learnt_digest(diagnose)
-    told = _diagnosed(
-        folder, cases, seed, sealed, diagnose, prepare, permutations, {**code, "learnt": learnt_from}, jobs, report
+    diagnoses = _diagnosed(
+        folder, cases, seed, sealed, diagnose, prepare, permutations, {**code, "learnt": learnt_from}, jobs, progress
     )
-    found = {DIAGNOSIS: [_found(t) for t in told], TWO_SAMPLE: [_tested(t) for t in told]}
-    learnt, skipped = _learnt(folder, seed, training, training_count, rivals, code, jobs, report)
-    x = np.array([t["statistics"] for t in told])
+    found = {DIAGNOSIS: [_found(d) for d in diagnoses], TWO_SAMPLE: [_tested(d) for d in diagnoses]}
+    learnt, skipped = _learnt(folder, seed, training, training_count, rivals, code, jobs, progress)
+    x = np.array([d["statistics"] for d in diagnoses])
     for rival in learnt:
-        found[rival.name] = rival.judge(x)
+        found[rival.name] = rival.predict(x)
         if isinstance(rival, Detectors):
             found[BOTH] = with_two_sample(found[rival.name], found[TWO_SAMPLE])
 
-    was = _opened(folder, cases, seed, sealed, code, jobs, report)
-    rows = {method: [Row(w, f) for w, f in zip(was, answers, strict=True)] for method, answers in found.items()}
+    was = _opened(folder, cases, seed, sealed, code, jobs, progress)
+    rows = {method: [Row(w, f) for w, f in zip(was, findings, strict=True)] for method, findings in found.items()}
     provenance = {
         "seed": seed, "cases": len(cases), "command": command, "versions": versions(), "code_sha256": code,
         "sealed_with": sealed["code_sha256"], "learnt_sha256": learnt_from,
         "frozen": sealed["code_sha256"]["diagnosis"] == code["diagnosis"],
         "training_worlds_of_rivals": training_count if learnt else 0, "rivals_skipped": skipped,
-        "diagnosis_s": sum(t["seconds"] for t in told), "runtime_s": time.perf_counter() - begin,
+        "diagnosis_s": sum(d["seconds"] for d in diagnoses), "runtime_s": time.perf_counter() - begin,
     }  # fmt: skip
-    return Study(_table(rows, told, provenance), rows)
+    return Study(_table(rows, diagnoses, provenance), rows)
 
 
 def _table(
-    rows: Mapping[str, Sequence[Row]], told: Sequence[Mapping[str, Any]], provenance: dict[str, Any]
+    rows: Mapping[str, Sequence[Row]], diagnoses: Sequence[Mapping[str, Any]], provenance: dict[str, Any]
 ) -> dict[str, Any]:
     """Content of study.json."""
     from twingap.effects import catalogue
@@ -166,16 +167,15 @@ def _table(
     own, effects = rows[DIAGNOSIS], list(catalogue())
     worlds = []
     for i, row in enumerate(own):
-        answer = told[i]
-        said = {m: as_row(rows[m][i].found) for m in rows if m != DIAGNOSIS}
-        worlds.append({**plain(row), "refused": answer["refused"], "report": answer["report"], "rivals": said})
+        made = {key: diagnoses[i][key] for key in ("refused", "report")}
+        worlds.append({**plain(row), **made, "rivals": {m: as_row(rows[m][i].found) for m in rows if m != DIAGNOSIS}})
     return {
         "schema": SCHEMA,
         "scores": [s.row for s in scores.headline(own)],
         "rivals": {m: [s.row for s in scores.headline(r)] for m, r in rows.items() if m != DIAGNOSIS},
         "details": [s.row for s in scores.detailed(own)],
         "by_effect": scores.by_effect(own),
-        "by_outsider": scores.by_outsider(own),
+        "by_uncatalogued": scores.by_uncatalogued(own),
         "parameters": _parameters(own),
         "statuses": scores.statuses(own),
         "confusion": {"effects": effects, "first_named": [*effects, scores.NOTHING],
@@ -193,13 +193,13 @@ def _parameters(rows: Sequence[Row]) -> list[dict[str, Any]]:
 
 
 def _seal(
-    folder: Path, cases: Sequence[Case], seed: int, code: Mapping[str, str], jobs: int | None, report: Report
+    folder: Path, cases: Sequence[Case], seed: int, code: Mapping[str, str], jobs: int | None, progress: Progress
 ) -> dict[str, Any]:
     """Content of sealed.json, written here unless the folder holds one."""
-    asked = {"seed": seed, "cases": digest_of_value([plain(case) for case in cases]), "worlds": code["worlds"]}
+    identity = {"seed": seed, "cases": digest_of_value([plain(case) for case in cases]), "worlds": code["worlds"]}
     held = folder / "sealed.json"
     if held.exists():
-        return _taken_up(held, asked)
+        return _resumed(held, identity)
     nonces = {case.name: secrets.token_hex(16) for case in cases}
     # Nonces are written first: without them the seals could not be opened.
     _write(folder / "nonces.json", nonces)
@@ -210,30 +210,30 @@ def _seal(
         code["worlds"],
         {},
         jobs,
-        functools.partial(report, "worlds sealed"),
+        functools.partial(progress, "worlds sealed"),
     )
-    sealed = {"asked": asked, "code_sha256": dict(code),
+    sealed = {"asked": identity, "code_sha256": dict(code),
               "worlds": {case.name: value for case, value in zip(cases, made, strict=True)}}  # fmt: skip
     _write(held, sealed)
     return sealed
 
 
-def _taken_up(held: Path, asked: Mapping[str, Any]) -> dict[str, Any]:
+def _resumed(held: Path, identity: Mapping[str, Any]) -> dict[str, Any]:
     try:
         sealed: dict[str, Any] = json.loads(held.read_text(encoding="utf-8"))
         before = sealed["asked"]
     except (ValueError, KeyError, TypeError) as error:
         raise TwingapError(f"is damaged: {error}", where=held, mend="name a new folder") from error
     for what in ("seed", "cases", "worlds"):
-        if before.get(what) != asked[what]:
-            said = "its worlds were made by other code" if what == "worlds" else f"it has another {what.rstrip('s')}"
-            raise TwingapError(f"another study was sealed here: {said}", where=held, mend="name a new folder")
+        if before.get(what) != identity[what]:
+            why = "its worlds were made by other code" if what == "worlds" else f"it has another {what.rstrip('s')}"
+            raise TwingapError(f"another study was sealed here: {why}", where=held, mend="name a new folder")
     return sealed
 
 
 def _diagnosed(
     folder: Path, cases: Sequence[Case], seed: int, sealed: Mapping[str, Any], diagnose: worker.Diagnose,
-    prepare: worker.Prepare, permutations: int, code: Mapping[str, str], jobs: int | None, report: Report,
+    prepare: worker.Prepare, permutations: int, code: Mapping[str, str], jobs: int | None, progress: Progress,
 ) -> list[dict[str, Any]]:  # fmt: skip
     return _sweep(
         functools.partial(worker.diagnose_world, diagnose=diagnose, prepare=prepare),
@@ -242,23 +242,23 @@ def _diagnosed(
         digest_of(worker.diagnose_world, "blind", "rivals", "statistics", "worker"),
         {**code, "prepare": digest_of(prepare)},
         jobs,
-        functools.partial(report, "worlds diagnosed"),
+        functools.partial(progress, "worlds diagnosed"),
     )
 
 
 def _opened(
     folder: Path, cases: Sequence[Case], seed: int, sealed: Mapping[str, Any], code: Mapping[str, str],
-    jobs: int | None, report: Report,
+    jobs: int | None, progress: Progress,
 ) -> list[Any]:  # fmt: skip
     """Truths of the worlds, each verified against its seal."""
     from twingap.rigs.worlds import open_seal
 
     nonces = json.loads((folder / "nonces.json").read_text(encoding="utf-8"))
-    version = digest_of_value([code["worlds"], digest_of(worker.open_world, "closure"), _digest_of_yardsticks()])
-    told = _sweep(worker.open_world, [worker.OpenJob(c, seed) for c in cases], folder / "work" / "opening",
-                  version, {}, jobs, functools.partial(report, "seals opened"))  # fmt: skip
+    version = digest_of_value([code["worlds"], digest_of(worker.open_world, "closure"), _digest_of_references()])
+    results = _sweep(worker.open_world, [worker.OpenJob(c, seed) for c in cases], folder / "work" / "opening",
+                     version, {}, jobs, functools.partial(progress, "seals opened"))  # fmt: skip
     was, opened = [], {}
-    for case, value in zip(cases, told, strict=True):
+    for case, value in zip(cases, results, strict=True):
         seal = sealed["worlds"][case.name]["seal"]
         truth = open_seal(seal, value["truth"], nonces[case.name])
         was.append(was_of(truth, value["closure"], value["left"]))
@@ -269,7 +269,7 @@ def _opened(
 
 def _learnt(
     folder: Path, seed: int, training: worker.Triples, count: int, rivals: Sequence[Rival] | None,
-    code: Mapping[str, str], jobs: int | None, report: Report,
+    code: Mapping[str, str], jobs: int | None, progress: Progress,
 ) -> tuple[list[Rival], dict[str, str]]:  # fmt: skip
     """Trained rivals, and the reasons why others were skipped."""
     wanted = list(default_rivals() if rivals is None else rivals)
@@ -285,7 +285,7 @@ def _learnt(
         digest_of(worker.learn_from, "statistics"),
         {"training": digest_of(training), "diagnosis": code["diagnosis"]},
         jobs,
-        functools.partial(report, "training worlds of rivals"),
+        functools.partial(progress, "training worlds of rivals"),
     )
     examples = Examples(
         np.concatenate([p["x"] for p in parts]),
@@ -293,14 +293,14 @@ def _learnt(
         tuple(parts[0]["effects"]),
     )
     for place, rival in enumerate(ready):
-        report("rivals trained", place, len(ready))
+        progress("rivals trained", place, len(ready))
         rival.fit(examples, np.random.default_rng([seed, place, 0xF17]))
     return ready, skipped
 
 
 def _sweep(
     function: Callable[[Any], Any], work: Sequence[Any], store: Path, version: str, data: dict[str, str],
-    jobs: int | None, report: Callable[[int, int], None],
+    jobs: int | None, progress: Callable[[int, int], None],
 ) -> list[Any]:  # fmt: skip
     from twingap.sweep import sweep
 
@@ -309,9 +309,9 @@ def _sweep(
     def one_more(_: object) -> None:
         nonlocal done
         done += 1
-        report(done, len(work))
+        progress(done, len(work))
 
-    report(0, len(work))
+    progress(0, len(work))
     results = sweep(function, work, store=store, n_jobs=jobs, version=version, data=data, on_result=one_more,
                     describe=_in_words)  # fmt: skip
     return [result.value for result in results]
@@ -322,14 +322,13 @@ def _in_words(job: Any) -> str:
     return job.case.name if hasattr(job, "case") else f"chunk {job.chunk}"
 
 
-def _found(told: Mapping[str, Any]) -> Found:
-    if told["report"] is None:
-        return Found("refused", runtime_s=told["seconds"], peak_mb=told["peak_mb"])
-    return found_in(told["report"], told["seconds"], told["peak_mb"])
+def _found(diagnosis: Mapping[str, Any]) -> Found:
+    usage = {"runtime_s": diagnosis["seconds"], "peak_mb": diagnosis["peak_mb"]}
+    return Found("refused", **usage) if diagnosis["report"] is None else found_in(diagnosis["report"], **usage)
 
 
-def _tested(told: Mapping[str, Any]) -> Found:
-    test = told["two_sample"]
+def _tested(diagnosis: Mapping[str, Any]) -> Found:
+    test = diagnosis["two_sample"]
     return Found(test["status"], tuple(test.get("effects", ())), p_value=test.get("p_value"))
 
 
@@ -353,17 +352,17 @@ def digest_of_worlds() -> str:
     return digest_of_code(twingap.rigs)
 
 
-def _digest_of_yardsticks() -> str:
-    """Digest of the code that measures a world's gap and calibrates its twin."""
-    from twingap.gap.distance import feature_vectors as views
-    from twingap.gap.distance import paired as distance
-    from twingap.gap.search import evidence
-    from twingap.gap.search import optimise as nearest
+def _digest_of_references() -> str:
+    """Digest of the code that computes a world's gap and calibrates its twin."""
+    from twingap.gap.distance import feature_vectors, paired
+    from twingap.gap.search import evidence, optimise
     from twingap.identification import baseline, calibrate
-    from twingap.signal import record_transforms as view
+    from twingap.signal import record_transforms
     from twingap.twins import simulator
 
-    return digest_of_code(baseline, calibrate, distance, evidence, nearest, simulator, view, views)
+    return digest_of_code(
+        baseline, calibrate, paired, evidence, optimise, simulator, record_transforms, feature_vectors
+    )
 
 
 def learnt_digest(diagnose: worker.Diagnose) -> str:

@@ -15,7 +15,7 @@ from typing import Any, Final
 import numpy as np
 
 from twingap.study.intervals import of_median, of_rate
-from twingap.study.verdicts import CATALOGUED, KINDS, STRANGE, Row, of_kind
+from twingap.study.verdicts import CATALOGUED, KINDS, UNCATALOGUED, Row, of_kind
 
 NOTHING: Final = "(none)"
 """Label of "no effect named" in confusion matrices."""
@@ -83,10 +83,10 @@ class Score:
     @property
     def met(self) -> bool | None:
         """Whether the target is met; None without target or data."""
-        judged = self.high if self.target is not None and self.target.of == "high" else self.value
-        if self.target is None or math.isnan(judged):
+        compared = self.high if self.target is not None and self.target.of == "high" else self.value
+        if self.target is None or math.isnan(compared):
             return None
-        return judged >= self.target.bound if self.target.at_least else judged <= self.target.bound
+        return compared >= self.target.bound if self.target.at_least else compared <= self.target.bound
 
     @property
     def row(self) -> dict[str, Any]:
@@ -154,7 +154,7 @@ def headline(rows: Sequence[Row]) -> list[Score]:
     none, single = of_kind(rows, "none"), of_kind(rows, "single")
     clear = [r for r in single if r.was.one_strength in ("medium", "strong")]
     weak = [r for r in single if r.was.one_strength == "weak"]
-    pairs, crowds, strange = of_kind(rows, "pair"), of_kind(rows, "crowd"), of_kind(rows, *STRANGE)
+    pairs, crowds, outside = of_kind(rows, "pair"), of_kind(rows, "crowd"), of_kind(rows, *UNCATALOGUED)
     false = rate("false alarms", "none", (r.found.gap for r in none), Target(0.05, at_least=False))
     with_set = [r for r in clear if r.found.confidence_set is not None]
     several = [r for r in of_kind(rows, *CATALOGUED) if r.found.confidence_set is not None]
@@ -173,7 +173,7 @@ def headline(rows: Sequence[Row]) -> list[Score]:
         rate("exact set", "pair", map(exact, pairs), Target(0.70)),
         precision(crowds, "crowd", Target(0.90)),
         recall(crowds, "crowd", Target(0.75)),
-        rate("outside recognised", "outside, outside_plus", (r.found.strange for r in strange), Target(0.80)),
+        rate("outside recognised", "outside, outside_plus", (r.found.outside for r in outside), Target(0.80)),
         median("closure over true closure", "single, pair, crowd", map(closure_ratio, known), Target(0.90)),
         median("closure over what the twin can close", "single, pair, crowd", map(closable_ratio, known), Target(0.90)),
         largest("runtime, s", "all", (_or_nan(r.found.runtime_s) for r in rows), Target(60.0, at_least=False)),
@@ -200,12 +200,12 @@ def detailed(rows: Sequence[Row]) -> list[Score]:
                 median("closure over true closure", label, map(closure_ratio, known)),
                 median("closure over what the twin can close", label, map(closable_ratio, known)),
             ]
-        with_set = [r for r in part if r.found.confidence_set is not None and r.was.kind not in STRANGE]
+        with_set = [r for r in part if r.found.confidence_set is not None and r.was.kind not in UNCATALOGUED]
         if with_set:
             out.append(rate("confidence set covers", label, map(covered, with_set)))
             out.append(mean("size of confidence set", label, (float(len(r.found.covers)) for r in with_set)))
-        if strange := of_kind(part, *STRANGE):
-            out.append(rate("outside recognised", label, (r.found.strange for r in strange)))
+        if outside := of_kind(part, *UNCATALOGUED):
+            out.append(rate("outside recognised", label, (r.found.outside for r in outside)))
         if plus := of_kind(part, "outside_plus"):
             out += [precision(plus, f"{label}: outside_plus"), recall(plus, f"{label}: outside_plus")]
     out.append(median("runtime, s", "all", (_or_nan(r.found.runtime_s) for r in rows)))
@@ -233,14 +233,14 @@ def by_effect(rows: Sequence[Row]) -> list[dict[str, Any]]:
     return table
 
 
-def by_outsider(rows: Sequence[Row]) -> list[dict[str, Any]]:
+def by_uncatalogued(rows: Sequence[Row]) -> list[dict[str, Any]]:
     """Recognition rate of each effect outside the catalogue, and the statuses given."""
     table = []
-    for name in sorted({o for r in rows for o in r.was.outsiders}):
-        own = [r for r in rows if name in r.was.outsiders]
-        score = rate("outside recognised", name, (r.found.strange for r in own))
+    for name in sorted({o for r in rows for o in r.was.uncatalogued}):
+        own = [r for r in rows if name in r.was.uncatalogued]
+        score = rate("outside recognised", name, (r.found.outside for r in own))
         named = [e for r in own for e in r.found.effects if e not in r.was.effects]
-        table.append({"outsider": name, **score.row, "effects named in its place": _tally(named)})
+        table.append({"effect": name, **score.row, "effects named instead": _tally(named)})
     return table
 
 
@@ -309,7 +309,7 @@ def reliability(rows: Sequence[Row], bins: int = 10) -> list[dict[str, Any]]:
     list of dict
         lo, hi, mean_probability, value, low, high, k, n. Intervals treat effects as independent.
     """
-    pairs = [(p, e in r.was.effects) for r in rows if not r.was.outsiders for e, p in r.found.probability.items()]
+    pairs = [(p, e in r.was.effects) for r in rows if not r.was.uncatalogued for e, p in r.found.probability.items()]
     edges = np.linspace(0, 1, bins + 1)
     table = []
     for lo, hi in itertools.pairwise(edges):

@@ -23,9 +23,11 @@ from twingap.records import Record, RecordSet
 Array = NDArray[np.float64]
 
 BANDS: Final = 16
+"""Bands of equal width whose power is a statistic each."""
 QUANTILES: Final = (0.1, 0.5, 0.9, 0.99, 0.999)
 SHAFT_ORDERS: Final = (0.5, 1.0, 1.5, 2.0, 3.0, 4.0, 5.0)
-_HEALTHY_RIVAL_FAULT: Final = "outer"  # fault order that is used for a record without a fault
+_FAULT_OF_HEALTHY: Final = "outer"
+"""Fault whose order is used for a record without a fault."""
 
 
 @cache
@@ -85,29 +87,29 @@ def of_record(record: Record, bearing: Bearing | None) -> Array:
 
     n = x.size
     power = np.abs(np.fft.rfft(x * np.hanning(n))) ** 2
-    whole = Lines(power, fs / n)
-    out += [whole.at(o * shaft) for o in SHAFT_ORDERS]
+    spectrum_lines = Lines(power, fs / n)
+    out += [spectrum_lines.at(o * shaft) for o in SHAFT_ORDERS]
     orders = np.arange(6, 81)
-    out.append(float(np.nanmax([whole.at(o * shaft) for o in orders if o * shaft < 0.45 * fs], initial=0.0)))
-    out += [whole.at(50.0), whole.at(60.0), whole.strongest()]
+    out.append(float(np.nanmax([spectrum_lines.at(o * shaft) for o in orders if o * shaft < 0.45 * fs], initial=0.0)))
+    out += [spectrum_lines.at(50.0), spectrum_lines.at(60.0), spectrum_lines.strongest()]
 
-    fault = condition.fault if condition.fault not in (None, "healthy") else _HEALTHY_RIVAL_FAULT
+    fault = condition.fault if condition.fault not in (None, "healthy") else _FAULT_OF_HEALTHY
     order = bearing.fault_order(str(fault)) if bearing is not None else np.nan
     cage = bearing.ftf if bearing is not None else np.nan
-    out.append(whole.at(bearing.bpfo * shaft) if bearing is not None else np.nan)
+    out.append(spectrum_lines.at(bearing.bpfo * shaft) if bearing is not None else np.nan)
     analytic = signal.hilbert(signal.sosfiltfilt(_high_pass(fs), x)) if n > 64 else x.astype(complex)
     envelope = np.abs(analytic) ** 2
     envelope = envelope / max(float(envelope.mean()), 1e-300) - 1
     spectrum = np.abs(np.fft.rfft(envelope * np.hanning(n))) ** 2
-    lines = Lines(spectrum, fs / n)
-    at = [lines.at(k * order * shaft, 0.03) for k in (1, 2, 3)]
-    peak_hz, width = lines.peak(order * shaft, 0.05)
+    envelope_lines = Lines(spectrum, fs / n)
+    at = [envelope_lines.at(k * order * shaft, 0.03) for k in (1, 2, 3)]
+    peak_hz, width = envelope_lines.peak(order * shaft, 0.05)
     out += [
         *at, at[2] - at[0], peak_hz / (order * shaft) - 1 if bearing is not None else np.nan, width,
-        lines.at(shaft), lines.at(cage * shaft),
-        lines.at((order - 1) * shaft, 0.01) + lines.at((order + 1) * shaft, 0.01),
-        lines.at((order - cage) * shaft, 0.01) + lines.at((order + cage) * shaft, 0.01),
-        lines.strongest(), float(np.log(np.median(spectrum[1 : max(n // 20, 2)]) + 1e-300)),
+        envelope_lines.at(shaft), envelope_lines.at(cage * shaft),
+        envelope_lines.at((order - 1) * shaft, 0.01) + envelope_lines.at((order + 1) * shaft, 0.01),
+        envelope_lines.at((order - cage) * shaft, 0.01) + envelope_lines.at((order + cage) * shaft, 0.01),
+        envelope_lines.strongest(), float(np.log(np.median(spectrum[1 : max(n // 20, 2)]) + 1e-300)),
     ]  # fmt: skip
     return np.asarray(out, float)
 

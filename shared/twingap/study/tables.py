@@ -25,8 +25,8 @@ def markdown(table: Mapping[str, Any]) -> str:
         "## Statuses by kind of world", grid(table["statuses"]),
         "## By effect", _by_effect(table["by_effect"]),
         "## Outside the catalogue", grid([
-            {"outsider": r["outsider"], "recognised": _rate(r), "named in its place": _tally(r)}
-            for r in table["by_outsider"]
+            {"effect": r["effect"], "recognised": _rate(r), "named instead": _tally(r)}
+            for r in table["by_uncatalogued"]
         ]),
         "## Parameters", grid([
             {"effect": r["effect"], "parameter": r["parameter"], "n": r["n"],
@@ -35,8 +35,9 @@ def markdown(table: Mapping[str, Any]) -> str:
             for r in table["parameters"]
         ]),
         "## Reliability of probabilities", grid([
-            {"said": f"{r['mean_probability']:.2f}", "true": f"{r['value']:.2f} ({r['low']:.2f} to {r['high']:.2f})",
-             "n": r["n"]} for r in table["reliability"]
+            {"predicted": f"{r['mean_probability']:.2f}",
+             "observed": f"{r['value']:.2f} ({r['low']:.2f} to {r['high']:.2f})", "n": r["n"]}
+            for r in table["reliability"]
         ]),
         "## Details", _scores(table["details"]),
     ]  # fmt: skip
@@ -76,7 +77,7 @@ def _by_effect(rows: Sequence[Mapping[str, Any]]) -> str:
 def grid(rows: Sequence[Mapping[str, Any]]) -> str:
     """A Markdown table."""
     if not rows:
-        return "(nothing to show)"
+        return "(no rows)"
     head = list(rows[0])
     lines = ["| " + " | ".join(head) + " |", "|" + "---|" * len(head)]
     lines += ["| " + " | ".join(str(row[name]) for name in head) + " |" for row in rows]
@@ -90,7 +91,7 @@ def _rate(row: Mapping[str, Any]) -> str:
 
 
 def _tally(row: Mapping[str, Any]) -> str:
-    return ", ".join(f"{name} {count}" for name, count in row["effects named in its place"].items())
+    return ", ".join(f"{name} {count}" for name, count in row["effects named instead"].items())
 
 
 def _number(value: float | None) -> str:

@@ -104,20 +104,20 @@ def _drawn(name: str, rng: np.random.Generator, own: bool, healthy: bool) -> tup
 
 def main() -> None:
     """Print the distances left for every effect, on a few machines each."""
-    asked = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else "")
-    asked.add_argument("effects", nargs="*", help="all of the catalogue when none is named")
-    asked.add_argument("--machines", type=int, default=6)
-    asked.add_argument("--seed", type=int, default=991)
-    asked.add_argument("--own", action="store_true", help="met through the machine's own simulator")
-    asked.add_argument("--without-healthy", action="store_true", help="records of defects alone")
-    options = asked.parse_args()
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else "")
+    parser.add_argument("effects", nargs="*", help="names of effects; all of the catalogue when none is given")
+    parser.add_argument("--machines", type=int, default=6)
+    parser.add_argument("--seed", type=int, default=991)
+    parser.add_argument("--own", action="store_true", help="represent machines by records of their own simulator")
+    parser.add_argument("--without-healthy", action="store_true", help="use only records with defects")
+    options = parser.parse_args()
     for name in options.effects or catalogue():
         found = [
             left(name, number, options.seed, own=options.own, healthy=not options.without_healthy)
             for number in range(options.machines)
         ]
-        told = ", ".join(f"{one.before:.2f} to {one.after:.2f}" for one in found if one is not None)
-        print(f"{name:22} {told or 'cannot be added'}", flush=True)
+        distances = ", ".join(f"{one.before:.2f} to {one.after:.2f}" for one in found if one is not None)
+        print(f"{name:22} {distances or 'cannot be added'}", flush=True)
 
 
 if __name__ == "__main__":

@@ -13,8 +13,8 @@ from dataclasses import dataclass, field
 from typing import Any
 
 CATALOGUED = ("single", "pair", "crowd")
-STRANGE = ("outside", "outside_plus")
-KINDS = ("none", *CATALOGUED, *STRANGE)
+UNCATALOGUED = ("outside", "outside_plus")
+KINDS = ("none", *CATALOGUED, *UNCATALOGUED)
 
 
 @dataclass(frozen=True)
@@ -66,7 +66,7 @@ class Found:
         return self.status not in ("no_gap", "refused")
 
     @property
-    def strange(self) -> bool:
+    def outside(self) -> bool:
         """Whether the method reports an effect outside the catalogue."""
         return self.status in ("unexplained", "partly_explained")
 
@@ -87,7 +87,7 @@ class Was:
         Catalogued effects.
     strength : Mapping[str, str]
         Strength of each effect, also of those outside the catalogue.
-    outsiders : tuple of str
+    uncatalogued : tuple of str
         Effects outside the catalogue.
     parameters : Mapping[str, Mapping[str, Any]]
         Effect -> parameter -> true value.
@@ -102,7 +102,7 @@ class Was:
     arm: str
     effects: tuple[str, ...] = ()
     strength: Mapping[str, str] = field(default_factory=dict)
-    outsiders: tuple[str, ...] = ()
+    uncatalogued: tuple[str, ...] = ()
     parameters: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
     closure: float | None = None
     left: float | None = None
@@ -110,7 +110,7 @@ class Was:
     @property
     def one_strength(self) -> str:
         """Strength of a world's only effect; "" where there are several or none."""
-        names = (*self.effects, *self.outsiders)
+        names = (*self.effects, *self.uncatalogued)
         return str(self.strength.get(names[0], "")) if len(names) == 1 else ""
 
 
@@ -130,7 +130,7 @@ def was_of(truth: Any, closure: float | None = None, left: float | None = None) 
         arm=truth.arm,
         effects=tuple(truth.effects),
         strength=dict(truth.strength),
-        outsiders=tuple(truth.outsiders),
+        uncatalogued=tuple(truth.uncatalogued),
         parameters={name: dict(values) for name, values in truth.parameters.items()},
         closure=closure,
         left=left,
@@ -157,9 +157,7 @@ def found_in(report: Mapping[str, Any], runtime_s: float | None = None, peak_mb:
         p_value=float(verdict["p_value"]),
         parameters={c["effect"]: c.get("parameters") or {} for c in report["which"] if c["effect"] in named},
         closure=_closure(report),
-        gaps=next(
-            ((float(m["before"]), float(m["after"]), float(m["floor"])) for m in report["shrink"]["metrics"]), None
-        ),
+        gaps=_gaps(report),
         runtime_s=runtime_s,
         peak_mb=peak_mb,
     )
@@ -176,9 +174,9 @@ def _closure(report: Mapping[str, Any]) -> float | None:
     """Closure of the verdict: as stated, or from the first metric; None where no effect was added."""
     if not report["verdict"]["effects"]:
         return None
-    said = report["verdict"].get("closure")
-    if said is not None:
-        return float(said)
+    stated = report["verdict"].get("closure")
+    if stated is not None:
+        return float(stated)
     before, after, floor = _gaps(report) or (0.0, 0.0, 0.0)
     return (before - after) / (before - floor) if abs(before - floor) > 1e-12 else None
 

@@ -1,4 +1,4 @@
-"""Tasks of worker processes on a world: seal it, diagnose it blind, open it.
+"""Jobs of worker processes: seal a world, diagnose it blind, open it, make training worlds for rivals.
 
 SealJob     --make_world--> seal of the truth, digest of the records          (the truth stays in the worker)
 DiagnoseJob --make_world--> Blind --diagnose--> report; --prepare--> rivals' statistics and two-sample test
@@ -125,7 +125,7 @@ def diagnose_world(job: DiagnoseJob, diagnose: Diagnose, prepare: Prepare) -> di
     blind = blinded(world)
     del world
     root = root_of(job.case, job.seed)
-    return asked(blind, root, diagnose) | _for_rivals(blind, prepare, root, job.permutations)
+    return timed_diagnosis(blind, root, diagnose) | _for_rivals(blind, prepare, root, job.permutations)
 
 
 def root_of(case: Case, seed: int) -> list[int]:
@@ -133,7 +133,7 @@ def root_of(case: Case, seed: int) -> list[int]:
     return [seed, zlib.crc32(case.name.encode())]
 
 
-def asked(blind: Blind, root: Sequence[int], diagnose: Diagnose) -> dict[str, Any]:
+def timed_diagnosis(blind: Blind, root: Sequence[int], diagnose: Diagnose) -> dict[str, Any]:
     """Diagnosis of a blind world with its runtime and memory: report, refused, seconds, peak_mb."""
     report, refused = None, ""
     with Usage() as used:

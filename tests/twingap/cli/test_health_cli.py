@@ -77,14 +77,14 @@ def records(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_a_feature_table_becomes_indicator_models_and_figure(twingap: Run, table: Table, tmp_path: Path) -> None:
     out = tmp_path / "neu" / "zwölf"
-    said = twingap(table(made()), "--out", out, "--indicator", "rms", "--limit", 8.0, "--healthy", 20)
-    assert said.status == 0 and said.err == ""
-    assert said.out.splitlines()[-5:] == [
+    done = twingap(table(made()), "--out", out, "--indicator", "rms", "--limit", 8.0, "--healthy", 20)
+    assert done.status == 0 and done.err == ""
+    assert done.out.splitlines()[-5:] == [
         str(out / n) for n in ("indicator.csv", "candidates.csv", "models.csv", "degradation.json", "degradation.png")
     ]
     assert {p.name for p in out.iterdir()} == FILES
-    assert "left out, since they hold no numbers: name" in said.out
-    assert "left out, since they only count rows: index" in said.out
+    assert "left out, since they contain no numbers: name" in done.out
+    assert "left out, since they only count rows: index" in done.out
     assert (out / "degradation.png").read_bytes()[:4] == b"\x89PNG"
     indicator = rows_of(out / "indicator.csv")
     assert list(indicator[0]) == ["time_s", "indicator", "trend"] and len(indicator) == 80
@@ -124,15 +124,15 @@ def test_an_indicator_named_reads_no_later_row(twingap: Run, table: Table, tmp_p
 
 
 def test_records_of_one_run(twingap: Run, records: Path, tmp_path: Path) -> None:
-    refused(twingap(records, "--out", tmp_path / "no"), "holds 2 runs side by side: ä, b", "--group")
+    refused(twingap(records, "--out", tmp_path / "no"), "contains 2 runs that overlap in time: ä, b", "--group")
     refused(twingap(records, "--out", tmp_path / "no", "--group", "c"), "no group 'c'")
     refused(twingap(records, "--out", tmp_path / "no", "--group", "b"), "3 records, at least 40 expected")
-    said = twingap(records, "--out", tmp_path / "out", "--group", "ä", "--json")
-    assert said.status == 0
-    about = json.loads(said.out)
+    done = twingap(records, "--out", tmp_path / "out", "--group", "ä", "--json")
+    assert done.status == 0
+    about = json.loads(done.out)
     assert about["run"] == "ä" and about["records"] == 45
     assert len(about["candidates"]) >= 28  # 15 features, and what they fuse to
-    assert any("chosen on the whole of this run" in note for note in about["notes"])
+    assert any("selected on the complete run" in note for note in about["notes"])
     assert not (tmp_path / "no").exists()
 
 
@@ -144,15 +144,15 @@ def test_silent_records_are_left_out_and_that_is_said(
     for row in rows:
         del row["index"]  # counts rows while none is missing
     silent = [{**row, "rms": 0.01} if k in (50, 61) else row for k, row in enumerate(rows)]
-    said = twingap(table(silent), "--out", tmp_path / "silent", "--indicator", "rms")
-    assert said.status == 0 and "2 of 80 records are silent" in said.out and "30000 s, 36600 s" in said.out
+    done = twingap(table(silent), "--out", tmp_path / "silent", "--indicator", "rms")
+    assert done.status == 0 and "2 of 80 records are silent" in done.out and "30000 s, 36600 s" in done.out
     assert twingap(table(gone), "--out", tmp_path / "gone", "--indicator", "rms").status == 0
     assert (tmp_path / "silent/models.csv").read_bytes() == (tmp_path / "gone/models.csv").read_bytes()
     set_of = read_record_set(records).select(lambda c: c.group == "ä")
     dead = [Record(r.condition, 0.0 * r.samples if k == 40 else r.samples) for k, r in enumerate(set_of)]
     folder = write_records(tmp_path / "dead", "made", "g", BEARINGS["PRONOSTIA"], None, dead)
-    said = twingap(folder, "--out", tmp_path / "out")
-    assert said.status == 0 and "1 of 45 records are silent" in said.out
+    done = twingap(folder, "--out", tmp_path / "out")
+    assert done.status == 0 and "1 of 45 records are silent" in done.out
     short = [Record(replace(r.condition, n_samples=100), r.samples[:100]) for r in set_of]
     folder = write_records(tmp_path / "short", "made", "g", BEARINGS["PRONOSTIA"], None, short)
     refused(twingap(folder, "--out", tmp_path / "no"), "100 samples, at least 128 expected", "longer records")
@@ -190,7 +190,7 @@ def test_the_limit_of_a_fusion_feature_is_in_its_own_healthy_standard_deviations
 def test_a_limit_on_the_side_that_the_run_has_left_is_refused(
     twingap: Run, table: Table, tmp_path: Path, options: tuple[object, ...], parts: tuple[str, ...]
 ) -> None:
-    """A limit in g for features in m/s^2: that it is not reached would be said of a machine far past its end."""
+    """A limit in g for features in m/s^2: it must not be reported as not reached."""
     source = table([{**row, "health": -float(str(row["rms"]))} for row in made()])
     refused(twingap(source, "--out", tmp_path / "out", *options), *parts)
     assert not (tmp_path / "out").exists()
@@ -200,27 +200,27 @@ def test_a_limit_below_is_reached_by_what_falls_and_said_where_nothing_moves(
     twingap: Run, table: Table, tmp_path: Path
 ) -> None:
     source = table([{**row, "health": 10 - float(str(row["rms"]))} for row in made()])
-    said = twingap(source, "--out", tmp_path / "falls", "--indicator", "health", "--limit", 2.0)
-    assert said.status == 0 and "move clearly" not in said.out
+    done = twingap(source, "--out", tmp_path / "falls", "--indicator", "health", "--limit", 2.0)
+    assert done.status == 0 and "move clearly" not in done.out
     models = {r["model"]: r for r in rows_of(tmp_path / "falls/models.csv")}
     assert float(models["combined power 3"]["remaining_time_s"]) == pytest.approx(4637, rel=0.15)  # as 8 of rms
     for limit, words in ((8.0, "lies above that, so life is taken to end where it rises"), (0.5, "where it falls")):
         out = tmp_path / str(limit)
-        said = twingap(source, "--out", out, "--indicator", "kurtosis", "--limit", limit)
-        assert said.status == 0 and "kurtosis does not move clearly" in said.out and words in said.out
+        done = twingap(source, "--out", out, "--indicator", "kurtosis", "--limit", limit)
+        assert done.status == 0 and "kurtosis does not move clearly" in done.out and words in done.out
 
 
 def test_decibels_are_not_silent(twingap: Run, table: Table, tmp_path: Path) -> None:
     """Levels in dB lie about 0: a share of the healthy one is no bound to them."""
     rows = made()
     level = [{**row, "rms": 20 * np.log10(float(str(row["rms"])))} for row in rows]
-    said = twingap(table(level), "--out", tmp_path / "dB", "--indicator", "rms", "--json")
-    about = json.loads(said.out)
+    done = twingap(table(level), "--out", tmp_path / "dB", "--indicator", "rms", "--json")
+    about = json.loads(done.out)
     below = sum(float(str(row["rms"])) < 0 for row in level)
-    assert said.status == 0 and about["records"] == 80
+    assert done.status == 0 and about["records"] == 80
     assert any(f"rms is below 0 in {below} of 80 records" in note for note in about["notes"])
-    said = twingap(table([{**row, "rms": -float(str(row["rms"]))} for row in rows]), "--out", tmp_path / "minus")
-    assert said.status == 0 and "below 0 in 80 of 80 records" in said.out and "are silent" not in said.out
+    done = twingap(table([{**row, "rms": -float(str(row["rms"]))} for row in rows]), "--out", tmp_path / "minus")
+    assert done.status == 0 and "below 0 in 80 of 80 records" in done.out and "are silent" not in done.out
 
 
 def test_rows_out_of_order_are_sorted_and_that_is_said(twingap: Run, table: Table, tmp_path: Path) -> None:
@@ -230,14 +230,14 @@ def test_rows_out_of_order_are_sorted_and_that_is_said(twingap: Run, table: Tabl
     sorted_out, other = tmp_path / "sorted", tmp_path / "other"
     assert twingap(table(rows), "--out", sorted_out, "--indicator", "rms").status == 0
     shuffled = [rows[k] for k in np.random.default_rng(1).permutation(len(rows))]
-    said = twingap(table(shuffled), "--out", other, "--indicator", "rms")
-    assert said.status == 0 and "have been sorted" in said.out
+    done = twingap(table(shuffled), "--out", other, "--indicator", "rms")
+    assert done.status == 0 and "have been sorted" in done.out
     assert (sorted_out / "models.csv").read_bytes() == (other / "models.csv").read_bytes()
 
 
 def test_a_constant_feature_is_left_out_and_that_is_said(twingap: Run, table: Table, tmp_path: Path) -> None:
-    said = twingap(table([{**row, "flat": 2.5} for row in made()]), "--out", tmp_path / "out")
-    assert said.status == 0 and "constant while healthy, left out: flat" in said.out
+    done = twingap(table([{**row, "flat": 2.5} for row in made()]), "--out", tmp_path / "out")
+    assert done.status == 0 and "constant in the healthy records, left out: flat" in done.out
 
 
 def test_mistakes_are_one_line_and_leave_nothing(twingap: Run, table: Table, tmp_path: Path) -> None:
@@ -269,7 +269,7 @@ def test_mistakes_are_one_line_and_leave_nothing(twingap: Run, table: Table, tmp
     for number, (wrong, parts) in enumerate(bad):
         refused(twingap(table(wrong, f"{number}.csv"), "--out", out), *parts)
     texts = {
-        "empty.csv": ("", "is empty"), "header.csv": ("time_s,rms\n", "holds no records"),
+        "empty.csv": ("", "is empty"), "header.csv": ("time_s,rms\n", "contains no records"),
         "ragged.csv": ("time_s,rms\n0,1\n1\n", "has 1 fields, 2 expected"),
         "twice.csv": ("time_s,rms,rms\n0,1,2\n", "column 'rms' appears twice"),
         "quote.csv": ('time_s,rms\n0,"1"x\n', "not a comma-separated table"),
@@ -293,7 +293,7 @@ def test_mistakes_are_one_line_and_leave_nothing(twingap: Run, table: Table, tmp
 def test_a_table_of_several_runs(twingap: Run, table: Table, tmp_path: Path) -> None:
     rows = [{**row, "group": g} for g in ("b1", "b2") for row in made()]
     source = table(rows)
-    refused(twingap(source, "--out", tmp_path / "out"), "holds 2 runs side by side: b1, b2", "--group")
+    refused(twingap(source, "--out", tmp_path / "out"), "contains 2 runs that overlap in time: b1, b2", "--group")
     refused(twingap(source, "--out", tmp_path / "out", "--group", "b3"), "no group 'b3'")
     run, notes = read_feature_table(source, group="b2")
     assert run.name == "b2" and run.names == ("rms", "kurtosis") and run.time_s.size == 80 and len(notes) == 2
@@ -316,8 +316,8 @@ def test_recordings_that_follow_one_another_are_one_run(twingap: Run, table: Tab
         cells[speed] = "0"
         text[still] = ",".join(cells)
     (folder / "records.csv").write_text("\n".join(text) + "\n", encoding="utf-8")
-    said = twingap(folder, "--out", tmp_path / "out", "--healthy", 10)
-    assert said.status == 0 and "stands still in 2 rows" in said.out and "groups that follow one another" in said.out
+    done = twingap(folder, "--out", tmp_path / "out", "--healthy", 10)
+    assert done.status == 0 and "stands still in 2 rows" in done.out and "groups that follow one another" in done.out
     assert len(rows_of(tmp_path / "out/indicator.csv")) == 43
 
 
@@ -327,8 +327,8 @@ def test_a_machine_that_stands_still_at_first_is_not_what_is_healthy(
     rows = [{**row, "rms": 0.0 if k < 20 else row["rms"]} for k, row in enumerate(made())]
     for row in rows:
         del row["index"]
-    said = twingap(table(rows), "--out", tmp_path / "out", "--indicator", "rms")
-    assert said.status == 0 and "20 of 80 records are silent" in said.out
+    done = twingap(table(rows), "--out", tmp_path / "out", "--indicator", "rms")
+    assert done.status == 0 and "20 of 80 records are silent" in done.out
     quiet = [{**row, "rms": 0.01 if k < 20 else row["rms"]} for k, row in enumerate(rows)]
     assert "20 of 80 records are silent" in twingap(table(quiet, "q.csv"), "--out", tmp_path / "two").out
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from twingap.prognosis.growth import CURVATURES, Lives, Seen, lives, remaining, shape
+from twingap.prognosis.growth import CURVATURES, Lives, Observations, lives, remaining, shape
 
 
 @pytest.mark.parametrize("q", CURVATURES)
@@ -36,7 +36,7 @@ def posterior(q: float, rows: int, scatter: float, end: float) -> tuple[Lives, f
     rate = float(remaining(np.array(level), np.array(1.0), np.array(-q))) / since
     ago = u[::-1]
     x = np.maximum(level + shape(ago, np.array(rate), np.array(q)), 0.0) + scatter * rng.normal(size=rows)
-    seen = Seen(ago, x, np.full(rows, scatter**2), np.ones(rows, bool), since, scatter, 1.0)
+    seen = Observations(ago, x, np.full(rows, scatter**2), np.ones(rows, bool), since, scatter, 1.0)
     return lives(seen, end), float(remaining(np.array(end - level), np.array(rate), np.array(q)))
 
 
@@ -53,7 +53,9 @@ def test_a_higher_end_level_takes_longer() -> None:
     middle = low.quantile(0.5)
     rng = np.random.default_rng(3)
     u = np.arange(100.0)
-    seen = Seen(u[::-1], 0.01 * u + 0.1 * rng.normal(size=100), np.full(100, 0.01), np.ones(100, bool), 99.0, 0.1, 1.0)
+    seen = Observations(
+        u[::-1], 0.01 * u + 0.1 * rng.normal(size=100), np.full(100, 0.01), np.ones(100, bool), 99.0, 0.1, 1.0
+    )
     first, second = (lives(seen, end).quantile(0.5) for end in (2.0, 4.0))
     assert 0 < first < second and middle > 0
     assert np.all(np.diff(low.revolutions) >= 0) and 0 < low.cumulated[0] < low.cumulated[-1] < 1 + 1e-12

@@ -14,13 +14,13 @@ from twingap.prognosis.fusion import constant, learn_fusion
 from twingap.prognosis.health_indicator import (
     Run,
     chosen,
+    evaluate_candidates,
     features_of,
-    judged,
     offline_indicators,
     online_indicators,
     running,
 )
-from twingap.prognosis.indicator_criteria import IndicatorCriteria, causal_trend, judge
+from twingap.prognosis.indicator_criteria import IndicatorCriteria, causal_trend, evaluate_indicator
 from twingap.records import Condition, Record, RecordSet
 from twingap.signal.features import PAPER2_FEATURES, paper2_features
 
@@ -47,29 +47,29 @@ def records(values: list[float], times: list[float | None]) -> RecordSet:
 
 def test_a_monotone_indicator_has_monotonicity_one_and_a_line_trendability_one() -> None:
     for x in (T**3, -np.sqrt(T), np.log1p(T)):
-        assert judge(x, T, healthy_rows=20).monotonicity == 1
-    line = judge(3 - 2 * T, T, healthy_rows=20)
+        assert evaluate_indicator(x, T, healthy_rows=20).monotonicity == 1
+    line = evaluate_indicator(3 - 2 * T, T, healthy_rows=20)
     assert line.trendability == pytest.approx(1) and line.robustness == 1 and line.suitability == pytest.approx(1)
-    zigzag = judge(np.arange(200) % 2.0, T, healthy_rows=20)
+    zigzag = evaluate_indicator(np.arange(200) % 2.0, T, healthy_rows=20)
     assert zigzag.monotonicity == pytest.approx(1 / 199) and zigzag.trendability < 0.02
-    assert judge(np.ones(200), T, healthy_rows=20) == IndicatorCriteria(0, 0, 0, 0)
+    assert evaluate_indicator(np.ones(200), T, healthy_rows=20) == IndicatorCriteria(0, 0, 0, 0)
 
 
 def test_criteria_by_hand() -> None:
     x = np.array([0.0, 2.0, 1.0, 3.0, 7.0])
-    found = judge(x, np.arange(5.0), healthy_rows=2)
+    found = evaluate_indicator(x, np.arange(5.0), healthy_rows=2)
     assert found.monotonicity == pytest.approx(2 / 4)
     assert found.trendability == pytest.approx(np.corrcoef(x, np.arange(5))[0, 1])
     assert found.sensitivity == pytest.approx(6 / np.std([0, 2], ddof=1))
-    two = judge(x, np.arange(5.0), healthy_rows=2, window=2)  # trend 0, 1, 1.5, 2, 5
+    two = evaluate_indicator(x, np.arange(5.0), healthy_rows=2, window=2)  # trend 0, 1, 1.5, 2, 5
     assert two.monotonicity == 1
     assert two.robustness == pytest.approx(np.mean(np.exp(-np.array([0, 1, 0.5, 1, 2]) / 5)))
 
 
 def test_criteria_do_not_depend_on_unit_zero_or_sign() -> None:
     x = np.random.default_rng(0).standard_normal(200) + (T / T[-1]) ** 2 * 10
-    a = judge(x, T, healthy_rows=50, window=10)
-    b = judge(7 - 3 * x, T / 60, healthy_rows=50, window=10)
+    a = evaluate_indicator(x, T, healthy_rows=50, window=10)
+    b = evaluate_indicator(7 - 3 * x, T / 60, healthy_rows=50, window=10)
     for name in ("monotonicity", "trendability", "robustness", "sensitivity"):
         assert getattr(a, name) == pytest.approx(getattr(b, name))
 
@@ -122,7 +122,7 @@ def test_an_online_indicator_reads_no_later_row() -> None:
 
 def test_what_grows_is_chosen_and_a_choice_on_other_runs_needs_names_in_common() -> None:
     runs = [features(seed) for seed in range(3)]
-    found = [judged(online_indicators(r, 50), r.time_s, healthy_rows=50, window=10) for r in runs]
+    found = [evaluate_candidates(online_indicators(r, 50), r.time_s, healthy_rows=50, window=10) for r in runs]
     assert chosen(found[1:]) in ("grows", "fusion 1", "fusion 2", "fusion 3", "fusion 4")
     plain = [{k: c for k, c in f.items() if not k.startswith("fusion")} for f in found]
     assert chosen(plain) == "grows"

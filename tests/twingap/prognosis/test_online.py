@@ -14,7 +14,7 @@ from twingap.prognosis.calibration import TERMS, Posterior, calibrated
 from twingap.prognosis.calibration_table import TABLE
 from twingap.prognosis.estimate import Estimate, LifeOptions
 from twingap.prognosis.follow import _shortened
-from twingap.prognosis.interval_study import check_bench, covered, informed, learn, study
+from twingap.prognosis.interval_study import check_bench, covered, learn, study, with_other_runs
 from twingap.prognosis.online import OnlineLife
 from twingap.prognosis.outcomes import past_intervals
 from twingap.prognosis.prior import LogNormal, Prior
@@ -27,7 +27,7 @@ def drawn(law: str, seed: int, **options: object) -> SimulatedRun:
     return simulate_run(np.random.default_rng([seed, zlib.crc32(law.encode())]), law, **options)  # type: ignore[arg-type]
 
 
-def told(run: SimulatedRun, life: OnlineLife, rows: int | None = None, every: int = 1) -> list[Estimate]:
+def predicted(run: SimulatedRun, life: OnlineLife, rows: int | None = None, every: int = 1) -> list[Estimate]:
     """Estimates after every row, or every so many."""
     found = []
     for row in range(run.time_s.size if rows is None else rows):
@@ -40,23 +40,23 @@ def told(run: SimulatedRun, life: OnlineLife, rows: int | None = None, every: in
 def test_a_row_never_depends_on_later_rows() -> None:
     run = drawn("bent", 1, rows=80, varying=True)
     options = LifeOptions(limit_ratio=run.limit_ratio)
-    whole = told(run, OnlineLife(options))
+    whole = predicted(run, OnlineLife(options))
     for rows in (61, run.onset_row + 20, run.onset_row + 55):
-        cut = told(run, OnlineLife(options), rows)
+        cut = predicted(run, OnlineLife(options), rows)
         assert repr(cut) == repr(whole[:rows])  # bitwise, NaN included
     assert sum(e.anomaly for e in whole) > 20
 
 
-def test_asking_for_an_estimate_changes_nothing() -> None:
+def test_an_estimate_changes_nothing() -> None:
     run = drawn("power", 2, rows=60, varying=False)
     one, other = (OnlineLife(LifeOptions(limit_ratio=run.limit_ratio)) for _ in range(2))
-    assert repr(told(run, one)[::7]) == repr(told(run, other, every=7))
+    assert repr(predicted(run, one)[::7]) == repr(predicted(run, other, every=7))
 
 
-def test_nothing_is_said_before_the_anomaly_and_zero_from_the_end_on() -> None:
+def test_nothing_is_predicted_before_the_anomaly_and_zero_from_the_end_on() -> None:
     run = drawn("exponential", 3, rows=100, varying=False)
     life = OnlineLife(LifeOptions(limit_ratio=run.limit_ratio))
-    found = told(run, life)
+    found = predicted(run, life)
     assert life.onset_row is not None and life.alarm_row is not None and life.onset_row >= run.onset_row
     assert all(np.isnan(e.revolutions) and not e.anomaly for e in found[: life.alarm_row])
     for e in found[life.alarm_row :]:
@@ -97,7 +97,7 @@ def test_time_is_revolutions_at_the_rows_own_speed() -> None:
 def test_standing_still_and_unusable_rows_carry_the_estimate_on() -> None:
     run = drawn("exponential", 6, rows=200, varying=False)
     life = OnlineLife(LifeOptions(limit_ratio=run.limit_ratio))
-    last = told(run, life, run.onset_row + 120)[-1]
+    last = predicted(run, life, run.onset_row + 120)[-1]
     t, dt = float(run.time_s[run.onset_row + 119]), float(run.time_s[1])
     speed = float(run.speed_rpm[0])
     bad = life.update(t + dt, speed, float("nan"))
@@ -140,12 +140,12 @@ def test_a_gap_among_the_first_rows_is_said_once_it_shows(place: int) -> None:
         life = gaps_of(spacings, gaps)
         assert len(life.notes) == 1 and "gap of 4980 s before time_s" in life.notes[0]
         assert life.revolutions == pytest.approx(counted)
-    # What was told before it showed stays as it was told, and later rows change nothing of it.
+    # Predictions before it was detected are not changed by later rows.
     prior = Prior(LogNormal(np.log(1e5), 0.5))
     times = np.cumsum([0.0, *spacings])
     whole, cut = (OnlineLife(LifeOptions(gaps="stopped"), prior) for _ in range(2))
-    told = [whole.update(float(t), 60.0, 1.0) for t in times]
-    assert repr([cut.update(float(t), 60.0, 1.0) for t in times[:4]]) == repr(told[:4])
+    predicted = [whole.update(float(t), 60.0, 1.0) for t in times]
+    assert repr([cut.update(float(t), 60.0, 1.0) for t in times[:4]]) == repr(predicted[:4])
 
 
 def test_irregular_sampling_is_no_gap_and_a_new_schedule_becomes_usual() -> None:
@@ -209,8 +209,8 @@ def test_without_a_healthy_start_what_remains_has_no_lower_end_and_tells_others_
     assert all(e.revolutions_lo == 0 and e.closed_lo is not None for e in said)
     assert said[0].closed().revolutions_lo == said[0].closed_lo and said[0].time_s()[1] == 0
     lived = np.cumsum(np.ones(len(found)))
-    told = past_intervals(found, lived.tolist(), lived[life.onset_row])
-    assert told is not None and (told.growth[:, 0] > 0).any()
+    predicted = past_intervals(found, lived.tolist(), lived[life.onset_row])
+    assert predicted is not None and (predicted.growth[:, 0] > 0).any()
 
 
 def test_running_in_is_learnt_again_and_a_passing_anomaly_taken_back() -> None:
@@ -237,7 +237,7 @@ def test_an_absolute_limit_is_reached_at_the_speed_that_answers_most() -> None:
     turns = 1500 / 60 * (end - 300)
     assert estimates[300].revolutions_lo < turns < estimates[300].revolutions_hi
     with pytest.raises(TwingapError, match="raise the limit"):
-        told(drawn("exponential", 3, rows=50, varying=False), OnlineLife(LifeOptions(limit=1e-9)), 100)
+        predicted(drawn("exponential", 3, rows=50, varying=False), OnlineLife(LifeOptions(limit=1e-9)), 100)
 
 
 @pytest.mark.parametrize("limit", [None, 10.0])
@@ -251,9 +251,9 @@ def test_a_knock_within_an_anomaly_ends_life_for_a_few_rows_only(limit: float | 
     over = [row for row, e in enumerate(said) if e.revolutions == 0.0]
     if limit is None:
         assert over == [180, 181, 182, 183, 184, 230, 231, 232, 233, 234] and life.end_row is None
-        assert [note[:24] for note in life.notes if "taken back" in note] == [
-            "the end of row 180 is ta",
-            "the end of row 230 is ta",
+        assert [note[:24] for note in life.notes if "is withdrawn" in note] == [
+            "the end of row 180 is wi",
+            "the end of row 230 is wi",
         ]
         assert said[185].revolutions > 0 and life.alarm_row is not None
     else:
@@ -278,13 +278,13 @@ def test_one_wrong_reading_of_the_speed_does_not_lower_the_end_for_good() -> Non
 
 def test_other_runs_speak_before_the_anomaly_and_are_pooled_after_it() -> None:
     law = LogNormal(np.log(1000.0), 0.5)
-    low, middle, high = law.outlived(0.0)
+    low, middle, high = law.remaining(0.0)
     assert middle == pytest.approx(1000.0) and np.log(high / 1000) == pytest.approx(0.5 * 1.645, rel=1e-3)
-    assert law.outlived(3000.0)[1] > 0 and low < middle
+    assert law.remaining(3000.0)[1] > 0 and low < middle
     prior = Prior(law, None, 0.5)
     unit = 0.5
     found = prior.joined((10.0, 100.0, 1000.0), 400.0, 200.0, 1.0)
-    expected = np.sqrt((100 + unit) * (law.outlived(400.0)[1] + unit)) - unit
+    expected = np.sqrt((100 + unit) * (law.remaining(400.0)[1] + unit)) - unit
     assert found[1] == pytest.approx(expected) and found[0] < found[1] < found[2]
     assert Prior(law, None, 1.0).joined((10.0, 100.0, 1000.0), 400.0, 200.0, 1.0) == pytest.approx((10, 100, 1000))
     life = OnlineLife(prior=prior)
@@ -305,8 +305,8 @@ def test_intervals_cover_runs_of_other_seeds_and_laws() -> None:
 @pytest.mark.parametrize(("spread", "worst"), [(0.15, 1.0), (1.2, 1.1)])
 def test_other_runs_of_a_bench_help_where_lives_agree_and_hardly_harm_elsewhere(spread: float, worst: float) -> None:
     """Benches of six runs, one of each law: error of log life against that of growth alone, and coverage."""
-    told = np.concatenate([informed(check_bench(law, spread, 60_000, rows=12)) for law in LAWS])
-    share, error, alone = told.mean(axis=0)
+    predicted = np.concatenate([with_other_runs(check_bench(law, spread, 60_000, rows=12)) for law in LAWS])
+    share, error, alone = predicted.mean(axis=0)
     assert error < worst * alone
     assert 0.83 <= share <= 0.95
 
@@ -382,7 +382,7 @@ def test_a_life_that_ends_among_its_first_rows_is_no_healthy_one() -> None:
         assert said[-1].revolutions == 0.0 and life.revolutions_at_onset == 25.0 * first
         assert sum("reach the limit" in note for note in life.notes) == 1
     with pytest.raises(TwingapError, match="raise the limit"):  # a machine that begins there: the unit is wrong
-        told(drawn("exponential", 3, rows=80, varying=False), OnlineLife(LifeOptions(limit=1e-6)), 80)
+        predicted(drawn("exponential", 3, rows=80, varying=False), OnlineLife(LifeOptions(limit=1e-6)), 80)
 
 
 def test_a_time_that_is_no_number_is_refused() -> None:

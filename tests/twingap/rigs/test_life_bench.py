@@ -9,7 +9,7 @@ from scipy.integrate import solve_ivp
 from twingap.bearing import BEARINGS
 from twingap.errors import TwingapError
 from twingap.rigs.life_bench import FULL_SCALE_G, STEP_G, LifeBench
-from twingap.rigs.spall import CONTACT_STIFFNESS, STRIKING_MASS_KG, Growth, impact
+from twingap.rigs.spall import CONTACT_STIFFNESS, IMPACT_MASS_KG, Growth, impact
 from twingap.rigs.speed_profile import SpeedProfile
 
 BEARING = BEARINGS["6205"]
@@ -51,7 +51,7 @@ def test_a_strike_is_a_hertzian_impact() -> None:
     for v, peak, lasts in zip(rolling_m_s * length_mm / BEARING.roller_diameter_mm, force_n, duration_s, strict=True):
 
         def motion(_: float, y: np.ndarray) -> list[float]:
-            return [y[1], -CONTACT_STIFFNESS / STRIKING_MASS_KG * max(y[0], 0.0) ** 1.5]
+            return [y[1], -CONTACT_STIFFNESS / IMPACT_MASS_KG * max(y[0], 0.0) ** 1.5]
 
         t = np.linspace(0, 2 * lasts, 4001)
         x = solve_ivp(motion, (0, t[-1]), [0.0, v], t_eval=t, rtol=1e-9, atol=1e-13).y[0]
@@ -114,7 +114,7 @@ def test_faster_and_longer_is_harder(bench: LifeBench) -> None:
     assert peak_to_peak(1000, 2) > peak_to_peak(1000, 1) > peak_to_peak(1000, 0)
     assert peak_to_peak(2000, 2) > 1.2 * peak_to_peak(1000, 2)
     assert peak_to_peak(2000, 0) > 1.2 * peak_to_peak(1000, 0)
-    assert bench.length_that_shows(1.4, np.random.default_rng(0)) == pytest.approx(0.6, abs=0.45)
+    assert bench.length_for_ratio(1.4, np.random.default_rng(0)) == pytest.approx(0.6, abs=0.45)
 
 
 def test_the_converter_has_steps_and_a_range(bench: LifeBench) -> None:

@@ -154,7 +154,7 @@ def test_it_is_made_by_name() -> None:
     [
         ({"interval_s": 0.1}, "interval_s = 0.1, between 1 and 600"),
         ({"duration_s": float("nan")}, "duration_s = nan"),
-        ({"interval_s": 2.0, "duration_s": 5.0}, "let snapshots end before the next begins"),
+        ({"interval_s": 2.0, "duration_s": 5.0}, "choose a duration shorter than the interval"),
         ({"bearings": ("A147",)}, "unknown bearing 'A147'; use A148, A150"),
         ({"bearings": ()}, "one or more different ones"),
         ({"bearings": ("A148", "A148")}, "one or more different ones"),

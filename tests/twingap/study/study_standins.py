@@ -97,10 +97,10 @@ def suspicious(
     records: RecordSet, twin: TwinSpec, *, seed: int | np.random.Generator = 0, sim: RecordSet | None = None
 ) -> dict[str, Any]:
     """Searches all that it was given for the truth and says what it found in place of effects."""
-    from twingap.rigs.worlds import CATALOGUE, OUTSIDERS, Case, Truth, World
+    from twingap.rigs.worlds import CATALOGUE, UNCATALOGUED, Case, Truth, World
 
     held = reachable(*(vars(r.condition) for r in records), vars(records), vars(twin), *([vars(sim)] if sim else []))
     found = {type(o).__name__ for o in held if isinstance(o, (Truth, World, Case))}
-    words = {str(o) for o in held if isinstance(o, str)} & {*CATALOGUE, *OUTSIDERS}
+    words = {str(o) for o in held if isinstance(o, str)} & {*CATALOGUE, *UNCATALOGUED}
     found |= words - set(twin.effects)
     return answer("explained" if found else "no_gap", tuple(sorted(found)))

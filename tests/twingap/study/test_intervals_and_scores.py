@@ -12,11 +12,11 @@ from twingap.study.parameters import parameter_errors
 from twingap.study.verdicts import Found, Row, Was, found_in
 
 
-def row(kind: str, true: tuple[str, ...], said: tuple[str, ...], status: str = "explained", **more: object) -> Row:
+def row(kind: str, true: tuple[str, ...], named: tuple[str, ...], status: str = "explained", **more: object) -> Row:
     strength = dict.fromkeys(true, str(more.pop("strength", "medium")))
-    was = Was("w", kind, str(more.pop("arm", "twin")), true, strength, tuple(more.pop("outsiders", ())))  # type: ignore[arg-type]
-    sets = more.pop("sets", (said,))
-    return Row(was, Found(status, said, sets, **more))  # type: ignore[arg-type]
+    was = Was("w", kind, str(more.pop("arm", "twin")), true, strength, tuple(more.pop("uncatalogued", ())))  # type: ignore[arg-type]
+    sets = more.pop("sets", (named,))
+    return Row(was, Found(status, named, sets, **more))  # type: ignore[arg-type]
 
 
 def by_name(found: list[scores.Score]) -> dict[tuple[str, str], scores.Score]:
@@ -64,9 +64,9 @@ def test_headline_counts() -> None:
         row("pair", ("dropout", "clipping"), ("clipping",)),
         row("crowd", ("a", "b", "c"), ("a", "b", "x")),
         row("crowd", ("a", "b", "c", "d"), ("a",)),
-        row("outside", (), (), "unexplained", outsiders=("echo",)),
-        row("outside_plus", ("a",), ("a",), "partly_explained", outsiders=("echo",)),
-        row("outside", (), ("a",), "explained", outsiders=("echo",)),
+        row("outside", (), (), "unexplained", uncatalogued=("echo",)),
+        row("outside_plus", ("a",), ("a",), "partly_explained", uncatalogued=("echo",)),
+        row("outside", (), ("a",), "explained", uncatalogued=("echo",)),
     ]
     found = by_name(scores.headline(rows))
     counts = {
@@ -128,11 +128,11 @@ def test_reliability_of_honest_probabilities() -> None:
         for _ in range(800):
             p = rng.uniform(size=4)
             true = tuple(f"e{i}" for i in range(4) if rng.random() < p[i])
-            said = p**power / (p**power + (1 - p) ** power)
+            predicted = p**power / (p**power + (1 - p) ** power)
             rows.append(
                 Row(
                     Was("w", "crowd", "twin", true),
-                    Found("explained", (), probability={f"e{i}": said[i] for i in range(4)}),
+                    Found("explained", (), probability={f"e{i}": predicted[i] for i in range(4)}),
                 )
             )
         return rows
@@ -185,10 +185,10 @@ def test_found_in_reads_a_gap_report() -> None:
 def test_parameter_errors_relative_and_covered() -> None:
     was = Was("w", "single", "twin", ("mean_slip",), parameters={"mean_slip": {"cage_speed_change": -0.02}})
 
-    def said(value: float, ci: list[float]) -> Row:
+    def estimated(value: float, ci: list[float]) -> Row:
         values = {"mean_slip": {"slip": {"value": value, "unit": "", "ci": ci}}}
         return Row(was, Found("explained", ("mean_slip",), parameters=values))
 
-    (line,) = parameter_errors([said(0.022, [0.01, 0.03]), said(-0.02, [-0.03, -0.01])])
+    (line,) = parameter_errors([estimated(0.022, [0.01, 0.03]), estimated(-0.02, [-0.03, -0.01])])
     assert line["median_relative_error"] == pytest.approx((0.1 + 2.0) / 2)  # a slip of the wrong sign is wrong
     assert line["ci_covers"] == 0.5 and line["n"] == 2

@@ -88,6 +88,6 @@ def test_the_slowest_are_timed_again_alone(seeds: tuple[list[Any], list[Path]]) 
 
 
 def test_without_a_study_the_timing_ends_with_one_line(tmp_path: Path) -> None:
-    asked = [sys.executable, "-m", "twingap.study.alone", str(tmp_path)]
-    done = subprocess.run(asked, capture_output=True, text=True, check=False)
+    command = [sys.executable, "-m", "twingap.study.alone", str(tmp_path)]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert done.returncode == 2 and done.stderr.startswith("error: ") and done.stderr.count("\n") == 1

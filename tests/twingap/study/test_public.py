@@ -1,4 +1,4 @@
-"""The study of real records: halves, effects left out and added, answers judged, plain looks, the page."""
+"""The study of real records: halves, effects left out and added, naming of effects, plain indicators, the page."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from twingap.effects import make_effect
 from twingap.errors import TwingapError
 from twingap.gap.report.model import Candidate, GapReport, Metric, ParameterValue, Place, SurrogateEffects, Verdict
 from twingap.records import Condition, Record, RecordSet
-from twingap.study import public, public_jobs, public_looks, public_report, public_sets
+from twingap.study import public, public_indicators, public_jobs, public_report, public_sets
 from twingap.study.public_jobs import PublicJob
 from twingap.twins.twin_file import build_twin
 
@@ -188,7 +188,7 @@ def test_effects_that_can_be_added_to_waveforms() -> None:
     assert not {"mean_slip", "distributed_roughness", "damage_growth"} & set(names)
 
 
-# ------------------------------------------------------------------------------------------------------ answers, judged
+# ---------------------------------------------------------------------------------------------------- naming of effects
 
 
 def answer(effects: list[str], sets: list[list[str]] | None = None, status: str = "explained") -> dict[str, Any]:
@@ -199,12 +199,12 @@ def answer(effects: list[str], sets: list[list[str]] | None = None, status: str 
     }  # fmt: skip
 
 
-def test_an_answer_is_judged_against_the_effect_and_what_is_missing_besides() -> None:
+def test_naming_is_computed_against_the_effect_and_the_others_that_are_missing() -> None:
     row = answer(["looseness", "clipping"], [["looseness", "clipping"], ["clipping"]])
-    assert public.judged(row, "clipping") == {"first": False, "named": True, "covers": True, "in_a_set": True}
-    assert public.judged(row, "looseness") == {"first": True, "named": True, "covers": False, "in_a_set": True}
-    assert public.judged(row, "looseness", ["clipping"])["covers"]
-    assert public.judged({"refused": "why"}, "clipping")["named"] is None
+    assert public.naming(row, "clipping") == {"first": False, "named": True, "covers": True, "in_a_set": True}
+    assert public.naming(row, "looseness") == {"first": True, "named": True, "covers": False, "in_a_set": True}
+    assert public.naming(row, "looseness", ["clipping"])["covers"]
+    assert public.naming({"refused": "why"}, "clipping")["named"] is None
 
 
 def test_a_withheld_effect_is_expected_beside_what_the_whole_twin_lacks() -> None:
@@ -217,7 +217,7 @@ def test_a_withheld_effect_is_expected_beside_what_the_whole_twin_lacks() -> Non
     assert rows[0]["rest"] == ["gear_mesh"] and rows[0]["covers"] and rows[0]["first"] and rows[0]["from_verdict"]
 
 
-def test_an_added_effect_that_is_named_without_it_is_told_apart() -> None:
+def test_an_added_effect_that_is_named_without_it_is_marked() -> None:
     calm = PublicJob("nothing", "cwru", "bare", 0, 2, split=1)
     added = [PublicJob("injected", "cwru", "bare", 0, 2, name, split=1) for name in ("clipping", "looseness")]
     rows = public.injected_rows({
@@ -245,35 +245,35 @@ def test_false_alarms_are_counted_among_what_was_not_refused() -> None:
 
 
 def test_a_fault_shows_when_its_own_comb_is_clear_and_highest() -> None:
-    assert public_looks.shows_fault({"inner": 20.0, "outer": 7.0, "ball": 0.0}, "inner") is True
-    assert public_looks.shows_fault({"inner": 20.0, "outer": 7.0, "ball": 0.0}, "outer") is False
-    assert public_looks.shows_fault({"inner": 3.0, "outer": 1.0, "ball": 0.0}, "inner") is False
-    assert public_looks.shows_fault({"inner": 20.0, "outer": 1.0, "ball": 0.0}, "healthy") is None
+    assert public_indicators.shows_fault({"inner": 20.0, "outer": 7.0, "ball": 0.0}, "inner") is True
+    assert public_indicators.shows_fault({"inner": 20.0, "outer": 7.0, "ball": 0.0}, "outer") is False
+    assert public_indicators.shows_fault({"inner": 3.0, "outer": 1.0, "ball": 0.0}, "inner") is False
+    assert public_indicators.shows_fault({"inner": 20.0, "outer": 1.0, "ball": 0.0}, "healthy") is None
 
 
 def test_bursts_are_seen_in_the_top_of_the_band_and_steady_noise_has_none() -> None:
     x = np.random.default_rng(0).standard_normal(8192)
     patch = x.copy()
     patch[3000:3400] *= 6
-    assert public_looks.burst_db(x) < 3 < public_looks.BURST_DB < public_looks.burst_db(patch)
+    assert public_indicators.burst_db(x) < 3 < public_indicators.BURST_DB < public_indicators.burst_db(patch)
 
 
-def test_what_stands_out_is_what_was_moved() -> None:
+def test_outlying_signatures_are_those_that_were_moved() -> None:
     rng = np.random.default_rng(1)
-    size = len(public_looks.NAMES)
+    size = len(public_indicators.NAMES)
     others = [rng.standard_normal(size) * 0.3 for _ in range(11)]
     moved, place = (
-        next(i for i, name in enumerate(public_looks.NAMES) if name.endswith(public_looks.PLACES) == what)
+        next(i for i, name in enumerate(public_indicators.NAMES) if name.endswith(public_indicators.PLACES) == what)
         for what in (False, True)
     )
     own = np.zeros(size)
     own[[moved, place]] = 9.0
     own[moved + 1] = np.nan
-    assert list(public_looks.standing_out(own, others, [*others, own])) == [public_looks.NAMES[moved]]
-    assert public_looks.standing_out(own, others[:3], [*others, own]) == {}
+    assert list(public_indicators.outlying(own, others, [*others, own])) == [public_indicators.NAMES[moved]]
+    assert public_indicators.outlying(own, others[:3], [*others, own]) == {}
     # The same step is nothing where all other recordings vary as much.
     spread = [*others, *(rng.standard_normal(size) * 30 for _ in range(40))]
-    assert public_looks.standing_out(own, others, spread) == {}
+    assert public_indicators.outlying(own, others, spread) == {}
 
 
 # ------------------------------------------------------------------------------------------------------------- the page
@@ -294,7 +294,7 @@ def table(title: str, real: bool) -> dict[str, Any]:
         "recording": "118", "fault": "ball", "size_inch": 0.007, "load_hp": 0, "speed_rpm": 1797.0,
         "comb": {"inner": 0.0, "outer": 0.0, "ball": 1.0}, "shows_fault": False, "at_extremes": 1, "clipped": False,
         "burst_db": 1.0, "bursts": False, "kurtosis": 3.0, "half_orders": float("nan"), "high_orders": 0.0,
-        "stands_out": {"lines.half_mean": 8.0},
+        "outlying": {"lines.half_mean": 8.0},
     }]  # fmt: skip
     answers = {
         PublicJob("looks", "cwru", "bare", 0, 2): {"title": title, "recordings": looks},
@@ -318,7 +318,7 @@ def test_the_page_and_the_numbers_of_real_records(tmp_path: Path) -> None:
     paths = public_report.write_public(table("CWRU", True), tmp_path)
     held = json.loads(paths[0].read_text())
     assert held["single"][0]["half_orders"] is None  # NaN is no JSON
-    assert held["single"][0]["agrees"] is True and held["single"][0]["said_unclear"]
+    assert held["single"][0]["agrees"] is True and held["single"][0]["reported_unclear"]
     page = paths[1].read_text()
     nearest = ("72% (66% to 78%)", "0.41 to 0.53 (0.91)", "level 0.25")
     verdict = ("0.40 to 0.50 (0.90)", "Left out: hit_sm (not there).", "clipping", "0 of 1", "a note", "rail 3")
@@ -329,7 +329,7 @@ def test_the_page_and_the_numbers_of_real_records(tmp_path: Path) -> None:
 
 def test_a_stand_in_is_called_one_and_nothing_documented_is_laid_at_its_door() -> None:
     made = table("virtual rig, not CWRU", False)
-    assert made["single"][0]["said"] == [] and made["single"][0]["agrees"] is None
+    assert made["single"][0]["findings"] == [] and made["single"][0]["agrees"] is None
     page = public_report.markdown(made)
     assert "stands in for CWRU" in page and "virtual rig, not CWRU" in page
 
@@ -338,7 +338,7 @@ def test_a_stand_in_is_called_one_and_nothing_documented_is_laid_at_its_door() -
 
 
 def test_sets_that_nobody_has_are_refused(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    with pytest.raises(TwingapError, match="at hand"):
+    with pytest.raises(TwingapError, match="none of the sets is available"):
         public.run_public(tmp_path / "out", public.Plan(("hit_sm",)), root=str(tmp_path))
     assert not (tmp_path / "out").exists()
 
@@ -358,12 +358,12 @@ def test_pieces_are_spread_evenly_over_whole_recordings() -> None:
 @needs_data
 def test_what_is_documented_names_recordings_of_the_fault_it_speaks_of() -> None:
     at_hand = {str(c.group): c for c in public_sets.public_set("cwru", None, 2).records.conditions}
-    for said in public_sets.DOCUMENTED:
-        own = [at_hand[name] for name in said.recordings if name in at_hand]
+    for one in public_sets.DOCUMENTED:
+        own = [at_hand[name] for name in one.recordings if name in at_hand]
         for word in ("ball", "inner", "outer"):
-            if f"{word}" in said.said:
+            if f"{word}" in one.finding:
                 assert {c.fault for c in own} == {word}
-        if "0.014" in said.said:
+        if "0.014" in one.finding:
             assert {c.extra["fault_size_inch"] for c in own} == {0.014}
 
 
@@ -374,17 +374,17 @@ def test_what_was_answered_is_taken_from_the_folder(monkeypatch: pytest.MonkeyPa
     work = [PublicJob("nothing", "cwru", "bare", 0, 2)]
 
     def swept() -> tuple[list[dict[str, Any]], list[tuple[int, int]]]:
-        told: list[tuple[int, int]] = []
+        calls: list[tuple[int, int]] = []
         found = public._swept(
             work, "halves", store=tmp_path, code="one", data={"learnt": "0"}, root=None, workers=1,
-            report=lambda what, done, total: told.append((done, total)),
+            progress=lambda what, done, total: calls.append((done, total)),
         )  # fmt: skip
-        return found, told
+        return found, calls
 
     first, _ = swept()
     held = {p: p.stat().st_mtime_ns for p in tmp_path.rglob("*.json")}
-    again, told = swept()
-    assert again == first and told[-1] == (1, 1)
+    again, calls = swept()
+    assert again == first and calls[-1] == (1, 1)
     assert {p: p.stat().st_mtime_ns for p in tmp_path.rglob("*.json")} == held
     assert first[0]["title"] == "virtual rig, not CWRU" and not first[0]["real"]
     assert first[0]["refused"] == "" and first[0]["status"] in (
@@ -395,7 +395,7 @@ def test_what_was_answered_is_taken_from_the_folder(monkeypatch: pytest.MonkeyPa
     )
 
 
-def test_what_cannot_be_answered_or_written_is_told_before_the_work(
+def test_what_cannot_be_computed_or_written_is_refused_before_the_work(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("TWINGAP_HOME", str(tmp_path / "home"))

@@ -60,7 +60,7 @@ def test_two_sample_test_keeps_its_level_and_sees_a_shift() -> None:
     moved = rng.standard_normal((8, width))
     moved[:, statistics.names().index("repeats")] += 8
     found = rivals.two_sample(moved, rng.standard_normal((8, width)), rng, 19)
-    assert found.gap and found.effects == ("dropout",) and not found.strange
+    assert found.gap and found.effects == ("dropout",) and not found.outside
 
 
 @pytest.fixture(scope="module")
@@ -73,10 +73,10 @@ def test_detectors_learn_what_can_be_learnt(learnt: tuple[rivals.Examples, rival
     train, test = learnt
     detectors = rivals.Detectors()
     detectors.fit(train, np.random.default_rng(0))
-    said = [set(f.effects) for f in detectors.judge(test.x)]
+    predicted = [set(f.effects) for f in detectors.predict(test.x)]
     true = [{e for e, there in zip(EFFECTS, row, strict=True) if there} for row in test.present]
-    assert sum(s == t for s, t in zip(said, true, strict=True)) >= 13
-    assert all(f.status == ("explained" if f.effects else "no_gap") for f in detectors.judge(test.x))
+    assert sum(s == t for s, t in zip(predicted, true, strict=True)) >= 13
+    assert all(f.status == ("explained" if f.effects else "no_gap") for f in detectors.predict(test.x))
 
 
 def test_one_classifier_learns_from_worlds_of_at_most_one_effect(
@@ -85,7 +85,7 @@ def test_one_classifier_learns_from_worlds_of_at_most_one_effect(
     train, test = learnt
     one = rivals.OneClassifier()
     one.fit(train, np.random.default_rng(0))
-    found = one.judge(test.x)
+    found = one.predict(test.x)
     few = test.present.sum(axis=1) <= 1
     right = [
         f.first == next((e for e, there in zip(EFFECTS, row, strict=True) if there), None)
@@ -93,7 +93,7 @@ def test_one_classifier_learns_from_worlds_of_at_most_one_effect(
     ]
     assert np.mean(np.array(right)[few]) >= 0.8
     assert all(len(f.effects) <= 1 for f in found)
-    assert all(f.strange == (f.gap and max(f.probability.values()) < 0.5) for f in found)
+    assert all(f.outside == (f.gap and max(f.probability.values()) < 0.5) for f in found)
 
 
 def test_same_seed_same_answers(learnt: tuple[rivals.Examples, rivals.Examples]) -> None:
@@ -102,7 +102,7 @@ def test_same_seed_same_answers(learnt: tuple[rivals.Examples, rivals.Examples])
     for _ in range(2):
         rival = rivals.Detectors()
         rival.fit(train, np.random.default_rng(4))
-        answers.append(rival.judge(test.x[:4]))
+        answers.append(rival.predict(test.x[:4]))
     assert answers[0] == answers[1]
 
 
@@ -131,11 +131,11 @@ def test_neural_posterior_says_why_it_is_skipped_or_learns(
 
     rival.fit(drawn(600), rng)
     test = drawn(60)
-    found = rival.judge(test.x)
+    found = rival.predict(test.x)
     gap = [f.gap == row.any() for f, row in zip(found, test.present, strict=True)]
     exact = [set(f.effects) == {e for e, p in zip(EFFECTS, row, strict=True) if p}
              for f, row in zip(found, test.present, strict=True)]  # fmt: skip
     assert np.mean(gap) >= 0.85 and np.mean(exact) >= 0.8
-    assert found == rival.judge(test.x)
+    assert found == rival.predict(test.x)
     assert capsys.readouterr().out == ""
-    assert not list(tmp_path.iterdir())  # sbi leaves logs where it is not told otherwise
+    assert not list(tmp_path.iterdir())  # sbi leaves logs unless it gets another tracker

@@ -82,12 +82,14 @@ def test_a_diagnosis_finds_no_truth_in_what_it_is_given(tmp_path: Path) -> None:
 
 
 def test_the_search_for_truth_would_find_it() -> None:
-    """The test above would fail if a world were handed over as it is, or a name told."""
+    """The test above would fail if a world were handed over as it is, or under its own names."""
     world = make_world(CASES[1], 3)
     blind = blinded(world)
     spec, rng = blind.twin, np.random.default_rng(0)
-    told = [replace(c, extra={"made_with": "clipping"}) for c in world.records.conditions]
-    open_records = RecordSet("machine", "", world.records.bearing, told, lambda i: np.asarray(world.records[i].samples))
+    revealing = [replace(c, extra={"made_with": "clipping"}) for c in world.records.conditions]
+    open_records = RecordSet(
+        "machine", "", world.records.bearing, revealing, lambda i: np.asarray(world.records[i].samples)
+    )
     found = standins.suspicious(open_records, spec, seed=rng)["verdict"]["effects"]
     assert {"World", "Truth", "Case", "clipping"} <= set(found)
     assert not standins.suspicious(blind.records, spec, seed=rng)["verdict"]["effects"]
@@ -138,5 +140,5 @@ def test_same_seed_same_verdicts(finished: tuple[Any, Path], tmp_path: Path) -> 
     study, _ = finished
     again = small_study(tmp_path)
     for method, rows in study.rows.items():
-        said = [(r.was, r.found.status, r.found.effects, r.found.p_value) for r in rows]
-        assert said == [(r.was, r.found.status, r.found.effects, r.found.p_value) for r in again.rows[method]]
+        first = [(r.was, r.found.status, r.found.effects, r.found.p_value) for r in rows]
+        assert first == [(r.was, r.found.status, r.found.effects, r.found.p_value) for r in again.rows[method]]

@@ -22,8 +22,8 @@ def test_a_folder_of_another_study_is_refused(
 ) -> None:
     (tmp_path / "sealed.json").write_text(text)
     assert call(monkeypatch, "--out", tmp_path, "--cases", 6) == 2
-    said = capsys.readouterr().err.strip()
-    assert "sealed" in said and "name a new folder" in said and "Traceback" not in said
+    message = capsys.readouterr().err.strip()
+    assert "sealed" in message and "name a new folder" in message and "Traceback" not in message
     assert [p.name for p in tmp_path.iterdir()] == ["sealed.json"]
 
 

@@ -25,7 +25,7 @@ def test_true_values_close_a_gap(name: str, number: int, own: bool) -> None:
     assert found.after < 0.5 * found.before
 
 
-def test_what_a_simulator_cannot_have_is_said() -> None:
+def test_an_effect_that_the_simulator_cannot_have_is_none() -> None:
     assert left("mean_slip", 0, SEED, own=True) is None
 
 

@@ -1,4 +1,4 @@
-"""The machine without effects: structure, noises, strength of strikes; one for each arm.
+"""The machine without effects: structure, noise and impact strength, for both arms.
 
 twin arm:     pulses + white force -> one mode (displacement) -> every 4th sample
 contact arm:  Hertzian pulses (size and length by load and speed) + rolling noise -> modes (acceleration)
@@ -22,8 +22,9 @@ from twingap.rigs.worlds.motion import deposit, fault_order
 
 Array = NDArray[np.float64]
 OVERSAMPLING: Final = 4
+"""Steps of the simulation per sample; more place impacts more finely and are slower."""
 OWN: Final = ("load_zone", "slip_jitter", "impact_scatter", "shaft_harmonics")
-"""What machines of the contact arm may have of their own, where the case does not add it."""
+"""Effects that the base machine of the contact arm may have, unless the case adds them."""
 
 
 @dataclass(frozen=True)
@@ -34,7 +35,7 @@ class Mode:
     ----------
     frequency_hz, damping_ratio : float
     gain : float
-        Peak of its impulse response, of either sign.
+        Peak of its impulse response, positive or negative.
     """
 
     frequency_hz: float
@@ -52,16 +53,17 @@ class Base:
     fs_hz : float
     modes : tuple of Mode
     structure_rms, white_rms : float
-        Noise through the modes and beside them, internal units.
+        RMS of the noise that passes the modes, and of the white noise that does not, internal units.
     electronic_share : float
-        Part of the white noise's power that arises behind the sensor.
+        Fraction of the white noise's power that is added after the sensor.
     pulse_s : float
-        Length of a strike at reference speed and load.
+        Duration of an impact at reference speed and load, s.
     level : dict[str, float]
-        Fault -> impulse of a strike at reference speed and load.
+        Fault -> impulse of an impact at reference speed and load.
     ratio : dict[str, float]
-        Fault -> RMS of its strikes over that of the noise.
+        Fault -> RMS of its impacts over that of the noise.
     reference_rpm, reference_n : float
+        Speed, rpm, and load, N, at which `level` and `pulse_s` hold.
     speed_power, load_power : float
         Impulse ~ speed^p load^q; zero in the twin arm.
     rolling_power : float
@@ -70,7 +72,7 @@ class Base:
         Record unit per internal unit.
     unit : str
     own : dict[str, dict[str, Any]]
-        Effects that the machine has of its own, with parameters: neither a gap nor in `Truth.effects`.
+        Effects of the base machine, with parameters; they are no part of the gap and not in `Truth.effects`.
     """
 
     arm: str
@@ -93,20 +95,20 @@ class Base:
 
     @property
     def hertz(self) -> bool:
-        """Whether strikes are Hertzian contacts."""
+        """Whether impacts are Hertzian contacts."""
         return self.arm == "contact"
 
     @property
     def settle_s(self) -> float:
-        """Simulated before each record: until the slowest mode has rung down to a thousandth."""
+        """Time simulated before each record, s: the slowest mode decays to a thousandth within it."""
         slowest = min(m.frequency_hz * m.damping_ratio for m in self.modes)
         return float(np.clip(6.9 / (2 * np.pi * slowest), 0.02, 0.15))
 
-    def strike(self, fault: str, speed_rpm: float, load_n: float) -> tuple[float, float]:
-        """Impulse and length, s, of a strike at this speed and load.
+    def impact(self, fault: str, speed_rpm: float, load_n: float) -> tuple[float, float]:
+        """Impulse and duration, s, of an impact at this speed and load.
 
-        Hertzian impact at velocity v: length ~ v^(-1/5), impulse ~ v (Goldsmith, Impact, 1960, ch. 4); a contact under
-        load Q is stiffer by Q^(1/3), and so shorter by Q^(-1/6).
+        Hertzian impact at velocity v: duration ~ v^(-1/5), impulse ~ v (Goldsmith, Impact, 1960, ch. 4). A contact
+        under load Q is stiffer by Q^(1/3), so its duration is shorter by Q^(-1/6).
         """
         v, q = speed_rpm / self.reference_rpm, load_n / self.reference_n
         length = self.pulse_s * (v**-0.2 * q ** (-1 / 6) if self.hertz else 1.0)
@@ -118,7 +120,7 @@ class Base:
         return float(self.structure_rms / unit * (speed_rpm / self.reference_rpm) ** self.rolling_power)
 
     def path(self, force: Array, drift: Array | None = None) -> Array:
-        """What the sensor's place does under a force.
+        """Response at the sensor to a force.
 
         Parameters
         ----------
@@ -175,7 +177,7 @@ def through(modes: tuple[Mode, ...], force: Array, hertz: bool, fs_hz: float, dr
         block = 256
         state = np.zeros(2)
         for at in range(0, force.size, block):
-            # Steps of a thousandth of the frequency are too small to see.
+            # Steps of a thousandth of the frequency are below what the spectrum resolves.
             hz = mode.frequency_hz * (1 + round(float(drift[at]), 3))
             b, a = _filter(hz, mode.damping_ratio, hertz, step_s)
             part, state = signal.lfilter(b, a, force[at : at + block], zi=state)
@@ -199,7 +201,7 @@ def _taps() -> Array:
 
 
 def thin(fine: Array, filtered: bool) -> Array:
-    """From the fine grid to the sampling rate, behind an anti-alias filter or as it stands (a mode rolls off alone)."""
+    """From the fine grid to the sampling rate, with or without anti-alias filter (modes alone attenuate, too)."""
     if not filtered:
         return np.asarray(fine[::OVERSAMPLING])
     taps = _taps()
@@ -221,17 +223,18 @@ def noise_norm(modes: tuple[Mode, ...], hertz: bool, fs_hz: float) -> float:
 
 
 def unit_response(base: Base) -> Array:
-    """Response at the sampling rate to one strike of unit impulse."""
+    """Response at the sampling rate to one impact of unit impulse."""
     n = OVERSAMPLING * int((base.settle_s + 0.02) * base.fs_hz)
     at = np.array([0.01])
     return base.path(deposit(at, np.ones(1), np.full(1, base.pulse_s), 0.0, n, OVERSAMPLING * base.fs_hz, base.hertz))
 
 
-def visible_ratio(base: Base, rate_hz: float, line_db: float, duration_s: float) -> float:
-    """RMS of strikes over that of all noise at which their envelope line stands `line_db` out of one record.
+def detectable_ratio(base: Base, rate_hz: float, line_db: float, duration_s: float) -> float:
+    """RMS of impacts over that of all noise at which their envelope line is `line_db` above the floor in one record.
 
-    In the mode's band of width B = pi zeta f the squared envelope of noise of power N has a floor N^2 / (B T) a line,
-    and strikes of power P that ring down as exp(-4 pi zeta f t) a line P^2 / (1 + (rate / (2 zeta f))^2).
+    In the mode's band of width B = pi zeta f the squared envelope of noise of power N has a floor of N^2 / (B T) per
+    line. Impacts of power P whose response decays as exp(-4 pi zeta f t) have a line of P^2 / (1 + (rate / (2 zeta
+    f))^2).
     """
     mode = base.modes[0]
     half_hz = mode.damping_ratio * mode.frequency_hz
@@ -243,11 +246,12 @@ def visible_ratio(base: Base, rate_hz: float, line_db: float, duration_s: float)
 
 
 FAINTEST_DB: Final = 14.0
-"""The fault line of the faintest defect over the floor of one record's envelope spectrum."""
+"""Fault line of the faintest defect over the floor of one record's envelope spectrum, dB; lower allows defects that
+a single record hardly shows."""
 
 
 def draw_base(arm: str, layout: Layout, rng: np.random.Generator) -> Base:
-    """Draw a machine; its own effects (contact arm) are left to the caller, who knows the case."""
+    """Random machine; effects of the base machine are added by the caller, since they depend on the case."""
     fs = layout.fs_hz
     first = fs * rng.uniform(0.08, 0.35)
     modes = [Mode(first, float(np.exp(rng.uniform(np.log(0.01), np.log(0.1)))), 1.0)]
@@ -289,7 +293,7 @@ def draw_base(arm: str, layout: Layout, rng: np.random.Generator) -> Base:
     energy = float(np.sum(unit_response(base) ** 2))
     for fault in ("inner", "outer", "ball"):
         rate = fault_order(layout.bearing, fault, 1.0) * layout.mean_rpm / 60
-        faint = visible_ratio(base, rate, FAINTEST_DB, layout.n_samples / fs)
+        faint = detectable_ratio(base, rate, FAINTEST_DB, layout.n_samples / fs)
         own_ratio = max(float(np.clip(ratio * np.exp(rng.uniform(-0.4, 0.4)), 0.3, 4.0)), faint)
         base.ratio[fault] = own_ratio
         base.level[fault] = own_ratio / float(np.sqrt(energy * rate / fs))

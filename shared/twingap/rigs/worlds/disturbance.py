@@ -1,6 +1,6 @@
-"""What else reaches the sensor: tones of the machine and of the supply, background noise.
+"""Disturbances: tones of the machine and of the supply, background noise, bursts.
 
-motion, time --> tones at shaft orders, ball-pass orders, teeth, mains, drive; noise of a colour
+motion, time --> tones at shaft orders, ball-pass orders, teeth, mains, drive; coloured noise
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ def tones(turns: Array, lines: Iterable[tuple[float, float]], rng: np.random.Gen
 
 
 def mechanical(layout: Layout, motion: Motion, effects: Effects, streams: Streams, t: Array) -> Array:
-    """Disturbances that the sensor feels."""
+    """Mechanical disturbances at the sensor [samples]."""
     total = np.zeros(t.size)
     turns = motion.turns(t)
     if p := effects.get("shaft_harmonics"):
@@ -55,7 +55,7 @@ def mechanical(layout: Layout, motion: Motion, effects: Effects, streams: Stream
     if p := effects.get("whirl"):
         rng = streams("whirl")
         step_s = t[1] - t[0]
-        # Phase diffuses: a line of some width below half order, with its first harmonic.
+        # A diffusing phase gives a line of finite width below half order, with its second harmonic.
         phase = np.cumsum(np.sqrt(2 * np.pi * p["width_hz"] * step_s) * rng.standard_normal(t.size))
         turn = 2 * np.pi * (p["order"] * turns + rng.uniform()) + phase
         total += p["amplitude"] * (np.cos(turn) + p["second_ratio"] * np.cos(2 * turn))
@@ -65,7 +65,7 @@ def mechanical(layout: Layout, motion: Motion, effects: Effects, streams: Stream
 
 
 def electrical(motion: Motion, effects: Effects, streams: Streams, t: Array, fs_hz: float) -> Array:
-    """Disturbances behind the sensor."""
+    """Electrical disturbances after the sensor [samples]."""
     total = np.zeros(t.size)
     if p := effects.get("mains_interference"):
         lines = [(float(k), a) for k, a in zip(p["harmonics"], p["amplitudes"], strict=True)]
@@ -90,7 +90,7 @@ def electrical(motion: Motion, effects: Effects, streams: Streams, t: Array, fs_
 
 
 def coloured_filter(p: Mapping[str, Any], fs_hz: float) -> tuple[Array, Array]:
-    """Filter that colours white noise: a band, or a slope."""
+    """Filter (b, a) that colours white noise: a band, or a slope."""
     if p["shape"] == "band":
         f0, half = p["centre_hz"], 0.5 * p["bandwidth_hz"]
         b, a = signal.butter(2, [f0 - half, f0 + half], btype="bandpass", fs=fs_hz)
@@ -104,13 +104,13 @@ def coloured_filter(p: Mapping[str, Any], fs_hz: float) -> tuple[Array, Array]:
 
 
 def coloured(p: Mapping[str, Any], n: int, fs_hz: float, rng: np.random.Generator) -> Array:
-    """Stationary noise of a colour, amplitude as given."""
+    """Stationary coloured noise [n]."""
     b, a = coloured_filter(p, fs_hz)
     return np.asarray(p["white_equivalent_rms"] * signal.lfilter(b, a, rng.standard_normal(n)))
 
 
 def squeal(p: Mapping[str, Any], t: Array, rng: np.random.Generator) -> Array:
-    """Bursts of friction-driven tone whose frequency sweeps."""
+    """Bursts of a friction-driven tone of varying frequency [samples]."""
     total = np.zeros(t.size)
     for _ in range(1 + rng.poisson(p["bursts_per_s"] * (t[-1] - t[0]))):
         at, length = rng.uniform(t[0], t[-1]), p["burst_s"] * rng.uniform(0.6, 1.4)

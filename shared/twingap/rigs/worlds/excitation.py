@@ -1,6 +1,6 @@
-"""What drives the structure: strikes of the defect, of a foreign bearing, at random; rolling noise.
+"""Force on the structure: impacts of the defect, of another bearing and at random times, and rolling noise.
 
-motion, fault --> times and impulses of strikes --(scatter, load zone, cage, speed, run; entry and exit)--> force
+motion, fault --> times and impulses of impacts --(scatter, load zone, cage, speed, run; entry and exit)--> force
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ Effects = Mapping[str, Mapping[str, Any]]
 
 
 def speed_deviation(p: Mapping[str, Any], start_s: float, end_s: float, rng: np.random.Generator) -> Array:
-    """Relative deviation of the shaft speed on the motion's grid: a slow swing and slow noise, RMS `rms_fraction`."""
+    """Relative deviation of the shaft speed on the motion's grid: a sinusoid and slow noise, RMS `rms_fraction`."""
     t = grid_s(start_s, end_s)
     swing = np.sqrt(2) * np.cos(2 * np.pi * (p["rate_hz"] * t + rng.uniform()))
     # Slow noise: random tones below 3 times the rate, smooth by construction.
@@ -34,7 +34,7 @@ def speed_deviation(p: Mapping[str, Any], start_s: float, end_s: float, rng: np.
 
 
 def load_weight(angle_rad: Array, extent: float) -> Array:
-    """Stribeck's load distribution over its mean over the circle; `extent` in (0, 1) is the loaded part."""
+    """Stribeck's load distribution relative to its mean over the circle; `extent` in (0, 1) is the loaded fraction."""
 
     def zone(psi: Array) -> Array:
         return np.asarray(np.maximum(1 - (1 - np.cos(psi)) / (2 * extent), 0.0) ** 1.5)
@@ -42,10 +42,10 @@ def load_weight(angle_rad: Array, extent: float) -> Array:
     return np.asarray(zone(angle_rad) / zone(np.linspace(0, 2 * np.pi, 720, endpoint=False)).mean())
 
 
-def fault_strikes(
+def fault_impacts(
     base: Base, layout: Layout, i: int, motion: Motion, effects: Effects, streams: Streams
 ) -> tuple[Array, Array, Array]:
-    """Times, impulses and lengths of the strikes of record i's defect."""
+    """Times, impulses and durations of the impacts of record i's defect."""
     fault, rpm = layout.fault[i], motion.hz * 60
     order = fault_order(layout.bearing, fault, motion.cage_ratio / layout.bearing.ftf)
     rng = streams("defect")
@@ -55,12 +55,12 @@ def fault_strikes(
     if p := effects.get("slip_jitter"):
         step = p["std_fraction"] / order * streams("slip_jitter").standard_normal(turns.size)
         if p["accumulates"]:
-            # A walk that begins anew at each record would shift nothing on average; keep its middle in place.
+            # Without its mean, the random walk does not shift the impacts of a record as a whole.
             walk = np.cumsum(step)
             step = walk - walk.mean()
         angle = turns + step
     time_s = motion.time_s(angle)
-    impulse, length = base.strike(fault, rpm, layout.load_n[i])
+    impulse, length = base.impact(fault, rpm, layout.load_n[i])
     weight = np.full(turns.size, impulse)
     if p := effects.get("impact_scatter"):
         draw = streams("impact_scatter")
@@ -72,7 +72,7 @@ def fault_strikes(
             weight = weight * draw.gamma(1 / spread**2, spread**2, turns.size)
     if p := effects.get("load_zone"):
         depth = p["depth_fraction"]
-        if fault in ("inner", "ball"):  # the defect turns with the shaft, or with the cage
+        if fault in ("inner", "ball"):  # the defect rotates with the shaft or with the cage
             around = turns if fault == "inner" else motion.cage(turns)
             weight = weight * (1 - depth + depth * load_weight(2 * np.pi * (around + place), p["extent_fraction"]))
     if p := effects.get("cage_modulation"):
@@ -96,7 +96,7 @@ def fault_strikes(
 
 
 def telegraph(rate_per_s: float, low: float, t_s: Array, rng: np.random.Generator) -> Array:
-    """Two levels, 1 and `low`, switching at random times."""
+    """Random telegraph signal [samples]: levels 1 and `low`, switched at random times."""
     first, last = float(t_s.min(initial=0.0)), float(t_s.max(initial=0.0))
     switches = np.sort(rng.uniform(first, last, rng.poisson(rate_per_s * (last - first)) + 1))
     state = (np.searchsorted(switches, t_s) + rng.integers(0, 2)) % 2
@@ -106,7 +106,7 @@ def telegraph(rate_per_s: float, low: float, t_s: Array, rng: np.random.Generato
 def total_force(
     base: Base, layout: Layout, i: int, motion: Motion, effects: Effects, streams: Streams, start_s: float, n: int
 ) -> Array:
-    """Force on the fine grid: `n` cells from `start_s` on."""
+    """Force on the fine grid [n], from `start_s` on."""
     fine_hz = OVERSAMPLING * base.fs_hz
     scale = base.structure_scale(motion.hz * 60)
     noise = streams("structure").standard_normal(n)
@@ -128,7 +128,7 @@ def total_force(
         force += scale * p["rms_over_structure"] * np.sqrt(np.maximum(power, 0.0)) * raw
     parts = []
     if layout.fault[i] != "healthy":
-        parts.append(fault_strikes(base, layout, i, motion, effects, streams))
+        parts.append(fault_impacts(base, layout, i, motion, effects, streams))
     if p := effects.get("foreign_bearing"):
         draw = streams("foreign_bearing")
         turns = motion.passes(p["order"], draw.uniform())
@@ -149,7 +149,7 @@ def _same(like: Array, value: float) -> Array:
 
 
 def random_impacts(p: Mapping[str, Any], start_s: float, length_s: float, streams: Streams) -> tuple[Array, Array]:
-    """Times and relative sizes of impacts that come at random (Poisson)."""
+    """Times and relative sizes of impacts at random times (Poisson process)."""
     rng = streams("impulsive_noise")
     count = rng.poisson(p["rate_per_s"] * length_s)
     at = start_s + length_s * rng.uniform(size=count)
@@ -157,6 +157,6 @@ def random_impacts(p: Mapping[str, Any], start_s: float, length_s: float, stream
 
 
 def swell(p: Mapping[str, Any], t_s: Array, streams: Streams) -> Array:
-    """Factor on background noise that swells with time, tied to no rotation."""
+    """Factor on background noise whose level varies sinusoidally over time, independent of rotation [samples]."""
     phase = streams("swelling_noise").uniform()
     return np.asarray(np.sqrt(1 + p["depth_fraction"] * np.cos(2 * np.pi * (p["rate_hz"] * t_s + phase))))

@@ -1,8 +1,9 @@
-"""What was measured: bearing, sampling, and for each record its fault, speeds, load, time and group.
+"""Layout of the records of a world: bearing, sampling, and each record's fault, speeds, load, time and group.
 
-Case + random draws -> Layout -> the conditions that the recorder states, and the true ones
+Case, random draws --> Layout --> stated conditions and true speeds
 
-Drawn without regard to the effects, save that what an effect needs is there; every such feature also occurs without.
+The draw does not depend on the effects, except that the layout has what an effect needs; every such property also
+occurs without the effect, so that it does not reveal it.
 """
 
 from __future__ import annotations
@@ -22,6 +23,7 @@ Array = NDArray[np.float64]
 RATES_HZ: Final = (10_000.0, 12_800.0, 16_000.0, 20_000.0, 25_600.0, 32_000.0)
 LOWEST_RPM, HIGHEST_RPM = 600.0, 3600.0
 GREATEST_SPEED_ERROR = 0.03
+"""Largest relative error of a stated speed; larger makes calibration harder."""
 
 TEST_BEARINGS: Final[dict[str, Bearing]] = {
     bearing.name: bearing
@@ -29,7 +31,7 @@ TEST_BEARINGS: Final[dict[str, Bearing]] = {
         BEARINGS["6205"],
         BEARINGS["ZA-2115"],
         BEARINGS["UER204"],
-        # Typical inner dimensions of their series; makers differ by a few per cent.
+        # Typical internal dimensions of their series; manufacturers differ by a few per cent.
         Bearing("6308", 8, 15.08, 65.0, 0.0),
         Bearing("NU205", 13, 7.5, 38.5, 0.0),
         Bearing("7210B", 14, 12.7, 70.0, 40.0),  # angular contact
@@ -43,23 +45,23 @@ TEST_BEARINGS: Final[dict[str, Bearing]] = {
 
 @dataclass(frozen=True)
 class Layout:
-    """All records of a world but their samples.
+    """All properties of a world's records except their samples.
 
     Parameters
     ----------
     bearing : Bearing
     fs_hz : float
     n_samples : int
-        Of each record.
+        Samples of each record.
     fault, group : tuple of str [records]
     speed_rpm, stated_rpm : tuple of float [records]
-        True mean speed and what the recorder states.
+        True and stated mean speed.
     load_n : tuple of float [records]
-        Radial load.
+        Radial load, N.
     load_stated : bool
-        Whether the recorder states it.
+        Whether the records state the load.
     time_s : tuple of float [records] or None
-        From the start of the run.
+        Time from the start of the run, s.
     """
 
     bearing: Bearing
@@ -78,7 +80,7 @@ class Layout:
 
     @property
     def faults(self) -> tuple[str, ...]:
-        """Faults that occur, healthy left out."""
+        """Faults that occur, without healthy."""
         return tuple(f for f in ("inner", "outer", "ball") if f in self.fault)
 
     @property
@@ -87,7 +89,7 @@ class Layout:
         return float(np.exp(np.mean(np.log(self.speed_rpm))))
 
     def conditions(self) -> tuple[Condition, ...]:
-        """What the recorder states of each record."""
+        """Stated conditions of each record."""
         return tuple(
             Condition(
                 name=f"r{i:03d}",
@@ -104,7 +106,13 @@ class Layout:
 
 
 def draw_layout(case: Case, rng: np.random.Generator) -> Layout:
-    """Draw what a world's records are of."""
+    """Random layout of a world's records.
+
+    Raises
+    ------
+    TwingapError
+        For an unknown bearing, or an effect on faults where no fault occurs.
+    """
     needs = set(case.effect_names) | set(case.modelled)
     name = case.bearing or str(rng.choice(list(TEST_BEARINGS)))
     if name not in TEST_BEARINGS:
@@ -112,8 +120,8 @@ def draw_layout(case: Case, rng: np.random.Generator) -> Layout:
         raise TwingapError(f"unknown bearing {name!r}", where=f"case {case.name!r}", mend=mend)
     fs_hz = float(case.fs_hz or rng.choice(RATES_HZ))
     faults = case.faults or _draw_faults(needs, case.n_records, rng)
-    if not set(faults) - {"healthy"} and (vain := needs & set(ON_FAULTS)):
-        raise TwingapError(f"{', '.join(sorted(vain))} shows on faults only", where=f"case {case.name!r}: faults")
+    if not set(faults) - {"healthy"} and (invisible := needs & set(ON_FAULTS)):
+        raise TwingapError(f"{', '.join(sorted(invisible))} shows on faults only", where=f"case {case.name!r}: faults")
     speeds = _draw_speeds(rng)
     size, groups = _draw_groups(case.n_records, len(faults), rng)
     n = case.n_records
@@ -123,7 +131,7 @@ def draw_layout(case: Case, rng: np.random.Generator) -> Layout:
     fault: list[str] = []
     speed_at: list[int] = []
     for j in range(groups):
-        # Every fault meets every speed before any pair comes twice.
+        # Every fault has every speed once before any pair repeats.
         which = j % len(faults)
         if healthy_first:
             which = int(j >= max(2, groups // 3))
@@ -143,7 +151,7 @@ def draw_layout(case: Case, rng: np.random.Generator) -> Layout:
     stated = np.round(true * (1 + error), int(rng.integers(0, 2)))
 
     load_stated = bool(rng.random() < 0.4)
-    # A load that nobody states does not change from record to record.
+    # A load that is not stated is constant.
     levels = np.exp(rng.uniform(np.log(300), np.log(4000), int(rng.integers(1, 4)) if load_stated else 1))
     loads = np.round(levels[rng.integers(0, levels.size, groups)])
     step_s = float(rng.choice([60.0, 600.0, 3600.0]))
@@ -162,9 +170,9 @@ def draw_layout(case: Case, rng: np.random.Generator) -> Layout:
 
 
 def _draw_faults(needs: set[str], n_records: int, rng: np.random.Generator) -> tuple[str, ...]:
-    """Healthy and one, two or three faults; each must come in two groups at least."""
+    """Healthy and one, two or three faults, each in at least two groups."""
     count = int(rng.choice([1, 2, 3], p=[0.3, 0.25, 0.45]))
-    if "mean_slip" in needs:  # one fault alone cannot tell slip from a wrong speed
+    if "mean_slip" in needs:  # with a single fault, slip and a wrong speed cannot be told apart
         return ("healthy", "inner", "outer", "ball")[: 4 if count == 3 and n_records >= 8 else 3]
     count = max(1, min(count, n_records // 2 - 1))
     while True:
@@ -184,7 +192,7 @@ def _draw_speeds(rng: np.random.Generator) -> Array:
 
 
 def _draw_groups(n_records: int, faults: int, rng: np.random.Generator) -> tuple[int, int]:
-    """Records to a group and number of groups, at least two groups a fault where that can be."""
+    """Records per group and number of groups, with at least two groups per fault where possible."""
     size = int(rng.choice([1, 2, 3], p=[0.4, 0.35, 0.25]))
     while size > 1 and n_records // size < 2 * faults:
         size -= 1

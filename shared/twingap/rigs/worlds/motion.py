@@ -1,6 +1,6 @@
-"""Angles over time, and when rolling elements strike.
+"""Angles of shaft and cage over time, times of impacts, and their force.
 
-mean speed, its deviation -> shaft turns <-> time;  cage ratio, bearing -> orders -> times of strikes
+mean speed, its deviation -> shaft turns <-> time;  cage ratio, bearing -> orders -> times of impacts
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from twingap.bearing import Bearing
 
 Array = NDArray[np.float64]
 GRID_HZ = 2000.0
-"""Speed changes over tenths of a second: between points of this grid the angle is a straight line."""
+"""Rate of the grid of angles, Hz. Speed changes within tenths of a second, so angles are interpolated linearly."""
 
 
 @dataclass(frozen=True)
@@ -44,15 +44,15 @@ class Motion:
         return np.interp(t_s, self.grid_s, self.grid_turns)
 
     def time_s(self, turns: Array) -> Array:
-        """When the shaft has turned so far."""
+        """Times at which the shaft reaches these angles, s."""
         return np.interp(turns, self.grid_turns, self.grid_s)
 
     def cage(self, turns: Array) -> Array:
-        """Cage angle in turns when the shaft has turned so far."""
+        """Cage angle in turns at these shaft angles."""
         return np.asarray(self.cage_ratio * turns + self.cage_start)
 
     def passes(self, order: float, phase: float) -> Array:
-        """Shaft angles, in turns, at which something of this order comes round."""
+        """Shaft angles, in turns, at which events of this order occur."""
         first, last = np.ceil(order * self.grid_turns[0] + phase), np.floor(order * self.grid_turns[-1] + phase)
         return np.asarray((np.arange(first, last + 1) - phase) / order)
 
@@ -60,17 +60,17 @@ class Motion:
 def make_motion(
     speed_rpm: float, start_s: float, end_s: float, cage_ratio: float, deviation: Array | None, start: Array
 ) -> Motion:
-    """Angles of a record.
+    """Angles of shaft and cage over a record.
 
     Parameters
     ----------
     speed_rpm : float
-        Mean over 0 to `end_s`.
+        Mean speed over 0 to `end_s`.
     start_s, end_s : float
-        Of the simulation, start negative.
+        Begin (negative) and end of the simulation, s.
     cage_ratio : float
     deviation : Array [points] or None
-        Relative deviation of the speed on the grid `grid_s(start_s, end_s)`; its mean over the record is taken out.
+        Relative deviation of the speed on the grid `grid_s(start_s, end_s)`; its mean over the record is removed.
     start : Array [2]
         Shaft and cage angle at time 0, turns.
     """
@@ -87,12 +87,12 @@ def make_motion(
 
 
 def grid_s(start_s: float, end_s: float) -> Array:
-    """Times at which angles are kept."""
+    """Times of the grid of angles [points], s."""
     return np.linspace(start_s, end_s, max(2, int(np.ceil((end_s - start_s) * GRID_HZ)) + 1))
 
 
 def fault_order(bearing: Bearing, fault: str, cage_speed_ratio: float) -> float:
-    """Strikes per shaft turn when the cage runs at `cage_speed_ratio` times its kinematic speed.
+    """Impacts per shaft turn when the cage runs at `cage_speed_ratio` times its kinematic speed.
 
     Rolling without slip at the inner ring: BPFO = Z c, BPFI = Z (1 - c), spin as (1 - c), c = cage turns per turn.
     """
@@ -107,22 +107,22 @@ def fault_order(bearing: Bearing, fault: str, cage_speed_ratio: float) -> float:
 def deposit(
     time_s: Array, area: Array, duration_s: Array, start_s: float, n: int, rate_hz: float, hertz: bool
 ) -> Array:
-    """Force over time of pulses that begin at any time, as its mean over each cell of the grid.
+    """Force over time of pulses that begin between grid points, as its mean over each cell of the grid.
 
-    Cell means keep every pulse's impulse and, to second order, its moment, wherever it begins between grid points.
+    Cell means preserve the impulse of every pulse and, to second order, its time.
 
     Parameters
     ----------
     time_s, area, duration_s : Array [pulses]
-        Begin, impulse and length of each.
+        Begin, s, impulse and duration, s, of each pulse.
     start_s : float
-        Time of the first cell's beginning.
+        Begin of the first cell, s.
     n : int
-        Cells.
+        Number of cells.
     rate_hz : float
         Cells per second.
     hertz : bool
-        sin(pi s)^(3/2), the pulse of a Hertzian contact; otherwise sin(pi s)^2.
+        Whether the pulse is sin(pi s)^(3/2), as of a Hertzian contact; otherwise sin(pi s)^2.
 
     Returns
     -------
@@ -136,7 +136,7 @@ def deposit(
     first = np.floor(begin).astype(np.int64)
     width = int(np.ceil(length.max())) + 1
     edges = (first[:, None] + np.arange(width + 1) - begin[:, None]) / length[:, None]
-    done = np.interp(edges, *(_HERTZ if hertz else _SMOOTH))  # part of the impulse given by each edge
+    done = np.interp(edges, *(_HERTZ if hertz else _SMOOTH))  # fraction of the impulse before each edge
     cells = first[:, None] + np.arange(width)
     inside = cells < n
     values = (area[:, None] * np.diff(done, axis=1))[inside] * rate_hz
@@ -144,7 +144,7 @@ def deposit(
 
 
 def _running(power: float) -> tuple[Array, Array]:
-    """Impulse given so far, as a part of the whole, over the part of the duration gone."""
+    """Cumulative fraction of a pulse's impulse over the fraction of its duration."""
     s = np.linspace(0.0, 1.0, 513)
     shape = np.sin(np.pi * s) ** power
     total = np.concatenate([[0.0], np.cumsum(0.5 * (shape[1:] + shape[:-1]))])

@@ -1,6 +1,6 @@
-"""The plan of a blind study: which cases, in which proportions, in an order that tells nothing.
+"""Plan of a blind study: its cases, balanced over kinds, effects and strengths, in random order.
 
-number of worlds, seed --> kinds by share --> effects, strengths and arms dealt evenly --> shuffled cases
+number of worlds, seed --> kinds by share --> effects, strengths and arms in turn --> shuffled cases
 """
 
 from __future__ import annotations
@@ -11,16 +11,16 @@ from typing import Final
 import numpy as np
 
 from twingap.errors import TwingapError
-from twingap.rigs.worlds.case import CATALOGUE, KINDS, OUTSIDER_STRENGTHS, OUTSIDERS, STRENGTHS, Case
+from twingap.rigs.worlds.case import CATALOGUE, KINDS, STRENGTHS, UNCATALOGUED, UNCATALOGUED_STRENGTHS, Case
 
 SHARES: Final = {"none": 60, "single": 90, "pair": 50, "crowd": 40, "outside": 30, "outside_plus": 30}
-"""Of 300 worlds. 90 singles hold every effect at every strength, and a quarter of them twice."""
+"""Number of each kind in 300 worlds. Among 90 singles every effect has every strength, a quarter of them twice."""
 
 TWIN_ARM_ONLY: Final = ("mean_slip", "distributed_roughness")
-"""As singles: contact machines may slip and roll roughly of themselves."""
+"""Effects that are no singles in the contact arm, since contact machines may have them already."""
 
 ONE_OF: Final = (frozenset({"shaft_harmonics", "looseness"}),)
-"""Not together: looseness holds all shaft harmonics, nobody could tell."""
+"""Effects that do not occur together: looseness contains all shaft harmonics, so the two could not be told apart."""
 
 
 def cases(n: int, seed: int = 0) -> list[Case]:
@@ -46,13 +46,13 @@ def cases(n: int, seed: int = 0) -> list[Case]:
         raise TwingapError(f"{n} worlds, at least {len(KINDS)} expected", where="plan of the study")
     rng = np.random.default_rng([seed, 7])
     made: list[Case] = []
-    effects, outsiders = _deck(CATALOGUE, rng), _outsider_deck(rng)
+    effects, uncatalogued = _deck(CATALOGUE, rng), _uncatalogued_deck(rng)
     for kind, count in _counts(n).items():
         singles = _singles(rng) if kind == "single" else iter(())
         start = int(rng.integers(0, 3))
         owed = 0
         for k in range(count):
-            owed += (k + start) % 3 == 0  # a third goes to the contact arm
+            owed += (k + start) % 3 == 0  # a third of the worlds is of the contact arm
             chosen: tuple[tuple[str, str], ...] = ()
             extra: tuple[tuple[str, str], ...] = ()
             if kind == "single":
@@ -62,11 +62,11 @@ def cases(n: int, seed: int = 0) -> list[Case]:
             elif kind == "crowd":
                 chosen = _deal(effects, int(rng.integers(3, 6)), STRENGTHS[1:], (0.5, 0.5), rng)
             elif kind == "outside":
-                extra = (next(outsiders),)
+                extra = (next(uncatalogued),)
             elif kind == "outside_plus":
-                extra = (next(outsiders),)
+                extra = (next(uncatalogued),)
                 if rng.random() < 0.4:
-                    extra += (next(o for o in outsiders if o[0] != extra[0][0]),)
+                    extra += (next(o for o in uncatalogued if o[0] != extra[0][0]),)
                 chosen = _deal(effects, int(rng.integers(1, 3)), STRENGTHS[1:], (0.5, 0.5), rng)
             contact = owed > 0 and not (kind == "single" and chosen[0][0] in TWIN_ARM_ONLY)
             owed -= contact
@@ -76,11 +76,11 @@ def cases(n: int, seed: int = 0) -> list[Case]:
 
 
 def _named(case: Case, name: str) -> Case:
-    return Case(case.kind, case.arm, case.effects, case.outsiders, name)
+    return Case(case.kind, case.arm, case.effects, case.uncatalogued, name)
 
 
 def _counts(n: int) -> dict[str, int]:
-    """Worlds of each kind: one each, the rest by largest remainders."""
+    """Number of worlds of each kind: at least one, the others by largest remainders."""
     total = sum(SHARES.values())
     wanted = {kind: max(1.0, n * share / total) for kind, share in SHARES.items()}
     counts = {kind: int(w) for kind, w in wanted.items()}
@@ -94,21 +94,22 @@ def _counts(n: int) -> dict[str, int]:
 
 
 def _deck(names: Sequence[str], rng: np.random.Generator) -> Iterator[str]:
-    """All names in random order, again and again."""
+    """All names in random order, repeatedly."""
     while True:
         yield from (str(name) for name in rng.permutation(list(names)))
 
 
-def _outsider_deck(rng: np.random.Generator) -> Iterator[tuple[str, str]]:
+def _uncatalogued_deck(rng: np.random.Generator) -> Iterator[tuple[str, str]]:
+    """All effects outside the catalogue in random order, repeatedly; their strengths alternate."""
     turn = 0
     while True:
-        for k, name in enumerate(rng.permutation(list(OUTSIDERS))):
-            yield str(name), OUTSIDER_STRENGTHS[(k + turn) % 2]
+        for k, name in enumerate(rng.permutation(list(UNCATALOGUED))):
+            yield str(name), UNCATALOGUED_STRENGTHS[(k + turn) % 2]
         turn += 1
 
 
 def _singles(rng: np.random.Generator) -> Iterator[tuple[str, str]]:
-    """Every effect at every strength before any comes again; strengths take turns."""
+    """Every effect at every strength once before any repeats; strengths alternate."""
     while True:
         names = [str(name) for name in rng.permutation(list(CATALOGUE))]
         for turn in range(3):
@@ -119,7 +120,7 @@ def _singles(rng: np.random.Generator) -> Iterator[tuple[str, str]]:
 def _deal(
     deck: Iterator[str], count: int, strengths: Sequence[str], chance: Sequence[float], rng: np.random.Generator
 ) -> tuple[tuple[str, str], ...]:
-    """Different effects off the deck that can be told apart, each with a random strength."""
+    """The next `count` different effects that can be told apart, each with a random strength."""
     names: list[str] = []
     for name in deck:
         if name not in names and not any(len(group & {*names, name}) > 1 for group in ONE_OF):

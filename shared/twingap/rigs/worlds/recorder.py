@@ -1,4 +1,4 @@
-"""Sensor, channel and converter, and one whole record from motion to samples.
+"""Samples of one record: motion, force, structure, sensor, channel and converter.
 
 force -> structure -> + mechanical disturbances -> sensor -> + electrical ones -> channel -> gain -> converter
 """
@@ -27,13 +27,13 @@ def simulate(base: Base, layout: Layout, i: int, rpm: float, effects: Effects, s
     base : Base
     layout : Layout
     i : int
-        Place of the record.
+        Index of the record.
     rpm : float
-        Mean shaft speed at which the machine runs.
+        True mean shaft speed, rpm.
     effects : Mapping[str, Mapping[str, Any]]
-        Everything added, outsiders among it, by name, with parameters.
+        All effects, catalogued or not, with parameters.
     streams : Streams
-        Of this record; every effect draws from its own.
+        Random streams of this record, one for each effect.
 
     Returns
     -------
@@ -72,7 +72,7 @@ def simulate(base: Base, layout: Layout, i: int, rpm: float, effects: Effects, s
 
 
 def _sensor(x: Array, effects: Effects, fs_hz: float) -> Array:
-    """Mounting and sensor."""
+    """Signal after mounting and sensor."""
     if p := effects.get("echo"):
         delay = round(p["delay_s"] * fs_hz)
         x = x.copy()
@@ -81,14 +81,14 @@ def _sensor(x: Array, effects: Effects, fs_hz: float) -> Array:
         b, a = signal.butter(int(p["poles"]), p["corner_hz"], fs=fs_hz)
         x = np.asarray(signal.lfilter(b, a, x))
     if p := effects.get("sensor_asymmetry"):
-        # Softens on one side, stiffens a little on the other; smooth and monotone.
+        # Compressed on the positive side only; smooth and monotone.
         u = x / p["scale"]
         x = p["scale"] * np.where(u > 0, np.log1p(np.abs(u)), u)
     return x
 
 
 def _channel(x: Array, t: Array, effects: Effects, streams: Streams) -> Array:
-    """Cable and amplifier."""
+    """Signal after cable and amplifier."""
     if p := effects.get("gain_jumps"):
         x = x * telegraph(p["rate_per_s"], p["low_fraction"], t, streams("gain_jumps"))
     if p := effects.get("amplitude_beat"):
@@ -104,7 +104,7 @@ def _channel(x: Array, t: Array, effects: Effects, streams: Streams) -> Array:
 
 
 def converter(x: Array, effects: Effects, streams: Streams, fs_hz: float) -> Array:
-    """From volts to numbers: rails, steps, missing stretches."""
+    """Signal after the converter: clipped, quantised, with dropouts."""
     if p := effects.get("clipping"):
         x = np.clip(x, p["low"], p["high"])
     if p := effects.get("quantisation"):

@@ -1,9 +1,10 @@
-"""Parameters of catalogued effects, so that they are as strong on this machine as the case says.
+"""Parameters of catalogued effects for a given strength on a given machine.
 
-strength, yardstick, machine, layout --> parameters in physical units
+strength, levels, machine, layout --> parameters in physical units
 
-weak: just visible to a careful analyst with all 24 records; medium: plain; strong: obvious. Tones are set by how far
-their lines stand out of the noise of one record; effects on strikes by depth, deeper where strikes are faint.
+weak: just detectable by a careful analyst with all 24 records; medium: clear; strong: obvious. The strength of tones is
+the height of their lines over the noise of one record; that of effects on impacts is a depth, larger where impacts are
+faint.
 """
 
 from __future__ import annotations
@@ -14,11 +15,11 @@ from typing import Any, Final
 
 import numpy as np
 
-from twingap.rigs.worlds.base import Base, Mode, response_power, visible_ratio
+from twingap.rigs.worlds.base import Base, Mode, detectable_ratio, response_power
 from twingap.rigs.worlds.case import ENTRY_EXIT, STRENGTHS
 from twingap.rigs.worlds.layout import Layout
+from twingap.rigs.worlds.machine_levels import MachineLevels
 from twingap.rigs.worlds.motion import fault_order
-from twingap.rigs.worlds.yardstick import Yardstick
 
 Params = dict[str, Any]
 Range = tuple[float, float]
@@ -26,66 +27,66 @@ Range = tuple[float, float]
 
 @dataclass(frozen=True)
 class Setting:
-    """All that a draw may look at.
+    """Input of the draws of parameters.
 
     Parameters
     ----------
     strength : int
         0 weak, 1 medium, 2 strong.
-    yard : Yardstick
+    levels : MachineLevels
     base : Base
     layout : Layout
     rng : numpy.random.Generator
-        Of this effect.
+        Random generator of this effect.
     """
 
     strength: int
-    yard: Yardstick
+    levels: MachineLevels
     base: Base
     layout: Layout
     rng: np.random.Generator
 
     def pick(self, weak: Range, medium: Range, strong: Range) -> float:
-        """Log-uniform in the range of the strength."""
+        """Log-uniform draw from the range of the strength."""
         low, high = np.log((weak, medium, strong)[self.strength])
         return float(np.exp(self.rng.uniform(low, high)))
 
     def log(self, low: float, high: float) -> float:
-        """Log-uniform."""
+        """Log-uniform draw."""
         return float(np.exp(self.rng.uniform(np.log(low), np.log(high))))
 
     def uniform(self, low: float, high: float) -> float:
-        """Uniform."""
+        """Uniform draw."""
         return float(self.rng.uniform(low, high))
 
     def coin(self, chance: float) -> bool:
-        """True with this chance."""
+        """True with this probability."""
         return bool(self.rng.random() < chance)
 
     @property
     def deeper(self) -> float:
-        """Weak and medium effects on strikes must be deeper where the strikes are faint."""
-        return 1.0 if self.strength == 2 else float(np.clip(self.yard.faintest**-0.5, 1.0, 1.8))
+        """Factor on the depth of weak and medium effects on impacts, larger where impacts are faint."""
+        return 1.0 if self.strength == 2 else float(np.clip(self.levels.faintest**-0.5, 1.0, 1.8))
 
     def line_db(self) -> float:
-        """How far the strongest line of a tonal effect stands out of one record's noise."""
+        """Height of a tonal effect's strongest line over the noise of one record, dB."""
         return self.pick((5.0, 8.0), (17.0, 22.0), (32.0, 40.0))
 
     def raised(self) -> float:
-        """Added power density over what was there."""
+        """Added power spectral density relative to that without the effect."""
         return float(10 ** (self.pick((1.2, 2.0), (4.5, 7.0), (11.0, 16.0)) / 10) - 1)
 
     @property
     def shaft_hz(self) -> float:
-        """Mean shaft speed."""
+        """Mean shaft speed, Hz."""
         return self.layout.mean_rpm / 60
 
 
 def _speed_fluctuation(s: Setting) -> Params:
-    # Smear, in lines of one record, of the fourth ball-pass harmonic.
+    # Width of the fourth ball-pass harmonic in lines of one record.
     smear = s.pick((1.5, 2.5), (5.0, 9.0), (15.0, 28.0))
     fourth_hz = 4 * s.layout.bearing.bpfo * s.shaft_hz
-    rms = float(np.clip(smear / fourth_hz / s.yard.duration_s, 5e-4, 0.05))
+    rms = float(np.clip(smear / fourth_hz / s.levels.duration_s, 5e-4, 0.05))
     return {"rms_fraction": rms, "rate_hz": s.log(0.7, 4.0), "swing_share": s.uniform(0.1, 0.9)}
 
 
@@ -117,7 +118,7 @@ def _cage_modulation(s: Setting) -> Params:
 
 
 def _two_impacts(s: Setting) -> Params:
-    # Teeth of the comb lie 1/delay apart: some must fit below the resonance at every speed.
+    # The spectrum has notches 1/delay apart; some must be below the resonance at every speed.
     rate = max(fault_order(s.layout.bearing, f, 1.0) for f in s.layout.faults or ("outer",))
     least = 2.5 / s.base.modes[0].frequency_hz * rate * max(s.layout.speed_rpm) / 60
     delay = s.uniform(min(max(least, 0.06), 0.3), 0.38)
@@ -135,9 +136,9 @@ def _two_impacts(s: Setting) -> Params:
 def _distributed_roughness(s: Setting) -> Params:
     first = s.base.modes[0].frequency_hz
     beside = 2 * s.base.white_rms**2 / s.base.fs_hz
-    there = s.yard.at(first)
+    there = s.levels.at(first)
     share = s.pick((0.3, 0.45), (0.8, 1.3), (3.0, 6.0))
-    through = max(there - beside, 0.1 * there)  # what the noise force makes of the peak
+    through = max(there - beside, 0.1 * there)  # part of the peak that is due to the noise force
     return {
         "rms_over_structure": float(np.sqrt(share * there / through)),
         "depth_fraction": s.uniform(0.6, 1.0),
@@ -162,27 +163,27 @@ def _second_resonance(s: Setting) -> Params:
     damping = s.log(0.012, 0.06)
     while True:
         hz = fs * s.log(0.05, 0.43)
-        # Apart from every mode there is, by a part and by both half-widths.
+        # Separate from every other mode, by a fraction of its frequency and by both half-widths.
         if all(abs(hz - m.frequency_hz) > max(0.2 * m.frequency_hz, 2 * m.damping_ratio * m.frequency_hz)
                + 2 * damping * hz for m in modes):  # fmt: skip
             break
     sign = -1.0 if s.coin(0.5) else 1.0
     near = hz * (1 + damping * np.linspace(-0.5, 0.5, 9))
     white = 2 * s.base.white_rms**2 / fs
-    there = s.yard.at(hz)
+    there = s.levels.at(hz)
     raised = 1 + s.raised()
     before = response_power(modes, s.base.hertz, fs, near)
-    # What drives the structure, from what the first mode makes of it: its mean over the mode's own width.
+    # Power of the force, from the response of the first mode: mean over the mode's width.
     first = modes[0]
     wide = first.frequency_hz * (1 + first.damping_ratio * np.linspace(-1, 1, 15))
-    seen = np.mean([s.yard.at(f) for f in wide]) - white
+    seen = np.mean([s.levels.at(f) for f in wide]) - white
     drive = max(float(seen), 1e-12) / float(response_power(modes, s.base.hertz, fs, wide).mean())
 
     def level(gain: float) -> float:
         after = response_power((*modes, Mode(hz, damping, sign * gain)), s.base.hertz, fs, near)
         return float(1 + drive * np.mean(after - before) / there)
 
-    low, high = 1e-4, 1e3  # out of phase with a loud first mode, the level may fall before it rises
+    low, high = 1e-4, 1e3  # out of phase with a strong first mode, the level may fall before it rises
     while high / low > 1.001:
         middle = float(np.sqrt(low * high))
         low, high = (middle, high) if level(middle) < raised else (low, middle)
@@ -201,7 +202,7 @@ def _falling(s: Setting, hz: list[float], snr_db: float, first_is_strongest: boo
     """Amplitudes of lines at these frequencies, the strongest at `snr_db`, others up to 12 dB below."""
     below = s.rng.uniform(2.0, 12.0, len(hz))
     below[0 if first_is_strongest else int(s.rng.integers(0, len(hz)))] = 0.0
-    return [s.yard.tone(f, snr_db - b) for f, b in zip(hz, below, strict=True)]
+    return [s.levels.tone(f, snr_db - b) for f, b in zip(hz, below, strict=True)]
 
 
 def _shaft_harmonics(s: Setting) -> Params:
@@ -211,9 +212,9 @@ def _shaft_harmonics(s: Setting) -> Params:
 def _looseness(s: Setting) -> Params:
     count, snr_db = 2 * int(s.rng.integers(3, 7)), s.line_db()
     amplitudes = _falling(s, [s.shaft_hz * 0.5 * (k + 1) for k in range(count)], snr_db, False)
-    # The strongest half order decides what can be seen.
+    # Detectability depends on the strongest half order.
     half = int(2 * s.rng.integers(0, 3))
-    amplitudes[half] = s.yard.tone(s.shaft_hz * 0.5 * (half + 1), snr_db)
+    amplitudes[half] = s.levels.tone(s.shaft_hz * 0.5 * (half + 1), snr_db)
     return {"amplitudes": amplitudes}
 
 
@@ -227,7 +228,7 @@ def _mains_interference(s: Setting) -> Params:
 def _drive_interference(s: Setting) -> Params:
     carrier = s.log(0.1, 0.38) * s.base.fs_hz
     sides = [s.uniform(0.4, 1.0)] + ([s.uniform(0.15, 0.4)] if s.coin(0.6) else [])
-    amplitude = s.yard.tone(carrier, s.line_db()) / max(1.0, sides[0] * 1.2)
+    amplitude = s.levels.tone(carrier, s.line_db()) / max(1.0, sides[0] * 1.2)
     pairs = int(s.rng.integers(1, 5))
     return {"carrier_hz": carrier, "amplitude": amplitude, "sideband_ratios": sides, "pole_pairs": pairs}
 
@@ -247,13 +248,13 @@ def _foreign_bearing(s: Setting) -> Params:
     taken = [h * o + side for o in own for h in (1, 2) for side in (-1.0, 0.0, 1.0)] + [o / 2 for o in own]
     while True:
         order = s.log(2.3, 11.0)
-        # Its own harmonics should not fall on those of the bearing under test either.
+        # Its second harmonic must not coincide with those of the bearing under test either.
         clear = all(abs(h * order - t) > 0.035 * h * order for h in (1, 2) for t in taken)
         if clear and all(abs(h * order - round(h * order)) > 0.06 for h in (1, 2)):
             break
     line_db = s.pick((8.0, 11.0), (18.0, 22.0), (28.0, 36.0))
-    ratio = min(visible_ratio(s.base, order * s.shaft_hz, line_db, s.yard.duration_s), 8.0)
-    impulse = ratio * s.yard.quiet_rms / np.sqrt(s.yard.strike_energy * order * s.shaft_hz / s.base.fs_hz)
+    ratio = min(detectable_ratio(s.base, order * s.shaft_hz, line_db, s.levels.duration_s), 8.0)
+    impulse = ratio * s.levels.quiet_rms / np.sqrt(s.levels.impact_energy * order * s.shaft_hz / s.base.fs_hz)
     return {"order": order, "impulse": float(impulse), "slip_fraction": s.uniform(0.0, 0.004), "rms_over_quiet": ratio}
 
 
@@ -267,16 +268,16 @@ def _coloured_noise(s: Setting) -> Params:
     else:
         p = {"shape": "slope", "corner_hz": fs * s.log(0.008, 0.06), "poles": int(s.rng.integers(1, 3))}
         at = 0.5 * p["corner_hz"]
-    p["white_equivalent_rms"] = float(np.sqrt(raised * s.yard.at(at) * fs / 2))
+    p["white_equivalent_rms"] = float(np.sqrt(raised * s.levels.at(at) * fs / 2))
     return p
 
 
 def _impulsive_noise(s: Setting) -> Params:
-    level = (s.yard.quiet_rms, s.yard.mean_rms, s.yard.mean_rms)[s.strength]
+    level = (s.levels.quiet_rms, s.levels.mean_rms, s.levels.mean_rms)[s.strength]
     peak = level * s.pick((6.0, 8.0), (11.0, 16.0), (24.0, 45.0))
     rate = s.pick((0.6, 1.5), (1.0, 4.0), (2.0, 8.0))
     if s.coin(0.6):
-        return {"through_structure": True, "rate_per_s": rate, "impulse": peak / s.yard.strike_peak, "peak": peak}
+        return {"through_structure": True, "rate_per_s": rate, "impulse": peak / s.levels.impact_peak, "peak": peak}
     fs = s.base.fs_hz
     ring = {"ring_hz": s.uniform(0.02, 0.3) * fs, "decay_s": s.log(1.5, 15) / fs}
     return {"through_structure": False, "rate_per_s": rate, "peak": peak, **ring}
@@ -292,14 +293,14 @@ def _waviness(s: Setting) -> Params:
 
 def _clipping(s: Setting) -> Params:
     part = s.pick((2e-4, 6e-4), (4e-3, 1.2e-2), (0.04, 0.09))
-    middle = s.uniform(-0.03, 0.03) * s.yard.quiet_rms  # amplifiers have an offset
-    rail = float(np.quantile(np.abs(s.yard.values - middle), 1 - part))
+    middle = s.uniform(-0.03, 0.03) * s.levels.quiet_rms  # offset of the amplifier
+    rail = float(np.quantile(np.abs(s.levels.values - middle), 1 - part))
     g = s.base.gain
     return {"low": (middle - rail) * g, "high": (middle + rail) * g, "part_aimed_at": part}
 
 
 def _quantisation(s: Setting) -> Params:
-    return {"step": s.pick((0.05, 0.1), (0.25, 0.5), (0.9, 1.8)) * s.yard.quiet_rms * s.base.gain}
+    return {"step": s.pick((0.05, 0.1), (0.25, 0.5), (0.9, 1.8)) * s.levels.quiet_rms * s.base.gain}
 
 
 def _dropout(s: Setting) -> Params:
@@ -323,11 +324,11 @@ DRAWS: Final[Mapping[str, Callable[[Setting], Params]]] = {
 """Effect -> draw of its parameters, in internal units except for the converter's, which are in the record's unit."""
 
 LAST: Final = ("clipping", "quantisation", "dropout")
-"""Set by what reaches the converter, and so drawn when all else is there."""
+"""Effects of the converter, drawn last since their parameters depend on all others."""
 
 
 def draw_effect(
-    name: str, strength: str, yard: Yardstick, base: Base, layout: Layout, rng: np.random.Generator
+    name: str, strength: str, levels: MachineLevels, base: Base, layout: Layout, rng: np.random.Generator
 ) -> Params:
     """Parameters of one catalogued effect."""
-    return DRAWS[name](Setting(STRENGTHS.index(strength), yard, base, layout, rng))
+    return DRAWS[name](Setting(STRENGTHS.index(strength), levels, base, layout, rng))

@@ -1,8 +1,8 @@
-"""What a world was made of, and seals that keep it from being changed once the diagnosis has begun.
+"""Truth about a world, and seals that show that it was not changed after the diagnosis had begun.
 
 Truth --canonical JSON--> text --sha256 with nonce--> seal;  seal + text + nonce --open_seal--> Truth, or an error
 
-Publish the seal, keep truth and nonce; the nonce keeps the few possible truths from being found by trying them all.
+The seal is published, truth and nonce are kept. Without the nonce, the few possible truths could be tried one by one.
 """
 
 from __future__ import annotations
@@ -21,26 +21,26 @@ Parameters = Mapping[str, Any]
 
 @dataclass(frozen=True)
 class Truth:
-    """What a world is made of.
+    """Effects, parameters, speeds and base machine of a world.
 
     Parameters
     ----------
     case, kind, arm : str
     seed : int
     effects : tuple of str
-        Catalogued effects that the records have and the baseline has not.
+        Catalogued effects that the records have and the baseline lacks.
     parameters : Mapping[str, Mapping[str, Any]]
-        Of effects and outsiders, by name: physical quantities with the unit in their names.
+        Effect -> physical quantities with the unit in their names, catalogued or not.
     strength : Mapping[str, str]
-        Of each effect and outsider.
-    outsiders : tuple of str
-        Effects that the catalogue does not know.
+        Strength of each effect, catalogued or not.
+    uncatalogued : tuple of str
+        Effects outside the catalogue.
     bearing : Mapping[str, Any]
     fs_hz : float
     speed_rpm : tuple of float
-        True mean speeds, one a record (the records state others).
+        True mean speed of each record; the records state other values.
     base : Mapping[str, Any]
-        Of the machine without effects: modes, noise, impact levels, gain, what it has of its own.
+        The machine without effects: modes, noise, impact levels, gain, its own effects.
     notes : tuple of str
     """
 
@@ -51,7 +51,7 @@ class Truth:
     effects: tuple[str, ...]
     parameters: Mapping[str, Parameters]
     strength: Mapping[str, str]
-    outsiders: tuple[str, ...]
+    uncatalogued: tuple[str, ...]
     bearing: Parameters
     fs_hz: float
     speed_rpm: tuple[float, ...]
@@ -59,7 +59,7 @@ class Truth:
     notes: tuple[str, ...] = ()
 
     def to_json(self) -> str:
-        """Canonical: sorted keys, no spaces, shortest floats that read back alike, no NaN."""
+        """Canonical JSON: sorted keys, no spaces, shortest floats that read back as equal, no NaN."""
         return json.dumps(asdict(self), sort_keys=True, separators=(",", ":"), allow_nan=False, ensure_ascii=True)
 
     @classmethod
@@ -75,23 +75,23 @@ class Truth:
             values = json.loads(text)
             names = {f.name for f in fields(cls)}
             if not isinstance(values, dict) or set(values) != names:
-                raise ValueError("other keys than a truth has")
+                raise ValueError("its keys are not those of a truth")
         except ValueError as error:
             raise TwingapError(f"is no truth of a world: {error}", where="sealed truth") from None
-        for name in ("effects", "outsiders", "speed_rpm", "notes"):
+        for name in ("effects", "uncatalogued", "speed_rpm", "notes"):
             values[name] = tuple(values[name])
         return cls(**values)
 
 
 def seal(truth: Truth | str, nonce: str) -> str:
-    """Seal a truth.
+    """Seal of a truth: a digest that fixes it without revealing it.
 
     Parameters
     ----------
     truth : Truth or str
-        Or its canonical JSON.
+        The truth, or its canonical JSON.
     nonce : str
-        Random and secret until the opening, at least 16 characters.
+        Random text of at least 16 characters, secret until the seal is opened.
 
     Returns
     -------
@@ -101,24 +101,24 @@ def seal(truth: Truth | str, nonce: str) -> str:
     Raises
     ------
     TwingapError
-        For a nonce that could be guessed.
+        For a nonce that is too short.
     """
     if len(nonce) < 16:
         raise TwingapError(f"nonce of {len(nonce)} characters, at least 16 expected", where="seal")
     text = truth.to_json() if isinstance(truth, Truth) else truth
-    # The nonce's length goes first, so that no characters can move from the nonce to the text.
+    # With the nonce's length first, no characters can move from the nonce to the text.
     return hashlib.sha256(f"{len(nonce)}:{nonce}:{text}".encode()).hexdigest()
 
 
 def open_seal(sealed: str, truth: Truth | str, nonce: str) -> Truth:
-    """The truth, if it is the one that was sealed.
+    """The truth, verified against its seal.
 
     Parameters
     ----------
     sealed : str
         From `seal`.
     truth : Truth or str
-        As revealed, or its canonical JSON.
+        The truth, or its canonical JSON.
     nonce : str
 
     Raises

@@ -1,9 +1,9 @@
-"""Worlds: a machine, what its recorder wrote, what the diagnosis is given, and the truth about it.
+"""Worlds: a simulated machine, its records, the input of the diagnosis, and the truth.
 
 Case, seed --draws--> Layout, Base, parameters of effects --simulate--> records (and sim);  Truth, to be sealed
 
-Same case and seed, same bytes. Each effect and each record draws from a stream of its own, so that the same world with
-fewer effects (`machine`) differs in nothing but these.
+The same case and seed give the same bytes. Each effect and each record has its own random stream, so that the same
+world with fewer effects (`machine`) differs only in these.
 """
 
 from __future__ import annotations
@@ -20,11 +20,11 @@ from twingap.records import Record, RecordSet
 from twingap.rigs.worlds.base import OWN, Base, draw_base
 from twingap.rigs.worlds.case import CATALOGUE, ENTRY_EXIT, Case
 from twingap.rigs.worlds.layout import Layout, draw_layout
-from twingap.rigs.worlds.outsiders import draw_outsider
+from twingap.rigs.worlds.machine_levels import measure
 from twingap.rigs.worlds.recorder import simulate
 from twingap.rigs.worlds.strength import LAST, Params, draw_effect
 from twingap.rigs.worlds.truth import Truth
-from twingap.rigs.worlds.yardstick import measure
+from twingap.rigs.worlds.uncatalogued import draw_uncatalogued
 from twingap.streams import Streams
 
 
@@ -32,15 +32,15 @@ from twingap.streams import Streams
 class World:
     """One world of a study.
 
-    The diagnosis may see `records`, `sim` and `twin`; all else is truth.
+    A diagnosis gets `records`, `sim` and `twin`; everything else is truth.
 
     Parameters
     ----------
     records : RecordSet
-        What the recorder wrote, with its nominal metadata.
+        Measured records, with nominal metadata.
     sim : RecordSet or None
-        Contact arm: records of the machine without effects, as its owner's simulator gives them for the stated
-        conditions: other random draws, other gain.
+        Contact arm: records of the machine without effects at the stated conditions, with other random draws and
+        another gain, as from the user's own simulator.
     twin : Mapping[str, Any]
         Content of a TWIN.toml.
     truth : Truth
@@ -49,7 +49,7 @@ class World:
     layout : Layout
     base : Base
     parameters : Mapping[str, Mapping[str, Any]]
-        Of every effect and outsider that the records have.
+        Parameters of every effect that the records have, catalogued or not.
     """
 
     records: RecordSet
@@ -65,7 +65,7 @@ class World:
 
 @dataclass(frozen=True)
 class _Drawn:
-    """Everything about a world but its samples."""
+    """All of a world except its samples."""
 
     roots: Mapping[str, int]
     layout: Layout
@@ -80,7 +80,7 @@ def make_world(case: Case, seed: int) -> World:
     ----------
     case : Case
     seed : int
-        Not negative.
+        At least 0.
 
     Returns
     -------
@@ -89,7 +89,7 @@ def make_world(case: Case, seed: int) -> World:
     Raises
     ------
     TwingapError
-        When the case cannot be (an effect on faults without faults, an unknown bearing).
+        When the case is impossible (an effect on faults without faults, an unknown bearing).
     """
     drawn = _draw(case, seed)
     layout, base = drawn.layout, drawn.base
@@ -99,7 +99,7 @@ def make_world(case: Case, seed: int) -> World:
         other = replace(base, gain=float(np.exp(rng.uniform(np.log(0.01), np.log(100)))), unit="")
         sim = _record(layout, other, {}, drawn.roots["sim"], layout.stated_rpm)
     twin: dict[str, Any] = {"twin": {"model": "phenomenological", "effects": list(case.modelled)}}
-    if case.arm == "twin" and rng.random() < 0.2:  # now and then its owner knows the resonance from a hammer test
+    if case.arm == "twin" and rng.random() < 0.2:  # some users know the resonance from a hammer test
         twin["parameters"] = {"resonance_hz": float(f"{base.modes[0].frequency_hz:.4g}")}
     notes = []
     if case.arm == "contact":
@@ -111,8 +111,8 @@ def make_world(case: Case, seed: int) -> World:
         seed=seed,
         effects=case.effect_names,
         parameters=drawn.parameters,
-        strength=dict(case.effects + case.outsiders),
-        outsiders=case.outsider_names,
+        strength=dict(case.effects + case.uncatalogued),
+        uncatalogued=case.uncatalogued_names,
         bearing=asdict(layout.bearing),
         fs_hz=layout.fs_hz,
         speed_rpm=layout.speed_rpm,
@@ -124,19 +124,19 @@ def make_world(case: Case, seed: int) -> World:
 
 
 def machine(case: Case, seed: int, with_effects: Iterable[str]) -> RecordSet:
-    """The records of `make_world(case, seed)` with some of its effects only, every other draw the same.
+    """The records of `make_world(case, seed)` with some of its effects only; all other draws are the same.
 
     Parameters
     ----------
     case : Case
     seed : int
     with_effects : iterable of str
-        Names out of the case's effects and outsiders.
+        Some of the case's effects, catalogued or not.
 
     Raises
     ------
     TwingapError
-        For an effect that the case has not.
+        For an effect that the case does not have.
     """
     drawn = _draw(case, seed)
     kept = _subset(drawn.parameters, with_effects)
@@ -144,23 +144,23 @@ def machine(case: Case, seed: int, with_effects: Iterable[str]) -> RecordSet:
 
 
 def replay(world: World, *, effects: Iterable[str] | None = None, seed: int = 0, nominal: bool = False) -> RecordSet:
-    """The machine run again: the same conditions and parameters, everything random within records drawn anew.
+    """New records of the same machine: the same conditions and parameters, with new random draws within records.
 
     Parameters
     ----------
     world : World
     effects : iterable of str, optional
-        Out of the world's effects and outsiders; None = the catalogued ones, at their true parameters. What is left
-        between these records and the world's is the floor that a diagnosis can reach.
+        Some of the world's effects, catalogued or not; None = the catalogued ones, at their true parameters. The
+        distance between these records and the world's is then the floor that a diagnosis can reach.
     seed : int
-        Of the new draws.
+        Seed of the new draws.
     nominal : bool
-        At the speeds that the recorder states, not at the true ones.
+        Whether to use the stated speeds instead of the true ones.
 
     Raises
     ------
     TwingapError
-        For an effect that the world has not.
+        For an effect that the world does not have.
     """
     kept = _subset(world.parameters, world.case.effect_names if effects is None else effects)
     (root,) = _roots(world.case, world.seed, "replay", seed)
@@ -178,7 +178,7 @@ def _subset(parameters: Mapping[str, Params], names: Iterable[str]) -> dict[str,
 
 
 def _roots(case: Case, seed: int, purpose: str, number: int = 0, count: int = 1) -> tuple[int, ...]:
-    """Entropy for a purpose, 128 bits each."""
+    """`count` entropies of 128 bits for a purpose."""
     if seed < 0 or number < 0:
         raise TwingapError(f"seed = {min(seed, number)}, 0 or more expected", where=f"case {case.name!r}")
     key = (zlib.crc32(case.name.encode()), zlib.crc32(purpose.encode()), number)
@@ -187,31 +187,31 @@ def _roots(case: Case, seed: int, purpose: str, number: int = 0, count: int = 1)
 
 
 def _draw(case: Case, seed: int) -> _Drawn:
-    names = ("world", "records", "sim", "yard")
+    names = ("world", "records", "sim", "levels")
     roots = dict(zip(names, _roots(case, seed, "make", count=len(names)), strict=True))
     draw = Streams(roots["world"], 0)
     layout = draw_layout(case, draw("layout"))
     base = draw_base(case.arm, layout, draw("base"))
-    base = _with_own(case, layout, base, draw, roots["yard"])
+    base = _with_own(case, layout, base, draw, roots["levels"])
     parameters: dict[str, Params] = {}
     early = [(n, s) for n, s in case.effects if n not in LAST]
     late = [(n, s) for n, s in case.effects if n in LAST]
-    if early or case.outsiders:
-        yard = measure(base, layout, base.own, roots["yard"], 1)
+    if early or case.uncatalogued:
+        levels = measure(base, layout, base.own, roots["levels"], 1)
         for name, strength in early:
-            parameters[name] = draw_effect(name, strength, yard, base, layout, draw(name))
-        for name, strength in case.outsiders:
-            parameters[name] = draw_outsider(name, strength, yard, base, layout, draw(name))
+            parameters[name] = draw_effect(name, strength, levels, base, layout, draw(name))
+        for name, strength in case.uncatalogued:
+            parameters[name] = draw_uncatalogued(name, strength, levels, base, layout, draw(name))
     if late:
-        yard = measure(base, layout, {**base.own, **parameters}, roots["yard"], 2)
+        levels = measure(base, layout, {**base.own, **parameters}, roots["levels"], 2)
         for name, strength in late:
-            parameters[name] = draw_effect(name, strength, yard, base, layout, draw(name))
-    ordered = [n for n in CATALOGUE if n in parameters] + list(case.outsider_names)
+            parameters[name] = draw_effect(name, strength, levels, base, layout, draw(name))
+    ordered = [n for n in CATALOGUE if n in parameters] + list(case.uncatalogued_names)
     return _Drawn(roots, layout, base, {name: parameters[name] for name in ordered})
 
 
 def _with_own(case: Case, layout: Layout, base: Base, draw: Streams, root: int) -> Base:
-    """What the machine has of its own: what the twin models, and in the contact arm other mild physics."""
+    """The base machine with its own effects: those that the twin models, and in the contact arm some mild ones."""
     own = dict.fromkeys(case.modelled, "medium")
     if case.arm == "contact":
         rng = draw("own")
@@ -223,18 +223,18 @@ def _with_own(case: Case, layout: Layout, base: Base, draw: Streams, root: int) 
                 own.setdefault(name, strength)
     if not own:
         return base
-    yard = measure(base, layout, {}, root, 1)
-    drawn = {n: draw_effect(n, s, yard, base, layout, draw(f"own {n}")) for n, s in own.items()}
+    levels = measure(base, layout, {}, root, 1)
+    drawn = {n: draw_effect(n, s, levels, base, layout, draw(f"own {n}")) for n, s in own.items()}
     return replace(base, own=drawn)
 
 
 def _record(
     layout: Layout, base: Base, effects: Mapping[str, Params], root: int, speeds: tuple[float, ...]
 ) -> RecordSet:
-    """Run the machine and write down what the recorder states; names tell nothing about the case."""
-    whole = {**base.own, **effects}
+    """Simulated records with the stated conditions; their names do not depend on the case."""
+    present = {**base.own, **effects}
     records = [
-        Record(condition, simulate(base, layout, i, speeds[i], whole, Streams(root, i)))
+        Record(condition, simulate(base, layout, i, speeds[i], present, Streams(root, i)))
         for i, condition in enumerate(layout.conditions())
     ]
     return RecordSet.from_records("machine", base.unit, layout.bearing, records)

@@ -100,7 +100,7 @@ def spectrum_db(records: RecordSet, world: World, hz: float, width: float = 0.02
     return float(np.mean(found))
 
 
-def strike_level(records: RecordSet, world: World) -> Array:
+def impact_level(records: RecordSet, world: World) -> Array:
     """Log power of each faulty record over the mean of healthy ones."""
     quiet = np.mean([np.var(x) for x, _ in samples(records, world, "healthy")])
     out = np.full(len(records), np.nan)
@@ -111,8 +111,8 @@ def strike_level(records: RecordSet, world: World) -> Array:
 
 
 def slope(records: RecordSet, world: World, along: Array) -> float:
-    """Slope of log strike level along something, each fault about its own mean."""
-    level, top, bottom = strike_level(records, world), 0.0, 0.0
+    """Slope of log impact level along something, each fault about its own mean."""
+    level, top, bottom = impact_level(records, world), 0.0, 0.0
     for fault in world.layout.faults:
         of = np.array([f == fault for f in world.layout.fault])
         a, b = along[of] - along[of].mean(), level[of] - level[of].mean()
@@ -171,7 +171,7 @@ def _cage(r: RecordSet, w: World) -> float:
 
 
 def _entry(r: RecordSet, w: World) -> float:
-    """Autocorrelation of the squared envelope at the delay, over that at the spacing of strikes."""
+    """Autocorrelation of the squared envelope at the delay, over that at the spacing of impacts."""
     fault, p = faulty(w), w.parameters["entry_exit"]
     found = []
     for x, f in samples(r, w, fault):
@@ -353,7 +353,7 @@ def test_quantised_samples_lie_on_the_grid() -> None:
 
 
 @pytest.mark.parametrize("fault", ["inner", "outer"])
-def test_strikes_come_at_the_kinematic_order_of_the_true_speed(fault: str) -> None:
+def test_impacts_come_at_the_kinematic_order_of_the_true_speed(fault: str) -> None:
     world, without = both("shaft_harmonics")
     assert peak_order(without, world, fault) == pytest.approx(own_order(world, fault), rel=1e-3)
     assert envelope_line(without, world, own_order(world, fault), fault) > 8.0

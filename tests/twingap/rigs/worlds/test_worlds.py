@@ -13,9 +13,9 @@ from twingap.rigs.worlds import (
     CATALOGUE,
     KINDS,
     ON_FAULTS,
-    OUTSIDERS,
     STRENGTHS,
     TEST_BEARINGS,
+    UNCATALOGUED,
     Case,
     Truth,
     World,
@@ -32,12 +32,12 @@ from twingap.rigs.worlds.motion import deposit
 NONCE = "0123456789abcdef"
 
 
-def small(kind: str, arm: str = "twin", effects: tuple[str, ...] = (), outsiders: tuple[str, ...] = ()) -> Case:
-    with_strength = tuple((name, "medium") for name in effects), tuple((name, "strong") for name in outsiders)
+def small(kind: str, arm: str = "twin", effects: tuple[str, ...] = (), uncatalogued: tuple[str, ...] = ()) -> Case:
+    with_strength = tuple((name, "medium") for name in effects), tuple((name, "strong") for name in uncatalogued)
     return Case(kind, arm, *with_strength, n_records=4, duration_s=0.25, fs_hz=10_000.0, faults=("healthy", "inner"))
 
 
-CROWD = small("crowd", effects=("load_zone", "gear_mesh", "clipping"), outsiders=("echo",))
+CROWD = small("crowd", effects=("load_zone", "gear_mesh", "clipping"), uncatalogued=("echo",))
 
 
 @pytest.fixture(scope="module")
@@ -77,7 +77,7 @@ def test_replay_is_reproducible_and_new(crowd: World) -> None:
 
 def test_a_world_without_effects_has_none() -> None:
     world = make_world(small("none"), 3)
-    assert world.truth.effects == world.truth.outsiders == () and not world.truth.parameters
+    assert world.truth.effects == world.truth.uncatalogued == () and not world.truth.parameters
     assert world.records.digest == machine(world.case, 3, ()).digest
     assert world.sim is None and world.twin["twin"] == {"model": "phenomenological", "effects": []}
 
@@ -142,12 +142,12 @@ def test_what_an_effect_needs_is_there() -> None:
                 assert {"inner", "ball"} & set(layout.faults)
 
 
-@pytest.mark.parametrize("name", OUTSIDERS)
-def test_outsiders_change_the_records(name: str) -> None:
-    case = small("outside", outsiders=(name,))
+@pytest.mark.parametrize("name", UNCATALOGUED)
+def test_effects_outside_the_catalogue_change_the_records(name: str) -> None:
+    case = small("outside", uncatalogued=(name,))
     world, without = make_world(case, 2), machine(case, 2, ())
     changed = [np.std(a.samples - b.samples) / np.std(b.samples) for a, b in zip(world.records, without, strict=True)]
-    assert max(changed) > 0.1 and world.truth.outsiders == (name,) and not world.truth.effects
+    assert max(changed) > 0.1 and world.truth.uncatalogued == (name,) and not world.truth.effects
     assert all(np.isfinite(r.samples).all() for r in world.records)
 
 
@@ -166,7 +166,7 @@ def test_a_seal_opens_with_its_truth_only(crowd: World) -> None:
     assert open_seal(sealed, crowd.truth, NONCE).effects == crowd.truth.effects
     altered = [
         replace(crowd.truth, effects=crowd.truth.effects[1:]),
-        replace(crowd.truth, outsiders=()),
+        replace(crowd.truth, uncatalogued=()),
         replace(crowd.truth, seed=6),
         crowd.truth.to_json() + " ",
     ]
@@ -204,7 +204,7 @@ def test_the_plan_of_three_hundred() -> None:
     assert not alone & {"mean_slip", "distributed_roughness"}
     together = Counter(n for c in plan if c.kind in ("pair", "crowd") for n in c.effect_names)
     assert set(together) == set(CATALOGUE) and max(together.values()) <= min(together.values()) + 2
-    assert {o[0] for c in plan if c.kind == "outside" for o in c.outsiders} == set(OUTSIDERS)
+    assert {o[0] for c in plan if c.kind == "outside" for o in c.uncatalogued} == set(UNCATALOGUED)
     assert all(3 <= len(c.effects) <= 5 for c in plan if c.kind == "crowd")
     assert all(s != "weak" for c in plan if c.kind == "crowd" for _, s in c.effects)
     assert not any({"shaft_harmonics", "looseness"} <= set(c.effect_names) for c in plan)

@@ -1,4 +1,4 @@
-"""How loud a machine is before an effect is added: by this the strengths of effects are measured out.
+"""Spectrum and levels of a machine without the effect to be added, relative to which the strength of effects is set.
 
 a few records of the machine --> spectra and levels, in internal units (before the gain)
 """
@@ -21,23 +21,23 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class Yardstick:
-    """Levels of a machine.
+class MachineLevels:
+    """Spectrum and levels of a machine, in internal units.
 
     Parameters
     ----------
     hz, psd : Array [bins]
-        One-sided power density, the geometric mean over faults (healthy counts as one).
+        Frequency, Hz, and one-sided power spectral density: geometric mean over the simulated records.
     quiet_rms, mean_rms : float
-        RMS of the quietest and, root mean square, of all records looked at.
+        RMS of the quietest record, and root mean square over all simulated records.
     values : Array [samples]
-        All samples looked at.
-    strike_energy, strike_peak : float
-        Sum of squares and peak of the response to one strike of unit impulse.
+        Samples of all simulated records.
+    impact_energy, impact_peak : float
+        Sum of squares and peak of the response to one impact of unit impulse.
     duration_s : float
-        Of one record.
+        Length of one record, s.
     faintest : float
-        RMS of the strikes over that of the noise, the least over faults that occur.
+        RMS of the impacts over that of the noise, smallest over the faults that occur.
     """
 
     hz: Array
@@ -45,43 +45,55 @@ class Yardstick:
     quiet_rms: float
     mean_rms: float
     values: Array
-    strike_energy: float
-    strike_peak: float
+    impact_energy: float
+    impact_peak: float
     duration_s: float
     faintest: float
 
     def at(self, hz: float) -> float:
-        """Power density at a frequency."""
+        """Power spectral density at a frequency, by interpolation of its logarithm."""
         return float(np.exp(np.interp(hz, self.hz[1:], np.log(self.psd[1:]))))
 
     def tone(self, hz: float, snr_db: float) -> float:
-        """Peak amplitude of a tone whose line, over a whole record, stands so far above the noise in its bin."""
+        """Peak amplitude of a tone whose line in the spectrum of one record is `snr_db` above the noise in its bin."""
         return float(np.sqrt(2 * 10 ** (snr_db / 10) * self.at(hz) / self.duration_s))
 
 
-def measure(base: Base, layout: Layout, effects: Effects, root: int, count: int) -> Yardstick:
-    """Look at `count` records a fault, spread over the conditions, with these effects."""
-    plain = replace(base, gain=1.0)
+def measure(base: Base, layout: Layout, effects: Effects, root: int, count: int) -> MachineLevels:
+    """Levels from `count` simulated records of each fault, spread over the conditions.
+
+    Parameters
+    ----------
+    base : Base
+    layout : Layout
+    effects : Mapping[str, Mapping[str, Any]]
+        Effects that the machine has, with parameters.
+    root : int
+        Entropy of the records.
+    count : int
+        Records of each fault (healthy counts as one).
+    """
+    internal = replace(base, gain=1.0)
     rms, spectra, values = [], [], []
     n_bins = int(min(2048, layout.n_samples))
     for fault in dict.fromkeys(layout.fault):
         places = [i for i, f in enumerate(layout.fault) if f == fault]
         chosen = [places[k] for k in np.unique(np.linspace(0, len(places) - 1, count + 2)[1:-1].astype(int))]
         for i in chosen:
-            x = simulate(plain, layout, i, layout.speed_rpm[i], effects, Streams(root, i))
+            x = simulate(internal, layout, i, layout.speed_rpm[i], effects, Streams(root, i))
             hz, psd = signal.welch(x, layout.fs_hz, nperseg=n_bins)
             rms.append(float(np.std(x)))
             spectra.append(np.log(psd + 1e-30))
             values.append(x)
     response = unit_response(base)
-    return Yardstick(
+    return MachineLevels(
         hz=hz,
         psd=np.exp(np.mean(spectra, axis=0)),
         quiet_rms=min(rms),
         mean_rms=float(np.sqrt(np.mean(np.square(rms)))),
         values=np.concatenate(values),
-        strike_energy=float(np.sum(response**2)),
-        strike_peak=float(np.abs(response).max()),
+        impact_energy=float(np.sum(response**2)),
+        impact_peak=float(np.abs(response).max()),
         duration_s=layout.n_samples / layout.fs_hz,
         faintest=min((base.ratio[f] for f in layout.faults), default=1.0),
     )

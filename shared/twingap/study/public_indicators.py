@@ -1,6 +1,6 @@
 """Plain indicators of single recordings, to compare with the literature: no twin and no verdict.
 
-recording --combs, extremes, levels over time, tones--> a row
+recording --combs, samples at extremes, bursts, tones--> a row
 signatures --compared with the other recordings of the fault--> outlying signatures
 """
 
@@ -20,7 +20,7 @@ from twingap.twins.twin_file import TwinSpec
 
 Array = NDArray[np.float64]
 
-STANDS_OUT: Final = 6.0
+OUTLYING: Final = 6.0
 """Threshold of an outlying signature, in robust standard deviations; larger reports fewer."""
 CLIPPED: Final = 4
 """Samples at one extreme from which a record counts as clipped; an unclipped record has one."""
@@ -29,11 +29,11 @@ BURST_DB: Final = 10.0
 as a burst; larger reports fewer."""
 PLACES: Final = ("_teeth", "_hz_log", "_fs", "_order", "_ratio_log")
 """Suffixes of signatures that are positions, which are meaningless where there is no line or mode."""
-LOOSE: Final = ("lines.half_mean", "lines.order_high_mean")
+ORDER_FEATURES: Final = ("lines.half_mean", "lines.order_high_mean")
 """Signatures of half orders and of high integer orders of the shaft."""
 
 
-def look_at(records: RecordSet, rng: np.random.Generator) -> list[dict[str, Any]]:
+def indicators(records: RecordSet, rng: np.random.Generator) -> list[dict[str, Any]]:
     """Plain indicators of each recording.
 
     Parameters
@@ -47,7 +47,7 @@ def look_at(records: RecordSet, rng: np.random.Generator) -> list[dict[str, Any]
     list of dict
         recording, fault, size_inch, speed_rpm; comb (height of each fault's comb, median over records), shows_fault
         (None for healthy); at_extremes (samples at one extreme, maximum over records), clipped; burst_db, bursts;
-        kurtosis; half_orders, high_orders; stands_out (signature -> robust deviations).
+        kurtosis; half_orders, high_orders; outlying (signature -> robust deviations).
     """
     assert records.bearing is not None
     spec = TwinSpec("phenomenological", bearing=records.bearing)
@@ -70,12 +70,12 @@ def look_at(records: RecordSet, rng: np.random.Generator) -> list[dict[str, Any]
             "at_extremes": at_extremes, "clipped": at_extremes >= CLIPPED,
             "burst_db": burst, "bursts": burst > BURST_DB,
             "kurtosis": float(np.median([_kurtosis(r.samples) for r in own])),
-            "half_orders": float(measured[group][NAMES.index(LOOSE[0])]),
-            "high_orders": float(measured[group][NAMES.index(LOOSE[1])]),
+            "half_orders": float(measured[group][NAMES.index(ORDER_FEATURES[0])]),
+            "high_orders": float(measured[group][NAMES.index(ORDER_FEATURES[1])]),
         })  # fmt: skip
     for row in rows:
         others = [measured[o["recording"]] for o in rows if o["fault"] == row["fault"] and o is not row]
-        row["stands_out"] = standing_out(measured[row["recording"]], others, list(measured.values()))
+        row["outlying"] = outlying(measured[row["recording"]], others, list(measured.values()))
     return rows
 
 
@@ -86,7 +86,7 @@ def shows_fault(comb: dict[str, float], fault: str) -> bool | None:
     return comb[fault] >= CLEAR_COMB and comb[fault] == max(comb.values())
 
 
-def standing_out(own: Array, others: list[Array], everyone: list[Array], most: int = 3) -> dict[str, float]:
+def outlying(own: Array, others: list[Array], everyone: list[Array], most: int = 3) -> dict[str, float]:
     """Signatures that deviate most from those of other recordings, in robust standard deviations.
 
     Parameters
@@ -101,17 +101,17 @@ def standing_out(own: Array, others: list[Array], everyone: list[Array], most: i
     """
     if len(others) < 4:
         return {}
-    table, whole = np.array(others), np.array(everyone)
+    table, all_rows = np.array(others), np.array(everyone)
     seen = np.isfinite(own) & (np.isfinite(table).sum(axis=0) >= 4)
     centre, spread = np.full(own.size, np.nan), np.full(own.size, np.nan)
     for j in np.flatnonzero(seen):
         column = table[np.isfinite(table[:, j]), j]
         centre[j] = np.median(column)
-        spread[j] = max(_spread(column), 0.5 * _spread(whole[np.isfinite(whole[:, j]), j]), 0.05)
+        spread[j] = max(_spread(column), 0.5 * _spread(all_rows[np.isfinite(all_rows[:, j]), j]), 0.05)
     z = np.where(seen, (own - centre) / spread, 0.0)
     z[[name.endswith(PLACES) for name in NAMES]] = 0.0
     order = np.argsort(-np.abs(z))[:most]
-    return {NAMES[j]: float(z[j]) for j in order if abs(z[j]) > STANDS_OUT}
+    return {NAMES[j]: float(z[j]) for j in order if abs(z[j]) > OUTLYING}
 
 
 def _spread(values: Array) -> float:
