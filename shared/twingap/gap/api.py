@@ -25,14 +25,14 @@ from twingap.gap.distance.closure import Closure, closure_interval, paired
 from twingap.gap.distance.closure_metrics import closure_metrics
 from twingap.gap.distance.curves import curves
 from twingap.gap.distance.feature_vectors import FeatureVectors
-from twingap.gap.distance.localisation import locate
+from twingap.gap.distance.localisation import followed, locate, new_ones, presentable
 from twingap.gap.distance.paired import Paired
 from twingap.gap.distance.two_sample_tests import two_sample_tests
 from twingap.gap.external_simulator import ExternalSimulator
 from twingap.gap.held_out import HeldOut, values_of_effect
 from twingap.gap.knowledge import shipped
 from twingap.gap.knowledge.learnt import Learnt
-from twingap.gap.report.model import GapReport, ParameterValue, Place, Status, SurrogateEffects, Verdict
+from twingap.gap.report.model import Candidate, GapReport, ParameterValue, Place, Status, SurrogateEffects, Verdict
 from twingap.gap.search.closest_twin import surrogate_effects
 from twingap.gap.search.effect_search import ALPHA, ALPHA_REST, SURE, Explanation, explain
 from twingap.gap.search.evidence import THOROUGH, Compared, Evidence, simulator_of
@@ -171,12 +171,19 @@ def _diagnosed(
     closed = closure_interval(*pairs, floor, rng)
     progress("candidates", 0.8)
     candidates = tuple(held_out.candidates(learnt, floor, rng, lambda part: progress("candidates", 0.8 + 0.18 * part)))
-    rest = locate(Paired(held_out.real, after), rng).places if found.gap else ()
+    second = Paired(held_out.real, after)
+    rest = locate(second, rng).places if found.gap else ()
     status = _status(found, closed, rest)
-    verdict = Verdict(
-        status, found.names if status in ("explained", "partly_explained") else (), found.confidence_set,
-        found.p_value, *((closed.closure, closed.ci) if found.after.effects and found.gap else (None, None)),
-    )  # fmt: skip
+    named = found.names if status in ("explained", "partly_explained") else ()
+    added = bool(found.after.effects and found.gap)
+    closure, ci = (closed.closure, closed.ci) if added else (None, None)
+    p_floor = learnt.p_floor(evidence.against().held_out)
+    verdict = Verdict(status, named, found.confidence_set, found.p_value, closure, ci, p_floor)
+    places = presentable(located.places) if found.gap else ()
+    if added:
+        candidates = tuple(_with_closure_of_verdict(c, named, closed) for c in candidates)
+        places = followed(places, rest, first, second)
+        rest = new_ones(rest, located.places)
     closer, surrogates = None, None
     if closest and status in ("partly_explained", "unexplained"):
         surrogates, closer, tried = _with_surrogates(held_out, (before, after), learnt, rng, progress)
@@ -184,7 +191,7 @@ def _diagnosed(
     rates = sorted({c.fs_hz for c in records.conditions})
     report = GapReport(
         verdict=verdict,
-        places=located.places if found.gap else (),
+        places=places,
         candidates=candidates,
         metrics=metrics,
         provenance={
@@ -197,9 +204,11 @@ def _diagnosed(
         },
         notes=(*notes, *calibrated.notes, *_notes(found)),
         calibration=_calibration(calibrated, found),
-        rest=rest if status in ("partly_explained", "unexplained") else (),
+        rest=presentable(rest) if status in ("partly_explained", "unexplained") else (),
         tests=tests,
-        curves=curves(held_out.real, before[:count], after[:count] if after is not before else None),
+        curves=curves(
+            held_out.real, before[:count], after[:count] if after is not before else None, calibrated.frame.bearing
+        ),
         stand_ins=surrogates,
     )
     return Diagnosis(report, found, calibrated, root, closer, closest)
@@ -256,6 +265,15 @@ def _confirmed(found: Explanation, evidence: Evidence) -> tuple[Explanation, lis
     sets = ((), *(effects for effects in found.confidence_set if effects))
     nothing = replace(found, gap=False, effects=(), p_value=p, confidence_set=sets, after=found.before)
     return nothing, [note]
+
+
+def _with_closure_of_verdict(candidate: Candidate, named: tuple[str, ...], closed: Closure) -> Candidate:
+    """The candidate; where it is all that the verdict names, what it closes is what the verdict closes."""
+    if named != (candidate.effect,) or candidate.acts is not None:
+        return candidate
+    return replace(
+        candidate, gap_before=closed.before, gap_after=closed.after, closure=closed.closure, closure_ci=closed.ci
+    )
 
 
 def _status(found: Explanation, closed: Closure, rest: Sequence[Place]) -> Status:

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from functools import partial
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
+from twingap.bearing import Bearing
 from twingap.gap.distance.domain_names import DomainName
 from twingap.gap.distance.domains import DOMAIN, PER_DECIBEL
 from twingap.gap.distance.feature_vectors import FeatureVectors
@@ -17,16 +21,33 @@ from twingap.records import Condition
 
 Array = NDArray[np.float64]
 
+_FAULT_WORDS: Final[Mapping[str, str]] = {
+    "healthy": "healthy", "outer": "outer race fault", "inner": "inner race fault", "ball": "ball fault",
+    "cage": "cage fault",
+}  # fmt: skip
+
 
 def curves(
-    real: FeatureVectors, before: Sequence[FeatureVectors], after: Sequence[FeatureVectors] | None = None
+    real: FeatureVectors,
+    before: Sequence[FeatureVectors],
+    after: Sequence[FeatureVectors] | None = None,
+    bearing: Bearing | None = None,
 ) -> Mapping[str, Curve]:
     """Curves of each domain: medians over records, with the stretch in which 90 % of them lie.
+
+    Parameters
+    ----------
+    real : FeatureVectors
+    before, after : sequence of FeatureVectors [replicates]
+        Simulated for the same conditions.
+    bearing : Bearing, optional
+        Its orders are marked on the envelope spectra, one for each fault that is known of two records or more.
 
     Returns
     -------
     Mapping, name -> Curve
-        "spectrum", "lines", "envelope", "order", "amplitude", "time", and "condition" (RMS by fault or speed).
+        "spectrum", "lines", "envelope" (or "envelope-outer" and others, by fault), "order", "amplitude", "time", and
+        "condition" (RMS by fault or speed).
     """
     pair = Paired(real, before)
     out = {}
@@ -36,6 +57,17 @@ def curves(
             chosen = np.flatnonzero(np.array(axis.kind) == style.kind)
             x = tuple(float(v) for v in (axis.lo[chosen] + axis.hi[chosen])[: chosen.size] / 2)
             values = partial(_columns, domain=name, columns=chosen, factor=style.factor)
+            if style.name == "envelope" and (faults := _known_faults(pair.conditions)):
+                for fault in faults:
+                    sets = [_of_fault(v, pair.conditions, fault) for v in (real, *before, *(after or ()))]
+                    own, sims = sets[0], sets[1:]
+                    title = f"{style.title}, {_FAULT_WORDS.get(fault, fault)}"
+                    curve = _curve(
+                        x, axis.unit, style.y_unit, title, name, values, own, sims[: len(before)],
+                        sims[len(before) :] or None,
+                    )  # fmt: skip
+                    out[f"envelope-{fault}"] = replace(curve, marks=_marks(bearing, fault, float(axis.hi.max())))
+                continue
             out[style.name] = _curve(x, axis.unit, style.y_unit, style.title, name, values, real, before, after)
     if "condition" in real.domains:
         labels = tuple(_label([pair.conditions[i] for i in places]) for places in pair.strata)
@@ -51,6 +83,30 @@ def curves(
         title, unit = "Level by condition", "dB of healthy rms"
         out["condition"] = _curve(labels, "condition", unit, title, "condition", by_stratum, real, before, after)
     return out
+
+
+def _known_faults(conditions: Sequence[Condition]) -> list[str]:
+    """Faults that are known of at least two records, in the order of `_FAULT_WORDS`."""
+    counts = Counter(c.fault for c in conditions if c.fault is not None)
+    known = [fault for fault, count in counts.items() if count > 1]
+    order = [*_FAULT_WORDS, *known]
+    return sorted(known, key=order.index)
+
+
+def _of_fault(vectors: FeatureVectors, conditions: Sequence[Condition], fault: str) -> FeatureVectors:
+    return vectors.take([i for i, c in enumerate(conditions) if c.fault == fault])
+
+
+def _marks(bearing: Bearing | None, fault: str, largest: float) -> dict[str, float]:
+    """Orders to mark on an envelope spectrum: those of the bearing and the shaft, and multiples of the fault's own."""
+    if bearing is None:
+        return {}
+    orders = {"FTF": bearing.ftf, "shaft": 1.0, "BPFO": bearing.bpfo, "BPFI": bearing.bpfi, "2 BSF": 2 * bearing.bsf}
+    name = {"outer": "BPFO", "inner": "BPFI", "ball": "2 BSF", "cage": "FTF"}.get(fault)
+    if name is not None:
+        times = {"2 BSF": ("4 BSF", "6 BSF")}.get(name, (f"2 {name}", f"3 {name}"))
+        orders |= {words: (k + 2) * orders[name] for k, words in enumerate(times)}
+    return {words: float(order) for words, order in orders.items() if order <= largest}
 
 
 def _columns(vectors: FeatureVectors, domain: DomainName, columns: NDArray[np.int64], factor: float) -> Array:

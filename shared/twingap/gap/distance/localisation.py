@@ -12,7 +12,7 @@ equals the machine, for any dependence between bins. Step-down (Westfall and You
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Final
 
@@ -23,7 +23,7 @@ from scipy.stats import norm
 from twingap.gap.distance.domain_names import DomainName
 from twingap.gap.distance.paired import Paired
 from twingap.gap.distance.two_sample_tests import Choice, exchanges
-from twingap.gap.report.model import Place
+from twingap.gap.report.model import Change, Place, Sign
 from twingap.records import Condition
 
 Array = NDArray[np.float64]
@@ -40,6 +40,10 @@ _VARIES: Final = 0.05
 _FEWEST_EXCHANGES: Final = 1000
 """Possible exchanges that a subset of records must have: fewer cannot be significant, and raise the threshold of
 others."""
+_ONE_SIDED: Final = 0.8
+"""Part of a place's squared difference that must have one sign for the place to have it."""
+_SAME: Final = 0.75
+"""Ratio of what is left of a place to what was there, above which it is called the same, and below its inverse too."""
 _NUMBERS: Final = ("speed_rpm", "load_n", "time_s")
 
 
@@ -260,7 +264,11 @@ class _Found:
             axis, first = self.pair.real.axes[domain], self.pair.real.columns(domain).start
             significant = np.asarray(self.p[:, first : first + len(axis.kind)].min(axis=0) <= ALPHA)
             for run in _runs(significant, axis.kind):
-                place = self._place(domain, axis.lo[run[0]], axis.hi[run[-1]], axis.unit, first + run)
+                lo, hi = float(axis.lo[run[0]]), float(axis.hi[run[-1]])
+                if domain == "time" and len(run) > 1 and (lo, hi) == (axis.lo[0], axis.hi.max()):
+                    place = self._place(domain, None, None, "", first + run)  # a level, at no time in particular
+                else:
+                    place = self._place(domain, lo, hi, axis.unit, first + run)
                 key = (domain, place.lo, place.hi, str(place.condition))
                 if key in out:
                     known = out[key]
@@ -269,10 +277,20 @@ class _Found:
                 out[key] = place
         return list(out.values())
 
-    def _place(self, domain: DomainName, lo: float, hi: float, unit: str, columns: NDArray[np.int64]) -> Place:
-        p = self.p[:, columns]
+    def _place(
+        self, domain: DomainName, lo: float | None, hi: float | None, unit: str, columns: NDArray[np.int64]
+    ) -> Place:
+        share, p_value = float(self.part[columns].sum()), float(self.p[:, columns].min())
         condition = self._only_some_faults(columns)
-        return Place(domain, float(lo), float(hi), unit, float(self.part[columns].sum()), float(p.min()), condition)
+        return Place(domain, lo, hi, unit, share, p_value, condition, _sign(self._differences(columns, condition)))
+
+    def _differences(self, columns: NDArray[np.int64], condition: Mapping[str, Any] | None) -> Array:
+        """[bins] Mean over records of record less replicates, over the faults of the condition."""
+        difference = self.pair.difference[:, columns]
+        if condition is not None:
+            faults = condition["fault"] if isinstance(condition["fault"], list) else [condition["fault"]]
+            difference = difference[[c.fault in faults for c in self.pair.conditions]]
+        return np.asarray(difference.mean(axis=0))
 
     def _only_some_faults(self, columns: NDArray[np.int64]) -> Mapping[str, Any] | None:
         """Faults for which a place was found, where no other fault shows it."""
@@ -322,6 +340,95 @@ class _Found:
         side = high if not low.size or abs(gap[high].mean()) >= abs(gap[low].mean()) else low
         named: dict[str, Any] = {contrast.variable: [float(values[side].min()), float(values[side].max())]}
         return named if contrast.fault in (None, "") else named | {"fault": contrast.fault}
+
+
+def _sign(differences: Array) -> Sign:
+    """Which has more, from differences [bins]; squares decide, so that small ones of the other sign do not count."""
+    squares = differences**2
+    higher = float(squares[differences > 0].sum() / max(squares.sum(), 1e-300))
+    return "records_higher" if higher > _ONE_SIDED else "twin_higher" if higher < 1 - _ONE_SIDED else "shape"
+
+
+def presentable(places: Iterable[Place], smallest: float = 0.01) -> tuple[Place, ...]:
+    """Places for a reader: overlapping ones of a domain, sign and condition as one, those of small shares left out.
+
+    Parameters
+    ----------
+    places : iterable of Place
+    smallest : float
+        Least share of the gap that is shown.
+
+    Returns
+    -------
+    tuple of Place
+        Largest share first.
+    """
+    merged: list[Place] = []
+    for place in sorted(places, key=lambda p: (p.lo is not None, p.lo)):
+        for i, known in enumerate(merged):
+            if _overlap(known, place) and (known.sign, known.condition) == (place.sign, place.condition):
+                merged[i] = replace(
+                    known, hi=_outer(known.hi, place.hi), share=known.share + place.share,
+                    p_value=min(known.p_value, place.p_value),
+                )  # fmt: skip
+                break
+        else:
+            merged.append(place)
+    return tuple(sorted((p for p in merged if p.share >= smallest), key=lambda p: (-p.share, p.p_value)))
+
+
+def followed(places: Sequence[Place], rest: Sequence[Place], before: Paired, after: Paired) -> tuple[Place, ...]:
+    """The places, each with what happened to it when effects were added to the twin.
+
+    Parameters
+    ----------
+    places : sequence of Place
+        Of the gap before.
+    rest : sequence of Place
+        Of the gap after.
+    before, after : Paired
+        The comparisons that they were found in.
+    """
+    parts = [pair.real.weight * pair.over_strata(pair.squares())[0] for pair in (before, after)]
+    out = []
+    for place in places:
+        columns = _bins_of(place, before)
+        b, a = (float(np.maximum(part[columns], 0.0).sum()) for part in parts)
+        change: Change = "smaller" if a < _SAME * b else "same" if a * _SAME <= b else "larger"
+        if change == "smaller" and not any(_overlap(place, other) for other in rest):
+            change = "gone"
+        out.append(replace(place, after=change) if place.domain != "condition" else place)
+    return tuple(out)
+
+
+def new_ones(rest: Sequence[Place], places: Sequence[Place]) -> tuple[Place, ...]:
+    """The places of a rest; those that the twin with the effects made are "new": none was there, or of another sign."""
+    return tuple(
+        replace(place, after="new")
+        if place.domain != "condition" and not any(_overlap(place, p) and p.sign == place.sign for p in places)
+        else place
+        for place in rest
+    )
+
+
+def _bins_of(place: Place, pair: Paired) -> NDArray[np.int64]:
+    """Columns of a place."""
+    axis, first = pair.real.axes[place.domain], pair.real.columns(place.domain).start
+    lo, hi = (math.inf * side if end is None else end for end, side in ((place.lo, -1), (place.hi, 1)))
+    return np.asarray(first + np.flatnonzero((axis.lo >= lo - 1e-9) & (axis.hi <= hi + 1e-9)))
+
+
+def _overlap(one: Place, other: Place) -> bool:
+    """Whether two places share a stretch of one domain; neighbours that only touch do not."""
+    if one.domain != other.domain or one.domain == "condition":
+        return False
+    if one.lo is None or other.lo is None or one.hi is None or other.hi is None:
+        return one.lo == other.lo and one.hi == other.hi
+    return one.lo < other.hi and other.lo < one.hi
+
+
+def _outer(one: float | None, other: float | None) -> float | None:
+    return None if one is None or other is None else max(one, other)
 
 
 def _runs(significant: NDArray[np.bool_], kinds: Sequence[str]) -> list[NDArray[np.int64]]:

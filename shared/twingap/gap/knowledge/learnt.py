@@ -111,6 +111,15 @@ class Learnt:
         """
         return self._rank(features, self.null, modelled, later=False)
 
+    def p_floor(self, features: NDArray[Any]) -> float:
+        """Smallest p-value of no gap that the machines without a gap allow for these features."""
+        rows = np.atleast_2d(features)
+        return (
+            self.null.smallest(MachineScores.of(np.zeros((1, 2)), rows, self.features))
+            if len(self.null.machines)
+            else 1.0
+        )
+
     def rest_p(self, features: NDArray[Any], has: Collection[str] = ()) -> float:
         """P-value of no rest once effects have been added.
 

@@ -119,6 +119,11 @@ class Null:
         weight = self._weight(machine.records[0], self._alike(machine.kind[0], machine.with_healthy[0]))
         return _part(weight, self._rarest <= self._rarity(machine, 0))
 
+    def smallest(self, machine: MachineScores) -> float:
+        """Smallest p-value that the first of these machines can have."""
+        weight = self._weight(machine.records[0], self._alike(machine.kind[0], machine.with_healthy[0]))
+        return float(1 / (1 + weight.sum()))
+
     @cached_property
     def _rarest(self) -> Array:
         """[machines] Smallest p-value over the scores of each null machine."""

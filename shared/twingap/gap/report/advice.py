@@ -7,13 +7,19 @@ GapReport --snippet-----> lines for TWIN.toml: the verdict's effects with their 
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Iterable, Mapping
-from typing import Any
+from typing import Any, Final
 
 from twingap.config import to_toml
 from twingap.effects import catalogue
 from twingap.gap.distance.domains import DOMAIN
 from twingap.gap.report.model import Candidate, GapReport, Place, listed
+
+_HIDDEN_DB: Final = 6.0
+"""Level by which the records' peak must exceed that at the calibrated resonance for a warning."""
+_SMALL_P: Final = 0.05
+"""P-value below which a single test is mentioned beside a verdict of no gap."""
 
 
 def next_steps(report: GapReport) -> tuple[str, ...]:
@@ -61,9 +67,11 @@ def next_steps(report: GapReport) -> tuple[str, ...]:
     if verdict.status in ("unexplained", "partly_explained"):
         left = report.rest or report.places
         subject = "rest" if verdict.effects else "gap"
-        for domain in dict.fromkeys(p.domain for p in left[:6]):
-            at = "; ".join(place_words(p) for p in [p for p in left if p.domain == domain][:3])
-            steps.append(f"The {subject} lies in {DOMAIN[domain].phrase}: {at}. {DOMAIN[domain].advice}")
+        for domain, twin_higher in dict.fromkeys((p.domain, p.sign == "twin_higher") for p in left[:6]):
+            own = [p for p in left if p.domain == domain and (p.sign == "twin_higher") == twin_higher]
+            at = "; ".join(place_words(p) for p in own[:3])
+            lies = f"The {subject} lies in {DOMAIN[domain].phrase}: {at}."
+            steps.append(f"{lies} {_twin_has_more(report, own) if twin_higher else DOMAIN[domain].advice}")
         steps.append(_closest(report))
         steps.append(
             "Once you have a suspicion, write it as an effect of your own (five lines, see `twingap.effects`) and "
@@ -95,11 +103,53 @@ def _closest(report: GapReport) -> str:
     )
 
 
+def _twin_has_more(report: GapReport, places: Iterable[Place]) -> str:
+    """Advice for places in which the twin has more than the records: the cause is the twin, not the machine."""
+    if report.verdict.effects and any(p.after == "new" for p in places):
+        them = "it" if len(report.verdict.effects) == 1 else "them"
+        return (
+            f"There the twin with {listed(report.verdict.effects)} has more than the records, and without {them} it "
+            "has not: the values found are too large there. Lower them, or identify the twin again with them."
+        )
+    return (
+        "There the twin has more than the records: the machine lacks, or has less of, what the twin models. Check the "
+        "twin's levels and parameters before you add anything."
+    )
+
+
+def warnings(report: GapReport) -> tuple[str, ...]:
+    """Cautions in sentences: measures that get worse, and a calibrated resonance that is not the records'."""
+    out = []
+    worse = [m for m in report.metrics if m.worse] if report.verdict.effects else []
+    if worse:
+        names = "; ".join(f"{m.metric.replace('_', ' ')} {m.before:.3g} → {m.after:.3g}" for m in worse)
+        out.append(f"Worse with the effects added: {names}.")
+    resonance, spectrum = report.calibration.get("resonance_hz"), report.curves.get("spectrum")
+    if resonance is not None and spectrum is not None and not isinstance(spectrum.x[0], str):
+        level = {float(x): y for x, y in zip(spectrum.x, spectrum.real, strict=True) if y == y}
+        peak = max(level, key=level.__getitem__)
+        near = level[min(level, key=lambda x: abs(x - resonance.value))]
+        if abs(math.log2(peak / resonance.value)) > 1 and level[peak] - near > _HIDDEN_DB:
+            out.append(
+                f"The twin's resonance is calibrated at {resonance.value:.4g} Hz, but the records' spectrum peaks at "
+                f"{peak:.4g} Hz, {level[peak] - near:.0f} dB higher: state resonance_hz in the twin file, or check the "
+                "records for a disturbance at one of the two."
+            )
+    return tuple(out)
+
+
 def contradictions(report: GapReport) -> tuple[str, ...]:
     """Contradictions between parts of a report, in sentences."""
-    clear = [t for t in report.tests if t.p_value * len(report.tests) < 0.01]  # Bonferroni
-    if report.verdict.status != "no_gap" or not clear:
+    small = [t for t in report.tests if t.p_value < _SMALL_P]
+    if report.verdict.status != "no_gap" or not small:
         return ()
+    clear = [t for t in small if t.p_value * len(report.tests) < 0.01]  # Bonferroni
+    if not clear:
+        tests = " and ".join(f"{t.name} (p = {t.p_value:.2g})" for t in small)
+        return (
+            f"One test alone would call a gap: {tests}. Of machines without a gap, one in twenty does so by chance in "
+            "each test; the verdict weighs all statistics together, and is calibrated on such machines.",
+        )
     tests = " and ".join(f"{t.name} (p = {t.p_value:.2g})" for t in clear)
     return (
         f"Careful: the verdict is no gap, but the two-sample tests distinguish records and twin: {tests}. Check the "
@@ -135,6 +185,9 @@ def snippet(report: GapReport) -> str | None:
 
 def place_words(place: Place) -> str:
     """A place in words: "2150 to 2870 Hz (inner)"."""
+    if place.domain == "time" and place.lo is None and place.hi is None:
+        named = condition_words(place.condition)
+        return "level of the whole record" + (f" ({named})" if named else "")
     unit = "" if place.unit in ("", "1") else f" {place.unit}"
     # Of frequencies beyond 10 kHz four digits would be written with an exponent.
     lo, hi = (None if v is None else f"{v:.0f}" if 1e4 <= v < 1e7 else f"{v:.4g}" for v in (place.lo, place.hi))

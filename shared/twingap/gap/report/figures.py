@@ -37,7 +37,7 @@ _LINES: Final = (
 def all_figures(report: GapReport) -> Iterator[tuple[str, Any]]:
     """Every figure that the report has data for, with its name; curves first."""
     places = report.places
-    for name in (*(n for n in FIRST if n in report.curves), *(n for n in report.curves if n not in FIRST)):
+    for name in sorted(report.curves, key=_place_on_page):
         yield f"curve-{name}", curve_figure(report.curves[name], places)
     if places:
         yield "shares", shares_figure(places)
@@ -45,6 +45,12 @@ def all_figures(report: GapReport) -> Iterator[tuple[str, Any]]:
         yield "closures", closures_figure(report.candidates, report.verdict.effects)
     if report.verdict.effects and any(m.closure is not None for m in report.metrics):
         yield "metrics", metrics_figure(report.metrics)
+
+
+def _place_on_page(name: str) -> int:
+    """Place of a curve in the order of `FIRST`; those of one kind, such as "envelope-outer", follow each other."""
+    kind = name.partition("-")[0]
+    return FIRST.index(kind) if kind in FIRST else len(FIRST)
 
 
 def curve_figure(curve: Curve, places: Sequence[Place] = ()) -> Any:
@@ -83,6 +89,7 @@ def curve_figure(curve: Curve, places: Sequence[Place] = ()) -> Any:
             figure.add_scatter(x=at, y=line, mode="lines", line=style, name=label, hovertemplate=hover)
     if not words:
         _mark(figure, curve, places, x)
+        _mark_orders(figure, curve)
     figure.update_layout(hovermode="x unified" if not words else "closest")
     figure.update_xaxes(title=html.escape(_AXES.get(curve.x_unit, curve.x_unit)), automargin=True)
     figure.update_yaxes(title=html.escape(curve.y_unit), type="log" if curve.log_y else "linear", automargin=True)
@@ -219,6 +226,16 @@ def _mark(figure: Any, curve: Curve, places: Sequence[Place], x: Sequence[float]
         )  # fmt: skip
 
 
+def _mark_orders(figure: Any, curve: Curve) -> None:
+    """Thin lines at the orders that have a name, the names below the axis so that those of places stay free."""
+    for name, at in curve.marks.items():
+        figure.add_vline(
+            x=at, line={"color": GREY, "width": 1, "dash": "dot"}, layer="below",
+            annotation={"text": html.escape(name), "textangle": -90, "yref": "paper", "y": 0.02, "yanchor": "bottom",
+                        "xanchor": "right", "x": at, "showarrow": False, "font": {"size": 12, "color": "#5c5c5c"}},
+        )  # fmt: skip
+
+
 def _label(place: Place) -> str:
     words = place_words(place)
     short = words if len(words) <= 44 else words[:43] + "…"
@@ -243,10 +260,15 @@ def _thinned(x: Sequence[float], *lines: Sequence[float]) -> tuple[list[float], 
     """At most `MOST_POINTS` points: the largest of each stretch of the first line, so that its peaks stay."""
     step = -(-len(x) // MOST_POINTS)
     if step <= 1:
-        return (list(x), *(list(line) for line in lines))
+        return tuple([_short(v) for v in values] for values in (x, *lines))
     lead = [v if v == v else float("-inf") for v in lines[-1]]
     kept = [max(range(i, min(i + step, len(x))), key=lead.__getitem__) for i in range(0, len(x), step)]
-    return tuple([float(values[i]) for i in kept] for values in (x, *lines))
+    return tuple([_short(values[i]) for i in kept] for values in (x, *lines))
+
+
+def _short(value: float) -> float:
+    """Five digits, more than a screen shows."""
+    return float(f"{value:.5g}")
 
 
 def _faint(colour: str) -> str:
@@ -256,11 +278,15 @@ def _faint(colour: str) -> str:
 
 def _styled(figure: Any, height: int, top: int) -> Any:
     figure.update_layout(
-        template="simple_white", height=height, margin={"l": 20, "r": 24, "t": top, "b": 60},
+        template="none", height=height, margin={"l": 20, "r": 24, "t": top, "b": 60},
         font={"family": "system-ui, -apple-system, 'Segoe UI', Roboto, 'DejaVu Sans', sans-serif", "size": 15},
         legend={"orientation": "h", "traceorder": "normal", "yanchor": "bottom", "y": 1, "x": 0, "font": {"size": 14}},
         hoverlabel={"font": {"size": 14}},
     )  # fmt: skip
-    figure.update_xaxes(showgrid=True, gridcolor="#ececec", zeroline=False)
-    figure.update_yaxes(showgrid=True, gridcolor="#ececec", zeroline=False)
+    axis = {
+        "showgrid": True, "gridcolor": "#ececec", "zeroline": False, "showline": True, "linecolor": "#242424",
+        "ticks": "outside", "tickcolor": "#242424", "title_standoff": 12,
+    }  # fmt: skip
+    figure.update_xaxes(axis)
+    figure.update_yaxes(axis)
     return figure

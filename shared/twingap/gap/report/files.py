@@ -143,11 +143,8 @@ def dumped(table: Mapping[str, Any]) -> str:
 
 
 def _place(place: Place) -> dict[str, Any]:
-    """A place, without the condition when it applies to all."""
-    table = plain(place)
-    if place.condition is None:
-        del table["condition"]
-    return dict(table)
+    """A place, without what does not apply: the condition when it is all, sign and change where there are none."""
+    return {key: value for key, value in plain(place).items() if value is not None or key in ("lo", "hi")}
 
 
 def _nulls(value: Any) -> Any:

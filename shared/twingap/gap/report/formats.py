@@ -48,8 +48,8 @@ def percent(part: float, interval: tuple[float, float] | None = None) -> str:
 
 
 def p_value(value: float) -> str:
-    """A p-value with two digits."""
-    return f"{value:.2g}" if value >= 0.001 else "< 0.001"
+    """A p-value with two digits; permutations give none below 0.001."""
+    return f"{value:.2g}" if value > 0.001 * (1 + 1e-6) else "≤ 0.001"
 
 
 def plain(value: Any) -> str:

@@ -19,6 +19,10 @@ if TYPE_CHECKING:
     import pandas as pd
 
 Status = Literal["no_gap", "explained", "partly_explained", "unexplained"]
+Sign = Literal["records_higher", "twin_higher", "shape"]
+"""Which has more in a place: the records, the twin, or neither throughout."""
+Change = Literal["gone", "smaller", "same", "larger", "new"]
+"""What adding the verdict's effects does to a place; "new" is one that only the twin with the effects has."""
 Interval = tuple[float, float]
 Numbers = tuple[float, ...]
 """NaN where nothing was measured, written as null."""
@@ -40,6 +44,8 @@ class Verdict:
         Of no gap at all, after calibration of the twin.
     closure, closure_ci : float and (float, float), or None
         Part of the gap that adding all `effects` closes, on held-out records, with its 90 % interval.
+    p_floor : float
+        Smallest p-value that the null distribution allows for such records; a p-value at it is only an upper bound.
     """
 
     status: Status
@@ -48,15 +54,24 @@ class Verdict:
     p_value: float
     closure: float | None = None
     closure_ci: Interval | None = None
+    p_floor: float = 0.0
 
     def __post_init__(self) -> None:
         _set(self, effects=tuple(self.effects), closure_ci=_pair(self.closure_ci))
         _set(self, confidence_set=tuple(tuple(effects) for effects in self.confidence_set))
 
     @property
+    def p_words(self) -> str:
+        """The p-value in a sentence: "p = 0.031", or "p < 0.006" where it is as small as it can be."""
+        if self.p_value > self.p_floor * (1 + 1e-6):
+            return f"p = {self.p_value:.2g}" if self.p_value >= 0.001 else "p < 0.001"
+        step = 10.0 ** math.floor(math.log10(max(self.p_value, 1e-9)))
+        return f"p < {max(math.ceil(self.p_value / step * (1 - 1e-6)) * step, 0.001):.1g}"
+
+    @property
     def sentence(self) -> str:
         """One sentence: the missing effects, the closure when they are added, and the certainty."""
-        p = _p_words(self.p_value)
+        p = self.p_words
         if self.status == "no_gap":
             return f"After calibration these records and the twin cannot be distinguished ({p})."
         if self.status == "unexplained":
@@ -98,6 +113,10 @@ class Place:
         P-value adjusted for all places tested.
     condition : Mapping or None
         speed_rpm, fault, load_n or time_s range to which the place applies; None = all.
+    sign : str or None
+        "records_higher", "twin_higher" or "shape"; None where there is no order, as between conditions.
+    after : str or None
+        What adding the verdict's effects does to it: "gone", "smaller", "same", "larger", or "new".
     """
 
     domain: DomainName
@@ -107,6 +126,8 @@ class Place:
     share: float
     p_value: float
     condition: Mapping[str, Any] | None = None
+    sign: Sign | None = None
+    after: Change | None = None
 
 
 @dataclass(frozen=True)
@@ -190,6 +211,12 @@ class Metric:
         _set(self, ci_after=_pair(self.ci_after), ci_before=_pair(self.ci_before))
 
     @property
+    def worse(self) -> bool:
+        """Whether it is worse after, beyond the 90 % interval."""
+        low, high = self.ci_after
+        return high < self.before if self.higher_is_better else low > self.before
+
+    @property
     def closure(self) -> float | None:
         """(before - after) / (before - floor); None where there was nothing to close."""
         worse = self.before - self.floor if not self.higher_is_better else self.floor - self.before
@@ -263,6 +290,8 @@ class Curve:
         "real", "before" or "after" -> two lines between which 90 % of the records lie.
     log_y : bool
         Whether values are better read on a logarithmic axis.
+    marks : Mapping[str, float]
+        Name -> place on the axis, such as "BPFO" -> 3.58.
     """
 
     x: tuple[float, ...] | tuple[str, ...]
@@ -275,6 +304,7 @@ class Curve:
     domain: DomainName
     bands: Mapping[str, tuple[Numbers, Numbers]] = field(default_factory=dict)
     log_y: bool = False
+    marks: Mapping[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         words = any(isinstance(v, str) for v in self.x)
@@ -422,10 +452,6 @@ def count_words(number: int) -> str:
 
 def _percent(part: float) -> str:
     return f"{round(100 * part)} %"
-
-
-def _p_words(p: float) -> str:
-    return f"p = {p:.2g}" if p >= 0.001 else "p < 0.001"
 
 
 def _by_share(places: Iterable[Place]) -> tuple[Place, ...]:

@@ -14,7 +14,7 @@ from twingap.effects import Effect, make_effect
 from twingap.gap.distance.domain_names import DomainName
 from twingap.gap.distance.feature_vectors import FeatureVectors, measure_vectors
 from twingap.gap.distance.grid import Axis, Grid
-from twingap.gap.distance.localisation import adjusted, locate
+from twingap.gap.distance.localisation import adjusted, followed, locate, new_ones, presentable
 from twingap.gap.distance.paired import Paired
 from twingap.gap.report.model import Place
 from twingap.records import Condition
@@ -213,3 +213,36 @@ def test_step_down_agrees_with_its_definition() -> None:
         running = max(running, float(np.mean(statistics[:, rest].max(axis=1) >= statistics[0, i])))
         expected[i] = running
     assert adjusted(statistics) == pytest.approx(expected)
+
+
+def test_signs_and_what_adding_an_effect_does_to_a_place() -> None:
+    """Bins 5 to 9 are higher in the records and close, 20 to 24 are higher in the twin, 40 to 44 the new twin makes."""
+    conditions, rng = conditions_of(16), np.random.default_rng(3)
+    high, low, made = np.zeros(BINS + 2), np.zeros(BINS + 2), np.zeros(BINS + 2)
+    high[5:10], low[20:25], made[40:45] = 3.0, -3.0, -3.0
+    real = gaussian(conditions, rng, high + low)
+    before = Paired(real, [gaussian(conditions, rng) for _ in range(5)])
+    after = Paired(real, [gaussian(conditions, rng, high - made) for _ in range(5)])
+    places, rest = locate(before, rng).places, locate(after, rng).places
+    assert {(p.lo, p.sign) for p in places} == {(5.0, "records_higher"), (20.0, "twin_higher")}
+    told = {p.lo: p.after for p in followed(presentable(places), rest, before, after)}
+    assert told == {5.0: "gone", 20.0: "same"}
+    assert {p.lo: p.after for p in new_ones(rest, places)} == {20.0: None, 40.0: "new"}
+
+
+def test_overlapping_places_are_one_and_small_ones_are_left_out() -> None:
+    kept = presentable(
+        [
+            Place("frequency", 100.0, 200.0, "Hz", 0.2, 0.01, sign="records_higher"),
+            Place("frequency", 150.0, 300.0, "Hz", 0.1, 0.001, sign="records_higher"),
+            Place("frequency", 290.0, 310.0, "Hz", 0.3, 0.001, sign="twin_higher"),
+            Place("order", 100.0, 200.0, "shaft orders", 0.009, 0.001, sign="records_higher"),
+            Place("condition", None, None, "", 0.05, 0.001, {"fault": "inner"}),
+            Place("condition", None, None, "", 0.05, 0.001, {"speed_rpm": [1.0, 2.0]}),
+        ]
+    )
+    assert [(p.lo, p.hi, round(p.share, 3), p.p_value) for p in kept[:2]] == [
+        (100.0, 300.0, 0.3, 0.001),
+        (290.0, 310.0, 0.3, 0.001),
+    ]
+    assert [p.domain for p in kept[2:]] == ["condition", "condition"]

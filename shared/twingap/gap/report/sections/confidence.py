@@ -19,7 +19,10 @@ def section(report: GapReport, figures: Mapping[str, str]) -> Section | None:
     sets = report.verdict.confidence_set
     if not sets:
         return None
-    words = [listed(effects) if effects else "no missing effect at all" for effects in sets]
+    none = "no missing effect at all"
+    if report.verdict.status != "no_gap":  # there is a gap, hence something is missing
+        none = "no effect of the catalogue, but something outside it"
+    words = [listed(effects) if effects else none for effects in sets]
     if len(sets) == 1:
         return Section(_TITLE, f"One explanation is left: {words[0]}. Every other one is ruled out at 90 %.")
     text = f"{count_words(len(sets)).capitalize()} explanations cannot be ruled out, most probable first; "

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final
 
-from twingap.gap.report.advice import contradictions
+from twingap.gap.report.advice import contradictions, warnings
 from twingap.gap.report.formats import p_value, percent
 from twingap.gap.report.model import GapReport, Verdict
 
@@ -39,16 +39,17 @@ def headline(report: GapReport) -> Headline:
     """The headline of a report."""
     verdict, stated = report.verdict, report.provenance
     title, meaning = STATUS[verdict.status]
-    facts = [("p-value of no gap", p_value(verdict.p_value))]
+    facts = [("p-value of no gap", verdict.p_words.removeprefix("p ").removeprefix("= "))]
     if verdict.closure is not None:
         facts.append(("gap closed", percent(verdict.closure, verdict.closure_ci)))
     if (total := stated.get("n_records")) is not None:
         held_out = stated.get("n_held_out")
         facts.append(("records", f"{total}" + (f", evaluated on {held_out}" if held_out is not None else "")))
-    tests = [f"{t.name}: {t.statistic:.4g}, p = {p_value(t.p_value)}" for t in report.tests]
+    tests = [f"{t.name}: {t.statistic:.4g}, {_p(t.p_value)}" for t in report.tests]
     records = str(stated.get("records") or "records")
     meaning = " ".join(filter(None, (meaning, _closing(verdict))))
-    return Headline(verdict.status, title, report.sentence, meaning, records, facts, contradictions(report), tests)
+    cautions = (*contradictions(report), *warnings(report))
+    return Headline(verdict.status, title, report.sentence, meaning, records, facts, cautions, tests)
 
 
 def _closing(verdict: Verdict) -> str:
@@ -63,3 +64,9 @@ def _closing(verdict: Verdict) -> str:
     if high < 0:
         return "They show in the records, but at the values found they widen the gap: check the values."
     return "They show in the records; by how much they shrink the gap is uncertain."
+
+
+def _p(value: float) -> str:
+    """A p-value within a sentence."""
+    shown = p_value(value)
+    return f"p {shown}" if shown.startswith("≤") else f"p = {shown}"

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Final
 
@@ -14,6 +14,7 @@ from twingap.gap.report.sections.parts import Table
 
 _SHOWN: Final = 12
 """Places that are listed at once."""
+_SIGNS: Final[Mapping[str, str]] = {"records_higher": "records", "twin_higher": "twin", "shape": "parts of each"}
 
 
 def places_table(places: Sequence[Place]) -> Table:
@@ -26,9 +27,13 @@ def places_table(places: Sequence[Place]) -> Table:
             if p.domain == "condition" and p.lo is None and p.hi is None
             else place_words(replace(p, condition=None)),
             condition_words(p.condition) or "all",
+            _SIGNS.get(p.sign or "", "–"),
             f"{100 * p.share:.0f} %",
             p_value(p.p_value),
+            p.after or "–",
         )
         for i, p in enumerate(places, 1)
     ]
-    return Table(("#", "domain", "place", "conditions", "share", "p (adjusted)"), rows, _SHOWN, "places")
+    head = ("#", "domain", "place", "conditions", "more in", "share", "p (adjusted)", "with the effects")
+    keep = len(head) - (not any(p.after for p in places))
+    return Table(head[:keep], [row[:keep] for row in rows], _SHOWN, "places")
