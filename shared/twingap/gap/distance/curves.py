@@ -21,7 +21,7 @@ Array = NDArray[np.float64]
 def curves(
     real: FeatureVectors, before: Sequence[FeatureVectors], after: Sequence[FeatureVectors] | None = None
 ) -> Mapping[str, Curve]:
-    """Curves of each domain: medians over records, with the stretch in which 90 % of them lie.
+    """Curves of each domain: medians over records, with bands that contain 90 % of them.
 
     Returns
     -------
