@@ -1,4 +1,4 @@
-"""Spectral change: which one change of the simulated spectra gives the measured ones, by robust likelihood.
+"""Spectral change: the single change of the simulated spectra that best gives the measured ones, by robust likelihood.
 
 pairs of records, measured and simulated, same condition
     --mean log ratio with its error: noise of healthy records, all power of records with impacts-->
@@ -76,7 +76,7 @@ class _Best(NamedTuple):
 def compare(
     real: Sequence[RecordSummary], simulated: Sequence[RecordSummary], *, same_sampling: bool = False
 ) -> dict[str, float]:
-    """Which one change of the simulated spectra gives the measured ones.
+    """Fits of single changes of the simulated spectra to the measured ones.
 
     Parameters
     ----------
@@ -305,7 +305,7 @@ class _Pairs:
         return place, float(costs[place])
 
     def proportion(self, quiet: float, impacts: float) -> float:
-        """ln of a mode's strength with impacts over that in noise, relative to the same ratio of the whole spectra."""
+        """ln of a mode's strength with impacts over that in noise, relative to the ratio of the spectra's maxima."""
         if not self.known[:QUIET_BANDS].any() or not self.known[QUIET_BANDS:].any():
             return math.nan
         others = float(self.base[QUIET_BANDS:].max() / self.base[:QUIET_BANDS].max())

@@ -54,7 +54,7 @@ class _Fit(NamedTuple):
 
 
 def measure(spectra: Sequence[RecordSummary]) -> dict[str, float]:
-    """`NAMES` -> value for a set of records; NaN without records. Frequencies are logarithms of parts of the rate."""
+    """`NAMES` -> value of a set of records; NaN without records. Frequencies are logarithms of parts of the rate."""
     out = dict.fromkeys(NAMES, math.nan)
     curves = _Curves.of(spectra)
     if curves is None:
@@ -368,7 +368,7 @@ def _costs(  # type: ignore[no-untyped-def]  # pragma: no cover
                 made = 0.0
                 for i in range(4):
                     made += w[i] * basis[i, row]
-                # A ratio of spectra is judged by its logarithm, as likely to be twice as half.
+                # Ratios of spectra are compared by their logarithms: twice is as likely as half.
                 off = abs(np.log(min(max(made * sigma[k], 0.05), 20.0))) / sigma[k]
                 cost += off * off if off < _ROBUST else 2 * _ROBUST * off - _ROBUST * _ROBUST
                 row += 1
