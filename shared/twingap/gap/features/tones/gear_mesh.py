@@ -57,8 +57,8 @@ def measure(records: Sequence[Whitened], deviates: Sequence[Single]) -> dict[str
     -------
     dict
         Of each search: z of the best number of teeth; mean deviate of its first line and of its side lines; its
-        logarithm; z of the best that is neither beside it nor its half or double. Finally the score at the integer order
-        less the highest between integer orders.
+        logarithm; z of the best that is neither beside it nor its half or double. Last, the score at the integer
+        order less the highest between integer orders.
     """
     out = dict.fromkeys(NAMES, math.nan)
     for name, far in (("gear", _KNOWN), ("gear_free", _FREE)):
