@@ -103,9 +103,9 @@ class Levels:
         """[records] Log amplitude of the impacts, and of records without any; NaN elsewhere."""
         healthy = np.array([c.fault == "healthy" for c in self.conditions])
         power = np.maximum(rms**2, 1e-300)
-        quiet = float(power[healthy].mean()) if healthy.any() else 0.0
-        audible = ~healthy & (power > _CLEAR * quiet)
-        impacts = np.where(audible, 0.5 * np.log(np.maximum(power - quiet, 1e-300)), np.nan)
+        noise = float(power[healthy].mean()) if healthy.any() else 0.0
+        detectable = ~healthy & (power > _CLEAR * noise)
+        impacts = np.where(detectable, 0.5 * np.log(np.maximum(power - noise, 1e-300)), np.nan)
         return impacts, np.where(healthy, 0.5 * np.log(power), np.nan)
 
 
