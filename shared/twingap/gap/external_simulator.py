@@ -47,7 +47,7 @@ _AS_NEAR: Final = 0.01
 replicates, under less similar conditions."""
 _MOST_REPLICATES: Final = 12
 """Largest number of replicates of a condition. A larger number takes longer and gives tests more power."""
-_MOST_QUIET: Final = 5
+_MOST_HEALTHY: Final = 5
 """Largest number of healthy records, nearest in speed, for the background of faulty ones. More reduce its noise, at
 less similar speeds."""
 _MOST_KEPT: Final = 96
@@ -112,7 +112,7 @@ class ExternalSimulator:
                 mend="simulate the faults that the real records have, and name them in column fault",
             )
         self._made = _Made(sim.conditions)
-        self._quiet: dict[tuple[float, ...], Background | None] = {}
+        self._backgrounds: dict[tuple[float, ...], Background | None] = {}
         self._known_background: dict[tuple[object, ...], NDArray[np.float32]] = {}
         notes: list[str] = []
         self.missing = frozenset(wanted - faults)
@@ -205,8 +205,8 @@ class ExternalSimulator:
         c = record.condition
         if c.fault in (None, "healthy") or not any(effect.stage is Stage.EXCITATION for effect in effects):
             return None
-        quiet = self._background(c.fs_hz, c.speed_rpm)
-        if quiet is None:
+        background = self._background(c.fs_hz, c.speed_rpm)
+        if background is None:
             return None
         key = c.name, c.fault, c.n_samples, c.fs_hz, c.speed_rpm, draw
         if key not in self._known_background:
@@ -214,24 +214,24 @@ class ExternalSimulator:
                 self._known_background.pop(next(iter(self._known_background)))
             rate_hz = self.bearing.fault_order(str(c.fault)) * c.speed_rpm / 60
             x = np.asarray(record.samples / self.gain, float)
-            impacts = quiet.impacts(x, np.arange(c.n_samples, dtype=float) * (rate_hz / c.fs_hz))
+            impacts = background.impacts(x, np.arange(c.n_samples, dtype=float) * (rate_hz / c.fs_hz))
             self._known_background[key] = np.asarray(x - impacts, np.float32)
         return np.asarray(self.gain * self._known_background[key], float)
 
     def _background(self, fs_hz: float, speed_rpm: float) -> Background | None:
         """Background estimated from healthy records at similar speeds, without gain, at this rate; None without any."""
         made = self.sim.conditions
-        quiet = [i for i, c in enumerate(made) if c.fault == "healthy" and c.fs_hz >= 0.999 * fs_hz]
-        key = fs_hz, *sorted(quiet, key=lambda i: abs(math.log(made[i].speed_rpm / speed_rpm)))[:_MOST_QUIET]
-        if key not in self._quiet:
+        healthy = [i for i, c in enumerate(made) if c.fault == "healthy" and c.fs_hz >= 0.999 * fs_hz]
+        key = fs_hz, *sorted(healthy, key=lambda i: abs(math.log(made[i].speed_rpm / speed_rpm)))[:_MOST_HEALTHY]
+        if key not in self._backgrounds:
             waveforms = []
             for place in key[1:]:
                 try:
                     waveforms.append(self._at_rate(int(place), fs_hz))
                 except TwingapError:  # no simple ratio of rates
                     continue
-            self._quiet[key] = Background.of(waveforms)
-        return self._quiet[key]
+            self._backgrounds[key] = Background.of(waveforms)
+        return self._backgrounds[key]
 
     def _of_healthy(self) -> float | None:
         """RMS of the simulated healthy records about their means, without gain; None without any."""

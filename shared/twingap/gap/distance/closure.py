@@ -3,10 +3,9 @@
 records, replicates before, replicates after --Paired, one scale--> overall gap before and after, floor --> closure
                                              --bootstrap over groups, before and after together--> 90 % intervals
 
-The interval of the closure is conservative: it holds the true closure in 96 to 100 % of simulated cases
-(`tests/twingap/gap/distance/test_closure.py` runs a part of them). Intervals of the gaps themselves take the spread
-between records as known, which leaves out 2 to 8 % of uncertainty: they cover less where a gap is large. In the closure
-that cancels.
+The interval of the closure is conservative: its coverage is above 90 % (`tests/twingap/gap/distance/test_closure.py`).
+Intervals of the gaps themselves take the spread between records as known and cover less where a gap is large; in the
+closure this error cancels.
 """
 
 from __future__ import annotations
@@ -27,7 +26,7 @@ Array = NDArray[np.float64]
 LEVEL: Final = 0.9
 """Probability of intervals."""
 CLOSURE_BOUNDS: Final = (-10.0, 2.0)
-"""Closures are clipped to these: beyond, the gap was hardly there."""
+"""Bounds of closures; values beyond occur where the gap is hardly larger than its floor."""
 
 
 @dataclass(frozen=True)
@@ -37,7 +36,7 @@ class Closure:
     Parameters
     ----------
     before, after, floor : float
-        Overall gap without and with it, and between records and records.
+        Gap over all domains without and with the effects, and between records and records.
     closure : float
         (before - after) / (before - floor), clipped to -10 .. 2; 0 where there was no gap to close.
     ci : (float, float)
@@ -56,9 +55,9 @@ class Closure:
 
 
 def closure(before: float, after: float, floor: float) -> float:
-    """(before - after) / (before - floor): 1 when the gap is down to the floor, negative when it grew.
+    """(before - after) / (before - floor): 1 where the gap is at its floor, negative where it has grown.
 
-    0 where the gap was at its floor already. Clipped to -10 .. 2.
+    0 where the gap was at its floor before. Clipped to `CLOSURE_BOUNDS`.
     """
     return float(_closures(np.array([before]), np.array([after]), floor)[0])
 
@@ -105,7 +104,7 @@ def _closures(before: Array, after: Array, floor: float) -> Array:
 
 
 def percentile_interval(drawn: Array, value: float) -> Interval:
-    """Percentile interval of `LEVEL` from draws of the bootstrap, extended to hold the estimate itself."""
+    """Percentile interval of `LEVEL` from draws of the bootstrap, extended to include the estimate."""
     if not drawn.size:
         return value, value
     low, high = np.quantile(drawn, [0.5 - LEVEL / 2, 0.5 + LEVEL / 2])

@@ -29,9 +29,9 @@ _DRAWS: Final = 400
 _FOLDS: Final = 5
 """Folds in which a classifier is trained on other real records: more train on more, and take longer."""
 _MOST_TRAINING: Final = 2000
-"""Simulated records that a classifier is trained on: more take longer and hardly raise its accuracy."""
+"""Largest number of simulated records to train a classifier on. More take longer and hardly raise its accuracy."""
 _MOST_EVALUATED: Final = 1000
-"""Real records that its accuracy is computed on."""
+"""Largest number of real records to evaluate it on. More take longer and reduce the noise."""
 
 
 def closure_metrics(
@@ -108,7 +108,7 @@ def accuracy_on_records(
 def accuracy_between_records(
     real: FeatureVectors, faults: Sequence[str], groups: Sequence[str | None], rng: np.random.Generator
 ) -> NDArray[np.bool_]:
-    """[records] The same, trained on the other real records: of other groups, where each fault has several.
+    """[records] The same for a classifier trained on other real records, of other groups where each fault has several.
 
     A fault of a single group cannot be learned from another group: then windows of one recording are on both sides, and
     the accuracy is optimistic.
@@ -133,7 +133,7 @@ def accuracy_between_records(
 
 
 def _auc(pairs: tuple[Paired, Paired], rng: np.random.Generator) -> Metric:
-    # The same random numbers for both: where nothing was added, nothing differs.
+    # The same random numbers for both, so that equal twins have equal values.
     seed = int(rng.integers(2**63))
     (b, groups_b), (a, groups_a) = (auc_of_records(p, np.random.default_rng(seed)) for p in pairs)
     floor = classifier_test(pairs[1], rng, draws=99).null_mean
@@ -167,11 +167,11 @@ def _accuracy(pairs: tuple[Paired, Paired], rng: np.random.Generator, more: Trai
     faults = [c.fault for c in pairs[0].conditions]
     known = [int(i) for i in np.sort(rng.permutation(len(faults))[:_MOST_EVALUATED]) if faults[i] is not None]
     of_each = Counter(str(faults[i]) for i in known)
-    if len(of_each) < 2 or min(of_each.values()) < 2:  # a class of one record has nothing to train on
+    if len(of_each) < 2 or min(of_each.values()) < 2:  # nothing to train on for a class of one record
         return
     labels, groups = [str(faults[i]) for i in known], [pairs[0].conditions[i].group for i in known]
     real = pairs[0].real.take(known)
-    # The same random numbers for both: a difference between them is the records', not the trees'.
+    # The same random numbers for both, so that differences are not due to the trees.
     seed = int(rng.integers(2**63))
     b, a = (
         accuracy_on_records([s.take(known) for s in p.sims], real, labels, np.random.default_rng(seed), further).astype(
@@ -188,7 +188,7 @@ def _accuracy(pairs: tuple[Paired, Paired], rng: np.random.Generator, more: Trai
 def _right(
     x: Array, y: NDArray[np.str_], test: Array, truth: NDArray[np.str_], rng: np.random.Generator
 ) -> NDArray[np.bool_]:
-    from sklearn.ensemble import ExtraTreesClassifier  # a second that the command line need not wait
+    from sklearn.ensemble import ExtraTreesClassifier  # a slow import
 
     trees = ExtraTreesClassifier(120, max_features="sqrt", random_state=int(rng.integers(2**31)), n_jobs=1)
     return np.asarray(trees.fit(x, y).predict(test) == truth)

@@ -33,7 +33,7 @@ def curves(
     after: Sequence[FeatureVectors] | None = None,
     bearing: Bearing | None = None,
 ) -> Mapping[str, Curve]:
-    """Curves of each domain: medians over records, with the stretch in which 90 % of them lie.
+    """Curves of each domain: medians over records, with bands that contain 90 % of them.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Domains: what a gap is measured in, one object each, with its bins, its vector, its labels and its advice.
+"""Domains in which a gap is measured: one object each, with its bins, vector, labels and advice.
 
 record --frequency, envelope_order, order, amplitude, time, condition--> one vector each, on the bins of a Grid
 
@@ -34,7 +34,7 @@ _TINY: Final = 1e-300
 
 @dataclass(frozen=True)
 class CurveStyle:
-    """How one kind of a domain's bins is shown as a curve over its axis.
+    """Style of a curve: one kind of a domain's bins over its axis.
 
     Parameters
     ----------
@@ -66,9 +66,9 @@ class Domain:
     vector : callable
         Record, grid -> Array [bins].
     label, short_label, phrase : str
-        For tables, for figures, and within a sentence ("lies in ...").
+        Names for tables, for figures, and within a sentence ("lies in ...").
     advice : str
-        Where to look when a gap lies here and no effect explains it, and the measurement that would decide.
+        Advice for a gap that lies here and that no effect explains, with a deciding measurement.
     curves : tuple of CurveStyle
         Curves of the domain in a report.
     """
@@ -135,7 +135,7 @@ def _envelope_order(record: RecordTransforms, grid: Grid) -> Array:
     """Log excess of the lines of the squared-envelope spectrum, and its log floor."""
     envelope = record.envelope
     spectrum, df_orders = envelope.spectrum, envelope.df_hz / record.shaft_hz
-    # Orders beyond the width of the band show the end of its spectrum, in records and twin alike.
+    # Beyond the width of the band the spectrum ends, in records and twin alike.
     cut = spectrum[: max(int(grid.top_envelope_order * 1.1 / df_orders) + 2, 16)]
     floor = _floor(cut) + 1e-15
     lines = _largest(np.log(cut / floor + 1e-3), df_orders, grid.envelope_orders)
@@ -168,7 +168,7 @@ def _amplitude(record: RecordTransforms, grid: Grid) -> Array:
     tails = order_statistics(x, np.concatenate((far, n - 1 - far)))
     high, low = tails[: far.size], -tails[far.size :]
     asymmetry = np.log((np.maximum(high, 0) + 0.05 * rms) / (np.maximum(low, 0) + 0.05 * rms))
-    # Gaussian noise has one sample at its extreme, a clipped record has many. The floor makes small parts equal.
+    # Gaussian noise has one sample at its extreme, a clipped record has many. The constant equalises small parts.
     extreme = np.count_nonzero(modulus >= 0.999 * quantiles[-1]) / n
     repeated = np.count_nonzero(record.x[1:] == record.x[:-1]) / n
     rest = (np.log(rms / record.frame.scale), np.log(extreme + 3e-4 + 2 / n), np.log(repeated + 3e-3))
@@ -244,7 +244,7 @@ def _floor(power: Array, width: int = 40) -> Array:
 
 
 def _largest(values: Array, step: float, edges: Array) -> Array:
-    """[edges - 1] Largest of a spectrum's bins between each two edges; the nearest bin where none lies between."""
+    """[edges - 1] Largest bin of a spectrum between neighbouring edges; the nearest bin where there is none."""
     bins = np.clip(np.round(edges / step).astype(int), 1, values.size - 1)
     bins[1:] = np.maximum(bins[1:], bins[:-1])
     stop = min(max(bins[-1], bins[-2] + 1), values.size)
@@ -259,9 +259,8 @@ DOMAINS: Final = (
         label="spectrum",
         short_label="spectrum",
         phrase="the spectrum",
-        advice="Look there in the raw spectrum: a hump that stays in Hz points to a mode or to noise, narrow lines to "
-        "a "
-        "disturbance. To decide, " + measurements.HAMMER + ".",
+        advice="In the raw spectrum, a broad peak fixed in Hz indicates a mode or noise, narrow lines a disturbance. "
+        "To decide, " + measurements.HAMMER + ".",
         curves=(
             CurveStyle("spectrum", "level", "Spectrum between its lines", "dB", PER_DECIBEL),
             CurveStyle("lines", "lines", "Lines of the spectrum", "dB over the floor", PER_DECIBEL),
@@ -274,9 +273,8 @@ DOMAINS: Final = (
         label="envelope spectrum",
         short_label="envelope",
         phrase="the envelope spectrum",
-        advice="Impacts or modulations repeat at these multiples of shaft speed. Check the bearing's geometry and what "
-        "else "
-        "turns on the machine. To decide, " + measurements.TACHO + ".",
+        advice="Impacts or modulations repeat at these multiples of shaft speed. Check the bearing's geometry and the "
+        "other rotating parts. To decide, " + measurements.TACHO + ".",
         curves=(CurveStyle("envelope", "lines", "Envelope spectrum", "dB over the floor", PER_DECIBEL),),
     ),
     Domain(
@@ -286,7 +284,7 @@ DOMAINS: Final = (
         label="order spectrum",
         short_label="orders",
         phrase="the order spectrum",
-        advice="Something turns at these multiples of shaft speed: list shafts, gears and fans with their ratios. To "
+        advice="Some part turns at these multiples of shaft speed: list shafts, gears and fans with their ratios. To "
         "decide, " + measurements.OTHER_SPEED + ".",
         curves=(CurveStyle("order", "lines", "Order spectrum", "dB over the floor", PER_DECIBEL),),
     ),
@@ -307,9 +305,8 @@ DOMAINS: Final = (
         label="time within the record",
         short_label="time",
         phrase="time within the record",
-        advice="The records change within themselves there: look for run-up, load steps, or a fault of the recorder. "
-        "To "
-        "decide, record longer at constant speed and load.",
+        advice="The records change over time: check for run-up, load steps, or a fault of the recorder. To decide, "
+        "record longer at constant speed and load.",
         curves=(CurveStyle("time", "level", "Level within the record", "dB of the record's rms", 2 * PER_DECIBEL),),
     ),
     Domain(
@@ -319,9 +316,8 @@ DOMAINS: Final = (
         label="operating condition",
         short_label="condition",
         phrase="the operating conditions",
-        advice="The gap sits at some operating conditions. Check the metadata of those records first (speed, load, "
-        "fault "
-        "label), then record that condition again.",
+        advice="The gap lies at some operating conditions. Check the metadata of those records first (speed, load, "
+        "fault label), then record that condition again.",
     ),
 )
 """In the order of the feature vector."""

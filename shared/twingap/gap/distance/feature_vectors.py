@@ -1,8 +1,8 @@
-"""Feature vectors: records as interpretable vectors with named bins, on which a gap is measured, tested and localised.
+"""Feature vectors of records: interpretable vectors with named bins, for distances, tests and localisation.
 
 RecordTransforms of many records, one after the other --measure_vectors--> FeatureVectors: domain -> [records, bins]
 
-What the vectors hold is in `domains`. Only the vectors are kept: thousands of records pass in bounded memory.
+The content of the vectors is defined in `domains`. Samples are not kept, so memory is bounded.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ class FeatureVectors:
 
     @property
     def domains(self) -> tuple[DomainName, ...]:
-        """In the order of `matrix`."""
+        """Domains in the order of `matrix`."""
         return tuple(self.values)
 
     @cached_property
@@ -53,14 +53,14 @@ class FeatureVectors:
         return np.concatenate(list(self.values.values()), axis=1)
 
     def columns(self, domain: DomainName) -> slice:
-        """Where a domain stands in `matrix`."""
+        """Columns of a domain in `matrix`."""
         sizes = [self.values[name].shape[1] for name in self.domains]
         place = self.domains.index(domain)
         return slice(sum(sizes[:place]), sum(sizes[: place + 1]))
 
     @cached_property
     def weight(self) -> Array:
-        """[all bins] Weight of each bin: domains count alike, kinds alike within a domain; sums to 1."""
+        """[all bins] Weight of each bin: equal for domains, and for kinds within a domain; the sum is 1."""
         return np.concatenate([self.axes[domain].weight for domain in self.domains]) / len(self.domains)
 
     def take(self, places: Sequence[int] | NDArray[np.int64]) -> FeatureVectors:

@@ -20,7 +20,7 @@ from twingap.records import Condition
 Array = NDArray[np.float64]
 
 FEWEST_SAMPLES: Final = 64
-"""Samples that a record must have: fewer leave no spectrum to speak of."""
+"""Smallest number of samples of a record. Fewer give no usable spectrum."""
 SEGMENTS: Final = 16
 """Equal parts of a record in the domain "time": more resolve shorter changes, each with more noise."""
 _LEVELS: Final = 40
@@ -36,7 +36,7 @@ class Axis:
     lo, hi : Array [bins]
         Bounds of each, in `unit`.
     kind : tuple of str [bins]
-        What each bin measures ("level", "lines", ...); the bins of one kind ascend.
+        Quantity of each bin ("level", "lines", ...); bins of one kind are in ascending order.
     unit : str
     """
 
@@ -47,7 +47,7 @@ class Axis:
 
     @cached_property
     def weight(self) -> Array:
-        """[bins] Weight of each bin in its domain: kinds count alike, bins alike within their kind; sums to 1."""
+        """[bins] Weight of each bin in its domain: equal for kinds, and for bins within a kind; the sum is 1."""
         kinds = np.array(self.kind)
         names, counts = np.unique(kinds, return_counts=True)
         share = {name: 1 / (count * names.size) for name, count in zip(names, counts, strict=True)}
@@ -63,16 +63,16 @@ class Grid:
     top_hz : float
         Half the smallest sampling rate.
     top_order : float
-        The highest shaft order that every record can show.
+        Highest shaft order below half the sampling rate of every record.
     top_envelope_order : float
     duration_s : float
-        Typical record; the unit of the domain "time".
+        Median duration of the records, s; the axis of the domain "time".
 
     Notes
     -----
     Frequencies: 40 equal bands for the level between the lines; for the lines, bands of 10 Hz up to 500 Hz and of 4 %
-    above. Orders: steps of a quarter, so that half orders have bins of their own; whole orders above 40. Envelope
-    orders: steps of a tenth, which part the cage's sidebands from the shaft's.
+    above. Orders: steps of a quarter, so that half orders have separate bins; integer orders above 40. Envelope
+    orders: steps of a tenth, which separate the cage's sidebands from the shaft's.
     """
 
     top_hz: float
@@ -116,7 +116,7 @@ class Grid:
 
     @cached_property
     def orders(self) -> Array:
-        """Edges of the bands of shaft orders, centred on quarters (whole numbers above 40)."""
+        """Edges of the bands of shaft orders, centred on quarters (integers above 40)."""
         fine = np.arange(0.375, min(40.0, max(self.top_order, 1.0)) + 0.2, 0.25)
         coarse = np.arange(41.5, self.top_order + 0.6, 1.0) if self.top_order > 41 else np.empty(0)
         return np.concatenate((fine, coarse))

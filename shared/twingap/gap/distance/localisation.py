@@ -32,14 +32,14 @@ Single = NDArray[np.float32]
 ALPHA: Final = 0.05
 """Probability that any place is named when the twin equals the machine. A larger value names more places."""
 _CLIP: Final = 4.0
-"""Bound of standardised deviations: larger, and bins with rare outliers raise the threshold of all bins."""
+"""Bound of standardised deviations. With a larger one, bins with rare outliers raise the threshold of all bins."""
 _LEAST_SPREAD: Final = 0.03
-"""Least spread of a bin (log units): smaller, and bins that hardly vary are found more easily."""
+"""Smallest spread of a bin (log units). With a smaller one, bins that hardly vary are found more easily."""
 _VARIES: Final = 0.05
 """Part of its mean by which speed, load or time must vary for a contrast over it."""
 _FEWEST_EXCHANGES: Final = 1000
-"""Possible exchanges that a subset of records must have: fewer cannot be significant, and raise the threshold of
-others."""
+"""Smallest number of possible exchanges of a subset of records. With fewer, subsets cannot be significant and raise the
+threshold of others."""
 _ONE_SIDED: Final = 0.8
 """Part of a place's squared difference that must have one sign for the place to have it."""
 _SAME: Final = 0.75
@@ -54,11 +54,11 @@ class Located:
     Parameters
     ----------
     places : tuple of Place
-        Significant at the family-wise level, largest share first.
+        Significant places at the family-wise level, the largest share first.
     remainder : float
         Part of the gap that lies in no significant place, 0 to 1; places and remainder add up to 1.
     p_value : float
-        Of no difference anywhere: the smallest adjusted one.
+        P-value of no difference anywhere: the smallest adjusted one.
     """
 
     places: tuple[Place, ...]
@@ -81,8 +81,8 @@ def locate(pair: Paired, rng: np.random.Generator, draws: int = 999) -> Located:
     Returns
     -------
     Located
-        A place names its `condition` when it was found for some faults only; places of the domain "condition" say
-        between which conditions the level, impulsiveness, band power or lines differ unequally.
+        A place names its `condition` where it was found for some faults only. Places of the domain "condition" name
+        the conditions at which the gap in level, impulsiveness, band power or lines is larger.
     """
     choices = exchanges(pair.n, pair.m, draws, rng)
     deviations = _standardised(pair)
@@ -108,7 +108,7 @@ def locate(pair: Paired, rng: np.random.Generator, draws: int = 999) -> Located:
     part = pair.real.weight * pair.over_strata(pair.squares())[0]
     found = _Found(pair, np.maximum(part, 0.0), p_bins, tuple(subsets), np.abs(per_bin[0]), plain)
     places = [*found.bins(), *found.conditions(contrasts, p_contrasts)]
-    # Bins without a gap are as often below zero as above: the sum is an unbiased total, unless places exceed it.
+    # Bins without a gap are below zero as often as above, so that the sum is an unbiased total.
     total = max(float(part.sum()), sum(place.share for place in places), 1e-300)
     shared = tuple(replace(place, share=place.share / total) for place in places)
     ordered = tuple(sorted(shared, key=lambda place: (-place.share, place.p_value)))
@@ -121,7 +121,7 @@ def adjusted(statistics: Single) -> Array:
     Parameters
     ----------
     statistics : array [1 + draws, hypotheses]
-        Large speaks against the null; the first row is the observed.
+        Large values contradict the null; the first row is the observed.
 
     Returns
     -------

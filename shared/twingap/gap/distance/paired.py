@@ -5,12 +5,11 @@ FeatureVectors of records --+
 FeatureVectors of replicates+                                                                |
                                      standardised by the spread between records <--+--> per domain --> overall, floor
 
-The difference of a record is its vector less the mean of its replicates of the same condition. The gap is what
-differences in a stratum of conditions have in common, and what is linear in speed, load or time within all strata: a
-twin whose level is right at mid speed and wrong at both ends is not right. Its square is that of estimated means and
-slopes less the variance that scatter adds to them (one-way U-statistic; analysis of covariance, Scheffe 1959, ch. 6),
-so noise between records adds nothing on average: two sets of one machine are at distance 0 but for chance. The floor
-says how large chance is.
+The difference of a record is its vector less the mean of its replicates of the same condition. The gap is the part of
+the differences that is common to a stratum of conditions, or linear in speed, load or time within all strata. Its
+square is that of estimated means and slopes less the variance that scatter adds to them (one-way U-statistic; analysis
+of covariance, Scheffe 1959, ch. 6), so that noise between records adds nothing on average: two sets of records of one
+machine are at distance 0 on average. The floor is the mean distance that chance leaves.
 """
 
 from __future__ import annotations
@@ -31,30 +30,31 @@ Array = NDArray[np.float64]
 Places = NDArray[np.int64]
 
 _LARGEST_POOL: Final = 512
-"""Residuals that a bootstrap draws from: more are slower and hardly change intervals."""
+"""Largest number of residuals that a bootstrap draws from. More are slower and hardly change intervals."""
 _LEAST_LEFT: Final = 0.1
-"""Part of a unit's scatter that means and slopes must leave for its residual to enter the pool."""
+"""Smallest part of a unit's scatter, beside means and slopes, for its residual to enter the pool. A smaller value
+admits residuals that are scaled up more."""
 _ALIKE: Final = 4.0
-"""Degrees of freedom that the median spread of a kind is worth to each of its bins, where there is one replicate: more,
-and spreads are more equal."""
+"""Weight, in degrees of freedom, of a kind's median spread in each of its bins where there is one replicate. A larger
+value makes spreads more equal."""
 _LEAST_SPREAD: Final = 0.05
-"""Least spread of a bin (log units): without it, a bin that never varies dominates all others."""
+"""Smallest spread of a bin (log units). Without it, a bin that never varies would dominate all others."""
 _LARGE: Final = 16.0
-"""Square, in standard deviations, beyond which squares grow with their logarithm: larger, and one strong tone or
-repeated samples make up all of the gap."""
+"""Square, in variances, beyond which squares grow logarithmically. With a larger one, a single strong tone or repeated
+samples can make up all of the gap."""
 
 
 class Drawn(NamedTuple):
-    """How often each residual of a pool was drawn for the units of a stratum.
+    """Counts of the draws of each residual of a pool for the units of a stratum.
 
     Parameters
     ----------
     signed : Array [draws, pool]
-        Plus less minus.
+        Draws with positive sign less those with negative sign.
     plain : Array [draws, pool]
-        In all.
+        All draws.
     tilted : Array [slopes, draws, pool]
-        Plus less minus, each times its unit's place on a slope.
+        As `signed`, each draw times its unit's place on a slope.
     """
 
     signed: Array
@@ -63,7 +63,7 @@ class Drawn(NamedTuple):
 
 
 class Paired:
-    """Records and their simulated replicates, side by side.
+    """Records paired with their simulated replicates.
 
     Parameters
     ----------
@@ -71,8 +71,8 @@ class Paired:
     sims : sequence of FeatureVectors [m replicates]
         Each holds one record per real record, in the same order and of the same condition, from its own random numbers.
     scale : Array [bins], optional
-        Spread to standardise by, from another `Paired` of the same records, so that distances before and after compare.
-        None = its own.
+        Spread for the standardisation, from another `Paired` of the same records, so that distances before and after
+        are comparable; None for its own.
 
     Raises
     ------
@@ -163,10 +163,9 @@ class Paired:
     def _by_own_scatter(self) -> Array | float:
         """[bins] Factor on the noise where the scale is estimated from the records' own scatter.
 
-        A bin with little scatter by chance is divided by little: its mean grows, and the noise that is subtracted does
-        not, since it is small by the same chance. The mean square over an estimated variance of
-        nu degrees of freedom exceeds that over the true one by nu / (nu - 2) (F distribution); here the first order of
-        the same for a variance that is partly a kind's.
+        A bin whose scatter is small by chance is divided by a small scale: its mean grows, but the subtracted noise is
+        small by the same chance. The mean square over an estimated variance of nu degrees of freedom exceeds that over
+        the true one by nu / (nu - 2) (F distribution); this is its first order for a partly pooled variance.
         """
         if self.m > 1:
             return 1.0
@@ -183,8 +182,8 @@ class Paired:
     def squares(self) -> Array:
         """Unbiased squared gap of each bin in each stratum, standardised.
 
-        In the domain "condition", the common part of all strata is taken out: other domains show it, and it does not
-        say in which condition the gap is.
+        In the domain "condition", the common part of all strata is removed: other domains show it, and it is not
+        specific to a condition.
 
         Returns
         -------
@@ -200,7 +199,7 @@ class Paired:
 
     @cached_property
     def _count(self) -> int:
-        """Of all units."""
+        """Number of all units."""
         return sum(len(own) for own in self._units)
 
     @cached_property
@@ -264,7 +263,7 @@ class Paired:
 
     @cached_property
     def _simulated_variances(self) -> list[Array]:
-        """[bins] of a unit's mean over replicates, per stratum, as the replicates show it; 0 of one replicate."""
+        """Per stratum [bins]: variance of a unit's mean over replicates, estimated from the replicates; 0 for one."""
         if self.m < 2:
             return [np.zeros(self.scale.size)] * len(self.strata)
         of_record = self.stacked[:, 1:].var(axis=1, ddof=1) / self.m / self.scale**2
@@ -289,11 +288,10 @@ class Paired:
         return np.asarray(self.real.weight * np.minimum(1, _LARGE / np.maximum(squares, 1e-12)))
 
     def resampled(self, drawn: Sequence[Drawn]) -> Array:
-        """Bootstrap of the squares: as with other records of the same machine.
+        """Bootstrap of the squares: their values for other records of the same machine.
 
         Each unit becomes its stratum's mean and trend plus a random residual of random sign, drawn from the residuals
-        of all strata, since a stratum has few units. The bias that the noise of means and slopes
-        adds is taken out.
+        of all strata, since a stratum has few units. The bias from the noise of means and slopes is removed.
 
         Parameters
         ----------
@@ -323,7 +321,7 @@ class Paired:
         return self._contrasted(parts, trend + self._trend_moved(drawn, steepness))
 
     def _trend_moved(self, drawn: Sequence[Drawn], steepness: Array) -> Array:
-        """[draws, bins] By how much residuals drawn anew move the mean square of these slopes; 0 on average."""
+        """[draws, bins] Change of the mean square of these slopes by newly drawn residuals; 0 on average."""
         pool = self._residuals
         out = np.zeros((len(drawn[0].signed), self.scale.size))
         if not len(pool):
@@ -335,7 +333,7 @@ class Paired:
         return out
 
     def draw_residuals(self, rng: np.random.Generator, draws: int) -> list[Drawn]:
-        """How often each residual of the pool is drawn, per stratum."""
+        """Random draws of residuals of the pool for each stratum."""
         size, out = max(len(self._residuals), 1), []
         for units, tilt in zip(self.units, self.tilts, strict=True):
             at = rng.integers(0, size, (draws, len(units))) + size * np.arange(draws)[:, None]

@@ -20,7 +20,7 @@ Places = NDArray[np.int64]
 _VARIES: Final = 0.05
 """Part of its mean by which speed, load or time must vary to get strata and a slope."""
 _FREE: Final = 5
-"""Degrees of freedom within strata for each slope: with fewer, scatter passes for a trend."""
+"""Smallest number of degrees of freedom within strata per slope. With fewer, scatter is taken for a trend."""
 
 
 def strata(conditions: Sequence[Condition], fewest: int = 3, most: int = 3) -> tuple[Places, ...]:
@@ -30,7 +30,7 @@ def strata(conditions: Sequence[Condition], fewest: int = 3, most: int = 3) -> t
     ----------
     conditions : sequence of Condition [n]
     fewest : int
-        Records in an interval. Faults of a single record are put together with the largest stratum.
+        Smallest number of records in an interval. Faults of a single record join the largest stratum.
     most : int
 
     Returns
@@ -82,7 +82,7 @@ def _varying(conditions: Sequence[Condition]) -> Array | None:
 
 
 def slopes(strata: Sequence[Sequence[Sequence[Condition]]]) -> tuple[Array, ...]:
-    """Places of units on slopes over log speed, load and time that all strata have in common.
+    """Places of units on common slopes of all strata over log speed, load and time.
 
     Parameters
     ----------
@@ -111,7 +111,7 @@ def slopes(strata: Sequence[Sequence[Sequence[Condition]]]) -> tuple[Array, ...]
         for other in found:
             own = own - (own @ other) * other
         left = float(np.linalg.norm(own))
-        # A variable that varies between strata alone, or along with another, has no slope of its own.
+        # A variable that varies between strata only, or together with another, has no separate slope.
         if size > _VARIES * max(float(np.linalg.norm(v - v.mean())), 1e-12) and left > 0.1 * size:
             found.append(own / left)
     table = np.array(found).reshape(len(found), sum(counts)).T
@@ -133,7 +133,7 @@ def detrended(rows: Sequence[Array], tilts: Sequence[Array]) -> tuple[list[Array
 def independent_units(conditions: Sequence[Condition]) -> list[Places]:
     """Places of the records of each independent unit: a group, or single records where the stratum has one group.
 
-    Windows of one recording share that recording's peculiarities and are not independent.
+    Windows of one recording share its systematic deviations and are not independent.
     """
     names = list(dict.fromkeys(c.group for c in conditions))
     if not 1 < len(names) < len(conditions):

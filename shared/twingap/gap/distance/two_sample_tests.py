@@ -30,11 +30,12 @@ Choice = NDArray[np.int64]
 
 MOST_RECORDS: Final = 200
 _MOST_ROWS: Final = 500
-"""Records, and records and replicates together, that tests use: more are slower, with the square, and more powerful."""
+"""Largest number of records, and of records and replicates together, in a test. More take quadratically longer and give
+more power."""
 _FOLDS: Final = 5
 """Folds of the classifier's cross-validation: more train on more records, and take longer."""
 _RIDGE: Final = 0.1
-"""Ridge over the mean variance of the classifier's inputs: more suppresses noise and small differences alike."""
+"""Ridge over the mean variance of the classifier's inputs. A larger one suppresses noise and small differences."""
 
 
 @dataclass(frozen=True)
@@ -58,7 +59,7 @@ class TwoSample:
 
     @property
     def test(self) -> TwoSampleTest:
-        """As a report holds it."""
+        """The test in the form of a report."""
         return TwoSampleTest(self.name, self.statistic, self.p_value)
 
 
@@ -184,7 +185,7 @@ def _scores(rows: Array, conditions: Sequence[Condition], choices: Choice, rng: 
     labels = np.full((draws, n, members), -1 / (members - 1))
     np.put_along_axis(labels, choices[:, :, None], 1.0, axis=2)
     x = rows.reshape(n * members, -1)
-    # Each fault has weights of its own besides common ones: a missing effect may show in opposite ways.
+    # Besides common weights, each fault has its own: a missing effect may have opposite signs.
     faults = np.repeat(np.array([c.fault or "" for c in conditions]), members)
     gram = x @ x.T * (1.0 + (faults[:, None] == faults))
     fold = np.repeat(_folds([c.group for c in conditions], rng), members)
@@ -192,7 +193,7 @@ def _scores(rows: Array, conditions: Sequence[Condition], choices: Choice, rng: 
     flat = labels.reshape(draws, -1)
     for f in np.unique(fold):
         test, train = fold == f, fold != f
-        if not train.any():  # nothing to train on: its own size
+        if not train.any():  # nothing to train on: its own squared norm
             scores[test] = np.diagonal(gram)[test, None]
             continue
         inner = gram[np.ix_(train, train)]

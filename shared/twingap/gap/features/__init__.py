@@ -3,5 +3,5 @@
 record --registry.measure--> record features -----------------+
 both sets of records --comparison.compare (registry)----------+--> one vector of named features
 
-`registry` lists all features and says how to add one.
+`registry` lists all features and describes how to add one.
 """

@@ -74,14 +74,14 @@ def compare(pair: Pair, speeds: Speeds | None, of_pooled: Array, *, has_effects:
     ----------
     pair : Pair
     speeds : Speeds or None
-        Of calibration, which show the cage's slip.
+        Speed correction and cage slip from the calibration.
     of_pooled : Array
-        From `pooled.features.compare`: of these records, or of all records, these among them.
+        From `pooled.features.compare`, of these records or of both parts.
     has_effects : bool
-        Whether the twin has effects as given, which the machine may have in another form.
+        Whether the given twin has effects, of which the machine may have a variant.
     """
     with warnings.catch_warnings(), np.errstate(all="ignore"):
-        warnings.simplefilter("ignore", RuntimeWarning)  # means of nothing are NaN, and meant so
+        warnings.simplefilter("ignore", RuntimeWarning)  # means of empty sets are NaN on purpose
         statistics = group_statistics.compare(pair)
         of_sets = []
         for kind in registry.SET_FEATURES:

@@ -1,6 +1,6 @@
 """Context features: numbers of records, conditions, speed correction and cage slip that other features depend on.
 
-conditions of the records, speeds from calibration, impact rates of several faults --> what scatter and slip to expect
+conditions of the records, speeds from calibration, impact rates of several faults --> context features
 """
 
 from __future__ import annotations
@@ -26,7 +26,8 @@ NAMES: Final = (
 )  # fmt: skip
 """In the order of `measure`."""
 _SMALL_SLIP: Final = 1e-3
-"""Step at which the rates' derivative by slip is taken; also the slip from which the rollers' spin is computed."""
+"""Slip for the numerical derivative of impact rates, and smallest slip from which the rollers' spin is computed. A
+larger value leaves more spins unknown."""
 
 
 def measure(pair: Pair, speeds: Speeds | None, statistics: Array, *, has_effects: bool) -> Array:
@@ -40,7 +41,7 @@ def measure(pair: Pair, speeds: Speeds | None, statistics: Array, *, has_effects
     statistics : Array
         From `group_statistics.compare`.
     has_effects : bool
-        Whether the twin has effects as given, which the machine may have in another form.
+        Whether the given twin has effects, of which the machine may have a variant.
     """
     return np.concatenate((_conditions(pair, speeds, has_effects), _slip(pair), extent(statistics)))
 
@@ -66,13 +67,12 @@ def _conditions(pair: Pair, speeds: Speeds | None, has_effects: bool) -> Array:
 
 
 def _slip(pair: Pair) -> Array:
-    """Cage slip that the faults' impact rates show beyond the simulator's, its logarithmic size, the logarithm of what
-    it leaves unexplained, and the part of the slip by which rollers spin otherwise.
+    """[4] Difference in cage slip from the impact rates: slip, logarithms of its size and of the residual, and the part
+    of the slip that changes the rollers' spin. NaN with fewer than two faults.
 
-    Each fault's rate moves with slip by a factor of its own (BPFO one way, BPFI the other), so one number has to
-    explain both races. A roller's rate is used only where one of the races is missing: its spin does not follow from
-    the cage.
-    NaN with fewer than two faults.
+    Slip changes the rate of each fault by a different factor (BPFO and BPFI in opposite directions), so that one slip
+    has to explain both races. The rate of a roller defect is used only where one of the races is missing, because the
+    rollers' spin does not follow from the cage.
     """
     bearing, rate = pair.real.summaries[0].frame.bearing, RECORD_NAMES.index("impacts.rate_log_ratio")
     slipped = bearing.slipped(1 - _SMALL_SLIP)

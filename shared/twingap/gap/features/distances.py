@@ -1,7 +1,6 @@
-"""Features: distances between two sets of records, overall and in each domain.
+"""Features: distances between two sets of records, over all domains and in each.
 
-Distances are in standard deviations between records, as reports have them, but negative where the unbiased square is:
-the least of what chance makes of no distance at all.
+Distances are in standard deviations between records, as in reports, but negative where the unbiased square is negative.
 """
 
 from __future__ import annotations
@@ -17,7 +16,7 @@ from twingap.gap.distance.paired import Paired
 
 
 def _names() -> tuple[str, ...]:
-    """Over all domains, of each domain, and of each kind of bins in a domain that has several."""
+    """Names: all domains, each domain, and each kind of bins of a domain with several kinds."""
     names = ["all_domains", *(domain.name for domain in DOMAINS)]
     for domain in DOMAINS:
         kinds = tuple(dict.fromkeys(domain.axis(Grid(1e4, 40.0, 20.0, 1.0)).kind))

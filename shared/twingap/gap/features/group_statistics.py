@@ -1,4 +1,4 @@
-"""Statistics of record features over groups of records: what two sets differ by, and how surely.
+"""Statistics of record features over groups of records: differences of two sets, and their significance.
 
 values [records, features] of both sets --by fault, or healthy and faulty--> difference, z, level
                                         --within each fault--> spread; slopes over speed and over time, with z
@@ -21,9 +21,9 @@ Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 GROUPS: Final = {True: ("all", "outer", "inner", "ball"), False: ("all", "healthy", "faulty")}
-"""Groups of records that means are taken over, for features of impacts (True) and for all others."""
+"""Groups of records for means, of features of impacts (True) and of all others."""
 _FEWEST_FREE: Final = 2
-"""Degrees of freedom from which z is of paired differences; with fewer, of the spread on each side."""
+"""Smallest number of degrees of freedom for z of paired differences; with fewer, z is from the spread on each side."""
 
 
 @cache
@@ -38,13 +38,13 @@ def feature_names() -> tuple[str, ...]:
 
 
 def compare(pair: Pair) -> Array:
-    """[statistics] Of all record features; see `feature_names`."""
+    """[statistics] Statistics of all record features; see `feature_names`."""
     return np.concatenate([*_by_group(pair), _spread(pair), *_trends(pair)])
 
 
 def extent(statistics: Array) -> Array:
-    """[6] How far two sets differ in whatever feature: ln(1 + .) of the 1st, 4th, 13th, 41st and 121st largest |z|, and
-    of the mean square.
+    """[6] Extent of the differences: ln(1 + .) of the 1st, 4th, 13th, 41st and 121st largest |z|, and of the mean
+    square.
 
     Parameters
     ----------
@@ -79,7 +79,7 @@ def _by_group(pair: Pair) -> list[Array]:
                 continue
             mean_r, mean_b = np.nanmean(r, axis=0), np.nanmean(b, axis=0)
             n_r, n_b = np.isfinite(r).sum(axis=0), np.isfinite(b).sum(axis=0)
-            # Two records of a kind say little of their spread: a hundredth of the level keeps z finite.
+            # The spread of two records is uncertain: a hundredth of the level keeps z finite.
             small = 1e-3 + 0.01 * np.abs(mean_b)
             within = np.nansum((r - mean_r) ** 2, axis=0) + np.nansum((b - mean_b) ** 2, axis=0)
             variance = within / np.maximum(n_r + n_b - 2, 1) + small**2
@@ -88,24 +88,24 @@ def _by_group(pair: Pair) -> list[Array]:
             z = normal_deviate(t, n_r + n_b - 2)
             if paired:
                 z = paired_z(r - b, ours[_in_group(ours, group)], small, z)
-            columns += [diff, z, known_medians(r)]  # a median: one wrong line is no level
+            columns += [diff, z, known_medians(r)]  # a median, robust against a wrong line
     return columns
 
 
 def paired_z(differences: Array, kinds: NDArray[np.str_], small: Array, otherwise: Array) -> Array:
     """Normal deviates of the mean difference between records and simulated ones of the same conditions.
 
-    What speed and fault do to a feature is in both of a pair, and does not widen the error.
+    The influence of speed and fault is in both records of a pair and does not increase the error.
 
     Parameters
     ----------
     differences : Array [pairs, features]
     kinds : Array [pairs]
-        Fault of each; each has a mean of its own.
+        Fault of each pair; each fault has its own mean.
     small : Array [features]
-        Standard deviation that is added in squares, so that a spread of nothing gives a finite z.
+        Standard deviation that is added in squares, so that z stays finite without spread.
     otherwise : Array [features]
-        Values where too few pairs are known.
+        Values for features with too few known pairs.
 
     Returns
     -------

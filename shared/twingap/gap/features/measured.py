@@ -27,9 +27,9 @@ class Measured:
     values : Array [records, features]
         In the order of `registry.NAMES`; NaN where a feature does not apply.
     summaries : tuple of RecordSummary [records]
-        What measurements over several records need.
+        Summaries for measurements over several records.
     vectors : FeatureVectors [records]
-        What distances are measured in.
+        Feature vectors for distances.
     """
 
     values: Array
@@ -48,12 +48,12 @@ class Measured:
 
     @cached_property
     def pooled(self) -> PooledRecords:
-        """These records for pooled measurements, without those of the other part."""
+        """These records for pooled measurements, without the other part."""
         return PooledRecords(self.summaries)
 
     @cached_property
     def spectral_fit(self) -> Array:
-        """[path.NAMES] Which models fit the mean spectra, and their values."""
+        """[path.NAMES] Fits of models to the mean spectra, and their values."""
         found = path.measure(self.summaries)
         return np.array([found[name] for name in path.NAMES])
 
@@ -71,8 +71,8 @@ class Pair:
     real, simulated : Measured
         Where both have the same conditions in the same order, features compare record by record.
     external : bool
-        Whether the simulated records are the user's own, of a simulator of this machine: both sides are then sampled
-        alike, nothing had to be matched, and small differences mean more.
+        Whether the simulated records are from the user's simulator of this machine. The response is then sampled in
+        the same way on both sides, and no parameter was fitted.
     """
 
     real: Measured

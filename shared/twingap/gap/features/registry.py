@@ -1,4 +1,4 @@
-"""Registry of features: which module measures what, in the order of the feature vector.
+"""Registry of features: the modules that measure them, in the order of the feature vector.
 
 one record   --RECORD_FEATURES--> values per record --group_statistics--> differences, z, levels, spreads, trends --+
 two sets     --SET_FEATURES-----> values per pair of sets ----------------------------------------------------------+
@@ -14,7 +14,7 @@ How to add a feature:
    `compare(...) -> {name: value}`, and add a line to `SET_FEATURES`.
 3. NaN means "does not apply" or "not known"; values are dimensionless, best as logarithms, so that differences between
    measured and simulated records mean the same on every machine.
-4. Name the feature in `features` of the effects that it can indicate: a detector reads the features of its effect only.
+4. Add the feature to `features` of the effects that it can indicate: a detector uses the features of its effect only.
 5. Learned detectors know features by name and order: train again (`twingap train`).
 """
 
@@ -52,7 +52,7 @@ class RecordFeatures:
     measure : callable
         Record -> name -> value, NaN where it does not apply.
     of_impacts : bool
-        Whether they are measured on the impacts of a defect: means are then taken over records of each fault, else
+        Whether they are measured on the impacts of a defect. Means are then over records of each fault, otherwise
         over healthy and faulty records.
     """
 

@@ -9,7 +9,7 @@ from typing import Final
 from twingap.effects import Effect, catalogue
 
 _OF_THE_SET: Final = ("shape", "path", "change", "pooled", "impulse_response", "comb", "trend")
-"""Families of features of the whole set of records, named ``family|feature`` in patterns."""
+"""Families of features of sets of records, named ``family|feature`` in patterns."""
 _ALWAYS: Final = ("own_simulator", "records", "healthy_share", "log_samples", "log_turns", "speeds", "span_s")
 """Features of the records' conditions that every detector uses."""
 

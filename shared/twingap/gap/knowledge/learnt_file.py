@@ -248,6 +248,3 @@ class _TreeReader:
             first += count
         line, later = (tuple(row[name]) for name in ("line", "line_later"))
         return Ensemble(self.columns(columns) if of_features else columns, models, line, later)
-
-
-__all__ = ["FORMAT", "definition", "read_learnt", "write_learnt"]

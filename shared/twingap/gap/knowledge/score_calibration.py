@@ -1,4 +1,4 @@
-"""Score calibration: probabilities that effects are missing, from outcomes of whole searches.
+"""Score calibration: probabilities that effects are missing, from outcomes of searches.
 
 searches on machines not trained on --outcome of every effect--> logistic regression --> ScoreCalibration
                                     --cross-validated probabilities--> limit from which an effect is named
@@ -6,7 +6,7 @@ outcome of every effect of a new search --ScoreCalibration--> probability that i
 
 Detectors are calibrated on single evaluations. A search evaluates them repeatedly and selects the strongest effects: a
 named effect is more probable than its last log odds indicate, and so are effects that were not named where a rest
-remains or many effects are missing. Both relations are learnt from whole searches on machines that no detector was
+remains or many effects are missing. Both relations are learnt from searches on machines that no detector was
 trained on (stacking: Wolpert 1992, doi:10.1016/S0893-6080(05)80023-1).
 """
 

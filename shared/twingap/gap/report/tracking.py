@@ -1,7 +1,7 @@
 """A diagnosis as a tracked run, so that several diagnoses compare.
 
-GapReport + files --log_report--> Run: parameters (verdict, twin, records, seed), metrics (p-value, closures, before and
-                                  after), tables (where, which, shrink), artifacts (gap.json, report.html)
+GapReport + files --track_report--> Run: parameters (verdict, twin, records, seed), metrics (p-value, closures, gaps),
+                                    tables (where, which, shrink), artifacts (gap.json, report.html)
 """
 
 from __future__ import annotations
@@ -14,16 +14,14 @@ from typing import TYPE_CHECKING, Any
 from twingap.gap.report.model import GapReport
 
 if TYPE_CHECKING:
-    from twingap.track import Run, Tracker
+    from twingap.track import Tracker
 
 _OWN_PLACE = ("runtime_s", "records_sha256")
 """Entries of the provenance that are no settings: logged as a metric and as data."""
 
 
-def track_report(
-    tracker: Tracker, report: GapReport, files: Iterable[str | os.PathLike[str]] = (), name: str | None = None
-) -> None:
-    """Log a diagnosis as a run of its own.
+def track_report(tracker: Tracker, report: GapReport, files: Iterable[str | os.PathLike[str]] = ()) -> None:
+    """Log a diagnosis as a run, named by records, twin and seed.
 
     Parameters
     ----------
@@ -31,44 +29,38 @@ def track_report(
         A tracker, or a run that this one nests in.
     report : GapReport
     files : iterable of path-like
-        To be kept with the run: gap.json, report.html.
-    name : str, optional
-        Of the run; default: records, twin and seed.
+        Files to keep with the run: gap.json, report.html.
 
     Raises
     ------
     TwingapError
         When the tracker's store cannot be written.
     """
-    records = str(report.provenance.get("records", ""))
-    tags = {"kind": "gap", "status": report.verdict.status, "effects": ", ".join(report.verdict.effects)}
-    described = (records, report.provenance.get("twin"), f"seed {report.provenance.get('seed', 0)}")
-    with tracker.run(name or " · ".join(str(word) for word in described if word), tags) as run:
-        log_report(run, report, files)
-
-
-def log_report(run: Run, report: GapReport, files: Iterable[str | os.PathLike[str]] = ()) -> None:
-    """Log a diagnosis into an open run; see `track_report`."""
-    verdict = report.verdict
-    run.parameters(
-        {
-            "status": verdict.status,
-            "effects": ", ".join(verdict.effects),
-            **({} if report.stand_ins is None else {"stand_ins": ", ".join(report.stand_ins.effects)}),
-            "confidence_set": json.dumps([list(effects) for effects in verdict.confidence_set], ensure_ascii=False),
-            **{key: value for key, value in report.provenance.items() if key not in _OWN_PLACE},
-        }
-    )
-    run.metrics(_metrics(report))
-    run.data(str(report.provenance.get("records") or "records"), str(report.provenance["records_sha256"]))
-    for table, frame in (("where", report.where), ("which", report.which), ("shrink", report.shrink)):
-        # A cell that holds a table has no place in a column of a CSV file.
-        run.table(
-            table, frame.map(lambda cell: json.dumps(cell, ensure_ascii=False) if isinstance(cell, dict) else cell)
+    verdict, stated = report.verdict, report.provenance
+    records, effects = str(stated.get("records", "")), ", ".join(verdict.effects)
+    name = " · ".join(str(word) for word in (records, stated.get("twin"), f"seed {stated.get('seed', 0)}") if word)
+    with tracker.run(name, {"kind": "gap", "status": verdict.status, "effects": effects}) as run:
+        run.parameters(
+            {
+                "status": verdict.status,
+                "effects": effects,
+                **({} if report.stand_ins is None else {"stand_ins": ", ".join(report.stand_ins.effects)}),
+                "confidence_set": json.dumps([list(names) for names in verdict.confidence_set], ensure_ascii=False),
+                **{key: value for key, value in stated.items() if key not in _OWN_PLACE},
+            }
         )
-    run.text("verdict.md", "\n\n".join((report.sentence, *report.notes)) + "\n")
-    for path in files:
-        run.file(path)
+        run.metrics(_metrics(report))
+        run.data(records or "records", str(stated["records_sha256"]))
+        for table, frame in (("where", report.where), ("which", report.which), ("shrink", report.shrink)):
+            run.table(table, frame.map(_plain_cell))
+        run.text("verdict.md", "\n\n".join((report.sentence, *report.notes)) + "\n")
+        for path in files:
+            run.file(path)
+
+
+def _plain_cell(cell: Any) -> Any:
+    """A cell of a CSV file: tables as JSON."""
+    return json.dumps(cell, ensure_ascii=False) if isinstance(cell, dict) else cell
 
 
 def _metrics(report: GapReport) -> dict[str, Any]:

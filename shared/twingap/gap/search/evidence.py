@@ -412,6 +412,3 @@ def level_of(simulator: Simulator, given: TwinSpec) -> tuple[str, float] | None:
         scale = flat(all_parameters(simulator.spec)).get("scale")
         return None if scale is None else ("scale", float(scale))
     return None
-
-
-__all__ = ["Compared", "Evidence", "level_of", "replicates_of", "simulator_of"]

@@ -327,7 +327,7 @@ class _Search:
         shrunk = 0
         while shrunk < _SHRINKS and self.left > 0:
             self.left -= 1
-            here = self.tried(*self._current())
+            here = self.tried(*(self.built(self.at) or (self.simulator, self.effects)))
             base, weight = here.residuals(), np.sqrt(here.counts())
             columns = {key: self._derivative(key, base) for key in self.at if key not in self.integers}
             moved = {key: (column * weight).ravel() for key, column in columns.items() if column is not None}
@@ -369,10 +369,6 @@ class _Search:
             validation_distance(self.evidence, s, e) for s, e in ((simulator, effects), (self.simulator, self.effects))
         )
         return now <= then
-
-    def _current(self) -> tuple[Simulator, tuple[Effect, ...]]:
-        """The simulator and its effects at the current values."""
-        return self.built(self.at) or (self.simulator, self.effects)
 
     def _derivative(self, key: Key, base: Array) -> Array | None:
         """[strata + slopes, bins] Change of residuals per step of a value; None where the value cannot be moved."""

@@ -16,7 +16,7 @@ from twingap.signal.record_transforms import RecordTransforms
 Array = NDArray[np.float64]
 
 _QUANTILES: Final = (0.5, 0.9, 0.99, 0.999)
-"""Of |x|; higher ones depend on single samples."""
+"""Quantiles of |x|. Higher ones depend on single samples."""
 
 
 def measure_amplitudes(record: RecordTransforms, out: dict[str, float]) -> None:

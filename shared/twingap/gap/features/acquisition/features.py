@@ -27,10 +27,11 @@ NAMES: Final[tuple[str, ...]] = (
 """Keys of `measure`."""
 
 FINEST: Final = 3e-3
-"""Step over the healthy RMS below which grids count as this fine: about 16 bits over a fair range."""
+"""Smallest step over the healthy RMS that is distinguished: about 16 bits. A smaller value makes features sensitive to
+fine converters."""
 
 _SHORTEST: Final = 4
-"""Equal samples in a row from which a stretch counts as missing: continuous noise never shows as many."""
+"""Smallest number of equal samples in a row that count as a gap. A larger value misses short gaps."""
 
 
 def measure(record: RecordTransforms) -> dict[str, float]:
@@ -41,7 +42,7 @@ def measure(record: RecordTransforms) -> dict[str, float]:
         return out
     high, low = float(x.max()), float(x.min())
     span = high - low
-    # Single precision and unit conversions separate equal values by this much.
+    # Largest difference of equal values after unit conversions in single precision.
     same = max(4e-7 * max(abs(high), abs(low)), 1e-300)
     if span <= 8 * same:
         return out
@@ -75,7 +76,7 @@ def grid(values: Array, span: float, same: float) -> tuple[float, float, int]:
     Returns
     -------
     (float, float, int)
-        Step; rms distance of the values' differences from whole multiples of it, in steps (0.29 where there is no
+        Step; rms distance of the values' differences from integer multiples of it, in steps (0.29 where there is no
         grid); number of distinct values.
     """
     ordered = np.sort(values)
@@ -104,7 +105,7 @@ def grid(values: Array, span: float, same: float) -> tuple[float, float, int]:
 def _clipping(
     x: Array, runs: Array, high: float, low: float, same: float, step: float, scale: float, out: dict[str, float]
 ) -> bool:
-    """Visits of the extremes compared with those of a strip just inside them; whether the record is clipped."""
+    """Fill the features of clipping, from counts of extremes and of a strip inside them; True for a clipped record."""
     span = high - low
     strip = max(0.02 * span, 1.5 * step)
     at_high, at_low = runs >= high - same, runs <= low + same
@@ -144,7 +145,7 @@ def _gaps(
     rms: float,
     out: dict[str, float],
 ) -> None:
-    """Runs of equal samples longer than the grid makes them."""
+    """Fill the features of gaps: runs of equal samples longer than quantisation makes them."""
     fs_hz, n = record.fs_hz, record.x.size
     shortest = _SHORTEST
     if step > 0:

@@ -36,10 +36,10 @@ NAMES: Final[tuple[str, ...]] = (
 """Keys of `measure`. Natural logs where the name ends in log, level, snr, gain or evidence."""
 
 _TIMING_FLOOR: Final = 1e-3
-"""Passes; logs of timing spreads flatten below it: smaller, and noise of the measurement looks like differences."""
+"""Floor of timing spreads in their logarithms, passes. A smaller value takes measurement noise for differences."""
 
 _STRENGTH_FLOOR: Final = 0.02
-"""Relative; logs of strength spreads flatten below it, for the same reason."""
+"""The same for relative strength spreads."""
 
 
 def measure(record: RecordTransforms) -> dict[str, float]:

@@ -50,7 +50,8 @@ _NOISE: Final = 0.01
 _LEAST_SCORE: Final = 1.5
 """Score from which a delay is reported: a mode that healthy records do not show exactly can reach as much."""
 _DROWNED: Final = 2.0
-"""Least total power of a record, in standard errors: keeps records without visible impacts from dominating the mean."""
+"""Smallest total power of a record, in standard errors, so that records without detectable impacts do not dominate the
+mean."""
 _STANDING: Final = 4.0
 """Standard deviations above the noise from which a stretch of harmonics counts in full."""
 _COUNTED: Final = 0.15
@@ -104,9 +105,9 @@ def compare(
 
 
 def _comb(ratios: Iterable[tuple[str, _Ratio]], bearing: Bearing) -> dict[str, float]:
-    """Of the comb |1 + r exp(i k a)|^2 over harmonics k that a second impact, r times the first, would make.
+    """Fit of the comb |1 + r exp(i k a)|^2 over harmonics k of a second impact, r times the first.
 
-    All faults share r; each has a delay of its own.
+    All faults share r; each has its own delay.
     """
     before = known = 0.0
     after, over_path = np.zeros((2, 2, len(_RATIOS)))
@@ -149,7 +150,7 @@ class _Explained(NamedTuple):
 
 
 def _explained(ratio: _Ratio) -> _Explained:
-    """How much of one fault's ratio combs explain, the path and what is slow over harmonics taken out of both."""
+    """Combs fitted to one fault's ratio, after the path and slow variation over harmonics are removed from both."""
     seen = np.flatnonzero(ratio.weight)
     root, place = np.sqrt(ratio.weight[seen]), (seen + 1) / ratio.weight.size
     smooth = [np.ones(seen.size), place, place**2]
@@ -181,7 +182,7 @@ def _explained(ratio: _Ratio) -> _Explained:
 def _over_harmonics(
     real: Sequence[ImpactSpectrum], simulated: Sequence[ImpactSpectrum], noise: Array | None, fault: str, *, faint: bool
 ) -> _Ratio:
-    """Of the mean power around the harmonics of one fault.
+    """Ratio of the mean power around the harmonics of one fault.
 
     With `faint`, a harmonic counts where its neighbours are above the noise: the minima of a comb hold noise alone, and
     are what shows it.
@@ -207,7 +208,7 @@ def _over_harmonics(
 def _mean(kept: Sequence[ImpactSpectrum]) -> tuple[Array, Array]:
     """[harmonics] Mean power of records as loud as one another, and its error; as far as half of the records reach.
 
-    Records are weighted by inverse variance, so that records without visible impacts do not hide the others'.
+    Records are weighted by inverse variance, so that records without detectable impacts do not hide the others'.
     """
     most = max(s.power.size for s in kept)
     power, squares, weights, count = np.zeros((4, most))

@@ -1,4 +1,4 @@
-"""Entry and exit impacts of a pass: does the mean waveform hold two copies of one response, how far apart, how strong?
+"""Entry and exit impacts of a pass: test for two copies of one response in the mean waveform, with delay and ratio.
 
 samples, impact times -> mean waveform of a pass, sub-sample aligned -> all-pole model of its tail -> inverse filter
     -> two-pulse fit over all delays -> gain over one pulse, delay, ratio
@@ -102,7 +102,7 @@ def mean_waveform(x: Array, seen: Impacts, fs_hz: float, spacing: float) -> tupl
         return None, np.zeros(0), np.zeros(0)
     first_sample, part = first_sample[inside], (start - np.floor(start))[inside]
     strength = seen.strength[inside] / max(float(seen.strength.mean()), 1e-300)
-    # The ends are cut off after the shift by parts of a sample, which rings there.
+    # The ends are cut off after the fractional shift, which oscillates there.
     spectra = scipy.fft.rfft(x[first_sample[:, None] + np.arange(long)] * _soft(long, EDGE), axis=1)
     spectra = spectra * np.exp(2j * np.pi * np.arange(long // 2 + 1) / long * part[:, None])
     weight = strength / float((strength**2).sum())
@@ -178,7 +178,7 @@ def two_pulses(
     if delays.size < 2:
         return None
     # Every third place first, then all about the best: the kernel is wider than that. One of the two impacts is near
-    # what looks like the only one.
+    # the best single one.
     near = np.arange(max(place - int(delays[-1]) - 4 * UPSAMPLE, 0), min(place + 4 * UPSAMPLE, near.size))
     energy = _pair(response, kernel, near[::3], delays[::3])[0]
     i, j = np.unravel_index(int(energy.argmax()), energy.shape)
@@ -238,7 +238,7 @@ def _predictor(waveform: Array, start: int, order: int = 2) -> Array | None:
 
 
 def _body_rate(record: RecordTransforms) -> float:
-    """Turns of the struck body past the roller per turn of the shaft, at kinematic orders (see `effects.EntryExit`)."""
+    """Turns of the body with the defect past the roller per turn of the shaft (see `effects.EntryExit`)."""
     fault, cage = str(record.condition.fault), record.bearing.ftf
     rates = {"outer": cage, "inner": 1 - cage, "ball": record.bearing.bsf, "cage": 1 - cage}
     return rates[fault]

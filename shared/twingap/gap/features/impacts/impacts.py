@@ -37,7 +37,7 @@ class Impacts:
     Attributes
     ----------
     number : Array [N]
-        Whole passes since the first impact.
+        Number of passes since the first impact.
     time_s : Array [N]
         Time of each, s since the record's start (up to a constant).
     strength : Array [N]

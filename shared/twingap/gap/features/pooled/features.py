@@ -2,8 +2,8 @@
 
 summaries of both parts, measured and simulated --lines of mean spectra, entry-exit combs, trends of levels--> features
 
-What is pooled is what calibration hardly moves: no parameter of a twin's baseline makes a line, or a trend within a
-fault. All other features are compared on one part at a time.
+Only features that calibration hardly affects are pooled: no parameter of a twin's baseline produces a line, or a trend
+within a fault. All other features are compared on one part at a time.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class PooledRecords:
-    """Records that are measured together.
+    """Records for pooled measurements.
 
     Parameters
     ----------
@@ -52,7 +52,7 @@ class PooledRecords:
 
     @cached_property
     def impact_spectra(self) -> list[ImpactSpectrum]:
-        """Of the records with impacts."""
+        """Impact spectra of the records with impacts."""
         return [summary.impact_spectrum for summary in self.summaries if summary.impact_spectrum is not None]
 
 
@@ -65,7 +65,7 @@ def feature_names() -> Sequence[str]:
 
 
 def levels(real: PooledRecords, simulated: PooledRecords) -> Levels:
-    """Levels of the records that both sides have, in the order of the first."""
+    """Levels of the records that are in both sets, in the order of the first."""
     theirs = {summary.condition.name: summary for summary in simulated.summaries}
     ours = [summary for summary in real.summaries if summary.condition.name in theirs]
     return Levels.of(ours, [theirs[summary.condition.name] for summary in ours])
@@ -78,14 +78,14 @@ def compare(real: PooledRecords, simulated: PooledRecords, over: Levels) -> Arra
     ----------
     real, simulated : PooledRecords
     over : Levels
-        What trends are computed on: see `levels`.
+        Levels for the trends, see `levels`.
     """
     bearing = real.summaries[0].frame.bearing
     combs = impact_pair_comb.compare(
         real.impact_spectra, simulated.impact_spectra, bearing, real.noise - simulated.noise
     )
     with warnings.catch_warnings(), np.errstate(all="ignore"):
-        warnings.simplefilter("ignore", RuntimeWarning)  # means of nothing are NaN, and meant so
+        warnings.simplefilter("ignore", RuntimeWarning)  # means of empty sets are NaN on purpose
         slopes = over.trends()
     first = [*(combs[name] for name in impact_pair_comb.NAMES), *(slopes[name] for name in trends.NAMES)]
     return np.concatenate((first, real.lines, real.lines - simulated.lines))

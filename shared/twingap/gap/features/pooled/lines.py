@@ -27,11 +27,11 @@ NAMES: Final = (
     "envelope_1x", "envelope_2x", "envelope_cage", "foreign", "foreign_order", "modulation_fixed", "modulation_hz",
 )  # fmt: skip
 _MOST_BY_ONE: Final = 300
-"""Records that are searched one by one: more find fainter gears and waviness, and take longer."""
+"""Largest number of records that are searched one by one. More find fainter gears and waviness, and take longer."""
 
 
 def measure(records: Sequence[Whitened], bearing: Bearing) -> dict[str, float]:
-    """`NAMES` -> value for a set of records; NaN without records. Lines as z, compressed, places as logarithms."""
+    """`NAMES` -> value of a set of records; NaN without records. Lines as compressed z, places as logarithms."""
     out = dict.fromkeys(NAMES, math.nan)
     if not records:
         return out
@@ -64,7 +64,7 @@ def _compressed(z: float) -> float:
 
 
 def _turning(turns: Mean, bearing: Bearing, out: dict[str, float]) -> None:
-    """The strongest line that turns with the shaft at an order that is neither whole, half, nor this bearing's."""
+    """Fill the strongest line at an order that is neither an integer, a half order, nor this bearing's."""
     places, z = turns.places, turns.common.copy()
     z[places > 40.0] = np.nan
     for comb in (0.5, bearing.bpfo, bearing.bpfi, 2 * bearing.bsf):
@@ -76,10 +76,10 @@ def _turning(turns: Mean, bearing: Bearing, out: dict[str, float]) -> None:
 
 
 def _foreign(envelope: Mean, bearing: Bearing, out: dict[str, float]) -> None:
-    """The comb of the envelope at an order that is not this bearing's nor the shaft's."""
+    """Fill the best comb of the envelope at an order that is neither this bearing's nor the shaft's."""
     places = np.arange(1.1, 14.0, 0.004)
     z = np.clip(envelope.at(places[:, None] * np.arange(1, 4)), -MOST_Z, 4 * MOST_Z)
-    # First lines weigh most: with equal weights, every third line would be as good a comb.
+    # With equal weights, a comb of every third line would score equally.
     weight = 1 / np.arange(1.0, 4.0)
     score = np.nan_to_num(z) @ weight / math.sqrt(weight @ weight)
     score[np.isnan(z[:, 0])] = np.nan
@@ -89,13 +89,13 @@ def _foreign(envelope: Mean, bearing: Bearing, out: dict[str, float]) -> None:
     if np.isfinite(score).any():
         best = float(np.nanmax(score))
         near = score >= 0.9 * best if best > 0 else score == best
-        place = int(np.argmax(near))  # combs at multiples of the true rate are as good: the lowest is the true one
+        place = int(np.argmax(near))  # combs at multiples of the true rate score equally: the lowest is the true one
         place += int(np.nanargmax(score[place : place + 4]))
         out["foreign"], out["foreign_order"] = best, math.log(places[place])
 
 
 def _modulation(envelope: Mean, out: dict[str, float]) -> None:
-    """The strongest line of the envelope that is fixed in Hz: a modulation that is tied to no rotation."""
+    """Fill the strongest envelope line that is fixed in Hz: a modulation independent of rotation."""
     z = np.where(envelope.places < 120.0, envelope.z, np.nan)
     if np.isfinite(z).any():
         place = int(np.nanargmax(z))

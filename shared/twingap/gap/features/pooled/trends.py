@@ -4,8 +4,8 @@ values [records, features], speed or time --slope within each fault--> slope, no
 RMS of all records, both parts ----excess over healthy ones----> levels of impacts and noise --slope--> `Levels.trends`
 power at harmonics of the impact rate --ratio-----------------> levels of impacts, independent of tones and noise
 
-A twin has one impact amplitude for each fault, so the change of a fault's level with speed stays, however the twin was
-calibrated. Levels are compared over both parts, since one part may hold a fault at one speed only.
+A twin has one impact amplitude for each fault, so that calibration does not change the trend of a fault's level over
+speed. Levels are compared over both parts, since one part may contain a fault at one speed only.
 """
 
 from __future__ import annotations
@@ -26,18 +26,19 @@ Array = NDArray[np.float64]
 FEWEST: Final = 4
 """Records below which no slope is computed."""
 _CLEAR: Final = 1.15
-"""Power over that of healthy records from which the level of impacts is known: smaller, and noise counts as impacts."""
+"""Smallest power over that of healthy records at which the level of impacts is computed. A smaller value takes noise
+for impacts."""
 _SURE: Final = 4.0
-"""Standard errors from which the power at harmonics is known."""
+"""Smallest power at harmonics, in standard errors. A smaller value admits noise."""
 _USUAL: Final = 0.05
-"""Usual scatter of a fault's level from speed to speed, as harmonics pass modes (natural logarithm). Larger: weak
-trends count less."""
+"""Prior scatter of a fault's log level between speeds, as harmonics pass modes. A larger value makes weak trends less
+significant."""
 _USUAL_NOISE: Final = 0.015
-"""The same of noise."""
+"""The same for noise."""
 _KNOWN: Final = 4.0
-"""Degrees of freedom that the usual scatter is worth: more, and the scatter seen counts less."""
+"""Degrees of freedom of the prior scatter. A larger value gives the observed scatter less weight."""
 _ALIKE: Final = 0.01
-"""Log ratio of speeds below which they count as one."""
+"""Log ratio below which speeds count as equal. A larger value averages more records."""
 _TRENDS: Final = (
     "speed_impacts", "speed_noise", "time_impacts", "time_noise", "speed_partial", "time_partial", "speed_harmonics",
     "time_harmonics",
@@ -80,7 +81,7 @@ class Levels:
         impacts, noise = ours[0] - theirs[0], ours[1] - theirs[1]
         out: list[float] = []
         speed, time = covariates(self.conditions)
-        # Harmonics meet modes alike in all records of a fault at one speed: these are one observation.
+        # Records of a fault at one speed have the same harmonics at modes: they are one observation.
         alike, each = np.rint(speed / _ALIKE).astype(int), np.arange(len(speed))
         both = np.isfinite(impacts + time)
         wanted = [
@@ -102,9 +103,9 @@ class Levels:
         """[records] Log amplitude of the impacts, and of records without any; NaN elsewhere."""
         healthy = np.array([c.fault == "healthy" for c in self.conditions])
         power = np.maximum(rms**2, 1e-300)
-        quiet = float(power[healthy].mean()) if healthy.any() else 0.0
-        audible = ~healthy & (power > _CLEAR * quiet)
-        impacts = np.where(audible, 0.5 * np.log(np.maximum(power - quiet, 1e-300)), np.nan)
+        noise = float(power[healthy].mean()) if healthy.any() else 0.0
+        detectable = ~healthy & (power > _CLEAR * noise)
+        impacts = np.where(detectable, 0.5 * np.log(np.maximum(power - noise, 1e-300)), np.nan)
         return impacts, np.where(healthy, 0.5 * np.log(power), np.nan)
 
 
@@ -158,10 +159,10 @@ def slope(x: Array, y: Array, kinds: NDArray[np.str_], usual: float = 0.0) -> tu
     x : Array [records]
     y : Array [records, features]
     kinds : Array [records]
-        Each has a mean of its own.
+        Fault of each record; each fault has its own mean.
     usual : float
-        Usual scatter of y, 0 where it is not known: a prior worth `_KNOWN` degrees of freedom (Smyth 2004,
-        doi:10.2202/1544-6115.1027), so that few records on a line by chance are not taken for exact.
+        Prior scatter of y with `_KNOWN` degrees of freedom (Smyth 2004, doi:10.2202/1544-6115.1027), so that few
+        records on a line by chance do not give an exact slope; 0 for none.
 
     Returns
     -------
@@ -199,7 +200,7 @@ def slope(x: Array, y: Array, kinds: NDArray[np.str_], usual: float = 0.0) -> tu
 def normal_deviate(t: Array, free: NDArray[Any]) -> Array:
     """Normal deviates with the tail probability of Student's t at these degrees of freedom.
 
-    With few records, large t occur by chance; normal deviates mean the same at any number of records. Wallace
+    With few records, large t occur by chance; normal deviates are comparable between numbers of records. Wallace
     1959, doi:10.1214/aoms/1177706089, within 0.2 from three degrees of freedom on.
     """
     free = np.maximum(free, 1)

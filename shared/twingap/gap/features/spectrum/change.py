@@ -1,4 +1,4 @@
-"""Spectral change: which one change of the simulated spectra gives the measured ones, by robust likelihood.
+"""Spectral change: the single change of the simulated spectra that best gives the measured ones, by robust likelihood.
 
 pairs of records, measured and simulated, same condition
     --mean log ratio with its error: noise of healthy records, all power of records with impacts-->
@@ -23,17 +23,16 @@ from numpy.typing import NDArray
 from twingap._compiled import njit
 from twingap.gap.features.impacts.parallel_mode import Path
 from twingap.gap.features.impacts.response_sampling import continuous
-from twingap.gap.features.spectrum.record_summary import RecordSummary
+from twingap.gap.features.spectrum.record_summary import RecordSummary, log_bands
 from twingap.gap.features.spectrum.smooth_shape import mode_shape
-from twingap.signal.record_transforms import SMOOTH_SEGMENTS
 
 Array = NDArray[np.float64]
 
-QUIET_BANDS: Final = 128
+NOISE_BANDS: Final = 128
 """Bands of noise spectra: more resolve sharper changes, each with more noise."""
 IMPACT_BANDS: Final = 64
 """Bands of `ImpactSpectrum.density`."""
-BANDS: Final = QUIET_BANDS + IMPACT_BANDS
+BANDS: Final = NOISE_BANDS + IMPACT_BANDS
 _LEAST_ERROR: Final = 0.04
 """Least error of a mean log ratio (0.17 dB), left by calibration: smaller, and small misfits count as changes."""
 _ALONE: Final = 0.15
@@ -76,7 +75,7 @@ class _Best(NamedTuple):
 def compare(
     real: Sequence[RecordSummary], simulated: Sequence[RecordSummary], *, same_sampling: bool = False
 ) -> dict[str, float]:
-    """Which one change of the simulated spectra gives the measured ones.
+    """Fits of single changes of the simulated spectra to the measured ones.
 
     Parameters
     ----------
@@ -108,10 +107,10 @@ def compare(
         out[f"{name}_gain"] = gain
         out[f"{name}_lead"] = gain - max(g for n, g in gains.items() if n != name)
     out["best_cost"] = math.log(min(best.cost for best in found.values()) / pairs.count + 1e-3)
-    place, damping, quiet, impacts = found["mode"].at
+    place, damping, noise, impacts = found["mode"].at
     out["mode_fs"], out["mode_damping"] = math.log(place), math.log(damping)
     out["mode_noise"], out["mode_impacts"] = _heights(found["mode"].curve)
-    out["mode_balance"] = pairs.proportion(quiet, impacts)
+    out["mode_balance"] = pairs.proportion(noise, impacts)
     low, high, level_of = found["band"].at
     out["band_low"], out["band_high"] = math.log(max(low, 1e-3)), math.log(high)
     out["band_level"] = 0.5 * math.log(max(level_of * (high - low), 1e-8))
@@ -135,14 +134,14 @@ def compare(
 
 
 def _heights(curve: Array) -> tuple[float, float]:
-    return float(curve[:QUIET_BANDS].max()), float(curve[QUIET_BANDS:].max())
+    return float(curve[:NOISE_BANDS].max()), float(curve[NOISE_BANDS:].max())
 
 
 def _lows(curve: Array) -> tuple[float, float]:
-    return float(curve[:QUIET_BANDS].min()), float(curve[QUIET_BANDS:].min())
+    return float(curve[:NOISE_BANDS].min()), float(curve[NOISE_BANDS:].min())
 
 
-_SIDES: Final = (slice(0, QUIET_BANDS), slice(QUIET_BANDS, BANDS))
+_SIDES: Final = (slice(0, NOISE_BANDS), slice(NOISE_BANDS, BANDS))
 _PARALLEL: Final = tuple(sign * level for sign in (1.0, -1.0) for level in (0.05, 0.2, 0.6, 1.8, 6.0, 20.0, 80.0))
 """Levels of a mode in parallel that are tried first, power over that of the path; negative against it."""
 
@@ -155,17 +154,17 @@ class _Pairs:
         self.open = np.append(_SETTLED[:-1], _CERTAIN if same_sampling else _SETTLED[-1])
         self.known = error < np.inf
         self.count = int(self.known.sum())
-        self.f = np.concatenate([(np.arange(n) + 0.5) / (2 * n) for n in (QUIET_BANDS, IMPACT_BANDS)])
+        self.f = np.concatenate([(np.arange(n) + 0.5) / (2 * n) for n in (NOISE_BANDS, IMPACT_BANDS)])
         weight = np.where(self.known, 1 / error, 0.0)
-        quiet = np.arange(BANDS) < QUIET_BANDS
+        noise = np.arange(BANDS) < NOISE_BANDS
         self.white = np.where(
-            quiet, np.quantile(base[:QUIET_BANDS], 0.03), np.quantile(base[QUIET_BANDS:], 0.03)
+            noise, np.quantile(base[:NOISE_BANDS], 0.03), np.quantile(base[NOISE_BANDS:], 0.03)
         ).astype(float)
         log = np.log(base)
-        slope = np.concatenate([np.gradient(log[side], np.log(self.f[side])) for side in (quiet, ~quiet)])
+        slope = np.concatenate([np.gradient(log[side], np.log(self.f[side])) for side in (noise, ~noise)])
         behind = np.minimum(self.white / base, 1.0)
         sampling = np.stack([(2 * self.f) ** _TILT, continuous(self.f, self._mode())]) * (1 - _WHITE * behind)
-        basis = np.stack([quiet, ~quiet, sampling[0], -slope, self.white / base, sampling[1]]).astype(float)
+        basis = np.stack([noise, ~noise, sampling[0], -slope, self.white / base, sampling[1]]).astype(float)
         self.weight, self.basis = weight, basis * weight
 
     @classmethod
@@ -176,23 +175,23 @@ class _Pairs:
         if len(real) != len(simulated):
             return None
         healthy = any(o.condition.fault == "healthy" for o in real)
-        quiet, impacts = [], []
+        noise, impacts = [], []
         for ours, theirs in zip(real, simulated, strict=True):
             # Without healthy records, what lies between the lines of the others is noise too.
             if not healthy or ours.condition.fault == "healthy":
-                quiet.append((_bands(ours), _bands(theirs)))
+                noise.append((log_bands(ours, NOISE_BANDS), log_bands(theirs, NOISE_BANDS)))
             if ours.impact_spectrum is not None and theirs.impact_spectrum is not None:
                 impacts.append((_log(ours.impact_spectrum.density), _log(theirs.impact_spectrum.density)))
-        if not quiet and not impacts:
+        if not noise and not impacts:
             return None
-        parts = [_mean(quiet, QUIET_BANDS), _mean(impacts, IMPACT_BANDS)]
+        parts = [_mean(noise, NOISE_BANDS), _mean(impacts, IMPACT_BANDS)]
         ratio, error, base = (np.concatenate(column) for column in zip(*parts, strict=True))
         return cls(ratio, error, base, same_sampling)
 
     def _mode(self) -> float:
         """Where the simulated spectrum is strongest, part of the sampling rate."""
-        quiet = slice(0, QUIET_BANDS) if self.known[:QUIET_BANDS].any() else slice(QUIET_BANDS, BANDS)
-        return float(np.clip(self.f[quiet][np.argmax(self.base[quiet])], 0.01, 0.49))
+        noise = slice(0, NOISE_BANDS) if self.known[:NOISE_BANDS].any() else slice(NOISE_BANDS, BANDS)
+        return float(np.clip(self.f[noise][np.argmax(self.base[noise])], 0.01, 0.49))
 
     def settled(self, *, tilted: bool) -> tuple[float, Array]:
         """Misfit once levels and small errors of calibration (with `tilted`, sampling too) are fitted, and [basis]
@@ -264,7 +263,7 @@ class _Pairs:
 
     def _band_at(self, grid: Sequence[tuple[float, float]]) -> _Best:
         low, high = np.array(grid).T[:, :, None]
-        half = np.where(np.arange(BANDS) < QUIET_BANDS, 0.25 / QUIET_BANDS, 0.25 / IMPACT_BANDS)
+        half = np.where(np.arange(BANDS) < NOISE_BANDS, 0.25 / NOISE_BANDS, 0.25 / IMPACT_BANDS)
         inside = np.minimum(self.f + half, high) - np.maximum(self.f - half, low)
         return self._added(np.clip(inside / (2 * half), 1e-9, 1.0), grid)
 
@@ -275,15 +274,15 @@ class _Pairs:
 
     def _added(self, shape: Array, grid: Sequence[tuple[float, ...]]) -> _Best:
         about = self.ratio.copy()
-        quiet = np.arange(BANDS) < QUIET_BANDS
-        for side in (quiet, ~quiet):
+        noise = np.arange(BANDS) < NOISE_BANDS
+        for side in (noise, ~noise):
             if (side & self.known).any():
                 about[side] -= np.quantile(about[side & self.known], 0.3)
         own = shape / self.base
         size = _size(own, about, self.weight)
         curves = np.log1p(size[:, None] * own)
         place, cost = self._least(curves)
-        mean = float(shape[place, :QUIET_BANDS].mean()) if len(grid[place]) == 1 else 1.0
+        mean = float(shape[place, :NOISE_BANDS].mean()) if len(grid[place]) == 1 else 1.0
         return _Best(cost, (*grid[place], float(size[place]) * mean), curves[place])
 
     def rolloff(self) -> _Best:
@@ -304,22 +303,16 @@ class _Pairs:
         place = int(np.argmin(costs))
         return place, float(costs[place])
 
-    def proportion(self, quiet: float, impacts: float) -> float:
-        """ln of a mode's strength with impacts over that in noise, relative to the same ratio of the whole spectra."""
-        if not self.known[:QUIET_BANDS].any() or not self.known[QUIET_BANDS:].any():
+    def proportion(self, noise: float, impacts: float) -> float:
+        """ln of a mode's strength with impacts over that in noise, relative to the ratio of the spectra's maxima."""
+        if not self.known[:NOISE_BANDS].any() or not self.known[NOISE_BANDS:].any():
             return math.nan
-        others = float(self.base[QUIET_BANDS:].max() / self.base[:QUIET_BANDS].max())
-        return math.log((impacts + 1e-6) / (quiet + 1e-6) / max(others, 1e-9))
+        others = float(self.base[NOISE_BANDS:].max() / self.base[:NOISE_BANDS].max())
+        return math.log((impacts + 1e-6) / (noise + 1e-6) / max(others, 1e-9))
 
 
 def _log(density: Array) -> Array:
     return np.asarray(np.log(np.maximum(density, 1e-30)))
-
-
-def _bands(summary: RecordSummary) -> Array:
-    unit = summary.fs_hz / max(summary.frame.scale, 1e-300) ** 2
-    logs = _log(summary.smooth * unit)
-    return np.asarray(logs.reshape(QUIET_BANDS, SMOOTH_SEGMENTS // QUIET_BANDS).mean(axis=1))
 
 
 def _mean(pairs: Sequence[tuple[Array, Array]], bands: int) -> tuple[Array, Array, Array]:

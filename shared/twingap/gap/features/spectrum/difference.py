@@ -10,15 +10,15 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Final, Protocol
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from twingap._compiled import njit
+from twingap.gap.features.spectrum.record_summary import SmoothSpectrum, log_bands
 from twingap.gap.features.spectrum.smooth_shape import bump, mode_shape, slope_of
-from twingap.records import Condition
-from twingap.signal.record_transforms import Frame, medians
+from twingap.signal.record_transforms import medians
 
 Array = NDArray[np.float64]
 
@@ -42,19 +42,6 @@ NAMES: Final[tuple[str, ...]] = (
     "mode_gain_change",
 )
 """Keys of `compare`."""
-
-
-class SmoothSpectrum(Protocol):
-    """What `compare` reads of a record: a `RecordSummary` or a `RecordTransforms`."""
-
-    @property
-    def condition(self) -> Condition: ...
-    @property
-    def frame(self) -> Frame: ...
-    @property
-    def fs_hz(self) -> float: ...
-    @property
-    def smooth(self) -> Array: ...
 
 
 def compare(real: Sequence[SmoothSpectrum], simulated: Sequence[SmoothSpectrum], points: int = 128) -> dict[str, float]:
@@ -91,11 +78,7 @@ def _mean_log(records: Sequence[SmoothSpectrum], of: str, points: int) -> Array 
     own = [record for record in records if of == "all" or (record.condition.fault == "healthy") == (of == "healthy")]
     if not own:
         return None
-    logs = []
-    for record in own:
-        unit = record.fs_hz / max(record.frame.scale, 1e-300) ** 2
-        logs.append(np.log(np.maximum(record.smooth * unit, 1e-30)).reshape(points, -1).mean(axis=1))
-    return np.asarray(np.mean(logs, axis=0))
+    return np.asarray(np.mean([log_bands(record, points) for record in own], axis=0))
 
 
 def _difference(real: Array, simulated: Array) -> dict[str, float]:

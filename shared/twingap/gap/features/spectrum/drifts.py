@@ -1,4 +1,4 @@
-"""Features of changes within a record: level and spectrum over time, and moments that no catalogued effect has.
+"""Features of changes within a record, and of moments that no catalogued effect changes.
 
 samples --sixteen pieces--> level: spread, slope, jump; halves --> drift of the spectrum; low band --> skewness
 """
@@ -22,7 +22,7 @@ _SEGMENTS: Final = 16
 
 
 def measure_drifts(record: RecordTransforms, out: dict[str, float]) -> None:
-    """Fill the features of changes within the record, and of moments that no catalogued effect has."""
+    """Fill the features of changes within the record, and of moments that no catalogued effect changes."""
     n = record.x.size // _SEGMENTS
     pieces = record.x[: n * _SEGMENTS].reshape(_SEGMENTS, n)
     level = 0.5 * np.log10(np.maximum(pieces.var(axis=1), 1e-300 + 1e-9 * record.mean_square))

@@ -20,8 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twingap._compiled import njit
-from twingap.gap.features.spectrum.record_summary import RecordSummary
-from twingap.signal.record_transforms import SMOOTH_SEGMENTS
+from twingap.gap.features.spectrum.record_summary import RecordSummary, log_bands
 
 Array = NDArray[np.float64]
 
@@ -54,7 +53,7 @@ class _Fit(NamedTuple):
 
 
 def measure(spectra: Sequence[RecordSummary]) -> dict[str, float]:
-    """`NAMES` -> value for a set of records; NaN without records. Frequencies are logarithms of parts of the rate."""
+    """`NAMES` -> value of a set of records; NaN without records. Frequencies are logarithms of parts of the rate."""
     out = dict.fromkeys(NAMES, math.nan)
     curves = _Curves.of(spectra)
     if curves is None:
@@ -132,17 +131,15 @@ class _Curves:
     @classmethod
     def of(cls, spectra: Sequence[RecordSummary]) -> _Curves | None:
         """From the records of a set, over scale^2; None without any."""
-        quiet: list[Array] = []
+        healthy: list[Array] = []
         impacts: list[Array] = []
-        noise: list[Array] = []
+        others: list[Array] = []
         for one in spectra:
-            unit = one.fs_hz / max(one.frame.scale, 1e-300) ** 2
-            bands = np.log(np.maximum(one.smooth * unit, 1e-30)).reshape(BANDS, SMOOTH_SEGMENTS // BANDS).mean(axis=1)
-            (quiet if one.condition.fault == "healthy" else noise).append(bands)
+            (healthy if one.condition.fault == "healthy" else others).append(log_bands(one, BANDS))
             if one.impact_spectrum is not None:
                 impacts.append(np.log(np.maximum(one.impact_spectrum.density, 1e-30)))
         # Without healthy records, what lies between the lines of the others is noise too.
-        kept = [(own, kind) for own, kind in ((quiet or noise, False), (impacts, True)) if own]
+        kept = [(own, kind) for own, kind in ((healthy or others, False), (impacts, True)) if own]
         if not kept:
             return None
         curves, sigmas = [], []
@@ -368,7 +365,7 @@ def _costs(  # type: ignore[no-untyped-def]  # pragma: no cover
                 made = 0.0
                 for i in range(4):
                     made += w[i] * basis[i, row]
-                # A ratio of spectra is judged by its logarithm, as likely to be twice as half.
+                # Ratios of spectra are compared by their logarithms: twice is as likely as half.
                 off = abs(np.log(min(max(made * sigma[k], 0.05), 20.0))) / sigma[k]
                 cost += off * off if off < _ROBUST else 2 * _ROBUST * off - _ROBUST * _ROBUST
                 row += 1

@@ -3,8 +3,8 @@
 record --normal deviates of its bins--> sum over the comb's lines, for each speed within reach --highest--> score
                                                                                      mean over records --> one comb
 
-At the fortieth order, a speed error of half a per cent shifts lines by more than a mean over records tolerates. The
-highest of many tries is high by chance too, so scores are compared between combs that are searched in the same way.
+At the fortieth order, a speed error of half a per cent shifts lines too far for a mean over records. The maximum of
+many trials is large by chance too, so scores are compared between combs that are searched in the same way.
 """
 
 from __future__ import annotations

@@ -3,8 +3,8 @@
 mean of whitened spectra in Hz --peaks that neither mains, shaft nor a single state of the bearing explain--> candidates
           records about each --lines at equal distances, in shaft orders; steadiness, sharpness--> the best carrier
 
-A tone has the same strength in each record; the power of a sharp mode, which may be as narrow as a bin, varies between
-records (exponentially). Impacts at one speed make many lines fixed in Hz, a drive makes a few.
+A tone has the same level in each record; the power of a sharp mode, which may be as narrow as a bin, varies
+exponentially between records. Impacts at one speed produce many lines fixed in Hz, a drive produces a few.
 """
 
 from __future__ import annotations
@@ -35,23 +35,24 @@ _FIRST_FEW: Final = 230.0
 _LOWEST: Final = 0.06
 """Part of half the sampling rate below which no carrier is sought, as the mains is strong there."""
 _HARMONICS: Final = 8
-"""Multiples of the mains that its presence is judged by."""
+"""Multiples of the mains that are tested for its presence. More include weaker ones."""
 _TURNING: Final = 0.6
-"""Part of the records with a whole order at a frequency from which a line there counts as the shaft's."""
+"""Part of the records with an integer order at a frequency from which a line there counts as the shaft's. A larger
+value excludes fewer lines."""
 _CARRIERS: Final = 14
 """Strongest lines fixed in Hz that are evaluated as carriers."""
 _SIDES: Final = (0.7, 8.6)
 """Distances of side lines, shaft orders."""
 _MOST_SIDES: Final = 3000
-"""Distances that are tried: more are finer and slower."""
+"""Largest number of trial distances. More are finer and slower."""
 _BY_CHANCE: Final = 3.5
-"""z of the best of these distances where there are no side lines; taken off."""
+"""z of the best of these distances without side lines, which is subtracted."""
 _SHOWN: Final = 4.0
 """z from which a line counts as present."""
 _UNSTEADY: Final = 6.0
-"""z taken off a line whose level scatters as that of noise does."""
+"""Penalty in z of a line whose level scatters like that of noise. A larger value rejects more carriers."""
 _BESIDE: Final = np.array([-6, -5, -4, 4, 5, 6])
-"""Bins from a line that its sharpness is measured against: nearer ones hold the line's own skirts."""
+"""Bins beside a line for its sharpness; closer bins contain the skirts of the line."""
 _SKIRT: Final = 5
 """Least distance of side lines from their carrier, bins."""
 _SAME: Final = 2.5
@@ -73,11 +74,11 @@ def measure(hz: Mean, records: Sequence[Whitened], deviates: Sequence[Single]) -
     Returns
     -------
     dict
-        Of the strongest fixed line, and of the one that is the likeliest carrier: z; logarithm of its frequency over
+        Of the strongest fixed line, and of the most probable carrier: z; logarithm of its frequency over
         the sampling rate; z of its side lines together, and of the weaker of both; their distance, orders; spread of
-        the logarithm of its level from record to record; how far it stands above the bins beside it, logarithm; part of
-        the records in which a whole order lies there. Then z of the strongest line that is not the carrier's, and how
-        many of those stand.
+        the logarithm of its level between records; logarithm of its power over the bins beside it; part of the records
+        in which an integer order lies there. Then z of the strongest line that is not the carrier's, and the number of
+        such lines.
     """
     out = dict.fromkeys(NAMES, math.nan)
     top = 0.5 * min(r.fs_hz for r in records)
@@ -110,7 +111,7 @@ def measure(hz: Mean, records: Sequence[Whitened], deviates: Sequence[Single]) -
 
 
 def _unclaimed(hz: Mean, records: Sequence[Whitened], top: float) -> Array:
-    """[places] z of lines common to all states of the bearing, where neither mains nor shaft have lines."""
+    """[places] z of lines common to all states of the bearing; NaN at lines of mains and shaft."""
     z = np.where((hz.places > max(65.0, _LOWEST * top)) & (hz.places < top), hz.common, np.nan)
     for mains in (50.0, 60.0):
         shown = combined_z(hz.at(mains * np.arange(1.0, _HARMONICS + 1))) > _MAINS_SHOWN
@@ -147,7 +148,7 @@ def _beside(records: Sequence[Whitened], deviates: Sequence[Single], places: Arr
 
 def _nature(records: Sequence[Whitened], places: Array) -> tuple[Array, Array, Array]:
     """[carriers] Spread of the logarithm of the level over records, how far above the bins beside it, and the part of
-    the records in which a whole order lies there."""
+    the records in which an integer order lies there."""
     level, above, turning = [], [], []
     for record in records:
         bins = np.rint(places / record.df_hz).astype(int)

@@ -36,7 +36,7 @@ def envelope_lines(envelope: Envelope, shaft_hz: float) -> Lines | None:
 
 
 def explained(record: RecordTransforms, hz: Array, df_hz: float) -> NDArray[np.bool_]:
-    """Whether shaft, cage, or the fault with its side lines explain envelope lines."""
+    """[frequencies] Whether shaft, cage, or the fault with its side lines explain envelope lines."""
     lines = lines_of(record)
     fault = math.nan if record.fault_order is None else fault_hz(record)
     loose = 0.0 if lines.locked else SEARCH / 2

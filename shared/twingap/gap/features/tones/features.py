@@ -1,6 +1,6 @@
 """Features of tones in the raw spectrum: shaft, mains, gear, waviness, and tones that none of these explain.
 
-Lines (tones) --> whole and half orders, mains, gear, waviness
+Lines (tones) --> integer and half orders, mains, gear, waviness
          |
          +--> the rest: free tones, pairs about them
 
@@ -21,11 +21,11 @@ from twingap.signal.record_transforms import RecordTransforms
 
 Array = NDArray[np.float64]
 
-_WHOLE: Final = (1, 2, 3, 4, 5)
+_INTEGER: Final = (1, 2, 3, 4, 5)
 _HALF: Final = (0.5, 1.5, 2.5, 3.5, 4.5)
 
 NAMES: Final[tuple[str, ...]] = (
-    "shaft_ratio_log", "shaft_lock", *(f"order_{k}_excess" for k in _WHOLE), *(f"order_{k}_level" for k in _WHOLE),
+    "shaft_ratio_log", "shaft_lock", *(f"order_{k}_excess" for k in _INTEGER), *(f"order_{k}_level" for k in _INTEGER),
     *(f"half_{k}_excess" for k in range(1, 6)), "half_mean", "half_level", "order_high_mean", "order_high_level",
     "order_decay", "mains_50_mean", "mains_60_mean", *(f"mains_50_{k}_excess" for k in (1, 2, 3)),
     *(f"mains_60_{k}_excess" for k in (1, 2, 3)), "mains_peaks_50", "mains_peaks_60", "mains_level", "mains_decay",
@@ -94,18 +94,18 @@ def _near_orders(lines: Lines) -> NDArray[np.bool_]:
 
 
 def _orders(lines: Lines, scale: float, out: dict[str, float], without: NDArray[np.bool_]) -> None:
-    """Whole and half orders of the shaft."""
+    """Fill the features of integer and half orders of the shaft."""
     relative = 0.001 if lines.locked else SEARCH
-    whole = np.arange(1.0, 11.0)
-    logs, p = lines.at(whole * lines.shaft_hz, relative, without)
+    orders = np.arange(1.0, 11.0)
+    logs, p = lines.at(orders * lines.shaft_hz, relative, without)
     levels = _levels(p, scale)
-    for k in _WHOLE:
+    for k in _INTEGER:
         out[f"order_{k}_excess"], out[f"order_{k}_level"] = float(logs[k - 1]), float(levels[k - 1])
     out["order_high_mean"] = _mean(logs[3:])
     out["order_high_level"] = _mean(levels[3:])
     strong = np.isfinite(logs) & (logs > 0.6)
     if np.count_nonzero(strong) >= 4:
-        out["order_decay"] = float(10 ** np.polyfit(whole[strong], levels[strong], 1)[0])
+        out["order_decay"] = float(10 ** np.polyfit(orders[strong], levels[strong], 1)[0])
     logs, p = lines.at(np.array(_HALF) * lines.shaft_hz, relative if lines.locked else 0.02, without)
     for k, value in enumerate(logs, start=1):
         out[f"half_{k}_excess"] = float(value)
@@ -114,7 +114,7 @@ def _orders(lines: Lines, scale: float, out: dict[str, float], without: NDArray[
 
 
 def _mains(lines: Lines, scale: float, out: dict[str, float]) -> None:
-    """Multiples of 50 and of 60 Hz."""
+    """Fill the features of multiples of 50 and of 60 Hz."""
     k = np.arange(1.0, 7.0)
     means, found = [], []
     # Lines of the shaft or the fault are not the mains', unless the mains explains them better.
@@ -167,7 +167,7 @@ def _waviness(record: RecordTransforms, lines: Lines, scale: float, out: dict[st
 
 
 def _gear(lines: Lines, scale: float, out: dict[str, float], taken: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """A whole order with a neighbour on either side and none two orders or half an order away."""
+    """Fill the features of a gear: an integer order with lines one order beside it, none at two or at half orders."""
     none = np.zeros(len(lines.peaks), bool)
     top = int(min(HIGHEST_ORDER, (lines.tones.size - 4) * lines.df_hz / lines.shaft_hz)) - 3
     if top < 11:
@@ -202,13 +202,13 @@ def _gear(lines: Lines, scale: float, out: dict[str, float], taken: NDArray[np.b
     p = lines.at(np.array([2.0 * teeth * lines.shaft_hz]))[1]
     if np.isfinite(p[0]):
         out["gear_decay"] = float(np.sqrt(p[0] / power[2 * teeth]))
-    whole = half / 2
-    k = np.rint(whole / teeth)
-    return np.asarray(near & (k >= 1) & (np.abs(whole - k * teeth) <= 1))
+    orders = half / 2
+    k = np.rint(orders / teeth)
+    return np.asarray(near & (k >= 1) & (np.abs(orders - k * teeth) <= 1))
 
 
 def _pair(lines: Lines, fs_hz: float, scale: float, out: dict[str, float], taken: NDArray[np.bool_]) -> None:
-    """The strongest tone with two equal ones at equal distances: a modulated carrier, at any frequency."""
+    """Fill the features of a modulated carrier: the strongest tone with two equal ones at equal distances."""
     out["pair_score"] = 0.0
     use = ~taken
     use &= lines.peaks.hz > 6 * lines.shaft_hz

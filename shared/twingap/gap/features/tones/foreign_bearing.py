@@ -21,9 +21,9 @@ from twingap.signal.record_transforms import RecordTransforms
 Array = NDArray[np.float64]
 
 REGIONS: Final = ((0.02, 0.12), (0.12, 0.25), (0.25, 0.48), (0.02, 0.48))
-"""Bands, parts of the sampling rate, in which another bearing is sought."""
+"""Bands for the search, parts of the sampling rate."""
 _COMB: Final = 4
-"""Lines of a comb that are scored."""
+"""Number of lines of a comb in its score. More favour combs of many harmonics."""
 
 
 def measure_foreign_bearing(record: RecordTransforms, out: dict[str, float]) -> None:
@@ -54,7 +54,7 @@ def measure_foreign_bearing(record: RecordTransforms, out: dict[str, float]) -> 
     out["foreign_score"] = score
     env, logs = found
     hz = _refined(env, hz)
-    # Where lines of this bearing hide some of the comb's, a multiple may look like the first: the raw comb decides.
+    # Lines of this bearing may mask the first line of the comb: the comb of the raw spectrum decides.
     raw_hz = lines.unrelated_comb[0]
     if math.isfinite(raw_hz):
         multiple = round(hz / raw_hz)

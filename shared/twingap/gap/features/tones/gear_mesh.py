@@ -1,10 +1,10 @@
-"""Gear mesh: the whole order that is highest with lines one order beside it, over a set of records.
+"""Gear mesh: the integer order with the highest line and side lines one order beside it, over a set of records.
 
 records --each at the speed where it stands highest--> score of every number of teeth --over what is usual--> z
 
-Speeds of records with a defect come from its comb; those of healthy ones may be wrong by per cents. So the mesh is
-sought twice: at the stated speeds, where whole orders can be distinguished from others, and with healthy records
-shifted freely, where side lines alone give the shaft's rate and distinguish a mesh from a carrier.
+Speeds of records with a defect come from its comb; those of healthy ones may have errors of per cents. The mesh is
+therefore searched twice: at the stated speeds, where integer orders can be distinguished from others, and with healthy
+records shifted freely, where only side lines give the shaft's rate and distinguish a mesh from a carrier.
 """
 
 from __future__ import annotations
@@ -37,11 +37,11 @@ _KNOWN: Final = 0.0015
 _FREE: Final = 0.03
 """The same of a stated speed."""
 _OFF: Final = np.array([-0.5, -0.4, -0.3, 0.3, 0.4, 0.5])
-"""Distances from a whole order at which no mesh lies, orders."""
+"""Distances from an integer order at which there is no mesh, orders."""
 _ABOUT: Final = 25
-"""Numbers of teeth about one whose median score is subtracted: the more bins are tried, the higher a chance score."""
+"""Neighbouring numbers of teeth whose median score is subtracted, as chance scores increase with the number of bins."""
 _FEWEST: Final = 12
-"""Scored numbers of teeth below which nothing is reported."""
+"""Smallest number of scored numbers of teeth. With fewer, nothing is reported."""
 
 
 def measure(records: Sequence[Whitened], deviates: Sequence[Single]) -> dict[str, float]:
@@ -57,8 +57,8 @@ def measure(records: Sequence[Whitened], deviates: Sequence[Single]) -> dict[str
     -------
     dict
         Of each search: z of the best number of teeth; mean deviate of its first line and of its side lines; its
-        logarithm; z of the best that is neither beside it nor its half or double. And the score at the whole order less
-        the highest between whole orders.
+        logarithm; z of the best that is neither beside it nor its half or double. Last, the score at the integer
+        order less the highest between integer orders.
     """
     out = dict.fromkeys(NAMES, math.nan)
     for name, far in (("gear", _KNOWN), ("gear_free", _FREE)):

@@ -1,7 +1,7 @@
 """Race waviness: tones on multiples of the ball-pass orders, in records whose defect is not of that race.
 
-records --each at the speed where the comb stands highest--> score at the ball-pass order, and at orders that nothing
-                                                            of the bearing has --one over the others--> z
+records --each at the speed of its highest score--> score at the ball-pass order, and at orders beside it
+        --difference over the spread--> z
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Tones of a spectrum, and the combs they lie on: each step computed once a record.
 
-spectrum / local floor --> peaks --> fault comb, mains, comb of something else --> shaft rate locked --> look-ups
+spectrum / local floor --> peaks --> fault comb, mains, unrelated comb --> shaft rate --> levels
 
 Frequencies of peaks are interpolated between the bins of the Hann window: Grandke 1983, Interpolation algorithms for
 discrete Fourier transforms, doi:10.1109/TIM.1983.4315077.
@@ -23,25 +23,25 @@ from twingap.signal.record_transforms import RecordTransforms, medians
 Array = NDArray[np.float64]
 
 SEARCH: Final = 0.055
-"""Largest relative error of the stated speed: wider searches find worse speeds, and more chance matches."""
+"""Largest relative error of the stated speed. A larger one finds worse speeds, and more chance matches."""
 
 SLIP: Final = 0.035
 """Largest relative slip of the cage, with the same trade-off."""
 
 PEAK: Final = 20.0
-"""Power over the floor's median from which a bin is a peak: noise passes it in about one record of twenty."""
+"""Power over the floor's median from which a bin is a peak. A smaller value takes more noise for peaks."""
 
 _MOST_PEAKS: Final = 150
-"""The strongest peaks of a spectrum are kept: more cost time and add faint ones."""
+"""Largest number of peaks, the strongest. More take time and add faint ones."""
 HIGHEST_ORDER: Final = 120
-"""Shaft order up to which lines count as the shaft's: higher ones lie near some order at any speed."""
+"""Highest shaft order of lines that count as the shaft's; higher lines are near some order at any speed."""
 LOCKED: Final = 0.7
 """Lock strength from which the shaft's rate is taken from the lines rather than as stated."""
 
 
 @dataclass(frozen=True)
 class Peaks:
-    """Tones that stand out of a spectrum.
+    """Peaks of a spectrum: tones above its floor.
 
     Parameters
     ----------
@@ -192,7 +192,7 @@ class Lines:
         use = ~(self.fault_comb[2] | self.of_mains) & (self.peaks.hz < HIGHEST_ORDER * self.stated_hz)
         use &= ~self.unrelated_comb[2]
         first = self._locked_with(use)
-        # Waviness may lie on whole orders of a wrong speed by chance: the comb that explains more is taken.
+        # Waviness may lie on integer orders of a wrong speed by chance: the comb that explains more is used.
         rival = np.zeros(len(self.peaks), bool)
         for base_hz in self.race_hz:
             ratio, score = self.wave(base_hz, SEARCH + SLIP / 2, use)
@@ -256,7 +256,7 @@ class Lines:
         if np.count_nonzero(use) < 2:
             return 1.0, 0.0
         hz, widths = self.peaks.hz[use], self.widths[use]
-        # Beyond some thirty orders any tone lies near a whole one at some speed.
+        # Beyond about thirty orders any tone lies near an integer order at some speed.
         weights = self.weights[use] / (1 + hz / (30 * self.stated_hz))
         count = int(np.clip(8 * SEARCH * float(hz[-1]) / self.df_hz, 41, 4001)) | 1
         ratios = np.linspace(1 - SEARCH, 1 + SEARCH, count)
@@ -291,7 +291,7 @@ class Lines:
         relative : float
             Half the width searched, as a part of the frequency.
         without : NDArray[bool] [peaks], optional
-            Peaks to look past.
+            Peaks to ignore.
 
         Returns
         -------
@@ -341,7 +341,7 @@ def _interpolate(middles, block, logs, smooth, out):  # type: ignore[no-untyped-
     """Logarithm of smoothed medians of blocks, interpolated between their middles, into `out`."""
     last = middles.size - 1
     for i in range(middles.size):
-        # Where lines fill a block, its neighbours speak for it; mean rather than median keeps the slope of a resonance.
+        # Where lines fill a block, its neighbours replace it; mean rather than median keeps the slope of a resonance.
         around, right = middles[i - 1 if i > 0 else 0], middles[i + 1 if i < last else last]
         around = right if right > around else around
         around = 1e300 if around > 1e300 else around

@@ -2,10 +2,10 @@
 
 record --periodogram over its floor, logarithm--> Whitened --mean over records, in Hz and in orders--> z of every place
 
-A line far below the noise of one record stands out in the mean of many. Lines fixed in Hz (mains, a carrier) add up in
-Hz, lines of the shaft in orders, and each smears in the other's mean. Power of noise is gamma distributed, and its cube
-root nearly normal (Wilson and Hilferty 1931, doi:10.1073/pnas.17.12.684): so z means the same of one record and of a
-hundred, and z of several lines may be added (Stouffer).
+A line far below the noise of one record is significant in the mean of many. Lines fixed in Hz (mains, a carrier) add up
+in the mean over Hz, lines of the shaft in the mean over orders. Power of noise is gamma distributed, and its cube root
+nearly normal (Wilson and Hilferty 1931, doi:10.1073/pnas.17.12.684): z is comparable between one record and a hundred,
+and z of several lines can be combined (Stouffer).
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ NOISE: Final = 1 / math.log(2)
 SPREAD: Final = 0.258
 """Standard deviation of the cube root of smoothed noise power over its median, of one record (Hann, 1/4 1/2 1/4)."""
 MOST_Z: Final = 12.0
-"""z beyond which a line adds no more to its comb: larger, and one line passes for a comb."""
+"""Bound of a line's z in its comb. With a larger one, a single line is taken for a comb."""
 _CAP: Final = 9.0
 """Excess at which one record's line is capped, so that the loudest record does not dominate the mean."""
 _ENVELOPE_CAP: Final = 40.0

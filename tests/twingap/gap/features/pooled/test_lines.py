@@ -218,7 +218,7 @@ def test_teeth_are_counted_though_healthy_speeds_are_wrong_by_a_per_cent():
 def test_a_tone_between_whole_orders_is_no_mesh():
     mesh = make_effect("gear_mesh", {"level": 0.2, "teeth": 31, "depth": 0.8, "n_harmonics": 1})
     on, off = (with_wrong_speeds(effect, off=0.0) for effect in (mesh, make_effect("waviness", {"level": 0.2})))
-    assert on["gear_whole"] > off["gear_whole"] + 0.5
+    assert on["gear_integer_lead"] > off["gear_integer_lead"] + 0.5
 
 
 @pytest.mark.parametrize("race", ["outer", "inner"])

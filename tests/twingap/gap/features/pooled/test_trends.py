@@ -97,7 +97,7 @@ def test_an_amplitude_that_calibration_missed_is_no_trend():
     found = [levels(seed=10 * k).trends() for k in range(6)]
     assert np.mean([t["speed_impacts_size"] > 2.5 for t in found]) < 0.35
     assert np.abs([t["speed_impacts"] for t in found]).max() < 0.15
-    assert all(np.isnan(t["time_strikes"]) for t in found)
+    assert all(np.isnan(t["time_impacts"]) for t in found)
 
 
 def test_a_gain_that_strikes_alone_have_is_read_off_them():
