@@ -68,7 +68,7 @@ def _blocks(x: Any) -> dict[str, Callable[[], object]]:
     import torch
 
     from twingap.adapt import Alignment, Architecture, ModeNetwork
-    from twingap.adapt.alignment import Aligner, Seen
+    from twingap.adapt.alignment import Aligner, BatchOutputs
     from twingap.adapt.attention import TimeAttention
 
     network = ModeNetwork(Architecture(), SAMPLES, MODES, CLASSES)
@@ -91,7 +91,7 @@ def _blocks(x: Any) -> dict[str, Callable[[], object]]:
 
         def loss(f: Any) -> Any:
             logits = network.classifier(f)
-            return aligner(Seen(f[:half], logits[:half]), labels, Seen(f[half:], logits[half:]), 0.5)[0]
+            return aligner(BatchOutputs(f[:half], logits[:half]), labels, BatchOutputs(f[half:], logits[half:]), 0.5)[0]
 
         return loss
 

@@ -1,4 +1,4 @@
-"""Adaptation losses beside that on labelled source windows: reversed discriminators, and discrepancies.
+"""Losses of domain adaptation: discriminators with reversed gradients, and kernel discrepancies.
 
 features, logits of source and target --+--> reversal --> discriminators --> mean domain loss
                                         +--> kernel discrepancy (of all, or class by class) x weight
@@ -22,25 +22,25 @@ Discriminated = Literal["features", "conditional"]
 Discrepancy = Literal["none", "domain", "category"]
 
 BANDWIDTHS: Final = (0.25, 0.5, 1.0, 2.0, 4.0)
-"""Of the kernels, over the mean squared distance of the batch."""
-BELIEVED: Final = 0.9
-"""Target windows count for a class from this probability. With all of them, an undecided network (any at first) pulls
-each source class towards the mean of the target, and the classes collapse into it."""
+"""Bandwidths of the kernels, relative to the mean squared distance of the batch."""
+CONFIDENT: Final = 0.9
+"""Probability from which target windows count for a class. With lower values, an untrained network draws each source
+class towards the mean of the target, so that the classes collapse."""
 
 
 @dataclass(frozen=True)
 class Alignment:
-    """What draws source and target together; the default is nothing.
+    """Alignment of source and target domains; none by default.
 
     Parameters
     ----------
     discriminators : tuple of {"features", "conditional"}
-        Each separates domains by the features, or by features and predicted classes together (their outer product).
+        Each separates domains by the features, or by the outer product of features and predicted classes.
     discrepancy : {"none", "domain", "category"}
-        Kernel discrepancy between domains as wholes, or the mean of those between equal classes, where the target's
-        are those that the network is sure of.
+        Kernel discrepancy between the domains, or the mean over classes of that within a class. Target windows belong
+        to a class that is predicted with high probability.
     weight : float
-        Of all of it, relative to the training's.
+        Factor on the weight of the training.
     """
 
     discriminators: tuple[Discriminated, ...] = ()
@@ -53,8 +53,8 @@ class Alignment:
         return bool(self.discriminators) or self.discrepancy != "none"
 
 
-class Seen(NamedTuple):
-    """What the network makes of a batch.
+class BatchOutputs(NamedTuple):
+    """Features and logits of a batch.
 
     Parameters
     ----------
@@ -67,7 +67,7 @@ class Seen(NamedTuple):
 
 
 class Aligner(nn.Module):
-    """The loss of an alignment, with its discriminators.
+    """Loss of an alignment, with its discriminators.
 
     Parameters
     ----------
@@ -84,16 +84,19 @@ class Aligner(nn.Module):
         )
         self.domain_loss = nn.BCEWithLogitsLoss()
 
-    def forward(self, source: Seen, labels: Tensor, target: Seen, weight: float) -> tuple[Tensor, Tensor | None]:
-        """Loss to be added, and the share of samples whose domain discriminators classified correctly (or None).
+    def forward(
+        self, source: BatchOutputs, labels: Tensor, target: BatchOutputs, weight: float
+    ) -> tuple[Tensor, Tensor | None]:
+        """Loss of the alignment, and the fraction of samples whose domain is classified correctly (or None).
 
         Parameters
         ----------
-        source : Seen
+        source : BatchOutputs
         labels : Tensor [batch]
-        target : Seen
+        target : BatchOutputs
         weight : float
-            Of the reversed gradient and of the discrepancy. At 0 the network's gradients are the source's alone.
+            Weight of the reversed gradient and of the discrepancy; at 0 the network has the gradients of the source
+            only.
         """
         weight = weight * self.alignment.weight
         losses: list[Tensor] = []
@@ -105,9 +108,9 @@ class Aligner(nn.Module):
             for kind, discriminator in zip(self.alignment.discriminators, self.discriminators, strict=True):
                 shown = both
                 if kind == "conditional":
-                    # Predictions are not pulled by it, only features, as in the authors' own code.
-                    believed = torch.cat([source.logits, target.logits]).softmax(dim=1).detach()
-                    shown = (believed[:, :, None] * both[:, None, :]).flatten(1)
+                    # Gradients act on features only and not on predictions, as in the authors' code.
+                    confident = torch.cat([source.logits, target.logits]).softmax(dim=1).detach()
+                    shown = (confident[:, :, None] * both[:, None, :]).flatten(1)
                 guess = discriminator(reverse_gradient(shown, weight))
                 each.append(self.domain_loss(guess, domain))
                 correct.append(((guess.detach() > 0) == (domain > 0.5)).float().mean())
@@ -116,9 +119,9 @@ class Aligner(nn.Module):
             losses.append(weight * kernel_discrepancy(source.features, target.features))
         elif self.alignment.discrepancy == "category":
             own = nn.functional.one_hot(labels, self.n_classes).to(source.features.dtype)
-            believed = target.logits.softmax(dim=1).detach()
-            believed = believed * (believed >= BELIEVED)
-            losses.append(weight * kernel_discrepancy(source.features, target.features, own, believed))
+            confident = target.logits.softmax(dim=1).detach()
+            confident = confident * (confident >= CONFIDENT)
+            losses.append(weight * kernel_discrepancy(source.features, target.features, own, confident))
         loss = sum(losses[1:], losses[0])
         return loss, (torch.stack(correct).mean() if correct else None)
 
@@ -128,20 +131,20 @@ def kernel_discrepancy(
 ) -> Tensor:
     """Squared maximum mean discrepancy with a sum of Gaussian kernels, mean over weightings; the unbiased estimate.
 
-    The biased estimate, with each sample's kernel with itself, is the commoner one in this field. Its bias grows with
-    the scatter of a batch, and reducing it collapses the features of both domains into a point, the classes with them.
+    The biased estimate, which includes the kernel of each sample with itself, is more common in this field. Its bias
+    grows with the scatter of a batch, so that minimising it collapses the features of both domains into a point.
 
     Parameters
     ----------
     source, target : Tensor [n, features], [m, features]
     source_weights, target_weights : Tensor [n, weightings], [m, weightings], optional
-        Not negative; each column is scaled to sum 1. A column that rests on fewer than two samples of either domain is
-        left out. Default: one column of equal weights.
+        Not negative; each column is scaled to sum 1. A column with fewer than two samples of either domain is ignored.
+        Default: one column of equal weights.
 
     Returns
     -------
     Tensor
-        Scalar; 0 in the mean for domains alike, so that it may be negative.
+        Scalar; its mean is 0 for equal distributions, so it can be negative.
     """
     a = torch.ones_like(source[:, :1]) if source_weights is None else source_weights
     b = torch.ones_like(target[:, :1]) if target_weights is None else target_weights
@@ -153,7 +156,7 @@ def kernel_discrepancy(
     scale = distance.detach().mean().clamp_min(1e-12)
     kernel = sum((torch.exp(-distance / (scale * width)) for width in BANDWIDTHS), torch.zeros_like(distance))
     n = len(source)
-    # 1 minus the sum of squared weights: the share of pairs that are not a sample with itself.
+    # 1 minus the sum of squared weights: the fraction of pairs of different samples.
     pairs_a, pairs_b = 1 - a.square().sum(dim=0), 1 - b.square().sum(dim=0)
     usable = (a.sum(dim=0) > 0.5) & (b.sum(dim=0) > 0.5) & (pairs_a > 1e-3) & (pairs_b > 1e-3)
     each = _within(kernel[:n, :n], a, pairs_a) + _within(kernel[n:, n:], b, pairs_b)

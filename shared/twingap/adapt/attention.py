@@ -1,12 +1,12 @@
-"""Attention over mappings: the paper's, and the ordinary one it is compared with.
+"""Attention over mappings (paper 3), and ordinary attention over time for comparison.
 
 mappings [batch, C, L] --embedding--> tokens --scores--> A, rows sum to 1 --> norm(X + A X) [batch, C, L]
 
 Inverse embedding (section 3.3 of paper 3, after the inverted transformer, Liu et al. 2023, arXiv:2310.06625): a token
-is the whole series of one mapping, so A is [C, C] and weighs mappings. The ordinary, unified embedding: a token is a
-patch of time across all mappings, so A is [L/P, L/P] and weighs moments. In both, A multiplies the mappings themselves,
-as the paper's "mapping matrix is multiplied by the normalised attention score matrix" means: series stay series, and
-the convolutions that follow still see time.
+is the complete series of one mapping, so A is [C, C] and weighs mappings. Unified embedding (ordinary attention): a
+token is a patch of time across all mappings, so A is [L/P, L/P] and weighs times. In both, A multiplies the mappings
+themselves ("mapping matrix is multiplied by the normalised attention score matrix"), so that later convolutions still
+act over time.
 """
 
 from __future__ import annotations
@@ -27,12 +27,12 @@ def scaled_dot_scores(query: Tensor, key: Tensor) -> Tensor:
 
 
 def cosine_scores(query: Tensor, key: Tensor) -> Tensor:
-    """Cosines of the angles between tokens [..., tokens, d]: [..., tokens, tokens], -1 to 1 whatever their lengths."""
+    """Cosines of the angles between tokens [..., tokens, d]: [..., tokens, tokens], -1 to 1."""
     return nn.functional.normalize(query, dim=-1) @ nn.functional.normalize(key, dim=-1).transpose(-1, -2)
 
 
 class InverseEmbedding(nn.Module):
-    """Each mapping's whole series to one token, by a perceptron shared by all: [batch, C, L] -> [batch, C, d]."""
+    """Embedding of the series of each mapping as one token, by a shared perceptron: [batch, C, L] -> [batch, C, d]."""
 
     def __init__(self, length: int, width: int) -> None:
         super().__init__()
@@ -52,9 +52,9 @@ class MappingAttention(nn.Module):
     channels, length : int
         C, L.
     width : int
-        Of the tokens.
+        Width of the tokens.
     cosine : bool
-        Scores are cosines times a learnt sharpness (10 at first: a cosine alone could not prefer anything much);
+        Whether scores are cosines times a learnt factor (10 at first, since cosines alone give nearly equal weights);
         otherwise scaled dot products.
     """
 
@@ -74,7 +74,7 @@ class MappingAttention(nn.Module):
         return (self.log_sharpness.exp() * cosine_scores(query, key)).softmax(dim=-1)
 
     def forward(self, mappings: Tensor) -> Tensor:
-        """Mappings, each joined by those that it attends to."""
+        """Normalised sum of each mapping and those that it attends to."""
         joined: Tensor = self.norm(mappings + self.weights(mappings) @ mappings)
         return joined
 
@@ -87,7 +87,7 @@ class TimeAttention(nn.Module):
     channels, length : int
         C, L, a multiple of 4.
     width : int
-        Of the tokens.
+        Width of the tokens.
     """
 
     def __init__(self, channels: int, length: int, width: int) -> None:
@@ -100,7 +100,7 @@ class TimeAttention(nn.Module):
         self.norm = nn.GroupNorm(1, channels)
 
     def forward(self, mappings: Tensor) -> Tensor:
-        """Mappings, each moment joined by those that it attends to."""
+        """Normalised sum of each time and those that it attends to."""
         batch, channels, length = mappings.shape
         by_patch = mappings.reshape(batch, channels, length // PATCH, PATCH)
         patches = by_patch.transpose(1, 2).flatten(2)  # [batch, L/P, C P]

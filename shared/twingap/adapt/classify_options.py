@@ -1,4 +1,4 @@
-"""Options of a classification: which method, and how much of it."""
+"""Options of a classification."""
 
 from __future__ import annotations
 
@@ -13,34 +13,37 @@ NETWORKS: Final = (
 )  # fmt: skip
 """Keys of `twingap.adapt.METHODS`, which is slow to import."""
 METHODS_OF_CLASSIFY: Final = (ORDERS, *NETWORKS)
-"""Trees on fault orders and levels; or one of paper 3's, of which those without adaptation did better on real records:
-the others align unlike classes with each other."""
+"""Trees on fault orders and levels, or a method of paper 3. Of these, methods without adaptation are more accurate on
+real records, since adaptation may align different classes with each other."""
 FEWEST_MACHINES: Final = 4
+"""Fewest simulated machines per class; more are needed for a useful network."""
 
 
 @dataclass(frozen=True)
 class ClassifyOptions:
-    """How records are classified.
+    """Options of a classification.
 
     Parameters
     ----------
     method : str
         "orders", or a key of `METHODS`.
     machines : int
-        Simulated machines a class to train a network on; half as many more to calibrate on. The trees are trained.
+        Simulated machines per class for the training of a network; half as many are added for calibration. The trees
+        need no training.
     steps : int
         Gradient steps of a network.
     windows : int
-        Per record, evenly spread.
+        Windows per record, evenly spaced.
     match : bool
-        Correct speeds from the records, without their labels; for a network also identify what the twin leaves free.
+        Whether to estimate speeds from the records, without their labels; for a network also free parameters of the
+        twin.
     max_iterations : int
-        Of the networks' mode decomposition.
+        Most iterations of the networks' mode decomposition.
 
     Raises
     ------
     TwingapError
-        For an unknown method or sizes too small.
+        For an unknown method or a value that is too small.
     """
 
     method: str = ORDERS

@@ -1,9 +1,9 @@
-"""Calibration of confidence: one temperature, fitted on labelled records that the classifier has not learnt from.
+"""Calibration of confidence by one temperature, fitted on labelled records that were not used for training.
 
 mean probabilities of a record's windows --^ (1 / T), normalised--> --bounded by the number of records--> confidence
 
 Source: Guo et al. 2017, "On Calibration of Modern Neural Networks" (arXiv:1706.04599); the bound is Laplace's rule of
-succession: after n records without an error the next may be wrong with probability 1 / (n + 2).
+succession: after n records without an error, the next is wrong with probability 1 / (n + 2).
 """
 
 from __future__ import annotations
@@ -22,17 +22,19 @@ Labels = NDArray[np.int64]
 
 HOTTEST: Final = 20.0
 COLDEST: Final = 0.1
+"""Bounds of the temperature; wider allow more extreme corrections."""
 FOLDS: Final = 5
+"""Folds of the cross-validation of the temperature."""
 
 
 @dataclass(frozen=True)
 class Calibration:
-    """A fitted temperature.
+    """Fitted temperature.
 
     Parameters
     ----------
     temperature : float
-        Above 1 the classifier was overconfident.
+        Above 1 for an overconfident classifier.
     records : int
         Number of records that it was fitted on.
     """
@@ -41,7 +43,7 @@ class Calibration:
     records: int
 
     def __call__(self, probabilities: Array) -> Array:
-        """Calibrated probabilities [records, classes]; their order stays."""
+        """Calibrated probabilities [records, classes], in the same order."""
         return _tempered(probabilities, self.temperature, self.records)
 
 
@@ -52,12 +54,12 @@ class Reliability:
     Parameters
     ----------
     accuracy : float
-        Share of records classified right.
+        Fraction of records classified correctly.
     confidence : float
         Mean confidence; equal to the accuracy if calibrated.
     error : float
-        Expected calibration error: mean distance of the two over bins of equal numbers of records. Never 0, since bins
-        are small.
+        Expected calibration error: mean distance of the two over bins with equal numbers of records. It is above 0 even
+        if calibrated, since bins are small.
     records : int
     """
 
@@ -68,12 +70,12 @@ class Reliability:
 
 
 def calibrate_temperature(probabilities: Array, labels: Labels) -> Calibration:
-    """The temperature of least negative log-likelihood.
+    """Temperature that minimises the negative log-likelihood.
 
     Parameters
     ----------
     probabilities : Array [records, classes]
-        Of records that were neither trained nor selected on.
+        Probabilities of records that were used neither for training nor for selection.
     labels : Labels [records]
 
     Raises
@@ -94,9 +96,9 @@ def calibrate_temperature(probabilities: Array, labels: Labels) -> Calibration:
 
 
 def cross_checked(probabilities: Array, labels: Labels) -> Reliability:
-    """Reliability with each record judged by a temperature fitted without it (every fifth record left out in turn)."""
+    """Cross-validated reliability: the temperature of each record is fitted on the other folds."""
     n = len(labels)
-    fold = np.arange(n) // max(1, probabilities.shape[1]) % FOLDS  # records come class by class in turn
+    fold = np.arange(n) // max(1, probabilities.shape[1]) % FOLDS  # classes alternate from record to record
     out = np.empty_like(probabilities)
     for one in np.unique(fold):
         left = fold == one
@@ -106,14 +108,14 @@ def cross_checked(probabilities: Array, labels: Labels) -> Reliability:
 
 
 def reliability(probabilities: Array, labels: Labels, bins: int = 5) -> Reliability:
-    """Stated confidence against accuracy.
+    """Accuracy and confidence, and their distance.
 
     Parameters
     ----------
     probabilities : Array [records, classes]
     labels : Labels [records]
     bins : int
-        Of equal numbers of records, by confidence.
+        Number of bins by confidence, with equal numbers of records.
     """
     confidence, right = probabilities.max(axis=1), probabilities.argmax(axis=1) == labels
     parts = np.array_split(np.argsort(confidence, kind="stable"), min(bins, len(labels)))
@@ -126,6 +128,6 @@ def _tempered(probabilities: Array, temperature: float, records: int) -> Array:
     raised = np.exp(logits - logits.max(axis=1, keepdims=True))
     p = raised / raised.sum(axis=1, keepdims=True)
     k = p.shape[1]
-    # A little of every class, so that the surest statement is 1 - 1 / (records + 2).
+    # A uniform share limits the confidence to 1 - 1 / (records + 2).
     share = min(1.0, k / (k - 1) / (records + 2))
     return np.asarray((1 - share) * p + share / k)

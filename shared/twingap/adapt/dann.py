@@ -1,6 +1,6 @@
 """Domain-adversarial training: gradient reversal, domain discriminator, schedule.
 
-features --reversal(lambda)--> discriminator --> source or target?   (features learn to make this hard)
+features --reversal(lambda)--> discriminator --> source or target   (features are trained to make this difficult)
 
 Ganin et al. 2016, Domain-Adversarial Training of Neural Networks, JMLR 17(59), arXiv:1505.07818.
 """
@@ -28,13 +28,13 @@ class _Reversal(torch.autograd.Function):
 
 
 def reverse_gradient(x: Tensor, weight: float) -> Tensor:
-    """`x` itself on the way forward; the gradient times -`weight` on the way back (eq. 18 of Ganin et al.)."""
+    """Identity whose gradient is multiplied by -`weight` (eq. 18 of Ganin et al.)."""
     reversed_: Tensor = _Reversal.apply(x, weight)  # type: ignore[no-untyped-call]
     return reversed_
 
 
 class DomainDiscriminator(nn.Module):
-    """Features [batch, 100] -> logit of "this is a target sample" [batch]: two hidden layers of 64."""
+    """Perceptron with two hidden layers of 64: features [batch, 100] -> logit of the target domain [batch]."""
 
     def __init__(self, features: int = FEATURES) -> None:
         super().__init__()
@@ -49,7 +49,7 @@ class DomainDiscriminator(nn.Module):
 
 
 def adversarial_schedule(progress: float, highest: float = 1.0, gamma: float = 10.0) -> float:
-    """Weight of the reversed gradient at a share `progress` (0 to 1) of training: 0 at first, `highest` in the end.
+    """Weight of the reversed gradient at a fraction `progress` (0 to 1) of training: from 0 to `highest`.
 
     lambda_p = 2 / (1 + exp(-gamma p)) - 1, gamma = 10 (section 5.2.2 of Ganin et al.).
     """

@@ -1,10 +1,10 @@
-"""Multi-scale mode denoising network: small convolutions, fusion across branches, a gate for each channel.
+"""Multi-scale mode denoising network: small convolutions, fusion across branches, one gate per channel.
 
 modes [batch, K, N] --branches--> [batch, C, N/4] --fusion--> [batch, C, N/8] --gate--> mappings [batch, C, N/8]
 
-C = K modes x branches x maps. Every mapping belongs to one mode up to here (all convolutions are grouped by modes);
-modes meet in the attention that follows. Source: section 3.2 of paper 3 (DOI 10.1177/10775463261462852), whose
-equations and sizes its text does not give; each block states how it was read.
+C = K modes x branches x maps. All convolutions are grouped by modes, so that every mapping belongs to one mode; the
+attention that follows combines modes. Source: section 3.2 of paper 3 (DOI 10.1177/10775463261462852), whose text gives
+no equations and sizes; each block states its interpretation.
 """
 
 from __future__ import annotations
@@ -29,15 +29,15 @@ class _Clipped(torch.autograd.Function):
     @staticmethod
     def backward(ctx: Any, *gradients: Tensor) -> tuple[Tensor, None, None]:
         (x,), (low, high), gradient = ctx.saved_tensors, ctx.limits, gradients[0]
-        # Descent moves against the gradient: a positive one would push further below, a negative one further above.
+        # Descent moves against the gradient: a positive gradient decreases x, a negative one increases it.
         outward = ((x <= low) & (gradient > 0)) | ((x >= high) & (gradient < 0))
         return gradient.masked_fill(outward, 0.0), None, None
 
 
 def clipped(x: Tensor, low: float, high: float) -> Tensor:
-    """`x` clipped to [low, high]; gradients that would push it further out are dropped, those that bring it back pass.
+    """`x` clipped to [low, high], with gradients only towards the range.
 
-    `torch.clamp` drops both, and a factor that has once left the range would stay where it is for good.
+    `torch.clamp` has no gradient outside the range, so that a factor that has left it could not return.
     """
     result: Tensor = _Clipped.apply(x, low, high)  # type: ignore[no-untyped-call]
     return result
@@ -51,7 +51,7 @@ class CompactBranches(nn.Module):
     modes : int
         K.
     kernels : sequence of int
-        Odd, one a branch; at least the stride, so that every sample is seen.
+        Odd lengths, one per branch, at least the stride, so that every sample is used.
     maps : int
         Mappings per mode and branch; C = K len(kernels) maps, sorted by mode, then branch.
     """
@@ -68,7 +68,7 @@ class CompactBranches(nn.Module):
 
     def forward(self, x: Tensor) -> Tensor:
         """Mappings, normalised within each mode of each sample."""
-        # All branches as one convolution, short kernels padded with zeros: three times faster than one after the other.
+        # All branches as one convolution with zero-padded kernels, which is faster than one after the other.
         branches = [branch for branch in self.branches if isinstance(branch, nn.Conv1d)]
         longest = max(branch.kernel_size[0] for branch in branches)
         weight = torch.stack([self._by_mode(_padded(branch.weight, longest)) for branch in branches], dim=1)
@@ -90,10 +90,10 @@ def _padded(kernel: Tensor, length: int) -> Tensor:
 
 
 class CrossBranchFusion(nn.Module):
-    """What branches saw brought together: [batch, C, L] -> [batch, C, L/2].
+    """Fusion of branches: [batch, C, L] -> [batch, C, L/2].
 
-    A depthwise convolution looks further along each mapping alone; a group convolution mixes the branches of each mode.
-    Their sum sees both receptive fields.
+    A depthwise convolution acts along each mapping; a grouped convolution mixes the branches of each mode. Both are
+    added.
 
     Parameters
     ----------
@@ -115,13 +115,12 @@ class CrossBranchFusion(nn.Module):
 
 
 class DenoisingGate(nn.Module):
-    """Each channel times a learnt factor that cannot leave a range: [batch, C, L] -> [batch, C, L].
+    """Gate that multiplies each channel by a learnt, bounded factor: [batch, C, L] -> [batch, C, L].
 
     factor = clip(scale_c + (W log(level))_c, low, high), level = rms of each channel. The scale is a parameter of the
-    channel, 1 at first. "Dynamic" is read as: the factor also depends on the sample at hand, here on how loud its
-    channels are relative to each other; W is 0 at first. "Constrained through weight pruning" is read as clipping.
-    Scaling a channel's series scales all amplitudes of its spectrum alike, so it does not matter in which of the two
-    the product is taken.
+    channel, initially 1. "Dynamic" is interpreted as a dependence on the sample, here on the relative levels of its
+    channels; W is initially 0. "Constrained through weight pruning" is interpreted as clipping. Multiplying a series is
+    equivalent to multiplying its spectrum.
 
     Parameters
     ----------
@@ -129,7 +128,7 @@ class DenoisingGate(nn.Module):
     low, high : float
         Range of the factor.
     dynamic : bool
-        With W.
+        Whether factors depend on the levels, by W.
     """
 
     def __init__(self, channels: int, low: float = 0.0, high: float = 2.0, dynamic: bool = True) -> None:
@@ -154,14 +153,14 @@ class DenoisingGate(nn.Module):
 
 
 class DenoisingNetwork(nn.Module):
-    """Branches, fusion, gate: modes [batch, K, N] -> mappings [batch, C, N/8].
+    """Denoising network of branches, fusion and gate: modes [batch, K, N] -> mappings [batch, C, N/8].
 
     Parameters
     ----------
     modes : int
     kernels : sequence of int
     maps : int
-        As in `CompactBranches`.
+        See `CompactBranches`.
     """
 
     def __init__(self, modes: int, kernels: Sequence[int], maps: int) -> None:
@@ -178,9 +177,9 @@ class DenoisingNetwork(nn.Module):
 
 
 class Lift(nn.Module):
-    """What stands where the denoising network is left out: one strided convolution, [batch, K, N] -> [batch, C, N/8].
+    """Replacement of the denoising network by one strided convolution: [batch, K, N] -> [batch, C, N/8].
 
-    It has the denoising network's output shape, so that all that follows is the same with and without it.
+    It has the same output shape, so that later stages do not change.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Figures of merit on labelled windows, with intervals over seeds."""
+"""Scores of predictions on labelled windows, with intervals over seeds."""
 
 from __future__ import annotations
 
@@ -16,18 +16,18 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Scores:
-    """How well predictions meet the truth.
+    """Scores of predictions.
 
     Parameters
     ----------
     accuracy : float
-        Share of windows classified correctly.
+        Fraction of windows classified correctly.
     balanced_accuracy : float
-        Mean over classes of the share classified correctly within each.
+        Mean over classes of the fraction classified correctly.
     confusion : NDArray[int64] [true, predicted]
-        Windows.
+        Numbers of windows.
     recordings_right, recordings : int
-        Recordings whose windows vote for the right class (mean probability), of how many.
+        Recordings whose mean probability is highest for the true class, and number of recordings.
     """
 
     accuracy: float
@@ -38,7 +38,7 @@ class Scores:
 
 
 def score(probabilities: Array, labels: Labels, group: NDArray[np.str_]) -> Scores:
-    """Judge predictions.
+    """Scores of predictions on labelled windows.
 
     Parameters
     ----------
@@ -69,13 +69,13 @@ def score(probabilities: Array, labels: Labels, group: NDArray[np.str_]) -> Scor
 def t_interval(values: Sequence[float], level: float) -> tuple[float, float]:
     """Student's interval for the mean of independent, roughly normal values, such as accuracies over seeds.
 
-    It speaks of the randomness of training alone: seeds do not make more bearings.
+    It covers the randomness of training only, since more seeds are no more bearings.
 
     Parameters
     ----------
     values : sequence of float
     level : float
-        0.9 or 0.95, say.
+        Confidence level, for instance 0.95.
 
     Returns
     -------
@@ -92,7 +92,7 @@ def t_interval(values: Sequence[float], level: float) -> tuple[float, float]:
 def bootstrap_interval(
     values: Sequence[float], level: float, rng: np.random.Generator, draws: int = 4000
 ) -> tuple[float, float]:
-    """Percentile bootstrap interval for the mean; too narrow for a handful of values, where `t_interval` is the one."""
+    """Percentile bootstrap interval for the mean; too narrow for few values, for which see `t_interval`."""
     x = np.asarray(values, dtype=np.float64)
     if x.size < 2:
         return float("nan"), float("nan")

@@ -1,18 +1,18 @@
-"""Simulated fleets: machines of one kind, some healthy, some faulty, with the disturbances of real plants.
+"""Simulated fleets: healthy and faulty machines of one kind, with the disturbances of real plants.
 
-TwinSpec --one draw a fleet--> path, disturbances of all members --one draw a member--> fault, its impacts, its wear
+TwinSpec --draw per fleet--> path, disturbances of all members --draw per member--> fault, its impacts, its wear
                                                                              |
-                     classes of a fleet in any shares <-- records, one a member
+                     classes in any proportion <-- records, one per member
 
 Effects that a twin lacks are drawn from the catalogue, since unlabelled records do not show them (domain randomisation,
 Tobin et al. 2017, arXiv:1703.06907): tones of shaft, drive and mains, coloured noise, a sensor's roll-off, a second
 mode. Two properties of real faults are added that a periodic train of impacts lacks:
 
-- a rolling element's axis of spin wanders, so that its defect meets the races now and then, and with any strength
+- the axis of rotation of a rolling element varies, so that its defect meets the races irregularly and with any strength
   (Smith & Randall 2015, DOI 10.1016/j.ymssp.2015.04.021, find no plain rolling-element signature in CWRU's records);
-- a defect may show as roughness alone, louder than a healthy machine and without any line.
+- a defect may cause roughness only: a higher level than that of a healthy machine, without lines.
 
-A mode that the twin file states is spread as if it were open, since one identified mode may stand for several.
+A mode that the twin file states is varied as if it were unknown, since one identified mode may represent several.
 """
 
 from __future__ import annotations
@@ -32,15 +32,15 @@ from twingap.records import Condition, Record, RecordSet
 from twingap.twins.base import Twin
 
 HEALTHY_SHARES: Final = ((0.0, 0.12, 0.25, 0.5, 0.8, 1.0), (0.1, 0.25, 0.3, 0.2, 0.1, 0.05))
-"""Shares of healthy members, and how often each is drawn. The share of a real fleet is not known."""
+"""Fractions of healthy members, and their probabilities. The fraction in a real fleet is unknown."""
 IMPACTS_SNR_DB: Final = (-12.0, 16.0)
-"""Range of the power of impacts over that of healthy vibration: from invisible to plain."""
+"""Range of the power of impacts over that of healthy vibration: from undetectable to obvious."""
 FAINT_DB: Final = -3.0
-"""Fainter impacts always come with roughness, since the fault would not show otherwise."""
+"""Level below which impacts always come with roughness, since the fault would be undetectable otherwise."""
 ROUGH: Final = 0.6
-"""Share of plainer faults with roughness."""
+"""Fraction of stronger faults with roughness."""
 WANDERING: Final = 0.8
-"""Share of rolling elements with a defect whose axis wanders."""
+"""Fraction of defective rolling elements whose axis varies."""
 LOUDNESS_SPREAD: Final = 0.15
 LEVEL_SPREAD: Final = 0.2
 PATH_SPREAD: Final = 0.02
@@ -50,7 +50,7 @@ Values = dict[str, float]
 Common = tuple[dict[str, Any], dict[str, Values]]
 """Parameters and effects that the members of a fleet share."""
 Draw = Callable[[np.random.Generator, float], Values]
-"""Of an effect's parameters, given the sampling rate."""
+"""Draw of an effect's parameters, given the sampling rate, Hz."""
 
 
 def _log(rng: np.random.Generator, low: float, high: float) -> float:
@@ -73,7 +73,7 @@ DISTURBANCES: Final[tuple[tuple[str, float, Draw], ...]] = (
     ("looseness", 0.3, lambda rng, fs: {"level": _log(rng, 0.05, 0.6)}),
     ("mains_interference", 0.3, lambda rng, fs: {"level": _log(rng, 0.05, 0.6)}),
 )  # fmt: skip
-"""Effects of all members of a fleet, the share of fleets that have them, and their values."""
+"""Effects of all members of a fleet, the fraction of fleets that have them, and the draw of their values."""
 
 
 @dataclass(frozen=True)
@@ -83,11 +83,11 @@ class Fleets:
     Parameters
     ----------
     population : Population
-        Of single machines: the twin, its bearing, the conditions and lengths of the real records.
+        Distribution of single machines: the twin, its bearing, conditions and lengths of the real records.
     members : int
         Recordings in a fleet.
     classes : sequence of str
-        Of which members are drawn, "healthy" first.
+        Classes of the members, "healthy" first.
 
     Raises
     ------
@@ -106,12 +106,12 @@ class Fleets:
             raise TwingapError("classes begin with 'healthy' and name a fault", where="Fleets")
 
     def fleet(self, number: int, rng: np.random.Generator) -> RecordSet:
-        """One record of each member, which is a group of its own, at one operating point.
+        """Records of a random fleet at one operating point, one for each member; each is its own group.
 
         Parameters
         ----------
         number : int
-            Goes into names and groups.
+            Number of the fleet, part of names and groups.
         rng : numpy.random.Generator
         """
         population = self.population
@@ -121,14 +121,14 @@ class Fleets:
             common = self._common(like.fs_hz, rng)
             try:
                 made = [self._member(like, common, f"{number}-{i}", healthy, rng) for i in range(self.members)]
-            except TwingapError:  # a mode above half the sampling rate, for one: another fleet is drawn
+            except TwingapError:  # for instance a mode above half the sampling rate: another fleet is drawn
                 if attempt == TRIES - 1:
                     raise
                 continue
             if all(np.isfinite(r.samples).all() and np.ptp(r.samples) > 0 for r in made):
                 break
         else:
-            raise TwingapError("the twin makes no finite vibration", where=f"record {like.name!r}")
+            raise TwingapError("the twin gives no finite vibration", where=f"record {like.name!r}")
         return RecordSet.from_records("simulated fleet", population.unit, population.bearing, made)
 
     def _common(self, fs_hz: float, rng: np.random.Generator) -> Common:
@@ -142,7 +142,7 @@ class Fleets:
         return values, effects
 
     def _open(self, fs_hz: float, rng: np.random.Generator) -> dict[str, Any]:
-        """Path of the phenomenological twin, as far as its file leaves it open: any plausible one."""
+        """Random path parameters of the phenomenological twin that its file does not state."""
         if self.population.spec.model != "phenomenological":
             return {}
         known, share = self.population.known, rng.uniform(0.0, 1.0)

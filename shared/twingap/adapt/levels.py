@@ -1,11 +1,10 @@
-"""Levels of a window above the quietest recording of its fleet, band by band.
+"""Levels of windows above the quietest recording of their fleet, by frequency band.
 
-windows --> ln power in bands --minus the least of the recordings at that speed--> levels above the quietest
+windows --> ln power in bands --minus the minimum over recordings at that speed--> levels above the quietest
 
-A defect adds vibration. A twin does not give the level of a machine without one, but the quietest recording in a band
-bounds it, provided that all were measured alike. Where all recordings are faulty the levels are too low, where there is
-one recording they are about 0. Fleets to learn from are therefore drawn with any share of healthy machines and with any
-number of members.
+A defect adds vibration. The level of the healthy machine is unknown, but the quietest recording in a band is an upper
+bound, provided that all were measured in the same way. Where all recordings are faulty the levels are too low, and with
+a single recording they are about 0. Training fleets therefore have any fraction of healthy machines and any size.
 """
 
 from __future__ import annotations
@@ -21,10 +20,11 @@ from twingap.adapt.windows import Windows
 Array = NDArray[np.float64]
 
 BANDS: Final = 8
+"""Number of bands; more resolve modes better and are noisier."""
 LOWEST: Final = 0.02
-"""Lower end of the lowest band, as a part of half the sampling rate."""
+"""Lower end of the lowest band, relative to half the sampling rate."""
 APART: Final = 0.03
-"""Relative difference of speeds from which they belong to different operating points."""
+"""Relative difference of speeds of different operating points; larger merges more speeds."""
 NAMES: Final = (
     "highest", "mean", "third lowest", "fifth lowest", "seventh lowest",
     "highest over the quietest", "mean over the quietest", "furthest from the quietest",
@@ -33,9 +33,10 @@ NAMES: Final = (
 
 
 def band_levels(windows: Windows) -> Array:
-    """Mean ln power density in bands of equal ratio up to half the sampling rate, and ln of all power.
+    """Mean ln power density in bands of equal ratio up to half the sampling rate, and ln of the total power.
 
-    The mean of logarithms is that of the noise; a tone in the band hardly changes it. Unit: ln of the squared unit.
+    The mean of logarithms describes the noise, since a tone in the band hardly changes it. Unit: ln of the squared
+    unit.
 
     Returns
     -------
@@ -50,12 +51,12 @@ def band_levels(windows: Windows) -> Array:
 
 
 def levels_above_the_quietest(windows: Windows) -> Array:
-    """Levels of each window, in the order of `NAMES`, against the recordings of its fleet at about its speed.
+    """Levels of each window, in the order of `NAMES`, relative to the recordings of its fleet at a similar speed.
 
     Parameters
     ----------
     windows : Windows
-        Of one fleet: the same kind of machine and sensor. `group` tells recordings apart; labels are not read.
+        Windows of one fleet: the same kind of machine and sensor. `group` is the recording; labels are not used.
 
     Returns
     -------
@@ -72,7 +73,7 @@ def levels_above_the_quietest(windows: Windows) -> Array:
 
 
 def operating_points(speed_rpm: Array) -> NDArray[np.int64]:
-    """Number of the operating point of each window: sorted speeds, split where they jump."""
+    """Index of the operating point of each window: sorted speeds, split at large steps."""
     order = np.argsort(speed_rpm, kind="stable")
     jumps = np.diff(speed_rpm[order]) > APART * speed_rpm[order][:-1]
     point = np.empty(len(speed_rpm), dtype=np.int64)
@@ -84,7 +85,7 @@ def _above(level: Array, group: NDArray[np.str_]) -> Array:
     of_recording = np.stack([np.median(level[group == g], axis=0) for g in dict.fromkeys(group)])
     least = of_recording.min(axis=0)
     above = level - least
-    # The one recording that is nearest to the least of all: where there is a healthy one, most likely that.
+    # The recording closest to the minimum: a healthy one if there is any.
     quietest = level - of_recording[(of_recording - least).sum(axis=1).argmin()]
     ranked = np.sort(above[:, :-1], axis=1)[:, [2, 4, 6]]
     return np.column_stack([

@@ -1,19 +1,21 @@
-"""Classifiers of fault classes as a table of options, with one way to fit and to judge any of them.
+"""Domain-adaptation methods of paper 3 as a table of options, with common functions to fit and evaluate them.
 
 source Windows (labelled) ---+--> ModeInputs --> split by group --> train --> checkpoints --> chosen without labels
 target Windows (unlabelled) -+                                                                   |
                                               windows --> ModeInputs --> predict_proba, embed <--+--> judge
 
-Used in: paper 3, DOI 10.1177/10775463261462852. What each name changes is in `METHODS`; what the paper leaves open
-there was read as follows.
+Source: paper 3, DOI 10.1177/10775463261462852. `METHODS` lists the options of each method. Where the paper is
+ambiguous, it is interpreted as follows.
 
-- "Dual-discriminator": one discriminator of the features and one of features and predicted classes together. (It might
-  mean no more than a label classifier and a domain discriminator; then Proposed would have DANN's alignment.)
-- MMD, DANN and DACD align the paper's own convolutional extractor on the same modes, without denoising network and
-  attention, which the paper's remarks on them call missing.
-- DACD, "builds upon the DANN by incorporating category information": DANN and a discrepancy between equal classes.
+- "Dual-discriminator": one discriminator of the features, and one of features and predicted classes. (If it meant a
+  label
+  classifier and a domain discriminator, Proposed would have the alignment of DANN.)
+- MMD, DANN and DACD align the convolutional extractor of the paper on the same modes, without denoising network and
+  attention.
+- DACD, "builds upon the DANN by incorporating category information": DANN and a discrepancy within classes.
 - Base-Attn replaces inverse embedding and cosines by ordinary attention across time; Non-DN and Base-NDN have one
-  strided convolution in place of the denoising network; all three keep both discriminators.
+  strided
+  convolution in place of the denoising network; all three have both discriminators.
 """
 
 from __future__ import annotations
@@ -40,15 +42,15 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class MethodOptions:
-    """A method.
+    """Options of a method.
 
     Parameters
     ----------
     name : str
     architecture : Architecture or None
-        Of the network; None = support vector machine.
+        Architecture of the network; None = support vector machine.
     alignment : Alignment
-        What draws the domains together.
+        Alignment of the domains.
     """
 
     name: str
@@ -73,34 +75,34 @@ METHODS: Final[dict[str, MethodOptions]] = {
         MethodOptions("Proposed", Architecture(), _DUAL),
     )
 }
-"""By the paper's names, in its order."""
+"""Methods by their names in the paper, in its order."""
 
 
 def steps_of_epochs(epochs: float, n_windows: int, batch: int) -> int:
-    """Gradient steps in which `n_windows` source windows are seen `epochs` times; at least 1."""
+    """Gradient steps for `epochs` passes over `n_windows` source windows; at least 1."""
     return max(1, round(epochs * n_windows / batch))
 
 
 @dataclass(frozen=True)
 class Fitted:
-    """A trained method.
+    """Trained method.
 
     Parameters
     ----------
     method : MethodOptions
     inputs : ModeInputs
     trained : Trained or None
-        Of a network.
+        Training of a network.
     svm : ModeSVM or None
-        Of VMD+SVM.
+        Model of VMD+SVM.
     criteria : Mapping[str, tuple[float, ...]]
-        Label-free criterion -> score of each checkpoint; empty for the machine.
+        Label-free criterion -> score of each checkpoint; empty for VMD+SVM.
     chosen : Mapping[str, int]
-        Criterion -> place of the checkpoint that it prefers.
+        Criterion -> index of the checkpoint that it selects.
     criterion : str
-        The one that counts.
+        Criterion that is used.
     source_accuracy : tuple[float, ...]
-        Of each checkpoint, on source windows held out from training.
+        Accuracy of each checkpoint on source windows held out from training.
     """
 
     method: MethodOptions
@@ -114,17 +116,17 @@ class Fitted:
 
     @property
     def checkpoints(self) -> int:
-        """How many states there are to choose from; 1 for the machine."""
+        """Number of checkpoints; 1 for VMD+SVM."""
         return 1 if self.trained is None else len(self.trained.checkpoints)
 
     @property
     def place(self) -> int:
-        """Of the checkpoint chosen without target labels."""
+        """Index of the checkpoint selected without target labels."""
         return self.chosen.get(self.criterion, 0)
 
     @property
     def history(self) -> list[dict[str, float]]:
-        """One row a checkpoint: step, source_loss, domain_accuracy (NaN without), source_accuracy, each criterion."""
+        """One row per checkpoint: step, source_loss, domain_accuracy (NaN without), source_accuracy, each criterion."""
         if self.trained is None:
             return []
         return [
@@ -139,11 +141,11 @@ class Fitted:
         ]
 
     def predict_proba(self, windows: Windows, place: int | None = None) -> Array:
-        """Probabilities [windows, classes], of the chosen checkpoint or of the one at `place`."""
+        """Probabilities [windows, classes] by the selected checkpoint or that with index `place`."""
         return self._outputs(self.inputs(windows), place)[0]
 
     def embed(self, windows: Windows, place: int | None = None) -> Array:
-        """Features before the classifier [windows, 100] (the standardised numbers, for the machine)."""
+        """Features before the classifier [windows, 100] (for VMD+SVM the standardised features)."""
         return self._outputs(self.inputs(windows), place)[1]
 
     def _outputs(self, x: Inputs, place: int | None) -> tuple[Array, Array]:
@@ -167,29 +169,28 @@ def fit(
     criterion: str = DEFAULT,
     device: str = "auto",
 ) -> Fitted:
-    """Train a method and choose a checkpoint without target labels.
+    """Train a method and select a checkpoint without target labels.
 
     Parameters
     ----------
     method : str or MethodOptions
-        A key of `METHODS`, or options of your own.
+        Key of `METHODS`, or other options.
     source : Windows
-        Labelled; a share of the groups of each class is held out from training, the same for every method.
+        Labelled windows; a fraction of the groups of each class is held out from training, the same for every method.
     target_unlabelled : Windows
-        Without labels: an attempt to pass any is an error.
+        Windows without labels; labels are an error.
     seed : int
-        Of the split, the weights and the batches. VMD+SVM has nothing to choose: it is trained on all of the source,
-        and the seed changes nothing.
+        Seed of split, weights and batches. VMD+SVM does not depend on it and is trained on all source windows.
     n_classes : int
     settings : Training, optional
-        Default: its own defaults, and inputs that are waveforms are varied.
+        Default: `Training`, with variation of inputs that are waveforms.
     inputs : ModeInputs, optional
     held_out : float
-        Share of source groups for validation.
+        Fraction of source groups for validation.
     criterion : str
         Key of `twingap.adapt.CRITERIA`.
     device : str
-        "auto" (a GPU when there is one), "cpu" or "cuda".
+        "auto" (a GPU if there is one), "cpu" or "cuda".
 
     Returns
     -------
@@ -198,27 +199,27 @@ def fit(
     Raises
     ------
     TwingapError
-        For an unknown method or criterion, labels on the target, none on the source, windows of a length that the
-        network cannot take, or variations of inputs that are no waveforms.
+        For an unknown method or criterion, labels on the target, none on the source, a window length that
+        the network does not support, or variation of inputs that are no waveforms.
     """
     options = _known(method)
     if criterion not in CRITERIA:
         raise TwingapError(f"unknown criterion {criterion!r}", mend=f"use one of {', '.join(CRITERIA)}")
     if target_unlabelled.labels is not None:
-        raise TwingapError("the windows of adaptation carry labels", where="fit", mend="pass .unlabelled() windows")
+        raise TwingapError("the windows of the adaptation have labels", where="fit", mend="pass .unlabelled() windows")
     if source.labels is None:
-        raise TwingapError("the source windows carry no labels", where="fit", mend="cut them with their classes")
+        raise TwingapError("the source windows have no labels", where="fit", mend="cut them with their classes")
     prepare = inputs or ModeInputs()
     settings = settings or Training(vary=prepare.waveforms)
     if settings.vary and not prepare.waveforms:
         mend = "set vary = false"
-        raise TwingapError(f"{prepare.quantity} shifted or turned about is another", where="Training.vary", mend=mend)
+        raise TwingapError(f"{prepare.quantity} is not invariant to shift and sign", where="Training.vary", mend=mend)
     x = prepare(source)
     if options.architecture is None:
         return Fitted(options, prepare, None, train_svm(x, source.labels, n_classes), {}, {}, criterion, ())
     if x.shape[2] % MULTIPLE or x.shape[2] < SHORTEST:
         raise TwingapError(
-            f"{x.shape[2]} points a channel, a multiple of {MULTIPLE} and at least {SHORTEST} expected",
+            f"{x.shape[2]} points per channel, a multiple of {MULTIPLE} and at least {SHORTEST} expected",
             where="fit",
             mend="cut windows of 1024 or 2048 samples",
         )
@@ -252,7 +253,7 @@ def _known(method: str | MethodOptions) -> MethodOptions:
 
 
 def _split(source: Windows, share: float, seed: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Places of the windows to train on and of those held out; no group is on both sides."""
+    """Indices of the windows for training and of those held out; no group is in both."""
     _, held = split_by_group(source, share, np.random.default_rng([seed, 2]))
     outside = np.isin(source.group, held.group)
     return np.flatnonzero(~outside), np.flatnonzero(outside)
@@ -260,19 +261,19 @@ def _split(source: Windows, share: float, seed: int) -> tuple[NDArray[np.int64],
 
 @dataclass(frozen=True)
 class Judged:
-    """What a trained method is worth on labelled windows that it has not seen.
+    """Scores of a trained method on labelled windows that it was not adapted to.
 
     Parameters
     ----------
     scores : Scores
-        Of the checkpoint chosen without target labels: the method's result.
+        Scores of the checkpoint selected without target labels: the result of the method.
     probabilities : Array [windows, classes]
-        Of that checkpoint.
+        Probabilities by that checkpoint.
     accuracy_by_checkpoint : tuple[float, ...]
     accuracy_by_criterion : Mapping[str, float]
-        What each label-free criterion would have given.
+        Accuracy of the checkpoint that each label-free criterion selects.
     oracle_accuracy : float
-        Of the best checkpoint by target labels: no method may claim it.
+        Accuracy of the best checkpoint by target labels, which no method can select.
     """
 
     scores: Scores
@@ -283,11 +284,11 @@ class Judged:
 
     @property
     def accuracy(self) -> float:
-        """Of the checkpoint chosen without target labels."""
+        """Accuracy of the checkpoint selected without target labels."""
         return self.scores.accuracy
 
     def plain(self) -> dict[str, Any]:
-        """For a result store: numbers, dictionaries and arrays."""
+        """Scores as numbers, dictionaries and arrays, for a result store."""
         return {
             "accuracy": self.accuracy,
             "balanced_accuracy": self.scores.balanced_accuracy,
@@ -302,7 +303,7 @@ class Judged:
 
 
 def judge(fitted: Fitted, windows: Windows) -> Judged:
-    """Judge on labelled windows, none of which may have been adapted to.
+    """Scores on labelled windows that the method was not adapted to.
 
     Parameters
     ----------
@@ -313,10 +314,12 @@ def judge(fitted: Fitted, windows: Windows) -> Judged:
     Raises
     ------
     TwingapError
-        When they carry no labels.
+        When windows have no labels.
     """
     if windows.labels is None:
-        raise TwingapError("the windows to judge on carry no labels", where="judge", mend="cut them with their classes")
+        raise TwingapError(
+            "the windows of the evaluation have no labels", where="judge", mend="cut them with their classes"
+        )
     x = fitted.inputs(windows)
     each = [fitted._outputs(x, place)[0] for place in range(fitted.checkpoints)]
     scores = [score(p, windows.labels, windows.group) for p in each]

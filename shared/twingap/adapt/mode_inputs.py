@@ -1,4 +1,4 @@
-"""Variational modes of windows as input channels of a network, stored once computed.
+"""Variational modes of windows as input channels of a network, with a cache of the decomposition.
 
 windows [windows, N] --unit variance--> vmd --by frequency--> modes [windows, K, N] --quantity--> input, float32
                                          |  ^
@@ -30,24 +30,23 @@ Modes32 = NDArray[np.float32]
 
 @dataclass(frozen=True)
 class ModeInputs:
-    """How windows become network inputs.
+    """Options of the conversion of windows to network inputs.
 
     Parameters
     ----------
     n_modes : int
-        K.
+        Number K of modes.
     alpha : float
-        Narrowness of the modes; see `twingap.signal.vmd`.
+        Penalty on the bandwidth of modes; see `twingap.signal.vmd`.
     tol : float
-        Of the decomposition, for windows of unit variance.
+        Tolerance of the decomposition, for windows of unit variance.
     max_iterations : int
-        Of the decomposition.
+        Most iterations of the decomposition.
     quantity : str
-        What of each mode: "modes" (the paper's) is its waveform, in standard deviations of the window; "envelope" its
-        envelope, standardised; any other a view of `twingap.adapt.VIEWS`, taken of each mode.
+        Channel computed from each mode: "modes" (as in the paper) is its waveform in standard deviations of the window,
+        "envelope" its standardised envelope, any other a view of `twingap.adapt.VIEWS`.
     cache : Path or None
-        Folder of modes already computed, keyed by the content of the windows; None computes them each time. A place,
-        not a setting: leave it out of what a result is keyed by.
+        Folder of stored modes, with the content of the windows as key; None = no cache. It has no effect on results.
 
     Raises
     ------
@@ -69,11 +68,11 @@ class ModeInputs:
 
     @property
     def waveforms(self) -> bool:
-        """Whether channels are waveforms, which mean the same shifted in time or with the other sign."""
+        """Whether channels are waveforms, whose class does not depend on shift and sign."""
         return self.quantity in ("modes", "waveform")
 
     def __call__(self, windows: Windows) -> Modes32:
-        """Network input [windows, K, points]. Labels are not read."""
+        """Network input [windows, K, points]. Labels are not used."""
         modes = self.modes(windows)
         if self.quantity == "modes":
             return modes
@@ -99,7 +98,7 @@ class ModeInputs:
                 held = np.load(path, allow_pickle=False)
                 if held.shape == (len(windows), self.n_modes, windows.samples.shape[1]) and held.dtype == np.float32:
                     return np.asarray(held)
-            except (OSError, ValueError, EOFError):  # cut short: computed again and replaced
+            except (OSError, ValueError, EOFError):  # a damaged file is computed again
                 pass
         modes = self._decomposed(windows)
         with files.replacing(path) as target:
@@ -107,7 +106,7 @@ class ModeInputs:
         return modes
 
     def key(self, windows: Windows) -> str:
-        """Hex sha256 of all that the modes depend on: samples, settings, the code of the decomposition."""
+        """Hex sha256 of samples, settings and code of the decomposition."""
         samples = np.ascontiguousarray(windows.samples, dtype="<f8")
         content = hashlib.sha256(samples.data).hexdigest()
         settings = [self.n_modes, self.alpha, self.tol, self.max_iterations]

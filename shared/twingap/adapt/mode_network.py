@@ -1,11 +1,11 @@
-"""Network on variational modes: denoising, attention, classifier; each part may be left out.
+"""Network on variational modes: denoising, attention and classifier, with options to leave parts out.
 
 modes [batch, K, N] -> denoising (or lift) -> [batch, C, N/8] -> attention (or none) -> convolutional feed-forward
     extractor -> features [batch, 100] -> classifier -> logits [batch, classes]
 
-With K = 4, three branches and two maps C = 24; N = 2048 makes mappings of 256 samples. The last two stages take part
-in every variant, so that two variants differ only in the part that is left out. Source: section 3 of paper 3, DOI
-10.1177/10775463261462852; sizes are ours (the paper's table of them is not in its text).
+With K = 4, three branches and two maps C = 24; N = 2048 makes mappings of 256 samples. The last two stages are part
+of every variant, so that variants differ only in the part that is left out. Source: section 3 of paper 3, DOI
+10.1177/10775463261462852, whose text does not give the sizes.
 """
 
 from __future__ import annotations
@@ -21,30 +21,30 @@ from twingap.adapt.denoising import STRIDE, DenoisingNetwork, Lift
 from twingap.adapt.nets import FEATURES
 
 STRETCHES: Final = 4
-"""Of time, over which the last maps are averaged."""
+"""Number of equal intervals of time over which the last maps are averaged; more keep more of their position."""
 MULTIPLE: Final = STRIDE * PATCH
 SHORTEST: Final = 8 * STRETCHES * STRIDE
-"""Points of an input: a multiple of the one, at least the other."""
+"""The length of an input is a multiple of `MULTIPLE` and at least `SHORTEST`."""
 AttentionKind = Literal["none", "time", "mappings", "cosine"]
 
 
 @dataclass(frozen=True)
 class Architecture:
-    """Which parts the network has, and their sizes.
+    """Parts of the network and their sizes.
 
     Parameters
     ----------
     denoising : bool
-        The multi-scale mode denoising network; a plain strided convolution otherwise.
+        Whether to use the multi-scale mode denoising network; otherwise a strided convolution.
     attention : {"none", "time", "mappings", "cosine"}
-        None; ordinary attention across time; scaled dot products across mappings (inverse embedding without the
+        No attention; ordinary attention across time; scaled dot products across mappings (inverse embedding without the
         cosine); the paper's.
     kernels : tuple[int, ...]
-        Of the branches.
+        Kernel lengths of the branches.
     maps : int
         Mappings per mode and branch.
     width : int
-        Of the attention's tokens.
+        Width of the attention's tokens.
     """
 
     denoising: bool = True
@@ -57,9 +57,9 @@ class Architecture:
 class FeedForwardExtractor(nn.Module):
     """Convolutional feed-forward extractor: [batch, C, L] -> [batch, 100].
 
-    A depthwise convolution takes each mapping's series by itself, [C, L/2]; three more convolutions mix and widen,
-    [32, L/2], [48, L/4], [64, L/8]; averages over 4 equal stretches of time, and one linear layer. For 12 kHz and the
-    strides before it, it sees 50 ms at once: five impacts of an outer race, without which no rate can be found.
+    A depthwise convolution for each mapping, [C, L/2]; three convolutions across mappings, [32, L/2], [48, L/4],
+    [64, L/8]; averages over 4 equal intervals of time; one linear layer. At 12 kHz its receptive field, with the
+    strides before it, is 50 ms: five impacts of an outer race, so that their rate can be recognised.
     """
 
     def __init__(self, channels: int) -> None:

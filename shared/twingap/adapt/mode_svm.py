@@ -1,9 +1,9 @@
-"""Support vector machine on features of variational modes (VMD+SVM); it is not adapted.
+"""Support vector machine on features of variational modes (VMD+SVM), without adaptation.
 
 modes [windows, K, N] --> level, centre frequency, shape of each mode --> standardised --> SVC (radial kernel)
 
-The paper names the method and no more. The numbers are free of the signal's unit, and the machine's settings are
-scikit-learn's own; nothing is drawn at random, so its spread over seeds is 0, as the paper reports.
+The paper gives no details of the method. Features do not depend on the unit of the signal, and settings are the
+defaults of scikit-learn. The method is deterministic, so its spread over seeds is 0, as in the paper.
 """
 
 from __future__ import annotations
@@ -22,11 +22,11 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 SHAPES: Final = ("kurtosis", "skewness", "crest_factor", "shape_factor", "impulse_factor", "clearance_factor")
-"""Of each mode, from `twingap.signal.time_features`."""
+"""Features of each mode from `twingap.signal.time_features`."""
 
 
 def mode_features(modes: Inputs) -> Array:
-    """Log share of the energy, centre frequency (cycles/sample) and `SHAPES` of each mode [windows, K (2 + shapes)]."""
+    """Log energy fraction, centre frequency (cycles/sample) and `SHAPES` of each mode [windows, K (2 + shapes)]."""
     x = modes.astype(np.float64)
     power = np.square(np.abs(np.fft.rfft(x, axis=-1)))
     total = np.maximum(power.sum(axis=-1), 1e-300)
@@ -40,7 +40,7 @@ def mode_features(modes: Inputs) -> Array:
 
 @dataclass(frozen=True)
 class ModeSVM:
-    """A trained machine.
+    """Trained support vector machine.
 
     Parameters
     ----------
@@ -53,7 +53,7 @@ class ModeSVM:
     n_classes: int
 
     def probabilities(self, modes: Inputs) -> Array:
-        """Softmax of the one-against-rest decision values [windows, classes]; an order, not a calibrated belief."""
+        """Softmax of the one-against-rest decision values [windows, classes]; they are not calibrated."""
         found = np.asarray(self.machine.decision_function(mode_features(modes)), dtype=np.float64)
         if found.ndim == 1:
             found = np.stack([-found, found], axis=1)
@@ -63,12 +63,12 @@ class ModeSVM:
         return np.asarray(raised / raised.sum(axis=1, keepdims=True))
 
     def features(self, modes: Inputs) -> Array:
-        """The standardised numbers [windows, features]."""
+        """Standardised features [windows, features]."""
         return np.asarray(self.machine[0].transform(mode_features(modes)))
 
 
 def train_svm(modes: Inputs, labels: Labels, n_classes: int) -> ModeSVM:
-    """Train on labelled windows.
+    """Train a support vector machine on labelled windows.
 
     Parameters
     ----------

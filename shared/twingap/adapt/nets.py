@@ -2,10 +2,10 @@
 
 input [batch, channels, length] --extractor--> features [batch, 100] --classifier--> logits [batch, classes]
 
-The wide first kernel follows Zhang et al. 2017 (WDCNN, DOI 10.3390/s17020425): wide enough to see a structural mode's
-ringing, with small kernels behind it. Normalisation is by groups of channels within one sample (Wu and He 2018), not by
-batch: batch statistics would mix the domains, and adding the discriminator would no longer be the only difference
-between training with and without adaptation.
+The wide first kernel follows Zhang et al. 2017 (WDCNN, DOI 10.3390/s17020425): wide enough for the
+response of a structural mode, followed by small kernels. Normalisation is by groups of channels within a sample (Wu and
+He 2018). Batch statistics would mix the domains, so that the discriminator would not be the only difference between
+training with and without adaptation.
 """
 
 from __future__ import annotations
@@ -14,10 +14,11 @@ import torch
 from torch import Tensor, nn
 
 FEATURES = 100
+"""Number of features before the classifier; more increase the capacity of the network."""
 
 
 class PlainCNN(nn.Module):
-    """Four convolutions, one hidden layer, one linear classifier.
+    """Convolutional network with four convolutions, one hidden layer and a linear classifier.
 
     Parameters
     ----------
@@ -25,7 +26,7 @@ class PlainCNN(nn.Module):
         Samples of the input, at least 128.
     n_classes : int
     channels : int
-        Of the input.
+        Channels of the input.
 
     Notes
     -----
@@ -67,7 +68,7 @@ class PlainCNN(nn.Module):
 
 
 def best_device(wanted: str = "auto") -> torch.device:
-    """The device to train on: "auto" takes one GPU when there is one, else the processor."""
+    """Device for training: "auto" is a GPU if there is one, else the CPU."""
     if wanted == "auto":
         wanted = "cuda" if torch.cuda.is_available() else "cpu"
     return torch.device(wanted)

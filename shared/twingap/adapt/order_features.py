@@ -1,11 +1,11 @@
 """Features of a window at the bearing's orders: lines of envelope spectra, and kurtosis.
 
-windows --> unchanged | prewhitened | flattened | flattened, most impulsive band
+windows --> unfiltered | prewhitened | flattened | flattened, most impulsive band
               each --> squared-envelope spectrum over shaft orders --> ln(line over median) at shaft, cage, fault orders
         --> logarithms of kurtosis
 
 The features depend on samples per turn and on the bearing's orders, not on frequencies in Hz, amplitudes or
-resonances. They therefore mean the same on any machine whose geometry and speed are known.
+resonances. They are therefore comparable between all machines whose geometry and speed are known.
 """
 
 from __future__ import annotations
@@ -29,21 +29,22 @@ LOWEST_ORDER: Final = 0.3
 HIGHEST_ORDER: Final = 20.0
 """Range of the envelope spectrum, shaft orders. A wider range raises the highest line of noise."""
 TOLERANCE: Final = 0.012
-"""Half width of the search around a line, as a part of its order. Bearings slip by about one per cent; a wider search
-finds higher maxima in noise."""
+"""Half width of the search around a line, relative to its order. Bearings slip by about 1 %; a wider search finds
+higher maxima in noise."""
 NARROWEST: Final = 0.6
-"""Least half width of the search in bins, which decides in windows of few turns."""
+"""Smallest half width of the search, bins; it applies to windows of few turns."""
 FLATTENED_BINS: Final = 33
 """Width of the running median that flattens a spectrum: wider than a line, narrower than a resonance."""
 DEEPEST_LEVEL: Final = 4
 """Deepest level of the kurtogram (16 bands). Deeper levels find narrower bands, with fewer samples each."""
 SHORTEST_BAND: Final = 7
 """A window of 2^n samples is cut into no more than 2^(n - 7) bands."""
-SPECTRA: Final = ("whole", "whitened", "flattened", "impulsive")
+SPECTRA: Final = ("unfiltered", "whitened", "flattened", "impulsive")
 _FLOOR: Final = 1e-3
+"""Added to the ratio of line and median before its logarithm; larger makes weak lines less distinct."""
 
 
-def places(bearing: Bearing) -> dict[str, float]:
+def line_orders(bearing: Bearing) -> dict[str, float]:
     """Names and shaft orders of the lines.
 
     Parameters
@@ -71,7 +72,7 @@ def places(bearing: Bearing) -> dict[str, float]:
 
 def names(bearing: Bearing) -> tuple[str, ...]:
     """Names of the columns of `order_features`; the same for every bearing."""
-    lines = (*places(bearing), "highest", "spread", "order of the highest")
+    lines = (*line_orders(bearing), "highest", "spread", "order of the highest")
     return (
         *(f"{spectrum}: {line}" for spectrum in SPECTRA for line in lines),
         *(f"kurtosis: {s}" for s in SPECTRA[:3]),
@@ -84,7 +85,7 @@ def order_features(windows: Windows, bearing: Bearing) -> Array:
     Parameters
     ----------
     windows : Windows
-        Labels are not read.
+        Labels are not used.
     bearing : Bearing
 
     Returns
@@ -92,11 +93,11 @@ def order_features(windows: Windows, bearing: Bearing) -> Array:
     Array [windows, features]
         Finite. Lines beyond the envelope's range or `HIGHEST_ORDER` are 0.
     """
-    unchanged = waveform(windows)
-    signals = {"whole": unchanged, "whitened": prewhitened(unchanged), "flattened": flattened(unchanged)}
+    unfiltered = waveform(windows)
+    signals = {"unfiltered": unfiltered, "whitened": prewhitened(unfiltered), "flattened": flattened(unfiltered)}
     samples_per_turn = windows.fs_hz * 60 / windows.speed_rpm
-    orders = np.array(list(places(bearing).values()))
-    cycles: Array = np.asarray(np.fft.rfftfreq(unchanged.shape[1]), float)
+    orders = np.array(list(line_orders(bearing).values()))
+    cycles: Array = np.asarray(np.fft.rfftfreq(unfiltered.shape[1]), float)
     parts = [_lines(_envelope_spectra(x), cycles, samples_per_turn, orders) for x in signals.values()]
     impulsive = _impulsive_spectra(signals["flattened"], samples_per_turn, bearing)
     parts.append(_lines(impulsive, cycles, samples_per_turn, orders))
@@ -104,7 +105,7 @@ def order_features(windows: Windows, bearing: Bearing) -> Array:
 
 
 def flattened(x: Array) -> Array:
-    """Divide by the running median of the amplitude spectrum: resonances go, lines stay [signals, samples]."""
+    """Signals divided by the running median of their amplitude spectrum, which keeps lines [signals, samples]."""
     transform = np.fft.rfft(x, axis=1)
     power = np.log(np.abs(transform) ** 2 + 1e-20)
     # Row by row: SciPy has a fast median filter for one dimension only.
@@ -118,7 +119,7 @@ def _envelope_spectra(x: Array, band: tuple[float, float] | None = None) -> Arra
 
 
 def _impulsive_spectra(x: Array, samples_per_turn: Array, bearing: Bearing) -> Array:
-    """Squared-envelope spectra in the most impulsive band that holds three harmonics of every fault [signals, bins]."""
+    """Squared-envelope spectra in the most impulsive band with three harmonics of every fault [signals, bins]."""
     fastest = max(bearing.fault_order(f) for f in ("outer", "inner", "ball"))
     deepest = max(1, min(DEEPEST_LEVEL, math.floor(math.log2(x.shape[1])) - SHORTEST_BAND))
     widest = np.maximum(samples_per_turn / (6 * fastest), 2.0)
@@ -132,13 +133,13 @@ def _impulsive_spectra(x: Array, samples_per_turn: Array, bearing: Bearing) -> A
 
 
 def _lines(spectra: Array, cycles: Array, samples_per_turn: Array, orders: Array) -> Array:
-    """ln(line over median) at each order and of the highest line anywhere, spread, order of the highest.
+    """ln(line over median) at each order and of the highest line, spread, and order of the highest line.
 
     Parameters
     ----------
     spectra : Array [signals, bins]
     cycles : Array [bins]
-        Per sample.
+        Frequency in cycles per sample.
     samples_per_turn : Array [signals]
     orders : Array [lines]
 

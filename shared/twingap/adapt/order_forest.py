@@ -3,7 +3,7 @@
 simulated fleets --windows--> order_features | levels_above_the_quietest --> extra-trees
 real windows -------------------------------------------------------------------> probabilities
 
-Extra-trees (Geurts et al. 2006, DOI 10.1007/s10994-006-6226-1) need no scaling and ignore uninformative features.
+Extra-trees (Geurts et al. 2006, DOI 10.1007/s10994-006-6226-1) need no scaling and tolerate uninformative features.
 """
 
 from __future__ import annotations
@@ -27,11 +27,13 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 TREES: Final = 300
+"""Number of trees; more make probabilities less noisy and are slower."""
 SHARE: Final = 0.4
-"""Share of the features tried at each split."""
+"""Fraction of the features tried at each split; more give more similar trees."""
 SMALLEST_LEAF: Final = 2
+"""Fewest examples in a leaf; more give smoother probabilities."""
 MOST_MEMBERS: Final = 8
-"""Members of a simulated fleet; the least of more recordings is hardly lower."""
+"""Most members of a simulated fleet; the minimum over more recordings is hardly lower."""
 
 
 @dataclass(frozen=True)
@@ -43,7 +45,7 @@ class Examples:
     features : Array [windows, features]
     labels : NDArray[int64] [windows]
     windows : int
-        Per record; those of a record follow each other.
+        Windows per record, consecutive in the arrays.
     """
 
     features: Array
@@ -56,7 +58,7 @@ class Examples:
 
 @dataclass(frozen=True)
 class OrderForest:
-    """A trained forest.
+    """Trained forest for one bearing.
 
     Parameters
     ----------
@@ -70,11 +72,11 @@ class OrderForest:
     n_classes: int
 
     def probabilities(self, windows: Windows) -> Array:
-        """Probabilities [windows, classes] for windows of one fleet. Labels are not read."""
+        """Probabilities [windows, classes] for windows of one fleet. Labels are not used."""
         return self.of_features(features(windows, self.bearing))
 
     def of_features(self, rows: Array) -> Array:
-        """The same from `features`."""
+        """Probabilities [windows, classes] from `features`."""
         out = np.zeros((len(rows), self.n_classes))
         out[:, self.forest.classes_] = self.forest.predict_proba(rows)
         return out
@@ -93,20 +95,20 @@ def examples(
     rng: np.random.Generator,
     progress: Callable[[float], None] = lambda done: None,
 ) -> Examples:
-    """Simulate fleets and compute their features.
+    """Features and labels of simulated fleets.
 
     Parameters
     ----------
     fleets : Fleets
     count : int
-        Of fleets.
+        Number of fleets.
     length : int
         Samples of a window.
     windows : int
-        Per record.
+        Windows per record.
     rng : numpy.random.Generator
     progress : callable
-        Called with the share that is done.
+        Called with the fraction done.
     """
     read, labels = [], []
     for number in range(count):
@@ -122,7 +124,7 @@ def examples(
 
 
 def train_forest(shown: Examples, bearing: Bearing, n_classes: int, seed: int) -> OrderForest:
-    """Train.
+    """Train a forest on examples.
 
     Parameters
     ----------
@@ -130,7 +132,7 @@ def train_forest(shown: Examples, bearing: Bearing, n_classes: int, seed: int) -
     bearing : Bearing
     n_classes : int
     seed : int
-        Same seed, same bytes.
+        Seed; the same seed gives the same bytes.
     """
     from sklearn.ensemble import ExtraTreesClassifier
 

@@ -1,9 +1,9 @@
-"""Simulated machines like one that is given: labelled records of a twin whose parameters are drawn about its own.
+"""Simulated machines similar to a twin: labelled records with random parameters around those of its file.
 
 TwinSpec --draw--> parameters, small effects, second mode, fault level, noise --one machine each--> labelled records
 
-Parameters that unlabelled records do not show are drawn widely (domain randomisation, Tobin et al. 2017,
-arXiv:1703.06907): a classifier that holds over the whole population need not know which member the real machine is.
+Parameters that cannot be estimated from unlabelled records vary widely (domain randomisation, Tobin et al. 2017,
+arXiv:1703.06907), so that the classifier is valid for all machines of the population.
 """
 
 from __future__ import annotations
@@ -24,47 +24,50 @@ from twingap.twins.base import Twin
 from twingap.twins.twin_file import TwinSpec, flat, model_of, model_parameters
 
 CLASSES: Final = ("healthy", "inner", "outer", "ball")
-"""In the order of their labels. A cage turns too slowly for a window of a few turns to show its impacts."""
+"""Classes in the order of their labels. Cage faults are not included, since a window has too few turns of the cage."""
 KNOWN_SPREAD: Final = 0.1
 FREE_SPREAD: Final = 0.4
-"""Log standard deviation between machines of a parameter that the twin file states, and of one that it leaves open.
-Wider spreads make a classifier that holds for more machines and is less sure of each."""
+"""Log standard deviation between machines of a parameter that the twin file states, and of one that it does not. Wider
+spreads make a classifier valid for more machines and less certain about each."""
 SEVERITY_SPREAD: Final = 0.5
-"""The same of a fault's own values where they are stated, since no two defects are alike."""
+"""The same for stated values of a fault, since defects differ."""
 FAULT_SNR_DB: Final = (-5.0, 15.0)
-"""Power of the impacts over that of healthy vibration where the twin file does not state it: from barely visible to
-plain."""
+"""Power of the impacts over that of healthy vibration where the twin file does not state it: from barely detectable to
+obvious."""
 NOISE_SNR_DB: Final = (0.0, 30.0)
-"""Of the white noise added to each record."""
+"""Range of the signal-to-noise ratio of white noise added to each record, dB."""
 SPEED_SPREAD: Final = 0.005
-"""Half width of the range of a simulated machine's speed about the stated one: the error of tachometers."""
+"""Half width of the relative range of a simulated machine's speed around the stated one, as the error of
+tachometers."""
 TRIES: Final = 100
+"""Most draws of a machine until one can be simulated."""
 ON_IMPACTS: Final = frozenset(effect_name(kind) for kind in (ImpactScatter, LoadZone, CageModulation, EntryExit))
-"""Effects that act on a train of impacts; contact dynamics makes its own load zone and edges."""
+"""Effects that act on a train of impacts; contact dynamics has its own load zone and edges."""
 
 
 @dataclass(frozen=True)
 class Population:
-    """Where simulated machines are drawn from.
+    """Distribution of simulated machines.
 
     Parameters
     ----------
     spec : TwinSpec
-        The middle.
+        Twin around which parameters are drawn.
     bearing : Bearing
     unit : str
-        Of the samples.
+        Unit of the samples.
     conditions : tuple of Condition
-        Of the real records: their speed, load, rate and length are used, their faults are not read.
+        Conditions of the real records: speed, load, rate and length are used, faults are not.
     known : frozenset[str]
-        Parameters (dotted) that are stated or identified; they vary little.
+        Dotted names of parameters that are stated or identified, which vary little.
     longest_samples : int
-        Length beyond which nothing is simulated.
+        Most samples of a simulated record.
 
     Raises
     ------
     TwingapError
-        When the twin cannot simulate a class under one of the conditions (a resonance above half their rate, say).
+        When the twin cannot simulate a class under one of the conditions (for instance a resonance above half their
+        rate).
     """
 
     spec: TwinSpec
@@ -82,7 +85,7 @@ class Population:
             twin.simulate([pilot], np.random.default_rng(0))
 
     def records(self, per_class: int, rng: np.random.Generator) -> RecordSet:
-        """One labelled record of each of `per_class` new machines a class; each is a group of its own."""
+        """One labelled record of each of `per_class` random machines per class; each is its own group."""
         made = [self._record(fault, number, rng) for number in range(per_class) for fault in CLASSES]
         return RecordSet.from_records("simulated machines", self.unit, self.bearing, made)
 
@@ -100,19 +103,19 @@ class Population:
         for attempt in range(TRIES):
             try:
                 record = self._drawn(condition, rng).simulate([condition], rng)[0]
-            except TwingapError:  # a mode above half the sampling rate, for one: another machine is drawn
+            except TwingapError:  # for instance a mode above half the sampling rate: another machine is drawn
                 if attempt == TRIES - 1:
                     raise
                 continue
             if np.isfinite(record.samples).all() and np.ptp(record.samples) > 0:
                 break
         else:
-            raise TwingapError("the twin makes no finite vibration", where=f"record {like.name!r}")
+            raise TwingapError("the twin gives no finite vibration", where=f"record {like.name!r}")
         noise = float(record.samples.std()) * 10 ** (-rng.uniform(*NOISE_SNR_DB) / 20)
         return Record(condition, record.samples + noise * rng.standard_normal(record.samples.size))
 
     def _drawn(self, condition: Condition, rng: np.random.Generator) -> Twin:
-        """The twin of one machine."""
+        """Twin of one random machine."""
         values = self.drawn_values(rng)
         values |= self.impact_levels(values, condition, rng.uniform(*FAULT_SNR_DB))
         effects = {
@@ -128,7 +131,7 @@ class Population:
         return self.twin(values, effects)
 
     def drawn_values(self, rng: np.random.Generator, known_spread: float = KNOWN_SPREAD) -> dict[str, Any]:
-        """Parameters of one machine, by name: the twin's, spread by how well they are known; all but its scale."""
+        """Random parameters of one machine by name, except its scale; known ones vary less."""
         middle = model_parameters(self.spec)
         values: dict[str, Any] = {}
         for field in dataclasses.fields(middle):
@@ -136,7 +139,7 @@ class Population:
             if not field.init or field.name == "scale":
                 continue
             if isinstance(value, Mapping):
-                # Drawn for every key, whatever the fault: the same draws for all classes.
+                # Drawn for every key, so that all classes have the same draws.
                 values[field.name] = {k: v * _factor(SEVERITY_SPREAD, rng) for k, v in value.items()}
             elif isinstance(value, float):
                 values[field.name] = value * _factor(known_spread if field.name in self.known else FREE_SPREAD, rng)
@@ -145,14 +148,14 @@ class Population:
     def impact_levels(
         self, values: Mapping[str, Any], condition: Condition, snr_db: float
     ) -> dict[str, dict[str, float]]:
-        """Impact amplitudes that a phenomenological twin's file leaves open, so that the impacts have a given power.
+        """Impact amplitudes that a phenomenological twin's file does not state, for a given power of the impacts.
 
         Impacts A h(t) at a rate r have the power A^2 r / (4 zeta w), since h is a sine that decays at zeta w.
 
         Parameters
         ----------
         values : Mapping
-            Parameters of the machine, as `drawn_values` gives them.
+            Parameters of the machine from `drawn_values`.
         condition : Condition
         snr_db : float
             Power of the impacts over that of healthy vibration.
@@ -174,16 +177,16 @@ class Population:
         return {"impact_amplitude": amplitudes}
 
     def twin(self, values: Mapping[str, Any], more: Mapping[str, Mapping[str, float]], loudness: float = 1.0) -> Twin:
-        """A twin with these parameters, the spec's effects, and those of `more` that it has not and that can act on it.
+        """Twin with these parameters, the effects of its file, and further effects that can act on it.
 
         Parameters
         ----------
         values : Mapping
-            Parameters in place of the spec's.
+            Parameters that replace those of the file.
         more : Mapping
             Parameters of further effects by their names.
         loudness : float
-            Factor of all amplitudes.
+            Factor on all amplitudes.
         """
         middle = model_parameters(self.spec)
         parameters = dataclasses.replace(middle, **values, scale=middle.scale * loudness)
@@ -199,7 +202,7 @@ class Population:
 
 
 def stated(spec: TwinSpec) -> frozenset[str]:
-    """Parameters that a twin file states, dotted."""
+    """Dotted names of the parameters that a twin file states."""
     return frozenset(flat(spec.parameters))
 
 

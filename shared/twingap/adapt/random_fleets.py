@@ -24,26 +24,26 @@ from twingap.twins.twin_file import TwinSpec
 
 RATES_HZ: Final = (8000.0, 100_000.0)
 SPEEDS_RPM: Final = (300.0, 3600.0)
-"""Ranges of the sampling rate and of the shaft speed, drawn evenly in their logarithms. Machines outside them have
-features that no tree has learnt from."""
+"""Ranges of the sampling rate and of the shaft speed, drawn log-uniformly. The classifier is not
+trained for machines outside them."""
 CATALOGUE_SHARE: Final = 0.3
-"""Share of machines with a bearing of `BEARINGS`; the others have a random geometry."""
+"""Fraction of machines with a bearing of `BEARINGS`; the others have a random geometry."""
 ROLLERS: Final = (6, 20)
 FILL: Final = (0.55, 0.95)
 LARGEST_RATIO: Final = 0.35
-"""Random geometry: number of rollers, share of the pitch circle that they fill, and the largest roller over pitch
-diameter."""
+"""Random geometry: number of rollers, fraction of the pitch circle that they fill, and largest ratio of roller to
+pitch diameter."""
 ANGLED_SHARE: Final = 0.4
 LARGEST_ANGLE_DEG: Final = 40.0
-"""Share of random bearings with a contact angle, and the largest angle."""
+"""Fraction of random bearings with a contact angle, and the largest angle."""
 SLOWER_SHARE: Final = 0.3
 SLOWEST: Final = 3.0
-"""Share of fleets that stand beside slower ones, by up to this factor. The slowest shaft sets the length of windows, so
-that faster ones have more turns in each."""
+"""Fraction of fleets that are classified together with slower ones, and largest ratio of speeds. The slowest shaft
+determines the length of windows, so that faster ones have more turns in each."""
 SHORT_SHARE: Final = 0.15
-"""Share of fleets whose records are so short that a window holds three turns only."""
+"""Fraction of fleets whose records are so short that a window has three turns only."""
 SINGLE_SHARE: Final = 0.15
-"""Share of fleets of one recording, which no other can be compared with; the others have 2 to `MOST_COMPARED`."""
+"""Fraction of fleets of a single recording; the others have 2 to `MOST_COMPARED`."""
 
 
 @dataclass(frozen=True)
@@ -54,7 +54,7 @@ class Fleet:
     ----------
     features : float32 array [recordings, windows, features]
     labels : NDArray[int64] [recordings]
-        Place in `CLASSES`.
+        Index in `CLASSES`.
     """
 
     features: NDArray[np.float32]
@@ -83,7 +83,7 @@ def random_fleet(rng: np.random.Generator, windows: int, *, lengths: tuple[float
     ----------
     rng : numpy.random.Generator
     windows : int
-        Per recording, evenly spread over it.
+        Windows per recording, evenly spaced.
     lengths : (float, float)
         Range of the recordings' length, in windows.
     """
@@ -95,7 +95,7 @@ def random_fleet(rng: np.random.Generator, windows: int, *, lengths: tuple[float
         members = 1 if rng.random() < SINGLE_SHARE else int(rng.integers(2, MOST_COMPARED + 1))
         try:
             length = _length(bearing, fs_hz, speed_rpm, max(SPEEDS_RPM[0], speed_rpm / beside), short)
-        except TwingapError:  # a rate and a speed that `classify` refuses
+        except TwingapError:  # a combination of rate and speed that `classify` refuses
             continue
         n_samples = round(length * rng.uniform(*lengths))
         condition = Condition("random", speed_rpm, fs_hz, n_samples)
@@ -103,7 +103,7 @@ def random_fleet(rng: np.random.Generator, windows: int, *, lengths: tuple[float
         made = cut(Fleets(population, members).fleet(0, rng), length, windows, CLASSES)
         assert made.labels is not None
         return Fleet(features(made, bearing).reshape(members, windows, -1), made.labels[::windows])
-    raise TwingapError("no machine that can be classified was drawn", where="random_fleet")
+    raise TwingapError("no random machine could be classified", where="random_fleet")
 
 
 def _length(bearing: Bearing, fs_hz: float, speed_rpm: float, slowest_rpm: float, short: bool) -> int:
@@ -114,6 +114,6 @@ def _length(bearing: Bearing, fs_hz: float, speed_rpm: float, slowest_rpm: float
     if short:
         try:
             return length_for([Condition("short", slowest_rpm, fs_hz, length // 2)], bearing, where="random fleet")
-        except TwingapError:  # half a window holds fewer than three turns
+        except TwingapError:  # half a window has fewer than three turns
             pass
     return length

@@ -1,9 +1,9 @@
 """Selection of a checkpoint without target labels.
 
-Every criterion looks at labelled source windows held out from training and at unlabelled target windows; higher is
-better. `DEFAULT` was chosen before any target accuracy was looked at: information maximisation, because in the largest
-study of such criteria (Musgrave et al. 2022, arXiv:2208.07360) it is among the most dependable for adversarial
-methods, and because, unlike plain entropy, it does not reward a network that calls everything one class.
+Criteria depend on labelled source windows held out from training and on unlabelled target windows; higher is better.
+`DEFAULT` is information maximisation, chosen without target accuracies. It is among the most reliable criteria for
+adversarial methods in a large study (Musgrave et al. 2022, arXiv:2208.07360) and, unlike entropy, does not favour a
+network that predicts a single class.
 """
 
 from __future__ import annotations
@@ -27,10 +27,10 @@ class Evidence:
     Parameters
     ----------
     source : Outputs
-        On source windows held out from training.
+        Outputs on source windows held out from training.
     source_labels : Labels
     target : Outputs
-        On the unlabelled windows of adaptation.
+        Outputs on the unlabelled windows of the adaptation.
     """
 
     source: Outputs
@@ -44,25 +44,25 @@ def _entropy(p: Array) -> Array:
 
 
 def source_accuracy(evidence: Evidence) -> float:
-    """Accuracy on held-out source windows, less a sliver of their loss so that ties are broken."""
+    """Accuracy on held-out source windows, minus a small fraction of their loss to break ties."""
     hit = float(np.mean(evidence.source.predicted == evidence.source_labels))
     own = evidence.source.probabilities[np.arange(len(evidence.source_labels)), evidence.source_labels]
     return hit - 1e-3 * float(np.mean(-np.log(np.maximum(own, 1e-12))))
 
 
 def target_entropy(evidence: Evidence) -> float:
-    """Minus the mean entropy of target predictions: how sure the network is."""
+    """Negative mean entropy of target predictions."""
     return -float(np.mean(_entropy(evidence.target.probabilities)))
 
 
 def infomax(evidence: Evidence) -> float:
-    """Entropy of the mean target prediction minus mean entropy: sure of each window, and using every class."""
+    """Entropy of the mean target prediction minus mean entropy: high for confident predictions of all classes."""
     p = evidence.target.probabilities
     return float(_entropy(p.mean(axis=0)) - np.mean(_entropy(p)))
 
 
 def soft_neighbourhood_density(evidence: Evidence, temperature: float = 0.05) -> float:
-    """How many soft neighbours target windows have in the space of predictions (Saito et al. 2021, arXiv:2108.10860).
+    """Soft neighbourhood density of target windows in the space of predictions (Saito et al. 2021, arXiv:2108.10860).
 
     Mean entropy of each window's softmax similarity to all others.
     """
@@ -86,7 +86,7 @@ DEFAULT: Final = "infomax"
 
 
 def select(evidence: Sequence[Evidence], criterion: str = DEFAULT) -> int:
-    """Place of the checkpoint that the criterion prefers; the latest of equals.
+    """Index of the checkpoint with the highest criterion; the latest among equals.
 
     Parameters
     ----------

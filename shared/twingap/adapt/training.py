@@ -1,12 +1,11 @@
-"""Training loop of every network and every alignment.
+"""Training loop of all networks and alignments.
 
 labelled source ----> extractor -> classifier -> cross-entropy
                           |
-unlabelled target ------> + -> alignment (discriminators, discrepancies) -> loss      (where there is one)
+unlabelled target ------> + -> alignment (discriminators, discrepancies) -> loss      (optional)
 
-With the same seed two alignments of one network start from the same weights and see the same source batches in the same
-order; they differ in the added loss and in nothing else (with its weight at 0 the weights agree bit for bit, and a test
-says so).
+With the same seed, two alignments of one network have the same initial weights and source batches and differ only in
+the added loss. With its weight at 0 the results are equal to the bit; a test verifies this.
 """
 
 from __future__ import annotations
@@ -21,7 +20,7 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor, nn
 
-from twingap.adapt.alignment import Aligner, Alignment, Seen
+from twingap.adapt.alignment import Aligner, Alignment, BatchOutputs
 from twingap.adapt.dann import adversarial_schedule
 from twingap.adapt.mode_network import Architecture, ModeNetwork
 from twingap.adapt.nets import PlainCNN, best_device
@@ -33,12 +32,12 @@ State = dict[str, Tensor]
 Network = PlainCNN | ModeNetwork
 
 ALIGNMENTS: Final[dict[Method, Alignment]] = {"source_only": Alignment(), "dann": Alignment(("features",))}
-"""By name, for the plain network."""
+"""Alignments of the plain network by name."""
 
 
 @dataclass(frozen=True)
 class Training:
-    """How to train.
+    """Options of the training.
 
     Parameters
     ----------
@@ -47,14 +46,14 @@ class Training:
     batch : int
         Source samples per step, and as many target samples.
     learning_rate, weight_decay : float
-        Of AdamW.
+        Options of AdamW.
     checkpoints : int
-        States kept for selection, evenly spaced, the last at the end.
+        Number of states kept for selection, evenly spaced, the last at the end.
     adversarial_weight : float
-        Highest weight of the reversed gradient, or of the discrepancy.
+        Final weight of the reversed gradient or of the discrepancy.
     vary : bool
-        Show every sample, each time, shifted in time by a random amount (cyclically) and with a random sign: neither
-        where a window begins nor which way a sensor points carries information. For waveforms only.
+        Whether samples are shifted cyclically by a random amount and get a random sign at each use, since begin of a
+        window and orientation of the sensor carry no information. For waveforms only.
     """
 
     steps: int = 1200
@@ -68,17 +67,17 @@ class Training:
 
 @dataclass(frozen=True)
 class Checkpoint:
-    """The network after some steps.
+    """State of the network after some steps.
 
     Parameters
     ----------
     step : int
     state : State
-        Weights of the network, on the processor.
+        Weights of the network, on the CPU.
     source_loss : float
         Mean cross-entropy on source batches since the last checkpoint.
     domain_accuracy : float
-        Share of samples whose domain the discriminator classified correctly since then; NaN without one.
+        Fraction of samples whose domain was classified correctly since then; NaN without a discriminator.
     """
 
     step: int
@@ -89,15 +88,15 @@ class Checkpoint:
 
 @dataclass(frozen=True)
 class Trained:
-    """A finished training.
+    """Result of a training.
 
     Parameters
     ----------
     checkpoints : tuple[Checkpoint, ...]
     length, channels, n_classes : int
-        The network's shape.
+        Shape of the network.
     device : str
-        Where it was trained.
+        Device of the training.
     architecture : Architecture or None
         None = `PlainCNN`.
     """
@@ -110,7 +109,7 @@ class Trained:
     architecture: Architecture | None = None
 
     def network(self, place: int = -1) -> Network:
-        """The network of one checkpoint, on the processor, ready to predict."""
+        """Network of one checkpoint on the CPU, in evaluation mode."""
         net = _network(self.architecture, self.length, self.channels, self.n_classes)
         net.load_state_dict(self.checkpoints[place].state)
         return net.eval()
@@ -118,10 +117,10 @@ class Trained:
 
 @contextmanager
 def reproducible(seed: int) -> Iterator[None]:
-    """A scope in which torch draws from `seed`, on one thread, with deterministic algorithms.
+    """Context in which torch draws from `seed`, on one thread, with deterministic algorithms.
 
-    Everything global that it touches (random state, number of threads, determinism switches) is put back at its end:
-    one thread, since sums over threads depend on their number; parallel work is done by whole trainings.
+    Global state (random state, number of threads, determinism) is restored at its end. Sums depend on the number of
+    threads, so one thread is used; trainings can run in parallel.
     """
     threads, deterministic = torch.get_num_threads(), torch.are_deterministic_algorithms_enabled()
     cudnn = (torch.backends.cudnn.deterministic, torch.backends.cudnn.benchmark)
@@ -157,11 +156,11 @@ def train(
     source : Inputs [windows, channels, length]
     labels : Labels [windows]
     target : Inputs [windows, channels, length]
-        Not used without an alignment. There is no argument for target labels.
+        Not used without an alignment. Target labels cannot be given.
     method : {"source_only", "dann"} or Alignment
     settings : Training
     seed : int
-        Weights and order of batches.
+        Seed of weights and order of batches.
     n_classes : int
     device : str
         "auto", "cpu" or "cuda".
@@ -171,7 +170,7 @@ def train(
     Returns
     -------
     Trained
-        Same seed, same bytes on the same kind of device.
+        The same seed gives the same bytes on the same kind of device.
     """
     place = best_device(device)
     alignment = method if isinstance(method, Alignment) else ALIGNMENTS[method]
@@ -182,7 +181,7 @@ def train(
         optimiser = torch.optim.AdamW(parameters, lr=settings.learning_rate, weight_decay=settings.weight_decay)
         x, y = torch.from_numpy(source).to(place), torch.from_numpy(labels).to(place)
         other = torch.from_numpy(target).to(place)
-        # Streams of their own: what a source batch looks like does not depend on whether target batches are drawn.
+        # Separate streams, so that source batches do not depend on target batches.
         source_batches = _batches(x, settings, seed, 0)
         target_batches = _batches(other, settings, seed, 1)
         class_loss = nn.CrossEntropyLoss()
@@ -191,13 +190,13 @@ def train(
         losses: list[Tensor] = []
         correct: list[Tensor] = []
         for step in range(settings.steps):
-            chosen, shown = next(source_batches)
-            labelled = _seen(net, shown)
+            chosen, batch = next(source_batches)
+            labelled = _batch_outputs(net, batch)
             loss = class_loss(labelled.logits, y[chosen])
             losses.append(loss.detach())
             if alignment.active:
                 weight = adversarial_schedule(step / settings.steps, settings.adversarial_weight)
-                added, right = aligner(labelled, y[chosen], _seen(net, next(target_batches)[1]), weight)
+                added, right = aligner(labelled, y[chosen], _batch_outputs(net, next(target_batches)[1]), weight)
                 loss = loss + added
                 if right is not None:
                     correct.append(right)
@@ -218,13 +217,13 @@ def _network(architecture: Architecture | None, length: int, channels: int, n_cl
     return ModeNetwork(architecture, length, channels, n_classes)
 
 
-def _seen(net: Network, x: Tensor) -> Seen:
+def _batch_outputs(net: Network, x: Tensor) -> BatchOutputs:
     features = net.extractor(x)
-    return Seen(features, net.classifier(features))
+    return BatchOutputs(features, net.classifier(features))
 
 
 def _batches(x: Tensor, settings: Training, seed: int, stream: int) -> Iterator[tuple[Tensor, Tensor]]:
-    """Endless batches, as places and as what the network is shown: every sample once before any comes again."""
+    """Endless batches as (indices, samples): every sample once before any repeats."""
     rng, varying = np.random.default_rng([seed, stream]), np.random.default_rng([seed, 10 + stream])
     pool = np.empty(0, dtype=np.int64)
     while True:
@@ -271,11 +270,11 @@ class Outputs:
 
 
 def outputs(net: Network, inputs: Inputs, batch: int = 256) -> Outputs:
-    """Run a network over windows, on one thread, so that the bytes do not depend on the machine's cores."""
+    """Outputs of a network for windows, on one thread, so that they do not depend on the number of cores."""
     logits, features = [], []
     with reproducible(0), torch.no_grad():
         for start in range(0, len(inputs), batch):
-            seen = _seen(net, torch.from_numpy(inputs[start : start + batch]))
-            features.append(seen.features.numpy())
-            logits.append(seen.logits.numpy())
+            found = _batch_outputs(net, torch.from_numpy(inputs[start : start + batch]))
+            features.append(found.features.numpy())
+            logits.append(found.logits.numpy())
     return Outputs(np.concatenate(logits), np.concatenate(features))

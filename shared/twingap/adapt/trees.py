@@ -1,10 +1,9 @@
-"""Decision trees as flat arrays: a sum of trees with one or several outputs, predicted and stored without scikit-learn.
+"""Sum of decision trees as flat arrays, for prediction and storage without scikit-learn.
 
-scikit-learn's gradient boosting --nodes of all trees, end to end--> Trees <--arrays--> .npz
+scikit-learn's gradient boosting --nodes of all trees, concatenated--> Trees <--arrays--> .npz
 
-Nodes are stored in the order in which a walk to the left first visits them, so that the left child is the next node and
-only the right one has to be named. Thresholds are rounded down to single precision, which leaves every comparison with
-a single-precision feature as it is.
+Nodes are in depth-first order, so that the left child is the next node and only the index of the right one is stored.
+Thresholds are rounded down to single precision, which does not change comparisons with single-precision features.
 """
 
 from __future__ import annotations
@@ -23,27 +22,27 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 ROWS_AT_ONCE = 256
-"""Rows that walk through all trees together; more need more memory and save little time."""
+"""Rows that are evaluated together; more need more memory and are hardly faster."""
 
 
 @dataclass(frozen=True)
 class Trees:
-    """A sum of trees.
+    """Sum of decision trees with one or several outputs.
 
     Parameters
     ----------
     start : float32 array [outputs]
-        What the trees add to.
+        Constant term.
     roots : int32 array [trees]
-        Place of each tree's root among the nodes.
+        Index of each tree's root.
     column : int16 array [nodes]
-        Feature that a node compares; -1 in a leaf.
+        Index of the feature of a node; -1 in a leaf.
     threshold : float32 array [nodes]
-        Rows up to it go to the next node, others to `right`; 0 in a leaf.
+        Rows with a feature up to it go to the next node, others to `right`; 0 in a leaf.
     right : int32 array [nodes]
-        Place of the right child; in a leaf, its row of `values`.
+        Index of the right child; in a leaf, its row of `values`.
     values : float32 array [leaves, outputs]
-        What a leaf adds.
+        Terms of the leaves.
     """
 
     start: NDArray[np.float32]
@@ -55,9 +54,9 @@ class Trees:
 
     @classmethod
     def of_boosting(cls, model: HistGradientBoostingClassifier) -> Trees:
-        """A fitted classifier of several classes over finite numbers; outputs are log probabilities but for a constant.
+        """Trees of a fitted classifier of several classes; outputs are log probabilities up to a constant.
 
-        Nodes are read off attributes that scikit-learn does not document.
+        Uses undocumented attributes of scikit-learn.
         """
         rounds: list[list[Any]] = model._predictors
         classes = len(rounds[0])
@@ -100,12 +99,12 @@ class Trees:
         )
 
     def __call__(self, rows: NDArray[np.float32]) -> Array:
-        """The sum over all trees [rows, outputs].
+        """Sum over all trees [rows, outputs].
 
         Parameters
         ----------
         rows : float32 array [rows, features]
-            Finite.
+            Features, finite.
         """
         parts = [self._some(rows[i : i + ROWS_AT_ONCE]) for i in range(0, len(rows), ROWS_AT_ONCE)]
         return np.concatenate(parts) if parts else np.empty((0, self.start.size))
@@ -123,17 +122,17 @@ class Trees:
         return out
 
     def arrays(self) -> dict[str, NDArray[Any]]:
-        """All arrays by name, to be stored."""
+        """All arrays by name, for storage."""
         return dict(vars(self))
 
     @classmethod
     def of_arrays(cls, arrays: Mapping[str, NDArray[Any]], *, where: str) -> Trees:
-        """The trees of `arrays`.
+        """Trees from `arrays`.
 
         Raises
         ------
         TwingapError
-            For arrays that are missing or cannot be trees.
+            For missing or inconsistent arrays.
         """
         try:
             found = cls(**{name: np.asarray(arrays[name]) for name in cls.__dataclass_fields__})
@@ -150,12 +149,12 @@ class Trees:
             and bool(leaf[-1])
         )
         if not sound:
-            raise TwingapError("holds no trees", where=where, mend="install twingap again")
+            raise TwingapError("contains no valid trees", where=where, mend="install twingap again")
         return found
 
 
 def _left_first(column: NDArray[Any], left: NDArray[Any], right: NDArray[Any]) -> NDArray[np.int64]:
-    """Nodes in the order of a walk that goes to the left first."""
+    """Nodes in depth-first order, left child first."""
     order, open_ = [], [0]
     while open_:
         node = open_.pop()

@@ -1,4 +1,4 @@
-"""Length of the windows that a classifier reads: about five turns of the slowest shaft."""
+"""Length of a classifier's windows: about five turns of the slowest shaft."""
 
 from __future__ import annotations
 
@@ -12,10 +12,11 @@ from twingap.records import Condition, RecordSet
 
 WANTED_TURNS: Final = 5.0
 LEAST_TURNS: Final = 3.0
-"""Turns of the shaft in one window. With fewer, the orders of different faults share a bin of the envelope spectrum."""
+"""Desired and smallest number of turns of the shaft in a window. With fewer, orders of different faults are in the same
+bin of the envelope spectrum."""
 SHORTEST_WINDOW: Final = 512
 LONGEST_WINDOW: Final = 16384
-"""Range of window lengths, samples. Longer windows cost more time and memory."""
+"""Range of window lengths, samples. Longer windows need more time and memory."""
 FAULTS: Final = ("inner", "outer", "ball")
 
 
@@ -30,13 +31,13 @@ def window_samples(records: RecordSet, bearing: Bearing) -> int:
     Returns
     -------
     int
-        The shortest power of two that holds `WANTED_TURNS` of the slowest shaft, or the longest that the shortest
-        record has.
+        The smallest power of two with at least `WANTED_TURNS` of the slowest shaft, or the largest that fits into the
+        shortest record.
 
     Raises
     ------
     TwingapError
-        For several sampling rates, one too low to resolve the impacts of a fault, and records too short.
+        For several sampling rates, a rate too low for the impacts of a fault, and too short records.
     """
     return length_for(records.conditions, bearing, where=f"record set {records.name!r}")
 
@@ -49,22 +50,22 @@ def length_for(conditions: Sequence[Condition], bearing: Bearing, *, where: str)
     conditions : sequence of Condition
     bearing : Bearing
     where : str
-        Named in the error for several sampling rates.
+        Name of the records in the error for several sampling rates.
     """
     rates = sorted({c.fs_hz for c in conditions})
     if len(rates) > 1:
         raise TwingapError(
             f"sampled at {', '.join(f'{r:g}' for r in rates[:4])} Hz, one rate for all expected",
             where=where,
-            mend="classify the records of each rate by themselves, or resample them",
+            mend="classify the records of each rate separately, or resample them",
         )
     slowest = min(conditions, key=lambda c: c.speed_rpm)
     fastest = max(conditions, key=lambda c: c.speed_rpm)
     impacts_hz = max(bearing.fault_order(f) for f in FAULTS) * fastest.speed_rpm / 60
     if rates[0] < 8 * impacts_hz:
         raise TwingapError(
-            f"is sampled at {rates[0]:g} Hz, at least {8 * impacts_hz:.0f} Hz expected: a fault would make "
-            f"{impacts_hz:.0f} impacts a second",
+            f"is sampled at {rates[0]:g} Hz, at least {8 * impacts_hz:.0f} Hz expected: a fault would cause "
+            f"{impacts_hz:.0f} impacts per second",
             where=f"record {fastest.name!r}",
             mend="correct fs_hz or speed_rpm, or record at a higher rate",
         )
@@ -75,20 +76,20 @@ def length_for(conditions: Sequence[Condition], bearing: Bearing, *, where: str)
     least = _power_of_two(LEAST_TURNS * per_turn)
     if least > LONGEST_WINDOW:
         raise TwingapError(
-            f"has {per_turn:.0f} samples a turn, at most {LONGEST_WINDOW / LEAST_TURNS:.0f} expected",
+            f"has {per_turn:.0f} samples per turn, at most {LONGEST_WINDOW / LEAST_TURNS:.0f} expected",
             where=f"record {slowest.name!r}",
             mend="correct fs_hz or speed_rpm, or resample the records to a lower rate",
         )
     if length < least:
         raise TwingapError(
-            f"has {shortest.n_samples} samples, at least {least} expected: the power of two that holds "
+            f"has {shortest.n_samples} samples, at least {least} expected: the power of two with "
             f"{LEAST_TURNS:g} turns of the slowest shaft",
             where=f"record {shortest.name!r}",
-            mend="bring longer records, or leave it out",
+            mend="use longer records, or leave it out",
         )
     return length
 
 
 def _power_of_two(samples: float) -> int:
-    """The smallest that holds so many samples and makes a window."""
+    """Smallest power of two with at least `samples` and `SHORTEST_WINDOW`."""
     return max(SHORTEST_WINDOW, 1 << math.ceil(math.log2(samples)))

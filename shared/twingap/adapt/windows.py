@@ -1,6 +1,6 @@
 """Records cut into windows of equal length, on which classifiers are trained and evaluated.
 
-RecordSet --cut--> Windows (samples, group, speed, label) --view--> network input [windows, channels, length]
+RecordSet --cut--> Windows (samples, group, speed, label) --inputs--> network input [windows, channels, length]
 """
 
 from __future__ import annotations
@@ -24,13 +24,13 @@ class Windows:
     Parameters
     ----------
     samples : Array [windows, length]
-        As recorded.
+        Samples as recorded.
     fs_hz, speed_rpm : Array [windows]
-        Of the record each was cut from.
+        Sampling rate and speed of the record of each window.
     group : NDArray[str] [windows]
-        Recording (or bearing) that each was cut from.
+        Recording (or bearing) of each window.
     labels : NDArray[int64] [windows] or None
-        Place of the fault in the list of classes; None = unknown, the only form in which a target is trained on.
+        Index of the fault in the list of classes; None = unknown, as required for a target domain.
     """
 
     samples: Array
@@ -43,7 +43,7 @@ class Windows:
         return len(self.samples)
 
     def unlabelled(self) -> Windows:
-        """The same windows without their labels."""
+        """The same windows without labels."""
         return replace(self, labels=None)
 
     def take(self, places: NDArray[np.int64] | NDArray[np.bool_]) -> Windows:
@@ -55,7 +55,7 @@ class Windows:
 
 
 def cut(records: RecordSet, length: int, per_record: int, classes: Sequence[str] | None = None) -> Windows:
-    """Cut `per_record` windows from each record, evenly spread over it and overlapping only where it is too short.
+    """Windows cut from each record, evenly spaced; they overlap only where the record is too short.
 
     Parameters
     ----------
@@ -63,9 +63,9 @@ def cut(records: RecordSet, length: int, per_record: int, classes: Sequence[str]
     length : int
         Samples per window.
     per_record : int
-        The same number from every record, so that a long recording does not outweigh the others.
+        Windows per record, the same for all, so that long recordings do not have more weight.
     classes : sequence of str, optional
-        Faults in the order of their labels. Without it the faults are not read at all.
+        Faults in the order of their labels; without it faults are not used.
 
     Returns
     -------
@@ -75,11 +75,11 @@ def cut(records: RecordSet, length: int, per_record: int, classes: Sequence[str]
     Raises
     ------
     TwingapError
-        For a record shorter than a window, or (with `classes`) one whose fault is not among them.
+        For a record shorter than a window, or one whose fault is not in `classes`.
     """
     if length < 2 or per_record < 1:
         raise TwingapError(
-            f"{per_record} windows of {length} samples asked for", mend="ask for 1 or more, of 2 or more"
+            f"{per_record} windows of {length} samples", mend="use at least 1 window of at least 2 samples"
         )
     samples, group, labels = [], [], []
     fs_hz, speed_rpm = [], []
@@ -103,7 +103,7 @@ def cut(records: RecordSet, length: int, per_record: int, classes: Sequence[str]
 
 
 def joined(parts: Iterable[Windows]) -> Windows:
-    """Several sets of windows as one; labelled only if all are."""
+    """Concatenated windows; labelled only if all parts are."""
     held = list(parts)
     labels = [w.labels for w in held if w.labels is not None]
     return Windows(
@@ -116,12 +116,12 @@ def joined(parts: Iterable[Windows]) -> Windows:
 
 
 def split_by_group(windows: Windows, share: float, rng: np.random.Generator) -> tuple[Windows, Windows]:
-    """Two parts that share no group; the second holds about `share` of the groups of every class.
+    """Two parts that share no group; the second has about `share` of the groups of every class.
 
     Raises
     ------
     TwingapError
-        When a class has too few groups to be on both sides.
+        When a class has too few groups for both parts.
     """
     strata = np.zeros(len(windows), dtype=np.int64) if windows.labels is None else windows.labels
     held_out: set[str] = set()
@@ -130,11 +130,11 @@ def split_by_group(windows: Windows, share: float, rng: np.random.Generator) -> 
         count = max(1, round(share * groups.size))
         if count >= groups.size:
             raise TwingapError(
-                f"{groups.size} groups cannot be split with a share of {share:g}", mend="cut more records"
+                f"{groups.size} groups cannot be split with a fraction of {share:g}", mend="cut more records"
             )
         held_out |= set(rng.permutation(groups)[:count])
     second = np.isin(windows.group, sorted(held_out))
     first_part, second_part = windows.take(~second), windows.take(second)
     if set(first_part.group) & set(second_part.group):
-        raise TwingapError("a group carries two classes and cannot be split", mend="give each record its own group")
+        raise TwingapError("a group has two classes and cannot be split", mend="give each record its own group")
     return first_part, second_part

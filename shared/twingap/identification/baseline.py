@@ -41,14 +41,14 @@ _FINAL_STEP: Final = 0.1
 """The same with effects of acquisition, where energy is not quadratic in amplitude; smaller takes more steps."""
 _GRID: Final = (0.08, 0.16, 0.27, 0.4)
 """Fractions of the sampling rate tried as frequencies of broad modes, which have no spectral peak."""
-_STRETCH: Final = 128
+_SEGMENT: Final = 128
 """Length of a segment in samples: about one impulse and its ring-down."""
-_FEWEST_STRETCHES: Final = 16
+_FEWEST_SEGMENTS: Final = 16
 """Fewest segments of a record for a search for impulses; fewer give a poor estimate of the usual power."""
-_KNOCK: Final = 20.0
+_IMPULSE: Final = 20.0
 """Median deviations above the usual power from which a segment counts as an impulse; lower also removes noise of a
 sharp mode, whose power is nearly exponential."""
-_MOST_KNOCKS: Final = 0.08
+_MOST_IMPULSES: Final = 0.08
 """Largest fraction of a record's segments that is left out; with more loud ones, their mean is reliable."""
 _BESIDE: Final = 0.06
 """Log ratio of frequencies below which they share one initial value of a search; larger is faster and less thorough."""
@@ -281,8 +281,8 @@ def state_spectra(records: Sequence[Record], frame: Frame) -> list[StateSpectrum
 def _bands(record: Record, frame: Frame) -> tuple[Array, float]:
     """Power density in `BANDS` bands without tones, and mean square in the frame's band, tones included.
 
-    Segments with impulses are left out of healthy records: a few strong impulses in a handful of records give a poor
-    mean, to which mode and noises would be fitted. With a defect, loud segments may be its impacts.
+    Segments with impulses are left out of healthy records: with few records, a few strong impulses bias
+    the mean, to which mode and noises are fitted. With a defect, loud segments may be its impacts.
     """
     x, fs_hz = record.samples, record.condition.fs_hz
     x = x - x.mean()
@@ -306,20 +306,20 @@ def _bands(record: Record, frame: Frame) -> tuple[Array, float]:
 
 def _between_impulses(x: Array) -> Array | None:
     """[samples] Weights: 0 in segments far louder than the rest of the record, 1 elsewhere; None without impulses."""
-    count = x.size // _STRETCH
-    if count < _FEWEST_STRETCHES:
+    count = x.size // _SEGMENT
+    if count < _FEWEST_SEGMENTS:
         return None
-    pieces = x[: count * _STRETCH].reshape(count, _STRETCH)
+    pieces = x[: count * _SEGMENT].reshape(count, _SEGMENT)
     power = np.einsum("ij,ij->i", pieces, pieces)
     usual = float(medians(power))
-    loud = power > usual + _KNOCK * max(float(medians(np.abs(power - usual))), 0.1 * usual)
-    if not 0 < loud.sum() <= _MOST_KNOCKS * count:
+    loud = power > usual + _IMPULSE * max(float(medians(np.abs(power - usual))), 0.1 * usual)
+    if not 0 < loud.sum() <= _MOST_IMPULSES * count:
         return None
     # Neighbouring segments contain the beginning and the ring-down of an impulse.
     quiet = np.convolve(loud, np.ones(3), mode="same") == 0
-    kept = np.repeat(quiet, _STRETCH).astype(float)
+    kept = np.repeat(quiet, _SEGMENT).astype(float)
     kept = np.pad(kept, (0, x.size - kept.size), mode="edge")
-    edge = np.hanning(_STRETCH // 2 + 2)[1:-1]
+    edge = np.hanning(_SEGMENT // 2 + 2)[1:-1]
     return np.asarray(np.convolve(np.pad(kept, edge.size // 2, mode="edge"), edge / edge.sum(), mode="same"))[
         edge.size // 2 : edge.size // 2 + x.size
     ]

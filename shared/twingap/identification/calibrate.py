@@ -4,7 +4,7 @@ records --split by group--> fit part, held-out part
 both    --lines-----------> true speeds                        (`identify.speed`)
 fit     --spectra---------> the twin's free parameters         (`identify`, without its intervals)
 fit     --mode, level-----> Frame: bearing, band, amplitude scale
-twin with more effects --spectra of its own records against the fit part's--> baseline anew (`match_baseline`)
+twin with more effects --spectra of its own records against the fit part's--> new baseline (`match_baseline`)
 
 All reported results are computed on the held-out part. Pooled features, which calibration hardly affects, are computed
 on both parts: trends of levels within a fault, lines of many records, the comb of entry-exit impacts.
@@ -200,7 +200,7 @@ def _known(records: RecordSet, bearing: Bearing, notes: list[str]) -> tuple[Reco
         return records, ()
     if len(unknown) < len(records):
         names = tuple(records.conditions[i].name for i in unknown)
-        notes.append(f"{len(names)} records of unknown fault were left aside: a twin can simulate named faults only")
+        notes.append(f"{len(names)} records of unknown fault were left out: a twin can simulate named faults only")
         left = set(unknown)
         return records.take(i for i in range(len(records)) if i not in left), names
     found: list[str] = []
@@ -211,7 +211,7 @@ def _known(records: RecordSet, bearing: Bearing, notes: list[str]) -> tuple[Reco
     counts = {fault: found.count(fault) for fault in FAULTS if fault in found}
     if set(counts) == {"healthy"}:
         notes.append(
-            "no record says what fault it is of, and none shows a fault's comb: all were taken to be healthy; impacts "
+            "no record states its fault, and none has a fault's comb: all were assumed healthy; impacts "
             "cannot be compared"
         )
     else:
@@ -226,7 +226,7 @@ def _known(records: RecordSet, bearing: Bearing, notes: list[str]) -> tuple[Reco
 
 
 def _simulated_too(records: RecordSet, sim: RecordSet, notes: list[str]) -> tuple[RecordSet, tuple[str, ...]]:
-    """Records of faults that the simulated set holds too, and the names of the others; all where it holds none."""
+    """Records of faults that the simulated set contains too, and the names of the others; all if it contains none."""
     made = {c.fault for c in sim.conditions}
     kept = [i for i, c in enumerate(records.conditions) if c.fault in made]
     if not kept or len(kept) == len(records):
@@ -299,7 +299,7 @@ def split_parts(
     if shared:
         kinds = sorted({str(c.fault) for c in records.conditions if c.name in set(shared)})
         notes.append(
-            f"records of {', '.join(kinds)} are of one group each: {len(shared)} records stand in both the part that "
+            f"records of {', '.join(kinds)} are of one group each: {len(shared)} records are in both the part that "
             "calibrates the twin and the part that it is compared with"
         )
     if not parts[0] or not parts[1]:
@@ -402,7 +402,7 @@ def _scaled(spec: TwinSpec, fit: RecordSet, rng: np.random.Generator, notes: lis
     """A user's model with its level matched to the records, where it has a parameter `scale`."""
     names = flat(all_parameters(spec))
     if "scale" not in names or spec.given("scale"):
-        notes.append(f"model {spec.model!r} has nothing to identify: its parameters are taken as they are")
+        notes.append(f"model {spec.model!r} has no free parameters: its parameters are not changed")
         return spec
     own = thinned(fit, 6)
     made = TwinSimulator(spec, own.bearing, own.unit).simulate((), own.conditions, root_entropy(rng), 0)

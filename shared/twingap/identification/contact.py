@@ -2,9 +2,9 @@
 
 records --> `contact_objective`: error of spectra --optimiser--> best point --`contact_bottom`--> values, intervals
 
-Any optimiser can search the objective (section 2.2 of paper 3 searches by the zebra optimisation algorithm); from its
-best point it goes down to the bottom, with more trajectories. Mass, load, clearance and the defects' sizes are not
-free: a spectrum does not separate them from stiffness and scale, so they keep their value in the twin file or preset.
+Any optimiser can be used (section 2.2 of paper 3 uses the zebra optimisation algorithm); a local search with more
+trajectories follows. Mass, load, clearance and the size of defects are not free, since a spectrum does not separate
+them from stiffness and scale; they keep the value of the twin file or preset.
 """
 
 from __future__ import annotations
@@ -26,9 +26,10 @@ Array = NDArray[np.float64]
 
 BOUNDS = {"stiffness": (3e8, 1e11), "damping": (20.0, 5000.0)}
 EVALUATIONS = 336
-"""Twenty-one populations of sixteen."""
+"""Evaluations of the optimiser (21 populations of 16); more are slower and search more thoroughly."""
 MISFIT = 0.1
-"""Relative error of spectra from which on intervals are called too narrow: the twin's own records stay below."""
+"""Relative error of spectra above which a note warns that intervals are too narrow; records of the twin itself are
+below."""
 NOT_FREE = ("mass_kg", "load_n", "clearance_um", "defect_depth_um", "defect_width_mm")
 
 
@@ -48,9 +49,9 @@ def identify_contact(
     Parameters
     ----------
     optimiser : Optimiser or str
-        What searches stiffness and damping, or its name in `twingap.identification.optimise.OPTIMISERS`.
+        Optimiser of stiffness and damping, or its name in `twingap.identification.optimise.OPTIMISERS`.
     evaluations : int
-        That it may spend. The descent that follows costs two to five hundred more.
+        Evaluations of the optimiser; the local search needs two to five hundred more.
     """
     if method == "eq8":
         raise TwingapError('method "eq8" is for the phenomenological twin', where="identification", mend="leave it out")
@@ -60,7 +61,7 @@ def identify_contact(
     twin = _built(spec, records)
     given = flat(spec.parameters)
     if acting := [effect.name for effect in twin.effects if effect.name not in twin.inherent_effects]:
-        notes.append(f"effects of the twin took no part in matching spectra: {', '.join(acting)}")
+        notes.append(f"effects of the twin were not used in matching spectra: {', '.join(acting)}")
     kept = [name for name in NOT_FREE if not any(key.split(".")[0] == name for key in given)]
     if kept:
         notes.append(
@@ -68,10 +69,10 @@ def identify_contact(
         )
     states = states_of(records, notes)
     if not any(state.fault in DEFECTS for state in states):
-        # Healthy trajectories hardly move: scale and structure noise would be traded for each other.
+        # Healthy trajectories hardly vibrate, so scale and structure noise could not be separated.
         notes.append("no record of a fault in inner race, outer race or ball: scale keeps its value")
         if "scale" not in given:
-            # It is found all the same, as what leads to the records' unit: without it the file would not state it.
+            # It is stated as the factor to the unit of the records, which the file would otherwise lack.
             spec, note = scaled_for(spec, records.unit)
             notes += [note] if note else []
             twin = _built(spec, records)
@@ -90,9 +91,9 @@ def identify_contact(
         nonlocal done
         done += len(points)
         progress("stiffness and damping", min(1.0, done / evaluations))
-        whole = np.tile(start, (len(points), 1))
-        whole[:, [list(BOUNDS).index(name) for name in free]] = points
-        return objective(whole)
+        complete = np.tile(start, (len(points), 1))
+        complete[:, [list(BOUNDS).index(name) for name in free]] = points
+        return objective(complete)
 
     best = start.copy()
     places = [list(BOUNDS).index(name) for name in free]
@@ -103,16 +104,16 @@ def identify_contact(
         raise TwingapError(
             "no stiffness and damping within the bounds can be simulated at this sampling rate",
             where=f"record set {records.name!r}",
-            mend="bring records at a higher fs_hz, or raise mass_kg in [parameters]",
+            mend="use records at a higher fs_hz, or raise mass_kg in [parameters]",
         )
     progress("intervals", 1.0)
     bottom = descend(objective, best, places, rng, notes)
     parameters = objective.parameters(bottom.point)
     notes.append(f"relative error of the amplitude spectra: {bottom.error:.3g}")
     if bottom.scatter is not None and bottom.error > MISFIT:
-        notes.append("the twin's spectra are not the records': what it lacks moves values beyond their intervals")
+        notes.append("the twin's spectra differ from the records': what it lacks moves values beyond their intervals")
     if bottom.powers[0] == 0:
-        notes.append("no trace of the contact's vibration in the records: scale is next to nothing, noise is all")
+        notes.append("the records contain no vibration of the contact, only noise: scale is nearly 0")
     found = bottom.estimates(level)
     fits = tuple(
         Fit(

@@ -1,12 +1,13 @@
 """Minimum of the contact twin's objective near the optimiser's best point, with intervals.
 
-best point --grid of points, several sets of trajectories--> quadratic surface --> its minimum --> again, until it holds
+best point --grid of points, several sets of trajectories--> quadratic surface --> its minimum --> repeated until
+accepted
                                                                  |
-    left out in turn: a block of the records of a state, a set of trajectories --> jackknife --> intervals
+    one block of records or one set of trajectories left out in turn --> jackknife --> intervals
 
-Two things scatter an estimate: the records that were measured, and the angles at which the few simulated trajectories
-happened to start. They are independent, so their variances add. What the records have and the twin lacks is in neither:
-the intervals hold for records of the twin as given.
+An estimate scatters with the measured records and with the random initial angles of the simulated trajectories. Both
+are independent, so their variances add. Effects that the twin lacks are not included: intervals hold for records of the
+twin as given.
 """
 
 from __future__ import annotations
@@ -28,38 +29,40 @@ Parts = list[Array]
 T = TypeVar("T")
 
 SETS: Final = 6
-"""Fewest sets of trajectories, each with starting angles of its own."""
+"""Fewest sets of trajectories with different initial angles; more give better intervals and are slower."""
 TRAJECTORIES: Final = 48
-"""Fewest of a state, of all sets together. With six, where they happened to start moved damping by up to 12 %."""
+"""Fewest trajectories of a state in all sets together; fewer increase the scatter of damping."""
 ROUNDS: Final = 10
+"""Most grids; more find minima that are further from the start."""
 RISE: Final = 0.3
-"""By how much the squared error should rise from the middle of the grid to its edge, relative to its least value."""
+"""Desired increase of the squared error from the centre of the grid to its edge, relative to its minimum; larger makes
+grids wider, where the surface is less quadratic."""
 RADIUS: Final = np.array([[0.001, 0.02, 0.1], [0.005, 0.07, 0.4]])
-"""Least, first and largest half width of the grid, in ln stiffness and ln damping."""
+"""Smallest, first and largest half width of the grid, in ln stiffness and ln damping."""
 OWN: Final = np.array([0.001, 0.005, 0.005, 0.005, 0.005])
-"""Standard deviation, of the logarithms of `NAMES`, of what the descent itself is off by however long the records are:
-a surface that is not quite quadratic, powers that cannot be negative. Seen on simulated machines, added to the rest."""
+"""Standard deviations of the logarithms of `NAMES` due to the method (the surface is not exactly quadratic, powers are
+not negative), from simulated machines. They are added to the scatter of records and trajectories."""
 NOTHING: Final = 1e-12
-"""Of the contact's power over that of the noises, where records hold no trace of it."""
+"""Power of the contact relative to that of the noises where records contain no contact."""
 NAMES: Final = ("stiffness", "damping", "scale", "structure_noise_rms", "white_noise_rms")
 
 
 @dataclass(frozen=True)
 class Bottom:
-    """The bottom of the objective.
+    """Minimum of the objective.
 
     Parameters
     ----------
     point : Array [2]
         ln stiffness, ln damping.
     error : float
-        Of the amplitude spectra, relative.
+        Relative error of the amplitude spectra.
     powers : Array [3]
         scale^2, structure noise, white noise, in record units squared.
     parts : list of Array [3, bins]
-        For each state the PSDs that those powers weigh.
+        PSDs of each state that are multiplied by the powers.
     scatter : Spread or None
-        Of the logarithms of `NAMES`; None where it could not be found.
+        Standard errors of the logarithms of `NAMES`; None where they could not be determined.
     """
 
     point: Array
@@ -69,8 +72,7 @@ class Bottom:
     scatter: Spread | None
 
     def estimates(self, level: float) -> dict[str, Estimate]:
-        """Values with intervals at this level; without where noise is all there is, which then is relative to next to
-        nothing."""
+        """Values with intervals at this level; without intervals where records contain no contact."""
         if self.powers[0] == 0:
             values = _values(self.point, np.array([NOTHING * self.powers.sum(), *self.powers[1:]]))
             return {name: Estimate(float(v)) for name, v in zip(NAMES, values, strict=True)}
@@ -88,19 +90,19 @@ class Bottom:
 def descend(
     objective: SpectrumObjective, start: Array, places: Sequence[int], rng: np.random.Generator, notes: list[str]
 ) -> Bottom:
-    """Go from a point to the bottom beneath it.
+    """Local minimum of the objective from a starting point.
 
     Parameters
     ----------
     objective : SpectrumObjective
     start : Array [2]
-        ln stiffness, ln damping: a point that can be simulated.
+        ln stiffness and ln damping of a point that can be simulated.
     places : sequence of int
-        Which of them are free.
+        Indices of the free coordinates.
     rng : numpy.random.Generator
-        Of the trajectories' starting angles.
+        Generator of the initial angles of trajectories.
     notes : list of str
-        Gets a line for each step that was left out.
+        List to which a note is added where intervals are missing.
     """
     free, steps = list(places), grid(len(places))
     sets = [
@@ -123,7 +125,7 @@ def descend(
         bend = np.maximum(np.diag(quadratic(surface.at, squares)[2]), 1e-300)
         wanted = np.clip(radius * np.sqrt(2 * RISE * squares.min() / bend), RADIUS[free, 0], RADIUS[free, 2])
         if np.any(wanted < radius / 2):
-            # Too wide for a quadratic to locate the minimum: the best of the grid is a safer middle.
+            # The grid is too wide for a quadratic; its best point is a safer centre.
             centre, radius = best, np.clip(wanted, radius / 3, radius)
             continue
         if np.all(np.abs(place) <= 1) and np.all(wanted < 2 * radius):
@@ -131,11 +133,11 @@ def descend(
             found[free] += radius * place
             below, above = _at(objective, sets, found), _must(_at(objective, sets, start))
             if below is None or below.error**2 > (1 + RISE / 3) * above.error**2:
-                centre, radius = best, radius / 2  # no quadratic yet
+                centre, radius = best, radius / 2  # not yet quadratic
                 continue
             scatter = surface.scatter(place, radius, free)
             if scatter is None:
-                notes.append("no intervals: too few records to see how they scatter, or too shallow a minimum")
+                notes.append("no intervals: too few records to estimate their scatter, or too flat a minimum")
             return Bottom(found, below.error, below.powers, below.parts, scatter)
         centre = centre.copy()
         centre[free] += radius * np.clip(place, -1.5, 1.5)
@@ -146,13 +148,13 @@ def descend(
 
 
 class _Surface:
-    """Everything simulated on a grid of points, to be compared with this or that part of the records.
+    """Simulated spectra on a grid of points, for comparison with different parts of the records.
 
     Parameters
     ----------
     objective : SpectrumObjective
     sets : sequence of SpectrumObjective
-        That differ in the angles at which trajectories start.
+        Objectives that differ in the initial angles of trajectories.
     points : Array [points, 2]
     steps : Array [points, free]
         The same points in units of the grid.
@@ -162,13 +164,13 @@ class _Surface:
         self, objective: SpectrumObjective, sets: Sequence[SpectrumObjective], points: Array, steps: Array
     ) -> None:
         made = [each.components([each.parameters(p) for p in points]) for each in sets]
-        # Whether a point can be simulated does not hang on where a trajectory starts.
+        # Whether a point can be simulated does not depend on initial angles.
         self.kept = [i for i, parts in enumerate(made[0]) if parts is not None]
         self.made: list[list[Parts]] = [[_must(one[i]) for i in self.kept] for one in made]
         self.objective, self.points, self.at = objective, points[self.kept], steps[self.kept]
 
     def match(self, left_out: int | None = None, psds: Sequence[Array] | None = None) -> tuple[Array, Array]:
-        """Squared errors [points] and powers [points, 3], a set of trajectories left out, or against other spectra."""
+        """Squared errors [points] and powers [points, 3], optionally without one set or for other spectra."""
         used = [one for number, one in enumerate(self.made) if number != left_out]
         found = [self.objective.match(_mean([one[i] for one in used]), psds) for i in range(len(self.at))]
         return np.array([error**2 for error, _ in found]), np.array([powers for _, powers in found])
@@ -178,7 +180,7 @@ class _Surface:
         return self.match()[0]
 
     def lowest(self, squares: Array) -> Array | None:
-        """Where they are least, in units of the grid."""
+        """Minimum of the squared errors in units of the grid; None where there is none."""
         return lowest(self.at, squares) if self.at.shape[1] else np.empty(0)
 
     def scatter(self, place: Array, radius: Array, free: Sequence[int]) -> Spread | None:
@@ -222,7 +224,7 @@ def _at(objective: SpectrumObjective, sets: Sequence[SpectrumObjective], point: 
 
 
 def _values(point: Array, powers: Array) -> Array:
-    """What `NAMES` names: noises are relative to scale."""
+    """Values of `NAMES`; noises are relative to scale."""
     scale, structure, white = np.sqrt(powers)
     return np.array([*np.exp(point), scale, structure / scale, white / scale])
 

@@ -5,9 +5,9 @@ stiffness, damping --trajectories, no noise--> PSD per state --+           |
 contact mode ------structure noise of unit RMS-> PSD ----------+--levels--> RMSE of amplitude spectra
 white noise -------------------------------------> flat -------+
 
-For given stiffness and damping the spectrum is linear in three powers (scale, structure noise, white noise), found by
-non-negative least squares. What is left is an objective of two parameters (section 2.2 of paper 3 names the
-root-mean-square error of spectra). A population is simulated in one call, sixteen trajectories at a time.
+For given stiffness and damping the spectrum is linear in three powers (scale, structure noise, white noise), which
+non-negative least squares give. The objective thus has two parameters (section 2.2 of paper 3 uses the root-mean-square
+error of spectra). A population is simulated in one call, sixteen trajectories at a time.
 """
 
 from __future__ import annotations
@@ -31,15 +31,15 @@ from twingap.twins.contact_parameters import DEFECTS, ContactParameters
 Array = NDArray[np.float64]
 
 SEGMENT_S = 0.02
-"""Length of a segment, s: lines of a fault merge, so that a slightly wrong speed does not look like a misfit."""
+"""Length of a segment, s. In short segments lines of a fault merge, so that a slightly wrong speed is no misfit."""
 LENGTH_S = 0.25
-"""Length of a simulated trajectory, s."""
+"""Length of a simulated trajectory, s; longer gives less scatter and is slower."""
 PICKED = 12
-"""Most records of a state whose conditions are simulated: harmonics of a defect lie elsewhere at each speed."""
+"""Most records of a state whose conditions are simulated; more cover more speeds and are slower."""
 BLOCKS = 10
-"""Stretches into which the records of a state are cut to see how they scatter."""
+"""Segments into which the records of a state are cut to estimate their scatter."""
 FEWEST_GROUPS = 4
-"""Groups of a state from which on whole groups are left out instead."""
+"""Groups of a state from which on groups are left out instead of segments."""
 
 
 @dataclass(frozen=True)
@@ -51,11 +51,11 @@ class State:
     fault : str
     measured : Spectra
     psd : Array [bins]
-        Their mean.
+        Mean PSD.
     conditions : tuple[Condition, ...]
-        A few of theirs, cut to the length of a trajectory, to simulate.
+        Conditions to simulate, some of the records' with the length of a trajectory.
     without : Array [blocks, bins]
-        Their mean with one block left out in turn: a group of records, or a stretch of one.
+        Mean PSD with one block left out in turn: a group of records, or a segment.
     """
 
     fault: str
@@ -71,10 +71,10 @@ class SpectrumObjective:
     Parameters
     ----------
     twin : ContactTwin
-        Whose other parameters hold.
+        Twin with the other parameters.
     states : sequence of State
     starts : Array [trajectories, 3]
-        Angles at which trajectories start, the same for all points: common random numbers.
+        Initial angles of trajectories, the same for all points (common random numbers).
     levels : Mapping
         Fixed values among scale, structure_noise_rms, white_noise_rms.
     """
@@ -93,7 +93,7 @@ class SpectrumObjective:
         return replace(self.twin.parameters, stiffness=stiffness, damping=damping)
 
     def components(self, candidates: Sequence[ContactParameters]) -> list[list[Array] | None]:
-        """For each candidate and state the PSDs of contact, unit structure noise and unit white noise [3, bins]."""
+        """PSDs [3, bins] of contact, unit structure noise and unit white noise, for each candidate and state."""
         jobs, owners = [], []
         for number, own in enumerate(candidates):
             mine = self._jobs(own)
@@ -112,19 +112,19 @@ class SpectrumObjective:
         Parameters
         ----------
         parts : sequence of Array [3, bins]
-            For each state what `components` gives.
+            Components of each state, from `components`.
         psds : sequence of Array [bins], optional
-            Other spectra in place of the states' own.
+            Spectra instead of those of the states.
         """
         psds = [s.psd for s in self.states] if psds is None else psds
         measured = np.concatenate([psd[s.measured.usable] for psd, s in zip(psds, self.states, strict=True)])
-        # States count alike, whatever their bins and their level.
+        # States have equal weight, independent of their number of bins and level.
         bins = [int(s.measured.usable.sum()) for s in self.states]
         share = np.repeat([1 / (n * _power(s) * len(bins)) for n, s in zip(bins, self.states, strict=True)], bins)
         basis = np.concatenate([p[:, s.measured.usable] for p, s in zip(parts, self.states, strict=True)], axis=1)
         fitted = measured
         for _ in range(6):
-            # (sqrt f - sqrt m)^2 = (f - m)^2 / (sqrt f + sqrt m)^2: least squares, weighted anew from the last fit.
+            # (sqrt f - sqrt m)^2 = (f - m)^2 / (sqrt f + sqrt m)^2: least squares with weights from the last fit.
             weight = np.sqrt(share) / (np.sqrt(fitted) + np.sqrt(measured))
             powers = self._powers(basis * weight, measured * weight)
             fitted = powers @ basis
@@ -132,7 +132,7 @@ class SpectrumObjective:
         return float(np.sqrt(np.sum(share * error**2))), powers
 
     def _powers(self, basis: Array, wanted: Array) -> Array:
-        """Non-negative least squares for what is free; a fixed noise level is relative to scale."""
+        """Non-negative least squares of the free powers; a fixed noise level is relative to scale."""
         tied = {1: self.levels.get("structure_noise_rms"), 2: self.levels.get("white_noise_rms")}
         columns, places = [basis[0]], [1, 2]
         for place, value in tied.items():
@@ -185,7 +185,7 @@ class SpectrumObjective:
 
 
 def states_of(records: RecordSet, notes: list[str], most: int = 40) -> list[State]:
-    """Spectra and conditions of each state that the contact model knows, at most `most` records of each."""
+    """Spectra and conditions of each state of the contact model, at most `most` records of each."""
     known = ("healthy", *DEFECTS)
     if left := [c for c in records.conditions if c.fault not in known]:
         notes.append(f"{len(left)} records of unknown or cage fault were left out")
@@ -204,7 +204,7 @@ def states_of(records: RecordSet, notes: list[str], most: int = 40) -> list[Stat
             out.append(State(fault, s, s.mean(lines=True)[0], conditions, _without(same, s)))
     if not out:
         raise TwingapError(
-            "no record of a state that the contact model knows",
+            "no record of a state that the contact model can simulate",
             where=f"record set {records.name!r}",
             mend="label records healthy, inner, outer or ball",
         )
@@ -212,15 +212,15 @@ def states_of(records: RecordSet, notes: list[str], most: int = 40) -> list[Stat
 
 
 def _power(state: State) -> float:
-    """Mean of the measured PSD: what errors are relative to."""
+    """Mean of the measured PSD, to which errors are relative."""
     return float(state.psd[state.measured.usable].mean())
 
 
 def _without(records: RecordSet, own: Spectra) -> Array:
     """Mean PSD with one block left out in turn [blocks, bins]; none where records are too short for two blocks.
 
-    Blocks are groups where there are `FEWEST_GROUPS`. Fewer do not show how they scatter: then every record is
-    cut into stretches, and differences between groups are not seen.
+    Blocks are groups if there are at least `FEWEST_GROUPS`. With fewer, records are cut into segments, and differences
+    between groups are not included.
     """
     groups = [str(records.conditions[p].group) for p in own.places]
     if len(set(groups)) >= FEWEST_GROUPS:
@@ -229,7 +229,7 @@ def _without(records: RecordSet, own: Spectra) -> Array:
         rows: list[Array] = []
         lengths: list[float] = []
         numbers: list[int] = []
-        # Where records are long enough, a block is a stretch of each, so that all speeds keep their share without it.
+        # If records are long enough, a block has a segment of each, so that all speeds keep their weight without it.
         most = [records.conditions[int(place)].n_samples // (4 * own.segment) for place in own.places]
         wanted = BLOCKS if min(most) >= BLOCKS else -(-BLOCKS // len(own.places))
         for place, fits in zip(own.places, most, strict=True):

@@ -1,9 +1,9 @@
-"""Healthy part of the phenomenological twin: which records it is fitted to, and what impacts are in them.
+"""Healthy part of the phenomenological twin: selection of its records, and fit of mode and noises.
 
-spectra, what the twin file fixes --> HealthyModel --begin--> where the mode shows --refit--> values on any records
+spectra, fixed parameters --> HealthyModel --begin--> records of the mode, first fit --refit--> values for any records
 
-The mode is read off healthy records; off what defects add to them, where that rings elsewhere or where healthy spectra
-are not one mode and white noise; off the lines of the others, where no record is healthy.
+The mode is fitted to healthy records. Where defects excite another mode, or healthy spectra are not one mode and white
+noise, it is fitted to the difference of faulty and healthy spectra; without healthy records, to lines of faulty ones.
 """
 
 from __future__ import annotations
@@ -29,53 +29,54 @@ Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 SHORT_S = 0.2
-"""Records shorter than this, s, do not resolve a mode of a few tenths of a per cent of damping."""
+"""Length below which records do not resolve a mode with damping of a few tenths of a per cent, s."""
 MISFIT = 4.0
-"""Deviance over scatter beyond which the healthy spectrum is taken to be something else than one mode and a floor."""
+"""Deviance over scatter above which a healthy spectrum is not one mode and a floor; larger accepts poorer fits."""
 OTHER_DAMPING = 0.25
-"""Log ratio of dampings from which lines and what lies between them are taken to disagree."""
+"""Log ratio above which dampings from lines and from between lines disagree."""
 SAME_PLACE = 0.1
-"""Log ratio of frequencies up to which two modes are taken to be one."""
+"""Log ratio of frequencies up to which two modes count as the same."""
 ADDED_DAMPING = 0.003, 0.25
-"""Dampings between which what defects add is taken for a mode: sharper is a tone, broader some other noise."""
+"""Range of damping of a mode in what defects add: sharper peaks are tones, broader ones noise."""
 ELSEWHERE = 0.3
-"""Of what a mode explains of what defects add: the healthy records' own explains less where another one rings."""
+"""Largest deviance that the healthy mode explains, relative to that of another mode, for the other to be used; larger
+uses it more often."""
 NOISES = "structure_noise_rms", "white_noise_rms"
 LEAST_SHOWN = 0.003
-"""Part of the healthy RMS below which a noise counts as none: 50 dB below the other one."""
+"""Fraction of the healthy RMS below which a noise counts as absent (50 dB below the other one)."""
 LINE_REACH = 4
-"""Bins on either side of a defect's harmonics that are not taken for noise: Hann's lobe, and speeds a little off."""
+"""Bins on either side of a defect's harmonics that are excluded from noise (main lobe, small errors of speed)."""
 
 
 @dataclass(frozen=True)
 class HealthyModel:
-    """Records seen as spectra, what is fixed, and where the mode is read."""
+    """Spectra of records, fixed parameters, and the records from which the mode is estimated."""
 
     spec: TwinSpec
     records: RecordSet
     measured: list[Spectra]
     method: str
-    mode_from: Mask  # records other than the baseline that show the mode, when the baseline does not
+    mode_from: Mask  # records from which the mode is estimated instead of the baseline
     mode_start: HealthyFit | None = None
-    mode_above: bool = False  # read off what they add to the baseline
+    mode_above: bool = False  # the mode is that of their difference to the baseline
     mode_unknown: bool = False
-    noise_share: float = 1.0  # of the structure noise that is fitted: the rest is impacts
+    noise_share: float = 1.0  # fraction of the fitted structure noise; the rest is impacts
 
     @property
     def given(self) -> Mapping[str, float]:
-        """Values that the spec fixes, dotted."""
+        """Values that the spec fixes, by dotted name."""
         return flat(self.spec.parameters)
 
     @property
     def twin(self) -> PhenomenologicalTwin:
-        """The twin as it stands before identification."""
+        """The twin before identification."""
         twin = build_twin(self.spec, self.records.bearing, self.records.unit)
         assert isinstance(twin, PhenomenologicalTwin)
         return twin
 
     @property
     def fixed(self) -> Fixed:
-        """Of the healthy model, in record units."""
+        """Fixed values of the healthy model, in record units."""
         given = self.given
         scale = given.get("scale")
         rms = [
@@ -90,7 +91,7 @@ class HealthyModel:
         return [s for s in taken if s.places.size]
 
     def mode_may_be_masked(self, fit: HealthyFit, baseline: Mask) -> bool:
-        """Whether bins at the resonance were left out as a line, though they may be of a sharp mode."""
+        """Whether bins at the resonance were excluded as a line although they may belong to a sharp mode."""
         lengths = [c.duration_s for c, own in zip(self.records.conditions, baseline, strict=True) if own]
         if min(lengths) >= SHORT_S or self.mode_unknown or self.mode_from.any():
             return False
@@ -101,10 +102,10 @@ class HealthyModel:
         return False
 
     def between_lines(self) -> HealthyModel:
-        """The same, taking no harmonic of the records' own defects for noise, where no record is healthy.
+        """Model without bins at harmonics of the records' defects, for sets without healthy records.
 
-        A short record's spectrum is one average: what stands a few times above its floor may be chance, unless it is
-        at the impacts of a known defect.
+        The spectrum of a short record is a single average, in which lines cannot be detected reliably; harmonics of
+        known defects are therefore excluded explicitly.
         """
         fit = whittle(self.measured, fixed=self.fixed)
         silent = silent_twin(self.twin, fit)
@@ -117,20 +118,20 @@ class HealthyModel:
                     continue
                 rate_hz = fault_order(silent, record.condition) * actual_speed(silent, fit, record) / 60
                 apart = rate_hz * one.segment / one.fs_hz
-                reach = min(LINE_REACH, int(apart / 4))  # half of the bins stay at least
+                reach = min(LINE_REACH, int(apart / 4))  # at least half of the bins remain
                 for line in np.arange(apart, row.size, apart) if reach else ():
                     row[max(0, round(line) - reach) : round(line) + reach + 1] = False
             masked.append(replace(one, clean=clean))
         return replace(self, measured=masked)
 
     def begin(self, baseline: Mask, notes: list[str]) -> tuple[HealthyModel, HealthyFit]:
-        """Settle where the mode is read, and fit from a grid; `notes` grows by what could not be found."""
+        """Select the records of the mode and fit from a grid; adds notes on what could not be determined."""
         fit = whittle(self.of(baseline), fixed=self.fixed)
         settled = self
         if {"resonance_hz", "damping_ratio"} <= self.given.keys():
             return settled, fit
         if self.method == "whittle" and not is_of(self.records, "healthy").any():
-            return self._struck_only(fit, baseline, notes)
+            return self._all_faulty(fit, baseline, notes)
         poor = fit.misfit > MISFIT
         why = (
             f"healthy spectra are not one mode and white noise (misfit {fit.misfit:.0f} times scatter)"
@@ -140,15 +141,17 @@ class HealthyModel:
         added = self._mode_of_defects(fit, baseline) if self.method == "whittle" else None
         if added is not None:
             if fit.stands_out and not poor:
-                why = f"what defects add resonates elsewhere than at the {fit.resonance_hz:.0f} Hz of healthy spectra"
-            notes.append(f"{why}: resonance and damping were read off the faulty records, off what they add")
+                why = f"defects excite another resonance than the {fit.resonance_hz:.0f} Hz of healthy spectra"
+            notes.append(
+                f"{why}: resonance and damping were estimated from the difference of faulty and healthy spectra"
+            )
             settled = replace(self, mode_from=~baseline, mode_start=added, mode_above=True)
             return settled, settled.refit(np.ones(len(self.records), bool), baseline, added)
         if self.method == "whittle" and (poor or not fit.stands_out):
             others = self.of(~baseline)
             shown = whittle(others, lines=True) if others else fit
             if others and shown.stands_out:
-                notes.append(f"{why}: resonance and damping were read off the faulty records")
+                notes.append(f"{why}: resonance and damping were estimated from the faulty records")
                 settled, fit = replace(self, mode_from=~baseline, mode_start=shown), shown
             elif not fit.stands_out:
                 notes.append("no resonance stands out of the noise: resonance_hz and damping_ratio keep their defaults")
@@ -158,9 +161,9 @@ class HealthyModel:
         return settled, settled.refit(np.ones(len(self.records), bool), baseline, fit)
 
     def _mode_of_defects(self, fit: HealthyFit, baseline: Mask) -> HealthyFit | None:
-        """Mode of what defects add to healthy spectra, where that is hardly the one of `fit`.
+        """Mode of what defects add to healthy spectra, where it differs from that of `fit`; else None.
 
-        Noise in a band and impacts from other sources are in healthy records, too, and may be higher than the mode.
+        Band noise and impacts from other sources are also in healthy records and may exceed the mode.
         """
         if "resonance_hz" in self.given:
             return None
@@ -181,11 +184,11 @@ class HealthyModel:
         own = [s for s in self.of(keep) if s.fs_hz in quiet]
         return own, [quiet[s.fs_hz] for s in own]
 
-    def _struck_only(self, fit: HealthyFit, baseline: Mask, notes: list[str]) -> tuple[HealthyModel, HealthyFit]:
-        """Where every record is of a defect: the mode shows between lines or, where they leave too little, in them."""
+    def _all_faulty(self, fit: HealthyFit, baseline: Mask, notes: list[str]) -> tuple[HealthyModel, HealthyFit]:
+        """Select the records of the mode where all are faulty, and fit between lines or, with few bins, to lines."""
         shown = whittle(self.of(baseline), lines=True)
         apart = abs(math.log(shown.damping_ratio / fit.damping_ratio))
-        # Lines elsewhere than the mode are not of impacts: a hum, say, or a mesh.
+        # Lines at other frequencies than the mode are not of impacts, but for instance of mains or a gear.
         here = abs(math.log(shown.resonance_hz / fit.resonance_hz)) < SAME_PLACE
         settled = self
         if not (fit.stands_out or shown.stands_out):
@@ -193,8 +196,8 @@ class HealthyModel:
             settled = replace(self, mode_unknown=True)
         elif shown.stands_out and ((apart > OTHER_DAMPING and here) or not fit.stands_out):
             notes.append(
-                f"the lines of the spectra show a damping of {shown.damping_ratio:.3f}, what lies between them "
-                f"{fit.damping_ratio:.3f}: resonance and damping were read off the lines"
+                f"the damping is {shown.damping_ratio:.3f} by lines of the spectra, {fit.damping_ratio:.3f} between "
+                "them: resonance and damping were estimated from the lines"
             )
             settled, fit = replace(self, mode_from=baseline, mode_start=shown), shown
         elif fit.misfit > MISFIT:
@@ -202,7 +205,7 @@ class HealthyModel:
         return settled, settled.refit(np.ones(len(self.records), bool), baseline, fit)
 
     def between_impacts(self, fit: HealthyFit, root: int) -> tuple[HealthyModel, HealthyFit]:
-        """The same with the part of the fitted structure noise that is always there, where no record is healthy."""
+        """Model and fit without impacts in the structure noise, for sets without healthy records."""
         if "structure_noise_rms" in self.given or self.mode_unknown:
             return self, fit
         faults = [fault for fault in FAULTS[1:] if is_of(self.records, fault).any()]
@@ -213,7 +216,7 @@ class HealthyModel:
         return replace(self, noise_share=share), replace(fit, structure_noise_rms=structure)
 
     def refit(self, keep: Mask, baseline: Mask, start: HealthyFit) -> HealthyFit:
-        """The fit on these records, from a good start."""
+        """Fit to some records, from initial values."""
         measured, mode = self.of(keep & baseline), None
         if self.method == "eq8":
             mode = equation_8(measured)
@@ -258,14 +261,14 @@ class HealthyModel:
         return {"structure_noise_rms": relative[0], "white_noise_rms": relative[1], "scale": float(scale)}
 
     def no_scale(self, fit: HealthyFit) -> str | None:
-        """Why scale does not follow from the one noise level that is fixed (records show none of it), or None."""
+        """Reason why scale does not follow from the only fixed noise level, or None."""
         stated = [name for name in NOISES if self.given.get(name)]
         if "scale" in self.given or len(stated) != 1:
             return None
         shown = getattr(fit, stated[0]) / math.hypot(fit.structure_noise_rms, fit.white_noise_rms)
         if shown >= LEAST_SHOWN:
             return None
-        return f"the records show no {stated[0].removesuffix('_rms').replace('_', ' ')}, from which scale would follow"
+        return f"the records have no {stated[0].removesuffix('_rms').replace('_', ' ')}, from which scale would follow"
 
     @property
     def conventional(self) -> bool:
@@ -273,13 +276,13 @@ class HealthyModel:
         return not {"scale", "structure_noise_rms", "white_noise_rms"} & self.given.keys()
 
     def values(self, fit: HealthyFit) -> dict[str, float]:
-        """The healthy parameters that are free."""
+        """Values of the free healthy parameters."""
         found = {"resonance_hz": fit.resonance_hz, "damping_ratio": fit.damping_ratio, **self.levels(fit)}
         kept = self.given.keys() | ({"resonance_hz", "damping_ratio"} if self.mode_unknown else set())
         return {name: value for name, value in found.items() if name not in kept}
 
     def coordinates(self, fit: HealthyFit) -> dict[str, float]:
-        """The same on scales where errors are nearly normal: logarithms, and the logit of a share of power."""
+        """Free values on scales with nearly normal errors: logarithms, and the logit of a fraction of power."""
         tied = ("structure_noise_rms", "white_noise_rms") if self.conventional else ()
         return {
             name: float(logit(np.clip(value**2, 1e-12, 1 - 1e-12)) if name in tied else np.log(max(value, 1e-300)))
@@ -287,10 +290,10 @@ class HealthyModel:
         }
 
     def interval(self, name: str, lo: float, hi: float) -> tuple[float, float]:
-        """Back from coordinates."""
+        """Interval converted back from coordinates."""
         if self.conventional and name in ("structure_noise_rms", "white_noise_rms"):
             return float(np.sqrt(expit(lo))), float(np.sqrt(expit(hi)))
-        # Beyond e^40 an interval means "unknown" as well; scale may be in any unit.
+        # An interval beyond e^40 means "unknown"; scale may have any unit.
         low, high = (float(np.exp(np.clip(v, -690, 40))) for v in (lo, hi))
         most = {"damping_ratio": 1.0, "resonance_hz": max(c.fs_hz for c in self.records.conditions) / 2}
         return low, min(high, most.get(name, math.inf))

@@ -21,7 +21,7 @@ LEVEL = 0.9
 
 
 class Identification(Protocol):
-    """How one model's free parameters are found."""
+    """Identification function of a twin model."""
 
     def __call__(
         self,
@@ -48,7 +48,7 @@ def _contact() -> Identification:
 
 
 IDENTIFICATIONS = {"phenomenological": _phenomenological, "contact": _contact}
-"""Model -> function that imports and returns its `Identification`. A user's own model may join."""
+"""Model -> function that imports and returns its `Identification`. A user's model can be added."""
 
 
 def identify(
@@ -61,16 +61,16 @@ def identify(
     optimiser: str | None = None,
     progress: Progress | None = None,
 ) -> Identified:
-    """Identify the parameters that a twin leaves free.
+    """Identify the free parameters of a twin.
 
-    Intervals cover the scatter of records of the twin as given, and no more. An effect that the records have and the
-    twin lacks moves values beyond them: with unmodelled jitter of 5 %, and a mode that has not decayed when the next
-    impact comes, the amplitude of inner-race impacts is 20 % low. Modes so sharp that a record does not resolve them
-    (damping ratio 0.004 at 1.5 kHz: records under 0.5 s) may be taken for lines and left out: use longer records.
+    Intervals cover the scatter of records of the twin as given. Effects that the records have and the twin lacks bias
+    values beyond them: with unmodelled jitter of 5 % and a mode that has not decayed at the next impact, the amplitude
+    of inner-race impacts is 20 % too low. Modes that a record does not resolve (damping ratio 0.004 at 1.5 kHz: records
+    under 0.5 s) may be excluded as lines; use longer records.
 
-    For the contact twin, damping below some 150 N s/m, a mode narrower than its spectra resolve, may be off by a tenth
-    and more, mostly without an interval. Records of four groups and more, each at a speed of its own, give no
-    intervals: leaving one out changes the mixture of speeds. Mass, load and the defect's size are taken as known.
+    For the contact twin, damping below about 150 N s/m (a mode narrower than its spectra resolve) may be wrong by 10 %
+    and more, mostly without an interval. Four or more groups at different speeds give no intervals, since leaving one
+    out changes the distribution of speeds. Mass, load and the size of the defect are assumed known.
 
     Parameters
     ----------
@@ -81,13 +81,13 @@ def identify(
         A twin, or its file. Parameters that it states are fixed; absent ones are free. Parameters of effects are not
         identified: they keep their stated or default values.
     seed : int or numpy.random.Generator
-        Of the random numbers; an int is noted in the provenance.
+        Seed or generator; an int is stated in the provenance.
     level : float
         Coverage of the intervals, between 0.5 and 0.999.
     method : {"whittle", "eq8"}
-        How resonance and damping are found: jointly with the noises by likelihood, or by eq. 8 of paper 1.
+        Method for resonance and damping: jointly with the noises by likelihood, or by eq. 8 of paper 1.
     optimiser : str or None
-        Searches stiffness and damping of the contact twin, a key of `optimise.OPTIMISERS`; None = the model's default.
+        Optimiser of stiffness and damping of the contact twin, a key of `optimise.OPTIMISERS`; None = the default.
     progress : callable (what, fraction), optional
         Called as the identification proceeds.
 
@@ -98,7 +98,7 @@ def identify(
     Raises
     ------
     TwingapError
-        When there is nothing to identify from, or a file cannot be read.
+        When the records are not sufficient, or a file cannot be read.
     """
     records = records if isinstance(records, RecordSet) else read_record_set(records)
     spec = twin if isinstance(twin, TwinSpec) else read_twin(twin)
@@ -123,7 +123,7 @@ def identify(
         spec, records, rng, level=level, method=method, progress=progress or (lambda what, fraction: None), **chosen
     )
     if not outcome.estimates:
-        note = "the twin file gives every parameter that records could: nothing was identified, the twin is unchanged"
+        note = "the twin file states all parameters that can be identified: the twin is unchanged"
         return Identified(spec, {}, outcome.fits, (*outcome.notes, note))
     notes = outcome.notes
     if spec.identified is not None and (earlier := sorted(spec.intervals.keys() - outcome.estimates.keys())):

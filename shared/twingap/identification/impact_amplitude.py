@@ -1,6 +1,6 @@
-"""How hard a fault's impacts are: energy that they add in the mode's band, over that of unit impacts.
+"""Impact amplitude of a fault: energy that it adds in the mode's band, relative to that of unit impacts.
 
-faulty spectra less healthy ones, in the band --/ unit impacts through the mode--> amplitude squared
+faulty minus healthy spectra, in the band --/ unit impacts through the mode--> amplitude squared
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ Mask = NDArray[np.bool_]
 
 @dataclass(frozen=True)
 class Amplitude:
-    """What one fault adds: measured and unit-impact energies in the mode's band, per rate."""
+    """Spectra of a fault's records and of unit impacts in the mode's band, for each sampling rate."""
 
     problem: HealthyModel
     fault: str
@@ -30,7 +30,7 @@ class Amplitude:
 
     @classmethod
     def of(cls, problem: HealthyModel, fault: str, fit: HealthyFit, root: int) -> Amplitude:
-        """Gather them."""
+        """Compute the spectra."""
         sides = []
         for s in problem.of(is_of(problem.records, fault)):
             speeds = [problem.records.conditions[int(place)].speed_rpm for place in s.places]
@@ -40,7 +40,7 @@ class Amplitude:
         return cls(problem, fault, tuple(sides))
 
     def power(self, fit: HealthyFit, healthy: Mask, keep: Mask) -> float:
-        """Amplitude squared in record units, not clipped, from these healthy and these faulty records."""
+        """Squared amplitude in record units, possibly negative, from some healthy and faulty records."""
         above, unit = 0.0, 0.0
         for s, inside, template, gain in self.sides:
             own = keep[s.places]
@@ -54,12 +54,12 @@ class Amplitude:
         return above / unit
 
     def floor(self, spectra: Spectra, fit: HealthyFit, healthy: Mask) -> Array:
-        """PSD without the fault: measured where there are healthy records at this rate, fitted otherwise."""
+        """PSD without the fault: measured if there are healthy records at this rate, else fitted."""
         same = [s for s in self.problem.of(healthy) if s.fs_hz == spectra.fs_hz] if healthy.any() else []
         return same[0].mean(lines=True)[0] if same else fit.psd(spectra)
 
     def spread(self, fit: HealthyFit, healthy: Mask, scale: float) -> Spread:
-        """Of the amplitude squared in multiples of scale, from the scatter of the faulty records."""
+        """Spread of the squared amplitude in multiples of scale, by the scatter of the faulty records."""
         places = np.concatenate([s.places for s, *_ in self.sides])
 
         def without(keep: Mask) -> Array:

@@ -4,11 +4,11 @@ faulty records  --PSD in the band of the mode--> energy --+
 healthy records --PSD in the same band-------> energy  ---+--> excess / (energy of unit impacts) = amplitude^2
 twin, unit impacts, no noise --PSD, same band--> energy --+
 
-The energy of unit impacts comes from the twin itself, run without noise at each record's own rate, length and speed, so
-that overlapping ringing and the twin's excitation and path effects (jitter, load zone) are counted. Speeds are nominal
-to several per cent in real sets, which moves lines across a sharp mode: the spacing of impacts is first read off the
-squared envelope. Nothing is clipped before averaging, so a fault too weak to see comes out as 0 within its interval
-rather than as a small amplitude that is always there.
+The energy of unit impacts is simulated by the twin without noise at the rate, length and speed of each record, which
+includes overlapping responses and the twin's excitation and path effects (jitter, load zone). Nominal speeds can be
+wrong by several per cent, which shifts lines relative to a sharp mode, so the impact rate is first estimated from the
+squared envelope. Excess energy may be negative before averaging, so that the estimate of an undetectable fault is not
+biased.
 """
 
 from __future__ import annotations
@@ -31,16 +31,16 @@ from twingap.twins.phenomenological import PhenomenologicalParameters, Phenomeno
 Array = NDArray[np.float64]
 
 TOLERANCE = 0.04
-"""How far real speeds may lie from nominal, as a fraction."""
+"""Largest relative deviation of speeds from nominal; larger finds larger errors and more false combs."""
 REACH = 1.5
-"""Impact rates on either side of a resonance that its band holds at least: three lines or four."""
+"""Smallest half width of a resonance's band, in impact rates: it then has three or four lines."""
 
 
 def band(spectra: Spectra, fit: HealthyFit, impact_hz: float) -> NDArray[np.bool_]:
-    """Bins where the mode's own spectrum is above a tenth of its peak, and whatever lies near it.
+    """Bins where the spectrum of the mode is above a tenth of its peak, and those close to the resonance.
 
-    Impacts come as lines `impact_hz` apart: a sharp mode may stand between two of them, and nearly nothing of their
-    energy is in its own band then. So bins within `REACH` such distances of the resonance belong to it.
+    Lines of impacts are `impact_hz` apart, and a sharp mode may be between two of them. Bins within `REACH` such
+    distances of the resonance are therefore included.
     """
     mode = spectra.expected(autocorrelation(fit.resonance_hz, fit.damping_ratio, spectra.fs_hz, spectra.segment))
     f = np.arange(mode.size) * spectra.fs_hz / spectra.segment
@@ -54,10 +54,10 @@ def band_energy(spectra: Spectra, psd: Array, inside: NDArray[np.bool_]) -> Arra
 
 
 def impact_gain(spectra: Spectra, fit: HealthyFit) -> Array:
-    """Power that the mode passes at each bin [bins], for equal impacts: how unit spectra change with the fit.
+    """Power gain of the mode at each bin [bins] for equal impacts.
 
-    A ratio of two of these moves every line by what the mode passes there; in a sharp mode that is far from the change
-    of the whole band.
+    The ratio of two gains converts unit spectra from one fit to another line by line, which for a sharp mode differs
+    from the change of the total band.
     """
     mode = spectra.expected(autocorrelation(fit.resonance_hz, fit.damping_ratio, spectra.fs_hz, spectra.segment))
     return mode * impulse_energy(fit.resonance_hz, fit.damping_ratio, spectra.fs_hz)
@@ -69,13 +69,13 @@ def unit_spectra(twin: PhenomenologicalTwin, fit: HealthyFit, spectra: Spectra, 
     Parameters
     ----------
     twin : PhenomenologicalTwin
-        Whose excitation and path effects act; its disturbances and acquisition are left out.
+        Twin whose excitation and path effects are used, without its disturbances and acquisition.
     fit : HealthyFit
-        The mode.
+        Fitted mode.
     spectra : Spectra
-        Of faulty records.
+        Spectra of faulty records.
     records : RecordSet
-        The set that they are of.
+        Set of these records.
     root : int
         Entropy of the random effects.
 
@@ -94,16 +94,16 @@ def unit_spectra(twin: PhenomenologicalTwin, fit: HealthyFit, spectra: Spectra, 
 
 
 def silent_twin(twin: PhenomenologicalTwin, fit: HealthyFit) -> PhenomenologicalTwin:
-    """The twin's unit impacts alone, through this mode: no noise, no disturbance, no acquisition."""
+    """Twin with unit impacts through this mode only: without noise, disturbances and acquisition."""
     effects = [e for e in twin.effects if e.stage in (Stage.SHAFT, Stage.EXCITATION, Stage.PATH)]
     faults = dict.fromkeys(FAULTS[1:], 1.0)
-    # The twin refuses to be without any noise; this much is nothing beside unit impacts.
+    # The twin needs some noise; this amount is negligible relative to unit impacts.
     parameters = PhenomenologicalParameters(fit.resonance_hz, fit.damping_ratio, faults, 0.0, 1e-9, 1.0)
     return PhenomenologicalTwin(twin.bearing, parameters, effects, twin.unit)
 
 
 def ringing_power(samples: Array, fs_hz: float, centre_hz: float, half_hz: float) -> Array:
-    """[samples] Squared envelope of what lies within `half_hz` of `centre_hz`."""
+    """[samples] Squared envelope of the band within `half_hz` of `centre_hz`."""
     n = samples.size
     spectrum = np.fft.rfft(samples - samples.mean())
     spectrum[np.abs(np.fft.rfftfreq(n, 1 / fs_hz) - centre_hz) > half_hz] = 0
@@ -111,10 +111,10 @@ def ringing_power(samples: Array, fs_hz: float, centre_hz: float, half_hz: float
 
 
 def actual_speed(twin: PhenomenologicalTwin, fit: HealthyFit, record: Record) -> float:
-    """Speed (rpm) at which the twin's impact rate is that of this record.
+    """Speed, rpm, at which the impact rate of the twin is that of a record.
 
-    The squared envelope of the record, band-passed around the mode, is searched for the comb of three harmonics that
-    stands highest within `TOLERANCE` of the nominal impact rate. Where none stands out the nominal speed is kept.
+    It is that of the highest comb of three harmonics within `TOLERANCE` of the nominal impact rate, in the squared
+    envelope of the record around the mode. Without a clear comb it is the nominal speed.
     """
     condition = record.condition
     nominal = fault_order(twin, condition) * condition.speed_rpm / 60
@@ -129,7 +129,7 @@ def actual_speed(twin: PhenomenologicalTwin, fit: HealthyFit, record: Record) ->
         places = np.rint(np.outer([1, 2, 3], at) / step).astype(int)
         return np.asarray(envelope[np.minimum(places, envelope.size - 1)].sum(axis=0))
 
-    # Too few impacts for the search to resolve anything within the tolerance.
+    # Too few impacts to resolve speeds within the tolerance.
     if nominal * TOLERANCE * condition.duration_s < 1:
         return condition.speed_rpm
     near = np.arange(nominal * (1 - TOLERANCE), nominal * (1 + TOLERANCE), step / 3)
@@ -142,7 +142,7 @@ def actual_speed(twin: PhenomenologicalTwin, fit: HealthyFit, record: Record) ->
 
 
 def fault_order(twin: PhenomenologicalTwin, condition: Condition) -> float:
-    """Impacts per turn in the twin, its own slip included."""
+    """Impacts per turn in the twin, including its slip."""
     t = np.arange(2) / condition.fs_hz
     draft = Draft(condition, twin.bearing, 1.0, t, t * (condition.speed_rpm / 60))
     for effect in twin.effects:

@@ -1,8 +1,8 @@
 """Intervals for identified parameters: the jackknife over recordings.
 
-Records of one group (one recording, one mounted bearing) share more than their parameters, so whole groups are left
-out in turn. The spread of the estimates gives a standard error, Student's t with as many degrees of freedom as there
-are clusters less one the width: two groups give an honest, wide interval (t = 6.3 at 90 %). Source: Tukey 1958; Efron
+Records of one group (one recording, one mounted bearing) share more than their parameters, so groups are left out in
+turn. The spread of the estimates gives a standard error, and Student's t with one degree of freedom less than clusters
+the width of the interval; with two groups it is wide (t = 6.3 at 90 %). Source: Tukey 1958; Efron
 and Stein 1981, doi:10.1214/aos/1176345462.
 """
 
@@ -18,12 +18,12 @@ from scipy.stats import t as student
 Array = NDArray[np.float64]
 
 MOST_CLUSTERS = 12
-"""More groups than this are pooled: the interval gains nothing, and every cluster costs a fit."""
+"""Most clusters, to which groups are pooled; more are slower and hardly improve intervals."""
 
 
 @dataclass(frozen=True)
 class Spread:
-    """Standard errors of several estimates, and what they are worth.
+    """Variances of several estimates, with their degrees of freedom.
 
     Parameters
     ----------
@@ -36,14 +36,14 @@ class Spread:
     freedom: Array
 
     def __add__(self, other: Spread) -> Spread:
-        """Of a sum of independent estimates; degrees of freedom after Satterthwaite 1946."""
+        """Spread of a sum of independent estimates; degrees of freedom after Satterthwaite 1946."""
         total = self.variance + other.variance
         below = self.variance**2 / self.freedom + other.variance**2 / other.freedom
         freedom = np.where(below > 0, total**2 / np.where(below > 0, below, 1), self.freedom + other.freedom)
         return Spread(total, freedom)
 
     def at(self, place: int) -> Spread:
-        """Of one of the estimates."""
+        """Spread of one of the estimates."""
         return Spread(self.variance[place : place + 1], self.freedom[place : place + 1])
 
     def interval(self, estimate: Array, level: float) -> Array:
@@ -53,7 +53,7 @@ class Spread:
 
 
 def clusters(groups: Sequence[str]) -> NDArray[np.int64]:
-    """Cluster of each record: its group, groups pooled in turn when many; records themselves when all share one."""
+    """Cluster of each record: its group, pooled if there are many; the record itself if all are of one group."""
     distinct = list(dict.fromkeys(groups))
     if len(distinct) == 1:
         return np.arange(len(groups)) % MOST_CLUSTERS

@@ -1,15 +1,15 @@
-"""Share of noise in what was fitted as structure noise, for records of defects only.
+"""Fraction of noise in the power that was fitted as structure noise, for records with defects only.
 
-record --band of the mode--> power over time --median over mean--> how evenly it is spread ----------+
-twin: noise + impacts, mixed --same------------------------------> the same for every mixture -------+--> noise's part
+record --band of the mode--> power over time --median over mean--> evenness over time ---------------+
+twin: noise + impacts, mixed --same------------------------------> evenness of every mixture --------+--> noise share
 
-Between the lines of a spectrum, impacts whose spacing is not quite even look like noise. Over time they do not: noise
-is always there, the ring-down of impacts is not. The median of the squared envelope of Gaussian noise is ln 2 of its
-mean (Rayleigh), and less with power that comes in bursts.
+Impacts with slightly irregular spacing look like noise between the lines of a spectrum, but not over time: noise is
+stationary, whereas the response to impacts decays. The median of the squared envelope of Gaussian noise is ln 2 of its
+mean (Rayleigh), and less for power in bursts.
 
-In a mode so sharp that one impact has not decayed when the next one comes, both are equally even. There the squared
-envelope of a band that holds several lines pulses at the impact rate, by the power of the impacts in it (Antoni 2009,
-Cyclostationarity by examples, doi:10.1016/j.ymssp.2008.10.010); noise does not pulse.
+In a mode so sharp that the response to an impact has not decayed at the next one, both are equally even. There the
+squared envelope of a band with several lines is modulated at the impact rate in proportion to the power of the impacts
+(Antoni 2009, Cyclostationarity by examples, doi:10.1016/j.ymssp.2008.10.010), while that of noise is not.
 """
 
 from __future__ import annotations
@@ -32,42 +32,43 @@ Array = NDArray[np.float64]
 
 _PARTS: Final = np.array([0.003, 0.01, 0.03, 0.06, 0.1, 0.15, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0])
 _LINES: Final = 1.8
-"""Half width of the band of the pulsing envelope, in impact rates: wider bands hold more lines and more noise."""
-_PULSING: Final = 0.25
-"""Least relative amplitude of the pulses of impacts alone; where it is lower, pulses are not used."""
+"""Half width of the band of the modulated envelope, in impact rates; wider bands contain more lines and more noise."""
+_LEAST_MODULATION: Final = 0.25
+"""Smallest relative modulation by impacts alone for which modulation is used; larger uses it less often."""
 _SURE: Final = 0.3
-"""Least part of the pulsing power that lies between the lines; where it is less, all is taken for noise."""
+"""Smallest fraction of the modulated power between the lines; below it, all is assumed to be noise."""
 _LEAST_SHARE: Final = 0.03
-"""Lower bound of the share found by pulses."""
+"""Lower bound of the fraction estimated by modulation."""
 _SMEAR: Final = 0.012
-"""Part of a rate by which spacings and speeds that are not even spread its lines."""
+"""Relative width of lines due to irregular spacings and varying speed."""
 _DISTINCT: Final = 0.3
-"""Least difference in log evenness between noise alone and impacts alone; where it is less, evenness is not used."""
+"""Smallest difference in log evenness between noise and impacts for which evenness is used; larger uses it less
+often."""
 MOST: Final = 8
-"""Most records that are used; more steady the median and cost simulations."""
+"""Most records that are used; more reduce the scatter of the median and are slower."""
 
 
 def noise_share(twin: PhenomenologicalTwin, fit: HealthyFit, records: Sequence[Record], root: int) -> float:
-    """Power of structure noise over the power fitted as structure noise to records of defects.
+    """Fraction of structure noise in the power that was fitted as structure noise to records with defects.
 
     Parameters
     ----------
     twin : PhenomenologicalTwin
-        Whose effects act on its impacts.
+        Twin with effects that act on impacts.
     fit : HealthyFit
-        The mode, and noises that may hold impacts.
+        Mode, and noises that may include impacts.
     records : sequence of Record
-        Of defects; a few of each do.
+        Records with defects; a few of each suffice.
     root : int
         Entropy of the simulations.
 
     Returns
     -------
     float
-        At most 1; the median over records. 1 where neither evenness over time nor pulses separate noise from impacts.
+        Median over records, at most 1; 1 where neither evenness nor modulation separates noise from impacts.
     """
     mixtures = [_Mixture.of(twin, fit, record, Streams(root, place)) for place, record in enumerate(records)]
-    for estimate in (_Mixture.by_evenness, _Mixture.by_pulses):
+    for estimate in (_Mixture.by_evenness, _Mixture.by_modulation):
         known = [share for share in map(estimate, mixtures) if share is not None]
         if known:
             return float(np.clip(np.median(known), 1e-4, 1.0))
@@ -76,7 +77,7 @@ def noise_share(twin: PhenomenologicalTwin, fit: HealthyFit, records: Sequence[R
 
 @dataclass(frozen=True)
 class _Mixture:
-    """A record, and the noise and the impacts that a twin would make for it."""
+    """A record with simulated noise and impacts under its condition."""
 
     fit: HealthyFit
     measured: Array
@@ -88,7 +89,7 @@ class _Mixture:
 
     @classmethod
     def of(cls, twin: PhenomenologicalTwin, fit: HealthyFit, record: Record, streams: Streams) -> _Mixture:
-        """Simulate them, at the rate that the record shows."""
+        """Simulate noise and impacts, at the impact rate estimated from the record."""
         silent = silent_twin(twin, fit)
         speed_rpm = actual_speed(silent, fit, record)
         (impacts,) = silent.make([replace(record.condition, speed_rpm=speed_rpm)], [streams])
@@ -104,7 +105,7 @@ class _Mixture:
         return cls(fit, record.samples, noise.samples, white, impacts.samples, record.condition.fs_hz, rate_hz)
 
     def by_evenness(self) -> float | None:
-        """Structure noise over what was fitted, by which mixture is as even; None where impacts are even as well."""
+        """Fraction of noise in the mixture with the same evenness; None where impacts are equally even."""
         half = self._narrow
         total, of_noise, of_impacts = self._means(half)
         if min(of_noise, of_impacts) <= 0:
@@ -118,8 +119,8 @@ class _Mixture:
         part = float(np.interp(_evenness(self._power(self.measured, half)), even, _PARTS))
         return max(part * total - self._mean(self.white, half), 0.0) / self._mean(self.structure, half)
 
-    def by_pulses(self) -> float | None:
-        """The same by pulses; None where impacts hardly pulse, or where no power pulses beyond that in lines."""
+    def by_modulation(self) -> float | None:
+        """The same by modulation; None where impacts hardly modulate the envelope, or only in lines."""
         half = max(self._narrow, _LINES * self.rate_hz)
         total, of_noise, of_impacts = self._means(half)
         if min(of_noise, of_impacts) <= 0:
@@ -128,12 +129,12 @@ class _Mixture:
             _pulse(self._power(x, half), self.rate_hz / self.fs_hz)
             for x in (self.measured, self.structure + self.white, self.impacts)
         )
-        if most < max(_PULSING, 3 * least):
+        if most < max(_LEAST_MODULATION, 3 * least):
             return None
-        # The pulses of noise at the rate are not of impacts.
+        # Modulation by noise is subtracted.
         part = min(math.sqrt(max(swing**2 - least**2, 0.0) / (most**2 - least**2)), 1.0)
         of_structure, of_white = self._mean(self.structure, half), self._mean(self.white, half)
-        # Power in lines was not fitted as noise: only what pulses beyond it was.
+        # Power in lines was not fitted as noise; only modulated power beyond it was.
         beyond = part * total - (total - of_structure - of_white)
         return max(1 - beyond / of_structure, _LEAST_SHARE) if beyond > _SURE * part * total else None
 

@@ -1,10 +1,10 @@
 """Derivative-free optimisers of an objective on a box.
 
 objective, bounds, rng, evaluations --> OPTIMISERS[name] --> best point
-objective --Traced--> the same, remembering every point and value --> cost against evaluations
+objective --Traced--> objective with a record of points and values --> cost over evaluations
 
-All of them try exactly as many points as they are given, so that they can be compared at equal cost, and hand points
-over by the population, since the objective simulates many at once.
+All use exactly the given number of evaluations, so that they can be compared at equal cost, and evaluate populations of
+points, since the objective simulates many at once.
 """
 
 from __future__ import annotations
@@ -21,14 +21,14 @@ from twingap.identification.zebra import Zebra
 Array = NDArray[np.float64]
 
 Objective = Callable[[Array], Array]
-"""Points [points, dimensions] -> values [points], all points at once; infinite where a point makes no sense."""
+"""Points [points, dimensions] -> values [points], all points at once; infinite where a point is impossible."""
 
 WORST: Final = 1e30
-"""What stands for an infinite value where an optimiser cannot bear one."""
+"""Finite value in place of infinity, for optimisers that need one."""
 
 
 class Optimiser(Protocol):
-    """How a minimum is sought.
+    """Derivative-free optimiser.
 
     Parameters
     ----------
@@ -36,19 +36,19 @@ class Optimiser(Protocol):
     bounds : Array [dimensions, 2]
     rng : numpy.random.Generator
     evaluations : int
-        Just so many points are tried.
+        Number of points to evaluate.
 
     Returns
     -------
     Array [dimensions]
-        The best point found.
+        Best point.
     """
 
     def __call__(self, objective: Objective, bounds: Array, rng: np.random.Generator, evaluations: int) -> Array: ...
 
 
 class Traced:
-    """An objective that records its points and values.
+    """Objective that records its points and values.
 
     Parameters
     ----------
@@ -61,7 +61,7 @@ class Traced:
         self._values: list[Array] = []
 
     def __call__(self, points: Array) -> Array:
-        """The objective's values."""
+        """Values of the objective [points]."""
         values = np.asarray(self.objective(points), float)
         self._points.append(np.array(points))
         self._values.append(values)
@@ -69,31 +69,30 @@ class Traced:
 
     @property
     def points(self) -> Array:
-        """Every point, in order [evaluations, dimensions]."""
+        """All points in order [evaluations, dimensions]."""
         return np.concatenate(self._points)
 
     @property
     def values(self) -> Array:
-        """Every value [evaluations]."""
+        """All values [evaluations]."""
         return np.concatenate(self._values)
 
     @property
     def best(self) -> Array:
-        """Least value after each evaluation [evaluations]."""
+        """Smallest value after each evaluation [evaluations]."""
         return np.asarray(np.minimum.accumulate(self.values))
 
 
 def differential_evolution(
     objective: Objective, bounds: Array, rng: np.random.Generator, evaluations: int = 320
 ) -> Array:
-    """Differential evolution (Storn and Price 1997) as in SciPy, a generation at a time, from a Latin hypercube.
+    """Differential evolution (Storn and Price 1997) as in SciPy, by generations, from a Latin hypercube.
 
-    It goes on until the evaluations are used up; where they are no whole number of generations, the members of the last
-    that are beyond them are refused untried.
+    All evaluations are used; members of the last generation beyond them are rejected without evaluation.
     """
     from scipy.optimize import differential_evolution as search
 
-    # SciPy makes popsize x dimensions members; a small crowd and many generations suit two smooth dimensions.
+    # SciPy makes popsize x dimensions members; few members and many generations suit two smooth dimensions.
     crowd, left = 8, evaluations
     generations = max(0, -(-evaluations // (crowd * len(bounds))) - 1)
 
@@ -107,7 +106,7 @@ def differential_evolution(
         return found
 
     found = search(
-        cast(Any, values),  # vectorized: SciPy's own annotation knows scalars only
+        cast(Any, values),  # vectorized: SciPy annotates scalars only
         cast(Any, [(float(lo), float(hi)) for lo, hi in bounds]),
         popsize=crowd,
         maxiter=generations,
@@ -121,7 +120,7 @@ def differential_evolution(
 
 
 def random_search(objective: Objective, bounds: Array, rng: np.random.Generator, evaluations: int = 320) -> Array:
-    """Points drawn uniformly from the box: what any other optimiser must beat."""
+    """Uniform random search, as a baseline for other optimisers."""
     points = bounds[:, 0] + (bounds[:, 1] - bounds[:, 0]) * rng.random((evaluations, len(bounds)))
     values = [objective(points[at : at + 16]) for at in range(0, evaluations, 16)]
     return np.asarray(points[int(np.argmin(_finite(np.concatenate(values))))])
@@ -133,18 +132,18 @@ OPTIMISERS: Final[Mapping[str, Optimiser]] = {
     "differential-evolution": differential_evolution,
     "random": random_search,
 }
-"""By the name that the command line knows. Zebra's R is 0.1 in its authors' code and 0.01 in several ports of it."""
+"""Optimisers by their names on the command line. R of Zebra is 0.1 in its authors' code and 0.01 in several ports."""
 
 DEFAULT: Final = "differential-evolution"
 
 
 def optimiser_of(name: str) -> Optimiser:
-    """The optimiser of this name.
+    """Optimiser with a given name.
 
     Raises
     ------
     TwingapError
-        For a name that is none.
+        For an unknown name.
     """
     if name not in OPTIMISERS:
         raise TwingapError(f"unknown optimiser {name!r}", where="identification", mend=f"use {', '.join(OPTIMISERS)}")

@@ -1,7 +1,7 @@
 """Identification of the phenomenological twin's free parameters from records.
 
 healthy records --Whittle or eq. 8--> mode, two noises --+--> scale, relative noise levels
-faulty records  --energy in the mode's band, less theirs-+--> impact amplitude per fault
+faulty records  --excess energy in the mode's band-------+--> impact amplitude per fault
 """
 
 from __future__ import annotations
@@ -31,30 +31,30 @@ Mask = NDArray[np.bool_]
 
 METHODS = ("whittle", "eq8")
 COLOURING = ("second_resonance", "sensor_rolloff", "coloured_noise", "distributed_roughness")
-"""Effects that change the healthy spectrum, which the fit takes to be one mode and white noise."""
+"""Effects that change the healthy spectrum, for which the fit assumes one mode and white noise."""
 NO_HEALTHY = (
-    "no healthy record: noise levels were read between the lines of the other records, and between their impacts; "
-    "structure_noise_rms may hold part of the impacts' energy"
+    "no healthy record: noise levels were estimated between the lines of the other records, and between their impacts; "
+    "structure_noise_rms may include part of the impacts' energy"
 )
 QUICK_SEGMENT_S = 0.08
-"""Aimed length of a segment where no intervals are wanted, s: longer ones resolve sharper modes and take more time."""
-STRUCK_SEGMENT_S = 0.34
-"""The same where every record is of a defect, quick or not: strong lines leave the noise between them too few bins of
-the usual ones (24 such records of a second at 5 % damping: four times the scatter, at two thirds of the time)."""
+"""Desired length of a segment without intervals, s; longer ones resolve sharper modes and are slower."""
+FAULTY_SEGMENT_S = 0.34
+"""Desired length of a segment where all records are faulty, s. Strong lines leave few bins of noise between them, so
+shorter segments give much larger scatter."""
 SLOW_RPM = 60.0
-"""Speed below which a table may well hold turns per second, or another column's numbers."""
+"""Speed below which a note warns that values may be turns per second or another column; higher warns more often."""
 SURE_SHARE = 0.9
-"""Part of the fitted structure noise below which what was taken away is more than scatter of the fit."""
+"""Fraction of the fitted structure noise below which the removed part exceeds the scatter of the fit."""
 MOST_UNEQUAL = 1000.0
-"""Ratio of the loudest to the quietest record of a state beyond which one of them has another unit."""
+"""Ratio of the loudest to the quietest record of a state above which a note warns of different units."""
 MOST_RECORDS = 300
-"""Records used of each state: beyond this the intervals hardly shrink."""
+"""Most records of each state; more hardly shrink intervals and are slower."""
 
 
 def identify_phenomenological(
     spec: TwinSpec, records: RecordSet, rng: np.random.Generator, *, level: float, method: str, progress: Progress
 ) -> Outcome:
-    """Identify what `spec` leaves free: mode, noise levels, scale, impact amplitudes. See `identify`."""
+    """Identify the free parameters of `spec`: mode, noise levels, scale, impact amplitudes. See `identify`."""
     if method not in METHODS:
         raise TwingapError(f"method {method!r}", where="identification", mend=f"use one of {', '.join(METHODS)}")
     root = root_entropy(rng)
@@ -67,24 +67,24 @@ def identify_phenomenological(
     if not healthy.any():
         notes.append(NO_HEALTHY)
     if (slowest := min(c.speed_rpm for c in records.conditions)) < SLOW_RPM:
-        notes.append(f"speed_rpm is {slowest:g} at least: impacts are sought at that speed, in turns per minute")
+        notes.append(f"speed_rpm is as low as {slowest:g}: check that it is in turns per minute")
     if len(_groups(records, baseline)) == 1:
         notes.append(
-            "all records that the noise was fitted to are of one group: intervals hold the scatter within it only"
+            "all records that the noise was fitted to are of one group: intervals include the scatter within it only"
         )
     for name in COLOURING:
         if name in spec.effects:
             notes.append(
-                f"the twin's {name} was not undone: what records have of it is in resonance, damping, noises, scale "
-                "and impact amplitudes, so that the twin with it has it twice; values without intervals"
+                f"the twin's {name} was not removed from the records: it is included in resonance, damping, noises, "
+                "scale and impact amplitudes, so that the twin has it twice; values without intervals"
             )
     if silent := [name for name in spec.effects if not spec.parameters.get(name)]:
         notes.append(
             f"{', '.join(silent)}: the twin file gives no value, and spectra alone do not determine it: defaults were "
-            "kept (`twingap gap` finds such values itself)"
+            "kept (`twingap gap` estimates such values)"
         )
     progress("spectra", 0.0)
-    segment_s = SEGMENT_S if healthy.any() else STRUCK_SEGMENT_S
+    segment_s = SEGMENT_S if healthy.any() else FAULTY_SEGMENT_S
     problem = HealthyModel(spec, records, spectra(records, segment_s), method, ~everything)
     progress("resonance and noise", 0.0)
     problem = problem if healthy.any() else problem.between_lines()
@@ -102,7 +102,7 @@ def identify_phenomenological(
     names = [*problem.coordinates(fit), *(f"impact_amplitude.{fault}" for fault in amplitudes)]
 
     def estimate(keep: Mask, start: HealthyFit) -> Array:
-        """Coordinates of everything, with the fit on these baseline records and the amplitudes on all faulty ones."""
+        """Coordinates of all parameters, with the fit to some baseline records and amplitudes from all faulty ones."""
         own = problem.refit(keep, baseline, start)
         scale = problem.levels(own)["scale"]
         powers = [a.power(own, keep & healthy, everything) / scale**2 for a in amplitudes.values()]
@@ -110,7 +110,7 @@ def identify_phenomenological(
 
     at = estimate(everything, fit)
     if method == "eq8":
-        notes.append("eq. 8 reads one peak and its decay: values without intervals")
+        notes.append("eq. 8 uses one peak and its decay: values without intervals")
         estimates = {name: Estimate(value) for name, value in problem.values(fit).items()}
         for name, power in zip(names[len(estimates) :], at[len(estimates) :], strict=True):
             estimates[name] = Estimate(float(np.sqrt(max(power, 0.0))))
@@ -136,7 +136,7 @@ def _with_intervals(
     notes: list[str],
     progress: Progress,
 ) -> dict[str, Estimate]:
-    """Values with jackknife intervals: over the records of the fit, and for amplitudes over the faulty ones as well."""
+    """Values with jackknife intervals over the records of the fit, for amplitudes also over faulty ones."""
     places = np.flatnonzero(baseline)
     of = clusters([str(problem.records.conditions[p].group) for p in places])
     done = 0
@@ -155,7 +155,7 @@ def _with_intervals(
     }
     if problem.mode_may_be_masked(fit, baseline):
         notes.append(
-            f"records shorter than {SHORT_S:g} s do not separate a sharp mode from a line, and what may be either lies "
+            f"records shorter than {SHORT_S:g} s do not separate a sharp mode from a line, and one of them is "
             "at the resonance: values without intervals, and the damping may be too high"
         )
         return {name: Estimate(value) for name, value in problem.values(fit).items()} | bare
@@ -166,14 +166,15 @@ def _with_intervals(
         low, high = problem.interval(name, lo, hi)
         out[name] = Estimate(values[name], (low, high) if low <= values[name] <= high else None)
     if problem.mode_from.any():
-        # A mode read off lines is biased by where they lie, by more than its scatter; what rests on it is, too.
-        notes.append("a resonance read off the faults' lines has no interval, nor has what rests on it")
+        # A mode estimated from lines is biased by their positions by more than its scatter, as is all that depends on
+        # it.
+        notes.append("a resonance estimated from lines of faults has no interval, nor has what depends on it")
         sound = ("white_noise_rms", "scale")
         return {name: e if name in sound else Estimate(e.value) for name, e in out.items()} | bare
     if problem.noise_share < SURE_SHARE:
         notes.append(
-            f"{1 - problem.noise_share:.0%} of what looks like structure noise between the lines was separated from it "
-            "by time: noise levels, scale and impact amplitudes have no intervals"
+            f"{1 - problem.noise_share:.0%} of the apparent structure noise between the lines was identified as "
+            "impacts by its variation over time: noise levels, scale and impact amplitudes have no intervals"
         )
         sound = ("resonance_hz", "damping_ratio")
         return {name: e if name in sound else Estimate(e.value) for name, e in out.items()} | bare
@@ -183,7 +184,7 @@ def _with_intervals(
         lo, hi = own.interval(at[place : place + 1], level)[0]
         if lo <= 0:
             notes.append(f"the impacts of fault {fault!r} do not stand out of the healthy energy around the resonance")
-        # An excess below zero is chance: the interval then reaches as far up as if it were zero.
+        # A negative excess is chance; the upper end is then that of an excess of zero.
         hi = max(hi, hi - at[place])
         value, lo, hi = (float(np.sqrt(max(v, 0.0))) for v in (at[place], lo, hi))
         out[f"impact_amplitude.{fault}"] = Estimate(value, (lo, hi))
@@ -193,24 +194,24 @@ def _with_intervals(
 def quick_identify(
     spec: TwinSpec, records: RecordSet, rng: np.random.Generator, *, impacts: bool = True
 ) -> tuple[TwinSpec, list[str]]:
-    """The phenomenological twin's free parameters, as `identify` finds them but without its intervals.
+    """The phenomenological twin with its free parameters identified as by `identify`, without intervals.
 
     Parameters
     ----------
     spec : TwinSpec
-        What it fixes stays.
+        Twin with fixed parameters.
     records : RecordSet
-        Of known faults.
+        Records of known faults.
     rng : numpy.random.Generator
     impacts : bool
-        False: impact amplitudes are left alone.
+        Whether impact amplitudes are identified.
 
     Returns
     -------
     TwinSpec
-        With all parameters.
+        Twin with all parameters.
     list of str
-        What could not be found.
+        Notes on what could not be identified.
     """
     notes: list[str] = []
     root = root_entropy(rng)
@@ -219,7 +220,7 @@ def quick_identify(
     baseline = healthy if healthy.any() else everything
     if not healthy.any():
         notes.append(NO_HEALTHY)
-    segment_s = QUICK_SEGMENT_S if healthy.any() else STRUCK_SEGMENT_S
+    segment_s = QUICK_SEGMENT_S if healthy.any() else FAULTY_SEGMENT_S
     problem = HealthyModel(spec, records, spectra(records, segment_s), "whittle", ~everything)
     problem = problem if healthy.any() else problem.between_lines()
     problem, fit = problem.begin(baseline, notes)
@@ -237,12 +238,12 @@ def quick_identify(
             continue
         power = Amplitude.of(problem, fault, fit, root).power(fit, healthy, everything) / scale**2
         values[name] = math.sqrt(max(power, 0.0))
-    whole = flat(dataclasses.asdict(model_parameters(spec))) | values
-    return replace(spec, parameters=nested(flat(spec.parameters) | {k: float(v) for k, v in whole.items()})), notes
+    complete = flat(dataclasses.asdict(model_parameters(spec))) | values
+    return replace(spec, parameters=nested(flat(spec.parameters) | {k: float(v) for k, v in complete.items()})), notes
 
 
 def _unequal(problem: HealthyModel) -> list[str]:
-    """Records of one state of which one is louder than any speed or load makes it: of another unit, or gain."""
+    """Notes on states whose records differ too much in level, probably by their unit or gain."""
     loud: dict[str | None, list[tuple[float, str]]] = {}
     for one in problem.measured:
         for power, place in zip(one.psd.sum(axis=1) * one.fs_hz / one.segment, one.places, strict=True):
@@ -264,7 +265,7 @@ def _groups(records: RecordSet, keep: Mask) -> set[str]:
 
 
 def _chosen(records: RecordSet) -> tuple[RecordSet, list[str]]:
-    """At most `MOST_RECORDS` of each state, evenly spread over the set."""
+    """At most `MOST_RECORDS` of each state, evenly spaced over the set."""
     places: dict[str | None, list[int]] = {}
     for place, condition in enumerate(records.conditions):
         places.setdefault(condition.fault, []).append(place)
@@ -273,7 +274,7 @@ def _chosen(records: RecordSet) -> tuple[RecordSet, list[str]]:
     for fault, own in places.items():
         if len(own) > MOST_RECORDS:
             notes.append(
-                f"{MOST_RECORDS} of {len(own)} records of state {fault or 'unknown'!r} were used, evenly spread"
+                f"{MOST_RECORDS} of {len(own)} records of state {fault or 'unknown'!r} were used, evenly spaced"
             )
             own = [own[i] for i in np.linspace(0, len(own) - 1, MOST_RECORDS).round().astype(int)]
         kept += own
@@ -281,7 +282,7 @@ def _chosen(records: RecordSet) -> tuple[RecordSet, list[str]]:
 
 
 def _in_blocks(records: RecordSet, notes: list[str], count: int = 4) -> RecordSet:
-    """States of which there is one record only have it cut in blocks, so that its scatter can be seen."""
+    """Records, with the only record of a state cut into blocks to estimate its scatter."""
     states = [c.fault for c in records.conditions]
     if all(states.count(state) > 1 for state in states):
         return records
@@ -295,9 +296,11 @@ def _in_blocks(records: RecordSet, notes: list[str], count: int = 4) -> RecordSe
             raise TwingapError(
                 f"{condition.n_samples} samples are too few for the only record of fault {condition.fault!r}",
                 where=f"record {condition.name!r}",
-                mend=f"bring {count * SHORTEST} samples, or two records",
+                mend=f"use at least {count * SHORTEST} samples, or two records",
             )
-        notes.append(f"one record of state {condition.fault or 'unknown'!r}: its intervals hold its own scatter only")
+        notes.append(
+            f"one record of state {condition.fault or 'unknown'!r}: its intervals include the scatter within it only"
+        )
         samples = records[place].samples
         for i in range(count):
             block = replace(condition, name=f"{condition.name} block {i + 1}", n_samples=size)
@@ -308,7 +311,7 @@ def _in_blocks(records: RecordSet, notes: list[str], count: int = 4) -> RecordSe
 def _fits(
     problem: HealthyModel, fit: HealthyFit, healthy: Mask, baseline: Mask, amplitudes: Mapping[str, Amplitude]
 ) -> tuple[Fit, ...]:
-    """Measured spectra beside fitted ones."""
+    """Measured and fitted spectra."""
     unit, out = problem.records.unit, []
     for s in problem.of(baseline):
         title = f"{'healthy' if healthy.any() else 'all'}, {_counted(len(s.places))} at {s.fs_hz:g} Hz"

@@ -1,9 +1,9 @@
 """Fit of the healthy part of the twin to spectra: resonance, damping and the two noises.
 
-PSDs of healthy records --(lines left out)--> `whittle`: resonance, damping, structure noise and white noise jointly
+PSDs of healthy records --(without lines)---> `whittle`: resonance, damping, structure noise and white noise jointly
                                           \\-> `equation_8`: peak of the spectrum, then logarithmic decrement
 
-Both take records at several sampling rates at once. Sources: eq. 8 of paper 1 (Simulation-based remaining useful life
+Both accept records of several sampling rates. Sources: eq. 8 of paper 1 (Simulation-based remaining useful life
 prediction of rolling element bearings under varying operating conditions); Whittle's likelihood as in Dzhaparidze 1986.
 """
 
@@ -29,12 +29,12 @@ Array = NDArray[np.float64]
 DAMPING_RANGE = (1e-3, 0.5)
 _GRID_DAMPING = np.geomspace(0.004, 0.3, 8)
 _STEP = 1e-6
-"""Of a mode's logarithms, to see how its shape changes."""
+"""Step of the logarithms of frequency and damping in finite differences."""
 
 
 @dataclass(frozen=True)
 class Fixed:
-    """Parameters of the healthy model that are known already; None = free. RMS values in record units."""
+    """Fixed parameters of the healthy model; None = free. RMS values in record units."""
 
     resonance_hz: float | None = None
     damping_ratio: float | None = None
@@ -52,17 +52,17 @@ class HealthyFit:
     Parameters
     ----------
     resonance_hz, damping_ratio : float
-        The dominant mode.
+        Dominant mode.
     structure_noise_rms : float
-        RMS of white noise after the mode, record units.
+        RMS of the noise that passes the mode, record units.
     white_noise_rms : float
-        RMS of the white noise added to it, record units.
+        RMS of the added white noise, record units.
     deviance : float
         Twice the gain in log likelihood over white noise alone; nan for eq. 8.
     bins : int
-        Bins fitted.
+        Number of bins in the fit.
     misfit : float
-        Deviance of the spectrum from the fit over what scatter alone gives: about 1 when the model holds.
+        Deviance of the spectrum from the fit relative to that of scatter: about 1 for a correct model.
     """
 
     resonance_hz: float
@@ -75,8 +75,8 @@ class HealthyFit:
 
     @property
     def stands_out(self) -> bool:
-        """Whether a mode shows at all above white noise: one false alarm in a thousand, wherever in the spectrum."""
-        # Neighbouring Hann bins share half of their information, so half of the deviance is new.
+        """Whether a mode is significant above white noise, with one false alarm in a thousand over the spectrum."""
+        # Neighbouring Hann bins share half of their information, so half of the deviance is independent.
         return not self.deviance / 2 < chi2.isf(1e-3 / max(self.bins, 1), 3)
 
     def psd(self, spectra: Spectra) -> Array:
@@ -102,14 +102,14 @@ def whittle(
     measured : sequence of Spectra
         Healthy records, one entry per sampling rate.
     lines : bool
-        Fit lines as well: for faulty records, whose lines carry the shape of the mode.
+        Whether lines are included, as for faulty records, whose lines have the shape of the mode.
     start : HealthyFit, optional
-        Where to begin; a grid over the whole band otherwise.
+        Initial values; a grid over the band when absent.
     fixed : Fixed
-        What is known already.
+        Fixed parameters.
     beneath : sequence of Spectra, optional
-        One for each of `measured`, of the same rate and segment: the floor is then these spectra, whatever their shape,
-        and the mode is what rings above them. White noise and structure noise are those of the excess.
+        Spectra of the same rate and segment for each of `measured`, used as the floor. The mode and both noises are
+        then those of the excess over it.
 
     Returns
     -------
@@ -123,7 +123,7 @@ def whittle(
     if not any(k.any() for k in kept):
         raise TwingapError("no part of the spectrum is free of lines", mend="identify from longer records")
     means, totals = [p for p, _ in averaged], [n[k] for (_, n), k in zip(averaged, kept, strict=True)]
-    # The likelihood sees only ratios: work in units of the records' own power.
+    # The likelihood depends on ratios only, so power is in units of that of the records.
     power = float(np.average([p[k].mean() if k.any() else 0.0 for p, k in zip(means, kept, strict=True)]))
     scaled = [np.maximum(p / power, 1e-12) for p in means]
     top = min(s.fs_hz for s in measured) / 2
@@ -134,20 +134,20 @@ def whittle(
         return spectra.expected(acf) * spectra.fs_hz / 2
 
     def shapes(log_frequency: float, log_damping: float) -> list[Array]:
-        """Of the kept bins."""
+        """Shapes at the kept bins."""
         mode = float(np.exp(log_frequency)), float(np.exp(log_damping))
         return [shape(s, *mode)[k] for s, k in zip(measured, kept, strict=True)]
 
-    seen = [p[k] for p, k in zip(scaled, kept, strict=True)]
+    observed = [p[k] for p, k in zip(scaled, kept, strict=True)]
     under = [f[k] for f, k in zip(floors, kept, strict=True)]
 
     def loss(at: Array) -> tuple[float, Array]:
-        """Minus the log likelihood, and its gradient; over the mode by differences of its shape."""
+        """Negative log likelihood and its gradient, by finite differences of the shape for the mode."""
         frequency, damping = float(at[0]), float(at[1])
         structure, floor = np.exp(at[2]), np.exp(at[3])
         out, slope = 0.0, np.zeros(4)
         moved = shapes(frequency + _STEP, damping), shapes(frequency, damping + _STEP)
-        own = zip(measured, seen, totals, shapes(frequency, damping), *moved, under, strict=True)
+        own = zip(measured, observed, totals, shapes(frequency, damping), *moved, under, strict=True)
         for s, p, n, mode, higher, wider, white in own:
             model = (structure * mode + floor * white) * 2 / s.fs_hz
             ratio = p / model
@@ -183,7 +183,7 @@ def whittle(
         float(np.sum(n * (np.log(level * u * 2 / s.fs_hz) + p[k] * s.fs_hz / 2 / level / u)))
         for s, p, k, n, u in zip(measured, scaled, kept, totals, under, strict=True)
     )
-    # sum n (log p + 1) is the likelihood of a model that hits every bin; log n - digamma(n) is scatter alone.
+    # sum n (log p + 1) is the likelihood of an exact model; log n - digamma(n) is that of scatter.
     exact = sum(float(np.sum(n * (np.log(p[k]) + 1))) for p, k, n in zip(scaled, kept, totals, strict=True))
     scatter = sum(float(np.sum(n * (np.log(n) - digamma(n)))) for n in totals)
     f, zeta, structure, floor = np.exp(best.x)
@@ -197,18 +197,18 @@ def whittle(
 def _above(
     averaged: Sequence[tuple[Array, Array]], beneath: Sequence[Spectra]
 ) -> tuple[list[tuple[Array, Array]], list[Array]]:
-    """PSDs with the independent averages that are left of them, and floors of mean 1, where floors are measured too."""
+    """PSDs with their remaining independent averages, and floors of mean 1, for measured floors."""
     out, floors = [], []
     for (psd, n), under in zip(averaged, beneath, strict=True):
         floor, m = under.mean(lines=True)
-        # A floor of few averages scatters as well: what counts is the scatter of the ratio.
+        # The floor scatters too, so averages are those of the ratio.
         out.append((psd, np.where((n > 0) & (m > 0), n * m / np.maximum(n + m, 1e-300), 0.0)))
         floors.append(np.maximum(floor / max(float(floor.mean()), 1e-300), 1e-12))
     return out, floors
 
 
 def _as_point(known: HealthyFit | Fixed, power: float) -> Array:
-    """Logarithms of the four parameters in units of `power`; nan where not known."""
+    """Logarithms of the four parameters in units of `power`; nan where unknown."""
     rms = (known.structure_noise_rms, known.white_noise_rms)
     values = [known.resonance_hz, known.damping_ratio, *(None if v is None else v**2 / power for v in rms)]
     return np.log([np.nan if v is None else max(v, 1e-10) for v in values])
@@ -224,13 +224,13 @@ def _grid(
     dampings: Array,
     shape: Callable[[Spectra, Array, Array], Array],
 ) -> list[Array]:
-    """The best few points of a coarse grid, amplitudes by multiplicative updates (Fevotte 2009, Itakura-Saito)."""
+    """Best points of a coarse grid, with amplitudes by multiplicative updates (Fevotte 2009, Itakura-Saito)."""
     f, zeta = (a.ravel() for a in np.meshgrid(frequencies, dampings, indexing="ij"))
     sides = []
     for s, p, k, n, floor in zip(measured, scaled, kept, totals, floors, strict=True):
         if not k.any():
             continue
-        # Neighbouring bins together: the grid only has to find the right hill.
+        # Neighbouring bins are averaged, which suffices to select the right peak.
         step = max(1, int(k.sum()) // 256)
         cut = int(k.sum()) // step * step
         coarse = p[k][:cut].reshape(-1, step).mean(axis=1) * s.fs_hz / 2
@@ -258,7 +258,7 @@ def _grid(
 
 @njit(fastmath={"reassoc", "contract"})
 def _add_updates(coarse, modes, white, worth, amplitudes, up, down):  # type: ignore[no-untyped-def]  # pragma: no cover
-    """Sums of the multiplicative updates of both amplitudes [2, points], over one side's bins."""
+    """Add the terms of the multiplicative updates of both amplitudes [2, points] over the bins of one spectrum."""
     for g in range(len(modes)):
         sums = np.zeros(4)
         for k in range(coarse.size):
@@ -277,26 +277,26 @@ def _add_updates(coarse, modes, white, worth, amplitudes, up, down):  # type: ig
 def equation_8(measured: Sequence[Spectra], *, lowest_hz: float = 0.0) -> HealthyFit:
     """Eq. 8 of paper 1: the dominant peak of the spectrum, and damping by the logarithmic decrement.
 
-    The paper reads the decrement off single impact responses; here it is read off the autocovariance, which for a mode
-    driven by noise or by rare impacts decays as the response itself does, and is far less noisy. Maxima x1, x2 one
+    The paper uses single impact responses; here the decrement is that of the autocovariance, which for a mode driven by
+    noise or rare impacts decays as the response does, with much less noise. Maxima x1, x2 one
     period apart: delta = ln|x1 / x2|, zeta = delta / sqrt(4 pi^2 + delta^2).
 
     Parameters
     ----------
     measured : sequence of Spectra
-        Healthy records; the entry with most averages is used.
+        Healthy records; the entry with the most averages is used.
     lowest_hz : float
-        The peak is sought above it.
+        Lower limit of the peak, Hz.
 
     Returns
     -------
     HealthyFit
-        The white noise is the floor of the spectrum, the structure noise what lies above it.
+        The white noise is the floor of the spectrum, the structure noise the power above it.
 
     Raises
     ------
     TwingapError
-        When nothing stands out of the floor, or the peak does not ring.
+        When no peak stands out of the floor, or its autocovariance does not oscillate.
     """
     averaged = [s.mean() for s in measured]
     place = max(range(len(measured)), key=lambda i: float(averaged[i][1].max()))
@@ -310,7 +310,7 @@ def equation_8(measured: Sequence[Spectra], *, lowest_hz: float = 0.0) -> Health
     peak = int(np.argmax(np.where(s.usable & (s.f_hz >= lowest_hz), smoother, 0)))
     floor = float(np.quantile(smooth[keep], 0.1))
     above = np.maximum(smooth - floor, 0)
-    # The dominant hill alone: on either side down to the floor's scatter, or to the valley before the next hill.
+    # The dominant peak only, down to the scatter of the floor or to the minimum before the next peak.
     low = high = peak
     while low > 1 and above[low - 1] > 0.02 * above[peak] and above[low - 1] < 3 * above[low : peak + 1].min():
         low -= 1
@@ -333,7 +333,7 @@ def equation_8(measured: Sequence[Spectra], *, lowest_hz: float = 0.0) -> Health
 
 
 def _decrement(spectra: Spectra, hill: Array) -> float:
-    """Logarithmic decrement of the free decay behind one hill of the spectrum: slope over its positive maxima."""
+    """Logarithmic decrement of the autocovariance of one peak: slope over its positive maxima."""
     fine = 16
     # Zero padding in frequency interpolates the decay, so that maxima do not fall between samples.
     padded = np.zeros(fine * spectra.segment // 2 + 1)
@@ -343,13 +343,13 @@ def _decrement(spectra: Spectra, hill: Array) -> float:
     decay = decay / taper
     peaks, _ = find_peaks(decay)
     heights = np.concatenate([decay[:1], decay[peaks]])
-    # From the second maximum on (the first holds what little white noise is left), down to a fifth; scatter is the same
-    # at all lags, so that the logarithm of a maximum is worth its height.
+    # From the second maximum (the first includes remaining white noise) down to a fifth of the first. Scatter is equal
+    # at all lags, so the logarithm of a maximum is weighted by its height.
     usable = heights > 0.2 * heights[0]
     last = int(np.argmin(usable)) if not usable.all() else heights.size
     chosen = np.arange(heights.size)[1 : max(last, 2)]
     if chosen.size == 0 or heights[chosen[0]] <= 0:
-        raise TwingapError("the dominant peak does not ring", mend='use method "whittle"')
+        raise TwingapError("the response of the dominant peak does not oscillate", mend='use method "whittle"')
     if chosen.size == 1:
         return float(np.log(heights[0] / heights[1]))
     slope = np.polyfit(chosen, np.log(heights[chosen]), 1, w=heights[chosen])[0]

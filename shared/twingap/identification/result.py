@@ -13,7 +13,7 @@ from twingap.twins.twin_file import TwinSpec
 Array = NDArray[np.float64]
 
 Progress = Callable[[str, float], None]
-"""Called with what is being done and the fraction of it that is done, 0 to 1."""
+"""Called with the current step and the fraction done, 0 to 1."""
 
 
 @dataclass(frozen=True)
@@ -24,7 +24,7 @@ class Estimate:
     ----------
     value : float
     interval : (float, float) or None
-        At the wanted level; None where no method here has been shown to keep its level.
+        Interval at the requested level; None where no reliable one is available.
     """
 
     value: float
@@ -33,23 +33,23 @@ class Estimate:
 
 @dataclass(frozen=True)
 class Fit:
-    """One measured spectrum beside what the identified twin makes of it.
+    """Measured spectrum and that of the identified twin.
 
     Parameters
     ----------
     title : str
-        Which records.
+        Description of the records.
     f_hz : Array [bins]
     measured, fitted : Array [bins]
         One-sided PSD, `unit` squared per Hz.
     used : NDArray[bool] [bins]
-        Bins that entered the fit.
+        Bins of the fit.
     resonance_hz : float
-        Marker.
+        Frequency to mark in figures.
     unit : str
-        Of the samples.
+        Unit of the samples.
     band : bool
-        Whether the bins used are one band of frequencies, rather than all but some.
+        Whether the bins of the fit are one band of frequencies.
     """
 
     title: str
@@ -64,12 +64,12 @@ class Fit:
 
 @dataclass(frozen=True)
 class Outcome:
-    """What a model's identification finds.
+    """Result of a model's identification.
 
     Parameters
     ----------
     estimates : dict[str, Estimate]
-        By parameter, dotted within tables.
+        Estimates by dotted parameter name.
     fits : tuple[Fit, ...]
     notes : tuple[str, ...]
         What could not be identified, and what was done instead.
@@ -89,7 +89,7 @@ class Identified:
     spec : TwinSpec
         With values, intervals and provenance.
     estimates : dict[str, Estimate]
-        What was found, by parameter.
+        Estimates by parameter.
     fits : tuple[Fit, ...]
         Curves for figures.
     notes : tuple[str, ...]

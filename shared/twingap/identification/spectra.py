@@ -2,8 +2,8 @@
 
 records --(Hann segments, half overlapping)--> PSD per record;  autocovariance --(same taper)--> expected PSD
 
-Comparing an averaged PSD with the model's own expectation of it, leakage and resolution included, keeps short records
-from biasing the damping (the idea of the debiased Whittle likelihood, Sykulski et al. 2019, doi:10.1093/biomet/asy071).
+An averaged PSD is compared with its expectation for the model, including leakage and resolution, so that short records
+do not bias the damping (the idea of the debiased Whittle likelihood, Sykulski et al. 2019, doi:10.1093/biomet/asy071).
 """
 
 from __future__ import annotations
@@ -23,9 +23,9 @@ from twingap.records import Record, RecordSet
 Array = NDArray[np.float64]
 
 SEGMENT_S = 0.17
-"""Aimed length of a segment, s: 6 Hz between bins separates a mode of 0.2 % damping at 3 kHz from a line."""
+"""Desired length of a segment, s. A bin spacing of 6 Hz separates a mode with 0.2 % damping at 3 kHz from a line."""
 LINE_S = 1.0
-"""Longest segment, s, in which lines are sought; longer ones would see a shaft harmonic wander."""
+"""Longest segment for the detection of lines, s; in longer ones shaft harmonics spread by speed variation."""
 SHORTEST = 64
 """Fewest samples of a record from which a spectrum is taken."""
 
@@ -42,11 +42,11 @@ class Spectra:
     psd : Array [records, bins]
         Unit squared per Hz.
     clean : NDArray[bool] [records, bins]
-        Where a record's spectrum holds no line (shaft or fault harmonic, mains).
+        Whether a bin has no line (shaft or fault harmonic, mains).
     averages : Array [records]
-        Independent averages that each PSD is worth.
+        Equivalent number of independent averages of each PSD.
     places : NDArray[int64] [records]
-        Which records of their set they are.
+        Indices of the records in their set.
     """
 
     fs_hz: float
@@ -63,12 +63,12 @@ class Spectra:
 
     @cached_property
     def usable(self) -> NDArray[np.bool_]:
-        """Bins to fit: not next to zero, where the mean was removed, nor where anti-aliasing filters roll off."""
+        """Bins for fits: without those near zero, where the mean was removed, and those of the anti-aliasing filter."""
         bins = np.arange(self.f_hz.size)
         return (bins >= 3) & (bins <= 0.9 * (self.segment // 2))
 
     def take(self, keep: NDArray[np.bool_]) -> Spectra:
-        """The spectra of some records; `keep` is over the whole set [records of the set]."""
+        """The spectra of some records; `keep` refers to the complete set [records of the set]."""
         own = keep[self.places]
         return replace(
             self, psd=self.psd[own], clean=self.clean[own], averages=self.averages[own], places=self.places[own]
@@ -80,14 +80,14 @@ class Spectra:
         Parameters
         ----------
         weights : Array [records], optional
-            Further weight of each record; 0 leaves it out.
+            Additional weight of each record; 0 excludes it.
         lines : bool
-            Average over bins that hold lines too; otherwise each bin averages the records that are clean there.
+            Whether bins with lines are included; otherwise each bin averages the records without a line there.
 
         Returns
         -------
         psd, averages : Array [bins]
-            The mean and the independent averages behind it; 0 averages where no record is clean.
+            Mean PSD, and its equivalent number of independent averages; 0 where every record has a line.
         """
         w = (self.averages if weights is None else self.averages * weights)[:, None]
         w = np.broadcast_to(w, self.psd.shape) if lines else w * self.clean
@@ -101,7 +101,7 @@ class Spectra:
         return np.asarray(correlate(w, w, method="fft")[self.segment - 1 :] / (w @ w))
 
     def expected(self, autocovariance: Array) -> Array:
-        """PSD that this estimator has on average for a process of this autocovariance.
+        """Expected PSD of this estimator for a process with this autocovariance.
 
         Parameters
         ----------
@@ -123,14 +123,14 @@ def spectra(records: RecordSet, segment_s: float = SEGMENT_S) -> list[Spectra]:
     Parameters
     ----------
     records : RecordSet
-        At least 64 finite samples each.
+        Records of at least 64 finite samples each.
     segment_s : float
-        Aimed length of a segment, s; no longer than half the shortest record of that rate.
+        Desired length of a segment, s; at most half the shortest record of that rate.
 
     Raises
     ------
     TwingapError
-        For records too short, constant, or not finite.
+        For records that are too short, constant, or not finite.
     """
     by_rate: dict[float, list[int]] = {}
     for place, condition in enumerate(records.conditions):
@@ -143,7 +143,7 @@ def spectra(records: RecordSet, segment_s: float = SEGMENT_S) -> list[Spectra]:
             check(records[places[int(sizes.argmin())]])
         aimed = 2 ** int(np.ceil(np.log2(max(segment_s * fs_hz, SHORTEST))))
         segment = min(aimed, shortest // 4 * 2)
-        # Lines are sought at the finest resolution there is: a sharp mode is wide there, a line is not.
+        # Lines are detected at the finest resolution, where a sharp mode is wider than a line.
         fine = int(min(shortest // 2 * 2, max(LINE_S * fs_hz // 2 * 2, segment)))
         psd, finer = [], []
         for place in places:
@@ -154,7 +154,7 @@ def spectra(records: RecordSet, segment_s: float = SEGMENT_S) -> list[Spectra]:
         clean = np.empty((len(places), segment // 2 + 1), bool)
         states = [records.conditions[p].fault for p in places]
         for state in set(states):
-            # What records share is sought among those of one state: lines of a fault are none of the healthy ones'.
+            # Common lines are detected per state, since lines of a fault are not in healthy records.
             own = np.array([s == state for s in states])
             worth = np.array([_averages(size, fine) for size in sizes[own]])
             clean[own] = ~_lines(np.array(finer)[own], worth, fine, segment)
@@ -170,7 +170,7 @@ def power_density(samples: Array, fs_hz: float, segment: int) -> Array:
 
 
 def check(record: Record) -> None:
-    """Refuse a record from which no spectrum can be taken."""
+    """Raise for a record from which no spectrum can be computed."""
     where = f"record {record.condition.name!r}"
     if record.samples.size < SHORTEST:
         raise TwingapError(
@@ -181,19 +181,19 @@ def check(record: Record) -> None:
     spread = float(np.ptp(record.samples))
     if spread == 0:
         raise TwingapError("all samples are equal", where=where, mend="remove the record")
-    if not 1e-30 < spread < 1e30:  # powers and their products must stay numbers
-        what = f"samples spread over {spread:.3g}, which no accelerometer measures"
+    if not 1e-30 < spread < 1e30:  # keeps powers and their products finite
+        what = f"samples spread over {spread:.3g}, which no accelerometer can measure"
         raise TwingapError(what, where=where, mend="check the unit and how the file was read")
 
 
 def _averages(samples: int, segment: int) -> float:
-    """Independent averages that half-overlapping Hann segments are worth: neighbours correlate by 1/6 (Welch 1967)."""
+    """Equivalent independent averages of half-overlapping Hann segments, with correlation 1/6 (Welch 1967)."""
     k = (samples - segment) // (segment // 2) + 1
     return float(k / (1 + 2 * (k - 1) / k / 36))
 
 
 def _lines(psd: Array, averages: Array, fine: int, segment: int) -> NDArray[np.bool_]:
-    """Bins of each record at resolution `segment` that a line found at resolution `fine` reaches [records, bins]."""
+    """Bins at resolution `segment` that are affected by lines detected at resolution `fine` [records, bins]."""
     shared = find_lines(averages @ psd / averages.sum(), float(averages.sum()))
     flagged = np.zeros((len(psd), segment // 2 + 1), bool)
     for place, (own, n) in enumerate(zip(psd, averages, strict=True)):
@@ -207,13 +207,13 @@ def _lines(psd: Array, averages: Array, fine: int, segment: int) -> NDArray[np.b
 
 
 def find_lines(psd: Array, averages: float, width: int = 6) -> Array:
-    """Height of lines over the running median of their neighbours, 0 where there is none.
+    """Height of lines over the running median of neighbouring bins, 0 without a line.
 
     Parameters
     ----------
     psd : Array [bins]
     averages : float
-        Independent averages behind `psd`: sets what scatter alone can do.
+        Equivalent number of independent averages of `psd`, which determines its scatter.
     width : int
         Half width of the running median, bins.
 
@@ -222,7 +222,7 @@ def find_lines(psd: Array, averages: float, width: int = 6) -> Array:
     Array [bins]
     """
     median = np.maximum(median_filter(psd, 2 * width + 1, mode="nearest"), np.finfo(float).tiny)
-    # What scatter does once in a hundred spectra, doubled since a median of so few bins scatters too; and never below
-    # four times the median, since real spectra are not flat within it.
+    # Level exceeded by scatter in one of a hundred spectra, doubled since a median of few bins scatters too; at least
+    # four times the median, since real spectra are not flat within its window.
     limit = 2 * max(2.0, float(gamma.isf(0.01 / psd.size, averages) / gamma.median(averages)))
     return np.where(psd > limit * median, psd / median, 0.0)

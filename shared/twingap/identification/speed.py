@@ -4,10 +4,10 @@ record --speed_reading--> log ratios to nominal: of the shaft itself, of the fau
 all records: log ratio (shaft) = c_j, log ratio (comb) = c_j + k(fault) slip + spin --Gaussian, closed--> c_j, slip
 
 A wrong speed scales all orders alike; a slipping cage scales BPFO by 1 - s and shifts BPFI the other way, see
-`Bearing.slipped`. A single record therefore separates speed from slip only where it shows the shaft rate itself; a set
-does where its speeds are wrong by one factor (the tachometer's) and it holds faults of both races. The impact order of
-rollers follows BPFI as long as they roll on the inner ring; otherwise it has a shift of its own (spin), independent of
-slip.
+`Bearing.slipped`. A single record therefore separates speed from slip only where it contains the shaft rate itself. A
+set does where its speeds have a common error (of the tachometer) and it contains faults of both races. The impact order
+of rollers follows BPFI as long as they roll on the inner ring; otherwise it has a shift of its own (spin), independent
+of slip.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from twingap.bearing import Bearing
 from twingap.errors import TwingapError
-from twingap.identification.speed_reading import NOT_VISIBLE, Reading, read_speed
+from twingap.identification.speed_reading import NOT_DETECTED, Reading, read_speed
 from twingap.records import Condition, RecordSet
 
 Array = NDArray[np.float64]
@@ -45,12 +45,12 @@ class SpeedEstimate:
     Parameters
     ----------
     ratio : float
-        True over nominal speed; 1 where it is not visible.
+        True over nominal speed; 1 where it was not detected.
     sigma : float
         Standard error of `ratio`; infinite where unknown.
     found_by : str
         "shaft lines", "sidebands", "common factor from inner and outer", "fault comb" (given the set's slip),
-        "common factor" (of the other records) or "not visible".
+        "common factor" (of the other records) or "not detected".
     """
 
     ratio: float
@@ -213,7 +213,7 @@ def combine(readings: Sequence[Reading], conditions: Sequence[Condition], bearin
         notes.append(f"speeds deviate from record to record by about {100 * best.scatter:.1g} %")
     if best.slip != 0:
         notes.append(f"the cage lags its kinematic speed by {100 * best.slip:.2f} %, whatever the shaft's speed")
-    hidden = sum(e.found_by == NOT_VISIBLE for e in estimates)
+    hidden = sum(e.found_by == NOT_DETECTED for e in estimates)
     if hidden:
         notes.append(
             f"{hidden} of {len(estimates)} records do not show their speed: it was taken as given, but for what is "
@@ -318,9 +318,9 @@ def _estimates(
         elif best.kept.any() and best.scatter < 5e-4:
             how = "common factor"
         else:
-            how, own = NOT_VISIBLE, math.inf
+            how, own = NOT_DETECTED, math.inf
             log_ratio = best.common
         if not best.kept.any():
-            how, own, log_ratio = NOT_VISIBLE, math.inf, 0.0
+            how, own, log_ratio = NOT_DETECTED, math.inf, 0.0
         out.append(SpeedEstimate(math.exp(log_ratio), own, how))
     return out, mean_sigma

@@ -44,19 +44,19 @@ SHARP: Final = 0.75
 """Fraction of a harmonic's energy within one bin of its maximum from which the rate counts as steady."""
 SHAFT_LINES: Final = "shaft lines"
 SIDEBANDS: Final = "sidebands"
-NOT_VISIBLE: Final = "not visible"
+NOT_DETECTED: Final = "not detected"
 
 
 @dataclass(frozen=True)
 class Reading:
-    """Speed reading of one record: log ratios to nominal with standard errors, infinite where not visible.
+    """Speed reading of one record: log ratios to nominal with standard errors, infinite where not detected.
 
     Parameters
     ----------
     shaft, shaft_sigma : float
         Log ratio of the shaft rate, and its standard error.
     found_by : str
-        "shaft lines", "sidebands" or "not visible".
+        "shaft lines", "sidebands" or "not detected".
     comb, comb_sigma : float
         Log ratio of the fault's rate to its kinematic rate at nominal speed, and its standard error.
     height : float
@@ -65,7 +65,7 @@ class Reading:
 
     shaft: float = 0.0
     shaft_sigma: float = math.inf
-    found_by: str = NOT_VISIBLE
+    found_by: str = NOT_DETECTED
     comb: float = 0.0
     comb_sigma: float = math.inf
     height: float = 0.0
@@ -106,7 +106,7 @@ def read_speed(samples: Array, condition: Condition, bearing: Bearing) -> Readin
             found = _pooled(found, aside)
     shaft, sigma = found
     return Reading(
-        shaft, sigma, how if math.isfinite(sigma) else NOT_VISIBLE,
+        shaft, sigma, how if math.isfinite(sigma) else NOT_DETECTED,
         comb.log_ratio if comb else 0.0, comb.sigma if comb else math.inf, comb.height if comb else 0.0,
     )  # fmt: skip
 

@@ -1,10 +1,10 @@
 """Minimum of a quadratic surface through a grid of points, and its scatter.
 
-grid about the best point --objective--> values --least squares--> quadratic --> minimum
-   same grid, some data left out ------> other values ----------> other quadratic --> minimum --> jackknife
+grid around the best point --objective--> values --least squares--> quadratic --> minimum
+    same grid, some data left out ------> other values ----------> quadratic --> minimum --> jackknife
 
-The objective is a simulation compared with data. Where only the comparison changes (part of the data, or of the
-simulated trajectories, is left out), the simulations are kept: an interval costs no more of them than the estimate.
+The objective compares simulations with data. Where data or trajectories are left out, the simulations are reused, so
+that intervals need no further simulations.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ Array = NDArray[np.float64]
 
 
 def grid(dimensions: int, side: int = 5) -> Array:
-    """Points of [-1, 1]^dimensions, `side` to an edge [points, dimensions]."""
+    """Points of [-1, 1]^dimensions, `side` per edge [points, dimensions]."""
     return np.array(list(product(np.linspace(-1, 1, side), repeat=dimensions)))
 
 
@@ -47,7 +47,7 @@ def quadratic(at: Array, values: Array) -> tuple[float, Array, Array]:
 
 
 def lowest(at: Array, values: Array) -> Array | None:
-    """Where the quadratic through values is least [dimensions]; None where it has no least value, or far outside."""
+    """Minimum of the quadratic through values [dimensions]; None without a minimum, or where it is far outside."""
     _, slope, hessian = quadratic(at, values)
     if np.linalg.eigvalsh(hessian)[0] <= 1e-9 * np.abs(values).max():
         return None
@@ -56,7 +56,7 @@ def lowest(at: Array, values: Array) -> Array | None:
 
 
 def value_at(at: Array, values: Array, place: Array) -> float:
-    """Of the quadratic through values [points], at a place [dimensions]."""
+    """Value of the quadratic through values [points], at a point [dimensions]."""
     found = np.linalg.lstsq(_columns(at), values, rcond=None)[0]
     return float((_columns(place[None]) @ found)[0])
 

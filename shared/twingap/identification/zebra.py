@@ -4,11 +4,11 @@ herd --> phase 1: toward the pioneer (the best) --> keep what is better --> phas
 
 Source: Trojovska, Dehghani and Trojovsky, Zebra Optimization Algorithm, IEEE Access 10 (2022) 49445,
 doi:10.1109/ACCESS.2022.3172789, and the code that its authors published. R is 0.1 there and 0.01 in several ports,
-so it is `reach`. One port has 2 + r - 1 where the authors have 2 r - 1; we follow the authors.
+so it is `reach`. One port has 2 + r - 1 where the authors have 2 r - 1; this follows the authors.
 
-The steps are not those of a search that knows only its box. Phase 1 moves by r (PZ - I x): with I = 2 and a herd that
-has gathered that is about -r x: far out of a box that lies far from zero, and clipped to its lower edge. Fleeing, too,
-scales with x. So what is found depends on where zero is: here the coordinates are ln K, K in N/m^1.5, and ln c.
+Steps are not invariant to a shift of the coordinates. Phase 1 moves by r (PZ - I x), which for I = 2 and a converged
+herd is about -r x: far outside a box that is far from zero, and clipped to its lower edge. Fleeing also scales with x.
+Results therefore depend on the origin; here the coordinates are ln K, K in N/m^1.5, and ln c.
 """
 
 from __future__ import annotations
@@ -29,15 +29,15 @@ class Zebra:
     Parameters
     ----------
     reach : float
-        R: how far, as a share of its own coordinates, a zebra flees from a lion at the first iteration.
+        R: step of the flight from a lion at the first iteration, relative to the coordinates.
     herd : int
-        Zebras.
+        Number of zebras.
 
     Notes
     -----
-    The herd costs `herd` evaluations once and twice as many an iteration. A phase evaluates its whole herd at once,
-    which changes nothing: within a phase no zebra sees where another went. Where the evaluations end within a phase,
-    the zebras beyond stay where they are.
+    The herd needs `herd` evaluations at first and twice as many per iteration. A phase evaluates all zebras at once,
+    since they do not depend on each other within it. Where the evaluations end within a phase, the other zebras do not
+    move.
     """
 
     reach: float = 0.1

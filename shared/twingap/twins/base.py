@@ -66,7 +66,7 @@ class Twin(ABC):
     @property
     @abstractmethod
     def reference_rms(self) -> float:
-        """RMS of the healthy vibration, in `unit`: the yardstick of disturbances."""
+        """RMS of the healthy vibration, in `unit`, to which disturbances are relative."""
 
     @property
     @abstractmethod
@@ -75,20 +75,20 @@ class Twin(ABC):
 
     @abstractmethod
     def excite(self, draft: Draft, streams: Streams) -> None:
-        """After the SHAFT effects: set what excites the structure (impacts, force) and through which modes."""
+        """Set excitation (impacts, force) and modes of the structure, after the SHAFT effects."""
 
     @abstractmethod
     def respond(self, drafts: Sequence[Draft]) -> None:
-        """After the PATH effects: make each draft's waveform x, its filters applied."""
+        """Compute the waveform x of each draft with its filters, after the PATH effects."""
 
     def make(self, conditions: Sequence[Condition], streams: Sequence[Streams]) -> list[Record]:
-        """Make one record per condition, each from its own random streams."""
+        """Simulate one record per condition, each with its own random streams."""
         drafts = self.prepare(conditions, streams)
         self.respond(drafts)
         return self.finish(drafts, streams)
 
     def prepare(self, conditions: Sequence[Condition], streams: Sequence[Streams]) -> list[Draft]:
-        """The first half of `make`: all that happens before the structure responds."""
+        """First half of `make`: all stages before the response of the structure."""
         drafts = [self._begin(condition) for condition in conditions]
         for draft, own in zip(drafts, streams, strict=True):
             self._act(Stage.SHAFT, draft, own)
@@ -98,7 +98,7 @@ class Twin(ABC):
         return drafts
 
     def finish(self, drafts: Sequence[Draft], streams: Sequence[Streams]) -> list[Record]:
-        """The second half of `make`: all that is added to the structure's response."""
+        """Second half of `make`: all stages after the response of the structure."""
         for draft, own in zip(drafts, streams, strict=True):
             if self.white_noise_rms > 0:
                 draft.x += self.white_noise_rms * _white(draft, own)
@@ -109,7 +109,7 @@ class Twin(ABC):
     def stream(
         self, conditions: Iterable[Condition], rng: np.random.Generator, threads: int | None = None
     ) -> Iterator[Record]:
-        """Make records one batch at a time, in order and in bounded memory however many there are.
+        """Simulate records in batches, in order and with bounded memory.
 
         Parameters
         ----------
@@ -139,7 +139,7 @@ class Twin(ABC):
             try:
                 for start, batch in batches:
                     waiting.append(pool.submit(made, start, batch))
-                    # A few batches ahead keep every thread busy while the caller takes the oldest.
+                    # Some batches ahead keep all threads busy.
                     if len(waiting) > 2 * threads:
                         yield from waiting.popleft().result()
                 while waiting:
@@ -153,12 +153,12 @@ class Twin(ABC):
         return 1
 
     def simulate(self, conditions: Iterable[Condition], rng: np.random.Generator) -> RecordSet:
-        """The records of these conditions, in memory. For many, write `stream` to disk instead."""
+        """Records of these conditions, in memory; for many records, use `stream`."""
         return RecordSet.from_records(f"{self.model} twin", self.unit, self.bearing, self.stream(conditions, rng))
 
     def _begin(self, condition: Condition) -> Draft:
         per_sample = condition.speed_rpm / 60 / condition.fs_hz
-        if per_sample > _MOST_TURNS:  # each with its impacts: memory would run out
+        if per_sample > _MOST_TURNS:  # each turn has impacts, which need memory
             raise TwingapError(
                 f"the shaft turns {per_sample:.3g} times per sample, at most {_MOST_TURNS} expected",
                 where=f"record {condition.name!r}",
@@ -177,7 +177,7 @@ class Twin(ABC):
 
 
 def _white(draft: Draft, streams: Streams) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
-    """[samples] White noise of unit power: the chain's own, and what of it a sensor has heard."""
+    """[samples] White noise of unit power: that of the measuring chain, and that which passes the sensor."""
     n = draft.x.size
     white = streams("white_noise").standard_normal(n)
     if not draft.sensed_noise:
@@ -190,7 +190,7 @@ def _white(draft: Draft, streams: Streams) -> np.ndarray[tuple[int], np.dtype[np
 
 
 def _batches(conditions: Iterable[Condition], size: int) -> Iterator[tuple[int, list[Condition]]]:
-    """Place of the first, and the conditions, of each batch."""
+    """Index of the first condition, and the conditions, of each batch."""
     source, done = iter(conditions), 0
     while batch := list(islice(source, size)):
         yield done, batch

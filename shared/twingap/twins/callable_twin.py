@@ -27,7 +27,7 @@ from twingap.twins.twin_file import Model, register_model
 Array = NDArray[np.float64]
 
 Function = Callable[[list[Condition], np.random.Generator], Sequence[Array]]
-"""Conditions and chances -> one array of samples per condition."""
+"""Conditions, generator -> one array of samples per condition."""
 
 
 @dataclass(frozen=True)
@@ -52,7 +52,7 @@ class CallableParameters:
 
 
 class CallableTwin(Twin):
-    """A function as a twin: effects act on the waveforms that it makes, as on any finished waveform."""
+    """A function as a twin, with effects that can act on finished waveforms."""
 
     model: ClassVar[str] = "callable"
     excitation: ClassVar[Literal["impacts", "rollers", "waveform"]] = "waveform"
@@ -77,7 +77,7 @@ class CallableTwin(Twin):
 
     @property
     def white_noise_rms(self) -> float:
-        """None is added to what the function makes."""
+        """0: no noise is added to the waveforms of the function."""
         return 0.0
 
     def excite(self, draft: Draft, streams: Streams) -> None:
@@ -109,13 +109,13 @@ class CallableTwin(Twin):
         if not np.ptp(x) > 0:
             raise TwingapError("the function gave samples that are all equal", where=where)
         draft.x = self.parameters.scale * x
-        # Before anything else acts: what follows the angle finds its places in the resampled waveform.
+        # Resampled first, so that angles of later effects refer to the resampled waveform.
         evenly = draft.t * draft.shaft_hz
         if any(e.stage == Stage.SHAFT for e in self.effects) and not np.array_equal(draft.turns, evenly):
             draft.x = at_angles(draft.x, evenly, draft.turns)
 
     def respond(self, drafts: Sequence[Draft]) -> None:
-        """Delay, gain and filters on the waveform, as `effects.apply_to_waveform` has them."""
+        """Apply delay, gain and filters to the waveform, as `effects.apply_to_waveform` does."""
         for draft in drafts:
             if draft.cage_lag is not None:
                 draft.x = at_angles(draft.x, draft.turns, draft.turns - draft.cage_lag)
@@ -129,7 +129,7 @@ class CallableTwin(Twin):
 
 
 def register_callable(name: str, function: Function, *, has: Sequence[str] = ()) -> Model:
-    """Make a function a twin that twin files can name: ``[twin] model = "name"``.
+    """Register a function as a twin model for twin files: ``[twin] model = "name"``.
 
     Parameters
     ----------
@@ -150,9 +150,7 @@ def register_callable(name: str, function: Function, *, has: Sequence[str] = ())
         For a name that twingap's own models have, or no function.
     """
     if name in ("phenomenological", "contact"):
-        raise TwingapError(
-            f"{name!r} is a model of twingap's own", where="register_callable", mend="choose another name"
-        )
+        raise TwingapError(f"{name!r} is a built-in model", where="register_callable", mend="choose another name")
     if not callable(function):
         raise TwingapError(f"{function!r} found, a function expected", where="register_callable")
     inherent = frozenset(has)

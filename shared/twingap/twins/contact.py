@@ -60,7 +60,7 @@ Array = NDArray[np.float64]
 
 @dataclass
 class ContactDraft(Draft):
-    """A draft with the angles at which this record's shaft, cage and rollers stand at its start, in turns."""
+    """Draft with initial angles of shaft, cage and rollers, in turns."""
 
     shaft_start: float = 0.0
     cage_start: float = 0.0
@@ -68,7 +68,7 @@ class ContactDraft(Draft):
 
 
 class ContactTwin(Twin):
-    """Rollers that carry a loaded ring over a defect: nonlinear contact dynamics.
+    """Nonlinear contact dynamics of a loaded ring on rollers that pass a defect.
 
     Parameters
     ----------
@@ -87,7 +87,7 @@ class ContactTwin(Twin):
     (`inherent_effects`): naming these effects is allowed and changes nothing.
 
     A draft's first mode is the contact itself, linearised about its static equilibrium; the structure noise's force and
-    what effects add to it go through it. Modes that effects append answer the same excitation: the contact's
+    what effects add to it go through it. Modes that effects append respond to the same excitation: the contact's
     acceleration is filtered by H_new / H_contact, so that what would be a hit A h_contact(t) gains A h_new(t)
     beside it, as in the phenomenological twin. The force passes through all modes.
 
@@ -129,7 +129,7 @@ class ContactTwin(Twin):
         return Mode(w / (2 * math.pi), min(max(zeta, 1e-4), 0.99))
 
     def excite(self, draft: Draft, streams: Streams) -> None:
-        """Draw where everything stands at the start, and the structure noise's force."""
+        """Draw initial angles and the force of the structure noise."""
         assert isinstance(draft, ContactDraft)
         own, condition = self.parameters, draft.condition
         where = f"record {condition.name!r}, contact twin"
@@ -155,7 +155,7 @@ class ContactTwin(Twin):
             draft.push(force, rng, rms)
 
     def respond(self, drafts: Sequence[Draft]) -> None:
-        """Integrate the contacts, then add the path."""
+        """Integrate the contact dynamics and apply the path."""
         respond_together([self] * len(drafts), drafts)
 
     def _begin(self, condition: Condition) -> Draft:
@@ -164,7 +164,7 @@ class ContactTwin(Twin):
 
 
 def respond_together(twins: Sequence[ContactTwin], drafts: Sequence[Draft]) -> None:
-    """Make the waveform of each draft by its own twin, all integrated at once."""
+    """Compute the waveform of each draft by its own twin, all integrated at once."""
     jobs = []
     for twin, draft in zip(twins, drafts, strict=True):
         assert isinstance(draft, ContactDraft)
@@ -201,9 +201,9 @@ def respond_together(twins: Sequence[ContactTwin], drafts: Sequence[Draft]) -> N
 def make_together(
     twins: Sequence[ContactTwin], conditions: Sequence[Condition], streams: Sequence[Streams]
 ) -> list[list[Record]]:
-    """The same records by several twins, with common random numbers: candidates of an identification, say.
+    """The same records by several twins with common random numbers, for instance candidates of an identification.
 
-    Every candidate is a lane of the integrator, so that sixteen cost what one does.
+    Every candidate is a lane of the integrator, so sixteen are as fast as one.
 
     Returns
     -------
@@ -216,7 +216,7 @@ def make_together(
 def make_each(
     twins: Sequence[ContactTwin], conditions: Sequence[Sequence[Condition]], streams: Sequence[Sequence[Streams]]
 ) -> list[list[Record]]:
-    """Records of several twins, each under conditions of its own: a population of machines, all integrated at once.
+    """Records of several twins, each under its own conditions, all integrated at once.
 
     Parameters
     ----------
@@ -230,7 +230,7 @@ def make_each(
     """
     waiting = [twin for twin in twins if "reference_rms" not in vars(twin)]
     for twin, rms in zip(waiting, _references(waiting), strict=True):
-        vars(twin)["reference_rms"] = rms  # where the cached property keeps it
+        vars(twin)["reference_rms"] = rms  # the cache of the property
     prepared = [twin.prepare(own, chances) for twin, own, chances in zip(twins, conditions, streams, strict=True)]
     owners = [twin for twin, own in zip(twins, conditions, strict=True) for _ in own]
     respond_together(owners, [draft for drafts in prepared for draft in drafts])
@@ -251,9 +251,9 @@ def _references(twins: Sequence[ContactTwin]) -> list[float]:
 
 
 def through(new: Mode, old: Mode, x: Array, fs_hz: float) -> Array:
-    """What mode `new` makes of the hits that have made `x` through mode `old`.
+    """Response of mode `new` to the impacts whose response by mode `old` is `x`.
 
-    Both modes sampled are b / (1 - 2 r cos(a) / z + r^2 / z^2), so one over the other is a filter of second order.
+    Sampled modes are b / (1 - 2 r cos(a) / z + r^2 / z^2), so their ratio is a filter of second order.
     """
     p, q = np.exp(new.pole / fs_hz), np.exp(old.pole / fs_hz)
     up = np.array([1.0, -2 * q.real, abs(q) ** 2]) * (new.gain * p.imag / (old.gain * q.imag))

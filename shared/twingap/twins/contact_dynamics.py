@@ -1,6 +1,6 @@
-"""Trajectories of the contact model for records: static equilibrium, internal step, groups for the kernel.
+"""Trajectories of the contact model for records: static equilibrium, internal step, groups of jobs.
 
-Jobs (bearing, parameters, condition, angles) --> equilibrium, oversampling --> groups of like jobs --> kernel
+Jobs (bearing, parameters, condition, angles) --> equilibrium, oversampling --> groups of similar jobs --> kernel
                                                                                  --> acceleration in y, per job
 """
 
@@ -28,19 +28,19 @@ STEP_ANGLE: Final = 0.25
 it loses less than 2e-6 of the amplitude and 1e-5 rad of phase per step."""
 
 STEPS_PER_EDGE: Final = 6
-"""Internal steps that a smooth edge must last."""
+"""Fewest internal steps within a smooth edge."""
 
 UNSTABLE_ANGLE: Final = 1.0
-"""An `oversampling` set by hand that turns the fastest contact mode further than this per step is refused."""
+"""Largest angle per step, rad, that an `oversampling` stated by the user may give."""
 
 LADDER: Final = tuple(sorted({a * 2**b for a in (4, 5, 6, 7) for b in range(1, 9)} | {2, 4, 6}))
-"""Oversampling factors in use: few enough that records share vector groups, at most a quarter too fine."""
+"""Oversampling factors: few, so that records can share vector groups, and at most a quarter too fine."""
 
 SETTLED: Final = 7.0
-"""Decay times of the contact mode between the equilibrium and a record's start: exp(-7) of a wrong start is left."""
+"""Decay times of the contact mode between the equilibrium and a record's start: exp(-7) of a deviation remains."""
 
 SETTLING_S: Final = (0.03, 0.5)
-"""Shortest and longest time for that, s."""
+"""Shortest and longest settling time, s."""
 
 CAGE_POSITIONS: Final = 12
 """Positions of the cage, evenly over a roller pitch, over which the equilibrium is averaged."""
@@ -48,7 +48,7 @@ CAGE_POSITIONS: Final = 12
 
 @dataclass(frozen=True)
 class Statics:
-    """What the equilibrium depends on, in SI units (stiffness in N/m^exponent)."""
+    """Parameters of the equilibrium, in SI units (stiffness in N/m^exponent)."""
 
     stiffness: float
     exponent: float
@@ -60,7 +60,7 @@ class Statics:
 
 @dataclass(frozen=True)
 class Equilibrium:
-    """The ring at rest under its load, linearised; means over the rollers' positions.
+    """Static equilibrium of the ring, linearised; means over the positions of the rollers.
 
     Parameters
     ----------
@@ -83,9 +83,9 @@ class Equilibrium:
 
 @lru_cache(maxsize=1024)
 def equilibrium(bearing: Bearing, own: Statics) -> Equilibrium:
-    """Static equilibrium, averaged over the rollers' positions.
+    """Static equilibrium, averaged over the positions of the rollers.
 
-    A ring without load floats in its clearance and has no stiffness; it is linearised under its own weight instead.
+    Without load the ring has no stiffness within its clearance; it is then linearised under its own weight.
     """
     cage = np.arange(CAGE_POSITIONS) / (CAGE_POSITIONS * bearing.n_rollers)
     xy, stiffness, squeeze = settle(bearing.n_rollers, own, cage)
@@ -95,7 +95,7 @@ def equilibrium(bearing: Bearing, own: Statics) -> Equilibrium:
 
 
 def statics(own: ContactParameters, load_n: float | None) -> Statics:
-    """The static problem for a record with this load (None: the parameters' own)."""
+    """Static problem of a record with this load (None: that of the parameters)."""
     load = own.load_n if load_n is None else load_n
     if math.hypot(load, own.load_x_n) < own.mass_kg * 9.81:
         load = own.mass_kg * 9.81
@@ -103,10 +103,10 @@ def statics(own: ContactParameters, load_n: float | None) -> Statics:
 
 
 def settle(n_rollers: int, own: Statics, cage: Array) -> tuple[Array, Array, Array]:
-    """Where the ring rests, for each cage angle.
+    """Static position of the ring for each cage angle.
 
-    The contacts' energy is convex, so Newton's method with a line search on it converges from anywhere; it starts from
-    the load's direction, squeezed as a loaded contact of the usual load distribution would be.
+    The energy of the contacts is convex, so Newton's method with a line search converges from any start; it starts in
+    the direction of the load, with the squeeze of the usual load distribution.
 
     Parameters
     ----------
@@ -130,7 +130,7 @@ def settle(n_rollers: int, own: Statics, cage: Array) -> tuple[Array, Array, Arr
     force = np.array([own.force_x, own.force_y])
     size, n = float(np.hypot(*force)), own.exponent
     guess = (5 * size / (n_rollers * own.stiffness)) ** (1 / n)
-    # Far enough that a roller is squeezed even where the load points between two of them.
+    # Far enough to squeeze a roller even where the load is between two of them.
     xy = np.tile(force / size * (max(own.clearance_m, 0.0) + guess) / math.cos(math.pi / n_rollers), (cage.size, 1))
     typical = n * own.stiffness * guess ** (n - 1)
 
@@ -148,7 +148,7 @@ def settle(n_rollers: int, own: Statics, cage: Array) -> tuple[Array, Array, Arr
         hessian = np.einsum("pj,pjk,pjl->pkl", slope, e, e)
         if np.abs(residual).max() <= 1e-11 * size:
             break
-        # A ring on one roller has no stiffness across, and one out of contact none at all: a trace of it keeps the
+        # A ring on one roller has no transverse stiffness, and one out of contact none: a small stiffness keeps the
         # step finite, and the line search shortens it.
         step = -np.linalg.solve(hessian + 1e-9 * typical * np.eye(2), residual[:, :, None])[:, :, 0]
         before, length = energy(xy), np.ones(cage.size)
@@ -169,7 +169,7 @@ def settle(n_rollers: int, own: Statics, cage: Array) -> tuple[Array, Array, Arr
 
 @dataclass(frozen=True)
 class Job:
-    """One trajectory to integrate.
+    """Trajectory to integrate.
 
     Parameters
     ----------
@@ -195,7 +195,7 @@ class Job:
 
     @property
     def equilibrium(self) -> Equilibrium:
-        """Where the ring rests."""
+        """Static equilibrium of the ring."""
         return equilibrium(self.bearing, statics(self.parameters, self.condition.load_n))
 
     @property
@@ -232,13 +232,13 @@ class Job:
         """Internal steps per sample.
 
         The smallest of `LADDER` with which the fastest contact mode turns by at most `STEP_ANGLE` per step (its
-        stiffness taken at twice the static squeeze plus the defect's depth: a ring that drops rebounds that far),
+        stiffness taken at twice the static squeeze plus the defect's depth, the rebound after a drop),
         damping acts over as many, and a smooth edge lasts at least `STEPS_PER_EDGE`.
 
         Raises
         ------
         TwingapError
-            When none of them does, or the one set by hand is unstable.
+            When none of them suffices, or the one stated by the user is unstable.
         """
         own, rest = self.parameters, self.equilibrium
         dt, where = 1 / self.condition.fs_hz, f"record {self.condition.name!r}, contact twin"
@@ -289,7 +289,7 @@ class Job:
     def angles(self, before: int, points: int) -> tuple[Array, Array]:
         """Shaft and cage angle (turns) at `points` samples, the first `before` samples ahead of the record.
 
-        Outside the record the shaft goes on at its mean speed and the roller train keeps its delay.
+        Outside the record the shaft has its mean speed and the delay of the roller train is constant.
         """
         per_sample = self.condition.speed_rpm / (60 * self.condition.fs_hz)
         after = points - before - self.turns.size
@@ -302,7 +302,7 @@ class Job:
 
 
 def accelerations(jobs: Sequence[Job]) -> list[tuple[Array, int]]:
-    """Integrate jobs, whatever they are, sixteen of a kind at a time.
+    """Accelerations of jobs, integrated in groups of sixteen of the same kind.
 
     Returns
     -------
@@ -327,14 +327,14 @@ def accelerations(jobs: Sequence[Job]) -> list[tuple[Array, int]]:
 def _of_a_kind(
     jobs: Sequence[Job], places: list[int], factor: int, n_rollers: int, point_contact: bool
 ) -> dict[int, tuple[Array, int]]:
-    """Integrate jobs that share step and bearing; lanes left over repeat the last job."""
+    """Integrate jobs with the same step and bearing; unused lanes repeat the last job."""
     from twingap.twins.contact_kernel import (
         LANES,
         LOOK_AHEAD,
         LOOK_BACK,
         ROWS,
         integrate,
-    )  # compiled code: only when it is needed
+    )  # compiled code, imported on use
 
     first, second = low_pass(factor)
     leads = {place: LOOK_BACK + jobs[place].settling() for place in places}
@@ -371,11 +371,11 @@ def _of_a_kind(
 
 @lru_cache(maxsize=64)
 def low_pass(factor: int) -> tuple[Array, Array]:
-    """Weights that bring `factor` accelerations per sample down to one, in two stages.
+    """Weights of the decimation by `factor`, in two stages.
 
-    Both are symmetric windowed sincs: no delay, flat to 0.4 fs (0.5 %), closed from 0.5 fs (49 dB), like a measuring
-    card's. Plain sampling would fold into the band what a hard edge excites above it. The first stage only protects the
-    band below fs / 2 and so is short; the second, at 2 fs, is steep.
+    Both are symmetric windowed sincs: no delay, flat to 0.4 fs (0.5 %), attenuation of 49 dB from 0.5 fs, as of a
+    measuring card. Without them, vibration above the band would be aliased. The first stage protects only the band
+    below fs / 2 and is short; the second, at 2 fs, is steep.
 
     Returns
     -------
@@ -387,8 +387,8 @@ def low_pass(factor: int) -> tuple[Array, Array]:
         short = np.eye(6)[3]
     else:
         short = firwin(6 * steps + 1, 1.0, window=("kaiser", 4.5), fs=factor)[:-1]
-        short[0] = 0.0  # the counterpart of the tap that falls into the next half sample
+        short[0] = 0.0  # its counterpart is in the next half sample
     steep = firwin(65, 0.45, window=("kaiser", 5.0), fs=2.0)[:-1]
     steep[0] = 0.0
-    # Times run from earliest to latest; the kernel's first row is that of the latest half sample.
+    # Times are ascending; the first row of the kernel is the latest half sample.
     return np.ascontiguousarray((short / short.sum()).reshape(6, steps)[::-1]), steep / steep.sum()

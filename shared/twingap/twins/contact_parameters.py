@@ -12,7 +12,7 @@ from twingap.effects import parameter
 from twingap.errors import TwingapError
 
 DEFECTS: Final = ("inner", "outer", "ball")
-"""Faults that the contact model knows; a broken cage is not among them."""
+"""Faults of the contact model; a broken cage is not included."""
 
 
 @dataclass(frozen=True)
@@ -126,7 +126,7 @@ class ContactParameters:
 
 
 def sink_depth_um(width_mm: float, roller_diameter_mm: float) -> float:
-    """How deep a ball can sink into a pit of this width before it touches both edges, um; races taken as flat.
+    """Depth to which a ball sinks into a pit of this width until it touches both edges, um, for flat races.
 
     1.0, 4.0 and 8.9 um for a 7.94 mm ball and pits of 0.007, 0.014 and 0.021 inch.
     """
@@ -155,14 +155,16 @@ def hertz_stiffness(bearing: Bearing, conformity: float = 0.52, modulus_pa: floa
 
 PRESETS: Final[Mapping[str, ContactParameters]] = {
     # As printed in paper 3: K, c, F_y and the depth. The load exceeds the 6205's static rating (7.8 kN) and squeezes
-    # the contacts by 0.3 mm; a 7.94 mm ball sinks 50 um only into a pit 1.26 mm wide. That width, the usual 0.6 kg and
-    # no clearance are our choice, since the text gives none. It vibrates some hundred times as much as a real bearing.
+    # the contacts by 0.3 mm; a 7.94 mm ball sinks 50 um only into a pit 1.26 mm wide. That width, 0.6 kg and
+    # no clearance are assumptions, since the text states none. It vibrates about a hundred times more than a real
+    # bearing.
     "paper": ContactParameters(
         stiffness=1.27e9, damping=139.0, mass_kg=0.6, load_n=12000.0, clearance_um=0.0, edge=0.0, defect_width_mm=1.26,
         defect_depth_um=dict.fromkeys(DEFECTS, 50.0),
     ),
     # K by `hertz_stiffness`, a fifteenth of the static rating, the clearance of a mounted bearing of normal class, 3 %
-    # damping, and the depth that a ball reaches in a pit of 0.007 inch. Its vibration is of the size of CWRU's.
+    # damping, and the depth that a ball reaches in a pit of 0.007 inch. Its vibration is similar to that of CWRU's
+    # records.
     "physical": ContactParameters(),
 }  # fmt: skip
-"""Named starting points, for the 6205 of the papers' rigs."""
+"""Presets by name, for the 6205 of the papers' rigs."""

@@ -1,6 +1,6 @@
 """The phenomenological twin: impacts through one damped mode, and two noises.
 
-fault order -> impact angles -> (effects) -> when they strike --+
+fault order -> impact angles -> (effects) -> impact times ------+
                                                                 +--> mode(s) --> x --> + white noise
 structure noise: white force ----------------> (effects) -------+
 
@@ -37,7 +37,7 @@ from twingap.streams import Streams
 from twingap.twins.base import Twin
 
 LONGEST_RINGING_S = 0.3
-"""Impacts are made from at least this long before a record, for modes that effects add to ring into it."""
+"""Time before a record from which impacts are simulated, s, for the response of modes that effects add."""
 
 
 @dataclass(frozen=True)
@@ -107,7 +107,7 @@ class PhenomenologicalParameters:
 
     @property
     def mode(self) -> Mode:
-        """The baseline's one mode, for impacts in units of `scale`."""
+        """Mode of the baseline, for impacts in units of `scale`."""
         return Mode(self.resonance_hz, self.damping_ratio)
 
     @property
@@ -158,7 +158,7 @@ class PhenomenologicalTwin(Twin):
         return self.parameters.scale * self.parameters.white_noise_rms
 
     def excite(self, draft: Draft, streams: Streams) -> None:
-        """Place the impacts and draw the structure noise's force."""
+        """Set the impacts and draw the force of the structure noise."""
         own, condition = self.parameters, draft.condition
         where = f"record {condition.name!r}"
         if condition.fault is None:
@@ -185,7 +185,7 @@ class PhenomenologicalTwin(Twin):
             draft.impacts = periodic_impacts(draft, amplitude, streams("impact_phase").random())
 
     def respond(self, drafts: Sequence[Draft]) -> None:
-        """Pass impacts and force through the modes, then the filters."""
+        """Response of the modes to impacts and force, then filters."""
         for draft in drafts:
             condition, impacts = draft.condition, draft.impacts
             times = amplitudes = None
@@ -202,9 +202,9 @@ class PhenomenologicalTwin(Twin):
 def paper1_chain(
     rate_per_s: float = 1e-3, onset_s: float = 0.0, reference_speed_rpm: float = 1000.0
 ) -> tuple[Effect, ...]:
-    """Eq. 1 of paper 1 over the baseline: x_k(t) = S(k) D(k) sum_i h(t - i T - tau_i) q(i T) A_i + n(t).
+    """Effects of eq. 1 of paper 1 on the baseline: x_k(t) = S(k) D(k) sum_i h(t - i T - tau_i) q(i T) A_i + n(t).
 
-    Where the paper gives no number, the usual public ones: q = 1 + 0.3 cos at shaft rate, impacts late by 2 % of their
+    Where the paper gives no value, usual published ones: q = 1 + 0.3 cos at shaft rate, impacts late by 2 % of their
     spacing (not accumulating), strengths scattered by 10 %. n(t) is the baseline's noise.
 
     Parameters

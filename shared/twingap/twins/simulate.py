@@ -1,4 +1,4 @@
-"""Records of a twin for given conditions, as one call."""
+"""Simulation of a twin's records for given conditions."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def simulate(
     seed : int or numpy.random.Generator
         Same seed, same samples.
     progress : callable, optional
-        Called with what is done and the part of the whole, 0 to 1.
+        Called with the current step and the fraction done, 0 to 1.
 
     Returns
     -------
@@ -54,8 +54,8 @@ def simulate(
     if isinstance(records, RecordSet):
         conditions, unit, bearing = tuple(records.conditions), records.unit, records.bearing
     elif isinstance(records, (str, os.PathLike)):
-        asked = read_conditions(Path(records))
-        conditions, unit, bearing = tuple(asked.conditions), asked.unit, asked.bearing
+        stated = read_conditions(Path(records))
+        conditions, unit, bearing = tuple(stated.conditions), stated.unit, stated.bearing
     else:
         conditions = tuple(records)
     if spec.identified is not None:

@@ -1,4 +1,4 @@
-"""Simulators for a diagnosis: records of given conditions with any effects, at the same random numbers.
+"""Simulators of a diagnosis: records of given conditions with any effects, with common random numbers.
 
 conditions + effects --TwinSimulator------> the twin with those effects, streams by record and replicate --> records
                      --ExternalSimulator--> the user's simulated records (`gap.external_simulator`) ------> records
@@ -28,7 +28,7 @@ Array = NDArray[np.float64]
 
 
 class Simulator(Protocol):
-    """Interface of what makes the simulated records of a diagnosis.
+    """Interface of a simulator of a diagnosis.
 
     Attributes
     ----------
@@ -44,7 +44,7 @@ class Simulator(Protocol):
     def simulate(
         self, effects: tuple[Effect, ...], conditions: Sequence[Condition], streams_root: int, replicate: int
     ) -> list[Record]:
-        """One record per condition, with these effects besides what it models already.
+        """One record per condition, with effects in addition to those that it models.
 
         Parameters
         ----------
@@ -54,17 +54,17 @@ class Simulator(Protocol):
         streams_root : int
             Entropy of all random numbers: the same root gives the same ones for all effects.
         replicate : int
-            Number of the repetition, from 0: each has random numbers of its own.
+            Number of the replicate, from 0; each has its own random numbers.
         """
         ...
 
     def can_add(self, name: str) -> str | None:
-        """Why an effect cannot be added, None when it can."""
+        """Reason why an effect cannot be added; None when it can."""
         ...
 
 
 def streams_of(condition: Condition, streams_root: int, replicate: int) -> Streams:
-    """The random streams of one record: they depend on its name, not on what else is simulated with it."""
+    """Random streams of one record, which depend on its name and not on other records."""
     return Streams(streams_root, (replicate << 32) | zlib.crc32(condition.name.encode()))
 
 
@@ -76,7 +76,7 @@ def _forbids(name: str, draft: Draft) -> str | None:
 
 
 class TwinSimulator:
-    """A twin file's twin, with effects added to it.
+    """Simulator of a twin file's twin, with effects added to it.
 
     Parameters
     ----------
@@ -138,7 +138,7 @@ class TwinSimulator:
 
 
 def _chained(twin: Twin, effects: tuple[Effect, ...]) -> Twin:
-    """The twin, of which there is no other user, with another chain."""
+    """The same twin object with another chain of effects."""
     twin.effects = in_order(effects)
     return twin
 
@@ -150,10 +150,10 @@ def why_not(
     reference_rms: float,
     excitation: Literal["impacts", "rollers", "waveform"],
 ) -> str | None:
-    """Why an effect cannot act on any record of these conditions, None when it can act on one.
+    """Reason why an effect cannot act on any record of these conditions; None when it can act on one.
 
-    Its default parameters may forbid it at some sampling rates (a carrier above half the rate) where others would not,
-    so conditions are checked at a very high rate.
+    Conditions are checked at a very high sampling rate, since default parameters may be impossible at some rates (a
+    carrier above half the rate) where others are possible.
     """
     if name not in catalogue():
         return f"unknown effect {name!r}"

@@ -121,7 +121,7 @@ def test_the_machine_has_no_seed() -> None:
 
 
 def test_target_labels_are_refused_and_inputs_do_not_read_any() -> None:
-    with pytest.raises(TwingapError, match="adaptation carry labels"):
+    with pytest.raises(TwingapError, match="adaptation have labels"):
         fit("Non-DA", SOURCE, TARGET, 0, n_classes=2)
     with pytest.raises(TwingapError, match="source windows carry no labels"):
         fit("Non-DA", SOURCE.unlabelled(), UNLABELLED, 0, n_classes=2)

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from torch import Tensor, nn
 
 from twingap.adapt import FEATURES, Alignment, Architecture, ModeNetwork, kernel_discrepancy, reproducible
-from twingap.adapt.alignment import BANDWIDTHS, Aligner, Seen
+from twingap.adapt.alignment import BANDWIDTHS, Aligner, BatchOutputs
 from twingap.adapt.attention import MappingAttention, TimeAttention, cosine_scores, scaled_dot_scores
 from twingap.adapt.denoising import CompactBranches, CrossBranchFusion, DenoisingGate, Lift, clipped
 from twingap.adapt.mode_network import AttentionKind
@@ -281,7 +281,7 @@ def test_reversed_gradients_have_the_opposite_sign(kinds: tuple[str, ...]) -> No
     for weight in (-1.0, 0.0, 0.5, 1.0):  # -1 undoes the reversal
         features = drawn(8, FEATURES, seed=2).requires_grad_()
         aligner.zero_grad()
-        loss, told = aligner(Seen(features[:4], logits), labels, Seen(features[4:], logits), weight)
+        loss, told = aligner(BatchOutputs(features[:4], logits), labels, BatchOutputs(features[4:], logits), weight)
         loss.backward()
         assert features.grad is not None and told is not None and 0 <= float(told) <= 1
         gradients[weight] = features.grad
@@ -294,7 +294,9 @@ def test_reversed_gradients_have_the_opposite_sign(kinds: tuple[str, ...]) -> No
     torch.testing.assert_close(own[0.0], own[-1.0])
 
     def domain_loss(features: Tensor) -> float:
-        return float(aligner(Seen(features[:4], logits), labels, Seen(features[4:], logits), 1.0)[0].detach())
+        return float(
+            aligner(BatchOutputs(features[:4], logits), labels, BatchOutputs(features[4:], logits), 1.0)[0].detach()
+        )
 
     start = drawn(8, FEATURES, seed=2)
     step = gradients[1.0] / gradients[1.0].norm()

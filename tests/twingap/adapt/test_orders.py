@@ -7,7 +7,7 @@ import pytest
 
 from twingap.adapt.fleets import Fleets
 from twingap.adapt.levels import NAMES, band_levels, levels_above_the_quietest, operating_points
-from twingap.adapt.order_features import flattened, names, order_features, places
+from twingap.adapt.order_features import flattened, line_orders, names, order_features
 from twingap.adapt.order_forest import Examples, examples, train_forest
 from twingap.adapt.population import CLASSES, Population, stated
 from twingap.adapt.windows import Windows, cut
@@ -86,7 +86,7 @@ def test_short_windows_are_read_as_far_as_they_go() -> None:
 
 
 def test_names_and_places_are_those_of_the_bearing() -> None:
-    found = places(BEARING)
+    found = line_orders(BEARING)
     assert found["outer 2"] == pytest.approx(2 * BEARING.bpfo) and found["inner + shaft"] == pytest.approx(
         BEARING.bpfi + 1
     )
@@ -105,7 +105,7 @@ def test_lines_are_where_published_fault_orders_put_them() -> None:
         "outer - shaft": 2.5848, "outer + shaft": 4.5848, "ball - cage": 4.3152, "ball + cage": 5.1118,
         "outer - cage": 3.1865, "outer + cage": 3.9831, "inner - cage": 5.0169, "inner + cage": 5.8135,
     }  # fmt: skip
-    assert places(BEARING) == pytest.approx(wanted, rel=2e-4)
+    assert line_orders(BEARING) == pytest.approx(wanted, rel=2e-4)
 
 
 def test_flattening_takes_a_resonance_and_leaves_a_line() -> None:

@@ -60,5 +60,5 @@ def test_a_tree_that_would_never_end_is_refused() -> None:
     inner = int(np.flatnonzero(trees.column >= 0)[-1])
     right = trees.right.copy()
     right[inner] = inner
-    with pytest.raises(TwingapError, match="holds no trees"):
+    with pytest.raises(TwingapError, match="contains no valid trees"):
         Trees.of_arrays(replace(trees, right=right).arrays(), where="here")

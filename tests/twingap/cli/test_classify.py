@@ -111,7 +111,7 @@ def test_mistakes_are_one_line_and_leave_nothing(twingap: Run, twin: Path, recor
     [
         (np.r_[np.ones(900), np.nan], "", "nan"),
         (np.ones(900), "", "all samples are equal"),
-        (np.arange(100.0), "", "100 samples, at least 512 expected: the power of two that holds 3 turns"),
+        (np.arange(100.0), "", "100 samples, at least 512 expected: the power of two with 3 turns"),
         (np.arange(900.0) % 7, "fs_hz = 800", "800 Hz"),
         (np.arange(900.0) % 7 * 1e200, "", "spread over 6e+200"),
         (np.arange(900.0) % 7 * 1e-200, "", "spread over 6e-200"),

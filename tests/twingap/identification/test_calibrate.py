@@ -207,7 +207,7 @@ def test_some_unknown_faults_are_left_aside() -> None:
     found = calibrate(RecordSet.from_records("m", "m/s^2", records.bearing, mixed), PLAIN, np.random.default_rng(0))
     assert found.aside == ("r0", "r1", "r2")
     assert not set(found.aside) & set(found.names)
-    assert any("left aside" in note for note in found.notes)
+    assert any("left out" in note for note in found.notes)
 
 
 def test_no_labels_at_all_are_read_off_the_combs() -> None:
@@ -221,7 +221,7 @@ def test_no_labels_at_all_are_read_off_the_combs() -> None:
 def test_no_labels_and_no_comb_is_healthy() -> None:
     found = calibrate(machine(faults=("healthy",), n=6).without_labels(), PLAIN, np.random.default_rng(0))
     assert {c.fault for c in found.fit.conditions} == {"healthy"}
-    assert any("taken to be healthy" in note for note in found.notes)
+    assert any("assumed healthy" in note for note in found.notes)
 
 
 def test_two_records() -> None:

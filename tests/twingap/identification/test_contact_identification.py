@@ -183,7 +183,7 @@ def test_where_contact_leaves_no_trace_noise_is_what_is_simulated() -> None:
 
 
 def test_states_that_the_model_does_not_know() -> None:
-    with pytest.raises(TwingapError, match="no record of a state that the contact model knows"):
+    with pytest.raises(TwingapError, match="no record of a state that the contact model can simulate"):
         identify(records(faults=("healthy",)).without_labels(), TwinSpec("contact"))
     with pytest.raises(TwingapError, match="eq8"):
         identify(records(faults=("healthy",)), TwinSpec("contact"), method="eq8")

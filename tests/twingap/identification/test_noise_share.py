@@ -58,7 +58,7 @@ def test_noise_told_from_impacts_by_time_has_no_interval():
     outcome = identify(records, TwinSpec("phenomenological", bearing=BEARING), seed=1)
     known = {name for name, estimate in outcome.estimates.items() if estimate.interval is not None}
     assert known == {"resonance_hz", "damping_ratio"}
-    assert any("separated from it by time" in note for note in outcome.notes)
+    assert any("identified as impacts by its variation over time" in note for note in outcome.notes)
 
 
 @pytest.mark.parametrize("amplitude", [0.0, 2.0, 4.0])
@@ -72,7 +72,7 @@ def test_impacts_that_ring_into_each_other_are_told_by_what_pulses(amplitude, mo
     fit = HealthyFit(3000.0, 0.0025, float(np.sqrt(struck)), 0.3)
     twin = PhenomenologicalTwin(BEARING, own)
     mixtures = [_Mixture.of(twin, fit, r, Streams(3, k)) for k, r in enumerate(records)]
-    pulses = [found for mixture in mixtures if (found := mixture.by_pulses()) is not None]
+    pulses = [found for mixture in mixtures if (found := mixture.by_modulation()) is not None]
     assert len(pulses) >= 5
     assert np.median(pulses) == pytest.approx(0.36 / struck, rel=0.25)
     monkeypatch.setattr(_Mixture, "by_evenness", lambda self: None)

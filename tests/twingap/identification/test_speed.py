@@ -12,7 +12,7 @@ import pytest
 from twingap.bearing import BEARINGS
 from twingap.errors import TwingapError
 from twingap.identification.speed import estimate_speeds
-from twingap.identification.speed_reading import NOT_VISIBLE, SHAFT_LINES, SIDEBANDS, read_speed
+from twingap.identification.speed_reading import NOT_DETECTED, SHAFT_LINES, SIDEBANDS, read_speed
 from twingap.records import Condition, RecordSet
 from twingap.twins.twin_file import TwinSpec, build_twin
 
@@ -158,7 +158,7 @@ def test_outer_race_alone_decides_nothing_and_says_so() -> None:
 def test_healthy_noise_keeps_its_nominal_speed() -> None:
     records, _ = world(faults=["healthy"], factor=1.03, n=4)
     speeds = estimate_speeds(records)
-    assert [e.found_by for e in speeds.estimates] == [NOT_VISIBLE] * 4
+    assert [e.found_by for e in speeds.estimates] == [NOT_DETECTED] * 4
     assert [e.ratio for e in speeds.estimates] == [1.0] * 4
     assert any("do not show" in note for note in speeds.notes)
 
@@ -211,7 +211,7 @@ def test_short_and_constant_records_say_nothing() -> None:
     bearing = BEARINGS["6205"]
     for x in (np.zeros(4000), np.ones(100), np.arange(50.0)):
         reading = read_speed(x, Condition("x", 1800.0, 10_000.0, x.size, "inner"), bearing)
-        assert reading.found_by == NOT_VISIBLE
+        assert reading.found_by == NOT_DETECTED
         assert np.isinf(reading.comb_sigma)
 
 

@@ -327,11 +327,11 @@ def test_the_page_and_the_numbers_of_real_records(tmp_path: Path) -> None:
     assert "virtual" not in page
 
 
-def test_a_stand_in_is_called_one_and_nothing_documented_is_laid_at_its_door() -> None:
+def test_a_surrogate_is_labelled_and_has_no_documented_findings() -> None:
     made = table("virtual rig, not CWRU", False)
     assert made["single"][0]["findings"] == [] and made["single"][0]["agrees"] is None
     page = public_report.markdown(made)
-    assert "stands in for CWRU" in page and "virtual rig, not CWRU" in page
+    assert "a surrogate for CWRU" in page and "virtual rig, not CWRU" in page
 
 
 # -------------------------------------------------------------------------------------------------------------- records
