@@ -75,6 +75,16 @@ if not DATA_AT_HAND:
     tags.add("without_data")  # type: ignore[name-defined]  # noqa: F821
 
 
+def escape_bars(app: Any, what: str, name: str, thing: object, options: Any, lines: list[str]) -> None:
+    """Show |x| in docstrings as it is typed: reStructuredText would take it for a substitution."""
+    in_code = False
+    for i, line in enumerate(lines):
+        in_code = bool(in_code and (not line.strip() or line.startswith(" "))) or lines[i - 1].endswith("::")
+        if not in_code and "`" not in line:
+            lines[i] = line.replace("|", "\\|")
+
+
 def setup(app: Any) -> None:
     """Write the generated pages before Sphinx looks for sources."""
+    app.connect("autodoc-process-docstring", escape_bars, priority=400)
     app.connect("config-inited", lambda app, config: site_pages.write_all(HERE), priority=10)

@@ -32,12 +32,14 @@ records.table[["record", "fault", "speed_rpm", "fs_hz", "group"]].head()
 # The twin's free parameters
 # --------------------------
 #
-# The twin file states what is modelled. What it leaves out is identified from the records, with intervals.
+# The twin file states what is modelled. What it leaves out is identified from the records, with intervals where there are
+# recordings enough to tell.
 
 twin = TwinSpec("phenomenological", effects=("slip_jitter", "load_zone"))
 identified = twingap.identify(records, twin, seed=0)
 for name, estimate in identified.estimates.items():
-    print(f"{name}: {estimate.value:.4g}, 90 % interval {estimate.interval}")
+    interval = "" if estimate.interval is None else "(90 % interval {:.3g} to {:.3g})".format(*estimate.interval)
+    print(f"{name}: {estimate.value:.3g} {interval}")
 
 # %%
 # The diagnosis

@@ -7,9 +7,27 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from site_pages import bearing_table, command_pages, data_cards, effect_pages, gap_file, python_pages, validation
+from site_pages import (
+    bearing_table,
+    command_pages,
+    data_cards,
+    effect_pages,
+    gap_file,
+    python_pages,
+    sample_files,
+    validation,
+)
 
-GENERATORS = (command_pages, effect_pages, bearing_table, gap_file, data_cards, python_pages, validation)
+GENERATORS = (
+    command_pages,
+    effect_pages,
+    bearing_table,
+    gap_file,
+    sample_files,
+    data_cards,
+    python_pages,
+    validation,
+)
 
 
 def write_all(docs: Path) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 from itertools import groupby
 from pathlib import Path
 from typing import Any
@@ -31,17 +32,22 @@ STAGES = {
 
 
 def pages(docs: Path) -> dict[str, str]:
-    """reference/catalogue.md and reference/effects/NAME.md; figures are drawn where they are missing."""
+    """reference/catalogue.md and reference/effects/NAME.md; figures are drawn where they are missing or old."""
     folder = docs / "reference" / "effects"
     folder.mkdir(parents=True, exist_ok=True)
     found = {"reference/catalogue.md": overview()}
     for name, kind in catalogue().items():
         shown = signatures.signature(kind)
         figure = folder / f"{name}.png"
-        if not figure.is_file():
+        if not _is_newer(figure, signatures.__file__, inspect.getfile(kind)):
             signatures.draw(shown, figure)
         found[f"reference/effects/{name}.md"] = page(name, kind, shown)
     return found
+
+
+def _is_newer(figure: Path, *sources: str) -> bool:
+    """Whether a figure was drawn after its sources were written."""
+    return figure.is_file() and figure.stat().st_mtime > max(Path(source).stat().st_mtime for source in sources)
 
 
 def overview() -> str:

@@ -71,7 +71,7 @@ def page(package: str, about: str, names: list[tuple[str, Any]]) -> str:
     """The page of one package."""
     shown = [(path, thing) for path, thing in names if inspect.isclass(thing) or inspect.isfunction(thing)]
     listing = "\n".join(f"   {path}" for path, _ in shown)
-    parts = [_title(package), about, "", f".. currentmodule:: {package}", "", ".. autosummary::", "", listing, ""]
+    parts = [_title(package), about, "", ".. autosummary::", "", listing, ""]
     for path, thing in shown:
         if inspect.isclass(thing):
             parts += [f".. autoclass:: {path}", "   :members:", ""]
