@@ -1,0 +1,90 @@
+"""Configuration of the documentation site."""
+
+from __future__ import annotations
+
+import os
+import sys
+import tempfile
+from pathlib import Path
+from typing import Any
+
+HERE = Path(__file__).parent
+sys.path.insert(0, str(HERE))
+
+# Before anything imports Numba, PyTorch or MLflow: tutorials write into a folder of their own and track nothing.
+os.environ.setdefault("OMP_NUM_THREADS", "1")
+os.environ["TWINGAP_HOME"] = tempfile.mkdtemp(prefix="twingap-docs-")
+os.environ["MPLBACKEND"] = "agg"
+
+import site_pages  # noqa: E402
+from site_pages.tutorials import CONFIGURATION, DATA_AT_HAND  # noqa: E402
+
+from twingap import __version__  # noqa: E402
+
+project = "twingap"
+author = "The twingap authors"
+copyright = author  # noqa: A001
+version = release = __version__
+
+extensions = [
+    "myst_parser",
+    "sphinx.ext.autodoc",
+    "sphinx.ext.autosummary",
+    "sphinx.ext.napoleon",
+    "sphinx.ext.doctest",
+    "sphinx_design",
+    "sphinx_copybutton",
+    "sphinx_gallery.gen_gallery",
+]
+exclude_patterns = ["_build", "gallery", "tutorials/*.ipynb", "**/README.md"]
+suppress_warnings = [
+    "ref.python",  # one name in two packages (Estimate, say): the first one is linked
+    "config.cache",
+]
+default_role = "py:obj"
+nitpicky = False
+
+myst_enable_extensions = ["colon_fence", "deflist", "fieldlist"]
+myst_heading_anchors = 3
+
+autodoc_typehints = "none"
+autodoc_member_order = "bysource"
+autosummary_generate = False
+napoleon_google_docstring = False
+napoleon_use_ivar = True
+napoleon_use_rtype = False
+
+doctest_global_setup = "import numpy as np\nimport twingap\n"
+doctest_test_doctest_blocks = "default"
+
+html_theme = "furo"
+html_title = "twingap"
+html_static_path = ["_static"]
+html_css_files = ["custom.css"]
+html_copy_source = False
+html_show_sphinx = False
+html_theme_options = {
+    "light_css_variables": {"color-brand-primary": "#0b5d8f", "color-brand-content": "#0b5d8f"},
+    "dark_css_variables": {"color-brand-primary": "#7cc4f0", "color-brand-content": "#7cc4f0"},
+}
+copybutton_prompt_text = r"\$ |>>> |\.\.\. "
+copybutton_prompt_is_regexp = True
+
+sphinx_gallery_conf = CONFIGURATION
+if not DATA_AT_HAND:
+    tags.add("without_data")  # type: ignore[name-defined]  # noqa: F821
+
+
+def escape_bars(app: Any, what: str, name: str, thing: object, options: Any, lines: list[str]) -> None:
+    """Show |x| in docstrings as it is typed: reStructuredText would take it for a substitution."""
+    in_code = False
+    for i, line in enumerate(lines):
+        in_code = bool(in_code and (not line.strip() or line.startswith(" "))) or lines[i - 1].endswith("::")
+        if not in_code and "`" not in line:
+            lines[i] = line.replace("|", "\\|")
+
+
+def setup(app: Any) -> None:
+    """Write the generated pages before Sphinx looks for sources."""
+    app.connect("autodoc-process-docstring", escape_bars, priority=400)
+    app.connect("config-inited", lambda app, config: site_pages.write_all(HERE), priority=10)

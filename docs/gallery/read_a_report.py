@@ -1,0 +1,95 @@
+"""
+Read a report
+=============
+
+A diagnosis writes ``gap.json`` for programs and ``report.html`` for people, a page that opens without a network. This
+tutorial makes one and reads it from top to bottom.
+"""
+
+# %%
+# A machine that picks up hum of the mains, which its twin does not have.
+
+import tempfile
+
+import twingap
+from twingap import BEARINGS, Condition
+from twingap.twins import TwinSpec
+
+bearing = BEARINGS["6205"]
+conditions = [
+    Condition(f"{fault} {i}", speed_rpm=1750, fs_hz=12000, n_samples=8192, fault=fault)
+    for fault in ("healthy", "inner", "outer")
+    for i in range(4)
+]
+machine = TwinSpec("phenomenological", effects=("mains_interference",), bearing=bearing)
+records = twingap.simulate(conditions, machine, seed=2)
+found = twingap.diagnose(records, TwinSpec("phenomenological", bearing=bearing), seed=0)
+written = found.write(tempfile.mkdtemp())
+
+# %%
+# The headline
+# ------------
+#
+# The first sentence is the verdict: what is missing, how much of the gap it closes, whether a rest remains, how many
+# other explanations there are, and :term:`p`, the probability of records as different as these if there were no gap.
+
+report = found.report
+print(report.verdict.status)
+print(report.sentence)
+
+# %%
+# There are four statuses.
+#
+# ``no_gap``
+#     Records and calibrated twin cannot be told apart.
+# ``explained``
+#     The named effects close the gap: no significant rest remains.
+# ``partly_explained``
+#     They shrink it, and a significant rest remains.
+# ``unexplained``
+#     There is a gap, and no effect of the catalogue shrinks it.
+#
+# Where the gap lies
+# ------------------
+#
+# Every place is significant; all of them together are wrong with a probability of 5 % at most. The :term:`share` is the
+# part of the whole gap that lies there. Frequencies are in Hz of the raw spectrum, orders are multiples of shaft speed.
+
+report.where[["domain", "lo", "hi", "unit", "share", "p_value"]].head(5).round(3)
+
+# %%
+# Which effect is missing
+# -----------------------
+#
+# ``probability`` says that the machine has the effect and the twin lacks it. ``closure`` says what adding it alone
+# closes, on records that were not used to fit it. The two differ: an effect may be there without doubt and close little.
+
+report.which[["effect", "probability", "closure", "closure_lo", "closure_hi"]].head(5).round(2)
+
+# %%
+# Fitted values of the named effect come with 90 % intervals.
+
+for name, value in report.candidates[0].parameters.items():
+    interval = "" if value.ci is None else "90 % interval {:.3g} to {:.3g}".format(*value.ci)
+    print(f"{name}: {value.value:.3g} {value.unit} {interval}")
+
+# sphinx_gallery_start_ignore
+assert report.verdict.effects == ("mains_interference",)
+# sphinx_gallery_end_ignore
+
+# %%
+# The confidence set
+# ------------------
+#
+# The data may not tell two explanations apart. The confidence set lists all sets of effects that fit; the true one is in
+# it nine times of ten. An empty set in it means that no effect at all fits too.
+
+for effects in report.verdict.confidence_set[:4]:
+    print(effects)
+
+# %%
+# What it does not say
+# --------------------
+#
+# Closures speak of the records at hand, and of a twin calibrated on them. A place without a name is a difference that no
+# effect of the catalogue explains; :doc:`/explanation/limits` says what else to keep in mind.
