@@ -20,6 +20,7 @@ from twingap.records import Condition, Record, RecordSet
 if TYPE_CHECKING:
     from twingap.adapt.classify import classify
     from twingap.gap.api import diagnose
+    from twingap.gap.closing import close
     from twingap.identification.identify import identify
     from twingap.records.folder import read_record_set as read_records
     from twingap.twins.simulate import simulate
@@ -29,6 +30,7 @@ __version__ = "0.1.0"
 
 _VERBS: Final = {
     "classify": ("twingap.adapt.classify", "classify"),
+    "close": ("twingap.gap.closing", "close"),
     "diagnose": ("twingap.gap.api", "diagnose"),
     "identify": ("twingap.identification.identify", "identify"),
     "read_records": ("twingap.records.folder", "read_record_set"),
@@ -53,6 +55,7 @@ __all__ = [
     "TwingapError",
     "__version__",
     "classify",
+    "close",
     "diagnose",
     "identify",
     "read_records",

@@ -21,6 +21,7 @@ from twingap.cli import (
     bearings,
     bench,
     classify,
+    close,
     data,
     demo,
     effects,
@@ -92,6 +93,7 @@ _add(
     "gap", gap.gap, "RECORDSET --twin twin.toml --out gap", "RECORDSET --twin twin.toml --sim MINE --out gap",
     "RECORDSET --twin twin.toml --out gap --closest --export",
 )  # fmt: skip
+_add("close", close.close, "RECORDSET --twin twin.toml --out closed.toml")
 app.add_typer(study.app, name="study")
 _add("train", train.train, "--out training", "--out training --backend dask --address tcp://head:8786")
 _add("effects", effects.effects, "", "slip_jitter", "--effects mine.py --json")

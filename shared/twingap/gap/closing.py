@@ -1,0 +1,124 @@
+"""Closing a gap: diagnose, add what is named, and diagnose again until nothing more closes.
+
+records, twin --diagnose--> verdict --its effects at the values found--> twin --diagnose--> ... --> Closing
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Final
+
+from twingap.gap.api import diagnose
+from twingap.gap.diagnosis import Diagnosis, FilePath, Progress, no_progress
+from twingap.gap.report.model import listed
+from twingap.gap.search.closest_twin import closest_spec
+from twingap.records import RecordSet
+from twingap.records.folder import read_record_set
+from twingap.twins.twin_file import Provenance, TwinSpec, read_twin
+
+MOST: Final = 5
+"""Largest number of diagnoses. Each takes as long as `diagnose`; real machines seldom need more than three."""
+
+
+@dataclass(frozen=True)
+class Closing:
+    """The way from a twin to one that nothing more can be added to.
+
+    Parameters
+    ----------
+    diagnoses : tuple of Diagnosis
+        One a step. Each is of the twin that the step before left; effects of the last one were not added.
+    twin : TwinSpec
+        The last twin, with all effects added and its baseline identified.
+    """
+
+    diagnoses: tuple[Diagnosis, ...]
+    twin: TwinSpec
+
+    @property
+    def added(self) -> tuple[tuple[str, ...], ...]:
+        """Effects that each step but the last added."""
+        return tuple(_addable(found) for found in self.diagnoses[:-1])
+
+    @property
+    def gaps(self) -> tuple[float, ...]:
+        """Overall gap of the calibrated twin at each step, on the same held-out records, in standard deviations."""
+        return tuple(found.report.metrics[0].before for found in self.diagnoses)
+
+    @property
+    def closure(self) -> float:
+        """Part of the first twin's gap that is gone at the last step; 0 where there was none."""
+        first, last, floor = self.gaps[0], self.gaps[-1], self.diagnoses[-1].report.metrics[0].floor
+        return (first - last) / (first - floor) if first > floor else 0.0
+
+    @property
+    def sentence(self) -> str:
+        """What was added, and what it closed."""
+        names = [name for step in self.added for name in step]
+        if not names:
+            return "Nothing was added: " + self.diagnoses[0].report.sentence
+        return (
+            f"With {listed(names)} added, the gap falls from {self.gaps[0]:.3g} to {self.gaps[-1]:.3g} standard "
+            f"deviations ({round(100 * self.closure)} % of the gap); then nothing more is found that closes it."
+        )
+
+
+def close(
+    records: RecordSet | FilePath, twin: TwinSpec | FilePath, *, seed: int = 0, progress: Progress | None = None
+) -> Closing:
+    """Add effects to a twin until no diagnosis names one that closes more of the gap.
+
+    Parameters
+    ----------
+    records : RecordSet or path-like
+        Records of the machine, or their folder.
+    twin : TwinSpec or path-like
+        The twin, or its twin file.
+    seed : int
+        Of each diagnosis; the same seed gives the same way.
+    progress : callable, optional
+        Called with a description of the current step and the completed part, 0 to 1.
+
+    Raises
+    ------
+    TwingapError
+        As `diagnose`.
+    """
+    records = records if isinstance(records, RecordSet) else read_record_set(records)
+    spec = twin if isinstance(twin, TwinSpec) else read_twin(twin)
+    progress = progress or no_progress
+    found: list[Diagnosis] = []
+    while len(found) < MOST:
+        now = diagnose(records, spec, seed=seed, progress=_of_step(progress, len(found)))
+        if found and now.report.metrics[0].before >= found[-1].report.metrics[0].before:
+            break  # the effects that were named close nothing once the baseline is calibrated with them
+        found.append(now)
+        if not (names := _addable(now)) or (now.report.verdict.closure or 0.0) <= 0:
+            break
+        values = {effect.name: effect.parameter_values() for effect in now.explanation.after.effects}
+        spec = replace(
+            spec, effects=(*spec.effects, *names), parameters={**spec.parameters, **{n: values[n] for n in names}}
+        )
+    return Closing(tuple(found), _twin(found[-1], seed))
+
+
+def _of_step(progress: Progress, step: int) -> Progress:
+    """Progress of one diagnosis as a part of all."""
+    return lambda what, part: progress(f"step {step + 1}, {what}", (step + part) / MOST)
+
+
+def _addable(found: Diagnosis) -> tuple[str, ...]:
+    """The verdict's effects that can be added to the twin."""
+    return tuple(name for name in found.report.verdict.effects if name not in found.explanation.cannot)
+
+
+def _twin(found: Diagnosis, seed: int) -> TwinSpec:
+    """The calibrated twin of a diagnosis, without the effects that it names."""
+    spec = closest_spec(found.explanation.before)
+    assert spec is not None  # only simulators of the user's own have none
+    stated = found.report.provenance
+    source = Provenance(
+        str(stated["records_sha256"]), found.calibrated.fit.unit, version=str(stated["version"]),
+        method="twingap close", seed=seed,
+    )  # fmt: skip
+    return replace(spec, bearing=found.calibrated.frame.bearing, identified=source)
