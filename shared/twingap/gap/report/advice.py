@@ -18,6 +18,8 @@ from twingap.gap.report.model import Candidate, GapReport, Place, listed
 
 _HIDDEN_DB: Final = 6.0
 """Level by which the records' peak must exceed that at the calibrated resonance for a warning."""
+_CAREFUL: Final = "Careful"
+"""First word of a contradiction that the reader has to resolve."""
 _SMALL_P: Final = 0.05
 """P-value below which a single test is mentioned beside a verdict of no gap."""
 
@@ -26,8 +28,11 @@ def next_steps(report: GapReport) -> tuple[str, ...]:
     """Next steps in sentences, the most useful first."""
     verdict = report.verdict
     steps: list[str] = []
-    if disagreeing := contradictions(report):
-        steps.extend(disagreeing)
+    if any(note.startswith(_CAREFUL) for note in contradictions(report)):
+        steps.append(
+            "Compare the curves below before you rely on the verdict: they show what the two-sample tests distinguish. "
+            "More or longer records may settle it."
+        )
     elif verdict.status == "no_gap":
         steps.append(
             "Use the twin as it is for conditions like these. A gap that shows only elsewhere (other speeds, loads or "
@@ -152,7 +157,7 @@ def contradictions(report: GapReport) -> tuple[str, ...]:
         )
     tests = " and ".join(f"{t.name} (p = {t.p_value:.2g})" for t in clear)
     return (
-        f"Careful: the verdict is no gap, but the two-sample tests distinguish records and twin: {tests}. Check the "
+        f"{_CAREFUL}: the verdict is no gap, but the two-sample tests distinguish records and twin: {tests}. Check the "
         "curves before you rely on the verdict.",
     )
 
