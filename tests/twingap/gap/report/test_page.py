@@ -85,7 +85,7 @@ def test_a_page_is_whole_and_asks_nothing_of_the_network(make_report: MakeReport
     ("closure", "ci", "says"),
     [
         (0.8, (0.7, 0.9), "They shrink the gap significantly."),
-        (0.0, (0.0, 0.7), "is too uncertain"),
+        (0.0, (0.0, 0.7), "is uncertain"),
         (-0.4, (-0.5, -0.3), "they widen the gap"),
         (None, None, "cannot be added to the simulated records"),
     ],
@@ -98,7 +98,7 @@ def test_what_names_close_is_not_claimed_beyond_its_interval(
     shown = page(dataclasses.replace(report, verdict=verdict))
     every = (
         "They shrink the gap significantly.",
-        "is too uncertain",
+        "is uncertain",
         "they widen the gap",
         "cannot be added to the simulated records",
     )
