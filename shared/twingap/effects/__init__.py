@@ -1,4 +1,4 @@
-"""The catalogue of effects: every modelling choice, from slip to clipping, one object that acts in one stage."""
+"""Catalogue of effects: modelling choices, from slip to clipping, each of which acts in one stage of a record."""
 
 from twingap.effects.base import Effect, Stage, effect_name, parameter
 from twingap.effects.draft import Draft, Impacts

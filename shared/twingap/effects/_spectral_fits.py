@@ -1,4 +1,4 @@
-"""Least-squares fits of mean spectra by sums of known shapes, relative errors counted."""
+"""Least-squares fits of sums of known shapes to mean spectra, with relative errors."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ Array = NDArray[np.float64]
 def least_misfit(basis: Array, wanted: Array) -> tuple[float, Array]:
     """Of sums of spectra `basis` [choices, spectra, bands]: least mean square log ratio of `wanted`, and its powers.
 
-    Powers [spectra] by least squares of relative errors; choices in which one would be negative are none.
+    Powers [spectra] minimise the relative errors; choices with a negative power have an infinite misfit.
     """
     a = basis / wanted
     size = np.sqrt((a**2).sum(axis=2, keepdims=True)) + 1e-300
@@ -33,7 +33,7 @@ def misfit_of_modes(modes: Array, white: Array, wanted: Array) -> float:
     sa, sb = a.sum(axis=1), float(b.sum())
     determinant = np.maximum(aa * bb - ab**2, 1e-300)
     structure, noise = (sa * bb - sb * ab) / determinant, (sb * aa - sa * ab) / determinant
-    # Neither power is negative: where one would be, the other stands alone.
+    # Powers are non-negative: where one would be negative, the other is fitted alone.
     structure, noise = (
         np.where(noise < 0, sa / aa, np.maximum(structure, 0.0)),
         np.where(structure < 0, sb / bb, np.maximum(noise, 0.0)),
@@ -43,6 +43,6 @@ def misfit_of_modes(modes: Array, white: Array, wanted: Array) -> float:
 
 
 def misfit_at_any_level(model: Array, wanted: Array) -> float:
-    """Mean square log ratio [bands] of `wanted` to the multiple of `model` that most bands suit."""
+    """Mean square log ratio of `wanted` [bands] to `model` [bands] at its best level (median)."""
     rest = np.log(wanted / model)
     return float(np.minimum((rest - np.median(rest)) ** 2, 1.0).mean())

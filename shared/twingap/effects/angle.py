@@ -1,4 +1,4 @@
-"""Waveforms as functions of shaft angle: reading them at other angles, and building them from harmonics."""
+"""Waveforms as functions of shaft angle: interpolation at other angles, and synthesis from harmonics."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from twingap._compiled import njit
 Array = NDArray[np.float64]
 
 _SPARE = 128
-"""Samples mirrored at either end, where a transform would take the end to run into the beginning."""
+"""Samples mirrored at either end, since a transform is periodic. Fewer give larger errors at the ends."""
 
 
 def at_angles(x: Array, turns: Array, wanted: Array) -> Array:
@@ -33,7 +33,7 @@ def at_angles(x: Array, turns: Array, wanted: Array) -> Array:
     Returns
     -------
     Array [any]
-        By quintic splines over twice as many samples: alone they keep what lies below two thirds of half the rate.
+        Quintic splines over twice as many samples: without upsampling they are accurate up to a third of the rate.
     """
     places = np.interp(wanted, turns, np.arange(x.size, dtype=float))
     length = next_fast_len(x.size + 2 * _SPARE, real=True)

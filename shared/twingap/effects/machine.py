@@ -1,4 +1,4 @@
-"""What an effect may know of a machine when plausible values are drawn for it."""
+"""Protocol of a machine, from which effects draw plausible values."""
 
 from __future__ import annotations
 

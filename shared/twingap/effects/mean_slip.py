@@ -1,4 +1,4 @@
-"""A cage that runs off its kinematic speed."""
+"""Slip of the cage against its kinematic speed."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Response of structural modes to impacts and forces, exact and in one pass.
+"""Structural modes, and their response to impacts and forces.
 
 impacts (times, amplitudes) --+
                               +--> one complex recursion per mode --> x [samples]

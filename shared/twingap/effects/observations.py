@@ -1,4 +1,4 @@
-"""What was measured on records and twin, for closed-form estimates of an effect's values."""
+"""Observations of records and twin, for closed-form estimates of an effect's values."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ class ModePair(NamedTuple):
 
 @dataclass(frozen=True)
 class HealthySpectrum:
-    """Mean power density of the healthy records, without tones, and what a twin can make of it.
+    """Mean power density of the healthy records, without tones, and densities of the twin.
 
     Parameters
     ----------
@@ -41,11 +41,11 @@ class HealthySpectrum:
     fs_hz : float
         Sampling rate.
     centres_hz : tuple of float
-        Where the twin's own mode may lie; empty where the twin is no mode with white noise, but finished waveforms.
+        Candidate frequencies of the twin's own mode; empty for finished waveforms, which have no parameters.
     mode : callable
-        Natural frequency (Hz) and damping ratio to the density [bands] of unit variance that passed this mode.
+        Natural frequency (Hz) and damping ratio -> density [bands] of unit variance behind this mode.
     twin : callable
-        Density [bands] of the twin as it is; simulates, so ask only where it is needed.
+        Density [bands] of the given twin; calling it runs a simulation.
     """
 
     density: Array
@@ -62,7 +62,7 @@ class HealthySpectrum:
 
 @dataclass(frozen=True)
 class Observations:
-    """What is known of the records when an effect's values are first estimated.
+    """Observations of the records for initial values of an effect.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""The registry of effects: those that ship with twingap, and a user's own.
+"""Registry of effects: those that ship with twingap, and a user's own.
 
 A user's own effects come from three places: `register` in Python, a file (`load_effects`; ``--effects FILE.py`` on the
 command line), and installed packages that name a module in the entry point group ``twingap.effects``.

@@ -1,4 +1,4 @@
-"""Strikes and background of finished waveforms, told apart by what healthy records hold."""
+"""Impacts and background of finished waveforms, told apart by what healthy records hold."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def done(lab: Any, x: np.ndarray, effect: Any, background: Background | None, fa
 
 
 def between_and_at(lab: Any, x: np.ndarray, fault: str = "outer") -> tuple[float, float]:
-    """Power where nothing rings, and where strikes do, from quantiles of short stretches."""
+    """Power where nothing rings, and where impacts do, from quantiles of short stretches."""
     power = (x[: x.size // 24 * 24].reshape(-1, 24) ** 2).mean(axis=1)
     return float(np.quantile(power, 0.2)), float(np.quantile(power, 0.97))
 
@@ -45,17 +45,17 @@ def between_and_at(lab: Any, x: np.ndarray, fault: str = "outer") -> tuple[float
     "effect",
     [DamageGrowth(rate_per_s=2e-3), SpeedGain(exponent=1.6, reference_speed_rpm=900.0, on_noise=0.0)],
 )
-def test_strikes_grow_and_the_noise_between_them_stays(lab: Any, effect: Any) -> None:
+def test_impacts_grow_and_the_noise_between_them_stays(lab: Any, effect: Any) -> None:
     x = lab.make([], "outer", time_s=500.0)[0]
-    whole, strikes = done(lab, x, effect, None), done(lab, x, effect, background_of(lab))
+    whole, separated = done(lab, x, effect, None), done(lab, x, effect, background_of(lab))
     np.testing.assert_allclose(whole, whole[0] / x[0] * x, rtol=1e-9)
-    after, before = between_and_at(lab, strikes), between_and_at(lab, x)
+    after, before = between_and_at(lab, separated), between_and_at(lab, x)
     gain = (whole[0] / x[0]) ** 2
     assert after[0] / before[0] < 0.3 * gain
     assert after[1] / before[1] > 0.6 * gain
 
 
-def test_a_second_strike_does_not_double_the_noise(lab: Any) -> None:
+def test_a_second_impact_does_not_double_the_noise(lab: Any) -> None:
     x = lab.make([], "outer")[0]
     effect = EntryExit(arc_deg=6.0, exit_ratio=1.0)
     quiet = background_of(lab)
@@ -64,7 +64,7 @@ def test_a_second_strike_does_not_double_the_noise(lab: Any) -> None:
     assert between_and_at(lab, done(lab, x, effect, quiet))[0] < 1.35 * before
 
 
-def test_passes_are_found_where_strikes_are_whatever_the_cage_does(quiet: Any) -> None:
+def test_passes_are_found_where_impacts_are_whatever_the_cage_does(quiet: Any) -> None:
     for slip in (0.0, 0.02):
         x = quiet.make([MeanSlip(slip=slip)], "outer")[0]
         passes = np.arange(x.size) / quiet.fs_hz * quiet.fr * quiet.bearing.bpfo
@@ -76,7 +76,7 @@ def test_passes_are_found_where_strikes_are_whatever_the_cage_does(quiet: Any) -
         assert off > 0.7 or off < 0.05, "the strongest sample comes a little before the middle of the energy"
 
 
-def test_a_few_knocks_do_not_say_when_strikes_come(quiet: Any) -> None:
+def test_a_few_impulses_do_not_say_when_impacts_come(quiet: Any) -> None:
     passes = np.arange(48_000) / quiet.fs_hz * quiet.fr * quiet.bearing.bpfo
     for seed in range(8):
         rng = np.random.default_rng(seed)
@@ -92,7 +92,7 @@ def test_a_few_knocks_do_not_say_when_strikes_come(quiet: Any) -> None:
     assert passes_of(np.zeros(48_000), passes) is None
 
 
-def test_without_strikes_nobody_says_when_they_come(lab: Any) -> None:
+def test_without_impacts_nobody_says_when_they_come(lab: Any) -> None:
     x = lab.make([], "healthy")[0]
     passes = np.arange(x.size) / lab.fs_hz * lab.fr * lab.bearing.bpfo
     for n in (x.size, 100):
@@ -100,16 +100,16 @@ def test_without_strikes_nobody_says_when_they_come(lab: Any) -> None:
 
 
 @pytest.mark.parametrize("effect", [ImpactScatter(sigma=0.5), SlipJitter(sigma=0.05)])
-def test_scatter_and_jitter_of_strikes_act_as_on_impacts(lab: Any, effect: Any) -> None:
+def test_scatter_and_jitter_of_impacts_act_as_on_impacts(lab: Any, effect: Any) -> None:
     line, long = lab.bearing.bpfo * lab.fr, lab.where(n_samples=240_000)
     x = long.make([], "outer")[0]
     before = lab.envelope(x[None])
     on_impacts = lab.envelope(long.make([effect], "outer"))
-    on_strikes = lab.envelope(done(long, x, effect, background_of(lab))[None])
+    on_separated = lab.envelope(done(long, x, effect, background_of(lab))[None])
     for n in (1, 2):
-        kept = [lab.line(y, n * line) / lab.line(before, n * line) for y in (on_impacts, on_strikes)]
+        kept = [lab.line(y, n * line) / lab.line(before, n * line) for y in (on_impacts, on_separated)]
         assert kept[0] == pytest.approx(kept[1], rel=0.12)
-    raised = [lab.floor(y, 4.5 * line) / lab.floor(before, 4.5 * line) for y in (on_impacts, on_strikes)]
+    raised = [lab.floor(y, 4.5 * line) / lab.floor(before, 4.5 * line) for y in (on_impacts, on_separated)]
     assert raised[0] == pytest.approx(raised[1], rel=0.2)
 
 

@@ -164,7 +164,7 @@ def test_impulsive_noise_has_high_kurtosis_and_no_envelope_lines(lab: Any) -> No
 
 
 @pytest.mark.parametrize("spread", [0.0, 0.3, 1.0])
-def test_knocks_are_as_even_as_their_spread_says(spread: float) -> None:
+def test_impulses_are_as_even_as_their_spread_says(spread: float) -> None:
     drawn = ImpulsiveNoise(spread=spread)._strengths(200_000, np.random.default_rng(0))
     assert np.abs(drawn).mean() == pytest.approx(1.0, rel=0.01)
     assert np.abs(drawn).std() == pytest.approx(spread, abs=0.01)
@@ -217,7 +217,7 @@ def test_coloured_noise_does_not_repeat_with_the_record(lab: Any, slope: float) 
     assert level[:5].mean() == pytest.approx(level.mean(), rel=0.1)
 
 
-def test_looseness_knocks_once_every_two_turns(lab: Any) -> None:
+def test_looseness_impulses_once_every_two_turns(lab: Any) -> None:
     """All orders in phase at one angle: there, and nowhere else within two turns, amplitudes add up."""
     effect = Looseness(level=0.5, decay=0.9, half_ratio=0.8, n_orders=8)
     whole, half = np.arange(1, 9), np.arange(0.5, 8)
@@ -225,7 +225,7 @@ def test_looseness_knocks_once_every_two_turns(lab: Any) -> None:
     x = lab.where(speed_rpm=600.0, n_samples=24000).added(effect)[0] / lab.parameters.reference_rms
     tops = np.flatnonzero(x > 0.97 * together)
     assert x.max() == pytest.approx(together, rel=0.01)
-    assert np.unique(tops // 40).size <= 2 * 10, "ten knocks in 20 turns"
+    assert np.unique(tops // 40).size <= 2 * 10, "ten impulses in 20 turns"
     assert np.diff(tops)[np.diff(tops) > 100] == pytest.approx(2400, abs=20)
 
 
@@ -236,7 +236,7 @@ def test_half_order_of_looseness_is_finite_whatever_the_decay() -> None:
     assert np.isfinite(Looseness(decay=0.05).levels).all()
 
 
-def test_looseness_out_of_phase_has_the_same_lines_and_no_knocks(lab: Any) -> None:
+def test_looseness_out_of_phase_has_the_same_lines_and_no_impulses(lab: Any) -> None:
     where = lab.where(speed_rpm=600.0, n_samples=24000)
     lines, tops = [], []
     for in_phase in (True, False):

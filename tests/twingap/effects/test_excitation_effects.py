@@ -27,7 +27,7 @@ ON_FAULTS = ["slip_jitter", "impact_scatter", "load_zone", "cage_modulation", "e
 
 
 @pytest.mark.parametrize("name", ON_FAULTS)
-def test_effects_on_strikes_leave_healthy_records_alone(lab: Any, name: str) -> None:
+def test_effects_on_impacts_leave_healthy_records_alone(lab: Any, name: str) -> None:
     without, with_it = lab.where(n_samples=4000).pair(name, "healthy", time_s=3600.0)
     np.testing.assert_array_equal(with_it, without)
 
@@ -151,7 +151,7 @@ def test_entry_and_exit_make_a_comb_at_one_over_the_delay(quiet: Any, speed_rpm:
 
 
 @pytest.mark.parametrize("turned", [False, True])
-def test_a_second_strike_may_go_the_other_way(quiet: Any, turned: bool) -> None:
+def test_a_second_impact_may_go_the_other_way(quiet: Any, turned: bool) -> None:
     lab = quiet.where()
     without, with_it = lab.pair(EntryExit(arc_deg=4.0, exit_ratio=0.7, turned=turned))
     delay = 4.0 / 360 / lab.bearing.ftf / lab.fr
@@ -161,7 +161,7 @@ def test_a_second_strike_may_go_the_other_way(quiet: Any, turned: bool) -> None:
     np.testing.assert_allclose(gain, abs(1 + second * np.exp(-2j * np.pi * f * delay)), rtol=0.02)
 
 
-def test_entry_and_exit_strike_no_new_order(lab: Any) -> None:
+def test_entry_and_exit_make_no_new_order(lab: Any) -> None:
     with_it = lab.envelope(lab.make([EntryExit()], count=4))
     line = lab.bearing.bpfo * lab.fr
     assert lab.prominence(with_it, line) > 20
@@ -200,7 +200,7 @@ def test_speed_gain_leaves_the_measuring_chain_alone(lab: Any) -> None:
 
 
 @pytest.mark.parametrize("on_noise", [0.0, 0.5])
-def test_speed_may_be_felt_by_strikes_and_less_by_the_noise(quiet: Any, on_noise: float) -> None:
+def test_speed_may_be_felt_by_impacts_and_less_by_the_noise(quiet: Any, on_noise: float) -> None:
     effect = SpeedGain(exponent=2.0, reference_speed_rpm=1200.0, on_noise=on_noise)
     lab = quiet.where(speed_rpm=2400.0, n_samples=6000)
     without, with_it = lab.pair(effect, "healthy")
@@ -229,7 +229,7 @@ def test_damage_growth_needs_no_speed_and_speed_gain_no_time(quiet: Any) -> None
     assert gains[0] == pytest.approx(gains[1], rel=1e-3)
 
 
-def test_strikes_of_one_pass_share_their_chances(quiet: Any) -> None:
+def test_impacts_of_one_pass_share_their_chances(quiet: Any) -> None:
     """Entry and exit belong to one roller: jitter and scatter move both alike, so the comb stays."""
     lab, doubled = quiet.where(n_samples=24000), EntryExit(arc_deg=4.0, exit_ratio=1.0)
     shared = [SlipJitter(sigma=0.03), ImpactScatter(sigma=0.3)]

@@ -88,7 +88,7 @@ def test_defects_may_take_as_much_of_a_pass_on_a_roller_as_on_a_race():
 
 
 @pytest.mark.parametrize("ratio", [0.5, 2.0])
-def test_a_push_has_the_strength_of_the_fainter_strike_at_low_frequencies_and_little_at_high_ones(ratio):
+def test_a_push_has_the_strength_of_the_fainter_impact_at_low_frequencies_and_little_at_high_ones(ratio):
     """Of one pass: two blows, or one blow and a push, as far apart and as strong."""
     made = {}
     for soft in (0.0, 0.1):

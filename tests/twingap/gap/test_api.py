@@ -12,7 +12,7 @@ from twingap.bearing import BEARINGS
 from twingap.effects import catalogue, make_effect
 from twingap.errors import TwingapError
 from twingap.gap import diagnose
-from twingap.gap.api import _status, _told
+from twingap.gap.api import _notes, _status
 from twingap.gap.distance.closure import Closure
 from twingap.gap.report.files import read_report, to_json
 from twingap.gap.report.model import Place
@@ -150,13 +150,13 @@ def test_own_simulated_records_of_the_same_machine_show_no_gap_worth_a_name(lear
     assert report.verdict.status == "no_gap" and report.verdict.effects == ()
 
 
-def test_another_level_with_the_named_effects_is_told():
+def test_another_level_with_the_named_effects_is_notes():
     def found(before, after):
         pair = [SimpleNamespace(simulator=SimpleNamespace(gain=gain, notes=())) for gain in (before, after)]
         return SimpleNamespace(names=(), cannot={}, before=pair[0], after=pair[1])
 
-    assert list(_told(found(3.0, 3.02))) == []
-    (told,) = _told(found(3.0, 4.5))
+    assert list(_notes(found(3.0, 3.02))) == []
+    (told,) = _notes(found(3.0, 4.5))
     assert "by 3 as they are and by 4.5 with the named effects" in told
 
 

@@ -99,11 +99,11 @@ def test_own_records_are_left_as_they_are_by_effects() -> None:
         np.testing.assert_array_equal(record.samples, kept)
 
 
-def test_effects_on_strikes_leave_the_simulators_noise_where_healthy_records_tell_it() -> None:
+def test_effects_on_impacts_leave_the_simulators_noise_where_healthy_records_tell_it() -> None:
     grown = make_effect("damage_growth", {"rate_per_s": 2e-3})
     timed = [replace(c, time_s=1000.0) for c in CONDITIONS]
     made = sim(timed, 2)
-    struck = made.select(lambda c: c.fault != "healthy")
+    faulty = made.select(lambda c: c.fault != "healthy")
 
     def power_between(own: ExternalSimulator, replicate: int = 0) -> list[float]:
         """Of a fifth of the short stretches, the quietest, with the effect over without it; by record of a defect."""
@@ -117,15 +117,15 @@ def test_effects_on_strikes_leave_the_simulators_noise_where_healthy_records_tel
         return out
 
     gain = math.exp(2 * 2.0)
-    whole = power_between(ExternalSimulator(struck, sim(timed, 1), BEARING, 1.0))
+    whole = power_between(ExternalSimulator(faulty, sim(timed, 1), BEARING, 1.0))
     assert whole == pytest.approx([gain] * 4)
     own = ExternalSimulator(made, sim(timed, 1), BEARING, 1.0)
     apart = power_between(own)
-    assert max(apart) < 0.5 * gain, "strikes ring on into the quietest fifth"
+    assert max(apart) < 0.5 * gain, "impacts ring on into the quietest fifth"
     # The same again, at another level too: what is kept is of the records as they were brought.
     assert power_between(own) == apart
     assert power_between(own.with_gain(3 * own.gain)) == pytest.approx(apart, rel=1e-3)
-    # Healthy records have no strikes.
+    # Healthy records have no impacts.
     healthy = [c for c in timed if c.fault == "healthy"]
     for a, b in zip(own.simulate((), healthy, 5, 0), own.simulate((grown,), healthy, 5, 0), strict=True):
         np.testing.assert_array_equal(a.samples, b.samples)
@@ -151,8 +151,8 @@ def test_disturbances_go_by_the_simulators_own_vibration() -> None:
 
 
 def test_without_a_healthy_simulated_record_the_real_ones_are_the_yardstick() -> None:
-    struck = [c for c in CONDITIONS if c.fault != "healthy"]
-    own = ExternalSimulator(sim(struck), sim(seed=1), BEARING, 0.8)
+    faulty = [c for c in CONDITIONS if c.fault != "healthy"]
+    own = ExternalSimulator(sim(faulty), sim(seed=1), BEARING, 0.8)
     assert own.reference_rms == pytest.approx(0.8)
     assert own.with_gain(3 * own.gain).reference_rms == pytest.approx(2.4)
 

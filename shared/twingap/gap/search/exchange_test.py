@@ -1,4 +1,4 @@
-"""Exchange test: whether the user's own simulator differs from the machine by more than its recordings do.
+"""Exchange test: does the user's simulator differ from the machine by more than recordings differ from each other?
 
 pairs of a record and a simulated one --feature differences, and their slopes over speed and time--> t of each feature
 t of each feature --random signs of whole groups--> mean of squared t under each draw --> p-value

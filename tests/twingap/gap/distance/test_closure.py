@@ -28,7 +28,7 @@ def conditions_of(n: int) -> tuple[Condition, ...]:
     return tuple(Condition(f"r{i}", 1500 + 500 * ((i * 7) % n) / n, 12000, 600, faults[i % 4]) for i in range(n))
 
 
-def views_of(conditions: Sequence[Condition], rng: np.random.Generator, shift: Array | float = 0.0) -> FeatureVectors:
+def vectors_of(conditions: Sequence[Condition], rng: np.random.Generator, shift: Array | float = 0.0) -> FeatureVectors:
     edges = np.arange(BINS + 1.0)
     axes: dict[DomainName, Axis] = {"order": Axis(edges[:-1], edges[1:], ("lines",) * BINS, "shaft orders")}
     return FeatureVectors({"order": rng.standard_normal((len(conditions), BINS)) + shift}, axes, tuple(conditions))
@@ -37,7 +37,7 @@ def views_of(conditions: Sequence[Condition], rng: np.random.Generator, shift: A
 def many(
     conditions: Sequence[Condition], rng: np.random.Generator, shift: Array | float, m: int = 10
 ) -> list[FeatureVectors]:
-    return [views_of(conditions, rng, shift) for _ in range(m)]
+    return [vectors_of(conditions, rng, shift) for _ in range(m)]
 
 
 def gap_closure(
@@ -67,7 +67,7 @@ def test_intervals_of_the_closure_cover(n: int, m: int, left: float) -> None:
     conditions, worlds = conditions_of(n), 60
     found = []
     for _ in range(worlds):
-        real = views_of(conditions, rng, MISSING)
+        real = vectors_of(conditions, rng, MISSING)
         before, after = many(conditions, rng, 0.0, m), many(conditions, rng, MISSING * (1 - left / 3), m)
         found.append(gap_closure(real, before, after, rng, draws=150))
     floor = np.mean([f.floor for f in found])
@@ -83,7 +83,9 @@ def test_intervals_of_the_closure_cover(n: int, m: int, left: float) -> None:
 def test_nothing_added_closes_nothing() -> None:
     rng = np.random.default_rng(2)
     conditions = conditions_of(16)
-    found = gap_closure(views_of(conditions, rng, MISSING), many(conditions, rng, 0.0), many(conditions, rng, 0.0), rng)
+    found = gap_closure(
+        vectors_of(conditions, rng, MISSING), many(conditions, rng, 0.0), many(conditions, rng, 0.0), rng
+    )
     assert abs(found.closure) < 0.1
     assert found.ci[0] <= 0 <= found.ci[1]
     assert found.before > 5 * found.floor
@@ -97,7 +99,7 @@ def test_metrics_fall_to_their_floors_when_what_is_missing_is_added() -> None:
         effect[i, {"healthy": 0, "outer": 1, "inner": 2, "ball": 3}[c.fault or ""]] = 8.0
     wrong = np.roll(effect, 1, axis=0)
     metrics = closure_metrics(
-        views_of(conditions, rng, effect), many(conditions, rng, wrong), many(conditions, rng, effect), rng
+        vectors_of(conditions, rng, effect), many(conditions, rng, wrong), many(conditions, rng, effect), rng
     )
     by_name = {m.metric: m for m in metrics}
     assert metrics[0].metric == "overall gap"
@@ -114,7 +116,7 @@ def test_where_nothing_is_added_no_measure_moves() -> None:
     rng = np.random.default_rng(8)
     conditions = conditions_of(16)
     sims = many(conditions, rng, 0.0, 4)
-    for metric in closure_metrics(views_of(conditions, rng, 0.1 * MISSING), sims, sims, rng):
+    for metric in closure_metrics(vectors_of(conditions, rng, 0.1 * MISSING), sims, sims, rng):
         assert metric.before == metric.after, metric.metric
 
 
@@ -123,14 +125,14 @@ def test_accuracy_is_left_out_where_one_record_of_a_fault_has_no_other_to_be_lea
     for each, told in ((1, False), (2, True)):
         few = tuple(c for c in conditions_of(16) if c.fault in ("inner", "outer"))
         kept = [c for fault in ("inner", "outer") for c in [c for c in few if c.fault == fault][:each]]
-        metrics = closure_metrics(views_of(kept, rng), many(kept, rng, 0.0, 3), many(kept, rng, 0.0, 3), rng)
+        metrics = closure_metrics(vectors_of(kept, rng), many(kept, rng, 0.0, 3), many(kept, rng, 0.0, 3), rng)
         assert any(m.higher_is_better for m in metrics) == told
 
 
 def test_accuracy_is_left_out_where_faults_are_unknown() -> None:
     rng = np.random.default_rng(4)
     hidden = tuple(replace(c, fault=None) for c in conditions_of(8))
-    metrics = closure_metrics(views_of(hidden, rng), many(hidden, rng, 0.0, 3), many(hidden, rng, 0.0, 3), rng)
+    metrics = closure_metrics(vectors_of(hidden, rng), many(hidden, rng, 0.0, 3), many(hidden, rng, 0.0, 3), rng)
     assert not any(m.higher_is_better for m in metrics)
 
 
@@ -143,7 +145,7 @@ def test_labels_of_the_same_group_are_not_learnt_from() -> None:
     conditions = [
         Condition(f"r{i}", 1800, 12000, 600, f, group=g) for i, (f, g) in enumerate(zip(faults, groups, strict=True))
     ]
-    real = views_of(conditions, rng, np.stack([own[g] for g in groups]))
+    real = vectors_of(conditions, rng, np.stack([own[g] for g in groups]))
     assert accuracy_between_records(real, faults, groups, rng).mean() < 0.75
     alone = [c.name for c in conditions]
     assert accuracy_between_records(real, faults, alone, rng).mean() > 0.95
@@ -154,7 +156,7 @@ def test_few_records_are_enough_to_run(n: int) -> None:
     rng = np.random.default_rng(6)
     conditions = conditions_of(n)
     metrics = closure_metrics(
-        views_of(conditions, rng, MISSING), many(conditions, rng, 0.0, 4), many(conditions, rng, MISSING, 4), rng
+        vectors_of(conditions, rng, MISSING), many(conditions, rng, 0.0, 4), many(conditions, rng, MISSING, 4), rng
     )
     for metric in metrics:
         assert np.isfinite([metric.before, metric.after, metric.floor, *metric.ci_after]).all()
@@ -164,7 +166,7 @@ def test_few_records_are_enough_to_run(n: int) -> None:
 def test_curves_hold_medians_and_bands() -> None:
     rng = np.random.default_rng(7)
     conditions = conditions_of(16)
-    real, before = views_of(conditions, rng, MISSING), many(conditions, rng, 0.0)
+    real, before = vectors_of(conditions, rng, MISSING), many(conditions, rng, 0.0)
     (curve,) = curves(real, before).values()
     assert curve.after is None and len(curve.x) == BINS
     factor = 10 / np.log(10)

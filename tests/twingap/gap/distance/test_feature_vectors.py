@@ -25,7 +25,7 @@ def condition(fs_hz: float = 12000.0, n: int = 12000, rpm: float = 1800.0) -> Co
     return Condition("r", rpm, fs_hz, n, "outer")
 
 
-def views_of(*records: Array, at: Condition | None = None) -> FeatureVectors:
+def vectors_of(*records: Array, at: Condition | None = None) -> FeatureVectors:
     at = at or condition(n=records[0].size)
     conditions = [replace(at, name=f"r{i}", group=None) for i in range(len(records))]
     grid = Grid.of(conditions, BEARING)
@@ -55,7 +55,7 @@ def test_any_record_gives_finite_vectors_that_fit_their_bins(fs_hz: float, n: in
         noise, np.zeros(n), np.full(n, 3.0), np.sin(2 * np.pi * 100 * t), np.round(noise), half, 1e-9 * noise,
         1e6 * np.eye(1, n, 5)[0],
     )  # fmt: skip
-    made = views_of(*some, at=condition(fs_hz, n))
+    made = vectors_of(*some, at=condition(fs_hz, n))
     assert made.domains == DOMAIN_NAMES
     assert np.isfinite(made.matrix).all()
     for domain, values in made.values.items():
@@ -68,7 +68,7 @@ def test_any_record_gives_finite_vectors_that_fit_their_bins(fs_hz: float, n: in
 
 
 def test_gain_moves_levels_by_its_logarithm_and_leaves_shapes_alone(noise: Array) -> None:
-    made = views_of(noise, np.e * noise)
+    made = vectors_of(noise, np.e * noise)
     difference = made.values["frequency"][1] - made.values["frequency"][0]
     levels = np.array(made.axes["frequency"].kind) == "level"
     assert difference[levels] == pytest.approx(2.0, abs=1e-6)
@@ -83,7 +83,7 @@ def test_gain_moves_levels_by_its_logarithm_and_leaves_shapes_alone(noise: Array
 @pytest.mark.parametrize("tone_hz", [50.0, 333.0, 2710.0])
 def test_a_tone_is_in_its_bin_of_hz_and_of_orders(noise: Array, tone_hz: float) -> None:
     t = np.arange(noise.size) / 12000
-    made = views_of(noise, noise + 0.3 * np.sin(2 * np.pi * tone_hz * t))
+    made = vectors_of(noise, noise + 0.3 * np.sin(2 * np.pi * tone_hz * t))
     for domain, place in (("frequency", tone_hz), ("order", tone_hz / 30)):
         by, lo, hi = changed(made, domain, "lines")  # type: ignore[arg-type]
         best = int(by.argmax())
@@ -96,23 +96,23 @@ def test_a_tone_is_in_its_bin_of_hz_and_of_orders(noise: Array, tone_hz: float) 
 
 def test_modulation_is_in_its_bin_of_envelope_orders(noise: Array) -> None:
     t = np.arange(noise.size) / 12000
-    made = views_of(noise, noise * (1 + 0.8 * np.cos(2 * np.pi * BEARING.bpfo * 30 * t)))
+    made = vectors_of(noise, noise * (1 + 0.8 * np.cos(2 * np.pi * BEARING.bpfo * 30 * t)))
     by, lo, hi = changed(made, "envelope_order", "lines")
     assert lo[by.argmax()] <= BEARING.bpfo <= hi[by.argmax()]
     assert by.max() > 2
 
 
 def test_clipping_dropout_and_asymmetry_show_in_the_amplitudes(noise: Array) -> None:
-    clipped = views_of(noise, np.clip(noise, -1.5, 1.5))
+    clipped = vectors_of(noise, np.clip(noise, -1.5, 1.5))
     assert changed(clipped, "amplitude", "extreme")[0][0] > 3
     by, *_ = changed(clipped, "amplitude", "shape")
     assert by[-1] < -0.5 < by[0]
     held = noise.copy()
     held[3000:3600] = held[3000]
-    dropped = views_of(noise, held)
+    dropped = vectors_of(noise, held)
     assert changed(dropped, "amplitude", "repeated")[0][0] > 2
     assert changed(dropped, "time", "level")[0].min() < -0.3
-    skewed = views_of(noise, np.where(noise > 0, 2 * noise, noise))
+    skewed = vectors_of(noise, np.where(noise > 0, 2 * noise, noise))
     assert changed(skewed, "amplitude", "asymmetry")[0][1:].min() > 0.3
 
 

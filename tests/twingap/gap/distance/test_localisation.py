@@ -93,7 +93,7 @@ def _world(
 
 @pytest.mark.slow
 def test_family_wise_error_of_the_twin_against_itself() -> None:
-    """Tiny records through all views: dependent, discrete and skewed bins."""
+    """Tiny records in all domains: dependent, discrete and skewed bins."""
     rng = np.random.default_rng(7)
     conditions, worlds, m = conditions_of(4, 4000.0, 256), 200, 2
     named = 0

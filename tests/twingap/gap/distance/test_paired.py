@@ -27,7 +27,7 @@ def conditions_of(n: int, faults: Sequence[str] = ("healthy", "outer"), per_grou
     )
 
 
-def views_of(conditions: Sequence[Condition], rng: np.random.Generator, shift: Array | float = 0.0) -> FeatureVectors:
+def vectors_of(conditions: Sequence[Condition], rng: np.random.Generator, shift: Array | float = 0.0) -> FeatureVectors:
     edges = np.arange(BINS + 1.0)
     axes: dict[DomainName, Axis] = {"order": Axis(edges[:-1], edges[1:], ("lines",) * BINS, "shaft orders")}
     return FeatureVectors({"order": rng.standard_normal((len(conditions), BINS)) + shift}, axes, tuple(conditions))
@@ -35,7 +35,7 @@ def views_of(conditions: Sequence[Condition], rng: np.random.Generator, shift: A
 
 def pair_of(n: int, m: int, rng: np.random.Generator, shift: Array | float = 0.0) -> Paired:
     conditions = conditions_of(n)
-    return Paired(views_of(conditions, rng, shift), [views_of(conditions, rng) for _ in range(m)])
+    return Paired(vectors_of(conditions, rng, shift), [vectors_of(conditions, rng) for _ in range(m)])
 
 
 def overall_of(pair: Paired) -> float:
@@ -89,7 +89,7 @@ def test_a_gap_of_opposite_signs_in_two_faults_does_not_cancel() -> None:
     rng = np.random.default_rng(4)
     conditions = conditions_of(16)
     sign = np.where(np.arange(16) % 2 == 0, 2.0, -2.0)[:, None]
-    pair = Paired(views_of(conditions, rng, sign), [views_of(conditions, rng) for _ in range(5)])
+    pair = Paired(vectors_of(conditions, rng, sign), [vectors_of(conditions, rng) for _ in range(5)])
     assert overall_of(pair) > 1.5
 
 
@@ -101,7 +101,7 @@ def test_windows_of_one_recording_are_one_witness() -> None:
     squares = []
     for _ in range(100):
         own = np.repeat(rng.standard_normal((8, BINS)), 4, axis=0)
-        real, sims = views_of(conditions, rng, own), [views_of(conditions, rng) for _ in range(5)]
+        real, sims = vectors_of(conditions, rng, own), [vectors_of(conditions, rng) for _ in range(5)]
         squares.append([Paired(replace(real, conditions=tuple(c)), sims).squares().mean() for c in (conditions, alone)])
     together, apart = np.mean(squares, axis=0)
     # Eight recordings know their scatter roughly, and what is divided by it is a little more than nothing on average.
@@ -121,7 +121,7 @@ def test_what_goes_with_speed_or_with_the_run_is_a_gap_though_the_mean_is_none(m
     of_run = np.linspace(-1, 1, 24)[:, None] * np.where(np.arange(BINS) < 10, 3.0, 0.0)
     found = []
     for _ in range(100):
-        pair = Paired(views_of(conditions, rng, of_run), [views_of(conditions, rng) for _ in range(m)])
+        pair = Paired(vectors_of(conditions, rng, of_run), [vectors_of(conditions, rng) for _ in range(m)])
         mean = (pair.squares()[0] * pair.scale**2).T @ pair.stratum_weight
         found.append((mean[:10].mean(), mean[10:].mean()))
     error = np.std(found, axis=0) / 10
@@ -132,11 +132,11 @@ def test_what_goes_with_speed_or_with_the_run_is_a_gap_though_the_mean_is_none(m
 
 def test_replicates_must_match_the_records() -> None:
     rng = np.random.default_rng(6)
-    real = views_of(conditions_of(4), rng)
+    real = vectors_of(conditions_of(4), rng)
     with pytest.raises(TwingapError, match="no simulated records"):
         Paired(real, [])
     with pytest.raises(TwingapError, match="against 4 records"):
-        Paired(real, [views_of(conditions_of(3), rng)])
+        Paired(real, [vectors_of(conditions_of(3), rng)])
 
 
 def test_what_is_plain_counts_by_its_logarithm_and_what_is_small_as_it_is() -> None:
@@ -168,7 +168,7 @@ def test_the_misfit_gains_nothing_from_simulations_that_scatter_less() -> None:
         squares = []
         for _ in range(200):
             conditions = conditions_of(6)
-            real, sims = views_of(conditions, rng, 2.0), [views_of(conditions, rng) for _ in range(2)]
+            real, sims = vectors_of(conditions, rng, 2.0), [vectors_of(conditions, rng) for _ in range(2)]
             noisy = [FeatureVectors({"order": spread * sim.matrix}, sim.axes, conditions) for sim in sims]
             squares.append([Paired(real, noisy[:m], np.ones(BINS)).misfit() ** 2 for m in (1, 2)])
         found[spread] = np.mean(squares, axis=0)

@@ -28,7 +28,7 @@ def test_modules_measure_the_features_that_they_name(kind):
         assert np.isfinite(values).any() != (kind.of_impacts and fault == "healthy")
 
 
-def test_features_stand_in_the_order_of_their_names():
+def test_features_are_in_the_order_of_their_names():
     ((record, _),) = Machine().records(fault="outer", count=1)
     values = dict(zip(registry.NAMES, registry.measure(record), strict=True))
     for kind in registry.RECORD_FEATURES:

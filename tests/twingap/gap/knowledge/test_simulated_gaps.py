@@ -145,7 +145,7 @@ def test_values_a_little_off_are_of_the_same_effect_and_near():
     assert with_errors(effect, 0.0, setting, rng) == effect
 
 
-def test_second_strikes_are_drawn_where_they_can_be_told_from_one():
+def test_second_impacts_are_drawn_where_they_can_be_told_from_one():
     """At least two samples after the first in some record, and well before the next pass."""
     rng, arcs = np.random.default_rng(21), 0
     while arcs < 40:

@@ -82,7 +82,7 @@ def test_a_second_mode_is_found_where_it_is_and_the_way_it_moves(opposed: bool) 
     assert misfits[1] < 1.25 * misfits[0] < misfits[2]
 
 
-def test_knocks_are_begun_at_as_many_and_as_strong_as_are_counted() -> None:
+def test_impulses_are_begun_at_as_many_and_as_strong_as_are_counted() -> None:
     values = {"level": 40.0, "rate_hz": 4.0, "resonance_hz": 4200.0, "damping_ratio": 0.1, "spread": 0.2}
     own = evidence_of(machine(make_effect("impulsive_noise", values)))
     guess = make_effect("impulsive_noise", {"level": 9.0, "rate_hz": 40.0, "resonance_hz": 1500.0})
@@ -94,7 +94,7 @@ def test_knocks_are_begun_at_as_many_and_as_strong_as_are_counted() -> None:
 
 
 @pytest.mark.parametrize("root", [7, 8, 9])
-def test_knocks_of_which_few_records_show_any_are_not_made_rare_and_huge(root: int) -> None:
+def test_impulses_of_which_few_records_show_any_are_not_made_rare_and_huge(root: int) -> None:
     truth = {"level": 9.0, "rate_hz": 3.0, "resonance_hz": 2400.0, "damping_ratio": 0.05, "spread": 0.3}
     calibrated = calibrate(machine(make_effect("impulsive_noise", truth)), SPEC, np.random.default_rng(1))
     own = Evidence(calibrated, simulator_of(calibrated), SPEC, root)
@@ -136,7 +136,7 @@ def test_a_search_for_noise_begins_where_the_healthy_spectra_have_it() -> None:
     assert 1000.0 < vars(found)["high_hz"] < 1900.0
 
 
-def test_rare_strong_knocks_are_told_from_frequent_weak_ones() -> None:
+def test_rare_strong_impulses_are_told_from_frequent_weak_ones() -> None:
     truth = make_effect(
         "impulsive_noise", {"level": 60.0, "rate_hz": 4.0, "resonance_hz": 2400.0, "damping_ratio": 0.05}
     )
@@ -149,7 +149,7 @@ def test_rare_strong_knocks_are_told_from_frequent_weak_ones() -> None:
     assert misfits[0] < 0.8 * misfits[1]
 
 
-def test_loose_parts_that_do_not_knock_are_tried_too() -> None:
+def test_loose_parts_that_do_not_impulses_are_tried_too() -> None:
     truth = make_effect("looseness", {"level": 0.8, "decay": 0.97, "n_orders": 8, "in_phase": False})
     own = evidence_of(machine(truth))
     found = begun(own, make_effect("looseness", {"level": 0.2, "decay": 0.97, "n_orders": 8}))
@@ -200,7 +200,7 @@ def test_a_signature_names_a_place(effect: str, feature: str, value: float, para
     assert min(abs(one - expected) for one in found) < 1e-6 * abs(expected)
 
 
-def test_an_order_of_strikes_from_elsewhere_is_tried_at_every_level_and_once() -> None:
+def test_an_order_of_impacts_from_elsewhere_is_tried_at_every_level_and_once() -> None:
     own = evidence_of(machine())
     features = np.full(len(feature_names()), np.nan)
     for name, order in (("lines.comb_order|all", 5.53), ("background.foreign_order|all", 5.535)):

@@ -23,7 +23,7 @@ def test_only_effects_without_any_value_are_open() -> None:
     assert without_values(spec) == ("slip_jitter", "load_zone")
 
 
-def test_values_are_read_off_the_fit_part_and_stand_in_the_report(learnt: Any) -> None:
+def test_values_are_read_off_the_fit_part_and_are_in_the_report(learnt: Any) -> None:
     records = machine(make_effect("mains_interference", {"level": 0.8, "mains_hz": 50.0, "n_harmonics": 2}))
     named = TwinSpec("phenomenological", ("mains_interference",))
     rng = np.random.default_rng(3)

@@ -153,8 +153,8 @@ def test_a_baseline_that_is_off_is_brought_back() -> None:
     assert values["resonance_hz"] == pytest.approx(2400.0, rel=0.03)
 
 
-def test_of_a_few_short_records_chance_says_little_of_strikes() -> None:
-    """Other random streams, other strikes: unless what calibration says of them holds."""
+def test_of_a_few_short_records_chance_says_little_of_impacts() -> None:
+    """Other random streams, other impacts: unless what calibration says of them holds."""
     spec = TwinSpec("phenomenological")
     weak = replace(OWN, impact_amplitude={"inner": 3.0, "outer": 3.0})
     calibrated = calibrate(machine(n_samples=2500, own=weak), spec, np.random.default_rng(1))
@@ -222,8 +222,8 @@ def test_trials_are_bounded_whatever_the_records(monkeypatch: pytest.MonkeyPatch
 
 
 def test_values_stay_where_they_are_plausible(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Knocks by the thousand that ring for hours would be simulated otherwise, whatever they took."""
-    knocks = make_effect("impulsive_noise", {"level": 8.0, "rate_hz": 45.0, "damping_ratio": 0.012})
+    """Impulses by the thousand that ring for hours would be simulated otherwise, whatever they took."""
+    impulses = make_effect("impulsive_noise", {"level": 8.0, "rate_hz": 45.0, "damping_ratio": 0.012})
     own = evidence_of(machine(make_effect("impulsive_noise", {"level": 20.0, "rate_hz": 49.0})))
     tried: list[Effect] = []
     once = Evidence.tried
@@ -233,9 +233,9 @@ def test_values_stay_where_they_are_plausible(monkeypatch: pytest.MonkeyPatch) -
         return once(self, simulator, effects)  # type: ignore[arg-type]
 
     monkeypatch.setattr(Evidence, "tried", seen)
-    optimise(own, own.against([knocks]).simulator, [knocks], {("impulsive_noise", "rate_hz"): 1.0})
+    optimise(own, own.against([impulses]).simulator, [impulses], {("impulsive_noise", "rate_hz"): 1.0})
     assert len(tried) > 50
-    for field in fields(knocks):  # type: ignore[arg-type]
+    for field in fields(impulses):  # type: ignore[arg-type]
         low, high = field.metadata["plausible"]
         values = [getattr(effect, field.name) for effect in tried]
         assert 0.999 * low <= min(values)

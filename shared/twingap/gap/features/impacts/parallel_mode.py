@@ -1,4 +1,4 @@
-"""A mode in parallel with a path that is known by its spectra alone: how it changes noise and impacts.
+"""Effect of a further mode, in parallel with a path known from its spectra, on noise and impacts.
 
 simulated spectrum less its white noise --least phase--> response of the path, complex
     --one more mode g H2 added--> |1 + g H2 / H|^2 on what has passed the path, white noise left alone

@@ -1,4 +1,4 @@
-"""Lines in spectra averaged over a set of records: combs, pairs and single lines that no single record shows.
+"""Lines in spectra averaged over a set of records: combs, pairs and single lines that are too faint in a single record.
 
 Whitened of each record --mean in Hz and in orders--> z on combs of mains, shaft, another bearing --> lines
                         --record by record, at the speed where a comb stands highest--> gear mesh, race waviness

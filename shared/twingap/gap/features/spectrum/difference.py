@@ -1,4 +1,4 @@
-"""Difference of two mean spectra, real less simulated, fitted with the shapes that effects give.
+"""Difference of two mean spectra, real less simulated, fitted with the shapes of effects.
 
 mean log smooth spectra, real - simulated --> bump, dip, slope
         |--> one more mode | roll-off of the sensor | added noise in a band --> share explained, parameters

@@ -1,4 +1,4 @@
-"""Models of the mean spectra of a set: one mode and white noise, or that and something more.
+"""Models of the mean spectra of a set: one mode and white noise, alone or with one further component.
 
 noise of healthy records, all power of records with impacts --fit each model--> gain over the baseline, values
 

@@ -1,4 +1,4 @@
-"""Tones of a spectrum, and the combs they lie on: each step computed once a record.
+"""Tones of a spectrum and their combs, computed once a record.
 
 spectrum / local floor --> peaks --> fault comb, mains, unrelated comb --> shaft rate --> levels
 

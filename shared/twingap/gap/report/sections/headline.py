@@ -1,4 +1,4 @@
-"""The headline of the page: status, verdict in one sentence, key numbers, overall tests."""
+"""The headline of the page: status, verdict in one sentence, key numbers, two-sample tests."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Every effect on the strikes is measured for what it is, on several bearings, rates, speeds and defects."""
+"""Every effect on the impacts is measured for what it is, on several bearings, rates, speeds and defects."""
 
 import math
 from collections.abc import Callable
@@ -149,13 +149,13 @@ def test_arc_of_the_defect(world: World, arc_deg: float) -> None:
     measured = [measure(transforms) for transforms in records(world, EntryExit(arc_deg), count=8)]
     assert np.nanmedian([m["arc_deg"] for m in measured]) == pytest.approx(arc_deg, rel=0.1)
     assert np.median([m["second_impact_gain"] for m in measured]) > 0.7
-    # Within half a period of the resonance the two strikes all but cancel where they would be seen best.
+    # Within half a period of the resonance the two impacts all but cancel where they would be seen best.
     if delay * world[5] > 0.6:
         assert np.nanmedian([m["exit_ratio"] for m in measured]) == pytest.approx(1.0, rel=0.2)
 
 
 @pytest.mark.parametrize("part", [0.2, 0.4])
-def test_the_mean_cycle_rises_again_where_a_second_strike_comes(part: float) -> None:
+def test_the_mean_cycle_rises_again_where_a_second_impact_comes(part: float) -> None:
     world = WORLDS[5]
     bearing, fault = BEARINGS[world[0]], world[1]
     body = {"outer": bearing.ftf, "inner": 1 - bearing.ftf, "ball": bearing.bsf}[fault]
@@ -166,7 +166,7 @@ def test_the_mean_cycle_rises_again_where_a_second_strike_comes(part: float) -> 
     assert two[1] == pytest.approx(part, abs=0.03)
 
 
-def test_a_weak_second_strike_is_known_to_be_weak() -> None:
+def test_a_weak_second_impact_is_known_to_be_weak() -> None:
     found = values("exit_ratio", WORLDS[5], EntryExit(3.0, 0.5))
     assert np.median(found) == pytest.approx(0.5, rel=0.2)
 
@@ -178,7 +178,7 @@ def test_level_is_logarithmic_in_the_amplitude() -> None:
     assert gain == pytest.approx(math.log(2), abs=0.1)
 
 
-def test_noise_without_strikes_is_not_followed() -> None:
+def test_noise_without_impacts_is_not_followed() -> None:
     rng = np.random.default_rng(5)
     frame = Frame(BEARINGS["6205"], (2000.0, 5000.0), 1.0)
     condition = Condition("noise", 1800.0, 20000.0, 20000, "outer")

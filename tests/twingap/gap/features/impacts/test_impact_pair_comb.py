@@ -1,4 +1,4 @@
-"""Second strikes are combs over harmonics: at any speed, of any fault, out of many faint records, and not by chance."""
+"""Second impacts are combs over harmonics: at any speed, of any fault, out of many faint records, and not by chance."""
 
 import numpy as np
 import pytest
@@ -17,7 +17,7 @@ RATES = {"6205": 12000.0, "UER204": 25600.0, "ZA-2115": 20000.0}
 SPEEDS = (1100.0, 1450.0, 1900.0)
 
 
-def struck(name, effects=(), faults=("outer", "inner"), seed=0, amplitude=12.0, speeds=SPEEDS):
+def impact_spectra(name, effects=(), faults=("outer", "inner"), seed=0, amplitude=12.0, speeds=SPEEDS):
     fs_hz, bearing = RATES[name], BEARINGS[name]
     impacts = dict.fromkeys(("inner", "outer", "ball"), amplitude)
     parameters = PhenomenologicalParameters(resonance_hz=0.2 * fs_hz, damping_ratio=0.05, impact_amplitude=impacts)
@@ -32,7 +32,9 @@ def struck(name, effects=(), faults=("outer", "inner"), seed=0, amplitude=12.0, 
 
 
 def compared(name, effects, seed=1, **more):
-    return impact_pair_comb.compare(struck(name, effects, seed=seed, **more), struck(name, **more), BEARINGS[name])
+    return impact_pair_comb.compare(
+        impact_spectra(name, effects, seed=seed, **more), impact_spectra(name, **more), BEARINGS[name]
+    )
 
 
 @pytest.mark.parametrize("name", RATES)
@@ -44,7 +46,7 @@ def test_one_machine_has_no_comb_against_itself(name):
 
 @pytest.mark.parametrize("name", RATES)
 @pytest.mark.parametrize("arc_deg", [1.5, 3.0, 6.0])
-def test_a_second_strike_is_a_comb_of_its_arc_at_any_speed(name, arc_deg):
+def test_a_second_impact_is_a_comb_of_its_arc_at_any_speed(name, arc_deg):
     found = compared(name, [make_effect("entry_exit", {"arc_deg": arc_deg, "exit_ratio": 0.8})])
     for kind in ("clear", "faint"):
         assert found[f"{kind}_gain"] > 0.4
@@ -66,7 +68,7 @@ def test_each_fault_is_a_defect_of_its_own_length():
     assert found["clear_gain"] > 0.5
 
 
-def test_a_strike_back_is_a_comb_turned_round():
+def test_a_reversed_second_impact_is_a_comb_turned_round():
     found = compared("6205", [EntryExit(arc_deg=3.0, exit_ratio=0.8, turned=True)])
     assert found["clear_ratio"] < 0
     assert np.exp(found["clear_arc_log"]) == pytest.approx(3.0, rel=0.05)
@@ -80,8 +82,8 @@ def test_where_the_cage_slips_the_comb_is_that_of_the_rate_that_lines_show():
     assert np.exp(found["faint_arc_log"]) == pytest.approx(17.0, rel=0.005)
 
 
-def test_a_faint_second_strike_shows_in_many_records():
-    """A comb 3 dB deep, strikes hardly above the noise: its score grows with the records, by chance it does not."""
+def test_a_faint_second_impact_shows_in_many_records():
+    """A comb 3 dB deep, impacts hardly above the noise: its score grows with the records, by chance it does not."""
     faint = [make_effect("entry_exit", {"arc_deg": 4.0, "exit_ratio": 0.2})]
     few, many = {"speeds": (1450.0,)}, {"speeds": tuple(np.linspace(1200, 1700, 10))}
 
@@ -117,7 +119,7 @@ def test_a_score_counts_harmonics():
 
 
 def test_nothing_is_said_without_impacts():
-    assert all(np.isnan(v) for v in impact_pair_comb.compare([], struck("6205"), BEARINGS["6205"]).values())
+    assert all(np.isnan(v) for v in impact_pair_comb.compare([], impact_spectra("6205"), BEARINGS["6205"]).values())
 
 
 def mixed(effects, amplitudes, seed):
@@ -125,7 +127,7 @@ def mixed(effects, amplitudes, seed):
     return [
         record
         for i, amplitude in enumerate(amplitudes)
-        for record in struck("6205", effects, ("outer",), seed + i, amplitude, (1100.0 + 70 * i,))
+        for record in impact_spectra("6205", effects, ("outer",), seed + i, amplitude, (1100.0 + 70 * i,))
     ]
 
 
@@ -139,7 +141,7 @@ def test_records_that_drown_do_not_silence_the_comb_of_the_others(more):
 
 
 def of_path(resonance_hz, effects, seed):
-    """Strikes and noise, healthy records among them, at six speeds."""
+    """Impacts and noise, healthy records among them, at six speeds."""
     parameters = PhenomenologicalParameters(resonance_hz, 0.1, impact_amplitude={"outer": 12.0})
     conditions = [
         Condition(f"{fault}{i}", 1200.0 + 90 * i, 12000.0, 12000, fault)
@@ -168,11 +170,11 @@ def test_a_mode_that_calibration_missed_is_no_comb(moved):
     assert unaware["clear_score"] > found["clear_score"] + 0.4
 
 
-def test_a_second_strike_is_heard_beside_a_second_mode():
+def test_a_second_impact_is_heard_beside_a_second_mode():
     mode = make_effect("second_resonance", {"frequency_hz": 4300.0, "damping_ratio": 0.03, "gain": 0.8})
-    strike = make_effect("entry_exit", {"arc_deg": 4.0, "exit_ratio": 0.4})
+    double = make_effect("entry_exit", {"arc_deg": 4.0, "exit_ratio": 0.4})
     simulated = of_path(2400.0, (), 2)
-    both, alone = combs(of_path(2400.0, [mode, strike], 1), simulated), combs(of_path(2400.0, [mode], 1), simulated)
+    both, alone = combs(of_path(2400.0, [mode, double], 1), simulated), combs(of_path(2400.0, [mode], 1), simulated)
     assert np.exp(both["clear_arc_log"]) == pytest.approx(4.0, rel=0.05)
     assert both["clear_score"] > alone["clear_score"] + 0.4
     assert np.isnan(alone["clear_arc_log"])

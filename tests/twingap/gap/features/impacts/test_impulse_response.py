@@ -1,4 +1,4 @@
-"""Spectra that strikes leave: the path shows in them, added noise does not."""
+"""Spectra that impacts leave: the path shows in them, added noise does not."""
 
 import numpy as np
 import pytest
@@ -14,7 +14,7 @@ RATES = {"6205": 12000.0, "UER204": 25600.0, "ZA-2115": 20000.0}
 SPEEDS = (1100.0, 1450.0, 1900.0)
 
 
-def struck(name, effects=(), faults=("outer", "inner"), seed=0, amplitude=12.0):
+def impact_spectra(name, effects=(), faults=("outer", "inner"), seed=0, amplitude=12.0):
     fs_hz, bearing = RATES[name], BEARINGS[name]
     impacts = dict.fromkeys(("inner", "outer", "ball"), amplitude)
     parameters = PhenomenologicalParameters(
@@ -31,7 +31,7 @@ def struck(name, effects=(), faults=("outer", "inner"), seed=0, amplitude=12.0):
 
 
 def compared(name, effects, noise=None, **more):
-    return impulse_response.compare(struck(name, effects, seed=1, **more), struck(name, **more), noise)
+    return impulse_response.compare(impact_spectra(name, effects, seed=1, **more), impact_spectra(name, **more), noise)
 
 
 @pytest.mark.parametrize("name", RATES)
@@ -63,20 +63,20 @@ def test_a_sensor_that_rolls_off_takes_from_the_answer_what_it_takes_from_the_no
     assert found["high"] < -0.15 < 0.15 < found["low"]
 
 
-def test_weak_strikes_are_seen_in_many_records():
+def test_weak_impacts_are_seen_in_many_records():
     few = compared("6205", (), faults=("outer",), amplitude=1.2)
     strong = compared("6205", (), faults=("outer",), amplitude=12.0)
     assert few["known"] < strong["known"]
 
 
 def test_nothing_is_said_without_impacts():
-    assert all(np.isnan(v) for v in impulse_response.compare([], struck("6205"), None).values())
-    assert struck("6205", faults=("healthy",)) == [None] * 3
+    assert all(np.isnan(v) for v in impulse_response.compare([], impact_spectra("6205"), None).values())
+    assert impact_spectra("6205", faults=("healthy",)) == [None] * 3
 
 
 @pytest.mark.parametrize("name", RATES)
 def test_tones_of_other_things_are_no_impact_rate(name):
-    """Some comb always catches a few of a gear's lines: beside weak strikes windows stay where kinematics has them."""
+    """Some comb always catches a few of a gear's lines: beside weak impacts windows stay where kinematics has them."""
     rng, fs_hz, bearing = np.random.default_rng(4), RATES[name], BEARINGS[name]
     frame = Frame(bearing, (0.15 * fs_hz, 0.25 * fs_hz), 1.0)
     parameters = PhenomenologicalParameters(0.2 * fs_hz, 0.05, impact_amplitude={"outer": 1.0, "inner": 1.0})

@@ -10,7 +10,7 @@ BANDS = 128
 F = (np.arange(BANDS) + 0.5) / (2 * BANDS)
 
 
-def ringing(f, place, damping):
+def response(f, place, damping):
     """Transform of samples of exp(-damping w t) sin(w_d t), the one sample of delay left out."""
     w, turned = 2 * np.pi * place, 2 * np.pi * place * np.sqrt(1 - damping**2)
     n = np.arange(1, 4000)
@@ -20,7 +20,7 @@ def ringing(f, place, damping):
 
 @pytest.mark.parametrize("place", [0.08, 0.2, 0.3])
 def test_the_least_phase_of_a_mode_is_that_of_its_samples(place):
-    true = ringing(F, place, 0.05)
+    true = response(F, place, 0.05)
     found = least_phase(np.abs(true) ** 2)
     assert np.abs(found) == pytest.approx(np.abs(true), rel=1e-9)
     assert np.angle(found / true) == pytest.approx(0.0, abs=0.02)
@@ -31,13 +31,13 @@ def test_the_least_phase_of_a_mode_is_that_of_its_samples(place):
 
 @pytest.mark.parametrize("against", [1.0, -1.0])
 def test_a_mode_in_parallel_raises_one_side_and_lowers_the_other(against):
-    power = np.abs(ringing(F, 0.12, 0.05)) ** 2
+    power = np.abs(response(F, 0.12, 0.05)) ** 2
     path = Path([power], [0.0], [True])
     curves, ((place, damping, gain),), _ = path.curves(np.array([0.2]), (0.06,), (against * 0.5,))
     assert (place, damping) == (0.2, 0.06)
     assert np.sign(gain) == against
     unit = np.sqrt(power.max())
-    alone = ringing(F, 0.12, 0.05) / unit
+    alone = response(F, 0.12, 0.05) / unit
     true = np.log(np.abs(1 + gain * parallel_mode.ring_down_response(F, 0.2, 0.06) / alone) ** 2)
     assert np.median(np.abs(curves[0] - true)) < 0.03
     assert curves[0].max() > 0.5 and curves[0].min() < -0.3

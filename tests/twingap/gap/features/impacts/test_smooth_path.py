@@ -49,7 +49,7 @@ def test_a_mode_that_is_out_of_place_is_no_comb():
     assert max(gains) < 16
 
 
-def test_what_one_path_does_to_noise_and_strikes_alike_is_taken_out():
+def test_what_one_path_does_to_noise_and_impacts_alike_is_taken_out():
     every = np.ones(HARMONICS.size)
     bend = mode(30.0, 0.02) - mode(24.0, 0.02)
     log = bend + 0.05 * np.random.default_rng(0).standard_normal(HARMONICS.size)
@@ -60,7 +60,7 @@ def test_what_one_path_does_to_noise_and_strikes_alike_is_taken_out():
     assert told < untold
 
 
-def struck(bearing, place, effects=(), seed=0, fs_hz=20000.0):
+def impact_spectra(bearing, place, effects=(), seed=0, fs_hz=20000.0):
     parameters = PhenomenologicalParameters(
         resonance_hz=place * fs_hz, damping_ratio=0.05, impact_amplitude={"outer": 12.0}
     )
@@ -71,12 +71,14 @@ def struck(bearing, place, effects=(), seed=0, fs_hz=20000.0):
 
 
 @pytest.mark.parametrize("name", ["6205", "UER204", "ZA-2115"])
-def test_records_of_a_second_strike_are_likelier_with_it_though_the_twin_has_another_mode(name):
+def test_records_of_a_second_impact_are_likelier_with_it_though_the_twin_has_another_mode(name):
     bearing = BEARINGS[name]
     effect = make_effect("entry_exit", {"arc_deg": 0.23 * 360 / bearing.n_rollers, "exit_ratio": 0.5})
-    twin = struck(bearing, 0.225)
+    twin = impact_spectra(bearing, 0.225)
     found = {
-        there: impact_pair_comb.compare(struck(bearing, 0.2, effects, seed=1), twin, bearing)["clear_smooth_path_gain"]
+        there: impact_pair_comb.compare(impact_spectra(bearing, 0.2, effects, seed=1), twin, bearing)[
+            "clear_smooth_path_gain"
+        ]
         for there, effects in ((True, (effect,)), (False, ()))
     }
     assert found[True] > np.log1p(20) > np.log1p(12) > found[False]

@@ -163,7 +163,7 @@ def shaped(count, seed, kinds=("healthy",), hz=None, only="", low_hz=0.0, rpm=11
 
 
 def test_a_carrier_is_there_whatever_the_state_of_the_bearing():
-    """What stands beside the harmonics of strikes is in records of one kind; a carrier is in all of them."""
+    """What stands beside the harmonics of impacts is in records of one kind; a carrier is in all of them."""
     kinds = ("healthy", "outer", "inner")
     in_all, in_one, in_none = (shaped(18, 3, kinds, *what) for what in ((3003.0,), (3003.0, "outer"), ()))
     assert 12000 * np.exp(in_all["fixed_fs"]) == pytest.approx(3003, abs=2)

@@ -76,8 +76,8 @@ def test_records_of_a_fault_at_one_speed_are_one_observation():
         measured = level * np.exp(off + 0.005 * rng.standard_normal(len(conditions)))
         found = Levels(conditions, measured, level, np.full(len(conditions), np.nan)).trends()
         deviates.append(found["speed_impacts_z"])
-        struck = kinds != "healthy"
-        (z,) = slope(speed[struck], np.log(measured / level)[struck, None], kinds[struck])[1]
+        faulty = kinds != "healthy"
+        (z,) = slope(speed[faulty], np.log(measured / level)[faulty, None], kinds[faulty])[1]
         naive.append(z)
     assert np.mean(np.abs(deviates) > 2) < 0.1 < 0.3 < np.mean(np.abs(naive) > 2)
 
@@ -100,7 +100,7 @@ def test_an_amplitude_that_calibration_missed_is_no_trend():
     assert all(np.isnan(t["time_impacts"]) for t in found)
 
 
-def test_a_gain_that_strikes_alone_have_is_read_off_them():
+def test_a_gain_that_impacts_alone_have_is_read_off_them():
     gain = {"exponent": 1.4, "reference_speed_rpm": 1500.0}
     found = levels(make_effect("speed_gain", {**gain, "on_noise": 0.0})).trends()
     assert found["speed_impacts"] == pytest.approx(1.4, abs=0.2)
@@ -156,8 +156,8 @@ def summaries(*effects, seed=0):
     return [summarise(RecordTransforms(r.samples, r.condition, frame)) for r in made]
 
 
-def test_strikes_are_followed_by_their_harmonics_where_tones_drown_them():
-    """Strong tones widen what the RMS says of strikes; what stands at harmonics hears none of them."""
+def test_impacts_are_followed_by_their_harmonics_where_tones_drown_them():
+    """Strong tones widen what the RMS says of impacts; what stands at harmonics hears none of them."""
     gain = make_effect("speed_gain", {"exponent": 1.4, "reference_speed_rpm": 1500.0, "on_noise": 0.0})
     tone = make_effect("drive_interference", {"level": 4.0, "depth": 0.2, "carrier_hz": 4100.0, "sideband_order": 3.0})
     plain = Levels.of(summaries(tone, seed=1), summaries()).trends()

@@ -77,14 +77,14 @@ def test_a_mode_that_moves_a_sensor_against_the_others_is_no_noise(modes):
     assert found["parallel_strength"] < 0
 
 
-def test_noise_in_a_band_adds_the_same_power_to_noise_and_strikes():
+def test_noise_in_a_band_adds_the_same_power_to_noise_and_impacts():
     band = {"level": 0.5, "slope": 0.0, "low_hz": 0.10 * FS_HZ, "high_hz": 0.16 * FS_HZ}
     found = compared(make_effect("coloured_noise", band))
     assert found["band_lead"] > -0.15
     assert found["band_gain"] > max(found["power_law_gain"], found["rolloff_gain"]) + 0.2
     assert np.exp(found["band_low"]) == pytest.approx(0.10, abs=0.02)
     assert np.exp(found["band_high"]) == pytest.approx(0.16, abs=0.035)
-    # A mode that strikes excite rises over struck spectra as over quiet ones; added noise drowns among strikes.
+    # A mode that impacts excite rises over struck spectra as over quiet ones; added noise drowns among impacts.
     assert found["band_noise"] > found["band_impacts"]
 
 

@@ -52,7 +52,7 @@ def test_roughness_swells_at_shaft_rate_and_tones_do_not_make_it(machine: Machin
 
 
 @every_machine
-def test_knocks_are_counted(machine: Machine) -> None:
+def test_impulses_are_counted(machine: Machine) -> None:
     at = 0.12 * machine.fs_hz
     effect = ImpulsiveNoise(level=40.0, rate_hz=8.0, resonance_hz=at)
     rates = 10 ** measured(machine, [effect], "impulse_rate_log", count=8, length_s=2.0) - 0.3
