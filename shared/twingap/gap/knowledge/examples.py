@@ -24,7 +24,7 @@ from twingap.identification.calibrate import calibrate
 Array = NDArray[np.float64]
 
 
-def examples(seed: int, machines: Sequence[int], most_records: int, among: Sequence[str] = ()) -> Examples:
+def examples(seed: int, machines: Sequence[int], most_records: int) -> Examples:
     """Training examples of simulated machines.
 
     Parameters
@@ -34,10 +34,8 @@ def examples(seed: int, machines: Sequence[int], most_records: int, among: Seque
         Numbers of the machines; a machine depends on the seed and its number only.
     most_records : int
         Largest number of records of a machine.
-    among : sequence of str
-        Effects to draw from; empty for the whole catalogue.
     """
-    rows = [row for machine in machines for row in _of(seed, machine, most_records, among)]
+    rows = [row for machine in machines for row in _of(seed, machine, most_records)]
     return stacked([Examples(*[np.asarray([value]) for value in row]) for row in rows])
 
 
@@ -54,12 +52,12 @@ def stacked(parts: Sequence[Examples]) -> Examples:
     return Examples(*[np.concatenate([getattr(part, field.name) for part in parts]) for field in fields(Examples)])
 
 
-def _of(seed: int, machine: int, most_records: int, among: Sequence[str]) -> Iterator[tuple[object, ...]]:
+def _of(seed: int, machine: int, most_records: int) -> Iterator[tuple[object, ...]]:
     """Rows of one machine: with the twin as given and, for some, with effects added; none if it cannot be
     calibrated."""
     rng = np.random.default_rng([seed, machine])
     try:
-        gap = draw_gap(rng, most_records=most_records, among=among)
+        gap = draw_gap(rng, most_records=most_records)
         calibrated = calibrate(gap.records, gap.spec, rng, sim=gap.sim)
         evidence = Evidence(calibrated, simulator_of(calibrated, gap.sim), gap.spec, int(rng.integers(2**62)))
     except TwingapError:  # a machine that cannot be calibrated gives no example

@@ -55,14 +55,11 @@ class Chunk:
     seed : int
     first, count : int
         Numbers of the machines: first, first + 1, ...
-    among : tuple of str
-        Effects to draw from; empty for the whole catalogue.
     """
 
     seed: int
     first: int
     count: int
-    among: tuple[str, ...] = ()
 
 
 def train(
@@ -70,7 +67,6 @@ def train(
     *,
     seed: int = SEED,
     machines: int = MACHINES,
-    among: Sequence[str] = (),
     backend: str = "loky",
     address: str | None = None,
     jobs: int | None = None,
@@ -85,8 +81,6 @@ def train(
     seed : int
     machines : int
         Number of simulated machines to train on; a sixth as many more are searched.
-    among : sequence of str
-        Effects to train on; empty for the whole catalogue.
     backend, address, jobs
         Where chunks are computed; see `twingap.sweep.sweep`. The result does not depend on it.
     progress : callable, optional
@@ -100,13 +94,9 @@ def train(
     Raises
     ------
     TwingapError
-        For an effect that is not in the catalogue, or fewer than 20 machines.
+        For fewer than 20 machines.
     """
-    say = progress or _nothing
-    names = tuple(dict.fromkeys(among))
-    for name in names:
-        if name not in catalogue():
-            raise TwingapError(f"unknown effect {name!r}", where="training")
+    notify = progress or _no_progress
     if machines < 20:
         raise TwingapError(f"machines = {machines}, at least 20 expected", where="training")
     run = partial(
@@ -118,20 +108,19 @@ def train(
         version=_version(),
         describe=_label,
     )
-    wanted = [Chunk(seed, first, min(CHUNK, machines - first), names) for first in range(0, machines, CHUNK)]
-    counted = _counted(say, "simulated gaps", len(wanted), 0.0, 0.7)
+    wanted = [Chunk(seed, first, min(CHUNK, machines - first)) for first in range(0, machines, CHUNK)]
+    counted = _counted(notify, "simulated gaps", len(wanted), 0.0, 0.7)
     made = stacked([_examples(r.value) for r in run(_example_chunk, wanted, on_result=counted)])
     learnt = learn(
-        made, tuple(catalogue()), coordinates(), feature_names(), lambda what, part: say(what, 0.7 + 0.15 * part)
+        made, tuple(catalogue()), coordinates(), feature_names(), lambda what, part: notify(what, 0.7 + 0.15 * part)
     )
-    learnt.about.update(machines=machines, seed=seed, among=list(names), version=versions()["twingap"])
+    learnt.about.update(machines=machines, seed=seed, version=versions()["twingap"])
     count = machines // PER_SEARCH
     searched = [
-        Chunk(seed, SEARCHED_FROM + first, min(SEARCH_CHUNK, count - first), names)
-        for first in range(0, count, SEARCH_CHUNK)
+        Chunk(seed, SEARCHED_FROM + first, min(SEARCH_CHUNK, count - first)) for first in range(0, count, SEARCH_CHUNK)
     ]
-    counted = _counted(say, "searches", max(len(searched), 1), 0.85, 0.15)
-    key = digest_of_value({"machines": machines, "seed": seed, "among": list(names)})
+    counted = _counted(notify, "searches", max(len(searched), 1), 0.85, 0.15)
+    key = digest_of_value({"machines": machines, "seed": seed})
     ended = run(partial(_search_chunk, learnt), searched, on_result=counted, data={"learnt": key})
     calibrate(learnt, [result.value for result in ended])
     write_learnt(learnt, folder / "learnt")
@@ -167,7 +156,7 @@ def _label(chunk: Chunk) -> str:
 
 def _example_chunk(chunk: Chunk) -> dict[str, Any]:
     """Arrays of the examples of a chunk."""
-    made = examples(chunk.seed, range(chunk.first, chunk.first + chunk.count), MOST_RECORDS, chunk.among)
+    made = examples(chunk.seed, range(chunk.first, chunk.first + chunk.count), MOST_RECORDS)
     return dict(vars(made))
 
 
@@ -179,7 +168,7 @@ def _examples(stored: Mapping[str, Any]) -> Examples:
 def _search_chunk(learnt: Learnt, chunk: Chunk) -> dict[str, Any]:
     """Outcomes of the searches of a chunk, with the truth."""
     numbers = range(chunk.first, chunk.first + chunk.count)
-    ends = searches(learnt, chunk.seed, numbers, MOST_RECORDS, chunk.among)
+    ends = searches(learnt, chunk.seed, numbers, MOST_RECORDS)
     return {"outcomes": [list(map(float, outcome)) for outcome, _ in ends], "missing": [there for _, there in ends]}
 
 
@@ -189,5 +178,5 @@ def _counted(progress: Progress, what: str, total: int, begin: float, part: floa
     return lambda _: progress(what, begin + part * next(done) / total)
 
 
-def _nothing(what: str, fraction: float) -> None:
+def _no_progress(what: str, fraction: float) -> None:
     pass
