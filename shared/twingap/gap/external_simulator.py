@@ -111,7 +111,7 @@ class ExternalSimulator:
                 where=f"simulated record set {sim.name!r}",
                 mend="simulate the faults that the real records have, and name them in column fault",
             )
-        self._made = _Made(sim.conditions)
+        self._simulated_conditions = _SimulatedConditions(sim.conditions)
         self._backgrounds: dict[tuple[float, ...], Background | None] = {}
         self._known_background: dict[tuple[object, ...], NDArray[np.float32]] = {}
         notes: list[str] = []
@@ -176,7 +176,7 @@ class ExternalSimulator:
                 "the fault is unknown, so no simulated record matches it",
                 where=f"record {condition.name!r}", mend="give its fault",
             )  # fmt: skip
-        distances = self._made.distances(condition)
+        distances = self._simulated_conditions.distances(condition)
         nearest = float(distances.min())
         if nearest >= _OTHER_FAULT:
             raise TwingapError(
@@ -324,7 +324,7 @@ class ExternalSimulator:
         return gain
 
 
-class _Made:
+class _SimulatedConditions:
     """Conditions of the simulated records as arrays; NaN where load or time is unknown."""
 
     def __init__(self, conditions: Sequence[Condition]) -> None:

@@ -91,7 +91,7 @@ class HeldOut:
         named = {one.effect.name: one for one in found.effects}
         # Baselines are matched in the same way without and with an effect, so that only effects differ.
         after = self.evidence.against(found.after.effects)
-        base = self._of(after)
+        base = self._pair(after)
         names = [name for name in catalogue() if name not in self.evidence.modelled]
         for done, name in enumerate(names):
             progress(done / len(names))
@@ -107,25 +107,25 @@ class HeldOut:
                 continue
             if name in named:
                 without = self.evidence.against(tuple(named[o].effect for o in others if o not in found.cannot))
-                pair = paired(self.real, self._of(without)[0], base[0])
+                pair = paired(self.real, self._pair(without)[0], base[0])
                 value = named[name]
             else:
                 fitted = found.fitted.get(name)
                 value = Estimated(fitted, {}) if fitted else estimate(name, after.fit, self.evidence, learnt)
                 few = base[0][: 1 + (probability > _LIKELY)]
-                pair = paired(self.real, few, self._with(value.effect, probability, len(few)))
+                pair = paired(self.real, few, self._with_effect(value.effect, probability, len(few)))
             closed = closure_interval(*pair, floor, rng, draws=200)
             yield Candidate(
                 name, probability, closed.before, closed.after, closed.closure, closed.ci, values_of_estimate(value),
                 None, others,
             )  # fmt: skip
 
-    def _of(self, compared: Compared) -> tuple[list[FeatureVectors], Paired]:
+    def _pair(self, compared: Compared) -> tuple[list[FeatureVectors], Paired]:
         """Two replicates of the held-out part, and its distance from them."""
         vectors = self.replicates(compared.simulator, compared.effects, min(self.most, 2))
         return vectors, Paired(self.real, vectors)
 
-    def _with(self, effect: Effect, probability: float, count: int) -> list[FeatureVectors]:
+    def _with_effect(self, effect: Effect, probability: float, count: int) -> list[FeatureVectors]:
         """Feature vectors of the twin with the named effects and one more."""
         after = self.evidence.against(self.found.after.effects)
         effects = (*after.effects, effect)

@@ -316,7 +316,7 @@ def test_simulated_records_are_ranked_by_fault_speed_load_and_time() -> None:
 
     for condition in real.conditions:
         wanted = [apart(c, condition) for c in made.conditions]
-        np.testing.assert_allclose(own._made.distances(condition), wanted, rtol=1e-12)
+        np.testing.assert_allclose(own._simulated_conditions.distances(condition), wanted, rtol=1e-12)
         order = sorted((d, i) for i, d in enumerate(wanted))
         assert own._ranked(condition) == [i for d, i in order if d <= order[0][0] + 0.01]
 

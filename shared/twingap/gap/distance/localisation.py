@@ -106,7 +106,7 @@ def locate(pair: Paired, rng: np.random.Generator, draws: int = 999) -> Located:
     p_contrasts = p[per_bin[0].size :].reshape(scalars[0].shape)
 
     part = pair.real.weight * pair.over_strata(pair.squares())[0]
-    found = _Found(pair, np.maximum(part, 0.0), p_bins, tuple(subsets), np.abs(per_bin[0]), plain)
+    found = _SignificantPlaces(pair, np.maximum(part, 0.0), p_bins, tuple(subsets), np.abs(per_bin[0]), plain)
     places = [*found.bins(), *found.conditions(contrasts, p_contrasts)]
     # Bins without a gap are below zero as often as above, so that the sum is an unbiased total.
     total = max(float(part.sum()), sum(place.share for place in places), 1e-300)
@@ -239,7 +239,7 @@ def _contrast_statistics(deviations: Single, choices: Choice, weights: Sequence[
     return np.abs(out)
 
 
-class _Found:
+class _SignificantPlaces:
     """Significant bins and contrasts as places, whose `share` is still in units of the squared gap."""
 
     def __init__(

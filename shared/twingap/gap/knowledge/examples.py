@@ -35,7 +35,7 @@ def examples(seed: int, machines: Sequence[int], most_records: int) -> Examples:
     most_records : int
         Largest number of records of a machine.
     """
-    rows = [row for machine in machines for row in _of(seed, machine, most_records)]
+    rows = [row for machine in machines for row in _examples_of(seed, machine, most_records)]
     return stacked([Examples(*[np.asarray([value]) for value in row]) for row in rows])
 
 
@@ -52,7 +52,7 @@ def stacked(parts: Sequence[Examples]) -> Examples:
     return Examples(*[np.concatenate([getattr(part, field.name) for part in parts]) for field in fields(Examples)])
 
 
-def _of(seed: int, machine: int, most_records: int) -> Iterator[tuple[object, ...]]:
+def _examples_of(seed: int, machine: int, most_records: int) -> Iterator[tuple[object, ...]]:
     """Rows of one machine: with the twin as given and, for some, with effects added; none if it cannot be
     calibrated."""
     rng = np.random.default_rng([seed, machine])
@@ -68,7 +68,7 @@ def _of(seed: int, machine: int, most_records: int) -> Iterator[tuple[object, ..
         yield _row(compared, gap, gap.missing, machine, True, setting, order)
         if not gap.missing or rng.random() < 0.3:
             return
-        found = _partly(rng, gap, setting, evidence)
+        found = _added_effects(rng, gap, setting, evidence)
         if not found:
             return
         compared = evidence.against(found)
@@ -93,7 +93,9 @@ def _row(
     )  # fmt: skip
 
 
-def _partly(rng: np.random.Generator, gap: SimulatedGap, setting: Setting, evidence: Evidence) -> tuple[Effect, ...]:
+def _added_effects(
+    rng: np.random.Generator, gap: SimulatedGap, setting: Setting, evidence: Evidence
+) -> tuple[Effect, ...]:
     """Some or all of the missing effects that can be added, at values with errors as estimates have them."""
     can = [e for e in gap.missing if evidence.can_add(e.name) is None]
     chance = 1.0 if rng.random() < 0.5 else 0.6

@@ -119,7 +119,7 @@ def general_columns(names: tuple[str, ...]) -> NDArray[np.int64]:
     )  # fmt: skip
 
 
-def _alone(function: Callable[..., Any], *arguments: Any) -> Any:
+def _on_one_thread(function: Callable[..., Any], *arguments: Any) -> Any:
     """Call on one thread: the other cores are used by parallel calls."""
     from threadpoolctl import threadpool_limits
 
@@ -161,12 +161,14 @@ def learn(examples: Examples, effects: tuple[str, ...], parameters: tuple[tuple[
 
     # An effect that the twin has cannot be missing, but resembles a missing one in features of the records alone: such
     # examples are left out.
-    has = np.tile(_had(examples), (2, 1))
+    has = np.tile(_in_twin(examples), (2, 1))
 
     def trained(counted: Mask, begin: float) -> dict[str, Ensemble]:
         """Detectors of all effects, trained on the examples of each effect in `counted` [examples, effects]."""
         found = parallel(
-            joblib.delayed(_alone)(learn_classifier, table, missing[:, j], machine, allowed[j], first, counted[:, j])
+            joblib.delayed(_on_one_thread)(
+                learn_classifier, table, missing[:, j], machine, allowed[j], first, counted[:, j]
+            )
             for j in range(len(effects))
         )
         out = {}
@@ -187,7 +189,7 @@ def learn(examples: Examples, effects: tuple[str, ...], parameters: tuple[tuple[
     early, values = table.take(first), np.tile(plain, (2, 1))[first]
     estimators: dict[tuple[str, str], Estimator] = {}
     made = parallel(
-        joblib.delayed(_alone)(
+        joblib.delayed(_on_one_thread)(
             learn_estimator, early, values[:, j], machine[first], allowed[effects.index(parameter[0])]
         )
         for j, parameter in enumerate(parameters)
@@ -228,7 +230,7 @@ def learn(examples: Examples, effects: tuple[str, ...], parameters: tuple[tuple[
     )  # fmt: skip
 
 
-def _had(examples: Examples) -> Mask:
+def _in_twin(examples: Examples) -> Mask:
     """[examples, effects] Effects of the twin, as given or added."""
     begun = dict(zip(examples.machine[examples.first].tolist(), examples.missing[examples.first], strict=True))
     nothing = np.zeros(examples.missing.shape[1], bool)

@@ -84,7 +84,9 @@ class Compared:
     def _features(self, part: int) -> Array:
         """[features] Comparison of one part, 0 (fit) or 1 (held out)."""
         of, real = self._evidence, self._evidence.parts[part]
-        simulated = comparison.measure_records(self._made(part), of.frame, Grid.of(real.conditions, of.frame.bearing))
+        simulated = comparison.measure_records(
+            self._simulated(part), of.frame, Grid.of(real.conditions, of.frame.bearing)
+        )
         if part == 0:
             # Initial values are for the fit part: lines and combs of the held-out part must not enter them.
             if self._levels is None:
@@ -100,10 +102,10 @@ class Compared:
     def _pooled(self, part: int, summaries: Sequence[RecordSummary]) -> PooledRecords:
         """Simulated records of both parts; of the part that is not compared, only summaries are computed."""
         of = self._evidence
-        others = [summarise(RecordTransforms(r.samples, r.condition, of.frame)) for r in self._made(1 - part)]
+        others = [summarise(RecordTransforms(r.samples, r.condition, of.frame)) for r in self._simulated(1 - part)]
         return of.pool(*((others, summaries) if part else (summaries, others)))
 
-    def _made(self, part: int) -> Iterator[Record]:
+    def _simulated(self, part: int) -> Iterator[Record]:
         """Simulated records of one part."""
         of = self._evidence
         return of.simulated(self.simulator, self.effects, of.parts[part].conditions, part)

@@ -58,8 +58,8 @@ def exchange_p_value(evidence: Evidence) -> float | None:
     if not evidence.exchangeable:
         return None
     # The level was matched on the fit part alone: remove the remaining difference over both parts.
-    louder = np.nan_to_num(_mean(_differences(real, _made(evidence)))[NAMES.index(_LEVEL)])
-    differences = _differences(real, _made(evidence, float(np.exp(louder))))
+    louder = np.nan_to_num(_mean(_differences(real, _measured_simulations(evidence)))[NAMES.index(_LEVEL)])
+    differences = _differences(real, _measured_simulations(evidence, float(np.exp(louder))))
     timed = all(c.time_s is not None for c in conditions)
     covariates = np.array([(math.log(c.speed_rpm), c.time_s if timed else 0.0) for c in conditions], dtype=float)
     return sign_flip_p_value(
@@ -123,7 +123,7 @@ def _mean(rows: Array) -> Array:
     return np.asarray(np.divide(total, count, out=np.full(rows.shape[1], np.nan), where=count > 0))
 
 
-def _made(evidence: Evidence, louder: float = 1.0) -> tuple[Measured, ...]:
+def _measured_simulations(evidence: Evidence, louder: float = 1.0) -> tuple[Measured, ...]:
     """Features of the simulated records of each part."""
     simulator, bearing = evidence.against().simulator, evidence.frame.bearing
     return tuple(

@@ -117,7 +117,7 @@ def test_the_nearest_candidate_is_that_of_all_sums_written_out() -> None:
     for _ in range(10):
         curve = rng.normal(0.5, 1, points)
         squares = ((curve - np.log1p(ratio[:, None] * factor[:, :, None])) ** 2).sum(axis=2)
-        least, best, choice = difference._nearest(curve, ratio, factor, low, high)
+        least, best, choice = difference._best_fit(curve, ratio, factor, low, high)
         assert least == pytest.approx(squares.min(), rel=1e-12)
         assert (best, choice) == np.unravel_index(np.argmin(squares), squares.shape)
 
