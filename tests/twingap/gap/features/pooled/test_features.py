@@ -59,7 +59,9 @@ def test_a_comb_is_asked_of_both_parts_but_its_values_of_the_fit_part(calibrated
     both, fit = named(compared.held_out), named(compared.fit)
     simulated = [
         PooledRecords(
-            tuple(summarise(RecordTransforms(r.samples, r.condition, evidence.frame)) for r in compared._simulated(part))
+            tuple(
+                summarise(RecordTransforms(r.samples, r.condition, evidence.frame)) for r in compared._simulated(part)
+            )
         )
         for part in (0, 1)
     ]
