@@ -53,17 +53,9 @@ class Ensemble:
     out_of_fold: Array = field(default_factory=lambda: np.empty(0))
 
     def score(self, features: NDArray[Any], *, later: bool = False) -> Array:
-        """[examples] Log odds of a classifier, or value of a regressor, averaged over folds.
+        """[examples] Log odds of a classifier, or value of a regressor, from features [examples, features].
 
-        Parameters
-        ----------
-        features : Array [examples, features]
-        later : bool
-            Whether effects have been added to the twin. Further effects are then less probable at the same score.
-
-        Returns
-        -------
-        Array [examples]
+        `later` states that effects have been added to the twin: further ones are then less probable at the same score.
         """
         own = np.asarray(np.asarray(features)[:, self.columns], np.float32)
         slope, offset = self.line_later if later else self.line

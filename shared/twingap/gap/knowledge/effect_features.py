@@ -17,11 +17,7 @@ _ALWAYS: Final = ("own_simulator", "records", "healthy_share", "log_samples", "l
 def columns(effect: str, features: tuple[str, ...]) -> tuple[int, ...]:
     """Indices of the features that an effect may show in, see `Effect.features`; all for an unknown effect.
 
-    Parameters
-    ----------
-    effect : str
-    features : tuple of str
-        Names as in `comparison.feature_names`.
+    `features` are names as in `comparison.feature_names`.
     """
     kind = catalogue().get(effect)
     return tuple(range(len(features))) if kind is None else _columns(kind, features)

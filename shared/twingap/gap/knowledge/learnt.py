@@ -101,34 +101,18 @@ class Learnt:
         return out
 
     def p_value(self, features: NDArray[Any], modelled: Collection[str] = ()) -> float:
-        """P-value of no gap: the rank of this machine among those without a gap.
-
-        Parameters
-        ----------
-        features : Array [features]
-        modelled : collection of str
-            Effects of the given twin, which cannot be missing.
-        """
+        """P-value of no gap from features [features]; effects of the given twin, `modelled`, cannot be missing."""
         return self._rank(features, self.null, modelled, later=False)
 
     def p_floor(self, features: NDArray[Any]) -> float:
         """Smallest p-value of no gap that the machines without a gap allow for these features."""
         rows = np.atleast_2d(features)
-        return (
-            self.null.smallest(MachineScores.of(np.zeros((1, 2)), rows, self.features))
-            if len(self.null.machines)
-            else 1.0
-        )
+        if not len(self.null.machines):
+            return 1.0
+        return self.null.smallest(MachineScores.of(np.zeros((1, 2)), rows, self.features))
 
     def rest_p(self, features: NDArray[Any], has: Collection[str] = ()) -> float:
-        """P-value of no rest once effects have been added.
-
-        Parameters
-        ----------
-        features : Array [features]
-        has : collection of str
-            Effects of the twin, as given or added.
-        """
+        """P-value of no rest from features [features]; `has` are the effects of the twin, as given or added."""
         return self._rank(features, self.null_rest, has, later=True)
 
     def _rank(self, features: NDArray[Any], null: Null, has: Collection[str], *, later: bool) -> float:
@@ -142,17 +126,8 @@ class Learnt:
 
 
 def any_gap_inputs(log_odds: Array, general: NDArray[Any]) -> Array:
-    """Inputs of the detector of any gap: log odds of all effects, the three highest, and general features.
-
-    Parameters
-    ----------
-    log_odds : Array [examples, effects]
-    general : Array [examples, columns]
-
-    Returns
-    -------
-    Array [examples, effects + 3 + columns]
-    """
+    """[examples, effects + 3 + columns] Inputs of the detector of any gap: log odds [examples, effects], the three
+    highest of them, and general features [examples, columns]."""
     return np.concatenate((log_odds, np.sort(log_odds, axis=1)[:, -3:], general), axis=1)
 
 

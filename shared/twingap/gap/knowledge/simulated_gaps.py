@@ -112,13 +112,6 @@ def maybe_variant(effect: Effect, machine: Machine, rng: np.random.Generator) ->
     """The effect in the catalogue's form or, with probability `VARIANT`, as a variant at the same values.
 
     Models trained only on the catalogue's form do not transfer to machines whose effects differ from it.
-
-    Parameters
-    ----------
-    effect : Effect
-        An effect of the catalogue.
-    machine : Machine
-    rng : numpy.random.Generator
     """
     if type(effect).variant is Effect.variant or rng.random() >= VARIANT:
         return effect
@@ -134,16 +127,7 @@ def _as_known(modelled: Sequence[Effect], machine: Machine, rng: np.random.Gener
 
 
 def simulated(machine: Machine, effects: Sequence[Effect], rng: np.random.Generator, gain: float = 1.0) -> RecordSet:
-    """Simulated records of the machine under its conditions.
-
-    Parameters
-    ----------
-    machine : Machine
-    effects : sequence of Effect
-    rng : numpy.random.Generator
-    gain : float
-        Factor on the samples.
-    """
+    """Simulated records of the machine under its conditions, multiplied by a gain."""
     return machine.twin(effects, gain).simulate(machine.conditions, rng)
 
 

@@ -86,17 +86,7 @@ class Boosted:
         )
 
     def raw(self, rows: NDArray[np.float32]) -> Array:
-        """[rows] Log odds of a classifier before calibration, or a regressor's value.
-
-        Parameters
-        ----------
-        rows : Array [rows, features]
-            NaN where a feature is not known.
-
-        Returns
-        -------
-        Array [rows]
-        """
+        """[rows] Log odds of a classifier before calibration, or a regressor's value; NaN marks unknown features."""
         out = np.full(len(rows), self.start)
         _add_trees(np.ascontiguousarray(rows), self.roots, self.column, self.right, self.value, out)
         return out

@@ -277,14 +277,7 @@ def _with_unlearnt(
 
 
 def level_of_gap(evidence: Evidence, surest: float = 0.0) -> float:
-    """Level of the test for a gap.
-
-    Parameters
-    ----------
-    evidence : Evidence
-    surest : float
-        Largest probability of a missing effect.
-    """
+    """Level of the test for a gap, where `surest` is the largest probability of a missing effect."""
     exchange_test_follows = not isinstance(evidence.against().simulator, ExternalSimulator) or evidence.exchangeable
     return ALPHA if exchange_test_follows or surest >= SURE else CAUTIOUS_ALPHA
 
@@ -552,14 +545,7 @@ def estimate(name: str, features: Array, evidence: Evidence, learnt: Learnt) -> 
 
 
 def to_name(probability: Mapping[str, float], limit: float) -> list[str]:
-    """Effects whose calibrated probability reaches the limit, whether or not the search kept them.
-
-    Parameters
-    ----------
-    probability : Mapping[str, float]
-        Probability that each effect is missing.
-    limit : float
-    """
+    """Effects whose calibrated probability of being missing reaches the limit, whether or not the search kept them."""
     return [name for name, p in probability.items() if p >= limit]
 
 

@@ -364,16 +364,7 @@ class Evidence:
     def simulated(
         self, simulator: Simulator, effects: Sequence[Effect], conditions: Sequence[Condition], replicate: int
     ) -> Iterator[Record]:
-        """Simulated records, one at a time.
-
-        Parameters
-        ----------
-        simulator : Simulator
-        effects : sequence of Effect
-        conditions : sequence of Condition
-        replicate : int
-            Number of the replicate; the same number has the same random streams.
-        """
+        """Simulated records, one at a time; equal numbers of the replicate have equal random streams."""
         yield from simulator.simulate(tuple(effects), conditions, self.root, replicate)
 
     def vectors(self, records: RecordSet | Iterable[Record], grid: Grid) -> FeatureVectors:
@@ -382,32 +373,12 @@ class Evidence:
 
 
 def replicates_of(simulator: Simulator, conditions: Sequence[Condition], most: int) -> int:
-    """Number of independent simulations of these conditions.
-
-    Parameters
-    ----------
-    simulator : Simulator
-    conditions : sequence of Condition
-    most : int
-        Upper bound; the user's own records may limit it further.
-    """
+    """Number of independent simulations of these conditions: `most`, or fewer where the user's records are fewer."""
     return min(simulator.replicates(conditions), most) if isinstance(simulator, ExternalSimulator) else most
 
 
 def level_of(simulator: Simulator, given: TwinSpec) -> tuple[str, float] | None:
-    """Name and value of the factor on all samples of a simulator.
-
-    Parameters
-    ----------
-    simulator : Simulator
-    given : TwinSpec
-        The twin as given, which may fix the factor.
-
-    Returns
-    -------
-    (str, float) or None
-        None where there is no such factor, or where it is fixed.
-    """
+    """Name and value of the factor on all samples of a simulator; None without one, or where the given twin fixes it."""
     if isinstance(simulator, ExternalSimulator):
         return ("gain", simulator.gain) if simulator.level_free else None
     if isinstance(simulator, TwinSimulator) and not given.given("scale"):

@@ -125,20 +125,8 @@ def p_value(evidence: Evidence, chain: Chain, without: Chain) -> float:
 
 
 def probability(p: float) -> float:
-    """Upper bound of the probability that an effect is missing, from a p-value and even prior odds.
+    """Upper bound, at least 0.5, of the probability that an effect is missing, from a p-value and even prior odds.
 
-    Parameters
-    ----------
-    p : float
-        P-value.
-
-    Returns
-    -------
-    float
-        At least 0.5.
-
-    Notes
-    -----
     Sellke, Bayarri and Berger 2001, doi:10.1198/000313001300339950.
     """
     if p >= math.exp(-1):
