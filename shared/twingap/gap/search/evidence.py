@@ -378,7 +378,7 @@ def replicates_of(simulator: Simulator, conditions: Sequence[Condition], most: i
 
 
 def level_of(simulator: Simulator, given: TwinSpec) -> tuple[str, float] | None:
-    """Name and value of the factor on all samples of a simulator; None without one, or where the given twin fixes it."""
+    """Name and value of the factor on all samples of a simulator; None without one, or where the twin file fixes it."""
     if isinstance(simulator, ExternalSimulator):
         return ("gain", simulator.gain) if simulator.level_free else None
     if isinstance(simulator, TwinSimulator) and not given.given("scale"):
