@@ -40,8 +40,8 @@ def classify(
 ) -> None:
     """Classify the faults of unlabelled records by a classifier trained on simulated machines.
 
-    Confidence is calibrated on simulated machines that were not used for training: of records with 80 % confidence, 80 %
-    are correct if the real machine is similar to those simulated. It does not account for what the twin lacks (see
+    Confidence is calibrated on simulated machines that were not used for training: of records with 80 % confidence,
+    80 % are correct if the real machine is similar to those simulated. It does not account for what the twin lacks (see
     `twingap gap`).
 
     predictions.csv has the columns record, predicted, confidence and a probability per class (healthy, inner, outer,
