@@ -1,7 +1,7 @@
-"""The command line: one module per command, each thin over the library.
+"""Command line: one module per command, each a thin layer over the library.
 
-A user's mistake ends in one line on standard error and exit status 2; an interruption in exit status 130, an order to
-end (SIGTERM) in 143. Neither leaves anything half-written.
+User errors give one line on standard error and exit status 2, an interruption exit status 130, SIGTERM exit status 143.
+None of them leaves incomplete files.
 """
 
 from __future__ import annotations
@@ -39,15 +39,15 @@ from twingap.cli.options import examples
 from twingap.errors import TwingapError
 
 _UsageError: Any = typer.BadParameter.__bases__[0]
-"""What unknown commands and options and values out of range raise. Click's own, or in later typer a copy of it."""
+"""Error of unknown commands and options and of values out of range: that of Click, or its copy in later typer."""
 
 
 class _InterruptedError(Exception):
-    """Ctrl-C, under a name that typer does not swallow: it ends without a word on KeyboardInterrupt."""
+    """Ctrl-C as an error that typer does not handle; it would end without a message on KeyboardInterrupt."""
 
 
 class _Commands(TyperGroup):
-    """The commands; an interruption of any of them reaches `main`."""
+    """Group of commands whose interruption reaches `main`."""
 
     def invoke(self, ctx: Any) -> Any:
         try:
@@ -81,7 +81,7 @@ def _top(
 
 
 def _add(name: str, function: Callable[..., None], *lines: str, hidden: bool = False) -> None:
-    """A command with examples of how it is typed."""
+    """Add a command with examples."""
     app.command(name, epilog=examples(*(f"twingap {name} {line}".rstrip() for line in lines)), hidden=hidden)(function)
 
 
@@ -107,13 +107,13 @@ _add("bench", bench.bench, "--quick", "vmd --strict")
 _add("ui", ui.ui, "--port 5001")
 
 _MOVED: Final = {"train": "train", "study": "study blind", "public": "study public"}
-"""Commands that once stood below `twingap gap`."""
+"""Former subcommands of `twingap gap` -> their present names."""
 
 
 def main() -> None:
     """Entry point of the `twingap` command."""
     signal.signal(signal.SIGTERM, _end)
-    # A worker that has grown is replaced, and its jobs go to the next: nothing that a user could do anything about.
+    # joblib replaces workers that use much memory; users need not act on it.
     warnings.filterwarnings("ignore", "A worker stopped while some jobs", UserWarning)
     if len(sys.argv) > 2 and sys.argv[1] == "gap" and sys.argv[2] in _MOVED and not Path(sys.argv[2]).is_dir():
         _refuse(TwingapError(f"`twingap gap {sys.argv[2]}` is now `twingap {_MOVED[sys.argv[2]]}`"))
@@ -126,12 +126,12 @@ def main() -> None:
             sys.exit(2)
         _refuse(_misused(error))
     except (_InterruptedError, KeyboardInterrupt, typer.Abort):
-        print("twingap: interrupted; nothing half-written is left", file=sys.stderr)
+        print("twingap: interrupted; no incomplete files are left", file=sys.stderr)
         sys.exit(130)
     except MemoryError:
-        _refuse(TwingapError("memory ran out", mend="ask for shorter records, lower rates or lower speeds"))
+        _refuse(TwingapError("memory ran out", mend="use shorter records, lower rates or lower speeds"))
     except OSError as error:
-        # What a command foresees it explains itself; this is a full disk under the tracking store, say.
+        # Errors that commands do not handle, for instance a full disk of the tracking store.
         _refuse(TwingapError(f"cannot be used: {error.strerror or error}", where=error.filename))
     sys.exit(status if isinstance(status, int) else 0)
 
@@ -147,7 +147,7 @@ def _refuse(error: TwingapError) -> NoReturn:
 
 
 def _misused(error: Any) -> TwingapError:
-    """A mistake in what was typed, in one line."""
+    """Usage error in one line."""
     path = "twingap" if error.ctx is None else error.ctx.command_path
     message = error.format_message().strip().rstrip(".")
     return TwingapError(message[:1].lower() + message[1:], mend=f"see `{path} --help`")

@@ -1,4 +1,4 @@
-"""`twingap bench`."""
+"""`twingap bench`: benchmarks and their targets."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ if TYPE_CHECKING:
 
 
 def bench(
-    name: Annotated[str | None, typer.Argument(help="Which benchmark; all of them when left out.")] = None,
-    quick: Annotated[bool, typer.Option("--quick", help="Small sizes: shows that it works, not how fast.")] = False,
+    name: Annotated[str | None, typer.Argument(help="Benchmark to run; all when absent.")] = None,
+    quick: Annotated[bool, typer.Option("--quick", help="Small sizes, to test that benchmarks run.")] = False,
     strict: Annotated[bool, typer.Option("--strict", help="Exit 1 when a target is missed.")] = False,
     track: Annotated[bool, typer.Option(help="Log the table and the targets as a run.")] = True,
     tracking_uri: TrackingUri = None,
@@ -24,7 +24,7 @@ def bench(
     seed: Seed = 0,
     as_json: Json = False,
 ) -> None:
-    """Run benchmarks, each against its peer in the same run, as ratios."""
+    """Run benchmarks; each compares twingap with another library in the same run, as ratios."""
     import benchmarks
     from twingap.errors import TwingapError
     from twingap.track import MlflowTracker, NullTracker, Tracker
@@ -33,7 +33,7 @@ def bench(
     if name is not None and name not in benchmarks.names():
         raise TwingapError(f"unknown benchmark {name!r}", mend=f"known: {', '.join(benchmarks.names()) or 'none'}")
     chosen = benchmarks.names() if name is None else (name,)
-    # A store that cannot be used should say so before the measuring, not after it.
+    # An unusable store is reported before the benchmarks.
     tracker: Tracker = MlflowTracker(tracking_uri, experiment="bench") if track else NullTracker()
     done: dict[str, Measurement] = {}
     with progress("benchmarks", len(chosen)) as shown:
@@ -88,5 +88,5 @@ def _print(name: str, measurement: Measurement, quick: bool) -> None:
         say(f"{verdict}  {target.name}: {target.value:.4g} (at least {target.at_least:.4g})")
     say(*measurement.notes)
     if quick and measurement.targets:
-        say("--quick sizes: run without it before judging a target")
+        say("sizes of --quick: run without it to evaluate targets")
     say("")

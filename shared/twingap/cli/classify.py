@@ -15,10 +15,10 @@ _METHODS = "VMD+SVM, Non-DA, MMD, DANN, DACD, Base-Attn, Non-DN, Base-NDN or Pro
 
 def classify(
     recordset: Annotated[
-        Path, typer.Argument(metavar="RECORDSET", help="Records of one sampling rate. A column fault is never read.")
+        Path, typer.Argument(metavar="RECORDSET", help="Records of one sampling rate; a column fault is not used.")
     ],
-    twin: Annotated[Path, typer.Option(metavar="TWIN.toml", help="What the simulated machines are drawn about.")],
-    out: Annotated[Path, typer.Option(metavar="predictions.csv", help="Where the classes are written.")],
+    twin: Annotated[Path, typer.Option(metavar="TWIN.toml", help="Twin of the simulated machines.")],
+    out: Annotated[Path, typer.Option(metavar="predictions.csv", help="File for the classes.")],
     method: Annotated[
         str,
         typer.Option(
@@ -26,25 +26,26 @@ def classify(
         ),
     ] = "orders",
     machines: Annotated[int, typer.Option(help="Simulated machines per class to train a network on.", min=4)] = 200,
-    steps: Annotated[int, typer.Option(help="Gradient steps, where a network is trained.", min=1)] = 600,
+    steps: Annotated[int, typer.Option(help="Gradient steps of a network.", min=1)] = 600,
     match: Annotated[
         bool,
         typer.Option(
             "--match/--no-match",
-            help="Correct speeds from the records first, and for a network fill the twin's free parameters.",
+            help="Estimate speeds from the records, for a network also free parameters.",
         ),
     ] = True,
     effects: Effects = None,
     seed: Seed = 0,
     as_json: Json = False,
 ) -> None:
-    """Fault classes of unlabelled records, from a classifier trained on simulated machines.
+    """Classify the faults of unlabelled records by a classifier trained on simulated machines.
 
-    Confidence is calibrated on simulated machines that the classifier has not seen: of records stated at 80 %, 80 % are
-    right as long as the real machine is like those simulated. What the twin lacks (see `twingap gap`) is not in it.
+    Confidence is calibrated on simulated machines that were not used for training: of records with 80 % confidence,
+    80 % are correct if the real machine is similar to those simulated. It does not account for what the twin lacks (see
+    `twingap gap`).
 
     predictions.csv has the columns record, predicted, confidence and a probability per class (healthy, inner, outer,
-    ball), one row a record.
+    ball), one row per record.
     """
     from twingap.files import replacing
     from twingap.records.folder import read_record_set
@@ -54,7 +55,7 @@ def classify(
     refuse_overwriting(out, twin, recordset)
     spec = read_twin(twin)
     records = read_record_set(recordset, labelled=False)
-    # The place is tried before the work begins, and filled only after it has ended well.
+    # The file is created at first, and filled only after success.
     with replacing(out) as table:
         from twingap.adapt.classify import classify as run
         from twingap.adapt.classify_options import ClassifyOptions  # slow to import
@@ -66,9 +67,9 @@ def classify(
         write_table(table, rows, list(rows[0]))
     like = found.simulated
     meaning = (
-        f"confidence holds for machines like those simulated: {like.records} of them, kept apart, were told right "
-        f"{like.accuracy:.0%} of the time at a mean confidence of {like.confidence:.0%}; what the twin lacks, which "
-        "`twingap gap` names, is not in it"
+        f"confidence is valid for machines like those simulated: of {like.records} records not used for training, "
+        f"{like.accuracy:.0%} were classified correctly at a mean confidence of {like.confidence:.0%}; it does not "
+        "account for what the twin lacks, which `twingap gap` names"
     )
     if as_json:
         about = {

@@ -1,4 +1,4 @@
-"""`twingap data`: the public data sets."""
+"""`twingap data`: list, verify, fetch and export public data sets."""
 
 from __future__ import annotations
 
@@ -21,20 +21,20 @@ if TYPE_CHECKING:
 app = typer.Typer(help="Public data sets: list, verify, fetch, export.", no_args_is_help=True)
 
 Root = Annotated[
-    Path | None, typer.Option("--root", help="Folder that holds the data sets, one folder each; default TWINGAP_DATA.")
+    Path | None, typer.Option("--root", help="Folder of the data sets, one subfolder each; TWINGAP_DATA when absent.")
 ]
-Name = Annotated[str, typer.Argument(help="A data set's name, as `twingap data list` gives it.", show_default=False)]
+Name = Annotated[str, typer.Argument(help="Name of a data set; see `twingap data list`.", show_default=False)]
 
 
 @app.command("list", epilog=examples("twingap data list --root DATA"))
 def list_sets(
     root: Root = None,
-    quick: Annotated[bool, typer.Option("--quick", help="Compare sizes only; do not hash what is present.")] = False,
+    quick: Annotated[bool, typer.Option("--quick", help="Compare sizes only, without checksums.")] = False,
     effects: Effects = None,
     seed: AnySeed = 0,
     as_json: Json = False,
 ) -> None:
-    """The data sets: licence, size, where from, what of them is present and verified under the data root."""
+    """List the data sets: licence, size, source, and the files present and verified under the data root."""
     from twingap.data import data_root, manifest_names, manifest_of
 
     try:
@@ -67,31 +67,31 @@ def verify_sets(
     seed: AnySeed = 0,
     as_json: Json = False,
 ) -> None:
-    """Check every present file against its manifest; exit 2 when one is altered.
+    """Verify every present file by its manifest; exit status 2 when one is altered.
 
-    Missing and unexpected files are named but no error: nobody needs to have all sets.
+    Missing and unexpected files are reported but are no error.
     """
     from twingap.data import data_root, manifest_names, manifest_of
 
-    asked = [manifest_of(name) for name in dict.fromkeys(names or manifest_names())]
-    checks = _verify_all(asked, data_root(root))
+    chosen = [manifest_of(name) for name in dict.fromkeys(names or manifest_names())]
+    checks = _verify_all(chosen, data_root(root))
     if as_json:
         say_json([asdict(c) | {"intact": c.intact} for c in checks])
     else:
-        for facts, check in zip(asked, checks, strict=True):
+        for facts, check in zip(chosen, checks, strict=True):
             _print_check(facts, check, in_full=bool(names))
     altered = [finding.path for check in checks for finding in check.findings if finding.status == "altered"]
     if altered:
         shown = ", ".join(altered[:5]) + (f" and {len(altered) - 5} more" if len(altered) > 5 else "")
         raise TwingapError(
             f"{len(altered)} altered file{'s' * (len(altered) > 1)}: {shown}",
-            mend="remove them and fetch their data set anew",
+            mend="remove them and fetch their data set again",
         )
 
 
 @app.command("fetch", epilog=examples("twingap data fetch cwru --root DATA"))
 def fetch_set(name: Name, root: Root = None, effects: Effects = None, seed: AnySeed = 0, as_json: Json = False) -> None:
-    """Download a data set from its owner: resumed where it broke off, verified, unpacked."""
+    """Download a data set from its owner, verify and unpack it; an interrupted download is resumed."""
     from twingap.data import data_root, manifest_of
     from twingap.data.fetch import fetch
 
@@ -110,7 +110,7 @@ def fetch_set(name: Name, root: Root = None, effects: Effects = None, seed: AnyS
         say_json(result)
     else:
         say(
-            f"{name}: {len(fetched.downloaded)} files downloaded and verified, {len(fetched.kept)} were there already, "
+            f"{name}: {len(fetched.downloaded)} files downloaded and verified, {len(fetched.kept)} already present, "
             f"{fetched.unpacked} unpacked"
         )
     wrote(place, as_json=as_json)
@@ -122,7 +122,7 @@ def export_set(
     out: Annotated[Path, typer.Option("--out", help="New folder for the record set.", show_default=False)],
     where: Annotated[
         list[str] | None,
-        typer.Option(help='Keep records with column=value, such as "load_hp=2"; repeat for several conditions.'),
+        typer.Option(help='Keep records with column=value, such as "load_hp=2"; repeatable.'),
     ] = None,
     option: Annotated[
         list[str] | None, typer.Option(help="Option of the reader as key=value, such as channel=FE or fs_hz=12000.")
@@ -132,7 +132,7 @@ def export_set(
     root: Root = None,
     as_json: Json = False,
 ) -> None:
-    """A public data set as a record set."""
+    """Export a public data set as a record set."""
     from twingap.data import load
     from twingap.data import where as chosen
     from twingap.data.registry import takes
@@ -160,7 +160,7 @@ def export_set(
 
 
 def _verify_all(all_facts: list[Manifest], root: Path, *, quick: bool = False) -> list[Verification]:
-    """Verify data sets one after the other, under one progress bar."""
+    """Verify data sets with one progress bar."""
     from twingap.data.verify import bytes_to_hash, verify
 
     total = 0 if quick else sum(bytes_to_hash(facts, root) for facts in all_facts)
@@ -171,7 +171,7 @@ def _verify_all(all_facts: list[Manifest], root: Path, *, quick: bool = False) -
 
 
 def _print_check(facts: Manifest, check: Verification, *, in_full: bool) -> None:
-    """What was found of one set: a line in all, then one for each file that is not as it should be."""
+    """Print the verification of one set: a summary, and one line for each file that is not verified."""
     if facts.made_here:
         say(f"{facts.name}: made on demand, nothing to verify")
         return
@@ -187,7 +187,7 @@ def _print_check(facts: Manifest, check: Verification, *, in_full: bool) -> None
 
 
 def _listing(facts: Manifest, check: Verification | None) -> dict[str, Any]:
-    """One data set for `list --json`."""
+    """Row of a data set for `list --json`."""
     return {
         "name": facts.name,
         "title": facts.title,
@@ -229,10 +229,10 @@ def _human(size_bytes: int | None) -> str:
 
 
 def _key_value(text: str) -> tuple[str, Any]:
-    """An option of a reader: none, numbers and text."""
+    """Name and value of a reader's option; values are None, numbers or text."""
     key, equals, value = text.partition("=")
     if not equals or not key.strip():
-        raise TwingapError(f"{text!r} is no option", where="--option", mend="write key=value")
+        raise TwingapError(f"{text!r} is not an option", where="--option", mend="write key=value")
     value = value.strip()
     if value.lower() == "none":
         return key.strip(), None

@@ -17,13 +17,13 @@ if TYPE_CHECKING:
 
 def effects(
     name: Annotated[
-        str | None, typer.Argument(metavar="NAME", help="One effect in full; all of them when left out.")
+        str | None, typer.Argument(metavar="NAME", help="Effect to describe in full; a list of all when absent.")
     ] = None,
     effects: Effects = None,
     seed: AnySeed = 0,
     as_json: Json = False,
 ) -> None:
-    """Effects that a twin can have: what each is, its parameters, what looks like it, what would decide."""
+    """Describe the effects that a twin can have: parameters, similar effects, deciding measurements."""
     from twingap.effects import catalogue
 
     known = catalogue()
@@ -52,19 +52,19 @@ def effects(
         ],
         False,
     )  # fmt: skip
-    for title, key in (("looks like", "look_alikes"), ("references", "references")):
+    for title, key in (("similar effects", "look_alikes"), ("references", "references")):
         if about[key]:
             say(f"{title}: {'; '.join(about[key])}")
     if about["deciding_measurement"]:
-        say(f"what would decide: {about['deciding_measurement']}")
+        say(f"deciding measurement: {about['deciding_measurement']}")
 
 
 def _described(name: str, kind: type[Effect]) -> dict[str, Any]:
-    """What is known about an effect."""
+    """Description of an effect."""
     from twingap.effects.registry import look_alikes
 
     description = inspect.cleandoc(kind.__doc__ or "")
-    if description.startswith(f"{kind.__name__}("):  # what a dataclass without a docstring gets
+    if description.startswith(f"{kind.__name__}("):  # the default docstring of a dataclass
         description = ""
     return {
         "effect": name,

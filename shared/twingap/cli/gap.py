@@ -1,4 +1,4 @@
-"""`twingap gap`: what a twin lacks."""
+"""`twingap gap`: diagnosis of the gap between records and a twin."""
 
 from __future__ import annotations
 
@@ -20,41 +20,41 @@ if TYPE_CHECKING:
 
 def gap(
     recordset: Annotated[Path, typer.Argument(metavar="RECORDSET", help="Records of the machine.")],
-    twin: Annotated[Path, typer.Option(metavar="TWIN.toml", help="What is already modelled.")],
+    twin: Annotated[Path, typer.Option(metavar="TWIN.toml", help="Twin of the machine.")],
     out: Annotated[Path, typer.Option(metavar="DIR", help="Folder for gap.json and report.html.")],
     sim: Annotated[
         Path | None,
         typer.Option(metavar="RECORDSET", help="Your own simulated records instead of those of the built-in twin."),
     ] = None,
     export: Annotated[
-        bool, typer.Option("--export", help="Write record sets DIR/sim_before and DIR/sim_after too.")
+        bool, typer.Option("--export", help="Also write the record sets DIR/sim_before and DIR/sim_after.")
     ] = False,
     closest: Annotated[
         bool,
         typer.Option(
             "--closest",
-            help="Where a rest remains, also look for effects that stand in for it (minutes), and write the closest "
-            "twin: DIR/closest.toml; with --export its records too, DIR/sim_closest.",
+            help="Where a gap remains, also search for surrogate effects that reduce it (minutes), and write the "
+            "closest twin: DIR/closest.toml, with --export also its records, DIR/sim_closest.",
         ),
     ] = False,
     track: Annotated[
-        bool, typer.Option("--track/--no-track", help="Keep the diagnosis as a run for `twingap ui`.")
+        bool, typer.Option("--track/--no-track", help="Store the diagnosis as a run for `twingap ui`.")
     ] = True,
     tracking_uri: TrackingUri = None,
     effects: Effects = None,
     seed: Seed = 0,
     as_json: Json = False,
 ) -> None:
-    """Where records and twin differ, which effect the twin lacks, and how far the gap shrinks when it is added."""
+    """Diagnose where records and twin differ, which effects the twin lacks, and how much of the gap they close."""
     from twingap.files import try_outputs
     from twingap.gap.report.files import to_json
     from twingap.records.folder import read_record_set
     from twingap.twins.twin_file import read_twin
 
-    read_twin(twin)  # a mistyped file is refused before anything slow is imported
+    read_twin(twin)  # reports an invalid file before slow imports
     records = read_record_set(recordset)
     simulated = None if sim is None else read_record_set(sim)
-    # An address that was typed must work; the default one is tried when there is something to keep.
+    # An explicit address must work; the default one is tried after the diagnosis.
     tracker = _tracker(tracking_uri) if track and tracking_uri is not None else None
     twins = ("closest.toml",) if closest and simulated is None else ()
     exports = ("sim_before", "sim_after", "sim_closest")[: 3 if closest else 2] if export else ()
@@ -66,11 +66,11 @@ def gap(
         paths = found.write(out, export=export, progress=shown.share)
     about = found.report
     if track:
-        _keep(about, paths[:2], tracker)
+        _track(about, paths[:2], tracker)
     if as_json:
         say_json(to_json(about))
     else:
-        _tell(about)
+        _print(about)
     wrote(*paths, as_json=as_json)
 
 
@@ -80,8 +80,8 @@ def _tracker(uri: str | None) -> Tracker:
     return MlflowTracker(uri, "gap")
 
 
-def _keep(report: GapReport, paths: Sequence[Path], tracker: Tracker | None) -> None:
-    """Track the diagnosis. It is done and written: a store that cannot be used is worth a line, no more."""
+def _track(report: GapReport, paths: Sequence[Path], tracker: Tracker | None) -> None:
+    """Track the diagnosis; since its results are written already, an unusable store gives a message only."""
     from twingap.gap.report.tracking import track_report
 
     try:
@@ -90,8 +90,8 @@ def _keep(report: GapReport, paths: Sequence[Path], tracker: Tracker | None) -> 
         print(f"twingap: not tracked: {error}", file=sys.stderr)
 
 
-def _ends(ci: tuple[float, float]) -> str:
-    """An interval of a closure; where it ends at what closures are bounded to, so said."""
+def _interval(ci: tuple[float, float]) -> str:
+    """Text of an interval of a closure, which states ends at the bounds of closures."""
     from twingap.gap.distance.closure import CLOSURE_BOUNDS
 
     low, high = (f"{round(100 * end)}%" for end in ci)
@@ -100,8 +100,8 @@ def _ends(ci: tuple[float, float]) -> str:
     return f"{low} to {high}"
 
 
-def _tell(report: GapReport) -> None:
-    """The verdict, the likeliest candidates and the measures, for people."""
+def _print(report: GapReport) -> None:
+    """Print the verdict, the most probable candidates and the metrics."""
     from twingap.gap.report.advice import next_steps, place_words
 
     say(report.sentence)
@@ -120,7 +120,7 @@ def _tell(report: GapReport) -> None:
                 "effect": c.effect,
                 "probability": f"{c.probability:.0%}",
                 "closes": "cannot be added" if c.acts is not None else f"{round(100 * c.closure)}%",
-                "90% interval": "" if c.acts is not None else _ends(c.closure_ci),
+                "90% interval": "" if c.acts is not None else _interval(c.closure_ci),
                 "named": "yes" if c.effect in report.verdict.effects else "",
             }
             for c in shown

@@ -12,11 +12,11 @@ from twingap.cli.progress import progress
 
 
 def identify(
-    twin: Annotated[Path, typer.Argument(metavar="TWIN.toml", help="What is modelled; absent parameters are free.")],
+    twin: Annotated[Path, typer.Argument(metavar="TWIN.toml", help="Twin; absent parameters are free.")],
     recordset: Annotated[Path, typer.Argument(metavar="RECORDSET", help="Records to identify them from.")],
     out: Annotated[Path, typer.Option(metavar="TWIN2.toml", help="The identified twin.")],
     figures: Annotated[
-        Path | None, typer.Option(metavar="DIR", help="Folder for the fit's figures; default beside TWIN2.toml.")
+        Path | None, typer.Option(metavar="DIR", help="Folder for figures of the fit; that of TWIN2.toml when absent.")
     ] = None,
     level: Annotated[float, typer.Option(help="Coverage of the intervals.", min=0.5, max=0.999)] = 0.9,
     method: Annotated[
@@ -45,7 +45,7 @@ def identify(
     for path in (out, figure):
         refuse_overwriting(path, twin, recordset)
     records = read_record_set(recordset)
-    # Both places are tried before the work begins, and filled only after it has ended well.
+    # Both files are created at first, and filled only after success.
     with replacing(out) as text, replacing(figure) as drawing:
         with progress("reading") as shown:
             found = run(
@@ -58,9 +58,9 @@ def identify(
                 progress=shown.share,
             )
         try:
-            # With the geometry that it was identified for, since a table of conditions brings none to simulate.
+            # With the geometry of the identification, since a table of conditions has none for simulations.
             write_twin(text, replace(found.spec, bearing=records.bearing or found.spec.bearing))
-        except TwingapError as error:  # which names the temporary file
+        except TwingapError as error:  # it names the temporary file
             raise TwingapError(error.what, where=out, mend=error.mend) from error
         try:
             write_figure(drawing, found.fits)

@@ -1,4 +1,4 @@
-"""Options that every command spells the same way, and how commands speak."""
+"""Options common to all commands, and their output."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from twingap.errors import TwingapError
 
 
 def _load(paths: list[Path] | None) -> list[Path] | None:
-    """Register the effects of the files, before the command begins."""
+    """Register the effects of files before the command begins."""
     if paths:
         from twingap.effects import load_effects
 
@@ -28,16 +28,16 @@ def _load(paths: list[Path] | None) -> list[Path] | None:
     return paths
 
 
-Seed = Annotated[int, typer.Option(help="Seed of everything random; same seed, same bytes.", min=0)]
+Seed = Annotated[int, typer.Option(help="Seed of all random numbers; the same seed gives the same bytes.", min=0)]
 AnySeed = Annotated[
-    int, typer.Option("--seed", help="Taken by every command; nothing is random in this one.", min=0, hidden=True)
+    int, typer.Option("--seed", help="Accepted by every command; this one has no random numbers.", min=0, hidden=True)
 ]
-"""For commands without anything random: a script may pass --seed to all."""
+"""Option of commands without random numbers, so that scripts can pass --seed to all."""
 Json = Annotated[bool, typer.Option("--json", help="Print the machine-readable result instead of the table.")]
 TrackingUri = Annotated[
     str | None,
     typer.Option(
-        help="Where runs are kept, as MLflow writes it: sqlite:///PATH or http://SERVER. "
+        help="Store of runs, as an MLflow address: sqlite:///PATH or http://SERVER. "
         "Default: MLFLOW_TRACKING_URI, else .twingap/mlflow.db here (TWINGAP_HOME moves it).",
         show_default=False,
     ),
@@ -47,13 +47,13 @@ Effects = Annotated[
     list[Path] | None,
     typer.Option(
         "--effects", metavar="FILE.py", callback=_load, is_eager=True, show_default=False,
-        help="Effects of your own: a Python file that registers them. May be given several times.",
+        help="Python file that registers your own effects; repeatable.",
     ),
 ]  # fmt: skip
 
 
 def examples(*lines: str) -> str:
-    """The end of a command's help."""
+    """Examples at the end of a command's help."""
     return "\n\n".join((f"Example{'s' * (len(lines) > 1)}:", *lines))
 
 
@@ -62,39 +62,40 @@ def show(rows: list[dict[str, Any]], as_json: bool, title: str = "") -> None:
     if as_json:
         say_json(rows)
         return
-    _speak_any_alphabet()
+    _escape_unencodable()
     table = Table(title=title or None)
     for column in rows[0] if rows else ():
         table.add_column(column)
     for row in rows:
         table.add_row(*(_cell(value) for value in row.values()))
-    # Cells hold data, never markup; what goes into a file or a pipe is not squeezed into 80 columns.
+    # Cells are data without markup. Output to a file or pipe is not limited to 80 columns.
     wide = {} if sys.stdout.isatty() else {"width": 200}
     Console(markup=False, highlight=False, **wide).print(table)  # type: ignore[arg-type]
 
 
 def say(*lines: str) -> None:
-    """Print lines as they are."""
-    _speak_any_alphabet()
+    """Print lines without formatting."""
+    _escape_unencodable()
     for line in lines:
         print(line)
 
 
 def say_json(value: Any) -> None:
-    """Print as JSON that any parser takes: NaN and infinities as null, NumPy numbers as numbers."""
+    """Print as standard JSON: NaN and infinities as null, NumPy numbers as numbers."""
     from twingap.provenance import plain
 
-    _speak_any_alphabet()
+    _escape_unencodable()
     unicode = (sys.stdout.encoding or "").lower().replace("-", "").startswith("utf")
     print(json.dumps(_finite(plain(value)), indent=2, ensure_ascii=not unicode, allow_nan=False))
 
 
 def refuse_overwriting(out: Path, *read: Path) -> None:
-    """Refuse to write over what the command reads: a file, or the tables and samples of a record set's folder.
+    """Raise where a command would overwrite its input: a file, or the tables and samples of a record set.
 
     Raises
     ------
     TwingapError
+        When `out` is one of these files.
     """
     if not out.is_file():
         return
@@ -105,7 +106,7 @@ def refuse_overwriting(out: Path, *read: Path) -> None:
 
 
 def _samples(folder: Path) -> Iterator[Path]:
-    """Files of samples that a record set's folder names; whether its table is right is found out when it is read."""
+    """Files of samples that a record set's table names; errors of the table are reported when it is read."""
     import csv
 
     table = folder / "records.csv"
@@ -118,14 +119,14 @@ def _samples(folder: Path) -> Iterator[Path]:
 
 
 def wrote(*paths: Path, as_json: bool = False) -> None:
-    """End a command with the paths of what it wrote."""
-    _speak_any_alphabet()
+    """Print the paths that a command has written."""
+    _escape_unencodable()
     for path in paths:
         print(path, file=sys.stderr if as_json else sys.stdout)
 
 
 def _cell(value: Any) -> str:
-    """A value for people: numbers to four digits that count."""
+    """Text of a value; numbers with four significant digits."""
     if value is None:
         return ""
     if isinstance(value, float):
@@ -141,8 +142,8 @@ def _finite(value: Any) -> Any:
     return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
-def _speak_any_alphabet() -> None:
-    """Let a terminal or pipe that lacks a letter get its escape (\\xfc) rather than end the command."""
+def _escape_unencodable() -> None:
+    """Print characters that an output cannot encode as escapes (\\xfc) instead of raising."""
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper) and stream.errors == "strict":
             with contextlib.suppress(io.UnsupportedOperation, ValueError):

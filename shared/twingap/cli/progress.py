@@ -1,4 +1,4 @@
-"""Progress of a command on standard error: a bar on a terminal, elsewhere a line now and then."""
+"""Progress of a command on standard error: a bar on a terminal, else lines at intervals."""
 
 from __future__ import annotations
 
@@ -17,28 +17,28 @@ from rich.progress import Progress as RichProgress
 T = TypeVar("T")
 
 EVERY_S: Final = 30.0
-"""Seconds between two lines where standard error is no terminal; stages that take less are not mentioned there."""
+"""Interval of lines where standard error is no terminal, s; shorter stages are not printed there."""
 
 console = Console(stderr=True)
-"""Progress goes to standard error, so that standard output holds the result alone."""
+"""Console on standard error, so that standard output contains the result only."""
 
 
 class Progress(ABC):
-    """What is being done, and how much of it is done. Its methods are the callbacks that the library takes."""
+    """Current step and progress of a command; its methods are the callbacks of the library."""
 
     def __init__(self, what: str, total: float | None) -> None:
         self.what, self.done, self.total, self.now = what, 0.0, total, ""
 
     def share(self, what: str, fraction: float) -> None:
-        """What is being done, and which part of all is done, 0 to 1."""
+        """Set the current step and the fraction done, 0 to 1."""
         self._set(what, fraction, 1.0, "")
 
     def count(self, what: str, done: float, total: float | None) -> None:
-        """What is being done, how much of it is done, and how much there is."""
+        """Set the current step, the amount done and the total amount."""
         self._set(what, done, total, "")
 
     def step(self, now: str = "", amount: float = 1) -> None:
-        """One more is done; `now` says which."""
+        """Increase the amount done; `now` names the item."""
         self._set(self.what, self.done + amount, self.total, now)
 
     def _set(self, what: str, done: float, total: float | None, now: str) -> None:
@@ -50,18 +50,18 @@ class Progress(ABC):
 
     @abstractmethod
     def show(self, new: bool) -> None:
-        """Show what has changed; `new` when something else is being done."""
+        """Show the progress; `new` at the begin of a step."""
 
     def end_of_stage(self) -> None:  # noqa: B027
-        """Called when what was being done is finished; nothing to show on a bar."""
+        """Called at the end of a step; a bar shows nothing then."""
 
     def percent(self) -> str:
-        """The share that is done, "" when there is none to state."""
+        """Percentage done; "" when unknown."""
         return f"{100 * min(1.0, self.done / self.total):.0f} %" if self.total else ""
 
 
 class _Bar(Progress):
-    """On a terminal."""
+    """Progress bar on a terminal."""
 
     def __init__(self, what: str, total: float | None, bar: RichProgress) -> None:
         super().__init__(what, total)
@@ -73,7 +73,7 @@ class _Bar(Progress):
 
 
 class _Lines(Progress):
-    """Elsewhere: a thread prints a line at intervals, also while a stage takes long to say anything."""
+    """Progress as lines that a thread prints at intervals."""
 
     def __init__(self, what: str, total: float | None, every_s: float) -> None:
         super().__init__(what, total)
@@ -91,7 +91,7 @@ class _Lines(Progress):
             _print(f"{self.what}: done in {_duration(seconds)}")
 
     def close(self) -> None:
-        """Print no more."""
+        """Stop printing."""
         self.finished.set()
         self.thread.join()
 
@@ -108,11 +108,11 @@ def progress(title: str, total: float | None = None, *, every_s: float = EVERY_S
     Parameters
     ----------
     title : str
-        What is done first.
+        First step.
     total : float or None
-        Steps of it; None when not known.
+        Total amount; None = unknown.
     every_s : float
-        Seconds between two lines where standard error is no terminal.
+        Interval of lines where standard error is no terminal, s.
 
     Yields
     ------
@@ -135,7 +135,7 @@ def progress(title: str, total: float | None = None, *, every_s: float = EVERY_S
 
 
 def steps(items: Iterable[T], title: str, total: int) -> Iterator[T]:
-    """The items as they come, each a step of `progress`."""
+    """Iterate over items with progress."""
     with progress(title, total) as shown:
         for item in items:
             yield item

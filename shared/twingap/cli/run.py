@@ -1,4 +1,4 @@
-"""`twingap run`: a paper's tables and figures."""
+"""`twingap run`: tables and figures of a paper."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from twingap.cli.progress import progress
 
 
 class Paper(enum.StrEnum):
-    """The papers by number."""
+    """Papers by number."""
 
     paper1 = "paper1"
     paper2 = "paper2"
@@ -24,19 +24,19 @@ class Paper(enum.StrEnum):
 
 
 class ProfileName(enum.StrEnum):
-    """How much is run."""
+    """Extent of the run."""
 
     smoke = "smoke"
     full = "full"
 
 
 def run(
-    paper: Annotated[Paper, typer.Argument(help="Which paper.")],
+    paper: Annotated[Paper, typer.Argument(help="Paper to reproduce.")],
     profile: Annotated[
         ProfileName, typer.Option(help="smoke: minutes; full: all tasks and seeds.")
     ] = ProfileName.smoke,
     backend: Annotated[str, typer.Option(help="Where trainings run: loky (local processes) or dask.")] = "loky",
-    address: Annotated[str | None, typer.Option(help="Of a running dask cluster.")] = None,
+    address: Annotated[str | None, typer.Option(help="Address of a running dask cluster.")] = None,
     out: Annotated[Path | None, typer.Option(help="Folder of tables, figures and results [.twingap/PAPER].")] = None,
     root: Annotated[Path | None, typer.Option(help="Data root; TWINGAP_DATA when absent.")] = None,
     effects: Effects = None,
@@ -44,7 +44,7 @@ def run(
     tracking_uri: TrackingUri = None,
     json: Json = False,
 ) -> None:
-    """A paper's tables and figures, tracked and resumable: what was finished before is taken up again."""
+    """Reproduce the tables and figures of a paper; tracked, and resumable after an interruption."""
     from twingap.track import MlflowTracker, state_folder
 
     pipeline = import_module(f"papers.{_FOLDERS[paper]}.pipeline")
@@ -61,14 +61,14 @@ def run(
                 tracker=tracker,
                 progress=shown.count,
             )
-    except KeyboardInterrupt:  # typer would end without a word
-        print("twingap: interrupted; what was finished is kept, run the same command to go on", file=sys.stderr)
+    except KeyboardInterrupt:  # typer would end without a message
+        print("twingap: interrupted; finished results are kept, run the same command to continue", file=sys.stderr)
         raise typer.Exit(130) from None
     if json:
         say_json(outcome.rows)
     else:
         _PRINT[paper](outcome)
-        say(f"MLflow run {outcome.run_id} in {tracker.uri}; to look at it: twingap ui")
+        say(f"MLflow run {outcome.run_id} in {tracker.uri}; show it with: twingap ui")
     wrote(outcome.out / "tables", outcome.out / "figures", as_json=json)
 
 
@@ -77,9 +77,9 @@ def _print1(outcome: Any) -> None:
     rows = [{name: row[name] for name in columns} for row in outcome.rows]
     show(rows, False, f"RMSE of remaining time, minutes: {outcome.title}")
     if outcome.missing:
-        say(f"left out, since its data are not at hand: {', '.join(outcome.missing)}")
+        say(f"left out, since data are not available: {', '.join(outcome.missing)}")
     count = sum(len(case.trainings) for case in outcome.cases)
-    say(f"{count} trainings: {outcome.computed} run now, {count - outcome.computed} taken up from earlier runs")
+    say(f"{count} trainings: {outcome.computed} run now, {count - outcome.computed} from earlier runs")
 
 
 def _print2(outcome: Any) -> None:
@@ -93,7 +93,7 @@ def _print3(outcome: Any) -> None:
     from papers.paper3_zoa_dann import tables, tables_comparison
 
     for task, rows in tables.shown(outcome.rows).items():
-        show(rows, False, f"{task}: trained on the contact twin, judged on {outcome.target.title}")
+        show(rows, False, f"{task}: trained on the contact twin, evaluated on {outcome.target.title}")
     for gain in tables.adaptation(outcome.tasks, outcome.options, outcome.target.title):
         low, high = (100 * gain[name] for name in ("low_95", "high_95"))
         say(
@@ -103,16 +103,16 @@ def _print3(outcome: Any) -> None:
     count = sum(len(result.trainings) for result in outcome.tasks)
     say(
         "accuracy of windows: mean ± std over seeds, and the 95 % interval for that mean; right: recordings, by vote;",
-        "oracle: the checkpoint that target labels would have chosen, which no method may claim",
-        f"{count} trainings: {outcome.computed} run now, {count - outcome.computed} taken up from earlier runs",
+        "oracle: the best checkpoint by target labels, which no method can select",
+        f"{count} trainings: {outcome.computed} run now, {count - outcome.computed} from earlier runs",
     )
     if outcome.comparison is not None:
         rows = tables_comparison.shown(outcome.comparison.tables)
         show(rows, False, "methods compared: accuracy of windows, %, label-free selection, mean over tasks")
         if outcome.comparison.missing:
-            say(f"not at hand, so left out: {', '.join(outcome.comparison.missing)}")
+            say(f"not available and left out: {', '.join(outcome.comparison.missing)}")
     if not outcome.target.real:
-        say("no CWRU records at hand: for real ones, `twingap data fetch cwru` and set TWINGAP_DATA")
+        say("no CWRU records available: for real ones, `twingap data fetch cwru` and set TWINGAP_DATA")
 
 
 _FOLDERS: Final[Mapping[Paper, str]] = {

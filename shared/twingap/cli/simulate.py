@@ -17,18 +17,14 @@ if TYPE_CHECKING:
 
 
 def simulate(
-    twin: Annotated[Path, typer.Argument(metavar="TWIN.toml", help="What is modelled.")],
+    twin: Annotated[Path, typer.Argument(metavar="TWIN.toml", help="Twin to simulate.")],
     records: Annotated[
         Path,
         typer.Option(metavar="RECORDSET_OR_CSV", help="Conditions to simulate: a record set, or a table of them."),
     ],
     out: Annotated[Path, typer.Option(metavar="DIR", help="New folder for the record set.")],
-    fs_hz: Annotated[
-        float | None, typer.Option("--fs-hz", help="Sampling rate of rows of a CSV that state none, Hz.")
-    ] = None,
-    duration_s: Annotated[
-        float | None, typer.Option("--duration-s", help="Length of rows of a CSV that state none, s.")
-    ] = None,
+    fs_hz: Annotated[float | None, typer.Option("--fs-hz", help="Sampling rate of CSV rows without one, Hz.")] = None,
+    duration_s: Annotated[float | None, typer.Option("--duration-s", help="Length of CSV rows without one, s.")] = None,
     effects: Effects = None,
     seed: Seed = 0,
     as_json: Json = False,
@@ -41,16 +37,16 @@ def simulate(
     from twingap.twins.twin_file import build_twin, overruled, read_twin, scaled_for
 
     spec = read_twin(twin)
-    asked = read_conditions(records, fs_hz=fs_hz, duration_s=duration_s)
-    conditions = asked.conditions
+    stated = read_conditions(records, fs_hz=fs_hz, duration_s=duration_s)
+    conditions = stated.conditions
     _refuse_unknown_faults(conditions, records)
     # The unit that the twin was identified in, else that of the record set, else m/s^2.
-    unit = asked.unit if spec.identified is None else spec.identified.unit
+    unit = stated.unit if spec.identified is None else spec.identified.unit
     unit = "m/s^2" if unit is None else unit
-    bearing = asked.bearing or spec.bearing
+    bearing = stated.bearing or spec.bearing
     if bearing is None:
         raise _no_bearing(twin, records)
-    notes = [told] if (told := overruled(spec, asked.bearing)) else []
+    notes = [note] if (note := overruled(spec, stated.bearing)) else []
     spec, of_scale = scaled_for(spec, unit)
     model = build_twin(spec, bearing, unit)
     made = model.stream(conditions, np.random.default_rng(seed))
@@ -75,13 +71,13 @@ def simulate(
 
 
 def _refuse_unknown_faults(conditions: Iterable[Condition], where: Path) -> None:
-    """Before any work: nothing can be simulated without knowing which fault."""
+    """Raise for a condition without a fault, which cannot be simulated."""
     from twingap.errors import TwingapError
 
     for condition in conditions:
         if condition.fault is None:
             raise TwingapError(
-                "the fault is unknown, so nothing can be simulated",
+                "the fault is unknown, so the record cannot be simulated",
                 where=f"{where}: record {condition.name!r}",
                 mend="fill the column fault (healthy, inner, outer, ball, cage)",
             )
@@ -91,7 +87,7 @@ def _no_bearing(twin: Path, records: Path) -> Exception:
     from twingap.errors import TwingapError
 
     return TwingapError(
-        f"the bearing's geometry is neither there nor in {twin}",
+        f"the bearing's geometry is neither here nor in {twin}",
         where=records,
         mend="add a [bearing] table to the twin file (or to recordset.toml)",
     )

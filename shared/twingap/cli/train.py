@@ -1,4 +1,4 @@
-"""`twingap train`: what the diagnosis has learnt, made again."""
+"""`twingap train`: training of the shipped models (for maintainers)."""
 
 from __future__ import annotations
 
@@ -15,27 +15,33 @@ def train(
     out: Annotated[
         Path,
         typer.Option(
-            metavar="DIR", help="Folder for the results, DIR/learnt and DIR/classifier, and for what leads to them."
+            metavar="DIR", help="Folder for the results, DIR/learnt and DIR/classifier, and for intermediate files."
         ),
     ],
     machines: Annotated[
         int | None,
-        typer.Option(metavar="N", help="Simulated machines to learn from; default: as many as what ships.", min=20),
+        typer.Option(
+            metavar="N",
+            help="Simulated machines of the training; as many as for the shipped models when absent.",
+            min=20,
+        ),
     ] = None,
     backend: Annotated[str, typer.Option(help="Where simulations run: loky (this machine) or dask.")] = "loky",
-    address: Annotated[str | None, typer.Option(help="Of a running dask scheduler.", show_default=False)] = None,
+    address: Annotated[
+        str | None, typer.Option(help="Address of a running dask scheduler.", show_default=False)
+    ] = None,
     jobs: Annotated[
-        int | None, typer.Option(metavar="J", help="Simulations at once; default: one a core.", min=1)
+        int | None, typer.Option(metavar="J", help="Parallel simulations; one per core when absent.", min=1)
     ] = None,
     effects: Effects = None,
     seed: Annotated[
-        int | None, typer.Option(help="Seed of everything random; default: that of what ships.", min=0)
+        int | None, typer.Option(help="Seed of all random numbers; that of the shipped models when absent.", min=0)
     ] = None,
     as_json: Json = False,
 ) -> None:
-    """Learn from simulations what the diagnosis and `classify` ship with (maintainers). Goes on where it was stopped.
+    """Train the models of the diagnosis and of `classify` on simulations (for maintainers); resumable.
 
-    The files below DIR/learnt go to twingap/gap/knowledge/learnt, those below DIR/classifier to twingap/adapt/learnt.
+    Files of DIR/learnt belong into twingap/gap/knowledge/learnt, those of DIR/classifier into twingap/adapt/learnt.
     """
     from twingap.files import try_folder
 

@@ -185,13 +185,13 @@ class _Resuming:
     def _receive(self, url: str, have: int) -> None:
         headers = {"User-Agent": "twingap (data fetch)", **({"Range": f"bytes={have}-"} if have else {})}
         try:
-            with urllib.request.urlopen(urllib.request.Request(url, headers=headers), timeout=30) as answer:
-                resumed = have > 0 and answer.status == 206
+            with urllib.request.urlopen(urllib.request.Request(url, headers=headers), timeout=30) as response:
+                resumed = have > 0 and response.status == 206
                 have = have if resumed else 0
-                length = answer.headers.get("Content-Length")
+                length = response.headers.get("Content-Length")
                 total = have + int(length) if length else self._file.size_bytes
                 with open(self._part, "ab" if resumed else "wb") as stream:
-                    while block := answer.read(_BLOCK):
+                    while block := response.read(_BLOCK):
                         stream.write(block)
                         have += len(block)
                         if self._progress is not None:

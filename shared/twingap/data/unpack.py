@@ -136,11 +136,11 @@ def _extract(archive: Path, folder: Path, done: set[str]) -> None:
 def _by_program(archive: Path, folder: Path) -> None:
     ending = archive.suffix.lower()
     require_unpackers([ending])
-    said = ""
+    output = ""
     for program in _PROGRAMS.get(ending, ()):
         if shutil.which(program):
             run = subprocess.run(_command(program, archive, folder), capture_output=True, text=True, check=False)
             if run.returncode == 0:
                 return
-            said = f"{program}: {(run.stderr or run.stdout).strip()[-200:]}"
-    raise TwingapError(f"cannot be unpacked: {said}", where=archive, mend="install unar, or unpack it by hand")
+            output = f"{program}: {(run.stderr or run.stdout).strip()[-200:]}"
+    raise TwingapError(f"cannot be unpacked: {output}", where=archive, mend="install unar, or unpack it by hand")

@@ -213,9 +213,9 @@ def _listed(
 
 
 def _where_to_get(file: DataFile, present: dict[str, Path], facts: Manifest) -> str:
-    stand_ins = [f.path for f in facts.files if f.stands_in_for == file.path and f.path in present]
-    if stand_ins:
-        return f"{stand_ins[0]} stands in for it; `twingap data fetch {facts.name}` gets the owner's"
+    replacements = [f.path for f in facts.files if f.stands_in_for == file.path and f.path in present]
+    if replacements:
+        return f"{replacements[0]} replaces it; `twingap data fetch {facts.name}` gets the owner's"
     if file.converted:
         return "a third party's conversion, without public address: not needed where the owner's files are"
     held = [p for p in facts.patterns if p.contained_in == file.path]

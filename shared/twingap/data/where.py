@@ -18,7 +18,7 @@ _SHOWN = 12
 
 
 def where(records: RecordSet, conditions: Iterable[str]) -> RecordSet:
-    """The records for which all conditions hold.
+    """The records that meet all conditions.
 
     Parameters
     ----------
@@ -40,8 +40,8 @@ def where(records: RecordSet, conditions: Iterable[str]) -> RecordSet:
     """
     table = records.table
     kept = np.ones(len(table), dtype=bool)
-    asked = [part for condition in conditions for part in condition.split(",")]
-    for condition in asked:
+    parts = [part for condition in conditions for part in condition.split(",")]
+    for condition in parts:
         match = _CONDITION.fullmatch(condition)
         if match is None:
             raise TwingapError(f"{condition.strip()!r} is no condition", where="--where", mend="write column=value")
@@ -51,7 +51,7 @@ def where(records: RecordSet, conditions: Iterable[str]) -> RecordSet:
         kept &= _holds(table[column], column, _unquoted(text))
         if not kept.any():
             raise TwingapError(
-                f"no record of {records.name} has {' and '.join(part.strip() for part in asked)}",
+                f"no record of {records.name} has {' and '.join(part.strip() for part in parts)}",
                 where="--where",
                 mend=f"{column} takes {_values(table[column])}",
             )

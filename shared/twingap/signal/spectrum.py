@@ -68,18 +68,18 @@ def nearest_bin(frequency: ArrayLike, wanted: ArrayLike) -> NDArray[np.intp]:
     TwingapError
         For NaN, or a frequency more than half a bin outside the range of the bins.
     """
-    bins, asked = np.asarray(frequency, dtype=np.float64), np.asarray(wanted, dtype=np.float64)
+    bins, requested = np.asarray(frequency, dtype=np.float64), np.asarray(wanted, dtype=np.float64)
     if bins.ndim != 1 or bins.size < 2:
         raise TwingapError(f"bins of shape {bins.shape}, at least two in a row expected", where="nearest_bin")
     step = (bins[-1] - bins[0]) / (bins.size - 1)
-    place = (asked - bins[0]) / step
+    place = (requested - bins[0]) / step
     inside = (place >= -0.5) & (place <= bins.size - 0.5)
     if not inside.all():
-        outside = asked[~inside].flat[0]
+        outside = requested[~inside].flat[0]
         raise TwingapError(
             f"{outside:g} lies outside the spectrum, {bins[0]:g} to {bins[-1]:g}",
             where="nearest_bin",
-            mend="sample faster, or ask for fewer harmonics",
+            mend="sample faster, or use fewer harmonics",
         )
     nearest: NDArray[np.intp] = np.clip(np.ceil(place - 0.5).astype(np.intp), 0, bins.size - 1)
     return nearest

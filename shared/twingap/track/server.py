@@ -95,9 +95,9 @@ def serving(uri: str, host: str, port: int, *, need_runs: bool = True) -> Iterat
             with _ending_on_terminate():
                 if not _answers(server, host, port):
                     log.seek(0)
-                    said = [line for line in log.read().decode(errors="replace").splitlines() if line.strip()]
+                    lines = [line for line in log.read().decode(errors="replace").splitlines() if line.strip()]
                     raise TwingapError(
-                        f"the UI does not start: {said[-1][:300] if said else 'it says nothing'}", where=uri
+                        f"the UI does not start: {lines[-1][:300] if lines else 'it printed nothing'}", where=uri
                     )
                 yield server
         finally:

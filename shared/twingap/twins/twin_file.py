@@ -3,25 +3,25 @@
 ::
 
     [twin]
-    model = "phenomenological"              # or "contact", or a model of your own (`register_model`)
+    model = "phenomenological"              # or "contact", or a registered model (`register_model`)
     preset = "paper"                        # optional; contact: "paper" or "physical"
     effects = ["slip_jitter", "load_zone"]  # effects that the twin already has
 
-    [parameters]                            # optional fixed values; whatever is absent is identified from the records
+    [parameters]                            # optional fixed values; absent ones are identified from the records
     resonance_hz = 3400.0
     [parameters.impact_amplitude]           # one value per fault
     inner = 1.5
     [parameters.slip_jitter]                # parameters of an effect
     sigma = 0.02
 
-    [bearing]                               # optional; used when the records do not bring a geometry
+    [bearing]                               # optional; used for records without a geometry
     name = "6205"
     n_rollers = 9
     roller_diameter_mm = 7.94
     pitch_diameter_mm = 39.04
 
     [intervals]                             # written by identification: parameter = [lo, hi]
-    [identified]                            # written by identification: where the values come from
+    [identified]                            # written by identification: provenance of the values
 """
 
 from __future__ import annotations
@@ -50,21 +50,21 @@ EMPTY: Mapping[str, Any] = MappingProxyType({})
 
 @dataclass(frozen=True)
 class Model:
-    """A kind of twin that twin files can name.
+    """Twin model that twin files can name.
 
     Parameters
     ----------
     name : str
-        As in ``[twin] model``.
+        Name for ``[twin] model``.
     parameters : type
         Frozen dataclass of its parameters, every field with a default: numbers, and ``dict[str, float]`` where there
-        is one number per fault. Its ``__post_init__`` refuses values that have no meaning with `TwingapError`.
+        is one number per fault. Its ``__post_init__`` raises `TwingapError` for invalid values.
     build : callable
         ``build(parameters, bearing, effects, unit) -> Twin``.
     presets : Mapping[str, parameters]
-        Named starting points for ``[twin] preset``.
+        Parameters by name for ``[twin] preset``.
     unit : {"m/s^2", "g", ""}
-        Of its samples at a `scale` of 1; "" where the model knows no amplitude of its own.
+        Unit of its samples at a `scale` of 1; "" where amplitudes are relative.
     """
 
     name: str
@@ -75,18 +75,18 @@ class Model:
 
 
 MODELS: dict[str, Model] = {}
-"""Models by name. A user's own joins with `register_model`."""
+"""Models by name; `register_model` adds further ones."""
 
 
 def register_model(model: Model) -> Model:
-    """Make a model known to twin files. A later registration replaces an earlier one of that name."""
+    """Register a model for twin files; it replaces an earlier one of the same name."""
     MODELS[model.name] = model
     return model
 
 
 @dataclass(frozen=True)
 class Provenance:
-    """Where identified values come from: table ``[identified]``.
+    """Provenance of identified values: table ``[identified]``.
 
     Parameters
     ----------
@@ -117,7 +117,7 @@ class Provenance:
 
 @dataclass(frozen=True)
 class TwinSpec:
-    """A twin as its file describes it.
+    """Content of a twin file.
 
     Parameters
     ----------
@@ -154,13 +154,13 @@ class TwinSpec:
         _check(self, "twin")
 
     def given(self, name: str) -> bool:
-        """Whether the file fixes this parameter (dotted for one within a table)."""
+        """Whether the file states this parameter (dotted name within tables)."""
         return name in flat(self.parameters)
 
     def with_values(
         self, values: Mapping[str, float], intervals: Mapping[str, tuple[float, float]], identified: Provenance
     ) -> TwinSpec:
-        """The same twin with these parameters (dotted names) set; intervals of others stay."""
+        """The same twin with these parameters (dotted names); intervals of others are kept."""
         merged = nested({**flat(self.parameters), **values})
         kept = {name: ends for name, ends in self.intervals.items() if name not in values}
         return dataclasses.replace(self, parameters=merged, intervals=kept | dict(intervals), identified=identified)
@@ -209,13 +209,13 @@ def read_twin(path: str | os.PathLike[str]) -> TwinSpec:
 
 
 def write_twin(path: str | os.PathLike[str], spec: TwinSpec) -> None:
-    """Write a twin file, whole or not at all; `read_twin` gives the same spec back."""
+    """Write a twin file atomically; `read_twin` returns the same spec."""
     with replacing(path) as temporary:
         temporary.write_text(to_toml(tables_of(spec)), encoding="utf-8", newline="\n")
 
 
 def build_twin(spec: TwinSpec, bearing: Bearing | None = None, unit: str = "m/s^2") -> Twin:
-    """The twin that a spec describes; parameters that it leaves open have their documented defaults.
+    """Twin from a spec; parameters that it does not state have their defaults.
 
     Parameters
     ----------
@@ -253,7 +253,7 @@ _IN_M_S2: Final = MappingProxyType({"m/s^2": 1.0, "g": STANDARD_GRAVITY})
 
 
 def in_unit(spec: TwinSpec, unit: str) -> TwinSpec:
-    """The spec of a twin that was identified in one unit, for records in another: `scale` and its interval converted.
+    """Spec of an identified twin for records in another unit, with `scale` and its interval converted.
 
     Parameters
     ----------
@@ -276,7 +276,7 @@ def in_unit(spec: TwinSpec, unit: str) -> TwinSpec:
 
 
 def scaled_for(spec: TwinSpec, unit: str) -> tuple[TwinSpec, str | None]:
-    """The spec of a twin that leaves its scale open, with the scale that leads to a unit; and a sentence about it.
+    """Spec of a twin without a stated scale, with the scale of a unit, and a note on it.
 
     Parameters
     ----------
@@ -303,7 +303,7 @@ def scaled_for(spec: TwinSpec, unit: str) -> tuple[TwinSpec, str | None]:
 
 
 def overruled(spec: TwinSpec, bearing: Bearing | None, whose: str = "twin file") -> str | None:
-    """A sentence for people where the records bring another geometry than the spec: theirs is used."""
+    """Note where the geometry of the records, which is used, differs from that of the spec; else None."""
     if bearing is None or spec.bearing is None:
         return None
     ours, theirs = (
@@ -318,7 +318,7 @@ def overruled(spec: TwinSpec, bearing: Bearing | None, whose: str = "twin file")
 
 
 def model_of(spec: TwinSpec) -> Model:
-    """The registered model that a spec names.
+    """Registered model of a spec.
 
     Raises
     ------
@@ -336,7 +336,7 @@ def model_of(spec: TwinSpec) -> Model:
 
 
 def model_parameters(spec: TwinSpec) -> Any:
-    """The model's parameters: preset or defaults, overlaid by what the spec gives.
+    """Parameters of the model: preset or defaults, with the values of the spec.
 
     Raises
     ------
@@ -390,7 +390,7 @@ def _unknown_parameter(name: str, spec: TwinSpec, defaults: Mapping[str, Any]) -
 
 
 def _check(spec: TwinSpec, where: object) -> None:
-    """Refuse what cannot be built, without needing a bearing."""
+    """Raise for a spec that cannot be built; needs no bearing."""
     seen: set[str] = set()
     for name in spec.effects:
         if name in seen:
@@ -412,7 +412,7 @@ def _check(spec: TwinSpec, where: object) -> None:
 
 
 def _check_numbers(value: Any, where: str) -> None:
-    """Refuse numbers that are not finite, and whole numbers too large to become floating-point ones."""
+    """Raise for numbers that are not finite, and for integers too large for floating point."""
     if isinstance(value, Mapping):
         for key, item in value.items():
             _check_numbers(item, f"{where} {key}")
@@ -436,7 +436,7 @@ def _interval(value: Any, where: str) -> tuple[float, float]:
 
 @contextmanager
 def _located(path: str | os.PathLike[str]) -> Iterator[None]:
-    """Add the file to errors that do not name it yet."""
+    """Add the file to errors that do not name it."""
     try:
         yield
     except TwingapError as error:
@@ -449,7 +449,7 @@ def _located(path: str | os.PathLike[str]) -> Iterator[None]:
 
 
 def flat(table: Mapping[str, Any]) -> dict[str, Any]:
-    """One level of nesting as dotted names."""
+    """Table with one level of nesting as dotted names."""
     out: dict[str, Any] = {}
     for key, value in table.items():
         if isinstance(value, Mapping):
@@ -460,7 +460,7 @@ def flat(table: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def nested(dotted: Mapping[str, Any]) -> dict[str, Any]:
-    """Dotted names as one level of nesting."""
+    """Dotted names as a table with one level of nesting."""
     out: dict[str, Any] = {}
     for key, value in dotted.items():
         outer, _, inner = key.partition(".")
@@ -472,7 +472,7 @@ def nested(dotted: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def tables_of(spec: TwinSpec) -> dict[str, Any]:
-    """A spec as the tables of its file; what is absent is left out."""
+    """Tables of a twin file from a spec, without absent values."""
     tables: dict[str, Any] = {"twin": {"model": spec.model, "preset": spec.preset, "effects": spec.effects}}
     if spec.parameters:
         tables["parameters"] = dict(spec.parameters)
@@ -486,7 +486,7 @@ def tables_of(spec: TwinSpec) -> dict[str, Any]:
 
 
 def _load_own_models() -> None:
-    """Register the models that twingap brings, on first need: reading about a twin should not compile anything."""
+    """Register the built-in models on first use, so that reading a twin file compiles nothing."""
     if "phenomenological" not in MODELS:
         from twingap.twins.phenomenological import PhenomenologicalParameters, PhenomenologicalTwin
 
@@ -513,5 +513,5 @@ def _load_own_models() -> None:
 
 
 def all_parameters(spec: TwinSpec) -> dict[str, Any]:
-    """The model's parameters, defaults included."""
+    """Parameters of the model, including defaults."""
     return dataclasses.asdict(model_parameters(spec))

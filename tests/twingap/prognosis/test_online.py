@@ -167,7 +167,7 @@ def test_a_run_without_a_healthy_start_is_said_and_followed(limited: bool) -> No
     found = life.estimate()
     assert life.onset_row == 0 and found.revolutions > 0
     # An end in absolute amplitude needs no healthy start.
-    assert ("lower ends" not in note) == limited and (found.revolutions_lo > 0) == limited
+    assert ("lower end" not in note) == limited and (found.revolutions_lo > 0) == limited
 
 
 def begun_late(law: str, seed: int, share: float | None, varying: bool) -> tuple[SimulatedRun, OnlineLife]:
@@ -192,7 +192,7 @@ def test_a_start_that_is_not_shown_to_be_healthy_is_said(varying: bool) -> None:
     assert len(alarmed) >= 15 and np.mean([life.open_below for life in alarmed]) >= 0.75
     assert sum(life.open_below for life in sound) <= 3 and sum(life.alarm_row is not None for life in sound) >= 38
     for life in (*alarmed, *sound):
-        said = [note for note in life.notes if "healthy" in note and "lower ends" in note]
+        said = [note for note in life.notes if "healthy" in note and "lower end" in note]
         assert len(said) == life.open_below
 
 
@@ -220,7 +220,7 @@ def test_running_in_is_learnt_again_and_a_passing_anomaly_taken_back() -> None:
     alarmed = []
     for row, x in enumerate(level + 0.08 * rng.normal(size=level.size)):
         alarmed.append(life.update(float(row), 1500.0, float(np.exp(x))).anomaly)
-    assert any("running in" in note for note in life.notes) and any("has passed" in note for note in life.notes)
+    assert any("running in" in note for note in life.notes) and any("is withdrawn" in note for note in life.notes)
     assert not any(alarmed[:270]) and all(alarmed[275:330]) and not alarmed[-1]
 
 
@@ -343,7 +343,7 @@ def test_a_speed_never_seen_while_healthy_is_said_after_the_alarm() -> None:
         life.take(float(row), 1000.0, damage * float(np.exp(0.05 * rng.normal())))
     assert life.alarm_row is not None and life.notes == []
     life.take(120.0, 2000.0, 5.0)
-    assert len(life.notes) == 1 and "2000 rpm lies beyond" in life.notes[0]
+    assert len(life.notes) == 1 and "2000 rpm is outside" in life.notes[0]
 
 
 def test_a_new_speed_before_any_anomaly_is_learnt_from_its_own_rows() -> None:
@@ -364,7 +364,7 @@ def test_the_owners_limit_ends_life_before_any_anomaly_too() -> None:
     life = OnlineLife(LifeOptions(limit=15.0))
     said = [life.update(float(row), 1500.0, 20.0 if row >= 128 else float(scatter[row])) for row in range(130)]
     assert life.end_row == 128 and [e.anomaly for e in said] == [False] * 128 + [True] * 2
-    assert said[-1].revolutions == 0.0 and any("before any anomaly was known" in note for note in life.notes)
+    assert said[-1].revolutions == 0.0 and any("before any anomaly" in note for note in life.notes)
     life = OnlineLife(LifeOptions(limit=5.0))
     for row in range(120):
         life.take(float(row), 1500.0 if row < 100 else 3000.0, float(scatter[row]) * (1.0 if row < 100 else 6.0))

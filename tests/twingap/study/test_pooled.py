@@ -54,7 +54,7 @@ def test_counts_add_up(seeds: tuple[list[Any], list[Path]]) -> None:
 
 def test_what_cannot_be_counted_together_is_named(seeds: tuple[list[Any], list[Path]], tmp_path: Path) -> None:
     _, folders = seeds
-    with pytest.raises(TwingapError, match="seed 3 stands in"):
+    with pytest.raises(TwingapError, match="seed 3 is in"):
         read_studies([folders[0], folders[0]])
     with pytest.raises(TwingapError, match="no finished study"):
         read_studies([folders[0], tmp_path])
