@@ -8,25 +8,37 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 from matplotlib.patches import FancyBboxPatch
 
 from papers.paper1_rul_varying_speed.job import simulate
+from papers.paper1_rul_varying_speed.methods.architecture import LifeArchitecture
 from papers.paper1_rul_varying_speed.methods.metrics import rmse
+from papers.paper1_rul_varying_speed.methods.simulated_lives import Snapshots
 from papers.paper1_rul_varying_speed.options import Options
 from papers.paper1_rul_varying_speed.results import CaseResult
-from papers.paper1_rul_varying_speed.tables import LIVES, PUBLISHED, layers
+from papers.paper1_rul_varying_speed.tables import LIVES, layers
+from papers.paper1_rul_varying_speed.tables import errors as errors_of
+from papers.paper1_rul_varying_speed.tables import frame as frame_of
 from twingap import files
-from twingap.adapt.evaluate import t_interval
 from twingap.signal.envelope import squared_envelope_spectrum
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 COLOURS: Final = {
     "CNN": "#E69F00", "DANN": "#CC79A7", "Proposed model 1": "#56B4E9", "Proposed model 2": "#009E73",
     "Proposed model 3": "#0072B2", LIVES: "0.45",
 }  # fmt: skip
+MARKERS: Final = {
+    "CNN": "o", "DANN": "D", "Proposed model 1": "<", "Proposed model 2": ">", "Proposed model 3": "s",
+}  # fmt: skip
+LINES: Final = {"inner": "BPFI", "outer": "BPFO", "ball": "2 BSF"}
+"""Name of the line that a fault shows in an envelope spectrum."""
 MEASURED, SIMULATED, TRUE = "#D55E00", "#0072B2", "k"
 SIZES: Final[Any] = {"font.size": 12, "axes.titlesize": 12, "axes.labelsize": 12, "legend.fontsize": 10}
 
@@ -36,7 +48,8 @@ def all_figures(results: Sequence[CaseResult], options: Options, data: str) -> I
     import matplotlib as mpl
 
     with mpl.rc_context(SIZES):
-        yield "figure08-network", network(results[0], data)
+        shown = results[0].trainings[-1].job
+        yield "figure08-network", network(shown.architecture, shown.model)
         for result in (r for r in results if r.variant == results[0].variant):
             name = result.case.name
             yield f"figure03_04-{name}-speed", speed(result, options, data)
@@ -53,7 +66,7 @@ def all_figures(results: Sequence[CaseResult], options: Options, data: str) -> I
                 if "embedding" in result.trainings[0].value:
                     yield f"figure13-{name}-tsne-{twin}", embedding(result, about)
                 yield f"figure14-{name}-{twin}", predicted(result, about)
-            yield f"table5-{twin}", table5(own, about)
+            yield f"table5-{twin}", table5(frame_of(errors_of(own, options, data)))
 
 
 def speed(result: CaseResult, options: Options, data: str) -> Figure:
@@ -158,35 +171,41 @@ def remaining(result: CaseResult, data: str) -> Figure:
     return figure
 
 
-def network(result: CaseResult, data: str) -> Figure:
-    """Figure 8: the network, with the sizes that were run."""
-    own = result.trainings[-1].job.architecture
-    figure = Figure(figsize=(12, 4.6), layout="constrained")
+def network(own: LifeArchitecture, model: str) -> Figure:
+    """Figure 8: the network with the sizes that were run.
+
+    Parameters
+    ----------
+    own : LifeArchitecture
+    model : str
+        Name of the model, as in table 5.
+    """
+    figure = Figure(figsize=(13, 4.6), layout="constrained")
     axes = figure.subplots()
     axes.set_axis_off()
-    axes.set(xlim=(0, 12), ylim=(0, 5))
+    axes.set(xlim=(-0.15, 13.15), ylim=(0.1, 4.4))
 
-    def box(x: float, y: float, text: str, colour: str, width: float = 1.75) -> None:
-        axes.add_patch(FancyBboxPatch((x, y), width, 0.95, boxstyle="round,pad=0.05", fc=colour, ec="k", alpha=0.35))
-        axes.text(x + width / 2, y + 0.47, text, ha="center", va="center", fontsize=9)
+    def box(x: float, y: float, text: str, colour: str, width: float) -> None:
+        axes.add_patch(FancyBboxPatch((x, y), width, 1.0, boxstyle="round,pad=0.05", fc=colour, ec="k", alpha=0.35))
+        axes.text(x + width / 2, y + 0.5, text, ha="center", va="center", fontsize=11)
 
     def arrow(a: tuple[float, float], b: tuple[float, float]) -> None:
         axes.annotate("", b, a, arrowprops={"arrowstyle": "->", "lw": 1.2})
 
     (_, c1, s1), (_, p1, _), (_, c2, s2), (_, p2, _) = layers(own)
-    box(0.0, 3.0, f"record\n{own.length} samples", "0.7")
-    box(2.3, 3.0, f"conv + ReLU\n{s1}\n{c1}, pool {p1}", "#56B4E9", 2.1)
-    box(4.9, 3.0, f"conv + ReLU\n{s2}\n{c2}, pool {p2}", "#56B4E9", 2.1)
-    box(4.9, 1.6, f"sequence, eq. 13: {own.d_model}", "#009E73", 2.1)
-    box(4.9, 0.3, f"speed, eq. 13: {own.d_model}", "#009E73", 2.1)
-    box(7.5, 1.6, f"joined\n{own.joined}", "0.7", 1.2)
-    box(9.3, 2.8, "regressor\n64, 32, 1 (ReLU)\nremaining revolutions", "#E69F00", 2.5)
-    box(9.3, 0.4, f"reversal, lambda {own.reversal:g}\n64, 32, 1 (sigmoid)\nsimulated or real", "#CC79A7", 2.5)
-    for a, b in (((1.8, 3.5), (2.2, 3.5)), ((4.45, 3.5), (4.8, 3.5)), ((7.05, 3.4), (7.6, 2.65)),
-                 ((7.05, 2.1), (7.4, 2.1)), ((7.05, 0.8), (7.6, 1.5)), ((8.8, 2.3), (9.2, 3.1)),
-                 ((8.8, 1.9), (9.2, 1.1))):  # fmt: skip
+    box(0.0, 3.2, f"record\n{own.length} samples", "0.7", 1.6)
+    box(2.1, 3.2, f"convolution, ReLU\n{s1}\nlength {c1}, pooled to {p1}", "#56B4E9", 2.4)
+    box(5.0, 3.2, f"convolution, ReLU\n{s2}\nlength {c2}, pooled to {p2}", "#56B4E9", 2.4)
+    box(5.0, 1.7, f"sequence encoding\n(eq. 13), length {own.d_model}", "#009E73", 2.4)
+    box(5.0, 0.2, f"speed encoding\n(eq. 13), length {own.d_model}", "#009E73", 2.4)
+    box(8.0, 1.7, f"concatenated\nlength {own.joined}", "0.7", 1.6)
+    box(10.2, 2.9, "regressor\n64, 32, 1 (ReLU)\nremaining revolutions", "#E69F00", 2.8)
+    box(10.2, 0.5, f"gradient reversal, λ = {own.reversal:g}\n64, 32, 1 (sigmoid)\nsimulated or real", "#CC79A7", 2.8)
+    for a, b in (((1.65, 3.7), (2.05, 3.7)), ((4.55, 3.7), (4.95, 3.7)), ((7.45, 3.5), (8.3, 2.75)),
+                 ((7.45, 2.2), (7.95, 2.2)), ((7.45, 0.9), (8.3, 1.65)), ((9.65, 2.4), (10.15, 3.3)),
+                 ((9.65, 2.0), (10.15, 1.1))):  # fmt: skip
         arrow(a, b)
-    figure.suptitle(f"The network of {result.trainings[-1].job.model}, as run on {data}")
+    figure.suptitle(f"Network of {model}, sizes as run")
     return figure
 
 
@@ -210,36 +229,45 @@ def run(result: CaseResult, options: Options, data: str) -> Figure:
 
 
 def signals(result: CaseResult, data: str) -> Figure:
-    """Figure 11: a measured record after the anomaly, a simulated one like it, and their envelope spectra."""
+    """Figure 11: a record after the anomaly, a simulated one like it, and their envelope spectra."""
     case = result.case
     made, _ = simulate(result.trainings[0].job, case.known)
-    heights = np.ptp(made.samples, axis=1)
     seen = int(np.flatnonzero(~case.later)[-1])
-    real, rpm = case.judged.samples[seen].astype(float), case.judged.speed_rpm[seen]
-    like = np.flatnonzero(made.speed_rpm == rpm)
-    like = like if like.size else np.arange(len(made))
-    near = int(like[np.argmin(np.abs(heights[like] - np.ptp(real)))])
-    fault_hz = case.known.bearing.fault_order(case.known.fault) * rpm / 60
-    figure = Figure(figsize=(12, 6), layout="constrained")
+    near = _like(made, case.judged, seen)
+    rpm, known = case.judged.speed_rpm[seen], case.known
+    fault_hz = known.bearing.fault_order(known.fault) * rpm / 60
+    line = f"{LINES[known.fault]} = {fault_hz:.1f} Hz"
+    figure = Figure(figsize=(12, 6.4), layout="constrained")
     panels = figure.subplots(2, 2, sharex="col")
-    for line, name, x, colour in (
-        (0, f"measured ({data})", real, MEASURED),
-        (1, f"simulated, {result.variant} twin", made.samples[near].astype(float), SIMULATED),
-    ):
-        t = np.arange(x.size) / case.known.fs_hz
+    for row, (name, x, colour) in enumerate((
+        (f"record of the {data}", case.judged.samples[seen].astype(float), MEASURED),
+        (f"simulated by the {result.variant} twin", made.samples[near].astype(float), SIMULATED),
+    )):  # fmt: skip
+        t = np.arange(x.size) / known.fs_hz
         show = t < 0.1
-        panels[line, 0].plot(1000 * t[show], x[show], color=colour, lw=0.6)
-        panels[line, 0].set(ylabel=f"acceleration ({case.known.unit})", title=name)
-        spectrum = squared_envelope_spectrum(x, case.known.fs_hz)
+        panels[row, 0].plot(1000 * t[show], x[show], color=colour, lw=0.6)
+        panels[row, 0].set(ylabel=f"acceleration ({known.unit})", title=name)
+        spectrum = squared_envelope_spectrum(x, known.fs_hz)
         low = spectrum.frequency < 5.5 * fault_hz
         for k in range(1, 6):
-            panels[line, 1].axvline(k * fault_hz, color="0.6", ls=":", lw=1)
-        panels[line, 1].plot(spectrum.frequency[low], spectrum.values[low], color=colour, lw=0.8)
-        panels[line, 1].set(ylabel="squared envelope\n(relative)", title="dotted: fault frequency and harmonics")
+            panels[row, 1].axvline(
+                k * fault_hz, color="0.4", ls=":", lw=1.4, label=f"{line}, and harmonics" if k == 1 else None
+            )
+        panels[row, 1].plot(spectrum.frequency[low], spectrum.values[low], color=colour, lw=0.8)
+        panels[row, 1].set(ylabel="modulation depth (no unit)", title="squared envelope spectrum")
+        panels[row, 1].legend(loc="upper right")
     panels[1, 0].set_xlabel("time (ms)")
     panels[1, 1].set_xlabel("frequency (Hz)")
     figure.suptitle(f"{case.name} at {rpm:.0f} rpm")
     return figure
+
+
+def _like(made: Snapshots, judged: Snapshots, row: int) -> int:
+    """The simulated record at the speed of a judged one, where there is any, whose peak to peak is nearest."""
+    heights = np.ptp(made.samples, axis=1)
+    same = np.flatnonzero(made.speed_rpm == judged.speed_rpm[row])
+    same = same if same.size else np.arange(len(made))
+    return int(same[np.argmin(np.abs(heights[same] - np.ptp(judged.samples[row].astype(float))))])
 
 
 def embedding(result: CaseResult, data: str) -> Figure:
@@ -307,29 +335,52 @@ def _grid(panels: int) -> tuple[int, int]:
     return across, -(-panels // across)
 
 
-def table5(results: Sequence[CaseResult], data: str) -> Figure:
-    """Table 5 as a figure: RMSE by run and model, 95 % intervals over seeds, the paper's numbers as crosses."""
-    models = results[0].models
-    figure = Figure(figsize=(max(7.0, 2.1 * len(results) + 2), 5), layout="constrained")
-    axes = figure.subplots()
-    for i, result in enumerate(results):
-        for k, model in enumerate(models):
-            each = [rmse(result.case.true_min, result.predicted_min(t)) for t in result.of(model)]
-            at = i + 0.15 * (k - (len(models) - 1) / 2)
-            low, high = t_interval(each, 0.95)
-            if np.isfinite(low):
-                axes.plot([at, at], [max(low, 0), high], color=COLOURS[model], lw=3, alpha=0.5)
-            axes.plot(at, np.mean(each), "o", color=COLOURS[model], ms=8, label=model if i == 0 else None)
-            if result.case.name in PUBLISHED:
-                published = PUBLISHED[result.case.name][list(COLOURS).index(model)]
-                axes.plot(at, published, "x", color="0.4", ms=6, label="paper, its own set" if i == k == 0 else None)
-        lives = rmse(result.case.true_min, result.case.minutes(result.case.mean_of_lives()))
-        axes.plot([i - 0.4, i + 0.4], [lives, lives], color=COLOURS[LIVES], ls="--", label=LIVES if i == 0 else None)
-    axes.set_xticks(range(len(results)), [r.case.name for r in results])
-    axes.set(ylabel="RMSE of remaining time (min)", ylim=(0, None))
-    axes.grid(axis="y", color="0.9")
-    figure.legend(*axes.get_legend_handles_labels(), loc="outside lower center", ncols=4)
-    figure.suptitle(f"Remaining time, {data}; mean and 95 % interval over seeds")
+def table5(errors: pd.DataFrame) -> Figure:
+    """Table 5 as a figure: mean RMSE by run and model in numbers, 95 % intervals over seeds, the paper's beside them.
+
+    Parameters
+    ----------
+    errors : DataFrame
+        Rows of one twin of table ``errors``, as made or as read back from its file.
+    """
+    models = [m for m in dict.fromkeys(errors["model"]) if m != LIVES]
+    bearings = list(dict.fromkeys(errors["bearing"]))
+    columns = min(3, len(bearings))
+    rows = -(-len(bearings) // columns)
+    figure = Figure(figsize=(4.6 * columns + 1.6, 3.0 * rows + 1.3), layout="constrained")
+    panels = figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False)
+    errors = errors.reindex(columns=[*dict.fromkeys([*errors.columns, "low_95", "high_95", "published_min"])])
+    highest = float(errors[["rmse_min", "high_95"]].max().max())
+    for unused in panels.flat[len(bearings) :]:
+        unused.set_axis_off()
+    for panel, bearing in zip(panels.flat, bearings, strict=False):
+        own = errors[errors["bearing"] == bearing].set_index("model")
+        for place, model in enumerate(models):
+            row = own.loc[model]
+            if np.isfinite(row["low_95"]):
+                panel.plot([max(row["low_95"], 0), row["high_95"]], [place] * 2, color=COLOURS[model], lw=4, alpha=0.5)
+            panel.plot(row["rmse_min"], place, MARKERS[model], color=COLOURS[model], mec="k", mew=0.6, ms=9)
+            panel.text(1.09 * highest, place, f"{row['rmse_min']:.1f}", ha="left", va="center", fontsize=11)
+            panel.plot(row["published_min"], place, "x", color="k", ms=7, mew=1.6)
+        panel.axvline(own.loc[LIVES, "rmse_min"], color=COLOURS[LIVES], ls="--", lw=1.4)
+        panel.set_title(bearing)
+        panel.set_yticks(range(len(models)), models)
+        panel.set_ylim(len(models) - 0.5, -0.5)
+        panel.set_xlim(0, 1.25 * highest)
+        panel.grid(axis="x", color="0.9")
+        panel.set_axisbelow(True)
+    for panel in panels[-1]:
+        panel.set_xlabel("RMSE of remaining time (min)")
+    figure.legend(
+        handles=[
+            Line2D([], [], color="0.4", marker="o", mec="k", lw=4, alpha=0.8,
+                   label="mean of seeds (number), 95 % interval (bar)"),
+            Line2D([], [], color="k", marker="x", ls="", ms=7, mew=1.6, label="paper, on its own set"),
+            Line2D([], [], color=COLOURS[LIVES], ls="--", label=LIVES),
+        ],
+        loc="outside lower center", ncols=3,
+    )  # fmt: skip
+    figure.suptitle(f"{errors['data'].iloc[0]}; {errors['twin'].iloc[0]} twin")
     return figure
 
 

@@ -20,6 +20,8 @@ if TYPE_CHECKING:
     from papers.paper3_zoa_dann.results import TaskResult
 
 CLASS_COLOURS: Final = ("#009E73", "#0072B2", "#D55E00", "#CC79A7", "#E69F00")
+LINES: Final = {"inner": "BPFI", "outer": "BPFO", "ball": "2 BSF"}
+"""Name of the line that a fault shows in an envelope spectrum."""
 METHOD_COLOURS: Final = {"source_only": "#56B4E9", "dann": "#D55E00"}
 METHOD_MARKERS: Final = {"source_only": "o", "dann": "s"}
 WORDS: Final = {
@@ -146,26 +148,27 @@ def spectra(result: TaskResult, options: Options, data: str) -> Figure:
     source, target = simulate(result.recipe), result.measured.evaluate
     figure = Figure(figsize=(13.5, 3.0 * len(classes) + 1.2), layout="constrained")
     panels = np.array(figure.subplots(len(classes), 2, sharex="col", squeeze=False))
-    styles = (("simulated", source, "#0072B2", "-"), (data, target, "#D55E00", "-"))
+    styles = (("simulated (contact twin)", source, "#0072B2", 2.4), (f"measured ({data})", target, "#D55E00", 1.3))
     for place, name in enumerate(classes):
-        for label, windows, colour, line in styles:
+        for label, windows, colour, width in styles:
             assert windows.labels is not None
             own = windows.take(windows.labels == place)
             khz, level = _mean_spectrum(own)
-            panels[place, 0].plot(khz, level, line, color=colour, label=label)
-            panels[place, 1].plot(ORDERS, VIEWS["envelope_spectrum"](own).mean(axis=0), line, color=colour, label=label)
+            panels[place, 0].plot(khz, level, color=colour, lw=width, label=label)
+            panels[place, 1].plot(ORDERS, VIEWS["envelope_spectrum"](own).mean(axis=0), color=colour, lw=width)
         if name != "healthy":
             order = result.recipe.bearing.fault_order(name)
             for harmonic in range(1, int(ORDERS[-1] / order) + 1):
-                panels[place, 1].axvline(harmonic * order, color="0.6", ls=":", lw=1.4, zorder=0)
-        panels[place, 0].set_ylabel(f"{name}\namplitude (dB)")
-        panels[place, 1].set_ylabel("ln(1 + line / median)")
-    panels[0, 0].set_title("mean spectrum of unit-variance windows")
-    panels[0, 1].set_title("mean envelope spectrum (dotted: fault orders)")
+                panels[place, 1].axvline(harmonic * order, color="0.5", ls=":", lw=1.4, zorder=0)
+            panels[place, 1].set_title(f"dotted: {LINES[name]} = {order:.2f} orders, and harmonics")
+        panels[place, 0].set_ylabel(f"{name}\nPSD (dB re highest)")
+        panels[place, 1].set_ylabel("ln(1 + line / median)\n(no unit)")
+    panels[0, 0].set_title("mean power spectral density")
+    panels[0, 1].set_title("mean envelope spectrum")
     panels[-1, 0].set_xlabel("frequency (kHz)")
     panels[-1, 1].set_xlabel("order (multiples of shaft speed)")
-    panels[0, 0].legend(loc="lower center")
-    figure.suptitle(f"Simulated windows beside {data}, {result.task.title}")
+    figure.legend(*panels[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=2)
+    figure.suptitle(f"Windows of unit variance, {result.task.title}")
     return figure
 
 

@@ -17,28 +17,22 @@ from papers.paper3_zoa_dann.comparison_study import ComparisonOptions, TaskOutco
 from papers.paper3_zoa_dann.figures import CLASS_COLOURS, SIZES
 from papers.paper3_zoa_dann.tables_comparison import CLEAN, confusion_counts, trials
 from papers.paper3_zoa_dann.trial import ALL, ANALYST, OWN, noise_words
-from twingap.adapt import t_interval
 
 if TYPE_CHECKING:
     import pandas as pd
 
 
-LOOKS: Final = {
-    "VMD+SVM": ("#999999", "v", ":"),
-    "Non-DA": ("#000000", "o", ":"),
-    "MMD": ("#F0E442", "s", "-."),
-    "DANN": ("#E69F00", "D", "-."),
-    "DACD": ("#CC79A7", "^", "-."),
-    "Base-Attn": ("#56B4E9", "<", "--"),
-    "Non-DN": ("#0072B2", ">", "--"),
-    "Base-NDN": ("#009E73", "p", "--"),
-    "Proposed": ("#D55E00", "*", "-"),
-    "Non-DA, gap closed": ("#000000", "o", "-"),
-    "Proposed, gap closed": ("#D55E00", "P", "--"),
-    OWN: ("#0072B2", "h", "-"),
-    ANALYST: ("#000000", "X", "--"),
+GREY, BLUE, ORANGE, GREEN = "#666666", "#0072B2", "#D55E00", "#009E73"
+GROUPS: Final = {
+    "no adaptation": ("VMD+SVM", "Non-DA", ANALYST),
+    "adaptation from the literature": ("MMD", "DANN", "DACD"),
+    "parts left out of Proposed": ("Base-Attn", "Non-DN", "Base-NDN"),
+    "gap closed; this project's": ("Non-DA, gap closed", "Proposed, gap closed", OWN),
 }
-"""Colour, marker and line of each method."""
+"""Panels of the noise figure: what stands beside Proposed in each."""
+PROPOSED: Final = "Proposed"
+LOOKS: Final = ((GREY, "o", ":"), (BLUE, "s", "--"), (GREEN, "^", "-."))
+"""Colour, marker and line of the methods of a group, in order."""
 FAMILY: Final = {"A": "tasks A", "B": "tasks B"}
 
 
@@ -64,70 +58,89 @@ def all_figures(options: ComparisonOptions, outcomes: Sequence[TaskOutcome]) -> 
 
 
 def accuracy(runs: pd.DataFrame, available: str) -> Figure:
-    """Accuracy by task and method, seeds as dots, 95 % intervals; no noise added."""
+    """Accuracy by task and method without added noise: the mean as a number, the seeds and their range.
+
+    Parameters
+    ----------
+    runs : DataFrame
+        Table ``comparison-trials``, as made or as read back from its file.
+    available : str
+        State of the target data.
+    """
     own = runs[runs["main"] & (runs["noise"] == CLEAN) & (runs["available"] == available)]
     names = list(dict.fromkeys(own["task"]))
+    methods = [method for method in ALL if (own["method"] == method).any()]
     columns = min(4, len(names))
     rows = -(-len(names) // columns)
-    figure = Figure(figsize=(max(8.0, 4.0 * columns), 4.6 * rows + 1.0), layout="constrained")
+    figure = Figure(figsize=(3.5 * columns + 2.2, 0.36 * len(methods) * rows + 1.0 * rows + 0.8), layout="constrained")
     panels = figure.subplots(rows, columns, sharey=True, sharex=True, squeeze=False)
     for empty in panels.flat[len(names) :]:
         empty.set_axis_off()
     for panel, name in zip(panels.flat, names, strict=False):
         here = own[own["task"] == name]
-        for place, method in enumerate(ALL):
+        for place, method in enumerate(methods):
             values = 100 * here.loc[here["method"] == method, "accuracy"].to_numpy()
             if not values.size:
                 continue
-            colour, marker, _ = LOOKS[method]
-            low, high = t_interval(list(values), 0.95)
-            if np.isfinite(low):
-                panel.plot([place, place], [max(low, 0), min(high, 100)], color=colour, lw=3, alpha=0.6, zorder=2)
-            panel.plot(np.full(values.size, place), values, ".", color="0.4", ms=5, zorder=3)
-            panel.plot(place, values.mean(), marker, color=colour, mec="k", mew=0.5, ms=11, zorder=4)
+            colour = {PROPOSED: ORANGE, OWN: BLUE}.get(method, GREY)
+            panel.plot([values.min(), values.max()], [place] * 2, color=colour, lw=2, alpha=0.6)
+            panel.plot(values, np.full(values.size, place), "|", color=colour, ms=9, mew=1.6)
+            panel.plot(values.mean(), place, "o", color=colour, mec="k", mew=0.6, ms=8)
+            panel.text(106, place, f"{values.mean():.0f}", ha="left", va="center", fontsize=11, color=colour)
         panel.set_title(f"{name}, {here['data'].iloc[0]}")
-        panel.set_ylim(-3, 103)  # markers at 0 and at 100 stay whole
-        panel.grid(axis="y", color="0.9")
-        panel.set_xticks(range(len(ALL)), ALL, rotation=90, fontsize=11)
+        panel.set_ylim(len(methods) - 0.4, -0.6)
+        panel.set_xlim(0, 122)
+        panel.set_xticks(range(0, 101, 25))
+        panel.set_yticks(range(len(methods)), methods)
+        panel.grid(axis="x", color="0.9")
+        panel.set_axisbelow(True)
     for place in range(max(len(names) - columns, 0), len(names)):
         panels.flat[place].tick_params(labelbottom=True)
-        if place < (rows - 1) * columns:
-            for label in panels.flat[place].get_xticklabels():
-                label.set_in_layout(False)  # it hangs into the empty place below
-    for panel in panels[:, 0]:
-        panel.set_ylabel("windows right (%)")
-    figure.suptitle(f"{available} target data: mean, seeds (dots), 95 % interval over seeds (bars)")
+        panels.flat[place].set_xlabel("windows right (%)")
+    seeds = own["seed"].nunique()
+    figure.suptitle(
+        f"{available} target data, no noise added: mean (circle, number), {seeds} seeds (ticks) and their range"
+    )
     return figure
 
 
 def noise(runs: pd.DataFrame) -> Figure:
-    """Accuracy against the SNR of added noise, mean over tasks, balanced data; the seeds that noise was run with."""
+    """Accuracy against the SNR of added noise, mean over tasks, balanced data: Proposed beside one group in each panel.
+
+    Parameters
+    ----------
+    runs : DataFrame
+        Table ``comparison-trials``, as made or as read back from its file. Of the runs without noise those with the
+        seeds that noise was run with are taken.
+    """
     own = runs[runs["main"] & (runs["available"] == "balanced")]
     families = list(dict.fromkeys(own["family"]))
-    figure = Figure(figsize=(6.6 * len(families) + 1.0, 6.6), layout="constrained")
-    panels = figure.subplots(1, len(families), sharey=True, squeeze=False)[0]
-    for panel, family in zip(panels, families, strict=True):
+    figure = Figure(figsize=(16.0, 4.1 * len(families) + 0.8), layout="constrained")
+    panels = figure.subplots(len(families), len(GROUPS), sharex="row", sharey=True, squeeze=False)
+    for line, family in zip(panels, families, strict=True):
         here = own[own["family"] == family]
-        seeds = set(here.loc[here["noise"] != CLEAN, "seed"])
-        here = here[here["seed"].isin(seeds)]
+        here = here[here["seed"].isin(set(here.loc[here["noise"] != CLEAN, "seed"]))]
         levels = sorted(set(here["snr_db"]) - {np.inf})
-        for method in ALL:
-            table = here[here["method"] == method].pivot_table(index="snr_db", columns="task", values="accuracy")
-            if table.empty:
-                continue
-            values = 100 * table.dropna().mean(axis=1)
-            # Without added noise: one step to the right of the quietest level.
-            at = [len(levels) if np.isinf(level) else levels.index(level) for level in values.index]
-            colour, marker, line = LOOKS[method]
-            width = 3.0 if method == "Proposed" else 1.8
-            panel.plot(at, values, line, marker=marker, color=colour, mec="k", mew=0.5, ms=9, lw=width, label=method)
-        panel.set_xticks(range(len(levels) + 1), [*(f"{level:g}" for level in levels), "none"])
+        for panel, (title, group) in zip(line, GROUPS.items(), strict=True):
+            looks = dict(zip(group, LOOKS, strict=True)) | {PROPOSED: (ORANGE, "*", "-")}
+            for method, (colour, marker, style) in looks.items():
+                table = here[here["method"] == method].pivot_table(index="snr_db", columns="task", values="accuracy")
+                if table.empty:
+                    continue
+                values = 100 * table.dropna().mean(axis=1)
+                # Without added noise: one step to the right of the quietest level.
+                at = [len(levels) if np.isinf(level) else levels.index(level) for level in values.index]
+                first, size = method == PROPOSED, 13 if marker == "*" else 8
+                panel.plot(at, values, style, marker=marker, color=colour, mec="k", mew=0.5, ms=size,
+                           lw=3 if first else 2, label=method, zorder=3 if first else 2, clip_on=False)  # fmt: skip
+            panel.set_xticks(range(len(levels) + 1), [*(f"{level:g}" for level in levels), "none"])
+            panel.set_title(f"{FAMILY[family]}, {', '.join(dict.fromkeys(here['data']))}\n{title}")
+            panel.set_ylim(0, 100)
+            panel.grid(color="0.9")
+        line[0].set_ylabel("windows right (%)")
+    for panel in panels[-1]:
         panel.set_xlabel("SNR of added noise (dB)")
-        panel.set_title(f"{FAMILY[family]}, {', '.join(dict.fromkeys(here['data']))}")
-        panel.set_ylim(0, 100)
-        panel.grid(color="0.9")
-    panels[0].set_ylabel("windows right (%)")
-    figure.legend(*panels[0].get_legend_handles_labels(), loc="outside lower center", ncols=5)
+        panel.legend(loc="upper center", bbox_to_anchor=(0.5, -0.2))
     return figure
 
 

@@ -22,6 +22,8 @@ if TYPE_CHECKING:
 BLUE, ORANGE, GREEN, GREY, BLACK = "#0072B2", "#D55E00", "#009E73", "#999999", "#000000"
 _COLOURS = (BLUE, "#E69F00", GREEN, "#CC79A7", "#56B4E9", BLACK)
 _MARKS = "osD^vP"
+FEWEST = 5
+"""Worlds from which on a rate is coloured; fewer let chance colour it, more leave cells of rare effects white."""
 
 
 def draw_all(table: Mapping[str, Any], folder: Path) -> list[Path]:
@@ -96,32 +98,36 @@ def confusion(table: Mapping[str, Any]) -> Figure:
 
 
 def by_effect(table: Mapping[str, Any]) -> Figure:
-    """Rates by effect and strength, with counts."""
+    """Counts by effect and strength; cells of at least `FEWEST` worlds are coloured by their rate."""
     panels = ("detected", "first-named right", "exact set", "found in company")
-    effects = table["confusion"]["effects"]
-    by = {(r["effect"], r["strength"], r["score"]): r for r in table["by_effect"]}
-    figure = _figure(10.5, 7.6)
+    effects, columns = table["confusion"]["effects"], (*STRENGTHS, "all")
+    counts: dict[tuple[str, str, str], tuple[int, int]] = {}
+    for row in table["by_effect"]:
+        for strength in (row["strength"], "all"):
+            key = row["effect"], strength, row["score"]
+            k, n = counts.get(key, (0, 0))
+            counts[key] = k + row["k"], n + row["n"]
+    figure = _figure(11.5, 7.8)
     axes = figure.subplots(1, len(panels), sharey=True)
-    for place, (axis, panel) in enumerate(zip(axes, panels, strict=True)):
-        grid = np.full((len(effects), len(STRENGTHS)), np.nan)
+    for axis, panel in zip(axes, panels, strict=True):
+        grid = np.full((len(effects), len(columns)), np.nan)
         for i, effect in enumerate(effects):
-            for j, strength in enumerate(STRENGTHS):
-                row = by.get((effect, strength, panel))
-                if row is None:
-                    axis.text(j, i, "-", ha="center", va="center", fontsize=8, color=GREY)
-                    axis.fill_between([j - 0.5, j + 0.5], i - 0.5, i + 0.5, color="#eeeeee", linewidth=0)
-                    continue
-                grid[i, j] = row["value"]
-                colour = "white" if row["value"] > 0.55 else "black"
-                axis.text(j, i, f"{row['k']}/{row['n']}", ha="center", va="center", fontsize=8, color=colour)
+            for j, strength in enumerate(columns):
+                k, n = counts.get((effect, strength, panel), (0, 0))
+                if n >= FEWEST:
+                    grid[i, j] = k / n
+                colour = "white" if n >= FEWEST and k / n > 0.55 else BLACK
+                axis.text(j, i, f"{k}/{n}" if n else "-", ha="center", va="center", fontsize=9, color=colour)
         axis.imshow(grid, cmap="Blues", vmin=0, vmax=1, aspect="auto")
-        axis.set_xticks(range(len(STRENGTHS)), STRENGTHS, fontsize=8)
-        axis.set_yticks(range(len(effects)), effects, fontsize=8)
-        alone = "pairs, crowds, outside_plus" if place == 3 else "single"
-        axis.set_title(f"{panel}\n({alone})", fontsize=9)
+        axis.axvline(len(STRENGTHS) - 0.5, color=BLACK, linewidth=1)
+        axis.set_xticks(range(len(columns)), columns, fontsize=9)
+        axis.set_yticks(range(len(effects)), effects, fontsize=9)
+        alone = "pairs, crowds, outside_plus" if panel == "found in company" else "single"
+        axis.set_title(f"{panel}\n({alone})", fontsize=10)
     figure.suptitle(
-        f"By effect and strength, {_worlds(table)}; darker: higher rate; a dash: no such world", fontsize=10
-    )
+        f"Worlds by missing effect and its strength, {_worlds(table)}: found of all; "
+        f"darker: higher rate, coloured from {FEWEST} worlds on; a dash: no such world", fontsize=10,
+    )  # fmt: skip
     return figure
 
 
