@@ -17,7 +17,7 @@ compared with the phenomenological twin.
 # Records
 # -------
 #
-# A data set is read by its name. Of each recording at one load three pieces of one second are taken; pieces of one recording share
+# A data set is read by its name. Of each recording at one load three pieces of half a second are taken; pieces of one recording share
 # a group, so that they never stand on both sides of a split.
 
 import twingap
@@ -25,7 +25,7 @@ from twingap.data import cut, load, where
 from twingap.twins import TwinSpec
 
 recordings = where(load("cwru"), ["load_hp=2"])
-records = cut(recordings, duration_s=1.0, step=40000)
+records = cut(recordings, duration_s=0.5, step=40000)
 records.table[["record", "fault", "speed_rpm", "fs_hz", "group"]].head()
 
 # %%

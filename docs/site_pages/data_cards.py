@@ -48,7 +48,7 @@ def card(facts: Manifest) -> str:
     parts += [table(rows)]
     if facts.name in READERS:
         options = _options(facts.name)
-        parts += [f"As a record set (`twingap.data.load(\"{facts.name}\")`): {described(reader(facts.name))}", ""]
+        parts += [f'As a record set (`twingap.data.load("{facts.name}")`): {described(reader(facts.name))}', ""]
         parts += [f"Options of the reader: {options}.\n"] if options else []
     return "\n".join(parts)
 

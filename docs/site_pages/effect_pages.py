@@ -55,7 +55,7 @@ def overview() -> str:
     parts = [HEAD]
     for stage, items in groupby(catalogue().items(), key=lambda item: item[1].stage):
         rows = [
-            {"effect": f"[{name}](effects/{name}.md)", "group": kind.group, "what it is": first(kind)}
+            {"effect": f"[{name}](effects/{name}.md)", "what it is": first(kind), "group": kind.group}
             for name, kind in items
         ]
         parts += [f"## {STAGES[stage]}\n", table(rows)]

@@ -116,7 +116,11 @@ def page(tables: Mapping[str, Sequence[Row]], path: str) -> str:
         "indeed.",
         "By effect": "Machines in which each effect was found, by its strength.",
     }
-    titles = {"Rivals on the same worlds": "Other methods", "Statuses by kind of world": "Statuses", "By effect": "Effects"}
+    titles = {
+        "Rivals on the same worlds": "Other methods",
+        "Statuses by kind of world": "Statuses",
+        "By effect": "Effects",
+    }
     for heading, about in sections.items():
         if rows := tables.get(heading):
             parts += [f"## {titles.get(heading, heading)}\n", about + "\n"]
@@ -125,6 +129,8 @@ def page(tables: Mapping[str, Sequence[Row]], path: str) -> str:
 
 
 def _shown(value: str) -> str:
+    """A cell; numbers that are 0 to three decimals are shown so."""
+    value = re.sub(r"\b0\.000\d+\b", "0.000", value)
     return value if value.startswith("**") else safe(value)
 
 
