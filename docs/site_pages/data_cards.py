@@ -14,8 +14,8 @@ from twingap.data.registry import reader
 
 HEAD = """# Data sets
 
-Public data sets that the program lists, fetches, verifies and exports as record sets. Their files lie below a data root,
-one folder each: `--root`, or the environment variable `TWINGAP_DATA`.
+Public data sets that the program lists, fetches, verifies and exports as record sets. Their files lie below a data
+root, one folder each: `--root`, or the environment variable `TWINGAP_DATA`.
 
 ```console
 $ twingap data list

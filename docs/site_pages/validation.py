@@ -17,10 +17,11 @@ Row = Mapping[str, str]
 
 HEAD = """# Validation
 
-A blind study says how well the diagnosis does on machines that nobody has seen. A generator that shares no code with the
-twins or the diagnosis makes the machines: other dynamics, other ranges, several bearings and sampling rates. What each
-machine has and its twin lacks is sealed by its hash before any of them is diagnosed, and opened afterwards. A third of
-the machines is diagnosed through finished simulated records in place of a twin. `twingap study blind` runs such a study.
+A blind study says how well the diagnosis does on machines that nobody has seen. A generator that shares no code with
+the twins or the diagnosis makes the machines: other dynamics, other ranges, several bearings and sampling rates. What
+each machine has and its twin lacks is sealed by its hash before any of them is diagnosed, and opened afterwards. A
+third of the machines is diagnosed through finished simulated records in place of a twin. `twingap study blind` runs
+such a study.
 
 The numbers below are those of the current study, {cases} machines. All of them come from its
 result file, `{link}`. Rates have exact (Clopper-Pearson) 95 % intervals.
