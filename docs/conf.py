@@ -23,7 +23,7 @@ from twingap import __version__  # noqa: E402
 
 project = "twingap"
 author = "The twingap authors"
-copyright = author  # noqa: A001
+copyright = author
 version = release = __version__
 
 extensions = [
@@ -85,9 +85,8 @@ def as_typed(app: Any, what: str, name: str, thing: object, options: Any, lines:
         lines[0] = f": {lines[0]}"
     in_code = False
     for i, line in enumerate(lines):
-        in_code = bool(in_code and (not line.strip() or line.startswith(" "))) or (
-            i > 0 and lines[i - 1].endswith("::")
-        )
+        begins = i > 0 and lines[i - 1].endswith("::")
+        in_code = begins or (in_code and (not line.strip() or line.startswith(" ")))
         if not in_code:
             parts = line.split("`")
             parts[::2] = [part.replace("|", "\\|") for part in parts[::2]]

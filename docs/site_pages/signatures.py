@@ -73,7 +73,7 @@ def _record(effects: tuple[Effect, ...], condition: Condition) -> Array:
 
 
 def draw(shown: Signature, path: Path) -> None:
-    """Draw a signature into a PNG file: the record without the effect above, with it below, before the other in grey."""
+    """Draw a signature into a PNG file: without the effect above, with it below, in front of the other in grey."""
     import matplotlib
 
     matplotlib.use("agg")
@@ -153,6 +153,6 @@ def caption(shown: Signature, values: Mapping[str, Any]) -> str:
     stated = ", ".join(f"`{name}` {value:g}" for name, value in values.items())
     return (
         f"One simulated record of {about}, without the effect (above; light grey below) and with it at its default "
-        f"values ({stated}). Left: where it changes the record most. Middle: amplitude spectrum. Right: spectrum of the "
-        "squared envelope; dotted lines are the first three multiples of the fault order."
+        f"values ({stated}). Left: where it changes the record most. Middle: amplitude spectrum. Right: spectrum of "
+        "the squared envelope; dotted lines are the first three multiples of the fault order."
     )

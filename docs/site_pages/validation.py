@@ -9,7 +9,7 @@ import json
 import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 from site_pages.markdown import safe, table
 
@@ -101,7 +101,7 @@ def page(tables: Mapping[str, Sequence[Row]], path: str) -> str:
         WORLDS,
         "## Scores against targets\n",
         "```{figure} scores.png\n:alt: Scores of the study with their intervals and targets\n:class: card\n\n"
-        "Scores between 0 and 1 with their 95 % intervals; the bars are the targets. The numbers are in the table.\n```\n"
+        "Scores between 0 and 1 with their 95 % intervals; bars are the targets. The table has the numbers.\n```\n"
         if rates
         else "",
         table([{key: _shown(value) for key, value in row.items()} for row in tables["Scores against targets"]]),
@@ -112,7 +112,7 @@ def page(tables: Mapping[str, Sequence[Row]], path: str) -> str:
         "Rivals on the same worlds": "Other methods on the same machines. Those that learn were taught by simulated "
         "machines of the generator.",
         "Statuses by kind of world": "What was concluded, by kind of machine.",
-        "Outside the catalogue": "What was missing and is no effect of the catalogue: how often it was recognised as such.",
+        "Outside the catalogue": "What was missing and is no effect of the catalogue, and how often it was recognised.",
         "Reliability of probabilities": "Probabilities that were stated for effects, and how often these were missing "
         "indeed.",
         "By effect": "Machines in which each effect was found, by its strength.",
