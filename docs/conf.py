@@ -23,7 +23,7 @@ from twingap import __version__  # noqa: E402
 
 project = "twingap"
 author = "The twingap authors"
-copyright = author  # noqa: A001
+copyright = author
 version = release = __version__
 
 extensions = [
@@ -75,16 +75,25 @@ if not DATA_AT_HAND:
     tags.add("without_data")  # type: ignore[name-defined]  # noqa: F821
 
 
-def escape_bars(app: Any, what: str, name: str, thing: object, options: Any, lines: list[str]) -> None:
-    """Show |x| in docstrings as it is typed: reStructuredText would take it for a substitution."""
+def as_typed(app: Any, what: str, name: str, thing: object, options: Any, lines: list[str]) -> None:
+    """Show docstrings as they are typed.
+
+    reStructuredText would take |x| for a substitution, and napoleon what stands before the colon in a property's first
+    line for its type.
+    """
+    if what in ("property", "attribute") and lines and ":" in lines[0]:
+        lines[0] = f": {lines[0]}"
     in_code = False
     for i, line in enumerate(lines):
-        in_code = bool(in_code and (not line.strip() or line.startswith(" "))) or lines[i - 1].endswith("::")
-        if not in_code and "`" not in line:
-            lines[i] = line.replace("|", "\\|")
+        begins = i > 0 and lines[i - 1].endswith("::")
+        in_code = begins or (in_code and (not line.strip() or line.startswith(" ")))
+        if not in_code:
+            parts = line.split("`")
+            parts[::2] = [part.replace("|", "\\|") for part in parts[::2]]
+            lines[i] = "`".join(parts)
 
 
 def setup(app: Any) -> None:
     """Write the generated pages before Sphinx looks for sources."""
-    app.connect("autodoc-process-docstring", escape_bars, priority=400)
+    app.connect("autodoc-process-docstring", as_typed, priority=400)
     app.connect("config-inited", lambda app, config: site_pages.write_all(HERE), priority=10)

@@ -17,23 +17,23 @@ compared with the phenomenological twin.
 # Records
 # -------
 #
-# A data set is read by its name. Of each recording at one load three pieces of one second are taken; pieces of one recording share
-# a group, so that they never stand on both sides of a split.
+# A data set is read by its name. Of each recording at one load three pieces of half a second are taken; pieces of one
+# recording share a group, so that they never stand on both sides of a split.
 
 import twingap
 from twingap.data import cut, load, where
 from twingap.twins import TwinSpec
 
 recordings = where(load("cwru"), ["load_hp=2"])
-records = cut(recordings, duration_s=1.0, step=40000)
+records = cut(recordings, duration_s=0.5, step=40000)
 records.table[["record", "fault", "speed_rpm", "fs_hz", "group"]].head()
 
 # %%
 # The twin's free parameters
 # --------------------------
 #
-# The twin file states what is modelled. What it leaves out is identified from the records, with intervals where there are
-# recordings enough to tell.
+# The twin file states what is modelled. What it leaves out is identified from the records, with intervals where there
+# are recordings enough to tell.
 
 twin = TwinSpec("phenomenological", effects=("slip_jitter", "load_zone"))
 identified = twingap.identify(records, twin, seed=0)
@@ -65,8 +65,8 @@ named[named.effect.isin(found.report.verdict.effects)][["effect", "probability",
 # Fault classes without labels
 # ----------------------------
 #
-# A classifier that has seen simulated machines only reads lines at the bearing's orders and levels. Faults of the records
-# are dropped before anything else is done.
+# A classifier that has seen simulated machines only reads lines at the bearing's orders and levels. Faults of the
+# records are dropped before anything else is done.
 
 predictions = twingap.classify(recordings, twin)
 for name, predicted, confidence in zip(predictions.names, predictions.predicted, predictions.confidence, strict=True):

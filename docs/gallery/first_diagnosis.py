@@ -52,8 +52,8 @@ assert set(found.report.verdict.effects) == set(machine.effects)
 # sphinx_gallery_end_ignore
 
 # %%
-# Both effects that were hidden in the machine are named, and no other. Every effect of the catalogue is a candidate; the
-# most probable ones are these.
+# Both effects that were hidden in the machine are named, and no other. Every effect of the catalogue is a candidate;
+# the most probable ones are these.
 
 found.report.which[["effect", "probability", "closure"]].head(4).round(2)
 

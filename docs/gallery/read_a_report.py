@@ -62,7 +62,8 @@ report.where[["domain", "lo", "hi", "unit", "share", "p_value"]].head(5).round(3
 # -----------------------
 #
 # ``probability`` says that the machine has the effect and the twin lacks it. ``closure`` says what adding it alone
-# closes, on records that were not used to fit it. The two differ: an effect may be there without doubt and close little.
+# closes, on records that were not used to fit it. The two differ: an effect may be there without doubt and close
+# little.
 
 report.which[["effect", "probability", "closure", "closure_lo", "closure_hi"]].head(5).round(2)
 
@@ -81,8 +82,8 @@ assert report.verdict.effects == ("mains_interference",)
 # The confidence set
 # ------------------
 #
-# The data may not tell two explanations apart. The confidence set lists all sets of effects that fit; the true one is in
-# it nine times of ten. An empty set in it means that no effect at all fits too.
+# The data may not tell two explanations apart. The confidence set lists all sets of effects that fit; the true one is
+# in it nine times of ten. An empty set in it means that no effect at all fits too.
 
 for effects in report.verdict.confidence_set[:4]:
     print(effects)
@@ -91,5 +92,5 @@ for effects in report.verdict.confidence_set[:4]:
 # What it does not say
 # --------------------
 #
-# Closures speak of the records at hand, and of a twin calibrated on them. A place without a name is a difference that no
-# effect of the catalogue explains; :doc:`/explanation/limits` says what else to keep in mind.
+# Closures speak of the records at hand, and of a twin calibrated on them. A place without a name is a difference that
+# no effect of the catalogue explains; :doc:`/explanation/limits` says what else to keep in mind.

@@ -69,7 +69,10 @@ def _section(path: str, command: Any) -> str:
     if arguments:
         parts += [table([{"argument": f"`{name(a)}`", "meaning": safe(a.help or "")} for a in arguments])]
     if options:
-        rows = [{"option": _names(o), "value": _value(o), "default": _default(o), "meaning": safe(o.help or "")} for o in options]
+        rows = [
+            {"option": _names(o), "value": _value(o), "default": _default(o), "meaning": safe(o.help or "")}
+            for o in options
+        ]
         parts += [table(rows)]
     examples = [" ".join(line.split()) for line in (command.epilog or "").split("\n\n") if line.startswith("twingap ")]
     if examples:

@@ -14,8 +14,8 @@ from twingap.data.registry import reader
 
 HEAD = """# Data sets
 
-Public data sets that the program lists, fetches, verifies and exports as record sets. Their files lie below a data root,
-one folder each: `--root`, or the environment variable `TWINGAP_DATA`.
+Public data sets that the program lists, fetches, verifies and exports as record sets. Their files lie below a data
+root, one folder each: `--root`, or the environment variable `TWINGAP_DATA`.
 
 ```console
 $ twingap data list
@@ -48,7 +48,7 @@ def card(facts: Manifest) -> str:
     parts += [table(rows)]
     if facts.name in READERS:
         options = _options(facts.name)
-        parts += [f"As a record set (`twingap.data.load(\"{facts.name}\")`): {described(reader(facts.name))}", ""]
+        parts += [f'As a record set (`twingap.data.load("{facts.name}")`): {described(reader(facts.name))}', ""]
         parts += [f"Options of the reader: {options}.\n"] if options else []
     return "\n".join(parts)
 

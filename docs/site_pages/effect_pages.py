@@ -15,8 +15,8 @@ from twingap.effects.registry import look_alikes
 HEAD = """# Catalogue of effects
 
 Every modelling choice of a {term}`twin` is one {term}`effect`. An effect acts in one of five stages, in this order:
-shaft angle, excitation, path, disturbance, acquisition. Effects of one group stand in for each other: where single names
-are uncertain, a diagnosis names the group. Amplitudes are in multiples of {term}`healthy rms`.
+shaft angle, excitation, path, disturbance, acquisition. Effects of one group stand in for each other: where single
+names are uncertain, a diagnosis names the group. Amplitudes are in multiples of {term}`healthy rms`.
 
 `twingap effects` prints this list, `twingap effects NAME` one effect.
 [Write an effect](../how-to/write-an-effect.md) shows how to add one.
@@ -55,7 +55,7 @@ def overview() -> str:
     parts = [HEAD]
     for stage, items in groupby(catalogue().items(), key=lambda item: item[1].stage):
         rows = [
-            {"effect": f"[{name}](effects/{name}.md)", "group": kind.group, "what it is": first(kind)}
+            {"effect": f"[{name}](effects/{name}.md)", "what it is": first(kind), "group": kind.group}
             for name, kind in items
         ]
         parts += [f"## {STAGES[stage]}\n", table(rows)]

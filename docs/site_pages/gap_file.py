@@ -12,8 +12,8 @@ from twingap.gap.report.schema import schema, version
 HEAD = """# gap.json
 
 The result of `twingap gap` for programs. It is written beside `report.html` and validated against the JSON Schema that
-ships with the package (`twingap/gap/report/gap_report.schema.json`). Its version is `{version}`. `twingap.gap.read_report`
-reads it back.
+ships with the package (`twingap/gap/report/gap_report.schema.json`). Its version is `{version}`.
+`twingap.gap.read_report` reads it back.
 
 Keys within a list have `[]` in their path, those of a table with free names have `*`.
 """

@@ -8,8 +8,8 @@ from twingap.records import samples
 
 HEAD = """# Files of samples
 
-A record set names files of these types: {suffixes}. Values are checked when they are read: a NaN, an infinity or a missing
-sample ends the reading with file, row and column.
+A record set names files of these types: {suffixes}. Values are checked when they are read: a NaN, an infinity or a
+missing sample ends the reading with file, row and column.
 
 """
 

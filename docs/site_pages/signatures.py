@@ -73,7 +73,7 @@ def _record(effects: tuple[Effect, ...], condition: Condition) -> Array:
 
 
 def draw(shown: Signature, path: Path) -> None:
-    """Draw a signature into a PNG file: the record without the effect above, with it below, before the other in grey."""
+    """Draw a signature into a PNG file: without the effect above, with it below, in front of the other in grey."""
     import matplotlib
 
     matplotlib.use("agg")
@@ -121,7 +121,9 @@ def _spectrum_lines(shown: Signature, axes: Any) -> Lines:
     without, with_it = (20 * np.log10(np.maximum(one.values[kept], 1e-5)) for one in spectra)
     axes.set_xscale("log")
     axes.set_xlim(8, FS_HZ / 2)
-    axes.set_ylim(min(np.quantile(without, 0.05), np.quantile(with_it, 0.05)) - 6, max(without.max(), with_it.max()) + 4)
+    axes.set_ylim(
+        min(np.quantile(without, 0.05), np.quantile(with_it, 0.05)) - 6, max(without.max(), with_it.max()) + 4
+    )
     axes.set_xlabel("frequency, Hz", fontsize=11)
     axes.set_ylabel("amplitude, dB", fontsize=11, y=1.05)
     return frequency[kept], without, with_it
@@ -146,10 +148,11 @@ def _envelope_lines(shown: Signature, axes: Any) -> Lines:
 def caption(shown: Signature, values: Mapping[str, Any]) -> str:
     """What a figure shows, in a sentence."""
     condition = shown.condition
-    about = f"a {condition.fault} fault at {condition.speed_rpm:g} rpm"
+    place = {"outer": "an outer-race", "inner": "an inner-race", "ball": "a ball"}[str(condition.fault)]
+    about = f"{place} fault at {condition.speed_rpm:g} rpm"
     stated = ", ".join(f"`{name}` {value:g}" for name, value in values.items())
     return (
         f"One simulated record of {about}, without the effect (above; light grey below) and with it at its default "
-        f"values ({stated}). Left: where it changes the record most. Middle: amplitude spectrum. Right: spectrum of the "
-        "squared envelope; dotted lines are the first three multiples of the fault order."
+        f"values ({stated}). Left: where it changes the record most. Middle: amplitude spectrum. Right: spectrum of "
+        "the squared envelope; dotted lines are the first three multiples of the fault order."
     )

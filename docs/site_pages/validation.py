@@ -9,7 +9,7 @@ import json
 import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 from site_pages.markdown import safe, table
 
@@ -17,10 +17,11 @@ Row = Mapping[str, str]
 
 HEAD = """# Validation
 
-A blind study says how well the diagnosis does on machines that nobody has seen. A generator that shares no code with the
-twins or the diagnosis makes the machines: other dynamics, other ranges, several bearings and sampling rates. What each
-machine has and its twin lacks is sealed by its hash before any of them is diagnosed, and opened afterwards. A third of
-the machines is diagnosed through finished simulated records in place of a twin. `twingap study blind` runs such a study.
+A blind study says how well the diagnosis does on machines that nobody has seen. A generator that shares no code with
+the twins or the diagnosis makes the machines: other dynamics, other ranges, several bearings and sampling rates. What
+each machine has and its twin lacks is sealed by its hash before any of them is diagnosed, and opened afterwards. A
+third of the machines is diagnosed through finished simulated records in place of a twin. `twingap study blind` runs
+such a study.
 
 The numbers below are those of the current study, {cases} machines. All of them come from its
 result file, `{link}`. Rates have exact (Clopper-Pearson) 95 % intervals.
@@ -100,7 +101,7 @@ def page(tables: Mapping[str, Sequence[Row]], path: str) -> str:
         WORLDS,
         "## Scores against targets\n",
         "```{figure} scores.png\n:alt: Scores of the study with their intervals and targets\n:class: card\n\n"
-        "Scores between 0 and 1 with their 95 % intervals; the bars are the targets. The numbers are in the table.\n```\n"
+        "Scores between 0 and 1 with their 95 % intervals; bars are the targets. The table has the numbers.\n```\n"
         if rates
         else "",
         table([{key: _shown(value) for key, value in row.items()} for row in tables["Scores against targets"]]),
@@ -111,12 +112,16 @@ def page(tables: Mapping[str, Sequence[Row]], path: str) -> str:
         "Rivals on the same worlds": "Other methods on the same machines. Those that learn were taught by simulated "
         "machines of the generator.",
         "Statuses by kind of world": "What was concluded, by kind of machine.",
-        "Outside the catalogue": "What was missing and is no effect of the catalogue: how often it was recognised as such.",
+        "Outside the catalogue": "What was missing and is no effect of the catalogue, and how often it was recognised.",
         "Reliability of probabilities": "Probabilities that were stated for effects, and how often these were missing "
         "indeed.",
         "By effect": "Machines in which each effect was found, by its strength.",
     }
-    titles = {"Rivals on the same worlds": "Other methods", "Statuses by kind of world": "Statuses", "By effect": "Effects"}
+    titles = {
+        "Rivals on the same worlds": "Other methods",
+        "Statuses by kind of world": "Statuses",
+        "By effect": "Effects",
+    }
     for heading, about in sections.items():
         if rows := tables.get(heading):
             parts += [f"## {titles.get(heading, heading)}\n", about + "\n"]
@@ -125,6 +130,8 @@ def page(tables: Mapping[str, Sequence[Row]], path: str) -> str:
 
 
 def _shown(value: str) -> str:
+    """A cell; numbers that are 0 to three decimals are shown so."""
+    value = re.sub(r"\b0\.000\d+\b", "0.000", value)
     return value if value.startswith("**") else safe(value)
 
 
