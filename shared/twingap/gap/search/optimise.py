@@ -147,16 +147,9 @@ def optimise(
     # valid.
     names = [effect.name for effect in own if not effect.by_chance]
     return optimise(
-        evidence,
-        simulator,
-        effects,
-        errors,
-        moved=names,
-        baseline=baseline,
-        passes=passes,
-        priors=priors,
-        prior_weight=prior_weight,
-    )
+        evidence, simulator, effects, errors,
+        moved=names, baseline=baseline, passes=passes, priors=priors, prior_weight=prior_weight,
+    )  # fmt: skip
 
 
 def not_farther(
@@ -183,9 +176,8 @@ def not_farther(
     errors, priors, prior_weight
         See `optimise`.
     """
-    if validation_distance(evidence, found.simulator, found.effects) <= validation_distance(
-        evidence, bare.simulator, ()
-    ):
+    without = validation_distance(evidence, bare.simulator, ())
+    if validation_distance(evidence, found.simulator, found.effects) <= without:
         return found
     little = [tuple(effect.weakened(factor) for effect in found.effects) for factor in WEAKER]
     begin = min(little, key=lambda effects: evidence.misfit(bare.simulator, effects))
