@@ -223,7 +223,7 @@ def build_twin(spec: TwinSpec, bearing: Bearing | None = None, unit: str = "m/s^
     bearing : Bearing or None
         Geometry from the records; it comes before the spec's own.
     unit : {"m/s^2", "g", ""}
-        Unit of the samples it is to make. Where `scale` is left open it has its default whatever the unit;
+        Unit of the samples it is to make. Without a stated `scale` its default is used for every unit;
         `scaled_for` sees to that.
 
     Returns
@@ -282,7 +282,7 @@ def scaled_for(spec: TwinSpec, unit: str) -> tuple[TwinSpec, str | None]:
     ----------
     spec : TwinSpec
         As it is returned where it gives `scale`, where it was identified (in a unit, see `in_unit`), and where its
-        model knows no amplitude of its own.
+        amplitudes of the model are relative.
     unit : {"m/s^2", "g", ""}
         Of the samples wanted.
 
