@@ -504,7 +504,8 @@ def test_impossible_options_are_refused_in_a_line(
     ("row", "parts"),
     [
         ("a,1e5,2e5", ("after the anomaly", "row 2, column after_anomaly_revolutions")),
-        ("a,1e300,", ("life of 1e+300 revolutions", "row 2, column life_revolutions")), ("a,1e-300,", ("life of 1e-300 revolutions",)),
+        ("a,1e300,", ("life of 1e+300 revolutions", "row 2, column life_revolutions")),
+        ("a,1e-300,", ("life of 1e-300 revolutions",)),
     ],
 )  # fmt: skip
 def test_lives_that_no_run_has_are_refused(
