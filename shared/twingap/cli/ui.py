@@ -36,7 +36,7 @@ def ui(
 
 
 def _page(uri: str) -> str:
-    """Where the latest run is seen beside those of its experiment; "" where the store does not tell."""
+    """Address of the latest run's experiment in the UI; "" where the store does not provide it."""
     from twingap.track.server import latest_experiment
     from twingap.track.store import sqlite_path
 

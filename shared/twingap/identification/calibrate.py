@@ -4,7 +4,7 @@ records --split by group--> fit part, held-out part
 both    --lines-----------> true speeds                        (`identify.speed`)
 fit     --spectra---------> the twin's free parameters         (`identify`, without its intervals)
 fit     --mode, level-----> Frame: bearing, band, amplitude scale
-twin with more effects --spectra of its own records against the fit part's--> new baseline (`match_baseline`)
+twin with more effects --spectra of its records and of the fit part--> new baseline (`match_baseline`)
 
 All reported results are computed on the held-out part. Pooled features, which calibration hardly affects, are computed
 on both parts: trends of levels within a fault, lines of many records, the comb of entry-exit impacts.

@@ -6,7 +6,7 @@ all records: log ratio (shaft) = c_j, log ratio (comb) = c_j + k(fault) slip + s
 A wrong speed scales all orders alike; a slipping cage scales BPFO by 1 - s and shifts BPFI the other way, see
 `Bearing.slipped`. A single record therefore separates speed from slip only where it contains the shaft rate itself. A
 set does where its speeds have a common error (of the tachometer) and it contains faults of both races. The impact order
-of rollers follows BPFI as long as they roll on the inner ring; otherwise it has a shift of its own (spin), independent
+of rollers follows BPFI as long as they roll on the inner ring; otherwise it has its own shift (spin), independent
 of slip.
 """
 
@@ -212,7 +212,7 @@ def combine(readings: Sequence[Reading], conditions: Sequence[Condition], bearin
     if best.scatter > 5e-4:
         notes.append(f"speeds deviate from record to record by about {100 * best.scatter:.1g} %")
     if best.slip != 0:
-        notes.append(f"the cage lags its kinematic speed by {100 * best.slip:.2f} %, whatever the shaft's speed")
+        notes.append(f"the cage lags its kinematic speed by {100 * best.slip:.2f} %, at all shaft speeds")
     hidden = sum(e.found_by == NOT_DETECTED for e in estimates)
     if hidden:
         notes.append(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from math import isfinite
 
 import numpy as np
@@ -74,45 +74,6 @@ def split(
     parts = tuple(records.take(kept) for kept in places)
     _verify(records, parts)
     return parts
-
-
-def leave_one_group_out(records: RecordSet, *, cover_faults: bool = True) -> Iterator[tuple[RecordSet, RecordSet]]:
-    """Leave-one-group-out splits: pairs (all other groups, held-out group).
-
-    Parameters
-    ----------
-    records : RecordSet
-    cover_faults : bool
-        True: refused, before the first pair, when a group is the only one with its fault, which the others would then
-        lack. False: such pairs are returned.
-
-    Raises
-    ------
-    TwingapError
-        When there are fewer than two groups, or a fault would be lost.
-    """
-    labels = _labels(records, True)
-    if len(labels) < 2:
-        raise TwingapError("has one group only, so none can be left out", where=f"record set {records.name!r}")
-    if cover_faults:
-        for group, faults in labels.items():
-            rest = set().union(*(others for other, others in labels.items() if other != group))
-            for fault in sorted(faults - rest - {""}):
-                raise TwingapError(
-                    f"fault {fault!r} occurs in group {group!r} only and would be lost with it",
-                    where=f"record set {records.name!r}",
-                    mend="add recordings of it, or pass cover_faults=False",
-                )
-
-    def pairs() -> Iterator[tuple[RecordSet, RecordSet]]:
-        for group in labels:
-            inside = [i for i, c in enumerate(records.conditions) if c.group == group]
-            outside = [i for i, c in enumerate(records.conditions) if c.group != group]
-            pair = records.take(outside), records.take(inside)
-            _verify(records, pair)
-            yield pair
-
-    return pairs()
 
 
 def _labels(records: RecordSet, by_fault: bool) -> dict[str, frozenset[str]]:

@@ -202,7 +202,7 @@ class OneClassifier(Rival):
     """Extra-trees as a single multi-class classifier: no effect, or one effect of the catalogue.
 
     Trained on the examples with at most one effect, with balanced class weights. It names the most probable class,
-    whatever its probability. A most probable effect of probability below 0.5 counts as "outside the catalogue".
+    independent of its probability. A most probable effect of probability below 0.5 counts as "outside the catalogue".
     """
 
     name = "extra-trees, one classifier"

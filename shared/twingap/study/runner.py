@@ -23,6 +23,7 @@ from twingap import files
 from twingap.errors import TwingapError
 from twingap.provenance import digest_of_code, digest_of_value, plain, versions
 from twingap.study import scores, worker
+from twingap.study.parameters import parameter_errors
 from twingap.study.prepare import prepared, training_worlds
 from twingap.study.rivals import PERMUTATIONS, Detectors, Examples, OneClassifier, Rival, as_row, with_two_sample
 from twingap.study.verdicts import Found, Row, found_in, was_of
@@ -176,7 +177,7 @@ def _table(
         "details": [s.row for s in scores.detailed(own)],
         "by_effect": scores.by_effect(own),
         "by_uncatalogued": scores.by_uncatalogued(own),
-        "parameters": _parameters(own),
+        "parameters": parameter_errors(own),
         "statuses": scores.statuses(own),
         "confusion": {"effects": effects, "first_named": [*effects, scores.NOTHING],
                       "counts": scores.confusion(own, effects).tolist()},
@@ -184,12 +185,6 @@ def _table(
         "worlds": worlds,
         "provenance": provenance,
     }  # fmt: skip
-
-
-def _parameters(rows: Sequence[Row]) -> list[dict[str, Any]]:
-    from twingap.study.parameters import parameter_errors
-
-    return parameter_errors(rows)
 
 
 def _seal(

@@ -39,7 +39,7 @@ class CallableParameters:
     scale : float
         Factor on all that it makes, positive; calibration brings it to the records.
     healthy_rms : float
-        RMS of its healthy vibration before that factor, positive: the yardstick of effects.
+        RMS of its healthy vibration before that factor, positive; effects are relative to it.
     """
 
     scale: float = 1.0
@@ -136,7 +136,7 @@ def register_callable(name: str, function: Function, *, has: Sequence[str] = ())
     name : str
     function : callable
         ``function(conditions, rng) -> arrays``: the samples of each condition, drawn from `rng` alone. It is called for
-        one record at a time, each with a generator of its own.
+        one record at a time, each with its own generator.
     has : sequence of str
         Effects that it models already.
 

@@ -89,7 +89,7 @@ class ContactTwin(Twin):
     A draft's first mode is the contact itself, linearised about its static equilibrium; the structure noise's force and
     what effects add to it go through it. Modes that effects append respond to the same excitation: the contact's
     acceleration is filtered by H_new / H_contact, so that what would be a hit A h_contact(t) gains A h_new(t)
-    beside it, as in the phenomenological twin. The force passes through all modes.
+    in addition, as in the phenomenological twin. The force passes through all modes.
 
     Random streams of a record: "contact_phase" (angles at its start), "structure_noise", "white_noise", and one for
     each effect by its name.

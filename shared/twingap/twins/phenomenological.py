@@ -102,7 +102,7 @@ class PhenomenologicalParameters:
             raise TwingapError(
                 "both noises are 0",
                 where="parameters",
-                mend="give one a small level: healthy vibration is the yardstick",
+                mend="give one a small level, since effects are relative to healthy vibration",
             )
 
     @property

@@ -221,10 +221,10 @@ def build_twin(spec: TwinSpec, bearing: Bearing | None = None, unit: str = "m/s^
     ----------
     spec : TwinSpec
     bearing : Bearing or None
-        Geometry from the records; it comes before the spec's own.
+        Geometry of the records, which has priority over that of the spec.
     unit : {"m/s^2", "g", ""}
-        Unit of the samples it is to make. Where `scale` is left open it has its default whatever the unit;
-        `scaled_for` sees to that.
+        Unit of the samples to simulate. Without a stated `scale` its default is used for every unit; `scaled_for`
+        converts it.
 
     Returns
     -------
@@ -281,10 +281,10 @@ def scaled_for(spec: TwinSpec, unit: str) -> tuple[TwinSpec, str | None]:
     Parameters
     ----------
     spec : TwinSpec
-        As it is returned where it gives `scale`, where it was identified (in a unit, see `in_unit`), and where its
-        model knows no amplitude of its own.
+        Returned unchanged where it states `scale`, where it was identified (in a unit, see `in_unit`), and where
+        amplitudes of the model are relative.
     unit : {"m/s^2", "g", ""}
-        Of the samples wanted.
+        Unit of the samples to simulate.
 
     Returns
     -------

@@ -156,7 +156,7 @@ def test_records_of_one_group_keep_a_row_each() -> None:
     [
         ({"fs_hz": 8001.0}, "one rate for all"),
         ({"n_samples": 300}, "300 samples, at least 512"),
-        ({"speed_rpm": 48000.0}, "expected: a fault would make"),
+        ({"speed_rpm": 48000.0}, "expected: a fault would cause"),
         ({"speed_rpm": 1.0}, "samples per turn"),
     ],
     ids=["two rates", "too short", "too fast", "too slow"],

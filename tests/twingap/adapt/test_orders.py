@@ -48,7 +48,7 @@ def fleets(members: int = 4, model: str = "phenomenological") -> Fleets:
 
 
 @pytest.mark.parametrize("fault", CLASSES[1:])
-@pytest.mark.parametrize("spectrum", ["whole", "whitened", "flattened", "impulsive"])
+@pytest.mark.parametrize("spectrum", ["unfiltered", "whitened", "flattened", "impulsive"])
 def test_the_line_of_a_fault_stands_out_at_its_own_place(fault: str, spectrum: str) -> None:
     found = dict(zip(names(BEARING), order_features(windows_of(fault), BEARING).mean(axis=0), strict=True))
     own = {f: found[f"{spectrum}: {f} 1"] for f in CLASSES[1:]}

@@ -204,7 +204,7 @@ def test_a_limit_below_is_reached_by_what_falls_and_said_where_nothing_moves(
     assert done.status == 0 and "move clearly" not in done.out
     models = {r["model"]: r for r in rows_of(tmp_path / "falls/models.csv")}
     assert float(models["combined power 3"]["remaining_time_s"]) == pytest.approx(4637, rel=0.15)  # as 8 of rms
-    for limit, words in ((8.0, "lies above that, so life is taken to end where it rises"), (0.5, "where it falls")):
+    for limit, words in ((8.0, "is above that, so life is assumed to end where it rises"), (0.5, "where it falls")):
         out = tmp_path / str(limit)
         done = twingap(source, "--out", out, "--indicator", "kurtosis", "--limit", limit)
         assert done.status == 0 and "kurtosis does not move clearly" in done.out and words in done.out
@@ -255,7 +255,7 @@ def test_mistakes_are_one_line_and_leave_nothing(twingap: Run, table: Table, tmp
         (changed(7, rms="inf"), ("'inf' found", "row 9, column rms")),
         (changed(7, rms=-1e200), ("-1e+200 is too large", "row 9, column rms")),
         ([{**row, "rms": 1e-170} for row in rows], ("1e-170 is too small", "row 2, column rms")),
-        ([{**row, "fusion 1": row["rms"]} for row in rows], ("a feature called 'fusion 1'", "rename it")),
+        ([{**row, "fusion 1": row["rms"]} for row in rows], ("a feature with the name 'fusion 1'", "rename it")),
         (changed(7, rms=""), ("an empty cell found", "row 9, column rms")),
         (changed(7, rms="high"), ("'high' found, a number expected", "row 9")),
         (changed(7, time_s=""), ("an empty cell", "row 9, column time_s")),

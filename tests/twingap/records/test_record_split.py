@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from twingap.bearing import FAULTS
 from twingap.errors import TwingapError
 from twingap.records import Condition, Record, RecordSet
-from twingap.records.split import leave_one_group_out, split
+from twingap.records.split import split
 
 
 def _grouped(groups: list[tuple[list[str | None], int]]) -> RecordSet:
@@ -86,27 +86,12 @@ def test_a_class_does_not_vanish_silently() -> None:
     with pytest.raises(TwingapError, match="fault 'inner' cannot be in each of 2 parts with groups kept whole: 1 have"):
         split(records, (0.5, 0.5), rng)
     assert len(split(records, (0.5, 0.5), rng, cover_faults=False)) == 2
-    with pytest.raises(TwingapError, match="fault 'inner' occurs in group 'g2' only and would be lost with it"):
-        leave_one_group_out(records)
-    assert len(list(leave_one_group_out(records, cover_faults=False))) == 3
 
 
 def test_too_few_groups() -> None:
     records = _grouped([(["inner", "outer"], 9)])
     with pytest.raises(TwingapError, match="has 1 groups, too few for 2 parts"):
         split(records, (0.5, 0.5), np.random.default_rng(0))
-    with pytest.raises(TwingapError, match="has one group only"):
-        leave_one_group_out(records)
     for fractions in ((), (0.5, 0.0), (0.5, -0.5), (np.nan, 1.0), (np.inf,)):
         with pytest.raises(TwingapError, match="positive numbers expected"):
             split(records, fractions, np.random.default_rng(0))
-
-
-def test_leave_one_group_out_holds_each_group_out_once() -> None:
-    records = _grouped([(["inner"], 2), (["inner", None], 3), (["outer"], 1), (["outer"], 2)])
-    held = []
-    for rest, out in leave_one_group_out(records):
-        assert rest.common_groups(out) == ()
-        assert len(rest) + len(out) == len(records)
-        held += list(out.groups)
-    assert held == list(records.groups)
