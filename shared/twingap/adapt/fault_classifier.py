@@ -30,8 +30,8 @@ class FaultClassifier(ClassifierMixin, BaseEstimator):  # type: ignore[misc]
 
     Parameters
     ----------
-    max_iter : int
-        Boosting rounds. More rounds fit the training data more closely.
+    n_estimators : int
+        Boosting rounds: trees for each class. More rounds fit the training data more closely.
     learning_rate : float
         Factor on the contribution of each tree. A smaller value needs more rounds.
     max_leaf_nodes : int
@@ -72,7 +72,7 @@ class FaultClassifier(ClassifierMixin, BaseEstimator):  # type: ignore[misc]
     >>> rng = np.random.default_rng(0)
     >>> y = np.repeat(["healthy", "outer"], 100)
     >>> X = rng.standard_normal((200, 3)) + 4.0 * (y == "outer")[:, None]
-    >>> classifier = FaultClassifier(max_iter=20, random_state=0).fit(X, y)
+    >>> classifier = FaultClassifier(n_estimators=20, random_state=0).fit(X, y)
     >>> classifier.score(X, y) > 0.95
     True
     >>> classifier.predict_proba(X[:5]).shape
@@ -82,7 +82,7 @@ class FaultClassifier(ClassifierMixin, BaseEstimator):  # type: ignore[misc]
     def __init__(
         self,
         *,
-        max_iter: int = 150,
+        n_estimators: int = 150,
         learning_rate: float = 0.06,
         max_leaf_nodes: int = 12,
         min_samples_leaf: int = 40,
@@ -90,7 +90,7 @@ class FaultClassifier(ClassifierMixin, BaseEstimator):  # type: ignore[misc]
         max_features: float = 0.3,
         random_state: Any = None,
     ) -> None:
-        self.max_iter = max_iter
+        self.n_estimators = n_estimators
         self.learning_rate = learning_rate
         self.max_leaf_nodes = max_leaf_nodes
         self.min_samples_leaf = min_samples_leaf
@@ -125,7 +125,12 @@ class FaultClassifier(ClassifierMixin, BaseEstimator):  # type: ignore[misc]
         self.classes_, places = np.unique(y, return_inverse=True)
         if len(self.classes_) < 2:
             raise ValueError(f"y holds 1 class ({self.classes_[0]}), at least 2 classes expected")
-        model = HistGradientBoostingClassifier(**self.get_params(), early_stopping=False, class_weight="balanced")
+        model = HistGradientBoostingClassifier(
+            max_iter=self.n_estimators, learning_rate=self.learning_rate, max_leaf_nodes=self.max_leaf_nodes,
+            min_samples_leaf=self.min_samples_leaf, l2_regularization=self.l2_regularization,
+            max_features=self.max_features, early_stopping=False, class_weight="balanced",
+            random_state=self.random_state,
+        )  # fmt: skip
         with threadpool_limits(1):  # sums over rows depend on the number of threads
             model.fit(rows, places)
         self.trees_, self.outputs_ = Trees.of_boosting(model), np.arange(len(self.classes_))
@@ -182,7 +187,8 @@ class FaultClassifier(ClassifierMixin, BaseEstimator):  # type: ignore[misc]
         ----------
         X : array [records, windows, features] or [records, features]
         """
-        return np.asarray(self.classes_[self.predict_proba(X).argmax(axis=1)])
+        probabilities = self.predict_proba(X)
+        return np.asarray(self.classes_[probabilities.argmax(axis=1)])
 
     def _uncalibrated(self, X: ArrayLike) -> Array:
         """Mean probabilities over the windows of each record, in the order of the trees' outputs."""

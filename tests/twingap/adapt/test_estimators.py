@@ -29,7 +29,7 @@ STATES = ("healthy", "outer") * 6
 
 
 # Leaves of 40 rows, the default, hold more than all rows of most checks.
-@parametrize_with_checks([FaultClassifier(max_iter=12, learning_rate=0.3, min_samples_leaf=3, max_features=1.0)])
+@parametrize_with_checks([FaultClassifier(n_estimators=12, learning_rate=0.3, min_samples_leaf=3, max_features=1.0)])
 def test_checks_of_scikit_learn(estimator: Any, check: Callable[[Any], None]) -> None:
     check(estimator)
 
@@ -50,7 +50,7 @@ def blobs(n: int, windows: int) -> tuple[Any, Any]:
 
 
 def test_windows_of_a_record_are_averaged_and_calibrated() -> None:
-    small = FaultClassifier(max_iter=20, min_samples_leaf=5, random_state=0)
+    small = FaultClassifier(n_estimators=20, min_samples_leaf=5, random_state=0)
     X, y = blobs(120, 2)
     found = clone(small).fit(X, y)
     flat = clone(small).fit(X.reshape(-1, 4), np.repeat(y, 2))
@@ -82,7 +82,7 @@ def test_a_pipeline_over_records_is_what_classify_predicts(records: RecordSet) -
 
 
 def test_a_classifier_of_the_users_own_on_order_features(records: RecordSet) -> None:
-    own = FaultClassifier(max_iter=20, min_samples_leaf=2, random_state=0)
+    own = FaultClassifier(n_estimators=20, min_samples_leaf=2, random_state=0)
     pipeline = make_pipeline(OrderFeatures(BEARING, windows=2), own).fit(records, STATES)
     assert pipeline[-1].n_features_in_ == len(FEATURES) and pipeline.score(records, STATES) == 1
     # Cross-validation takes records out of the set one by one.
