@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from twingap.adapt.alignment import Alignment, kernel_discrepancy
     from twingap.adapt.confidence import Calibration, Reliability, calibrate_temperature, cross_checked
     from twingap.adapt.dann import DomainDiscriminator, adversarial_schedule, reverse_gradient
+    from twingap.adapt.domain_adaptation import DomainAdaptationClassifier
     from twingap.adapt.evaluate import Scores, bootstrap_interval, score, t_interval
     from twingap.adapt.fault_classifier import FaultClassifier
     from twingap.adapt.fleets import Fleets
@@ -53,6 +54,7 @@ _MODULES: Final = {
         "adversarial_schedule",
         "reverse_gradient",
     ),
+    "domain_adaptation": ("DomainAdaptationClassifier",),
     "evaluate": (
         "Scores",
         "bootstrap_interval",
@@ -129,6 +131,7 @@ __all__ = [
     "Checkpoint",
     "Classified",
     "ClassifyOptions",
+    "DomainAdaptationClassifier",
     "DomainDiscriminator",
     "Evidence",
     "FaultClassifier",

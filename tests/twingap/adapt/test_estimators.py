@@ -16,7 +16,18 @@ from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import FunctionTransformer
 from sklearn.utils.estimator_checks import parametrize_with_checks
 
-from twingap.adapt import ClassifyOptions, FaultClassifier, OrderFeatures, classify, shipped_classifier
+from twingap.adapt import (
+    METHODS,
+    Alignment,
+    Architecture,
+    ClassifyOptions,
+    DomainAdaptationClassifier,
+    FaultClassifier,
+    OrderFeatures,
+    Training,
+    classify,
+    shipped_classifier,
+)
 from twingap.adapt.order_classifier import FEATURES
 from twingap.bearing import BEARINGS
 from twingap.errors import TwingapError
@@ -31,6 +42,16 @@ STATES = ("healthy", "outer") * 6
 # Leaves of 40 rows, the default, hold more than all rows of most checks.
 @parametrize_with_checks([FaultClassifier(n_estimators=12, learning_rate=0.3, min_samples_leaf=3, max_features=1.0)])
 def test_checks_of_scikit_learn(estimator: Any, check: Callable[[Any], None]) -> None:
+    check(estimator)
+
+
+SMALL = Training(steps=30, checkpoints=1, learning_rate=3e-3)
+NETWORK = DomainAdaptationClassifier(Architecture(denoising=False, attention="none"), training=SMALL, device="cpu")
+
+
+@pytest.mark.slow
+@parametrize_with_checks([NETWORK])
+def test_checks_of_scikit_learn_for_the_network(estimator: Any, check: Callable[[Any], None]) -> None:
     check(estimator)
 
 
@@ -104,7 +125,31 @@ def test_parameters_of_the_transformer_are_set_and_cloned(records: RecordSet) ->
         OrderFeatures().transform(list(records))
 
 
-@pytest.mark.parametrize("name", ["fault_classifier", "order_transformer"])
+def test_the_network_adapts_to_target_rows_and_chooses_without_their_labels() -> None:
+    rng = np.random.default_rng(0)
+    y = np.repeat(["a", "b"], 24)
+    X = rng.standard_normal((48, 2, 256)).astype(np.float32)
+    X[24:] *= 1 + np.sin(np.arange(256))
+    settings, dann = Training(steps=6, checkpoints=3, batch=16), METHODS["DANN"]
+
+    def fitted(alignment: Alignment, **given: Any) -> DomainAdaptationClassifier:
+        network = DomainAdaptationClassifier(dann.architecture, alignment, training=settings, random_state=0)
+        return network.fit(X, y, groups=np.arange(48) // 4, **given)
+
+    adapted, plain = fitted(dann.alignment, X_target=X + 1), fitted(Alignment(), X_target=X + 1)
+    assert set(adapted.criteria_) > {"infomax", "source_accuracy"}
+    assert len(adapted.source_accuracy_) == len(adapted.trained_.checkpoints) == 3
+    assert (adapted.predict_proba(X) != plain.predict_proba(X)).any(), "the loss between domains changes the weights"
+    again = fitted(dann.alignment, X_target=X + 1)
+    np.testing.assert_array_equal(again.predict_proba(X), adapted.predict_proba(X))
+    alone = fitted(dann.alignment)
+    assert list(alone.criteria_) == ["source_accuracy"], "nothing to adapt to"
+    assert fitted(dann.alignment, classes=["a", "b", "c"]).predict_proba(X).shape == (48, 3)
+    with pytest.raises(ValueError, match="features"):
+        adapted.predict(X[:, :1])
+
+
+@pytest.mark.parametrize("name", ["domain_adaptation", "fault_classifier", "order_transformer"])
 def test_examples_run(name: str) -> None:
     done = doctest.testmod(import_module(f"twingap.adapt.{name}"))
     assert done.attempted > 5 and done.failed == 0
