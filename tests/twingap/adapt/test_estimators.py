@@ -47,10 +47,11 @@ def test_checks_of_scikit_learn(estimator: Any, check: Callable[[Any], None]) ->
 
 SMALL = Training(steps=30, checkpoints=1, learning_rate=3e-3)
 NETWORK = DomainAdaptationClassifier(Architecture(denoising=False, attention="none"), training=SMALL, device="cpu")
+EXPECTED = {"check_methods_subset_invariance": "convolutions of PyTorch round differently with the size of a batch"}
 
 
 @pytest.mark.slow
-@parametrize_with_checks([NETWORK])
+@parametrize_with_checks([NETWORK], expected_failed_checks=lambda _: EXPECTED)
 def test_checks_of_scikit_learn_for_the_network(estimator: Any, check: Callable[[Any], None]) -> None:
     check(estimator)
 
