@@ -10,6 +10,7 @@ from typing import Final, Literal
 
 from twingap.adapt import CRITERIA, VIEWS, Training
 from twingap.config import build, read_toml
+from twingap.effects import catalogue
 from twingap.errors import TwingapError
 
 CONFIG: Final = Path(__file__).with_name("config.toml")
@@ -237,6 +238,8 @@ def read_options(path: Path = CONFIG) -> Options:
                 raise TwingapError(
                     f"{list(value)} found, [low, high] with 0 < low < high expected", where=f"{path}: {table}.{name}"
                 )
+    for effect in options.source.effects:
+        _known(effect, catalogue(), f"{path}: source.effects")
     _known(options.judging.criterion, CRITERIA, f"{path}: judging.criterion")
     for name, profile in options.profiles.items():
         for view in profile.inputs:

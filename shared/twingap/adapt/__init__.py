@@ -20,14 +20,18 @@ if TYPE_CHECKING:
     from twingap.adapt.alignment import Alignment, kernel_discrepancy
     from twingap.adapt.confidence import Calibration, Reliability, calibrate_temperature, cross_checked
     from twingap.adapt.dann import DomainDiscriminator, adversarial_schedule, reverse_gradient
+    from twingap.adapt.domain_adaptation import DomainAdaptationClassifier
     from twingap.adapt.evaluate import Scores, bootstrap_interval, score, t_interval
+    from twingap.adapt.fault_classifier import FaultClassifier
     from twingap.adapt.fleets import Fleets
     from twingap.adapt.learning import train_classifier
     from twingap.adapt.methods import METHODS, Fitted, Judged, MethodOptions, fit, judge, steps_of_epochs
     from twingap.adapt.mode_inputs import ModeInputs
     from twingap.adapt.mode_network import Architecture, ModeNetwork
     from twingap.adapt.nets import FEATURES, PlainCNN, best_device
+    from twingap.adapt.order_classifier import shipped_classifier
     from twingap.adapt.order_forest import OrderForest, train_forest
+    from twingap.adapt.order_transformer import OrderFeatures
     from twingap.adapt.population import Population
     from twingap.adapt.selection import CRITERIA, DEFAULT, Evidence, select
     from twingap.adapt.training import Checkpoint, Method, Outputs, Trained, Training, outputs, reproducible, train
@@ -50,12 +54,14 @@ _MODULES: Final = {
         "adversarial_schedule",
         "reverse_gradient",
     ),
+    "domain_adaptation": ("DomainAdaptationClassifier",),
     "evaluate": (
         "Scores",
         "bootstrap_interval",
         "score",
         "t_interval",
     ),
+    "fault_classifier": ("FaultClassifier",),
     "fleets": ("Fleets",),
     "learning": ("train_classifier",),
     "methods": (
@@ -77,10 +83,12 @@ _MODULES: Final = {
         "PlainCNN",
         "best_device",
     ),
+    "order_classifier": ("shipped_classifier",),
     "order_forest": (
         "OrderForest",
         "train_forest",
     ),
+    "order_transformer": ("OrderFeatures",),
     "population": ("Population",),
     "selection": (
         "CRITERIA",
@@ -123,8 +131,10 @@ __all__ = [
     "Checkpoint",
     "Classified",
     "ClassifyOptions",
+    "DomainAdaptationClassifier",
     "DomainDiscriminator",
     "Evidence",
+    "FaultClassifier",
     "Fitted",
     "Fleets",
     "Judged",
@@ -132,6 +142,7 @@ __all__ = [
     "MethodOptions",
     "ModeInputs",
     "ModeNetwork",
+    "OrderFeatures",
     "OrderForest",
     "Outputs",
     "PlainCNN",
@@ -158,6 +169,7 @@ __all__ = [
     "reverse_gradient",
     "score",
     "select",
+    "shipped_classifier",
     "split_by_group",
     "steps_of_epochs",
     "t_interval",

@@ -23,10 +23,8 @@ from numpy.typing import NDArray
 
 from twingap.adapt.classify_options import ORDERS, ClassifyOptions
 from twingap.adapt.confidence import Reliability
-from twingap.adapt.order_classifier import shipped
 from twingap.adapt.population import CLASSES
 from twingap.adapt.window_length import window_samples
-from twingap.adapt.windows import cut
 from twingap.bearing import Bearing
 from twingap.errors import TwingapError
 from twingap.records import RecordSet
@@ -143,9 +141,14 @@ def classify(
             progress("reading speeds", 0.0)
             records = _at_true_speeds(records, bearing, notes)
         progress("classifying", 0.5)
-        trees = shipped()
-        windows = cut(records, length, options.windows)
-        found = trees.probabilities(windows, bearing, options.windows), trees.calibration.temperature, trees.simulated
+        from twingap.adapt.order_classifier import shipped_classifier  # slow to import
+        from twingap.adapt.order_transformer import OrderFeatures
+
+        trees = shipped_classifier()
+        rows = OrderFeatures(bearing, options.windows, length).transform(records)
+        probabilities = trees.predict_proba(rows)[:, np.searchsorted(trees.classes_, CLASSES)]
+        assert trees.calibration_ is not None and trees.reliability_ is not None
+        found = probabilities, trees.calibration_.temperature, trees.reliability_
     return Classified(tuple(c.name for c in records.conditions), CLASSES, *found, length, tuple(notes))
 
 

@@ -8,24 +8,15 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from twingap.adapt.confidence import calibrate_temperature, cross_checked
-from twingap.adapt.order_classifier import (
-    FEATURES,
-    TREES_FILE,
-    VERSION,
-    OrderClassifier,
-    shipped_folder,
-    softmax,
-    votes,
-)
+from twingap.adapt.fault_classifier import FaultClassifier
+from twingap.adapt.order_classifier import FEATURES, TREES_FILE, VERSION, of_names, shipped_folder, write_classifier
 from twingap.adapt.population import CLASSES
 from twingap.adapt.random_fleets import random_fleet
-from twingap.adapt.trees import Trees
 from twingap.errors import TwingapError
 from twingap.files import replacing
 
@@ -43,12 +34,6 @@ WINDOWS: Final = {LEARN: 2, CALIBRATE: 6}
 LENGTHS: Final = {LEARN: (2.0, 2.0), CALIBRATE: (1.0, 6.0)}
 """Windows of a recording, and its length in windows. A window tells little more than the one beside it, so that trees
 learn more from more recordings; confidence is calibrated on as many windows as `classify` reads."""
-BOOSTING: Final[dict[str, Any]] = {
-    "max_iter": 150, "learning_rate": 0.06, "max_leaf_nodes": 12, "min_samples_leaf": 40, "l2_regularization": 5.0,
-    "max_features": 0.3, "early_stopping": False, "class_weight": "balanced",
-}  # fmt: skip
-"""Of scikit-learn's gradient boosting. More or larger trees fit the simulated fleets more closely; the temperature is
-fitted to fleets that no tree has learnt from."""
 LARGEST_FILE: Final = 2_500_000
 """Bytes that the trees may take in the package."""
 
@@ -63,7 +48,7 @@ def train_classifier(
     jobs: int,
     fleets: int = FLEETS,
     progress: Progress | None = None,
-) -> OrderClassifier:
+) -> FaultClassifier:
     """Simulate fleets, fit the classifier and write it.
 
     Parts that are done are kept in the folder until the classifier is written, so that a run that was interrupted goes
@@ -84,7 +69,7 @@ def train_classifier(
 
     Returns
     -------
-    OrderClassifier
+    FaultClassifier
 
     Raises
     ------
@@ -108,8 +93,8 @@ def train_classifier(
     progress("training", 0.9)
     learn, calibrate = ([_read(p) for key, p in places.items() if key[0] == use] for use in (LEARN, CALIBRATE))
     made = {"seed": seed, "fleets": learned * FLEETS_PER_PART, "recordings": sum(len(y) for _, y in learn)}
-    found = fit_classifier(learn, calibrate, seed, made)
-    found.save(folder)
+    found = fit_classifier(learn, calibrate, seed)
+    write_classifier(found, folder, made | {"calibration_recordings": sum(len(y) for _, y in calibrate)})
     if (size := (folder / TREES_FILE).stat().st_size) > LARGEST_FILE:
         raise TwingapError(f"takes {size} bytes, at most {LARGEST_FILE} expected", where=folder / TREES_FILE)
     for place in store.glob(f"v*-seed{seed}-*.npz"):
@@ -150,52 +135,29 @@ def _read(place: Path) -> Part:
     return features, labels
 
 
-def fit_classifier(
-    learn: Sequence[Part], calibrate: Sequence[Part], seed: int, made: dict[str, int]
-) -> OrderClassifier:
+def fit_classifier(learn: Sequence[Part], calibrate: Sequence[Part], seed: int) -> FaultClassifier:
     """Fit trees to some recordings and the temperature to others.
 
     Parameters
     ----------
     learn, calibrate : sequence of Part
     seed : int
-    made : dict
-        What is stored about how it was made.
-    """
-    trees = fit_trees(np.concatenate([x for x, _ in learn]), np.concatenate([y for _, y in learn]), seed)
-    shown, labels = np.concatenate([x for x, _ in calibrate]), np.concatenate([y for _, y in calibrate])
-    predicted = votes(softmax(trees(shown.reshape(-1, shown.shape[2]))), shown.shape[1])
-    return OrderClassifier(
-        trees,
-        calibrate_temperature(predicted, labels),
-        cross_checked(predicted, labels),
-        made | {"calibration_recordings": len(labels)},
-    )
 
-
-def fit_trees(features: NDArray[np.float32], labels: NDArray[np.int64], seed: int) -> Trees:
-    """Boosted trees that classify single windows.
-
-    Parameters
-    ----------
-    features : float32 array [recordings, windows, features]
-    labels : NDArray[int64] [recordings]
-    seed : int
+    Returns
+    -------
+    FaultClassifier
+        Its labels are the names of `CLASSES`.
 
     Raises
     ------
     TwingapError
         When a class is missing.
     """
-    from sklearn.ensemble import HistGradientBoostingClassifier
-    from threadpoolctl import threadpool_limits
-
+    features, labels = (np.concatenate(arrays) for arrays in zip(*learn, strict=True))
     if missing := sorted(set(range(len(CLASSES))) - set(labels.tolist())):
         raise TwingapError(f"no {CLASSES[missing[0]]} recording among {len(labels)}", mend="simulate more fleets")
-    model = HistGradientBoostingClassifier(**BOOSTING, random_state=seed)
-    with threadpool_limits(1):  # sums over rows depend on the number of threads
-        model.fit(features.reshape(-1, features.shape[2]), np.repeat(labels, features.shape[1]))
-    return Trees.of_boosting(model)
+    found = FaultClassifier(random_state=seed).fit(features, labels)
+    return of_names(found.calibrate(*(np.concatenate(arrays) for arrays in zip(*calibrate, strict=True))))
 
 
 def _quiet(what: str, fraction: float) -> None:

@@ -28,13 +28,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twingap.adapt.alignment import Alignment
+from twingap.adapt.domain_adaptation import DomainAdaptationClassifier
 from twingap.adapt.evaluate import Scores, score
 from twingap.adapt.mode_inputs import ModeInputs
 from twingap.adapt.mode_network import MULTIPLE, SHORTEST, Architecture
 from twingap.adapt.mode_svm import ModeSVM, train_svm
-from twingap.adapt.selection import CRITERIA, DEFAULT, Evidence, select
-from twingap.adapt.training import Inputs, Trained, Training, outputs, train
-from twingap.adapt.windows import Windows, split_by_group
+from twingap.adapt.selection import CRITERIA, DEFAULT
+from twingap.adapt.training import Inputs, Trained, Training, outputs
+from twingap.adapt.windows import Windows
 from twingap.errors import TwingapError
 
 Array = NDArray[np.float64]
@@ -223,25 +224,14 @@ def fit(
             where="fit",
             mend="cut windows of 1024 or 2048 samples",
         )
-    part, held = _split(source, held_out, seed)
-    x_target = prepare(target_unlabelled)
-    trained = train(
-        x[part], source.labels[part], x_target, options.alignment, settings, seed, n_classes, device,
-        options.architecture,
+    found = DomainAdaptationClassifier(
+        options.architecture, options.alignment, training=settings, held_out=held_out, criterion=criterion,
+        device=device, random_state=seed,
     )  # fmt: skip
-    nets = [trained.network(i) for i in range(len(trained.checkpoints))]
-    labels = source.labels[held]
-    evidence = [Evidence(outputs(net, x[held]), labels, outputs(net, x_target)) for net in nets]
+    found.fit(x, source.labels, X_target=prepare(target_unlabelled), groups=source.group, classes=np.arange(n_classes))
     return Fitted(
-        options,
-        prepare,
-        trained,
-        None,
-        {name: tuple(rule(e) for e in evidence) for name, rule in CRITERIA.items()},
-        {name: select(evidence, name) for name in CRITERIA},
-        criterion,
-        tuple(float(np.mean(e.source.predicted == labels)) for e in evidence),
-    )
+        options, prepare, found.trained_, None, found.criteria_, found.chosen_, criterion, found.source_accuracy_
+    )  # fmt: skip
 
 
 def _known(method: str | MethodOptions) -> MethodOptions:
@@ -250,13 +240,6 @@ def _known(method: str | MethodOptions) -> MethodOptions:
     if method not in METHODS:
         raise TwingapError(f"unknown method {method!r}", mend=f"use one of {', '.join(METHODS)}")
     return METHODS[method]
-
-
-def _split(source: Windows, share: float, seed: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Indices of the windows for training and of those held out; no group is in both."""
-    _, held = split_by_group(source, share, np.random.default_rng([seed, 2]))
-    outside = np.isin(source.group, held.group)
-    return np.flatnonzero(~outside), np.flatnonzero(outside)
 
 
 @dataclass(frozen=True)

@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 
 from twingap.adapt.classify_options import FEWEST_MACHINES, ClassifyOptions
 from twingap.adapt.confidence import Reliability, calibrate_temperature, cross_checked
+from twingap.adapt.fault_classifier import votes
 from twingap.adapt.methods import METHODS, fit
 from twingap.adapt.mode_inputs import ModeInputs
-from twingap.adapt.order_classifier import votes
 from twingap.adapt.population import CLASSES, Population, stated
 from twingap.adapt.selection import DEFAULT
 from twingap.adapt.training import Training

@@ -9,9 +9,10 @@ serves any bearing, rate and speed. It is stored as arrays (.npz) and JSON; `twi
 
 from __future__ import annotations
 
+import copy
 import json
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from functools import cache
 from pathlib import Path
 from typing import Any, Final
@@ -20,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twingap.adapt.confidence import Calibration, Reliability
+from twingap.adapt.fault_classifier import FaultClassifier
 from twingap.adapt.levels import NAMES, levels_above_the_quietest, operating_points
 from twingap.adapt.order_features import names, order_features
 from twingap.adapt.population import CLASSES
@@ -61,104 +63,86 @@ def features(windows: Windows, bearing: Bearing) -> NDArray[np.float32]:
     return found.astype(np.float32)
 
 
-@dataclass(frozen=True)
-class OrderClassifier:
-    """A trained classifier.
+def write_classifier(classifier: FaultClassifier, folder: Path, made: Mapping[str, Any]) -> None:
+    """Write `TREES_FILE` and `ABOUT_FILE`: equal classifiers give equal bytes.
 
     Parameters
     ----------
-    trees : Trees
-        One output a class: log odds.
-    calibration : Calibration
-        Of probabilities averaged over the windows of a recording.
-    simulated : Reliability
-        On simulated recordings that neither trees nor temperature were fitted to.
-    made : dict
-        How: seed, numbers of fleets and recordings.
+    classifier : FaultClassifier
+        Calibrated, of `FEATURES` and `CLASSES`.
+    folder : Path
+    made : mapping
+        How it was made: seed, numbers of fleets and recordings.
     """
+    assert classifier.calibration_ is not None and classifier.reliability_ is not None
+    about = {
+        "version": VERSION, "classes": list(CLASSES), "features": list(FEATURES),
+        "calibration": asdict(classifier.calibration_), "simulated": asdict(classifier.reliability_),
+        "made": dict(made),
+    }  # fmt: skip
+    with replacing(folder / TREES_FILE) as temporary, temporary.open("wb") as stream:
+        np.savez_compressed(stream, **classifier.trees_.arrays())  # type: ignore[arg-type]
+    with replacing(folder / ABOUT_FILE) as temporary:
+        temporary.write_text(json.dumps(about, indent=1) + "\n", encoding="utf-8")
 
-    trees: Trees
-    calibration: Calibration
-    simulated: Reliability
-    made: Mapping[str, Any]
 
-    def window_probabilities(self, rows: NDArray[np.float32]) -> Array:
-        """Uncalibrated probabilities [windows, classes] from `features`."""
-        return softmax(self.trees(rows))
+def read_classifier(folder: Path) -> FaultClassifier:
+    """The classifier that `write_classifier` wrote.
 
-    def probabilities(self, windows: Windows, bearing: Bearing, per_recording: int) -> Array:
-        """Calibrated probabilities [recordings, classes] of one fleet.
+    Raises
+    ------
+    TwingapError
+        For files that are missing or damaged, or a classifier of other features or classes.
+    """
+    where = folder / ABOUT_FILE
+    mend = "install twingap again, or make the classifier anew with `twingap train`"
+    try:
+        about = json.loads(where.read_text(encoding="utf-8"))
+        with np.load(folder / TREES_FILE, allow_pickle=False) as stored:
+            arrays = dict(stored)
+        kept = (about["version"], tuple(about["features"]), tuple(about["classes"]))
+        calibration, reliability = Calibration(**about["calibration"]), Reliability(**about["simulated"])
+        seed = about["made"]["seed"]
+    except FileNotFoundError as error:
+        raise TwingapError("is missing", where=str(error.filename), mend=mend) from None
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise TwingapError(f"is no classifier: {error}", where=folder, mend=mend) from None
+    if kept != (VERSION, FEATURES, CLASSES):
+        raise TwingapError(
+            "was learnt from other features or classes than this version of twingap has", where=where, mend=mend
+        )
+    trees = Trees.of_arrays(arrays, where=str(folder / TREES_FILE))
+    if trees.start.size != len(CLASSES) or int(trees.column.max(initial=-1)) >= len(FEATURES):
+        raise TwingapError("has other outputs or columns than stated", where=where, mend=mend)
+    found = FaultClassifier(random_state=seed)
+    found.trees_, found.n_features_in_ = trees, len(FEATURES)
+    found.calibration_, found.reliability_ = calibration, reliability
+    return of_names(found)
 
-        Parameters
-        ----------
-        windows : Windows
-            Those of a recording follow each other.
-        bearing : Bearing
-        per_recording : int
-            Windows of each recording.
-        """
-        return self.calibration(votes(self.window_probabilities(features(windows, bearing)), per_recording))
 
-    def save(self, folder: Path) -> None:
-        """Write `TREES_FILE` and `ABOUT_FILE`: equal classifiers give equal bytes."""
-        about = {
-            "version": VERSION, "classes": list(CLASSES), "features": list(FEATURES),
-            "calibration": asdict(self.calibration), "simulated": asdict(self.simulated), "made": dict(self.made),
-        }  # fmt: skip
-        with replacing(folder / TREES_FILE) as temporary, temporary.open("wb") as stream:
-            np.savez_compressed(stream, **self.trees.arrays())  # type: ignore[arg-type]
-        with replacing(folder / ABOUT_FILE) as temporary:
-            temporary.write_text(json.dumps(about, indent=1) + "\n", encoding="utf-8")
+def of_names(classifier: FaultClassifier) -> FaultClassifier:
+    """The classifier with the names of `CLASSES` as labels, in place of their places in it."""
+    classifier.outputs_ = np.argsort(CLASSES)
+    classifier.classes_ = np.array(CLASSES)[classifier.outputs_]
+    return classifier
 
-    @classmethod
-    def load(cls, folder: Path) -> OrderClassifier:
-        """Read what `save` wrote.
 
-        Raises
-        ------
-        TwingapError
-            For files that are missing or damaged, or a classifier of other features or classes.
-        """
-        where = folder / ABOUT_FILE
-        mend = "install twingap again, or make the classifier anew with `twingap train`"
-        try:
-            about = json.loads(where.read_text(encoding="utf-8"))
-            with np.load(folder / TREES_FILE, allow_pickle=False) as stored:
-                arrays = dict(stored)
-            kept = (about["version"], tuple(about["features"]), tuple(about["classes"]))
-            calibration, simulated = Calibration(**about["calibration"]), Reliability(**about["simulated"])
-            made = dict(about["made"])
-        except FileNotFoundError as error:
-            raise TwingapError("is missing", where=str(error.filename), mend=mend) from None
-        except (OSError, ValueError, KeyError, TypeError) as error:
-            raise TwingapError(f"is no classifier: {error}", where=folder, mend=mend) from None
-        if kept != (VERSION, FEATURES, CLASSES):
-            raise TwingapError(
-                "was learnt from other features or classes than this version of twingap has", where=where, mend=mend
-            )
-        trees = Trees.of_arrays(arrays, where=str(folder / TREES_FILE))
-        if trees.start.size != len(CLASSES) or int(trees.column.max(initial=-1)) >= len(FEATURES):
-            raise TwingapError("has other outputs or columns than stated", where=where, mend=mend)
-        return cls(trees, calibration, simulated, made)
+def shipped_classifier() -> FaultClassifier:
+    """The fitted classifier that ships with twingap, for the rows of `OrderFeatures`.
+
+    Returns
+    -------
+    FaultClassifier
+        A copy, which may be changed. Its classes are the names of the states: ball, healthy, inner, outer.
+    """
+    return copy.deepcopy(_shipped())
 
 
 @cache
-def shipped() -> OrderClassifier:
-    """The classifier in the package, read once."""
-    return OrderClassifier.load(shipped_folder())
+def _shipped() -> FaultClassifier:
+    return read_classifier(shipped_folder())
 
 
 def shipped_folder() -> Path:
     """Where the package keeps it."""
     return Path(__file__).with_name("learnt")
-
-
-def votes(probabilities: Array, windows: int) -> Array:
-    """Mean probabilities of each recording [recordings, classes], whose windows follow each other."""
-    return np.asarray(probabilities.reshape(-1, windows, probabilities.shape[1]).mean(axis=1))
-
-
-def softmax(log_odds: Array) -> Array:
-    """Probabilities from log odds [rows, classes]."""
-    raised = np.exp(log_odds - log_odds.max(axis=1, keepdims=True))
-    return np.asarray(raised / raised.sum(axis=1, keepdims=True))

@@ -11,7 +11,7 @@ from twingap.adapt.classify import Classified, classify
 from twingap.adapt.classify_options import NETWORKS, ClassifyOptions
 from twingap.adapt.confidence import calibrate_temperature, cross_checked, reliability
 from twingap.adapt.network_classifier import criterion_of, matched
-from twingap.adapt.order_classifier import shipped
+from twingap.adapt.order_classifier import shipped_classifier
 from twingap.adapt.population import CLASSES, Population, stated
 from twingap.adapt.random_fleets import random_fleet
 from twingap.adapt.window_length import window_samples
@@ -210,16 +210,17 @@ def test_the_contact_twin_and_a_method_that_adapts() -> None:
 @pytest.mark.slow
 def test_stated_confidence_is_the_accuracy_on_fleets_that_nothing_was_learnt_from() -> None:
     """What is stated of machines that training has not drawn is what comes true, within three standard errors."""
-    rng, trees = np.random.default_rng(99), shipped()
+    rng, trees = np.random.default_rng(99), shipped_classifier()
+    simulated = trees.reliability_
+    assert simulated is not None
     made = [random_fleet(rng, 6, lengths=(1.0, 6.0)) for _ in range(25)]
     shown, truth = np.concatenate([f.features for f in made]), np.concatenate([f.labels for f in made])
-    single = trees.window_probabilities(shown.reshape(-1, shown.shape[2]))
-    p = trees.calibration(single.reshape(len(truth), 6, -1).mean(axis=1))
+    p = trees.predict_proba(shown)[:, np.searchsorted(trees.classes_, CLASSES)]
     got, sure = reliability(p, truth), p.max(axis=1)
     # Both the judged recordings and those that the temperature was fitted on are a sample.
-    error = np.sqrt(np.mean(sure * (1 - sure)) * (1 / got.records + 1 / trees.simulated.records))
+    error = np.sqrt(np.mean(sure * (1 - sure)) * (1 / got.records + 1 / simulated.records))
     assert abs(got.confidence - got.accuracy) < 3 * error
-    assert abs(trees.simulated.confidence - trees.simulated.accuracy) < 3 * error
+    assert abs(simulated.confidence - simulated.accuracy) < 3 * error
     assert got.accuracy > 0.6, "four classes; a guess is right a quarter of the time"
 
 

@@ -10,8 +10,17 @@ import pytest
 
 from twingap.adapt import order_classifier
 from twingap.adapt.classify import Classified, classify
+from twingap.adapt.fault_classifier import FaultClassifier
 from twingap.adapt.learning import CALIBRATE, FLEETS_PER_PART, LARGEST_FILE, LEARN, train_classifier, write_part
-from twingap.adapt.order_classifier import ABOUT_FILE, FEATURES, TREES_FILE, OrderClassifier, features, shipped
+from twingap.adapt.order_classifier import (
+    ABOUT_FILE,
+    FEATURES,
+    TREES_FILE,
+    features,
+    read_classifier,
+    shipped_classifier,
+    write_classifier,
+)
 from twingap.adapt.population import CLASSES
 from twingap.adapt.random_fleets import RATES_HZ, SPEEDS_RPM, random_bearing, random_fleet
 from twingap.adapt.windows import cut
@@ -24,7 +33,7 @@ from twingap.twins.twin_file import TwinSpec
 
 
 @pytest.fixture(scope="module")
-def trained(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, OrderClassifier]:
+def trained(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, FaultClassifier]:
     folder = tmp_path_factory.mktemp("learnt")
     return folder, train_classifier(folder, seed=3, jobs=1, fleets=FLEETS_PER_PART)
 
@@ -49,7 +58,7 @@ def plant(bearing: Bearing, fs_hz: float, speed_rpm: float, turns: float = 60.0)
 
 @pytest.mark.slow
 def test_an_interrupted_training_goes_on_and_ends_in_the_same_bytes_on_two_cores(
-    trained: tuple[Path, OrderClassifier], tmp_path: Path
+    trained: tuple[Path, FaultClassifier], tmp_path: Path
 ) -> None:
     folder, _ = trained
     assert sorted(p.name for p in folder.iterdir()) == [ABOUT_FILE, TREES_FILE], "parts are gone when all is done"
@@ -90,12 +99,16 @@ def test_too_few_fleets_are_refused(tmp_path: Path) -> None:
 # -- files ------------------------------------------------------------------------------------------------------------
 
 
-def test_what_is_stored_is_read_back_to_the_bit(trained: tuple[Path, OrderClassifier]) -> None:
+def test_what_is_stored_is_read_back_to_the_bit(trained: tuple[Path, FaultClassifier]) -> None:
     folder, made = trained
-    read = OrderClassifier.load(folder)
-    for name, array in made.trees.arrays().items():
-        np.testing.assert_array_equal(read.trees.arrays()[name], array)
-    assert (read.calibration, read.simulated, read.made) == (made.calibration, made.simulated, made.made)
+    read = read_classifier(folder)
+    for name, array in made.trees_.arrays().items():
+        np.testing.assert_array_equal(read.trees_.arrays()[name], array)
+    assert (read.calibration_, read.reliability_) == (made.calibration_, made.reliability_)
+    assert read.get_params() == made.get_params() and read.n_features_in_ == made.n_features_in_
+    rows = np.random.default_rng(0).standard_normal((5, 6, len(FEATURES)))
+    np.testing.assert_array_equal(read.predict_proba(rows), made.predict_proba(rows))
+    np.testing.assert_array_equal(read.predict(rows), made.predict(rows))
 
 
 def _change(key: str, value: object) -> Callable[[Path], None]:
@@ -120,21 +133,26 @@ def _change(key: str, value: object) -> Callable[[Path], None]:
     ],
 )
 def test_files_that_do_not_match_are_refused_in_one_line(
-    trained: tuple[Path, OrderClassifier], tmp_path: Path, damage: Callable[[Path], None], message: str
+    trained: tuple[Path, FaultClassifier], tmp_path: Path, damage: Callable[[Path], None], message: str
 ) -> None:
-    trained[1].save(tmp_path)
+    write_classifier(trained[1], tmp_path, {"seed": 3})
     damage(tmp_path)
     with pytest.raises(TwingapError, match=message) as caught:
-        OrderClassifier.load(tmp_path)
+        read_classifier(tmp_path)
     assert "\n" not in str(caught.value) and "twingap train" in str(caught.value)
 
 
 def test_the_shipped_classifier_is_small_and_about_these_features() -> None:
-    found = shipped()  # refuses other features
+    found = shipped_classifier()  # refuses other features
     folder = order_classifier.shipped_folder()
     assert sum(p.stat().st_size for p in folder.iterdir()) <= LARGEST_FILE
-    assert found.simulated.accuracy > 0.8 and abs(found.simulated.accuracy - found.simulated.confidence) < 0.05
-    assert found.simulated.records == found.calibration.records == found.made["calibration_recordings"]
+    assert found.calibration_ is not None and (shown := found.reliability_) is not None
+    assert shown.accuracy > 0.8 and abs(shown.accuracy - shown.confidence) < 0.05
+    made = json.loads((folder / ABOUT_FILE).read_text())["made"]
+    assert shown.records == found.calibration_.records == made["calibration_recordings"]
+    assert sorted(found.classes_) == list(found.classes_) == sorted(CLASSES)
+    found.fit(np.random.default_rng(0).standard_normal((8, 2)), ["a", "b"] * 4)
+    assert shipped_classifier().n_features_in_ == len(FEATURES), "each caller has a copy"
 
 
 # -- predictions ------------------------------------------------------------------------------------------------------
@@ -154,7 +172,20 @@ def test_plain_faults_of_any_bearing_are_found_without_training(
     records = plant(bearing, fs_hz, speed_rpm)
     found = classify(records, TwinSpec("phenomenological"))
     assert found.predicted == tuple(c.fault for c in records.conditions)
-    assert found.simulated == shipped().simulated and (found.confidence > 0.5).all()
+    assert found.simulated == shipped_classifier().reliability_ and (found.confidence > 0.5).all()
+
+
+def test_predictions_of_the_shipped_classifier_stay_the_same() -> None:
+    found = classify(plant(BEARINGS["6205"], 12_000.0, 1797.0), TwinSpec("phenomenological"))
+    expected = [
+        [0.99447416636739749, 0.0016808168339330562, 0.0019199748493692647, 0.0019250419493003178],
+        [0.99371396735186734, 0.0011119194229434670, 0.0036826072808164440, 0.0014915059443728388],
+        [0.00070926603792160732, 0.99773104371756838, 0.00078973571525438324, 0.00076995452925567856],
+        [0.00070777444584830380, 0.99774913100014928, 0.00078036308551838042, 0.00076273146848396982],
+        [0.00070994240579895832, 0.00078691825292244747, 0.99774099519159598, 0.00076214414968260493],
+        [0.00070702876421766545, 0.00076345720258358548, 0.99777922784254081, 0.00075028619065792301],
+    ]
+    np.testing.assert_allclose(found.probabilities, expected, rtol=1e-9)
 
 
 def test_neither_the_twin_nor_the_seed_nor_the_unit_changes_what_the_trees_predict() -> None:

@@ -22,6 +22,7 @@ from twingap.adapt import (
     judge,
     steps_of_epochs,
 )
+from twingap.adapt.domain_adaptation import split
 from twingap.adapt.mode_svm import mode_features, train_svm
 from twingap.adapt.training import varied
 from twingap.errors import TwingapError
@@ -148,9 +149,8 @@ def test_what_the_network_cannot_take_is_refused_in_words() -> None:
 
 def test_held_out_groups_are_not_trained_on() -> None:
     """Windows of held-out groups can be anything: the weights stay."""
-    from twingap.adapt.methods import _split
-
-    part, held = _split(SOURCE, 0.25, 0)
+    assert SOURCE.labels is not None
+    part, held = split(SOURCE.labels, SOURCE.group, 0.25, 0)
     assert not set(SOURCE.group[part]) & set(SOURCE.group[held]) and len(part) + len(held) == len(SOURCE)
     samples = SOURCE.samples.copy()
     samples[held] = np.random.default_rng(9).standard_normal((len(held), 256))
