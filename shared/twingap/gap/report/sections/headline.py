@@ -27,7 +27,8 @@ class Headline:
 
     kind: str
     status: str
-    sentence: str
+    title: str
+    detail: str
     meaning: str
     records: str
     facts: Sequence[tuple[str, str]]
@@ -49,7 +50,10 @@ def headline(report: GapReport) -> Headline:
     records = str(stated.get("records") or "records")
     meaning = " ".join(filter(None, (meaning, _closing(verdict))))
     cautions = (*contradictions(report), *warnings(report))
-    return Headline(verdict.status, title, report.sentence, meaning, records, facts, cautions, tests)
+    first, _, rest = report.sentence.partition(": ")
+    # What is missing is the title; how much adding it closes and how sure that is follow in smaller type.
+    main, detail = (f"{first}.", rest[:1].upper() + rest[1:]) if rest else (first, "")
+    return Headline(verdict.status, title, main, detail, meaning, records, facts, cautions, tests)
 
 
 def _closing(verdict: Verdict) -> str:
