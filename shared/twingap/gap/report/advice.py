@@ -45,7 +45,8 @@ def next_steps(report: GapReport) -> tuple[str, ...]:
         if added and (verdict.closure or 0.0) > 0:
             steps.append(
                 f"Add {listed(c.effect for c in added)} to your twin: the lines below go into TWIN.toml. Then run "
-                "the diagnosis again; the gap should shrink as shown. `twingap close` does both until nothing more closes."
+                "the diagnosis again; the gap should shrink as shown. `twingap close` does both, until nothing more "
+                "closes."
             )
         elif added:
             steps.append(
