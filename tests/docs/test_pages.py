@@ -135,3 +135,11 @@ def test_settings_of_the_gallery_name_every_tutorial() -> None:
 def test_markup_in_text_is_shown_as_typed() -> None:
     assert markdown.safe("a * b `c * d` <e>") == "a \\* b `c * d` \\<e>"
     assert json.loads(json.dumps(markdown.cell("a|b\nc"))) == "a\\|b c"
+
+
+def test_files_that_the_guide_for_contributors_names_exist() -> None:
+    root = DOCS.parent
+    text = (root / "CONTRIBUTING.md").read_text(encoding="utf-8")
+    named = [path for path in re.findall(r"`((?:shared|tests|docs|data_manifests)/[^`]*)`", text) if "NAME" not in path]
+    missing = [path for path in named if not (root / path).exists() and "my_effect" not in path]
+    assert named and not missing
