@@ -58,6 +58,10 @@ def pages(docs: Path) -> dict[str, str]:
     return found
 
 
+_ROUTING = "set_fit_request, set_score_request"
+"""Methods that scikit-learn adds to every estimator, with references into its own documentation."""
+
+
 def _documented(thing: Any, seen: set[int]) -> bool:
     """Whether this class or function is documented already."""
     if not (inspect.isclass(thing) or inspect.isfunction(thing)):
@@ -74,7 +78,7 @@ def page(package: str, about: str, names: list[tuple[str, Any]]) -> str:
     parts = [_title(package), about, "", ".. autosummary::", "", listing, ""]
     for path, thing in shown:
         if inspect.isclass(thing):
-            parts += [f".. autoclass:: {path}", "   :members:", ""]
+            parts += [f".. autoclass:: {path}", "   :members:", f"   :exclude-members: {_ROUTING}", ""]
         else:
             parts += [f".. autofunction:: {path}", ""]
     return "\n".join(parts) + "\n"

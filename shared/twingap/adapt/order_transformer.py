@@ -63,12 +63,12 @@ class OrderFeatures(TransformerMixin, BaseEstimator):  # type: ignore[misc]
         self.windows = windows
         self.window_samples = window_samples
 
-    def fit(self, records: RecordSet | Sequence[Record], y: object = None) -> OrderFeatures:
+    def fit(self, X: RecordSet | Sequence[Record], y: object = None) -> OrderFeatures:
         """Nothing is fitted.
 
         Parameters
         ----------
-        records : RecordSet or sequence of Record
+        X : RecordSet or sequence of Record
         y : ignored
 
         Returns
@@ -77,12 +77,12 @@ class OrderFeatures(TransformerMixin, BaseEstimator):  # type: ignore[misc]
         """
         return self
 
-    def transform(self, records: RecordSet | Sequence[Record]) -> NDArray[np.float32]:
+    def transform(self, X: RecordSet | Sequence[Record]) -> NDArray[np.float32]:
         """Features of each window of each record.
 
         Parameters
         ----------
-        records : RecordSet or sequence of Record
+        X : RecordSet or sequence of Record
             Of one sampling rate.
 
         Returns
@@ -94,8 +94,7 @@ class OrderFeatures(TransformerMixin, BaseEstimator):  # type: ignore[misc]
         TwingapError
             For records without a bearing, of several rates, or too short.
         """
-        if not isinstance(records, RecordSet):
-            records = RecordSet.from_records("records", "", self.bearing, records)
+        records = X if isinstance(X, RecordSet) else RecordSet.from_records("records", "", self.bearing, X)
         bearing = self.bearing or records.bearing
         if bearing is None:
             raise TwingapError(
