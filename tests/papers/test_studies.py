@@ -133,9 +133,9 @@ def test_a_study_run_alone_is_tracked_as_the_pipeline_is(tmp_path: Path, capsys:
     dynamics.main(typed)
     dynamics.main([*typed, "--no-track"])
     client = MlflowClient(uri)
-    (experiment,) = [e for e in client.search_experiments() if e.name == "twingap"]
+    (experiment,) = [e for e in client.search_experiments() if e.name == "paper2 dynamics"]
     (kept,) = client.search_runs([experiment.experiment_id])
-    assert kept.info.run_name == "dynamics" and kept.data.params["profile"] == "smoke"
+    assert kept.info.run_name == "dynamics · smoke · seed 0" and kept.data.params["profile"] == "smoke"
     assert {name: kept.data.tags[name] for name in ("paper", "study")} == {"paper": "paper2", "study": "dynamics"}
     assert any("dynamics-balance" in found.path for found in client.list_artifacts(kept.info.run_id, "tables"))
     assert "dynamics-balance" in capsys.readouterr().out
