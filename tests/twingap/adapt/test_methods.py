@@ -124,7 +124,7 @@ def test_the_machine_has_no_seed() -> None:
 def test_target_labels_are_refused_and_inputs_do_not_read_any() -> None:
     with pytest.raises(TwingapError, match="adaptation have labels"):
         fit("Non-DA", SOURCE, TARGET, 0, n_classes=2)
-    with pytest.raises(TwingapError, match="source windows carry no labels"):
+    with pytest.raises(TwingapError, match="source windows have no labels"):
         fit("Non-DA", SOURCE.unlabelled(), UNLABELLED, 0, n_classes=2)
     with pytest.raises(TwingapError, match="unknown method 'Best'"):
         fit("Best", SOURCE, UNLABELLED, 0, n_classes=2)
@@ -143,7 +143,7 @@ def test_what_the_network_cannot_take_is_refused_in_words() -> None:
     done = fit("Non-DA", SOURCE, UNLABELLED, 0, n_classes=2, settings=plain, inputs=spectra, device="cpu")
     assert done.predict_proba(UNLABELLED).shape == (24, 2)
     short = replace(SOURCE, samples=SOURCE.samples[:, :250])
-    with pytest.raises(TwingapError, match="250 points a channel, a multiple of 32 and at least 256"):
+    with pytest.raises(TwingapError, match="250 points per channel, a multiple of 32 and at least 256"):
         fit("Non-DA", short, UNLABELLED, 0, n_classes=2, settings=SMALL, inputs=INPUTS)
 
 
