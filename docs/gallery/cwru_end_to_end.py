@@ -17,8 +17,8 @@ compared with the phenomenological twin.
 # Records
 # -------
 #
-# A data set is read by its name. Taken are the recordings of a healthy bearing and of the smallest faults of its races at
-# two motor loads, and two pieces of half a second of each. Pieces of one recording share a group, so that they never
+# A data set is read by its name. Taken are the recordings of a healthy bearing and of the smallest faults of its races
+# at two motor loads, and two pieces of half a second of each. Pieces of one recording share a group, so that they never
 # stand on both sides of a split.
 
 import twingap
