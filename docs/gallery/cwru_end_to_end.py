@@ -17,15 +17,20 @@ compared with the phenomenological twin.
 # Records
 # -------
 #
-# A data set is read by its name. Of each recording at one load three pieces of half a second are taken; pieces of one
-# recording share a group, so that they never stand on both sides of a split.
+# A data set is read by its name. Taken are the recordings of a healthy bearing and of the smallest faults of its races
+# at two motor loads, and two pieces of half a second of each. Pieces of one recording share a group, so that they never
+# stand on both sides of a split.
 
 import twingap
-from twingap.data import cut, load, where
+from twingap.data import cut, load
 from twingap.twins import TwinSpec
 
-recordings = where(load("cwru"), ["load_hp=2"])
-records = cut(recordings, duration_s=0.5, step=40000)
+everything = load("cwru")
+table = everything.table
+wanted = table.load_hp.isin([0, 2]) & table.fault_size_inch.isin([0, 0.007]) & (table.fault != "ball")
+recordings = everything.take(table[wanted].index)
+pieces = cut(recordings, duration_s=0.5, step=50000)
+records = pieces.take(pieces.table.groupby("group").head(2).index)
 records.table[["record", "fault", "speed_rpm", "fs_hz", "group"]].head()
 
 # %%
