@@ -12,16 +12,16 @@ import os
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from pathlib import Path, PurePosixPath, PureWindowsPath
+from pathlib import Path
 from typing import Final, NamedTuple
 
 import numpy as np
 
 from twingap.errors import TwingapError
 from twingap.prognosis.one_run import side_by_side
-from twingap.records.folder import read_description
+from twingap.records.folder import channel_of, read_description
 from twingap.records.measurable import refuse_unmeasurable
-from twingap.records.samples import Channel, SampleFile, inspect
+from twingap.records.samples import Channel, SampleFile
 from twingap.records.table import Row, read_table
 
 _LONGEST_S: Final = 1e10
@@ -239,23 +239,12 @@ def _rounded(value: float) -> float:
 
 
 def _channel(folder: Path, row: Row, rate: float, opened: dict[str, SampleFile], *, needed: bool) -> Channel | None:
-    name = row.text("file", needed=needed)
-    if name is None:
+    """The channel of a row; a row at standstill may name none, or one that cannot be read."""
+    if row.text("file", needed=needed) is None:
         return None
-    if PurePosixPath(name).is_absolute() or PureWindowsPath(name).is_absolute():
-        mend = "name it relative to the folder of the record set"
-        raise TwingapError(f"{name!r} is an absolute path", where=row.where("file"), mend=mend)
     try:
-        if name not in opened:
-            opened[name] = inspect(folder / name)
-        found = opened[name].find(row.text("channel"))
-    except TwingapError as error:
-        if not needed:
-            return None
-        raise TwingapError(str(error), where=row.where("file")) from error
-    stated = opened[name].fs_hz
-    if needed and stated is not None and abs(stated - rate) > 0.5:  # .wav files state integers
-        what = f"{folder / name} states {stated:g} Hz, but the record set {rate:g} Hz"
-        mend = "correct fs_hz there or in recordset.toml"
-        raise TwingapError(what, where=row.where("fs_hz"), mend=mend)
-    return found
+        return channel_of(folder, row, rate, opened)
+    except TwingapError:
+        if needed:
+            raise
+        return None
