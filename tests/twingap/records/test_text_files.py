@@ -128,7 +128,7 @@ EXPORTS: dict[str, tuple[str, str, str | None, list[float], float | None]] = {
     "Octave (save -text)": ("x.txt", OCTAVE, None, [1, 2, 3.5], None),
     "PicoScope (guide, 6.1.1)": (
         "x.csv",
-        "Time, Channel A, Channel B\n(µs), (V), (V)\n\n-500.004, 5.511, 1.215\n-500.002, 4.724, 2.130\n-500, 5.552, 2\n",
+        "Time, Channel A, Channel B\n(µs), (V), (V)\n\n-500.004, 5.511, 1.215\n-500.002, 4.724, 2.13\n-500, 5.552, 2\n",
         "Channel A",
         [5.511, 4.724, 5.552],
         None,
@@ -160,7 +160,7 @@ EXPORTS: dict[str, tuple[str, str, str | None, list[float], float | None]] = {
     "Saleae": ("x.csv", "Time[s], Channel 0\n0.0, 1.2\n0.1, 1.3\n", "Channel 0", [1.2, 1.3], None),
     "Yokogawa DL (manual, appendix 5)": ("x.csv", YOKOGAWA, None, [0.1, 0.2, 0.3, 0.4, 0.5, 0.6], 1e6),
     "a German logger": ("x.csv", GERMAN, "B", [0.2, 0.25, 0.2, 0.2, 0.2], 25600),
-    "PRONOSTIA with semicolons": ("x.csv", "9;39;39;65664;0.552;-0.1\n9;39;39;65703;0.5;-0.4\n", "4", [0.552, 0.5], None),
+    "PRONOSTIA with semicolons": ("x.csv", "9;39;39;65664;0.552;-1\n9;39;39;65703;0.5;-2\n", "4", [0.552, 0.5], None),
     "gnuplot": ("x.dat", "#time\tacc\n0.0\t1.0\n0.1\t2.0\n", "acc", [1, 2], None),
     "MATLAB (save -ascii)": ("x.txt", "   1.0000e+00  -2.5000e+00\n   2.0000e+00   3.0e+00\n", "1", [-2.5, 3], None),
     "pandas with an index": ("x.csv", ";x\n0;1.5\n1;2.5\n", "x", [1.5, 2.5], None),
