@@ -68,7 +68,7 @@ def repaired_tacho(pulse_times_s: ArrayLike) -> TachoPulses:
     kept = np.ones(times.size, dtype=bool)
     intervals = np.diff(times)
     usual = _usual(intervals)
-    for i in np.flatnonzero(intervals < _SHORT * usual):
+    for i in np.flatnonzero(intervals < _SHORT * usual).tolist():
         if not (kept[i] and kept[i + 1]):
             continue
         # A bounce follows its pulse; what comes shortly before one is noise.
