@@ -44,6 +44,7 @@ class Classified:
     Parameters
     ----------
     names : tuple[str, ...]
+        Records that could be read.
     classes : tuple[str, ...]
     probabilities : Array [records, classes]
         Calibrated.
@@ -116,7 +117,7 @@ def classify(
     Raises
     ------
     TwingapError
-        For records or a twin that cannot be used: no bearing, several rates, too short, not finite, constant.
+        For records or a twin that cannot be used: no bearing, several rates, too short; where no record can be read.
     """
     from twingap.twins.twin_file import in_unit, overruled
 
@@ -129,9 +130,9 @@ def classify(
             where=f"record set {records.name!r}",
             mend="add a [bearing] table to recordset.toml or to the twin file",
         )
+    records, notes = _readable(records)
     length = window_samples(records, bearing)
-    _refuse_unreadable(records)
-    notes = [other] if (other := overruled(twin, records.bearing)) else []
+    notes += [other] if (other := overruled(twin, records.bearing)) else []
     if options.method != ORDERS:
         from twingap.adapt.network_classifier import classify_by_network  # slow to import
 
@@ -156,14 +157,28 @@ def _quiet(what: str, fraction: float) -> None:
     """Report nothing."""
 
 
-def _refuse_unreadable(records: RecordSet) -> None:
-    for record in records:
-        where = f"record {record.condition.name!r}"
-        if not np.isfinite(record.samples).all():
-            raise TwingapError("a sample is not a finite number", where=where, mend="mend it or leave the record out")
-        if not np.ptp(record.samples) > 0:
-            raise TwingapError("all samples are equal", where=where, mend="leave the record out")
-        refuse_unmeasurable(record.samples, where)
+def _readable(records: RecordSet) -> tuple[RecordSet, list[str]]:
+    """Records that are no dead channel: finite, not constant, of a size that is measured; and a note on the others."""
+    kept, faults = [], []
+    for place, condition in enumerate(records.conditions):
+        where = f"record {condition.name!r}"
+        try:
+            samples = records[place].samples
+            if not np.isfinite(samples).all():
+                raise TwingapError("a sample is not a finite number", where=where)
+            if not np.ptp(samples) > 0:
+                raise TwingapError("all samples are equal", where=where)
+            refuse_unmeasurable(samples, where)
+        except TwingapError as error:
+            faults.append(error)
+        else:
+            kept.append(place)
+    if not faults:
+        return records, []
+    if not kept:
+        raise TwingapError(faults[0].what, where=faults[0].where, mend="give records that vibrate")
+    more = f", and {len(faults) - 1} more" if len(faults) > 1 else ""
+    return records.take(kept), [f"left out, since it cannot be classified: {faults[0]}{more}"]
 
 
 def _at_true_speeds(records: RecordSet, bearing: Bearing, notes: list[str]) -> RecordSet:

@@ -28,6 +28,7 @@ from twingap.cli import (
     gap,
     health,
     identify,
+    import_,
     rul,
     run,
     simulate,
@@ -87,6 +88,10 @@ def _add(name: str, function: Callable[..., None], *lines: str, hidden: bool = F
 
 _add("demo", demo.demo, "", "--seed 3 --out another-machine")
 app.add_typer(data.app, name="data")
+_add(
+    "import", import_.import_, "*.csv --speed-rpm 1800 --bearing 6205 --out SET",
+    "exports --names '{fault}_{speed_rpm:d}rpm.csv' --unit g --out SET", "run.tdms --tacho-channel run/tacho --dry-run",
+)  # fmt: skip
 _add("simulate", simulate.simulate, "twin.toml --records RECORDSET --out simulated")
 _add("identify", identify.identify, "twin.toml RECORDSET --out identified.toml")
 _add(

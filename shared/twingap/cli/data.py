@@ -26,16 +26,23 @@ Root = Annotated[
 Name = Annotated[str, typer.Argument(help="Name of a data set; see `twingap data list`.", show_default=False)]
 
 
-@app.command("list", epilog=examples("twingap data list --root DATA"))
+@app.command("list", epilog=examples("twingap data list --root DATA", "twingap data list cwru"))
 def list_sets(
+    name: Annotated[
+        str | None, typer.Argument(metavar="NAME", help="One data set, with all that is known about it.")
+    ] = None,
     root: Root = None,
     quick: Annotated[bool, typer.Option("--quick", help="Compare sizes only, without checksums.")] = False,
     effects: Effects = None,
     seed: AnySeed = 0,
     as_json: Json = False,
 ) -> None:
-    """List the data sets: licence, size, source, and the files present and verified under the data root."""
-    from twingap.data import data_root, manifest_names, manifest_of
+    """List the data sets: licence, size, source, files present and verified; with NAME, its whole data card.
+
+    A card states channels, units, rates, recordings, bearing and fault orders, loads, labels, what to beware of, and
+    the commands that the set suits.
+    """
+    from twingap.data import card_of, data_root, manifest_names, manifest_of
 
     try:
         folder: Path | None = data_root(root)
@@ -43,7 +50,7 @@ def list_sets(
         if root is not None:
             raise
         folder = None  # the sets can be listed without any data
-    all_facts = [manifest_of(name) for name in manifest_names()]
+    all_facts = [manifest_of(each) for each in ((name,) if name is not None else manifest_names())]
     checks = _verify_all(all_facts, folder, quick=quick) if folder is not None else [None] * len(all_facts)
     if as_json:
         say_json([_listing(f, c) for f, c in zip(all_facts, checks, strict=True)])
@@ -51,10 +58,17 @@ def list_sets(
     say(f"data root: {folder}" if folder else "data root: none set (TWINGAP_DATA or --root)")
     for facts, check in zip(all_facts, checks, strict=True):
         say(f"\n{facts.name}: {facts.title}")
-        say(f"  size     {'made on demand' if facts.made_here else _human(facts.size_bytes)}")
-        say(f"  licence  {facts.licence}")
-        say(f"  from     {facts.url or ('twingap itself' if facts.made_here else facts.how_to_get)}")
-        say(f"  here     {_presence(facts, check)}")
+        say(f"  size       {'made on demand' if facts.made_here else _human(facts.size_bytes)}")
+        say(f"  licence    {facts.licence}")
+        say(f"  from       {facts.url or ('twingap itself' if facts.made_here else facts.how_to_get)}")
+        say(f"  here       {_presence(facts, check)}")
+        rows = card_of(facts).rows()
+        if name is None:
+            rows = [(key, text) for key, text in rows if key in ("recordings", "suits")]
+        else:
+            rows.append(("cite", facts.citation))
+        for key, text in rows:
+            say(f"  {key:<10} {text}")
 
 
 @app.command("verify", epilog=examples("twingap data verify", "twingap data verify cwru ims"))
@@ -188,6 +202,8 @@ def _print_check(facts: Manifest, check: Verification, *, in_full: bool) -> None
 
 def _listing(facts: Manifest, check: Verification | None) -> dict[str, Any]:
     """Row of a data set for `list --json`."""
+    from twingap.data import card_of
+
     return {
         "name": facts.name,
         "title": facts.title,
@@ -202,6 +218,7 @@ def _listing(facts: Manifest, check: Verification | None) -> dict[str, Any]:
         "verified": None if check is None else check.count("ok"),
         "altered": None if check is None else check.count("altered"),
         "unexpected": None if check is None else check.count("unexpected"),
+        "card": card_of(facts).about(),
     }
 
 

@@ -98,8 +98,7 @@ def health(
             "candidates": tables["candidates"],
             "models": [
                 row | {
-                    "coefficients": m.fit.coefficients.tolist(), "exponents": list(m.fit.exponents),
-                    "origin_s": m.fit.origin_s, "span_s": m.fit.span_s,
+                    **found.equations[row["model"]].about(),
                     "errors": [{"share": e.share, "rmse_later": e.rmse_rest, "rmse_next_tenth": e.rmse_next,
                                 "records": e.rows} for e in m.errors],
                 }
@@ -114,10 +113,11 @@ def health(
     if as_json:
         say_json(about)
     else:
-        columns = ("model", "formula", "r2", "aicc_ar1_above_least", "bic_ar1_above_least", "rmse_later_records")
+        columns = ("model", "r2", "aicc_ar1_above_least", "bic_ar1_above_least", "rmse_later_records")
         life = ("remaining_time_s", "remaining_time_s_lo", "remaining_time_s_hi") if limit is not None else ()
         rows = [{key: row[key] for key in (*columns, *life)} for row in tables["models"]]
         show(rows, False, title=f"{run.name}: {run.time_s.size} records, indicator {found.indicator}")
+        say(f"{found.preferred}: {found.equations[found.preferred].text()}")
         for note in notes:
             say(f"note: {note}")
     names = ("indicator.csv", "candidates.csv", "models.csv", "degradation.json", "degradation.png")
@@ -154,7 +154,7 @@ def _from_records(source: Path, group: str | None) -> tuple[Run, list[str]]:
     if len(speeds) > 1:
         notes.append(f"speed varies ({min(speeds):g} to {max(speeds):g} rpm), and features may vary with it")
     with progress("features", len(records)) as shown:
-        return features_of(records, group or records.name, progress=shown.step), notes
+        return features_of(records, group or records.name, progress=shown.step, notes=notes), notes
 
 
 def _from_table(source: Path, group: str | None) -> tuple[Run, list[str]]:

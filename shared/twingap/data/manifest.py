@@ -113,6 +113,8 @@ class Manifest:
     files, patterns : tuple
     recordings : tuple of Mapping
         Facts of each recording, by field name; None values are left out.
+    card : Mapping
+        What `twingap.data.cards` shows and recordings do not state: channels, loads, labels, traps, suits.
     """
 
     name: str
@@ -128,6 +130,7 @@ class Manifest:
     files: tuple[DataFile, ...]
     patterns: tuple[FilePattern, ...]
     recordings: tuple[Mapping[str, Any], ...]
+    card: Mapping[str, Any]
 
     def file(self, path: str) -> DataFile | None:
         """The file at this path below the data root, or None."""
@@ -227,6 +230,7 @@ def _from_croissant(document: Mapping[str, Any]) -> Manifest:
         files=tuple(files),
         patterns=tuple(patterns),
         recordings=tuple(recordings),
+        card=MappingProxyType(dict(document.get(f"{_OWN}card", {}))),
     )
 
 

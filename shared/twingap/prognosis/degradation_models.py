@@ -214,7 +214,7 @@ def fit_curve(model: CurveModel, time_s: ArrayLike, values: ArrayLike, *, robust
     ----------
     model : CurveModel
     time_s : array_like [rows]
-        Increasing, s.
+        Not decreasing, s.
     values : array_like [rows]
         Indicator.
     robust : bool
@@ -228,7 +228,7 @@ def fit_curve(model: CurveModel, time_s: ArrayLike, values: ArrayLike, *, robust
     Raises
     ------
     TwingapError
-        For NaN, times that do not increase, or fewer rows than parameters plus two.
+        For NaN, times that decrease, or fewer rows than parameters plus two.
     """
     t, y = checked(time_s, values, at_least=model.parameters + 2)
     origin, span = float(t[0]), float(t[-1] - t[0])
@@ -311,8 +311,8 @@ def checked(time_s: ArrayLike, values: ArrayLike, *, at_least: int) -> tuple[Arr
         raise TwingapError(f"{t.size} rows, at least {at_least} expected", where=where, mend="give more records")
     if not (np.isfinite(t).all() and np.isfinite(y).all()):
         raise TwingapError("contains NaN or infinity", where=where, mend="leave these rows out")
-    if (np.diff(t) <= 0).any():
-        raise TwingapError("times do not increase", where=where, mend="sort the rows, and keep one for each time")
+    if (np.diff(t) < 0).any() or t[0] == t[-1]:
+        raise TwingapError("times do not increase", where=where, mend="sort the rows by time")
     return t, y
 
 

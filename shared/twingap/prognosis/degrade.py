@@ -6,7 +6,7 @@ Run --healthy start--> candidates --criteria--> indicator --> every model: fit, 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, Final
 
 import numpy as np
@@ -22,6 +22,7 @@ from twingap.prognosis.degradation_forecast import (
     remaining_life,
 )
 from twingap.prognosis.degradation_models import MODELS, CurveFit, fit_curve
+from twingap.prognosis.equation import Equation, equation_of
 from twingap.prognosis.health_indicator import Indicators, Run, chosen, evaluate_candidates, online_indicators
 from twingap.prognosis.indicator_criteria import IndicatorCriteria, causal_trend
 from twingap.prognosis.information import Criteria, criteria
@@ -106,6 +107,8 @@ class Degradation:
         Whether the limit is reached from below.
     notes : tuple of str
         How the direction of the limit was determined, where the run leaves it open.
+    equations : dict[str, Equation]
+        Equation of every model, in the feature's unit where the indicator is a feature.
     """
 
     run: Run
@@ -119,6 +122,7 @@ class Degradation:
     limit: float | None
     rising: bool
     notes: tuple[str, ...] = ()
+    equations: dict[str, Equation] = field(default_factory=dict)
 
     @property
     def preferred(self) -> str:
@@ -148,7 +152,7 @@ class Degradation:
         for name, m in self.models.items():
             life = m.life
             rows.append({
-                "model": name, "formula": m.fit.model.formula, "r2": m.fit.r2, "rmse": m.fit.rmse,
+                "model": name, "equation": self.equations[name].text(), "r2": m.fit.r2, "rmse": m.fit.rmse,
                 **{f"{key}_above_least": _difference(getattr(m.criteria, key), value) for key, value in least.items()},
                 "residual_memory": m.criteria.memory, "rmse_later_records": m.error,
                 "at_bound": int(m.fit.at_bound),
@@ -227,7 +231,9 @@ def degrade(
         progress(title)
     ordered = dict(sorted(models.items(), key=lambda item: item[1].criteria.bic_ar1))
     trend = causal_trend(values, options.trend_rows)
-    return Degradation(run, options, candidates, found, name, values, trend, ordered, limit, rising, notes)
+    centre, scale, _ = _unit_of(name, run, candidates) if name in run.names else (0.0, 1.0, "")
+    equations = {title: equation_of(model.fit, name, centre, scale) for title, model in ordered.items()}
+    return Degradation(run, options, candidates, found, name, values, trend, ordered, limit, rising, notes, equations)
 
 
 def _unit_of(name: str, run: Run, candidates: Indicators) -> tuple[float, float, str]:

@@ -73,6 +73,10 @@ class Estimate:
     speed_rpm: float = 0.0
     closed_lo: float | None = None
 
+    def at_most(self) -> Estimate:
+        """The upper end alone, where amplitude is known to be larger than recorded."""
+        return replace(self, revolutions=float("nan"), revolutions_lo=0.0 * self.revolutions_hi, closed_lo=None)
+
     def closed(self) -> Estimate:
         """The same estimate with the lower end by growth alone, as past intervals use it."""
         if self.closed_lo is None:

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from twingap.errors import TwingapError
 from twingap.prognosis.health_indicator import Run
-from twingap.prognosis.one_run import listed, side_by_side
+from twingap.prognosis.one_run import in_order, listed, side_by_side
 from twingap.records.measurable import LEAST, MOST
 
 Array = NDArray[np.float64]
@@ -48,8 +48,8 @@ def read_feature_table(path: str | os.PathLike[str], *, group: str | None = None
     Raises
     ------
     TwingapError
-        With file, row and column: no time_s, an empty cell or one that is no finite number in a numeric column, equal
-        times, no features, several groups without a selection.
+        With file, row and column: no time_s, an empty cell or one that is no finite number in a numeric column, every
+        time more than once, no features, several groups without a selection.
     """
     path = Path(path)
     header, rows = _rows(path)
@@ -81,16 +81,8 @@ def read_feature_table(path: str | os.PathLike[str], *, group: str | None = None
             features[name] = column
     if text:
         notes.append(f"left out, since they contain no numbers: {', '.join(text)}")
-    order = np.argsort(time_s, kind="stable")
-    if not np.array_equal(order, np.arange(order.size)):
-        notes.append("rows were not in order of time_s and have been sorted")
-    twice = np.flatnonzero(np.diff(time_s[order]) == 0)
-    if twice.size:
-        first, second = (rows[int(order[twice[0] + k])][0] for k in (0, 1))
-        raise TwingapError(
-            f"time_s = {time_s[order[twice[0]]]:g} in rows {first} and {second}", where=path,
-            mend="keep one row for each time, or separate runs by a column group",
-        )  # fmt: skip
+    order, sorting = in_order(time_s.tolist(), [f"row {number}" for number, _ in rows], path)
+    notes += sorting
     counters = [name for name, x in features.items() if _counts(x[order])]
     for name in counters:
         del features[name]

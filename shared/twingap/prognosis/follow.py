@@ -96,7 +96,11 @@ def follow(
     kurtosis: list[float] = []
     fingerprints: set[tuple[float, float]] = set()
     usable = timeless = 0
+    clipped: list[tuple[int, str, int]] = []
+    settled: list[str] = []
+    censored = 0
     for place, row in enumerate(run.rows):
+        cut_off = False
         try:
             amplitude = row.amplitude(n_samples)
         except TwingapError as error:
@@ -106,6 +110,12 @@ def follow(
             height, full, shape = amplitude.peak_to_peak, amplitude.full_peak_to_peak, amplitude.kurtosis
             if (fingerprint := amplitude.fingerprint(run.unit)) is not None:
                 fingerprints.add(fingerprint)
+            if amplitude.settling:
+                settled.append(row.name)
+            if amplitude.clipped and row.speed_rpm > 0:
+                clipped.append((place, row.name, amplitude.clipped))
+                # The true amplitude is larger: only that the end is reached is certain.
+                cut_off = life.alarm_row is not None and not life.reaches_end(row.speed_rpm, height)
             if row.speed_rpm > 0 and not height > 0:
                 skipped.append(f"record {row.name!r} has no vibration")
             elif row.speed_rpm > 0 and row.channel and n_samples and row.channel.n_samples < _NEARLY * n_samples:
@@ -115,9 +125,13 @@ def follow(
             kurtosis.append(shape)
         usable += row.speed_rpm > 0 and height > 0
         try:
-            estimates.append(life.update(row.time_s, row.speed_rpm, height, full_peak_to_peak=full))
+            used = float("nan") if cut_off else height
+            estimate = life.update(row.time_s, row.speed_rpm, used, full_peak_to_peak=full)
         except TwingapError as error:
             raise TwingapError(error.what, where=f"run {run.name!r}, {error.where}", mend=error.mend) from error
+        if clipped and life.onset_row is not None and clipped[-1][0] >= life.onset_row and life.end_row is None:
+            estimate, censored = estimate.at_most(), censored + 1
+        estimates.append(estimate)
         lived.append(life.revolutions)
         timeless += life.timeless
         if progress is not None:
@@ -132,6 +146,11 @@ def follow(
             f"records have {min(lengths)} to {max(lengths)} samples, and peak to peak grows with length: it is that of "
             f"the first {n_samples} of each, as many as the shortest healthy record has"
         )
+    if clipped:
+        notes.append(_clipping(clipped, censored))
+    if settled:
+        them = f"record {settled[0]!r}" if len(settled) == 1 else f"{len(settled)} records, the first {settled[0]!r},"
+        notes.append(f"in {them} the sensor settles after power-on: its exponential offset is taken out")
     if short:
         them = f"record {short[0]!r} has" if len(short) == 1 else f"{len(short)} records, the first {short[0]!r}, have"
         notes.append(
@@ -156,6 +175,20 @@ def follow(
     outcome = outcome_of(run.name, life, estimates, lived, frozenset(fingerprints))
     names = [None if place is None else run.rows[place].name for place in (life.alarm_row, life.onset_row)]
     return Followed(run, tuple(estimates), tuple(notes), outcome, names[0], names[1])
+
+
+def _clipping(clipped: Sequence[tuple[int, str, int]], censored: int) -> str:
+    """Note on clipped records: place, name and number of clipped samples of each."""
+    samples = sum(count for *_, count in clipped)
+    first = clipped[0][1]
+    them = f"record {first!r} is" if len(clipped) == 1 else f"{len(clipped)} records, the first {first!r}, are"
+    said = f"{them} clipped ({samples} samples at the ends of the range): true amplitude is larger than recorded"
+    if not censored:
+        return said
+    return (
+        f"{said}; in {censored} rows remaining life is only bounded from above (at most remaining_time_s_hi): the "
+        "estimate is left empty and the interval begins at 0"
+    )
 
 
 def _common_length(run: Run, healthy_rows: int) -> int | None:

@@ -19,7 +19,9 @@ from numpy.typing import NDArray
 from twingap.errors import TwingapError
 from twingap.prognosis.fusion import Fusion, Order, Scaling, constant, learn_fusion
 from twingap.prognosis.indicator_criteria import IndicatorCriteria, evaluate_indicator
+from twingap.prognosis.one_run import in_order
 from twingap.records import RecordSet
+from twingap.records.artefacts import clipped_samples, without_settling
 from twingap.records.measurable import refuse_unmeasurable
 from twingap.signal.features import PAPER2_FEATURES, paper2_features
 
@@ -39,7 +41,7 @@ class Run:
     ----------
     name : str
     time_s : Array [rows]
-        Time, s, increasing.
+        Time, s, not decreasing.
     names : tuple of str
     features : Array [rows, features]
     """
@@ -57,10 +59,8 @@ class Run:
             )
         if not (np.isfinite(self.features).all() and np.isfinite(self.time_s).all()):
             raise TwingapError("contains NaN or infinity", where=self.name, mend="leave these rows out")
-        if (np.diff(self.time_s) <= 0).any():
-            raise TwingapError(
-                "times do not increase", where=self.name, mend="sort the rows, and keep one for each time"
-            )
+        if (np.diff(self.time_s) < 0).any():
+            raise TwingapError("times decrease", where=self.name, mend="sort the rows by time")
 
     def until(self, rows: int) -> Run:
         """The run up to a number of rows."""
@@ -97,6 +97,7 @@ def features_of(
     *,
     window_samples: int = WINDOW_SAMPLES,
     progress: Callable[[], None] = lambda: None,
+    notes: list[str] | None = None,
 ) -> Run:
     """The 15 features of each record of a run, one record in memory at a time.
 
@@ -110,6 +111,8 @@ def features_of(
         Window of the spectral kurtosis.
     progress : callable
         Called after each record.
+    notes : list of str, optional
+        Extended by what was unusual: rows out of order, clipped samples, a sensor that settles.
 
     Returns
     -------
@@ -118,8 +121,8 @@ def features_of(
     Raises
     ------
     TwingapError
-        When records have no time or equal times, are too short for the spectral kurtosis, or cannot be measured by an
-        accelerometer.
+        When records have no time, each share one with another, are too short for the spectral kurtosis, or cannot be
+        measured by an accelerometer.
     """
     missing = [c.name for c in records.conditions if c.time_s is None]
     if missing:
@@ -128,17 +131,12 @@ def features_of(
             where=records.name, mend="add a column time_s: seconds from the start of the run",
         )  # fmt: skip
     times = np.array([c.time_s for c in records.conditions], float)
-    order = np.argsort(times, kind="stable")
-    twice = np.flatnonzero(np.diff(times[order]) == 0)
-    if twice.size:
-        first, second = (records.conditions[order[twice[0] + k]].name for k in (0, 1))
-        raise TwingapError(
-            f"records {first!r} and {second!r} have the same time_s", where=records.name,
-            mend="give the records of one run and one channel",
-        )  # fmt: skip
+    order, sorting = in_order(times.tolist(), [c.name for c in records.conditions], records.name)
+    clipped: list[str] = []
+    settled: list[str] = []
     rows = np.empty((len(records), len(PAPER2_FEATURES)))
     for place, at in enumerate(order):
-        record = records[int(at)]
+        record = records[at]
         where, n_samples = f"record {record.condition.name!r}", record.condition.n_samples
         refuse_unmeasurable(record.samples, where)
         if n_samples < window_samples:
@@ -147,10 +145,22 @@ def features_of(
                 mend="give longer records",
             )  # fmt: skip
         try:
-            rows[place] = paper2_features(record.samples, record.condition.fs_hz, window_samples=window_samples).values
+            samples, offset = without_settling(record.samples)
+            clipped += [record.condition.name] * bool(clipped_samples(record.samples))
+            settled += [record.condition.name] * bool(offset)
+            rows[place] = paper2_features(samples, record.condition.fs_hz, window_samples=window_samples).values
         except TwingapError as error:
             raise TwingapError(error.what, where=where, mend=error.mend) from error
         progress()
+    if notes is not None:
+        notes += sorting
+        if clipped:
+            notes.append(f"{len(clipped)} records are clipped, the first {clipped[0]!r}: true amplitude is larger")
+        if settled:
+            notes.append(
+                f"in {len(settled)} records, the first {settled[0]!r}, the sensor settles after power-on: its "
+                "exponential offset is taken out"
+            )
     return Run(name or records.name, times[order], PAPER2_FEATURES, rows)
 
 

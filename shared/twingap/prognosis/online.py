@@ -180,6 +180,14 @@ class OnlineLife:
         self.take(time_s, speed_rpm, peak_to_peak, full_peak_to_peak=full_peak_to_peak)
         return self.estimate()
 
+    def reaches_end(self, speed_rpm: float, peak_to_peak: float) -> bool:
+        """Whether a row of this amplitude would end the life."""
+        if self.options.limit is not None:
+            return peak_to_peak >= self.options.limit
+        if self._influence is None or not (speed_rpm > 0 and peak_to_peak > 0):
+            return False
+        return float(np.log(peak_to_peak / self._influence.amplitude(speed_rpm))) - self._reference[0] >= self._end()
+
     @property
     def revolutions(self) -> float:
         """Revolutions since the first row."""

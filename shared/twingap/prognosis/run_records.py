@@ -11,17 +11,17 @@ from __future__ import annotations
 import os
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from itertools import pairwise
-from pathlib import Path, PurePosixPath, PureWindowsPath
+from pathlib import Path
 from typing import Final, NamedTuple
 
 import numpy as np
 
 from twingap.errors import TwingapError
-from twingap.prognosis.one_run import side_by_side
-from twingap.records.folder import read_description
+from twingap.prognosis.one_run import in_order, side_by_side
+from twingap.records.artefacts import clipped_samples, without_settling
+from twingap.records.folder import channel_of, read_description
 from twingap.records.measurable import refuse_unmeasurable
-from twingap.records.samples import Channel, SampleFile, inspect
+from twingap.records.samples import Channel, SampleFile
 from twingap.records.table import Row, read_table
 
 _LONGEST_S: Final = 1e10
@@ -47,12 +47,18 @@ class Amplitude(NamedTuple):
         RMS about the mean.
     full_peak_to_peak : float
         Peak to peak of all samples.
+    clipped : int
+        Samples at the ends of the converter's range: the true peak to peak is larger.
+    settling : float
+        Offset at the first sample with which the sensor settled, which is taken out; 0 where it did not.
     """
 
     peak_to_peak: float
     kurtosis: float
     rms: float
     full_peak_to_peak: float
+    clipped: int = 0
+    settling: float = 0.0
 
     def fingerprint(self, unit: str) -> tuple[float, float] | None:
         """Values that identify a record independently of file, name and unit; None without vibration."""
@@ -96,12 +102,14 @@ class RunRow:
             return Amplitude(*(float("nan"),) * 4)
         x = self.channel.load()
         refuse_unmeasurable(x, f"record {self.name!r}")
+        clipped = clipped_samples(x)
+        x, settling = without_settling(x)
         centred = x - x.mean()
         power = float(np.mean(centred**2))
         kurtosis = float(np.mean(centred**4)) / power**2 if power > 0 else float("nan")
         full = float(np.ptp(x))
         part = full if n_samples is None else float(np.ptp(x[:n_samples]))
-        return Amplitude(part, kurtosis, float(np.sqrt(power)), full)
+        return Amplitude(part, kurtosis, float(np.sqrt(power)), full, clipped, settling)
 
 
 @dataclass(frozen=True)
@@ -178,9 +186,8 @@ def read_run(
         if turning:
             rates.add(rate)
         found.append(RunRow(name, time_s, speed_rpm, channel))
-    order = sorted(range(len(found)), key=lambda place: found[place].time_s)
-    if order != list(range(len(found))):
-        notes.append("records.csv is not in order of time: rows are sorted by time_s")
+    order, sorting = in_order([row.time_s for row in found], [row.name for row in found], table)
+    notes += sorting
     times = [found[place].time_s for place in order]
     if times and times[-1] - times[0] > _LONGEST_S:
         raise TwingapError(
@@ -194,8 +201,6 @@ def read_run(
         )  # fmt: skip
     if len(rates) > 1:
         notes.append(f"fs_hz varies ({min(rates):g} to {max(rates):g} Hz): amplitude may vary with it")
-    if twice := sum(a == b for a, b in pairwise(times)):
-        notes.append(f"{twice} rows have the time of the row before: they are used in the order of the table")
     if still := sum(row.speed_rpm == 0 for row in found):
         notes.append(f"the machine stands still in {still} rows: no life is consumed, and no remaining time is given")
     name = about.name or folder.resolve().name
@@ -239,23 +244,12 @@ def _rounded(value: float) -> float:
 
 
 def _channel(folder: Path, row: Row, rate: float, opened: dict[str, SampleFile], *, needed: bool) -> Channel | None:
-    name = row.text("file", needed=needed)
-    if name is None:
+    """The channel of a row; a row at standstill may name none, or one that cannot be read."""
+    if row.text("file", needed=needed) is None:
         return None
-    if PurePosixPath(name).is_absolute() or PureWindowsPath(name).is_absolute():
-        mend = "name it relative to the folder of the record set"
-        raise TwingapError(f"{name!r} is an absolute path", where=row.where("file"), mend=mend)
     try:
-        if name not in opened:
-            opened[name] = inspect(folder / name)
-        found = opened[name].find(row.text("channel"))
-    except TwingapError as error:
-        if not needed:
-            return None
-        raise TwingapError(str(error), where=row.where("file")) from error
-    stated = opened[name].fs_hz
-    if needed and stated is not None and abs(stated - rate) > 0.5:  # .wav files state integers
-        what = f"{folder / name} states {stated:g} Hz, but the record set {rate:g} Hz"
-        mend = "correct fs_hz there or in recordset.toml"
-        raise TwingapError(what, where=row.where("fs_hz"), mend=mend)
-    return found
+        return channel_of(folder, row, rate, opened)
+    except TwingapError:
+        if needed:
+            raise
+        return None

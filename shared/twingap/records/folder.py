@@ -24,6 +24,8 @@ from twingap.records.samples import Array, Channel, SampleFile, inspect
 from twingap.records.table import COLUMNS, Row, extras, read_table, write_table
 
 _PER_FOLDER: Final = 1000
+_RATE: Final = 1e-4
+"""Relative difference of two statements of one sampling rate; loggers write intervals with five digits."""
 
 
 @dataclass(frozen=True)
@@ -90,7 +92,7 @@ def read_record_set(folder: str | os.PathLike[str], *, labelled: bool = True, tu
     conditions, places = [], []
     for row, extra in zip(rows, extras(rows), strict=True):
         rate = row.rate(about.recordset.fs_hz)
-        channel = _channel(folder, row, rate, opened)
+        channel = channel_of(folder, row, rate, opened)
         conditions.append(row.condition(rate, channel.n_samples, extra, labelled=labelled))
         places.append((row.where("file"), channel))
     name = about.recordset.name or folder.resolve().name
@@ -200,8 +202,24 @@ def write_record_set(records: RecordSet, folder: str | os.PathLike[str]) -> Path
     return write_records(folder, records.name, records.unit, records.bearing, fs_hz, records)
 
 
-def _channel(folder: Path, row: Row, rate: float, opened: dict[str, SampleFile]) -> Channel:
-    """The channel of samples that a row names."""
+def channel_of(folder: Path, row: Row, rate: float, opened: dict[str, SampleFile]) -> Channel:
+    """The channel of samples that a row names, and whose file states no other sampling rate.
+
+    Parameters
+    ----------
+    folder : Path
+        Record set.
+    row : Row
+    rate : float
+        Sampling rate of the row, Hz.
+    opened : dict[str, SampleFile]
+        Files that earlier rows named; extended.
+
+    Raises
+    ------
+    TwingapError
+        Naming the row.
+    """
     name = row.text("file", needed=True)
     assert name is not None
     if PurePosixPath(name).is_absolute() or PureWindowsPath(name).is_absolute():
@@ -213,7 +231,7 @@ def _channel(folder: Path, row: Row, rate: float, opened: dict[str, SampleFile])
     except TwingapError as error:
         raise _in_row(row.where("file"), error) from error
     stated = opened[name].fs_hz
-    if stated is not None and abs(stated - rate) > 0.5:  # .wav files state whole numbers
+    if stated is not None and abs(stated - rate) > max(0.5, _RATE * rate):  # .wav files state whole numbers
         mend = "correct fs_hz there or in recordset.toml"
         what = f"{folder / name} states {stated:g} Hz but the record set {rate:g} Hz"
         raise TwingapError(what, where=row.where("fs_hz"), mend=mend)

@@ -1,14 +1,17 @@
-"""Vectors of samples in the six file formats of record sets.
+"""Vectors of samples in the file formats of record sets.
 
 file --inspect--> SampleFile: names, lengths, types, by the header --find--> Channel --load--> float64 [samples]
 
-.npy      one vector; a 2-D array has one channel per column, by index, and no more channels than samples
-.npz      one channel per key
-.mat      one channel per variable (MATLAB 5 to 7; version 7.3 is refused, with a remedy)
-.csv      comma-separated, decimal points, UTF-8, with or without a header row (of names, or 0, 1, 2, ... where
-          samples have decimal points; ambiguous first rows are refused); channels by name or index
-.parquet  channels by column name or index
-.wav      channels by index; integers are scaled to full scale = 1
+.npy        one vector, or a channel per column of a matrix, by index; `row 0` where rows are records
+.npz        a channel per key; columns of matrices as `data[1]`, rows as `data[row 1]`
+.mat        the same; fields and cells as `bearing.gs`, `Y/vibration_1`, `c[1]`; MATLAB 7.3 needs h5py
+.csv .txt .tsv .asc .dat .lvm
+            tables of text: separators, decimal commas, lines above the table and units are found and noted; what may
+            be read in two ways is refused; channels by name or index
+.parquet    columns by name or index; lists of numbers as `x[row 0]`
+.wav        channels by index; integers are scaled to full scale = 1
+.h5 .hdf5 .tdms .uff .unv .mf4
+            with the extra twingap[formats]
 
 No file is ever unpickled.
 """
@@ -16,9 +19,9 @@ No file is ever unpickled.
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final
 
@@ -27,7 +30,7 @@ from numpy.typing import NDArray
 
 from twingap.errors import TwingapError
 from twingap.files import kind_of
-from twingap.records.formats import FORMATS, not_real
+from twingap.records.formats import FORMATS, not_real, row_or_column
 
 Array = NDArray[np.float64]
 
@@ -48,8 +51,10 @@ class Channel:
         Index among the file's channels.
     n_samples : int
         From the file's header.
-    problem : str or None
-        Why it is not a vector of samples; None when it is one.
+    problem, mend : str or None
+        Why it is not a vector of samples, and the remedy; None when it is one.
+    unit : str
+        As the file states it; empty = not stated.
     """
 
     path: Path
@@ -57,6 +62,8 @@ class Channel:
     place: int
     n_samples: int
     problem: str | None = None
+    mend: str | None = None
+    unit: str = ""
 
     def load(self) -> Array:
         """The samples, as float64.
@@ -105,18 +112,25 @@ class SampleFile:
     keyed : bool
         Whether channels are known by key alone (.npz, .mat), not by index.
     fs_hz : float or None
-        Sampling rate stated by the file (.wav), Hz.
+        Sampling rate stated by the file, Hz; None where it states none, or several.
+    rows : Mapping[str, tuple[int, int]]
+        Number and length of the rows of each matrix, by name.
+    notes : tuple of str
+        How the file was understood, where that is not evident.
     """
 
     path: Path
     channels: tuple[Channel, ...]
     keyed: bool = False
     fs_hz: float | None = None
+    rows: Mapping[str, tuple[int, int]] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
 
     def find(self, channel: str | None = None) -> Channel:
         """The channel of this name or index; the only one when None.
 
-        Scalars (a speed, a rate) in .npz and .mat files do not count as further channels next to a single vector.
+        Single numbers (a speed, a rate) in files with named arrays are no channels beside others. A row of a matrix is
+        `data[row 1]`, or `row 1` in a .npy file.
 
         Raises
         ------
@@ -125,7 +139,7 @@ class SampleFile:
         """
         found = self._named(channel) if channel else self._only()
         if found.problem is not None:
-            raise TwingapError(found.problem, where=found.where)
+            raise TwingapError(found.problem, where=found.where, mend=found.mend)
         if found.n_samples < 1:
             raise TwingapError("is empty, at least 1 sample expected", where=found.where)
         return found
@@ -138,38 +152,65 @@ class SampleFile:
             )
         if named:
             return named[0]
+        part = row_or_column(channel)
+        if part is not None and part[1] == "row" and part[0] in self.rows:
+            return self._row(channel, part[2], *self.rows[part[0]])
         # Longer texts are no index, and Python limits the conversion of long digit strings.
-        if not self.keyed and channel.isdecimal() and len(channel) < 10 and int(channel) < len(self.channels):
-            return self.channels[int(channel)]
+        if not self.keyed and channel.isdecimal() and len(channel) < 10 and self.channels:
+            if int(channel) < len(self.channels):
+                return self.channels[int(channel)]
+            if len(self.channels) == 1 and self.channels[0].problem and "" in self.rows:
+                return self.channels[0]
+        base = channel if part is None else part[0]
+        refused = [c for c in self.channels if c.name == base and c.problem is not None]
+        if refused:  # a column of a matrix whose columns are no channels
+            return refused[0]
+        parts = [c.name for c in self.channels if c.name.startswith(tuple(channel + mark for mark in "[./"))]
+        if parts:
+            what = f"channel {channel!r} holds {len(parts)} arrays"
+            raise TwingapError(what, where=self.path, mend=f"name one of {_listed(parts)}")
         raise TwingapError(f"has no channel {channel!r}", where=self.path, mend=f"it has {self._listing()}")
+
+    def _row(self, channel: str, row: int, rows: int, length: int) -> Channel:
+        if row >= rows:
+            raise TwingapError(f"has no row {row}", where=f"{self.path}, channel {channel}", mend=f"it has {rows} rows")
+        return Channel(self.path, channel, row, length)
 
     def _only(self) -> Channel:
         if not self.channels:
             raise TwingapError("holds no samples", where=self.path)
-        vectors = [c for c in self.channels if c.problem is None]
-        if self.keyed:
-            vectors = [c for c in vectors if c.n_samples != 1] or vectors
-        if len(vectors) == 1:
-            return vectors[0]
         if len(self.channels) == 1:
             return self.channels[0]
-        what = f"holds {len(self.channels)} channels and none is named"
+        arrays = list(self.channels)
+        if self.keyed:  # single numbers and texts are about the record; a matrix or a list of lists may be it
+            arrays = [c for c in self.channels if c.n_samples != 1 and (c.problem is None or c.n_samples)]
+        vectors = [c for c in arrays if c.problem is None]
+        if len(vectors) == 1 and (len(arrays) == 1 or not self.keyed):
+            return vectors[0]
+        if vectors or not self.keyed:
+            what = f"holds {len(self.channels)} channels and none is named"
+            raise TwingapError(what, where=self.path, mend=f"name one of {self._listing()}")
+        problems = [f"{c.name} {c.problem}" + (f" ({c.mend})" if c.mend else "") for c in self.channels if c.problem]
+        what = "holds no vector of samples, only single numbers" + (f": {'; '.join(problems[:4])}" if problems else "")
         raise TwingapError(what, where=self.path, mend=f"name one of {self._listing()}")
 
     def _listing(self) -> str:
-        names = [c.name or f"{c.place} (no name)" for c in self.channels]
-        return ", ".join(names[:12]) + (f" and {len(names) - 12} more" if len(names) > 12 else "") or "none"
+        return _listed([c.name or f"{c.place} (no name)" for c in self.channels])
+
+
+def _listed(names: list[str]) -> str:
+    return ", ".join(names[:12]) + (f" and {len(names) - 12} more" if len(names) > 12 else "") or "none"
 
 
 def inspect(path: str | os.PathLike[str]) -> SampleFile:
     """Channels of a file of samples, without loading the values.
 
-    A CSV does not state its length: its lines are counted.
+    A text file does not state its length: its lines are counted.
 
     Parameters
     ----------
     path : path-like
-        A .npy, .npz, .mat, .csv, .parquet or .wav file; the type is given by the suffix, in either case.
+        One of `SUFFIXES`; the type is given by the suffix, in either case.
 
     Raises
     ------
@@ -187,9 +228,11 @@ def inspect(path: str | os.PathLike[str]) -> SampleFile:
         known = FORMATS.get(path.suffix.lower())
         if known is None:
             raise TwingapError(f"files of type {path.suffix!r} are not read", mend=f"use one of {', '.join(SUFFIXES)}")
-        entries, keyed, fs_hz = known.inspect(path)
-    channels = (Channel(path, e.name, place, e.n_samples, e.problem) for place, e in enumerate(entries))
-    return SampleFile(path, tuple(channels), keyed, fs_hz)
+        held = known.inspect(path)
+    channels = tuple(
+        Channel(path, e.name, place, e.n_samples, e.problem, e.mend, e.unit) for place, e in enumerate(held.entries)
+    )
+    return SampleFile(path, channels, held.keyed, held.fs_hz, held.rows, held.notes)
 
 
 def load(path: str | os.PathLike[str], channel: str | None = None) -> Array:
@@ -205,7 +248,7 @@ def _explained(path: Path) -> Iterator[None]:
     except TwingapError as error:
         raise TwingapError(error.what, where=error.where or path, mend=error.mend) from error
     except UnicodeDecodeError as error:
-        raise TwingapError("is not UTF-8 text", where=path, mend="save it as UTF-8") from error
+        raise TwingapError(f"is no text in {error.encoding}", where=path, mend="save it as UTF-8") from error
     except MemoryError as error:
         raise TwingapError("does not fit in memory", where=path, mend="cut it into shorter records") from error
     except OSError as error:

@@ -38,6 +38,7 @@ from twingap.signal.spectrum import (
     nearest_bin,
     power_spectral_density,
 )
+from twingap.signal.tacho import TachoPulses, repaired_tacho
 from twingap.signal.vmd import Modes, vmd, vmd_hz
 
 __all__ = [
@@ -50,6 +51,7 @@ __all__ = [
     "Lines",
     "Modes",
     "Spectrum",
+    "TachoPulses",
     "amplitude_spectrum",
     "analytic_signal",
     "averaged_spectrum",
@@ -64,6 +66,7 @@ __all__ = [
     "order_spectrum",
     "paper2_features",
     "power_spectral_density",
+    "repaired_tacho",
     "spectral_kurtosis",
     "spectral_kurtosis_features",
     "squared_envelope_spectrum",

@@ -9,6 +9,8 @@ Source: Fyfe and Munck, Analysis of computed order tracking, MSSP 11 (1997) 187,
 from __future__ import annotations
 
 import math
+import warnings
+from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -18,6 +20,7 @@ from scipy.interpolate import CubicSpline, PchipInterpolator
 from twingap.errors import TwingapError
 from twingap.signal._input import Array, as_signals, positive, whole
 from twingap.signal.spectrum import Spectrum, amplitude_spectrum
+from twingap.signal.tacho import repaired_tacho
 
 _FINER = 4
 """Oversampling before cubic interpolation, which is accurate only well below half the rate; larger is slower."""
@@ -56,7 +59,14 @@ def turns_from_speed(speed_rpm: ArrayLike, fs_hz: float) -> Array:
     return turns
 
 
-def turns_from_tacho(pulse_times_s: ArrayLike, samples: int, fs_hz: float, *, pulses_per_turn: int = 1) -> Array:
+def turns_from_tacho(
+    pulse_times_s: ArrayLike,
+    samples: int,
+    fs_hz: float,
+    *,
+    pulses_per_turn: int = 1,
+    repair: Literal["refuse", "repair", "keep"] = "refuse",
+) -> Array:
     """Shaft angle at each sample from the times of tacho pulses.
 
     Monotone cubic interpolation between pulses; before the first and after the last, the speed of the outermost pair.
@@ -70,6 +80,10 @@ def turns_from_tacho(pulse_times_s: ArrayLike, samples: int, fs_hz: float, *, pu
     fs_hz : float
         Sampling rate, Hz.
     pulses_per_turn : int
+    repair : {"refuse", "repair", "keep"}
+        What is done about missing and double pulses, which put the angle off by whole pulses: an error that names the
+        first; repair by `repaired_tacho`, with a warning that counts them; or nothing, where intervals really vary that
+        much.
 
     Returns
     -------
@@ -79,12 +93,21 @@ def turns_from_tacho(pulse_times_s: ArrayLike, samples: int, fs_hz: float, *, pu
     Raises
     ------
     TwingapError
-        For fewer than two pulses, or times that do not ascend.
+        For fewer than two pulses, times that do not ascend, and missing or double pulses unless they are repaired.
     """
     where = "turns_from_tacho"
     times = as_signals(pulse_times_s, where=where, at_least=2)
     if times.ndim != 1 or np.any(np.diff(times) <= 0):
         raise TwingapError("pulse times are not one ascending row", where=where, mend="sort them, drop repeated ones")
+    if repair != "keep":
+        pulses_found = repaired_tacho(times)
+        if pulses_found.notes and repair == "refuse":
+            faults = "; ".join(note.rpartition(":")[0] for note in pulses_found.notes)
+            mend = 'pass repair="repair", or repair="keep" where the shaft really turns so unevenly'
+            raise TwingapError(faults, where=where, mend=mend)
+        for note in pulses_found.notes:
+            warnings.warn(f"tacho: {note}", stacklevel=2)
+        times = pulses_found.times_s
     t = np.arange(whole(samples, "samples", where=where)) / positive(fs_hz, "fs_hz", where=where)
     pulses = np.arange(times.size) / whole(pulses_per_turn, "pulses_per_turn", where=where)
     turns = np.empty(t.size)

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import contextlib
 import json
 import logging
 import os
-import sqlite3
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from datetime import UTC, datetime
@@ -17,6 +15,7 @@ import filelock
 
 from twingap.errors import TwingapError
 from twingap.provenance import versions
+from twingap.track.database import check_database
 from twingap.track.store import sqlite_path, tracking_uri
 from twingap.track.tidy import clean_file
 from twingap.track.tracker import Run, Status, ending
@@ -47,7 +46,7 @@ class MlflowTracker:
                 self._open(None)
             return
         self.uri = f"sqlite:///{database}"
-        _check_sqlite(database)
+        check_database(database)
         # Two processes that open a new store at once would both create its tables.
         with filelock.FileLock(database.with_name(database.name + ".lock"), timeout=120):
             self._open(database.parent / "artifacts" / clean_file(experiment))
@@ -173,20 +172,6 @@ def _created(client: Any, experiment: str, artifacts: str | None) -> str:
         return str(found.experiment_id)
 
 
-def _check_sqlite(database: Path) -> None:
-    """Raise a one-line error for an SQLite file that SQLAlchemy could not open."""
-    mend = "choose a writable place with --tracking-uri, MLFLOW_TRACKING_URI or TWINGAP_HOME"
-    try:
-        database.parent.mkdir(parents=True, exist_ok=True)
-        with contextlib.closing(sqlite3.connect(database, timeout=30)) as connection:
-            connection.execute("BEGIN IMMEDIATE")
-            connection.execute("PRAGMA user_version")
-            connection.rollback()
-    except (OSError, sqlite3.Error) as error:
-        reason = getattr(error, "strerror", None) or str(error)
-        raise TwingapError(f"the tracking database cannot be used: {reason}", where=database, mend=mend) from error
-
-
 @contextmanager
 def _patience(retries: int, seconds: int) -> Iterator[None]:
     """Limit MLflow's retries and timeouts within the block."""
@@ -215,4 +200,6 @@ def _explained(uri: str) -> Iterator[None]:
         if "Max retries exceeded" in line or "Connection" in type(error).__name__:
             line = "the tracking server does not answer"
         mend = "start it, or choose another with --tracking-uri or MLFLOW_TRACKING_URI"
+        if "database is locked" in str(error):
+            line, mend = "the tracking store is locked by another program", "wait for it to end, or close it"
         raise TwingapError(line, where=f"tracking store {uri}", mend=mend) from error

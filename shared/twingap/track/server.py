@@ -18,6 +18,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from twingap.errors import TwingapError
+from twingap.track.database import check_database, explained
 from twingap.track.store import sqlite_path, state_folder
 
 PATIENCE_S = 60.0
@@ -33,12 +34,15 @@ def runs_in(database: Path) -> int:
     """
     if not database.exists():
         return 0
+    check_database(database, write=False)
     try:
         with contextlib.closing(sqlite3.connect(f"{database.as_uri()}?mode=ro", uri=True)) as connection:
             (count,) = connection.execute("SELECT count(*) FROM runs WHERE lifecycle_stage = 'active'").fetchone()
             return int(count)
     except sqlite3.Error as error:
-        raise TwingapError(f"is no tracking store: {error}", where=database, mend="check --tracking-uri") from error
+        if "no such table" in str(error):
+            raise TwingapError(f"is no tracking store: {error}", where=database, mend="check --tracking-uri") from error
+        raise explained(error, database) from error
 
 
 def latest_experiment(database: Path) -> str | None:

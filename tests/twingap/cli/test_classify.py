@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import json
 import os
+import shutil
 from functools import partial
 from pathlib import Path
 
@@ -131,6 +132,24 @@ def test_records_that_cannot_be_classified(
         stream.write("[bearing]\nname = '6205'\nn_rollers = 9\nroller_diameter_mm = 7.94\npitch_diameter_mm = 39.04\n")
     refused(twingap(folder, "--twin", twin, "--out", tmp_path / "out.csv", *QUICK), says)
     assert not (tmp_path / "out.csv").exists()
+
+
+def test_a_dead_record_is_left_out_and_that_is_said(
+    twingap: Run, twin: Path, records: Path, tmp_path: Path
+) -> None:
+    folder = tmp_path / "set"
+    shutil.copytree(records, folder)
+    before = twingap(folder, "--twin", twin, "--out", tmp_path / "whole.csv", "--no-match")
+    for name, samples in (("flat", np.full(2048, 0.5)), ("broken", np.r_[np.ones(2047), np.nan])):
+        np.save(folder / f"{name}.npy", samples)
+        with (folder / "records.csv").open("a", encoding="utf-8") as stream:
+            header = (folder / "records.csv").read_text("utf-8").splitlines()[0].split(",")
+            cells = {"record": name, "file": f"{name}.npy", "speed_rpm": "4800"}
+            stream.write(",".join(cells.get(column, "") for column in header) + "\n")
+    said = twingap(folder, "--twin", twin, "--out", tmp_path / "rest.csv", "--no-match")
+    assert before.status == said.status == 0
+    assert (tmp_path / "rest.csv").read_bytes() == (tmp_path / "whole.csv").read_bytes()
+    assert "left out, since it cannot be classified: record 'flat': all samples are equal, and 1 more" in said.out
 
 
 @pytest.mark.skipif(os.name != "posix" or os.geteuid() == 0, reason="root writes anywhere")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+import re
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
@@ -97,6 +98,37 @@ def test_a_feature_table_becomes_indicator_models_and_figure(twingap: Run, table
     assert float(life["remaining_time_s"]) == pytest.approx(4637, rel=0.15)
     assert float(life["remaining_time_s_lo"]) < 4637 < float(life["remaining_time_s_hi"])
     assert models["constant"]["remaining_time_s"] == "" and float(models["constant"]["never_reached"]) > 0.9
+
+
+def test_the_printed_equation_gives_the_curve(twingap: Run, tmp_path: Path) -> None:
+    hours = np.arange(200)
+    rms = 0.5 + 0.02 * np.exp(hours / 45)
+    lines = [f"{1e9 + 600 * k},{value:.5f}" for k, value in zip(hours, rms, strict=True)]
+    (tmp_path / "growth.csv").write_text("time_s,rms\n" + "\n".join(lines) + "\n")
+    said = twingap(tmp_path / "growth.csv", "--out", tmp_path / "out", "--indicator", "rms")
+    about = json.loads((tmp_path / "out/degradation.json").read_text())
+    models = {model["model"]: model for model in about["models"]}
+    c = models["exponential with offset"]["coefficients"]
+    assert (c["a"], c["b"], c["c"]) == pytest.approx((0.02, 1 / 27000, 0.5), rel=0.01)
+    for model in models.values():
+        words, _, given = model["equation"].partition(", ")
+        assert given == "t = time_s - 1000000000 in s"
+        formula = words.removeprefix("rms = ").replace("exp(", "np.exp(").replace(" t", " * t").replace("^", "**")
+        formula = re.sub(r"(?<=\d) np", " * np", formula)
+        curve = eval(formula, {"np": np, "t": 600.0 * hours}) * np.ones(200)
+        r2 = 1 - np.sum((curve - rms) ** 2) / np.sum((rms - rms.mean()) ** 2)
+        assert r2 == pytest.approx(model["r2"], abs=2e-3)
+    assert models["exponential with offset"]["r2"] > 0.99 and models["exponential with offset"]["equation"] in said.out
+    assert models["power"]["not_fitted"] == ["c"]
+
+
+def test_a_repeated_time_and_a_clock_set_back_are_noted(twingap: Run, table: Table, tmp_path: Path) -> None:
+    rows = made()
+    rows[7]["time_s"] = rows[6]["time_s"]
+    rows[30]["time_s"] = float(str(rows[20]["time_s"])) + 1
+    said = twingap(table(rows), "--out", tmp_path / "out")
+    assert said.status == 0
+    assert "1 row has the time of the row before" in said.out and "time_s goes back 1 time" in said.out
 
 
 def test_same_seed_same_bytes_and_json(twingap: Run, table: Table, tmp_path: Path) -> None:
@@ -231,7 +263,7 @@ def test_rows_out_of_order_are_sorted_and_that_is_said(twingap: Run, table: Tabl
     assert twingap(table(rows), "--out", sorted_out, "--indicator", "rms").status == 0
     shuffled = [rows[k] for k in np.random.default_rng(1).permutation(len(rows))]
     done = twingap(table(shuffled), "--out", other, "--indicator", "rms")
-    assert done.status == 0 and "have been sorted" in done.out
+    assert done.status == 0 and "rows are not in order of time" in done.out
     assert (sorted_out / "models.csv").read_bytes() == (other / "models.csv").read_bytes()
 
 
@@ -259,7 +291,7 @@ def test_mistakes_are_one_line_and_leave_nothing(twingap: Run, table: Table, tmp
         (changed(7, rms=""), ("an empty cell found", "row 9, column rms")),
         (changed(7, rms="high"), ("'high' found, a number expected", "row 9")),
         (changed(7, time_s=""), ("an empty cell", "row 9, column time_s")),
-        (changed(7, time_s=rows[6]["time_s"]), ("time_s = 3600 in rows 8 and 9", "group")),
+        ([{**row, "time_s": 600 * (k // 2)} for k, row in enumerate(rows)], ("40 of 80 rows have the time", "channel")),
         (without("time_s"), ("column 'time_s' is missing",)),
         ([{"time_s": row["time_s"], "name": row["name"]} for row in rows], ("no column of features",)),
         ([{"time_s": row["time_s"], "x": 1, "y": -2.5} for row in rows], ("all 2 features are constant",)),

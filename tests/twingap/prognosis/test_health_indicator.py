@@ -156,15 +156,27 @@ def test_features_of_records_are_sorted_by_time_and_the_papers_fifteen() -> None
 
 
 @pytest.mark.parametrize(
-    ("times", "said"), [([0.0, None, 10.0], "no time_s"), ([0.0, 10.0, 10.0], "'r1' and 'r2' have the same time_s")]
+    ("times", "said"),
+    [
+        ([0.0, None, 10.0, 20.0], "no time_s"),
+        ([0.0, 0.0, 10.0, 10.0], "2 of 4 rows have the time of another row, the first are 'r0' and 'r1'"),
+    ],
 )
 def test_records_that_are_no_run_are_refused(times: list[float | None], said: str) -> None:
     with pytest.raises(TwingapError, match=said):
-        features_of(records([1, 1, 1], times))
+        features_of(records([1, 1, 1, 1], times))
+
+
+def test_a_repeated_time_and_a_clock_set_back_are_noted() -> None:
+    notes: list[str] = []
+    run = features_of(records([1, 2, 3, 4], [0.0, 10.0, 10.0, 5.0]), notes=notes)
+    assert run.time_s.tolist() == [0, 5, 10, 10]
+    assert any("time_s goes back 1 time" in note for note in notes)
+    assert any("1 row has the time of the row before" in note for note in notes)
 
 
 @pytest.mark.parametrize(
-    ("time_s", "value", "said"), [([0.0, 0.0], 1.0, "do not increase"), ([0.0, 1.0], np.nan, "NaN")]
+    ("time_s", "value", "said"), [([1.0, 0.0], 1.0, "times decrease"), ([0.0, 1.0], np.nan, "NaN")]
 )
 def test_a_run_is_checked(time_s: list[float], value: float, said: str) -> None:
     with pytest.raises(TwingapError, match=said):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import contextlib
 import json
 import math
 import socket
@@ -26,7 +27,7 @@ from twingap.provenance import digest_of_code, digest_of_path, digest_of_value, 
 from twingap.sweep import sweep
 from twingap.track import LONGEST_VALUE, MlflowTracker, NullTracker, Tracker, tracking_uri
 from twingap.track.folder import FolderTracker
-from twingap.track.server import serving
+from twingap.track.server import runs_in, serving
 from twingap.track.tidy import clean_file, clean_name, flat_table
 
 matplotlib.use("Agg")
@@ -225,6 +226,27 @@ def test_stores_that_cannot_be_used_say_so_in_one_line(tmp_path: Path) -> None:
         with pytest.raises(TwingapError) as caught:
             MlflowTracker(uri)
         assert expected in str(caught.value) and "\n" not in str(caught.value)
+
+
+def test_a_store_of_a_newer_mlflow_says_what_helps(tmp_path: Path) -> None:
+    path = tmp_path / "mlflow.db"
+    MlflowTracker(f"sqlite:///{path}")
+    with sqlite3.connect(path) as database:
+        database.execute("UPDATE alembic_version SET version_num = 'ffffffffffff'")
+    for use in (lambda: MlflowTracker(f"sqlite:///{path}"), lambda: runs_in(path)):
+        with pytest.raises(TwingapError, match=r"written by a newer MLflow than .*; update it \(pip install --upgrade"):
+            use()
+
+
+def test_a_locked_store_says_so(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("twingap.track.database.PATIENCE_S", 0.1)
+    path = tmp_path / "mlflow.db"
+    MlflowTracker(f"sqlite:///{path}")
+    with contextlib.closing(sqlite3.connect(path, isolation_level=None)) as other:
+        other.execute("BEGIN EXCLUSIVE")
+        for use in (lambda: MlflowTracker(f"sqlite:///{path}"), lambda: runs_in(path)):
+            with pytest.raises(TwingapError, match=r"is locked: .*; wait for that run to end, or close the program"):
+                use()
 
 
 def test_a_deleted_experiment_says_how_to_bring_it_back(tmp_path: Path) -> None:

@@ -1,0 +1,90 @@
+"""Artefacts of the measuring chain in one record: clipped samples, and the settling of a sensor after power-on."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+_PILE: Final = 4
+"""Ratio of the samples at an extreme to those at the next value from which they are clipped: a sinusoid that is
+quantised has at most 2.4, noise less than 1. A larger value misses slight clipping."""
+_LEAST_CLIPPED: Final = 3
+_BLOCKS: Final = 64
+_EXPLAINED: Final = 0.9
+"""Share of the variance of block means that an exponential explains where the sensor settles; a larger value misses
+settling beside strong low frequencies."""
+_LEAST_SETTLING: Final = 1.0
+"""Least initial offset, in standard deviations of the record without it; a larger value leaves smaller offsets in."""
+
+
+def clipped_samples(x: Array) -> int:
+    """Number of samples at the ends of the converter's range; 0 where none pile up there.
+
+    Parameters
+    ----------
+    x : Array [samples]
+
+    Notes
+    -----
+    Samples are clipped where the largest (or smallest) value occurs at least three times, and far more often than the
+    next one: without clipping extreme values are the rarest.
+    """
+    return _at_the_top(x) + _at_the_top(-x)
+
+
+def _at_the_top(x: Array) -> int:
+    highest = x.max()
+    at = int(np.count_nonzero(x == highest))
+    if not _LEAST_CLIPPED <= at < x.size:
+        return 0
+    following = x[x < highest].max()
+    return at if at > _PILE * np.count_nonzero(x == following) else 0
+
+
+def without_settling(x: Array) -> tuple[Array, float]:
+    """A record without the exponential offset with which a sensor settles after power-on.
+
+    Parameters
+    ----------
+    x : Array [samples]
+
+    Returns
+    -------
+    x : Array [samples]
+        The record itself where no offset is found.
+    offset : float
+        Offset at the first sample, unit of x; 0 where none is found.
+
+    Notes
+    -----
+    Fits a exp(-t / tau) + c to means of 64 blocks, tau from a fiftieth of the record to its length. It is removed where
+    it explains nine tenths of their variance and begins above one standard deviation of what remains.
+    """
+    size = x.size // _BLOCKS
+    if size < 4:
+        return x, 0.0
+    means = x[: size * _BLOCKS].reshape(_BLOCKS, size).mean(axis=-1)
+    spread = float(np.sum((means - means.mean()) ** 2))
+    if not spread > 0:
+        return x, 0.0
+    place = (np.arange(_BLOCKS) + 0.5) / _BLOCKS
+    best = (spread, 0.0, 1.0)
+    for tau in np.geomspace(0.02, 1.0, 60):
+        # Mean of the exponential over each block.
+        shape = np.exp(-place / tau) * np.sinh(0.5 / _BLOCKS / tau) / (0.5 / _BLOCKS / tau)
+        centred = shape - shape.mean()
+        a = float(centred @ means / (centred @ centred))
+        rest = float(np.sum((means - means.mean() - a * centred) ** 2))
+        if rest < best[0]:
+            best = (rest, a, float(tau))
+    rest, a, tau = best
+    if rest > (1 - _EXPLAINED) * spread:
+        return x, 0.0
+    settled = x - a * np.exp(-np.arange(x.size) / (size * _BLOCKS) / tau)
+    if abs(a) < _LEAST_SETTLING * float(settled.std()):
+        return x, 0.0
+    return settled, a

@@ -1,0 +1,42 @@
+""".uff and .unv files (universal files, data sets 58): a channel per function, by its name or `set 3`."""
+
+from __future__ import annotations
+
+from collections import Counter
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from twingap.records.formats.base import Contents, Entry, Format, not_real, optional
+
+
+def _functions(path: Path) -> list[tuple[int, dict[str, Any]]]:
+    """Number and content of each data set 58."""
+    file = optional("pyuff", "pyuff", path.suffix.lower()).UFF(str(path))
+    kinds = np.atleast_1d(file.get_set_types())
+    places = [i for i, kind in enumerate(kinds) if int(kind) == 58]
+    return [(i, file.read_sets(i)) for i in places]
+
+
+def _inspect(path: Path) -> Contents:
+    found = _functions(path)
+    labels = [str(content.get("id1", "")).strip() for _, content in found]
+    unique = Counter(labels)
+    entries, rates = [], set()
+    for (i, content), label in zip(found, labels, strict=True):
+        data = np.asarray(content.get("data", ()))
+        name = label if label and label.upper() != "NONE" and unique[label] == 1 else f"set {i}"
+        unit = str(content.get("ordinate_axis_units_lab", "")).strip()
+        entries.append(Entry(name, data.size, not_real(data.dtype), unit="" if unit.upper() == "NONE" else unit))
+        step = float(content.get("abscissa_inc", 0) or 0)
+        if content.get("abscissa_spacing") == 1 and content.get("func_type") in (0, 1) and step > 0:
+            rates.add(1 / step)
+    return Contents(tuple(entries), fs_hz=rates.pop() if len(rates) == 1 else None)
+
+
+def _load(path: Path, name: str, place: int) -> Any:
+    return _functions(path)[place][1]["data"]
+
+
+UFF = Format(_inspect, _load)

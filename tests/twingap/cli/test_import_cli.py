@@ -1,0 +1,117 @@
+"""`twingap import` as it is typed."""
+
+from __future__ import annotations
+
+import json
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.io import savemat
+
+from tests.twingap.cli.typed import Run, refused
+from twingap.records import read_record_set
+
+FS = 12000
+T = np.arange(2400) / FS
+X = np.round(np.random.default_rng(0).standard_normal(T.size), 5)
+TACHO = (np.mod(T * 30 + 0.3, 1) < 0.1) * 5.0  # 1800 rpm, a pulse per turn
+
+
+@pytest.fixture
+def twingap(typed: Run) -> Run:
+    """Runs `twingap import ...`."""
+    return partial(typed, "import")
+
+
+def export(path: Path, unit: str = "g", tacho: bool = False) -> Path:
+    """A German logger's export."""
+    lines = ["Messung;7", "Zeit;Beschl. A" + ";Drehzahl" * tacho, f"s;{unit}" + ";V" * tacho]
+    for t, x, p in zip(T, X, TACHO, strict=True):
+        lines.append(f"{t:.6f};{x:.5f}".replace(".", ",") + f";{p:.1f}".replace(".", ",") * tacho)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text("\n".join(lines) + "\n", encoding="cp1252")
+    return path
+
+
+def test_exports_become_a_record_set(twingap: Run, tmp_path: Path) -> None:
+    for fault, speed in (("inner", 1750), ("normal", 1797)):
+        export(tmp_path / "exports" / f"{fault}_{speed}rpm.csv")
+    out = tmp_path / "neu" / "Prüfstand"
+    said = twingap(
+        tmp_path / "exports", "--names", "{fault}_{speed_rpm:d}rpm.csv", "--bearing", "6205", "--load-n", 500,
+        "--out", out,
+    )  # fmt: skip
+    assert said.status == 0 and said.err == ""
+    assert said.out.splitlines()[-1] == str(out)
+    for part in ("2 records understood", "the name", "channel 'Zeit'", "numbers have decimal commas", "1.2e+04"):
+        assert part in said.out
+    records = read_record_set(out)
+    assert records.unit == "g" and records.bearing is not None and records.bearing.n_rollers == 9
+    found = [(c.name, c.speed_rpm, c.fault, c.load_n, c.fs_hz) for c in records.conditions]
+    assert found == [("inner_1750rpm", 1750, "inner", 500, 12000), ("normal_1797rpm", 1797, "healthy", 500, 12000)]
+    np.testing.assert_array_equal(records[1].samples, X)
+
+
+def test_a_dry_run_writes_nothing_and_json_says_all(twingap: Run, tmp_path: Path) -> None:
+    file = export(tmp_path / "a.csv", tacho=True)
+    said = twingap(file, "--tacho-channel", "Drehzahl", "--dry-run", "--json")
+    about = json.loads(said.out)
+    (record,) = about["records"]
+    assert record["speed_rpm"] == pytest.approx(1800, rel=1e-3) and record["channel"] == "Beschl. A"
+    assert record["rate from"] == "channel 'Zeit'" and about["out"] is None
+    assert any("no bearing is stated" in note for note in about["notes"])
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["a.csv"]
+
+
+def test_speed_from_a_column_units_and_scale(twingap: Run, tmp_path: Path) -> None:
+    table = np.column_stack([T, X, np.full(T.size, 1500.0)])
+    np.savetxt(tmp_path / "a.csv", table, delimiter=",", header="time,acc [mV],speed [rpm]", comments="", fmt="%.7f")
+    words = (tmp_path / "a.csv", "--speed-channel", "speed [rpm]", "--out", tmp_path / "set")
+    said = twingap(*words, "--dry-run")
+    assert "is in 'mV', which is no acceleration: give --unit, and --scale" in said.out
+    assert twingap(*words, "--unit", "g", "--scale", 0.01).status == 0
+    records = read_record_set(tmp_path / "set")
+    assert records.conditions[0].speed_rpm == 1500 and records.unit == "g"
+    np.testing.assert_allclose(records[0].samples, X / 100, atol=1e-12)
+
+
+def test_channels_of_one_file_share_a_group(twingap: Run, tmp_path: Path) -> None:
+    savemat(tmp_path / "a.mat", {"bearing": {"de": X, "fe": -X, "sr": 12000.0}})
+    words = ("--fs-hz", FS, "--speed-rpm", 1800, "--bearing", "8,7.92,34.55", "--out", tmp_path / "s")
+    said = twingap(tmp_path / "a.mat", *words)
+    assert said.status == 0
+    records = read_record_set(tmp_path / "s")
+    assert [c.name for c in records.conditions] == ["a bearing.de", "a bearing.fe"]
+    assert {c.group for c in records.conditions} == {"a"}
+    np.testing.assert_array_equal(records[1].samples, -X)
+
+
+def test_units_that_differ_are_converted(twingap: Run, tmp_path: Path) -> None:
+    files = [export(tmp_path / "a.csv", "g"), export(tmp_path / "b.csv", "m/s²")]
+    said = twingap(*files, "--speed-rpm", 1800, "--out", tmp_path / "set")
+    assert said.status == 0 and "records are in g, m/s^2: written in g" in said.out
+    np.testing.assert_allclose(read_record_set(tmp_path / "set")[1].samples, X / 9.80665, rtol=1e-12)
+
+
+def test_what_is_missing_or_wrong_is_one_line(twingap: Run, tmp_path: Path) -> None:
+    file, out = export(tmp_path / "a.csv"), tmp_path / "set"
+    all_at_1800 = ("--speed-rpm", 1800, "--out", out)
+    np.save(tmp_path / "x.npy", X)
+    refused(twingap(file), "--out", "--dry-run")
+    refused(twingap(file, "--out", out), "a.csv", "states no speed", "--tacho-channel")
+    refused(twingap(tmp_path / "x.npy", "--speed-rpm", 1, "--out", out), "x.npy", "states no sampling rate", "--fs-hz")
+    refused(twingap(file, "--fs-hz", 10000, "--speed-rpm", 1, "--out", out), "--fs-hz gives 10000 Hz but", "12000 Hz")
+    refused(twingap(file, "--names", "{fault}_{speed_rpm}.csv", "--out", out), "does not fit the pattern")
+    refused(twingap(file, "--names", "{fault}.csv", "--speed-rpm", 1, "--out", out), "unknown fault 'a'", "inner")
+    refused(twingap(file, "--names", "a.csv", "--out", out), "names no field")
+    refused(twingap(file, "--bearing", "6999", *all_at_1800), "unknown bearing '6999'", "9,7.94,39.04,0")
+    refused(twingap(file, "--channel", "B", *all_at_1800), "has no channel 'B'; it has Zeit, Beschl. A")
+    refused(twingap(file, file, "--speed-rpm", 1, "--out", out), "several records would be called 'a'")
+    noise = export(tmp_path / "n.csv", tacho=True)
+    refused(twingap(noise, "--tacho-channel", "Beschl. A", "--out", out), "n.csv, channel Beschl. A", "irregular")
+    rows = file.read_text("cp1252").splitlines()
+    file.write_text("\n".join(rows[:900] + rows[950:]), encoding="cp1252")
+    refused(twingap(file, "--speed-rpm", 1, "--out", out), "the time axis 'Zeit' is", "samples are missing")
+    assert not out.exists()

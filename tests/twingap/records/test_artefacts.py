@@ -1,0 +1,54 @@
+"""Clipped samples and settling sensors are found, and nothing else is taken for them."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from twingap.records.artefacts import clipped_samples, without_settling
+
+X = np.random.default_rng(0).standard_normal(4096)
+
+
+def test_clipped_samples_are_counted() -> None:
+    assert clipped_samples(np.clip(X, -2, 2)) == int(np.count_nonzero(np.abs(X) >= 2))
+    assert clipped_samples(np.clip(X, -9, 2)) == int(np.count_nonzero(X >= 2))
+    assert clipped_samples(np.round(np.clip(X, -2, 2), 2)) == int(np.count_nonzero(np.abs(np.round(X, 2)) >= 2))
+
+
+@given(levels=st.integers(2, 4000), phase=st.floats(0, 1), seed=st.integers(0, 99))
+@settings(max_examples=60, deadline=None)
+def test_quantised_signals_are_not_clipped(levels: int, phase: float, seed: int) -> None:
+    noise = np.random.default_rng(seed).standard_normal(4096)
+    tone = np.sin(2 * np.pi * (0.01234 * np.arange(4096) + phase))
+    assert clipped_samples(np.round(noise * levels / 4)) == 0
+    assert clipped_samples(np.round(tone * levels + phase)) == 0
+
+
+@pytest.mark.parametrize("tau", [0.03, 0.2, 0.8])
+def test_an_exponential_offset_is_removed(tau: float) -> None:
+    offset = 30 * np.exp(-np.arange(4096) / 4096 / tau)
+    settled, found = without_settling(X + offset)
+    assert found == pytest.approx(30, rel=0.05)
+    assert abs((settled - settled.mean()) - (X - X.mean())).max() < 0.5
+
+
+@pytest.mark.parametrize(
+    "x",
+    [
+        X,
+        X + 20,
+        X + 3 * np.sin(np.arange(4096) / 300),
+        X * (1 + 5 * np.exp(-np.arange(4096) / 500)),
+        X + 0.5 * np.exp(-np.arange(4096) / 800),
+        np.sin(np.arange(4096) / 3) * np.exp(-np.arange(4096) / 800),
+        np.ones(4096),
+        X[:100],
+    ],
+)
+def test_what_is_no_settling_stays_as_it_is(x: np.ndarray) -> None:
+    settled, offset = without_settling(x)
+    assert offset == 0
+    assert settled is x
