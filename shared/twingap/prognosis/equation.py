@@ -113,9 +113,7 @@ def _can_be_held(value: float) -> bool:
     return value == 0 or 1 / _LARGEST < abs(value) < _LARGEST
 
 
-def _in_unit(
-    fit: CurveFit, centre: float, scale: float, span: float
-) -> tuple[str, dict[str, float], tuple[str, ...]]:
+def _in_unit(fit: CurveFit, centre: float, scale: float, span: float) -> tuple[str, dict[str, float], tuple[str, ...]]:
     """Formula and coefficients with the run's span given in the unit of time."""
     linear = [float(v) * scale for v in fit.coefficients]
     terms = fit.model.formula.split(" + ")

@@ -134,9 +134,7 @@ def test_records_that_cannot_be_classified(
     assert not (tmp_path / "out.csv").exists()
 
 
-def test_a_dead_record_is_left_out_and_that_is_said(
-    twingap: Run, twin: Path, records: Path, tmp_path: Path
-) -> None:
+def test_a_dead_record_is_left_out_and_that_is_said(twingap: Run, twin: Path, records: Path, tmp_path: Path) -> None:
     folder = tmp_path / "set"
     shutil.copytree(records, folder)
     before = twingap(folder, "--twin", twin, "--out", tmp_path / "whole.csv", "--no-match")
