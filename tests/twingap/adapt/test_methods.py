@@ -130,7 +130,7 @@ def test_target_labels_are_refused_and_inputs_do_not_read_any() -> None:
         fit("Best", SOURCE, UNLABELLED, 0, n_classes=2)
     with pytest.raises(TwingapError, match="unknown criterion"):
         fit("Non-DA", SOURCE, UNLABELLED, 0, n_classes=2, criterion="target_accuracy")
-    with pytest.raises(TwingapError, match="carry no labels"):
+    with pytest.raises(TwingapError, match="the evaluation have no labels"):
         judge(fitted("VMD+SVM"), UNLABELLED)
     assert np.array_equal(INPUTS(TARGET), INPUTS(UNLABELLED))
 
