@@ -26,7 +26,9 @@ conditions = [
     for fault in ("healthy", "inner", "outer")
     for i in range(4)
 ]
-machine = TwinSpec("phenomenological", effects=("clipping", "foreign_bearing"), bearing=bearing)
+machine = TwinSpec(
+    "phenomenological", effects=("clipping", "foreign_bearing"), bearing=bearing
+)
 records = twingap.simulate(conditions, machine, seed=3)
 twin = TwinSpec("phenomenological", bearing=bearing)
 
@@ -58,13 +60,23 @@ assert set(way.twin.effects) == set(machine.effects)
 # of the machine, which are the defaults of the :doc:`catalogue </reference/catalogue>`.
 
 for name in way.twin.effects:
-    print(name, {parameter: round(value, 3) for parameter, value in way.twin.parameters[name].items()})
+    print(
+        name,
+        {
+            parameter: round(value, 3)
+            for parameter, value in way.twin.parameters[name].items()
+        },
+    )
 
 # %%
 # It simulates what the machine was never measured at: another speed, another fault. Here the machine is asked too, to
 # compare.
 
-asked = [Condition("ball at 2400 rpm", speed_rpm=2400, fs_hz=12000, n_samples=24000, fault="ball")]
+asked = [
+    Condition(
+        "ball at 2400 rpm", speed_rpm=2400, fs_hz=12000, n_samples=24000, fault="ball"
+    )
+]
 fig, ax = plt.subplots(figsize=(8, 3))
 for label, chosen, seed in (("machine", machine, 6), ("closer twin", way.twin, 7)):
     (record,) = twingap.simulate(asked, chosen, seed=seed)

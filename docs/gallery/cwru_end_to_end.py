@@ -21,13 +21,19 @@ compared with the phenomenological twin.
 # at two motor loads, and two pieces of half a second of each. Pieces of one recording share a group, so that they never
 # stand on both sides of a split.
 
+import matplotlib.pyplot as plt
+
 import twingap
 from twingap.data import cut, load
 from twingap.twins import TwinSpec
 
 everything = load("cwru")
 table = everything.table
-wanted = table.load_hp.isin([0, 2]) & table.fault_size_inch.isin([0, 0.007]) & (table.fault != "ball")
+wanted = (
+    table.load_hp.isin([0, 2])
+    & table.fault_size_inch.isin([0, 0.007])
+    & (table.fault != "ball")
+)
 recordings = everything.take(table[wanted].index)
 pieces = cut(recordings, duration_s=0.5, step=50000)
 records = pieces.take(pieces.table.groupby("group").head(2).index)
@@ -40,11 +46,15 @@ records.table[["record", "fault", "speed_rpm", "fs_hz", "group"]].head()
 # The twin file states what is modelled. What it leaves out is identified from the records, with intervals where there
 # are recordings enough to tell.
 
-twin = TwinSpec("phenomenological", effects=("slip_jitter", "load_zone"))
+twin = TwinSpec("phenomenological")
 identified = twingap.identify(records, twin, seed=0)
 for name, estimate in identified.estimates.items():
-    interval = "" if estimate.interval is None else "(90 % interval {:.3g} to {:.3g})".format(*estimate.interval)
-    print(f"{name}: {estimate.value:.3g} {interval}")
+    interval = (
+        ""
+        if estimate.interval is None
+        else "(90 % interval {:.3g} to {:.3g})".format(*estimate.interval)
+    )
+    print(f"{name}: {estimate.value:.4g} {interval}")
 
 # %%
 # The diagnosis
@@ -61,10 +71,22 @@ print(found.report.sentence)
 found.report.where[["domain", "lo", "hi", "unit", "share"]].head(6).round(2)
 
 # %%
-# What is named, and what adding it closes:
+# The most probable effects, and what adding each of them closes:
 
-named = found.report.which
-named[named.effect.isin(found.report.verdict.effects)][["effect", "probability", "closure"]].round(2)
+found.report.which[["effect", "probability", "closure"]].head(5).round(2)
+
+# %%
+# The curves of the report are data too. These are the median spectra of the held-out records and of the twin.
+
+curve = found.report.curves["spectrum"]
+fig, ax = plt.subplots(figsize=(8, 3.2))
+ax.plot(curve.x, curve.real, label="records", color="black", linewidth=1)
+ax.plot(curve.x, curve.before, label="twin", linewidth=1)
+if curve.after is not None:
+    ax.plot(curve.x, curve.after, label="twin with the named effects", linewidth=1)
+ax.set(xlabel=curve.x_unit, ylabel=curve.y_unit)
+ax.legend(frameon=False)
+plt.show()
 
 # %%
 # Fault classes without labels
@@ -74,5 +96,7 @@ named[named.effect.isin(found.report.verdict.effects)][["effect", "probability",
 # records are dropped before anything else is done.
 
 predictions = twingap.classify(recordings, twin)
-for name, predicted, confidence in zip(predictions.names, predictions.predicted, predictions.confidence, strict=True):
+for name, predicted, confidence in zip(
+    predictions.names, predictions.predicted, predictions.confidence, strict=True
+):
     print(f"{name}: {predicted} ({confidence:.2f})")

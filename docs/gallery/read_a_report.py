@@ -65,13 +65,17 @@ report.where[["domain", "lo", "hi", "unit", "share", "p_value"]].head(5).round(3
 # closes, on records that were not used to fit it. The two differ: an effect may be there without doubt and close
 # little.
 
-report.which[["effect", "probability", "closure", "closure_lo", "closure_hi"]].head(5).round(2)
+report.which[["effect", "probability", "closure", "closure_lo", "closure_hi"]].head(
+    5
+).round(2)
 
 # %%
 # Fitted values of the named effect come with 90 % intervals.
 
 for name, value in report.candidates[0].parameters.items():
-    interval = "" if value.ci is None else "90 % interval {:.3g} to {:.3g}".format(*value.ci)
+    interval = (
+        "" if value.ci is None else "90 % interval {:.3g} to {:.3g}".format(*value.ci)
+    )
     print(f"{name}: {value.value:.3g} {value.unit} {interval}")
 
 # sphinx_gallery_start_ignore
@@ -94,3 +98,5 @@ for effects in report.verdict.confidence_set[:4]:
 #
 # Closures speak of the records at hand, and of a twin calibrated on them. A place without a name is a difference that
 # no effect of the catalogue explains; :doc:`/explanation/limits` says what else to keep in mind.
+
+# sphinx_gallery_thumbnail_path = 'images/report.png'

@@ -77,4 +77,5 @@ CONFIGURATION: dict[str, Any] = {
     "capture_repr": ("_repr_html_", "__repr__"),
     "write_computation_times": False,
     "plot_gallery": "True",
+    "parallel": True,
 }

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from site_pages import data_cards, effect_pages, gap_file, markdown, python_pages, signatures, validation
 
-from twingap.data import manifest_names
+from twingap.data import card_of, manifest_names, manifest_of
 from twingap.effects import catalogue, load_effects
 from twingap.gap.report.schema import schema
 from twingap.records.folder import read_description
@@ -57,7 +57,7 @@ def test_every_key_of_the_schema_is_on_the_page_of_gap_json() -> None:
 def test_every_data_set_has_a_card() -> None:
     page = data_cards.pages(DOCS)["reference/data-sets.md"]
     assert re.findall(r"^## (\w+)$", page, re.MULTILINE) == list(manifest_names())
-    assert "BPFO 3.5848" in page
+    assert all(markdown.safe(trap) in page for name in manifest_names() for trap in card_of(manifest_of(name)).traps)
 
 
 def test_every_public_name_is_on_one_page() -> None:
