@@ -67,6 +67,13 @@ def _stated(facts: Manifest) -> Iterable[tuple[str, str]]:
     yield "recordings", str(len(facts.recordings) or "")
     for field, what in FACTS.items():
         yield what, _values(facts.recordings, field)
+    stated = facts.card
+    yield "channels", safe(stated.get("channels", ""))
+    yield "loads", safe(stated.get("loads", ""))
+    yield "labels", safe(stated.get("labels", ""))
+    for trap in stated.get("traps", ()):
+        yield "beware", safe(trap)
+    yield "suits", ", ".join(f"`twingap {command}`" for command in stated.get("suits", ()))
 
 
 def _values(recordings: Iterable[Mapping[str, Any]], field: str) -> str:
