@@ -29,7 +29,7 @@ def test_one_study_whole_is_tracked_resumed_and_gives_headlines(tmp_path: Path) 
     assert [len(rows) for rows in outcome.shown().values()] == [2, 6]
     for rows in outcome.shown().values():
         assert len({tuple(row) for row in rows}) == 1, "rows of one table have the same columns"
-    inside = tmp_path / "runs" / "000-paper2" / "runs" / "000-dynamics"
+    (inside,) = (tmp_path / "runs").glob("000-paper2*/runs/000-dynamics")
     assert (inside / "tables" / "dynamics-balance.csv").is_file()
     parameters = json.loads((inside / "parameters.json").read_text(encoding="utf-8"))
     assert "profiles.smoke.speeds_rpm" in parameters and "profiles.full.speeds_rpm" not in parameters

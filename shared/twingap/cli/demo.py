@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Final
 import numpy as np
 import typer
 
-from twingap.cli.options import Json, Seed, say, say_json, show, wrote
+from twingap.cli.options import Effects, Json, Seed, say, say_json, show, wrote
 from twingap.cli.progress import progress
 
 if TYPE_CHECKING:
@@ -27,6 +27,7 @@ def demo(
     out: Annotated[
         Path, typer.Option(metavar="DIR", help="New folder for the records, the twin, the diagnosis and the truth.")
     ] = Path("twingap-demo"),
+    effects: Effects = None,
     seed: Seed = 0,
     as_json: Json = False,
 ) -> None:

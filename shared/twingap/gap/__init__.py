@@ -13,8 +13,7 @@ if TYPE_CHECKING:
     from twingap.gap.report.model import GapReport
 
 _MODULES: Final = {
-    "diagnose": "twingap.gap.api", "Diagnosis": "twingap.gap.diagnosis", "GapReport": "twingap.gap.report.model",
-    "read_report": "twingap.gap.report.files",
+    "diagnose": "api", "Diagnosis": "diagnosis", "GapReport": "report.model", "read_report": "report.files",
 }  # fmt: skip
 """Public names and their modules, imported on first use, so that a report is read without the diagnosis."""
 
@@ -23,7 +22,7 @@ def __getattr__(name: str) -> Any:
     """A public name, from its module."""
     if name not in _MODULES:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(import_module(_MODULES[name]), name)
+    return getattr(import_module(f"twingap.gap.{_MODULES[name]}"), name)
 
 
 __all__ = ["Diagnosis", "GapReport", "diagnose", "read_report"]

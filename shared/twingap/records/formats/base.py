@@ -8,10 +8,10 @@ data[row 1] row 1 of a matrix             1, row 1      the same in .npy files, 
 
 from __future__ import annotations
 
-import importlib
 import math
 import re
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final, NamedTuple
@@ -186,8 +186,9 @@ def named_elements(vectors: Iterable[str], texts: Mapping[str, str]) -> dict[str
     return {path: name for path, name in short.items() if names.count(name) == 1 and name not in paths}
 
 
-def optional(module: str, package: str, suffix: str) -> Any:
-    """A package that only some file types need.
+@contextmanager
+def needed_for(suffix: str, package: str) -> Iterator[None]:
+    """Explain the import of a package that only some file types need.
 
     Raises
     ------
@@ -195,7 +196,7 @@ def optional(module: str, package: str, suffix: str) -> Any:
         When it is not installed.
     """
     try:
-        return importlib.import_module(module)
+        yield
     except ImportError as error:
         raise TwingapError(
             f"files of type {suffix} need the package {package}", mend='install it: pip install "twingap[formats]"'

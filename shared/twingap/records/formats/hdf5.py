@@ -21,8 +21,8 @@ from twingap.records.formats.base import (
     Format,
     array_entries,
     named_elements,
+    needed_for,
     not_real,
-    optional,
     row_or_column,
 )
 
@@ -50,7 +50,9 @@ class _Walk:
     """All data sets of a file."""
 
     def __init__(self, file: Any, separator: str) -> None:
-        self.h5py = optional("h5py", "h5py", ".mat (MATLAB 7.3) and .h5")
+        with needed_for(".mat (MATLAB 7.3) and .h5", "h5py"):
+            import h5py
+        self.h5py = h5py
         self.file, self.separator, self.seen = file, separator, 0
         self.open: set[int] = set()
 
@@ -132,7 +134,9 @@ class _Walk:
 
 
 def _open(path: Path) -> Any:
-    return optional("h5py", "h5py", path.suffix.lower()).File(path, "r")
+    with needed_for(path.suffix.lower(), "h5py"):
+        import h5py
+    return h5py.File(path, "r")
 
 
 def _names(leaves: list[_Leaf]) -> dict[str, str]:

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from twingap.records.formats.base import MOST_SAMPLES, Contents, Entry, Format, optional
+from twingap.records.formats.base import MOST_SAMPLES, Contents, Entry, Format, needed_for
 
 
 def _signals(file: Any) -> list[tuple[str, int, int]]:
@@ -24,7 +24,9 @@ def _signals(file: Any) -> list[tuple[str, int, int]]:
 
 
 def _open(path: Path) -> Any:
-    return optional("asammdf", "asammdf", ".mf4").MDF(str(path), use_display_names=False)
+    with needed_for(".mf4", "asammdf"):
+        from asammdf import MDF
+    return MDF(str(path), use_display_names=False)
 
 
 def _inspect(path: Path) -> Contents:

@@ -5,11 +5,12 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from twingap.records.formats.base import MOST_SAMPLES, Contents, Entry, Format, not_real, optional
+from twingap.records.formats.base import MOST_SAMPLES, Contents, Entry, Format, needed_for, not_real
 
 
 def _inspect(path: Path) -> Contents:
-    tdms = optional("nptdms", "npTDMS", ".tdms")
+    with needed_for(".tdms", "npTDMS"):
+        import nptdms as tdms
     entries, rates = [], set()
     with path.open("rb") as stream:  # a stream, so that no index file beside it is used
         for group in tdms.TdmsFile.read_metadata(stream).groups():
@@ -26,7 +27,8 @@ def _inspect(path: Path) -> Contents:
 
 
 def _load(path: Path, name: str, place: int) -> Any:
-    tdms = optional("nptdms", "npTDMS", ".tdms")
+    with needed_for(".tdms", "npTDMS"):
+        import nptdms as tdms
     with path.open("rb") as stream, tdms.TdmsFile.open(stream) as file:
         channels = [channel for group in file.groups() for channel in group.channels()]
         return channels[place][:]

@@ -8,12 +8,14 @@ from typing import Any
 
 import numpy as np
 
-from twingap.records.formats.base import Contents, Entry, Format, not_real, optional
+from twingap.records.formats.base import Contents, Entry, Format, needed_for, not_real
 
 
 def _functions(path: Path) -> list[tuple[int, dict[str, Any]]]:
     """Number and content of each data set 58."""
-    file = optional("pyuff", "pyuff", path.suffix.lower()).UFF(str(path))
+    with needed_for(path.suffix.lower(), "pyuff"):
+        import pyuff
+    file = pyuff.UFF(str(path))
     kinds = np.atleast_1d(file.get_set_types())
     places = [i for i, kind in enumerate(kinds) if int(kind) == 58]
     return [(i, file.read_sets(i)) for i in places]
