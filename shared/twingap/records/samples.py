@@ -83,7 +83,8 @@ class Channel:
             if problem := not_real(values.dtype):
                 raise TwingapError(problem, where=self.where)
             with np.errstate(invalid="ignore", over="ignore"):  # detected below as samples that are not finite
-                samples = np.array(values, dtype=np.float64).ravel()
+                fresh = values.flags.owndata and values.flags.writeable and values.dtype == np.float64
+                samples = np.array(values, dtype=np.float64, copy=None if fresh and values.ndim == 1 else True).ravel()
         if samples.size != self.n_samples:
             raise TwingapError(f"holds {samples.size} samples, {self.n_samples} expected", where=self.where)
         if not (finite := np.isfinite(samples)).all():

@@ -7,7 +7,6 @@ rows are parsed by what was found, by Arrow, and refused with their line where t
 from __future__ import annotations
 
 import io
-import mmap
 import re
 from collections.abc import Iterator
 from pathlib import Path
@@ -69,8 +68,8 @@ def _column(path: Path, found: Layout, place: int, kind: Any) -> Any:
     blanks = found.separator == " "
     columns, wanted = [str(i) for i in range(len(found.names))], str(place)
     if found.encoding == "utf-8":
-        with path.open("rb") as stream, mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ) as content:
-            end = last_byte(content)
+        with path.open("rb") as stream:
+            end = last_byte(stream)
         held = pa.memory_map(str(path)).read_buffer().slice(found.start, max(0, end - found.start))
     else:
         held = pa.py_buffer(decoded(path, found.encoding)).slice(found.start)

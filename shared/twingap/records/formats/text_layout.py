@@ -10,14 +10,14 @@ from __future__ import annotations
 
 import codecs
 import csv
+import io
 import math
-import mmap
 import re
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Final
+from typing import IO, Final
 
 import numpy as np
 
@@ -28,7 +28,6 @@ _LOOK: Final = 1000
 _LOOK_BYTES: Final = 1 << 20
 """Bytes that are inspected at most, where lines are long."""
 _BLOCK: Final = 1 << 16
-_COUNTED: Final = 1 << 14
 _DIALECTS: Final = (
     ("\t", "."), ("\t", ","), (";", "."), (";", ","), ("|", "."), ("|", ","), (" ", ","), (",", "."), (" ", "."),
 )  # fmt: skip
@@ -141,24 +140,26 @@ def data_rows(path: Path, found: Layout) -> int:
     if not found.names:
         return 0
     if found.encoding != "utf-8":
-        data = decoded(path, found.encoding)
-        return _filled_lines(data, found.start, len(data))
-    with path.open("rb") as stream, mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ) as held:
-        return _filled_lines(held, found.start, last_byte(held))
+        return _filled_lines(io.BytesIO(decoded(path, found.encoding)[found.start :]))
+    with path.open("rb") as stream:
+        end = last_byte(stream)
+        stream.seek(found.start)
+        return _filled_lines(stream, end - found.start)
 
 
 def decoded(path: Path, encoding: str) -> bytes:
     """Content of a file as UTF-8, without surrounding space at its end."""
     data = path.read_bytes().decode(encoding).removeprefix("\ufeff").encode()
-    return data[: last_byte(data)]
+    return data[: last_byte(io.BytesIO(data))]
 
 
-def last_byte(data: bytes | mmap.mmap) -> int:
-    """End of the last line that is not empty."""
-    end = len(data)
+def last_byte(stream: IO[bytes]) -> int:
+    """End of the last line of a file that is not empty."""
+    end = stream.seek(0, io.SEEK_END)
     while end:
         start = max(0, end - _BLOCK)
-        empty = _EMPTY_END.search(data[start:end])
+        stream.seek(start)
+        empty = _EMPTY_END.search(stream.read(end - start))
         if empty is None:
             return end
         end = start + empty.start()
@@ -167,17 +168,18 @@ def last_byte(data: bytes | mmap.mmap) -> int:
     return 0
 
 
-def _filled_lines(data: bytes | mmap.mmap, start: int, end: int) -> int:
-    count, before = 0, True  # whether the byte before ended a line
-    for at in range(start, end, _COUNTED):
-        block = np.frombuffer(data[at : min(at + _COUNTED, end)], np.uint8)
-        ends = (block == 10) | (block == 13)
-        begins = ~ends
-        begins[1:] &= ends[:-1]
-        begins[0] &= before
-        count += int(np.count_nonzero(begins))
-        before = bool(ends[-1])
-    return count
+def _filled_lines(stream: IO[bytes], size: int | None = None) -> int:
+    """Number of lines that are not empty in so many bytes; whatever ends a line: LF, CR LF or CR."""
+    count, before = 0, b"\n"
+    left = math.inf if size is None else size
+    while left > 0 and (block := stream.read(int(min(left, _BLOCK)))):
+        left -= len(block)
+        block, before = before + block, block[-1:]
+        values = np.frombuffer(block, np.uint8)
+        ends = np.flatnonzero((values == 10) | (values == 13) if b"\r" in block else values == 10)
+        if ends.size:
+            count += ends.size - int(ends[0] == 0) - int(np.count_nonzero(np.diff(ends) == 1))
+    return count + (before not in b"\r\n")
 
 
 def _first_lines(path: Path) -> tuple[str, list[_Line], bool]:
