@@ -163,7 +163,7 @@ def test_records_of_one_group_keep_a_row_each() -> None:
 )
 def test_conditions_that_cannot_be_classified(change: dict[str, Any], message: str) -> None:
     conditions = [replace(CONDITIONS[0], **change), *CONDITIONS[1:]]
-    records = RecordSet.from_records("s", "", BEARING, [Record(c, np.ones(c.n_samples)) for c in conditions])
+    records = RecordSet.from_records("s", "", BEARING, [Record(c, np.arange(c.n_samples) % 2.0) for c in conditions])
     with pytest.raises(TwingapError, match=message):
         classify(records, SPEC, options=TINY)
 
