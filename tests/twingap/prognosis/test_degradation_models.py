@@ -222,7 +222,8 @@ def test_long_runs_are_thinned_and_say_the_same() -> None:
 @pytest.mark.parametrize(
     ("time_s", "values", "said"),
     [
-        ([0.0, 1.0, 1.0, 2.0, 3.0], [1.0] * 5, "do not increase"),
+        ([0.0, 2.0, 1.0, 3.0, 4.0], [1.0] * 5, "do not increase"),
+        ([1.0] * 5, [1.0] * 5, "do not increase"),
         ([0.0, 1.0, 2.0, 3.0, 4.0], [1.0, np.nan, 1.0, 1.0, 1.0], "NaN"),
         ([0.0, 1.0], [1.0, 2.0], "at least 3"),
         ([0.0, 1.0, 2.0], [1.0, 2.0], "one time per value"),
@@ -233,6 +234,12 @@ def test_what_no_curve_can_be_laid_through_is_refused(time_s: list[float], value
         checked(time_s, values, at_least=3)
     with pytest.raises(TwingapError, match="between 0 and 1"):
         out_of_sample(MODELS["constant"], T, U, shares=(1.0,))
+
+
+def test_two_rows_of_one_time_are_kept() -> None:
+    """Loggers round times; two rows of one second are two rows."""
+    time_s, _ = checked([0.0, 1.0, 1.0, 2.0], [1.0, 2.0, 3.0, 4.0], at_least=3)
+    assert time_s.tolist() == [0.0, 1.0, 1.0, 2.0]
 
 
 @pytest.mark.parametrize("rows", [1, 2, 29, 30, 31, 150, 153, 300, 1000])
