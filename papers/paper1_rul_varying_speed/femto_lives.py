@@ -175,7 +175,7 @@ def diagnosed(wanted: Wanted, *, root: str | None, config: str) -> dict[str, Any
     asked = Asked("femto lives", SEEN, wanted.words, (wanted.bearing,), wanted.seed)
     real, sim = pair_of(asked, [case], signal)
     try:
-        found = diagnose(real, modelled(signal), seed=asked.rng, sim=sim)
+        found = diagnose(real, modelled(signal), seed=asked.rng, sim=sim, quick=True)
     except TwingapError as error:
         return {"refused": str(error), "records": len(real)}
     return row_of(found) | {"records": len(real)}

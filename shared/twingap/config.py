@@ -138,7 +138,7 @@ def _convert(kind: Any, value: Any, where: str) -> Any:
         return _convert_union(kind, value, where)
     if origin is Literal and any(value == a and type(value) is type(a) for a in arguments):
         return value
-    if origin is tuple and isinstance(value, list):
+    if origin is tuple and isinstance(value, (list, tuple)):
         return tuple(_convert(arguments[0], item, f"{where}[{i}]") for i, item in enumerate(value))
     if origin is dict and isinstance(value, Mapping):
         return {key: _convert(arguments[1], item, f"{where}.{key}") for key, item in value.items()}

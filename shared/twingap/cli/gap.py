@@ -27,15 +27,12 @@ def gap(
         typer.Option(metavar="RECORDSET", help="Your own simulated records instead of those of the built-in twin."),
     ] = None,
     export: Annotated[
-        bool, typer.Option("--export", help="Also write the record sets DIR/sim_before and DIR/sim_after.")
-    ] = False,
-    closest: Annotated[
         bool,
-        typer.Option(
-            "--closest",
-            help="Where a gap remains, also search for surrogate effects that reduce it (minutes), and write the "
-            "closest twin: DIR/closest.toml, with --export also its records, DIR/sim_closest.",
-        ),
+        typer.Option("--export", help="Also write the record sets DIR/sim_before, DIR/sim_after and DIR/sim_closest."),
+    ] = False,
+    quick: Annotated[
+        bool,
+        typer.Option("--quick", help="Leave out the closest twin and what each group of effects closes."),
     ] = False,
     track: Annotated[
         bool, typer.Option("--track/--no-track", help="Store the diagnosis as a run for `twingap ui`.")
@@ -56,13 +53,13 @@ def gap(
     simulated = None if sim is None else read_record_set(sim)
     # An explicit address must work; the default one is tried after the diagnosis.
     tracker = _tracker(tracking_uri) if track and tracking_uri is not None else None
-    twins = ("closest.toml",) if closest and simulated is None else ()
-    exports = ("sim_before", "sim_after", "sim_closest")[: 3 if closest else 2] if export else ()
+    twins = ("closest.toml",) if not quick and simulated is None else ()
+    exports = ("sim_before", "sim_after", "sim_closest")[: 2 if quick else 3] if export else ()
     try_outputs(out, ("gap.json", "report.html", *twins), exports)
     with progress("loading") as shown:
         from twingap.gap import diagnose
 
-        found = diagnose(records, twin, seed=seed, sim=simulated, closest=closest, progress=shown.share)
+        found = diagnose(records, twin, seed=seed, sim=simulated, quick=quick, progress=shown.share)
         paths = found.write(out, export=export, progress=shown.share)
     about = found.report
     if track:
@@ -105,8 +102,8 @@ def _print(report: GapReport) -> None:
     from twingap.gap.report.advice import next_steps, place_words
 
     say(report.sentence)
-    if report.stand_ins is not None:
-        say(report.stand_ins.sentence)
+    if report.closest.sentence:
+        say(report.closest.sentence)
     if report.places:
         rows = [
             {"where": p.domain, "place": place_words(p), "share": f"{p.share:.0%}", "p": f"{p.p_value:.2g}"}
@@ -126,8 +123,20 @@ def _print(report: GapReport) -> None:
             for c in shown
         ]
         show(rows, False, title="Which effect is missing")
+    if report.closest.attribution:
+        rows = [
+            {
+                "group": share.group,
+                "closes": f"{round(100 * share.share)}%",
+                "90% interval": _interval(share.share_ci),
+                "p": f"{share.p_value:.2g}",
+                "effects": ", ".join(e.effect for e in share.effects),
+            }
+            for share in report.closest.attribution
+        ]
+        show(rows, False, title="What the closest twin closes")
     if report.metrics:
-        closest = {} if report.stand_ins is None else {m.metric: m.after for m in report.stand_ins.metrics}
+        closest = {m.metric: m.after for m in report.closest.metrics}
         measures = [
             {"measure": m.metric, "before": m.before, "after": m.after}
             | ({"closest": closest.get(m.metric)} if closest else {})

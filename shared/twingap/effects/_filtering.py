@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import scipy.fft
 from numpy.typing import NDArray
@@ -9,7 +11,7 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 
-def filtered(x: Array, response: Array) -> Array:
+def filtered(x: Array, response: NDArray[Any]) -> Array:
     """A causal filter given by its response at the frequencies of a transform of `fast_length(x.size)` samples.
 
     The end runs into the beginning: into what the caller made before the record for the filter to settle, and cuts off.

@@ -122,6 +122,21 @@ def parameter(
     return dataclasses.field(default=default, metadata=about)
 
 
+def profile(default: tuple[float, ...], *, unit: str, doc: str, allowed: tuple[float, float] = (0.0, math.inf)) -> Any:
+    """A list of numbers of an effect, such as a frequency response: measured from spectra, never searched.
+
+    Parameters
+    ----------
+    default : tuple of float
+    unit, doc : str
+        As for `parameter`.
+    allowed : (float, float)
+        Closed interval outside which a number has no meaning.
+    """
+    about = {"unit": unit, "doc": doc, "allowed": allowed, "profile": True}
+    return dataclasses.field(default=default, metadata=about)
+
+
 _PLACE_IN_SPECTRUM_HZ: Final = 400.0
 """Highest plausible value from which a frequency is relative to the sampling rate. A lower value would include rates
 of slow processes."""
@@ -169,6 +184,9 @@ class Effect(ABC):
         Whether it acts at a few random moments of a record, so that two simulations of one record may differ much.
     inherent_in : tuple[str, ...]
         Models that have it by their own physics.
+    trained : bool
+        Whether a detector and estimators are trained for it. An effect of the catalogue without them is a part of the
+        closest twin, and named where leaving it out of that twin widens the gap significantly.
     """
 
     stage: ClassVar[Stage]
@@ -182,6 +200,7 @@ class Effect(ABC):
     draw_weight: ClassVar[float] = 1.0
     by_chance: ClassVar[bool] = False
     inherent_in: ClassVar[tuple[str, ...]] = ()
+    trained: ClassVar[bool] = True
 
     def __init_subclass__(cls, **more: Any) -> None:
         super().__init_subclass__(**more)
@@ -270,14 +289,24 @@ class Effect(ABC):
         """Its fields that are a `parameter`."""
         return tuple(field for field in dataclasses.fields(cast(Any, cls)) if "plausible" in field.metadata)
 
+    @classmethod
+    def profiles(cls) -> tuple[dataclasses.Field[Any], ...]:
+        """Its fields that are a `profile`."""
+        return tuple(field for field in dataclasses.fields(cast(Any, cls)) if "profile" in field.metadata)
+
+    @property
+    def own_noise(self) -> float:
+        """Factor on the twin's own noises: below 1 for an effect that brings noise in their place."""
+        return 1.0
+
     @property
     def name(self) -> str:
         """The name in twins, reports and studies: the class name in snake case."""
         return effect_name(type(self))
 
     def parameter_values(self) -> dict[str, Any]:
-        """Its parameters by name."""
-        return {field.name: getattr(self, field.name) for field in self.parameters()}
+        """Its parameters and profiles by name."""
+        return {field.name: getattr(self, field.name) for field in (*self.parameters(), *self.profiles())}
 
     def moved(self, **values: float) -> Self:
         """The effect at other values, each moved into its allowed range."""
@@ -299,6 +328,9 @@ class Effect(ABC):
             if "allowed" not in field.metadata:
                 continue
             value, (low, high) = getattr(self, field.name), field.metadata["allowed"]
+            if "profile" in field.metadata:
+                object.__setattr__(self, field.name, self._checked_profile(field, value))
+                continue
             integer = field.type in (int, bool, "int", "bool")
             unit, expected = field.metadata["unit"], f"between {low:g} and {high:g}"
             allowed = isinstance(value, numbers.Integral if integer else numbers.Real)
@@ -311,6 +343,21 @@ class Effect(ABC):
                     f"{value!r} found, {unit or ('a whole number' if integer else 'a number')} {expected} expected",
                     where=f"effect {self.name}: {field.name}",
                 )
+
+    def _checked_profile(self, field: dataclasses.Field[Any], value: Any) -> tuple[float, ...]:
+        """A profile as a tuple of floats."""
+        low, high = field.metadata["allowed"]
+        numbers_given = isinstance(value, (tuple, list)) and all(
+            isinstance(one, numbers.Real) and low <= one <= high and math.isfinite(one) for one in value
+        )
+        if not numbers_given:
+            what, unit = f"{value!r}", field.metadata["unit"] or "numbers"
+            raise TwingapError(
+                f"{what if len(what) <= 80 else what[:77] + '...'} found, a list of {unit} between {low:g} and "
+                f"{high:g} expected",
+                where=f"effect {self.name}: {field.name}",
+            )
+        return tuple(float(one) for one in value)
 
 
 def within_allowed(field: dataclasses.Field[Any], value: float, most: float = math.inf) -> float:

@@ -113,6 +113,8 @@ class Draft:
     sensed_noise : list of (float, callable Array -> Array)
         Part of the white noise's power that is vibration before a sensor, not noise of the chain behind it, and what
         that sensor makes of it.
+    own_noise : float
+        Factor on the noises that the twin has of its own; below 1 where an effect brings noise in their place.
     x : Array [samples]
         The waveform. Before the path has acted it is empty, except for simulators that make all of it.
     """
@@ -134,6 +136,7 @@ class Draft:
     modes: list[Mode] = field(default_factory=list)
     filters: list[Callable[[Array], Array]] = field(default_factory=list)
     sensed_noise: list[tuple[float, Callable[[Array], Array]]] = field(default_factory=list)
+    own_noise: float = 1.0
     x: Array = field(default_factory=lambda: np.empty(0))
 
     @property

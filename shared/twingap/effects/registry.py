@@ -18,10 +18,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from types import ModuleType
-from typing import Final, TypeVar
+from typing import Any, Final, TypeVar
 
+from twingap.bearing import FAULTS
 from twingap.config import build
 from twingap.effects.base import Effect, Stage, effect_name, snake_case
+from twingap.effects.per_fault import per_fault
 from twingap.errors import TwingapError
 
 __all__ = [
@@ -33,6 +35,7 @@ __all__ = [
     "look_alikes",
     "make_effect",
     "register",
+    "trainable",
 ]
 
 E_ = TypeVar("E_", bound=type[Effect])
@@ -95,6 +98,11 @@ def catalogue() -> dict[str, type[Effect]]:
     return dict(sorted({**_SHIPPED, **_OWN}.items(), key=lambda item: item[1].stage))
 
 
+def trainable() -> dict[str, type[Effect]]:
+    """The effects of the catalogue for which detectors and estimators are trained."""
+    return {name: kind for name, kind in catalogue().items() if kind.trained}
+
+
 def look_alikes(name: str) -> tuple[str, ...]:
     """Effects that this one is most easily taken for: those that it names, and those that name it."""
     known = catalogue()
@@ -112,6 +120,8 @@ def own_effects() -> dict[str, type[Effect]]:
 def make_effect(name: str, parameters: Mapping[str, float] | None = None, where: object = None) -> Effect:
     """An effect by its name, with its default parameters except for those given.
 
+    A table named by a fault holds the values of records with that fault (`per_fault`).
+
     Raises
     ------
     TwingapError
@@ -121,7 +131,16 @@ def make_effect(name: str, parameters: Mapping[str, float] | None = None, where:
     kind = known.get(name)
     if kind is None:
         raise TwingapError(f"unknown effect {name!r}", where=where, mend=f"known effects: {', '.join(known)}")
-    return build(kind, parameters or {}, f"{where}: {name}" if where is not None else f"effect {name}")
+    own: dict[str, Any] = dict(parameters or {})
+    place = f"{where}: {name}" if where is not None else f"effect {name}"
+    tables: dict[str, Mapping[str, Any]] = {
+        fault: own.pop(fault) for fault in FAULTS if isinstance(own.get(fault), Mapping)
+    }
+    base = build(kind, own, place)
+    if not tables:
+        return base
+    of_faults = {fault: build(kind, {**own, **table}, f"{place}.{fault}") for fault, table in tables.items()}
+    return per_fault(base, of_faults)
 
 
 def in_order(effects: tuple[Effect, ...]) -> tuple[Effect, ...]:
@@ -231,7 +250,7 @@ def _check(kind: object) -> None:
         lacks = "parameters: put @dataclass(frozen=True) between @register and the class"
     else:
         for field in dataclasses.fields(kind):
-            if "plausible" not in field.metadata:
+            if "plausible" not in field.metadata and "profile" not in field.metadata:
                 lacks = f"range for {field.name}: write  {field.name}: float = parameter(...)"
     if lacks is not None:
         raise TwingapError(f"{kind.__name__} has no {lacks}")

@@ -20,23 +20,23 @@ from threadpoolctl import threadpool_limits
 from twingap.effects import catalogue
 from twingap.effects.handover import digests_of_effects
 from twingap.errors import TwingapError
+from twingap.gap.closest import closest_of, of_verdict
 from twingap.gap.diagnosis import Diagnosis, FilePath, Progress, no_progress
 from twingap.gap.distance.closure import Closure, closure_interval, paired
 from twingap.gap.distance.closure_metrics import closure_metrics
 from twingap.gap.distance.curves import curves
-from twingap.gap.distance.feature_vectors import FeatureVectors
 from twingap.gap.distance.localisation import followed, locate, new_ones, presentable
 from twingap.gap.distance.paired import Paired
 from twingap.gap.distance.two_sample_tests import two_sample_tests
 from twingap.gap.external_simulator import ExternalSimulator
-from twingap.gap.held_out import HeldOut, values_of_effect
+from twingap.gap.held_out import HeldOut
 from twingap.gap.knowledge import shipped
 from twingap.gap.knowledge.learnt import Learnt
-from twingap.gap.report.model import Candidate, GapReport, ParameterValue, Place, Status, SurrogateEffects, Verdict
-from twingap.gap.search.closest_twin import surrogate_effects
+from twingap.gap.report.model import Candidate, GapReport, ParameterValue, Place, Status, Verdict
 from twingap.gap.search.effect_search import ALPHA, ALPHA_REST, SURE, Explanation, explain
-from twingap.gap.search.evidence import THOROUGH, Compared, Evidence, simulator_of
+from twingap.gap.search.evidence import THOROUGH, Evidence, simulator_of
 from twingap.gap.search.exchange_test import exchange_p_value
+from twingap.gap.search.group_names import groups_of
 from twingap.gap.search.modelled_effects import completed
 from twingap.identification.calibrate import Calibrated, calibrate_prepared, prepare
 from twingap.provenance import versions
@@ -59,6 +59,8 @@ _OTHER_LEVEL: Final = 0.02
 AT_FLOOR: Final = 0.9
 """Closure that the upper end of its interval has to reach for a gap to be explained. A larger value leaves more gaps
 partly explained."""
+_LEAST_CEILING: Final = 0.5
+"""Closure by real records below which they are no measure of what a twin can close: they differ as much as the twin."""
 PLAIN_REST: Final = 0.01
 """Family-wise p-value of a place up to which the rest is significant and the gap is not explained. A larger value
 lets small errors of fitted values count as a rest."""
@@ -70,7 +72,7 @@ def diagnose(
     *,
     seed: int | np.random.Generator = 0,
     sim: RecordSet | FilePath | None = None,
-    closest: bool = False,
+    quick: bool = False,
     learnt: Learnt | None = None,
     progress: Progress | None = None,
 ) -> Diagnosis:
@@ -86,9 +88,8 @@ def diagnose(
         The same seed gives the same result. The report states -1 for a generator.
     sim : RecordSet or path-like, optional
         Simulated records of the user's own simulator, in place of the twin's.
-    closest : bool
-        Whether to search, where a rest remains, for surrogate effects that bring the twin closer. It takes
-        minutes.
+    quick : bool
+        Whether to leave out the closest twin and what each group of effects closes, which take most of the time.
     learnt : Learnt, optional
         Models of the diagnosis; None for those of the package.
     progress : callable, optional
@@ -104,7 +105,7 @@ def diagnose(
     records, sim = _record_set(records), None if sim is None else _record_set(sim)
     # Matrices are small and models predict one row at a time: more threads are slower.
     with threadpool_limits(1):
-        found = _diagnosed(records, spec, np.random.default_rng(seed), sim, progress, learnt, closest)
+        found = _diagnosed(records, spec, np.random.default_rng(seed), sim, progress, learnt, quick)
         progress("done", 1.0)
     known = {
         "records": records.name,
@@ -130,7 +131,7 @@ def _diagnosed(
     sim: RecordSet | None,
     progress: Progress,
     learnt: Learnt | None,
-    closest: bool,
+    quick: bool,
 ) -> Diagnosis:
     """The diagnosis without the provenance that `diagnose` adds."""
     _require_two_records(records)
@@ -147,6 +148,8 @@ def _diagnosed(
     root = root_entropy(rng) >> 66
     simulator = simulator_of(calibrated, sim)
     evidence = Evidence(calibrated, simulator, spec, root, THOROUGH)
+    scale = 1.0 if quick else 0.5
+    steps, progress = progress, lambda what, part: steps(what, scale * part)
     found = explain(evidence, learnt, lambda what, part: progress(what, 0.1 + 0.5 * part))
     progress("exchange of records", 0.6)
     found, exchange_notes = _confirmed(found, evidence)
@@ -173,21 +176,22 @@ def _diagnosed(
     candidates = tuple(held_out.candidates(learnt, floor, rng, lambda part: progress("candidates", 0.8 + 0.18 * part)))
     second = Paired(held_out.real, after)
     rest = locate(second, rng).places if found.gap else ()
-    status = _status(found, closed, rest)
-    named = found.names if status in ("explained", "partly_explained") else ()
     added = bool(found.after.effects and found.gap)
+    near, closest = of_verdict(held_out, closed.closure if added else 0.0, closed.ci if added else (0.0, 0.0)), None
+    if found.gap and not quick:
+        near, closest = closest_of(held_out, learnt, before, rng, lambda what, part: steps(what, 0.5 + 0.5 * part))
+    status = _status(found, closed, rest, near.ceiling.same_unit)
+    named = found.names if status in ("explained", "partly_explained") else ()
     closure, ci = (closed.closure, closed.ci) if added else (None, None)
     p_floor = learnt.p_floor(evidence.against().held_out)
-    verdict = Verdict(status, named, found.confidence_set, found.p_value, closure, ci, p_floor)
+    verdict = Verdict(
+        status, named, found.confidence_set, found.p_value, closure, ci, p_floor, groups_of(found, learnt)
+    )
     places = presentable(located.places) if found.gap else ()
     if added:
         candidates = tuple(_with_closure_of_verdict(c, named, closed) for c in candidates)
         places = followed(places, rest, first, second)
         rest = new_ones(rest, located.places)
-    closer, surrogates = None, None
-    if closest and status in ("partly_explained", "unexplained"):
-        surrogates, closer, tried = _with_surrogates(held_out, (before, after), learnt, rng, progress)
-        notes += tried
     rates = sorted({c.fs_hz for c in records.conditions})
     report = GapReport(
         verdict=verdict,
@@ -209,42 +213,9 @@ def _diagnosed(
         curves=curves(
             held_out.real, before[:count], after[:count] if after is not before else None, calibrated.frame.bearing
         ),
-        stand_ins=surrogates,
+        closest=near,
     )
-    return Diagnosis(report, found, calibrated, root, closer, closest)
-
-
-def _with_surrogates(
-    held_out: HeldOut,
-    verdict: tuple[list[FeatureVectors], list[FeatureVectors]],
-    learnt: Learnt,
-    rng: np.random.Generator,
-    progress: Progress,
-) -> tuple[SurrogateEffects | None, Compared | None, list[str]]:
-    """Surrogate effects for the rest, kept only where they reduce the distance of held-out records significantly.
-
-    Returns
-    -------
-    SurrogateEffects or None, Compared or None, list of str
-        Their report, the comparison with them, and notes.
-    """
-    found = held_out.found
-    closer = surrogate_effects(held_out.evidence, found, learnt, lambda what, _: progress(what, 0.98))
-    none = ["none of the other effects brings the twin significantly closer to the held-out records"]
-    if closer is None:
-        return None, None, none
-    now = closer.compared
-    vectors = held_out.replicates(now.simulator, now.effects, held_out.fewer)
-    count = min(*map(len, verdict), len(vectors))
-    before, after, vectors = verdict[0][:count], verdict[1][:count], vectors[:count]
-    further = paired(held_out.real, after, vectors)
-    if closure_interval(*further, further[1].floor(rng)[0], rng).ci[0] <= 0:
-        return None, None, none
-    pairs = paired(held_out.real, before, vectors)
-    closed = closure_interval(*pairs, pairs[1].floor(rng)[0], rng)
-    metrics = closure_metrics(held_out.real, before, vectors, rng, more=held_out.training_sets(now))
-    values = {effect.name: values_of_effect(effect, {}) for effect in now.effects}
-    return SurrogateEffects(closer.added, values, closed.closure, closed.ci, metrics), now, []
+    return Diagnosis(report, found, calibrated, root, closest, not quick)
 
 
 def _confirmed(found: Explanation, evidence: Evidence) -> tuple[Explanation, list[str]]:
@@ -276,17 +247,20 @@ def _with_closure_of_verdict(candidate: Candidate, named: tuple[str, ...], close
     )
 
 
-def _status(found: Explanation, closed: Closure, rest: Sequence[Place]) -> Status:
+def _status(found: Explanation, closed: Closure, rest: Sequence[Place], ceiling: float | None) -> Status:
     """Status of the verdict.
 
-    A gap is explained where the rest is not significant, no place of it is, the interval of the closure reaches
-    `AT_FLOOR`, and that of the distance reaches its floor. Both intervals count, because that of the closure is wide
+    A gap is explained where the effects leave at most a tenth of it, or no more than real records in place of the twin
+    leave. It is explained too where the rest is not significant, no place of it is, the interval of the closure reaches
+    `AT_FLOOR`, and that of the distance reaches its floor: both intervals count, because that of the closure is wide
     where the gap is small.
     """
     if not found.gap:
         return "no_gap"
     if not found.effects:
         return "unexplained"
+    if closed.closure >= AT_FLOOR or (ceiling is not None and closed.closure >= ceiling >= _LEAST_CEILING):
+        return "explained"
     reached = found.rest_p > ALPHA_REST and closed.ci[1] >= AT_FLOOR and closed.after_ci[0] <= closed.floor
     plain = any(place.p_value <= PLAIN_REST for place in rest)
     return "explained" if reached and not plain else "partly_explained"

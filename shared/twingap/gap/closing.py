@@ -1,6 +1,6 @@
 """Closing a gap: diagnose, add what is named, and diagnose again until nothing more closes.
 
-records, twin --diagnose--> verdict --its effects at the values found--> twin --diagnose--> ... --> Closing
+records, twin --diagnose--> verdict --its effects at the values found--> twin --diagnose--> ... --> closest twin
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ class Closing:
     diagnoses : tuple of Diagnosis
         One a step. Each is of the twin that the step before left; effects of the last one were not added.
     twin : TwinSpec
-        The last twin, with all effects added and its baseline identified.
+        The closest twin of the last diagnosis: all effects added, and whatever else brings it closer.
     """
 
     diagnoses: tuple[Diagnosis, ...]
@@ -47,20 +47,28 @@ class Closing:
 
     @property
     def closure(self) -> float:
-        """Part of the first twin's gap that is gone at the last step; 0 where there was none."""
-        first, last, floor = self.gaps[0], self.gaps[-1], self.diagnoses[-1].report.metrics[0].floor
+        """Part of the first twin's gap that the last twin closes; 0 where there was none."""
+        first, last, floor = self.gaps[0], self.left, self.diagnoses[-1].report.metrics[0].floor
         return (first - last) / (first - floor) if first > floor else 0.0
+
+    @property
+    def left(self) -> float:
+        """Overall gap of the last twin, in standard deviations."""
+        metrics = self.diagnoses[-1].report.closest.metrics
+        return min(metrics[0].after, self.gaps[-1]) if metrics else self.gaps[-1]
 
     @property
     def sentence(self) -> str:
         """What was added, and what it closed."""
         names = [name for step in self.added for name in step]
-        if not names:
+        if not names and self.left >= self.gaps[0]:
             return "Nothing was added: " + self.diagnoses[0].report.sentence
-        return (
-            f"With {listed(names)} added, the gap falls from {self.gaps[0]:.3g} to {self.gaps[-1]:.3g} standard "
-            f"deviations ({round(100 * self.closure)} % of the gap); then nothing more is found that closes it."
+        way = (
+            f"With {listed(names)} added, the gap falls from {self.gaps[0]:.3g} to {self.gaps[-1]:.3g}" if names else ""
         )
+        near = f"the closest twin leaves {self.left:.3g}" if self.left < self.gaps[-1] else "nothing else closes it"
+        start = f"{way}; {near}" if way else f"Of a gap of {self.gaps[0]:.3g}, {near}"
+        return f"{start} standard deviations ({round(100 * self.closure)} % of the gap is closed)."
 
 
 def close(
@@ -88,8 +96,9 @@ def close(
     spec = twin if isinstance(twin, TwinSpec) else read_twin(twin)
     progress = progress or no_progress
     found: list[Diagnosis] = []
+    specs = [spec]
     while len(found) < MOST:
-        now = diagnose(records, spec, seed=seed, progress=_of_step(progress, len(found)))
+        now = diagnose(records, spec, seed=seed, quick=True, progress=_of_step(progress, len(found)))
         if found and now.report.metrics[0].before >= found[-1].report.metrics[0].before:
             break  # the effects that were named close nothing once the baseline is calibrated with them
         found.append(now)
@@ -99,6 +108,10 @@ def close(
         spec = replace(
             spec, effects=(*spec.effects, *names), parameters={**spec.parameters, **{n: values[n] for n in names}}
         )
+        specs.append(spec)
+    if found[-1].report.verdict.status != "no_gap":
+        step = _of_step(progress, MOST - 1)
+        found[-1] = diagnose(records, specs[len(found) - 1], seed=seed, progress=step)
     return Closing(tuple(found), _twin(found[-1], seed))
 
 
@@ -113,8 +126,8 @@ def _addable(found: Diagnosis) -> tuple[str, ...]:
 
 
 def _twin(found: Diagnosis, seed: int) -> TwinSpec:
-    """The calibrated twin of a diagnosis, without the effects that it names."""
-    spec = closest_spec(found.explanation.before)
+    """The closest twin of a diagnosis, or the calibrated one where there is no gap."""
+    spec = closest_spec(found.closest or found.explanation.before)
     assert spec is not None  # only simulators of the user's own have none
     stated = found.report.provenance
     source = Provenance(

@@ -42,7 +42,7 @@ class Diagnosis:
     root : int
         Entropy that all simulated records derive from.
     closest : Compared or None
-        The twin with the verdict's and surrogate effects; None where these were not requested or do not help.
+        The closest twin; None where it was not requested, or there is no gap.
     write_closest : bool
         Whether `write` writes the closest twin too.
     """
@@ -64,32 +64,32 @@ class Diagnosis:
         return self._simulated(after.simulator, after.effects)
 
     def sim_closest(self) -> Iterator[Record]:
-        """The same with surrogate effects too; equal to `sim_after` where there are none."""
+        """The same for the closest twin; equal to `sim_after` where there is none."""
         return self._simulated(self._closest.simulator, self._closest.effects)
 
     def closest_twin(self) -> TwinSpec | None:
-        """The twin with the verdict's and surrogate effects at their fitted values; None for an external simulator."""
+        """The closest twin, or that of the verdict; None for an external simulator."""
         spec = closest_spec(self._closest)
         if spec is None:
             return None
         stated = self.report.provenance
         source = Provenance(
             str(stated["records_sha256"]), self.calibrated.fit.unit, version=str(stated["version"]),
-            method="twingap gap --closest", seed=int(stated["seed"]),
+            method="twingap gap", seed=int(stated["seed"]),
         )  # fmt: skip
         return replace(spec, bearing=self.calibrated.frame.bearing, identified=source)
 
     def write(self, folder: FilePath, *, export: bool = False, progress: Progress | None = None) -> tuple[Path, ...]:
         """Write gap.json and report.html into a folder, all files or none.
 
-        A diagnosis with ``closest=True`` also writes closest.toml, unless it was of finished simulated records.
+        Also closest.toml, unless the diagnosis was quick or of finished simulated records.
 
         Parameters
         ----------
         folder : path-like
             Made when missing.
         export : bool
-            Also write the record sets sim_before and sim_after, and with ``closest=True`` sim_closest.
+            Also write the record sets sim_before, sim_after and, unless it was quick, sim_closest.
         progress : callable, optional
             Called with a description of the current step and the completed part, 0 to 1.
 

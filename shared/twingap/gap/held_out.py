@@ -7,11 +7,12 @@ twin, before and after --simulate, replicates--> feature vectors --paired distan
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from functools import cached_property
 from typing import Final
 
 import numpy as np
 
-from twingap.effects import Effect, catalogue
+from twingap.effects import Effect, trainable
 from twingap.errors import TwingapError
 from twingap.gap.distance.closure import closure_interval, paired
 from twingap.gap.distance.closure_metrics import TrainingSets
@@ -49,6 +50,11 @@ class HeldOut:
         simulator = found.before.simulator
         self.most = replicates_of(simulator, self.part.conditions, int(np.clip(np.ceil(_SIMULATED / n), 3, 39)))
         self.fewer = min(self.most, int(np.clip(np.ceil(_SIMULATED / 3 / n), 2, 12)))
+
+    @cached_property
+    def fit_vectors(self) -> FeatureVectors:
+        """Feature vectors of the fit part, on the bins of the held-out part."""
+        return self.evidence.vectors(self.evidence.calibrated.fit, self.grid)
 
     def replicates(self, simulator: Simulator, effects: tuple[Effect, ...], count: int) -> list[FeatureVectors]:
         """Feature vectors of `count` replicates of the held-out part."""
@@ -92,7 +98,7 @@ class HeldOut:
         # Baselines are matched in the same way without and with an effect, so that only effects differ.
         after = self.evidence.against(found.after.effects)
         base = self._pair(after)
-        names = [name for name in catalogue() if name not in self.evidence.modelled]
+        names = [name for name in trainable() if name not in self.evidence.modelled]
         for done, name in enumerate(names):
             progress(done / len(names))
             probability = min(max(found.probability.get(name, 0.0), 0.0), 1.0)

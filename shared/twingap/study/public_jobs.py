@@ -32,7 +32,7 @@ from twingap.effects import (
 from twingap.effects.background import Background
 from twingap.errors import TwingapError
 from twingap.gap.report.advice import place_words
-from twingap.gap.report.model import GapReport, Metric, SurrogateEffects
+from twingap.gap.report.model import ClosestTwin, GapReport, Metric
 from twingap.records import Record, RecordSet
 from twingap.streams import Streams
 from twingap.study.public_sets import bearing_of, halves, public_set
@@ -166,7 +166,7 @@ def run_job(job: PublicJob, root: str | None = None) -> dict[str, Any]:
     if job.kind == "withheld":
         spec = with_effects(spec, json.loads(job.chain), job.effect)
     left_out = twin_spec(job.twin, records)[1]
-    found = diagnosed(records, spec, rng, closest=job.kind == "twin")
+    found = diagnosed(records, spec, rng, quick=job.kind != "twin")
     return {**about, "left_out": list(left_out), "twin_effects": list(spec.effects), **found}
 
 
@@ -176,15 +176,15 @@ def diagnosed(
     rng: np.random.Generator,
     sim: RecordSet | None = None,
     *,
-    closest: bool = False,
+    quick: bool = True,
 ) -> dict[str, Any]:
-    """Diagnosis as JSON values, or the reason of a refusal; with the effects closest to a remainder if `closest`."""
+    """Diagnosis as JSON values, or the reason of a refusal; with the closest twin unless `quick`."""
     from twingap.gap import diagnose
 
     begin = time.perf_counter()
     size = {"records": len(records), "recordings": len(records.groups)}
     try:
-        found = diagnose(records, spec, seed=rng, sim=sim, closest=closest)
+        found = diagnose(records, spec, seed=rng, sim=sim, quick=quick)
     except TwingapError as error:
         return {**size, "refused": str(error), "seconds": time.perf_counter() - begin}
     return {**size, "refused": "", "seconds": time.perf_counter() - begin, **summary(found.report)}
@@ -202,7 +202,7 @@ def summary(report: GapReport) -> dict[str, Any]:
         "closure": verdict.closure,
         "closure_ci": None if verdict.closure_ci is None else list(verdict.closure_ci),
         **_measures(report.metrics),
-        "closest": _closest(report.stand_ins),
+        "closest": _closest(report.closest),
         "where": [
             {"place": f"{p.domain}: {place_words(p)}", "share": p.share, "p_value": p.p_value}
             for p in report.places[:5]
@@ -228,12 +228,13 @@ def _measures(metrics: Sequence[Metric]) -> dict[str, dict[str, float] | None]:
     }
 
 
-def _closest(found: SurrogateEffects | None) -> dict[str, Any] | None:
-    if found is None:
+def _closest(found: ClosestTwin) -> dict[str, Any] | None:
+    if not found.attribution:
         return None
-    values = {effect: {k: v.value for k, v in of.items()} for effect, of in found.parameters.items()}
+    values = {one.effect: {k: v.value for k, v in one.parameters.items()} for one in found.effects}
+    shares = {share.group: share.share for share in found.attribution}
     return {
-        "effects": list(found.effects), "closure": found.closure, "closure_ci": list(found.closure_ci),
+        "effects": list(values), "shares": shares, "closure": found.closure, "closure_ci": list(found.closure_ci),
         "parameters": values, **_measures(found.metrics),
     }  # fmt: skip
 

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from twingap.rigs.worlds import Case
 
 Diagnose = Callable[..., Any]
-"""diagnose(records, twin, *, seed, sim=None) -> a `Diagnosis`, or the content of a gap.json."""
+"""diagnose(records, twin, *, seed, sim=None, quick=False) -> a `Diagnosis`, or the content of a gap.json."""
 Prepare = Callable[[RecordSet, TwinSpec, np.random.Generator, RecordSet | None], tuple[RecordSet, RecordSet]]
 """prepare(records, spec, rng, sim) -> (records, simulated records of the calibrated twin, same conditions)."""
 Triples = Callable[[int, np.random.Generator], Iterable[tuple[RecordSet, RecordSet, frozenset[str]]]]
@@ -139,7 +139,7 @@ def timed_diagnosis(blind: Blind, root: Sequence[int], diagnose: Diagnose) -> di
     with Usage() as used:
         try:
             rng = np.random.default_rng([*root, 0])
-            report = report_of(diagnose(blind.records, blind.twin, seed=rng, sim=blind.sim))
+            report = report_of(diagnose(blind.records, blind.twin, seed=rng, sim=blind.sim, quick=True))
         except TwingapError as error:
             refused = str(error)
     return {"report": report, "refused": refused, "seconds": used.seconds, "peak_mb": used.peak_mb}
@@ -157,10 +157,10 @@ def open_world(job: OpenJob) -> dict[str, Any]:
 
 def learn_from(job: LearnJob, worlds: Triples) -> dict[str, Any]:
     """Training examples for the rivals."""
-    from twingap.effects import catalogue
+    from twingap.effects import trainable
 
     rng = np.random.default_rng([job.seed, job.chunk, 0x1EA4])
-    made = rivals.examples(worlds(job.count, rng), tuple(catalogue()))
+    made = rivals.examples(worlds(job.count, rng), tuple(trainable()))
     return {"x": made.x, "present": made.present, "effects": list(made.effects)}
 
 

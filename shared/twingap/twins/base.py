@@ -101,7 +101,7 @@ class Twin(ABC):
         """Second half of `make`: all stages after the response of the structure."""
         for draft, own in zip(drafts, streams, strict=True):
             if self.white_noise_rms > 0:
-                draft.x += self.white_noise_rms * _white(draft, own)
+                draft.x += draft.own_noise * self.white_noise_rms * _white(draft, own)
             self._act(Stage.DISTURBANCE, draft, own)
             self._act(Stage.ACQUISITION, draft, own)
         return [Record(draft.condition, draft.x) for draft in drafts]
@@ -166,7 +166,10 @@ class Twin(ABC):
             )
         t = np.arange(condition.n_samples) / condition.fs_hz
         turns = t * (condition.speed_rpm / 60)
-        return Draft(condition, self.bearing, self.reference_rms, t, turns, excitation=self.excitation)
+        own_noise = math.prod(effect.own_noise for effect in self.effects)
+        return Draft(
+            condition, self.bearing, self.reference_rms, t, turns, excitation=self.excitation, own_noise=own_noise
+        )
 
     def _act(self, stage: Stage, draft: Draft, streams: Streams) -> None:
         for effect in self.effects:

@@ -169,10 +169,10 @@ class PhenomenologicalTwin(Twin):
                 where=where, mend="raise fs_hz or lower resonance_hz",
             )  # fmt: skip
         draft.modes.append(own.mode)
-        if own.structure_noise_rms > 0:
+        if own.structure_noise_rms * draft.own_noise > 0:
             rng = streams("structure_noise")
             force = rng.standard_normal(condition.n_samples)
-            rms = own.scale * own.structure_noise_rms / response_rms(draft.modes, condition.fs_hz)
+            rms = draft.own_noise * own.scale * own.structure_noise_rms / response_rms(draft.modes, condition.fs_hz)
             force *= rms
             draft.push(force, rng, rms)
         if draft.faulty:

@@ -41,6 +41,12 @@ NONE: dict[str, dict[str, float]] = {
     "clipping": {"rail": 1e9},
     "quantisation": {"step": 1e-9},
     "dropout": {"rate_hz": 0.0},
+    "impulsive_share": {"share": 0.0},
+    "ball_contact": {"depth": 0.0},
+    "transfer_path": {"depth": 0.0},
+    "line_spectrum": {"level": 0.0},
+    "background_spectrum": {"level": 0.0},
+    "sample_hold": {"repeats": 1},
 }
 
 
@@ -57,7 +63,10 @@ def waveform(chain: Sequence[Effect], condition: Condition) -> Array:
     return apply_to_waveform(chain, given, BEARING, 1.0, Streams(3, 0)).samples
 
 
-NO_PLACE = {(waveform, "mean_slip"), (waveform, "distributed_roughness"), (contact, "entry_exit")}
+NO_PLACE = {
+    (waveform, "mean_slip"), (waveform, "distributed_roughness"), (contact, "entry_exit"),
+    *((make, name) for make in (contact, waveform) for name in ("impulsive_share", "ball_contact")),
+}  # fmt: skip
 """Refused, or the twin's own."""
 
 

@@ -24,7 +24,10 @@ from twingap.effects import (
 )
 from twingap.streams import Streams
 
-IMPOSSIBLE = {"mean_slip": "cage", "distributed_roughness": "no path"}
+IMPOSSIBLE = {
+    "mean_slip": "cage", "distributed_roughness": "no path", "impulsive_share": "no list of impacts",
+    "ball_contact": "no list of impacts",
+}  # fmt: skip
 
 
 def finished(lab: Any, fault: str, effects: list[Any], time_s: float | None = None) -> tuple[np.ndarray, np.ndarray]:

@@ -77,7 +77,7 @@ def test_it_is_drawn_from_what_is_plausible(belt_tones: type[Effect]) -> None:
 
 
 def test_it_is_drawn_with_others_in_their_order(belt_tones: type[Effect]) -> None:
-    assert list(catalogue())[-4:] == ["belt_tones", "clipping", "quantisation", "dropout"]
+    assert list(catalogue())[-5:] == ["belt_tones", "clipping", "quantisation", "dropout", "sample_hold"]
     names = {one.name for seed in range(60) for one in draw_effects(np.random.default_rng(seed), MACHINE, 4)}
     assert "belt_tones" in names
 

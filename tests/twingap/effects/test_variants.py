@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.signal import welch
 
-from twingap.effects import Draft, catalogue, make_effect
+from twingap.effects import Draft, catalogue, make_effect, trainable
 from twingap.effects.damage_growth import PowerLawGrowth
 from twingap.effects.draft import Impacts
 from twingap.effects.entry_exit import SoftEntryExit
@@ -17,7 +17,7 @@ from twingap.records import Condition
 
 MACHINE = draw_machine(np.random.default_rng(0), own_simulator=False, most_records=4)
 UNEVEN = ("mains_interference", "gear_mesh", "waviness", "looseness")
-OTHERWISE = sorted(set(catalogue()) - {"second_resonance", "damage_growth", "mean_slip"})
+OTHERWISE = sorted(set(trainable()) - {"second_resonance", "damage_growth", "mean_slip"})
 
 
 def maybe_variant(effect, rng):

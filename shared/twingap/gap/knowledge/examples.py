@@ -12,13 +12,13 @@ from dataclasses import fields
 import numpy as np
 from numpy.typing import NDArray
 
-from twingap.effects import Effect, catalogue
+from twingap.effects import Effect, trainable
 from twingap.errors import TwingapError
 from twingap.gap.features.comparison import feature_names
 from twingap.gap.knowledge.learn import Examples
 from twingap.gap.knowledge.simulated_gaps import SimulatedGap, draw_gap
 from twingap.gap.search.evidence import Compared, Evidence, simulator_of
-from twingap.gap.search.parameter_scale import Setting, coordinates, to_number, with_errors
+from twingap.gap.search.parameter_scale import Setting, to_number, trained_coordinates, with_errors
 from twingap.identification.calibrate import calibrate
 
 Array = NDArray[np.float64]
@@ -42,7 +42,7 @@ def examples(seed: int, machines: Sequence[int], most_records: int) -> Examples:
 def stacked(parts: Sequence[Examples]) -> Examples:
     """Concatenation of examples."""
     if not parts:
-        width, effects, values = len(feature_names()), len(catalogue()), len(coordinates())
+        width, effects, values = len(feature_names()), len(trainable()), len(trained_coordinates())
         nothing = np.zeros((0, width), np.float32)
         none = np.zeros((0, effects), bool)
         return Examples(
@@ -62,7 +62,7 @@ def _examples_of(seed: int, machine: int, most_records: int) -> Iterator[tuple[o
         evidence = Evidence(calibrated, simulator_of(calibrated, gap.sim), gap.spec, int(rng.integers(2**62)))
     except TwingapError:  # a machine that cannot be calibrated gives no example
         return
-    setting, order = evidence.setting, list(catalogue())
+    setting, order = evidence.setting, list(trainable())
     try:
         compared = evidence.against()
         yield _row(compared, gap, gap.missing, machine, True, setting, order)
@@ -84,7 +84,7 @@ def _row(
 ) -> tuple[object, ...]:  # fmt: skip
     """One example, in the order of the fields of `Examples`."""
     present = {effect.name: effect for effect in missing}
-    values = [to_number(present[n], p, setting) if n in present else np.nan for n, p in coordinates()]
+    values = [to_number(present[n], p, setting) if n in present else np.nan for n, p in trained_coordinates()]
     has = {effect.name for effect in gap.modelled}
     lacks, models = (np.array([n in names for n in order]) for names in (present, has))
     return (

@@ -15,7 +15,7 @@ from twingap.gap.knowledge.score_calibration import Outcome
 from twingap.gap.knowledge.simulated_gaps import SimulatedGap, draw_gap
 from twingap.gap.search.effect_search import search
 from twingap.gap.search.evidence import THOROUGH, Evidence, simulator_of
-from twingap.gap.search.parameter_scale import coordinates, to_number
+from twingap.gap.search.parameter_scale import to_number, trained_coordinates
 from twingap.identification.calibrate import calibrate
 
 if TYPE_CHECKING:
@@ -65,7 +65,7 @@ def _hidden(gap: SimulatedGap, evidence: Evidence, learnt: Learnt) -> set[str]:
         return set()
     present = {effect.name: effect for effect in gap.missing}
     setting = evidence.setting
-    values = [to_number(present[n], p, setting) if n in present else np.nan for n, p in coordinates()]
+    values = [to_number(present[n], p, setting) if n in present else np.nan for n, p in trained_coordinates()]
     missing = np.array([name in present for name in learnt.effects])
     hidden = learnt.detectability.hidden(missing[None], np.array(values)[None], evidence.against().held_out[None])[0]
     return {name for name, one in zip(learnt.effects, hidden, strict=True) if one}

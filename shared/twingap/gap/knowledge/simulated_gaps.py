@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from twingap.effects import Draft, Effect, catalogue, make_effect
+from twingap.effects import Draft, Effect, catalogue, make_effect, trainable
 from twingap.gap.knowledge.machines import Machine, draw_machine
 from twingap.gap.knowledge.outside_catalogue import with_outside_effect
 from twingap.gap.search.parameter_scale import Setting, with_errors
@@ -145,7 +145,7 @@ def draw_effects(
     among : sequence of str
         Effects to draw from; empty for the whole catalogue.
     """
-    names = [name for name in catalogue() if not among or name in among]
+    names = [name for name in trainable() if not among or name in among]
     chances = np.array([catalogue()[name].draw_weight for name in names])
     out: list[Effect] = []
     for place in rng.choice(len(names), len(names), replace=False, p=chances / chances.sum()):

@@ -15,7 +15,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from twingap.effects import catalogue
+from twingap.effects import trainable
 from twingap.errors import TwingapError
 from twingap.gap.features.comparison import feature_names
 from twingap.gap.knowledge.examples import examples, stacked
@@ -24,7 +24,7 @@ from twingap.gap.knowledge.learnt import Learnt
 from twingap.gap.knowledge.learnt_file import definition, write_learnt
 from twingap.gap.knowledge.score_calibration import Outcome, learn_score_calibration
 from twingap.gap.knowledge.searches import searches
-from twingap.gap.search.parameter_scale import coordinates
+from twingap.gap.search.parameter_scale import trained_coordinates
 from twingap.provenance import digest_of_value, versions
 from twingap.sweep import sweep
 
@@ -112,7 +112,11 @@ def train(
     counted = _counted(notify, "simulated gaps", len(wanted), 0.0, 0.7)
     made = stacked([_examples(r.value) for r in run(_example_chunk, wanted, on_result=counted)])
     learnt = learn(
-        made, tuple(catalogue()), coordinates(), feature_names(), lambda what, part: notify(what, 0.7 + 0.15 * part)
+        made,
+        tuple(trainable()),
+        trained_coordinates(),
+        feature_names(),
+        lambda what, part: notify(what, 0.7 + 0.15 * part),
     )
     learnt.about.update(machines=machines, seed=seed, version=versions()["twingap"])
     count = machines // PER_SEARCH
@@ -145,7 +149,7 @@ def calibrate(learnt: Learnt, ends: Sequence[Mapping[str, Any]]) -> None:
 
 def _version() -> str:
     """Version of the chunks: a hash of the names of features, the definitions of effects and the number of records."""
-    effects = {name: definition(name) for name in catalogue()}
+    effects = {name: definition(name) for name in trainable()}
     return digest_of_value({"features": list(feature_names()), "effects": effects, "records": MOST_RECORDS})[:16]
 
 

@@ -88,25 +88,22 @@ def next_steps(report: GapReport) -> tuple[str, ...]:
 
 def _closest(report: GapReport) -> str:
     """Advice on the closest twin, from the accuracy of a classifier trained on it."""
-    found = report.stand_ins
-    if found is None:
+    found = report.closest
+    if not found.attribution:
         return (
-            "If a twin for training matters more than names, search for the closest one, with surrogate effects for "
-            "the rest: run the diagnosis with `--closest`."
+            "If a twin for training matters more than names, let the diagnosis find the closest one: leave out "
+            "`--quick`."
         )
-    added = listed(found.effects)
+    use = f"If a twin for training matters more than names, use the closest one, `{found.twin}`" if found.twin else ""
     accuracy = next((m for m in found.metrics if m.higher_is_better), None)
-    if accuracy is None:
-        return f"If a twin for training matters more than names, use the closest one, with {added} as surrogate."
+    if accuracy is None or not use:
+        return f"{use or 'The closest twin has no twin file, since your simulator has none'}."
     verdict = next((m.after for m in report.metrics if m.metric == accuracy.metric), accuracy.before)
     named, as_it_was, by_verdict = (f"{100 * part:.0f} %" for part in (accuracy.after, accuracy.before, verdict))
     right = f"{named} of held-out records; {as_it_was} after the twin as calibrated, {by_verdict} after the verdict's"
     if accuracy.after > max(accuracy.before, verdict):
-        return f"For training, use the closest twin, with {added} as surrogate: a classifier then names {right}."
-    return (
-        f"The closest twin, with {added} as surrogate, does not improve a classifier (it names {right}): closer is not "
-        "better for every use."
-    )
+        return f"{use}: a classifier then names {right}."
+    return f"The closest twin does not improve a classifier (it names {right}): closer is not better for every use."
 
 
 def _twin_has_more(report: GapReport, places: Iterable[Place]) -> str:

@@ -14,7 +14,7 @@ from typing import Any, Final
 
 from twingap.gap.distance.domains import DOMAIN
 from twingap.gap.report.advice import place_words
-from twingap.gap.report.model import Candidate, Curve, GapReport, Metric, Place
+from twingap.gap.report.model import Candidate, Curve, GapReport, GroupShare, Metric, Place
 
 REAL: Final = "#000000"
 BEFORE: Final = "#D55E00"
@@ -43,6 +43,8 @@ def all_figures(report: GapReport) -> Iterator[tuple[str, Any]]:
         yield "shares", shares_figure(places)
     if report.candidates and report.verdict.status != "no_gap":  # closures of no gap mean nothing
         yield "closures", closures_figure(report.candidates, report.verdict.effects)
+    if report.closest.attribution:
+        yield "attribution", attribution_figure(report.closest.attribution)
     if report.verdict.effects and any(m.closure is not None for m in report.metrics):
         yield "metrics", metrics_figure(report.metrics)
 
@@ -115,6 +117,30 @@ def shares_figure(places: Sequence[Place]) -> Any:
     figure.update_xaxes(title="share of the gap (%)", range=[0, max(5.0, 118 * shown[0].share)])
     figure.update_yaxes(autorange="reversed", automargin=True)
     return _styled(figure, height=110 + 34 * len(shown), top=30)
+
+
+def attribution_figure(shares: Sequence[GroupShare]) -> Any:
+    """What each group of effects closes, as bars with 90 % intervals; groups that are not shown to are pale."""
+    import plotly.graph_objects as go
+
+    values = [100 * share.share for share in shares]
+    low, high = ([100 * share.share_ci[end] for share in shares] for end in (0, 1))
+    figure = go.Figure(
+        go.Bar(
+            x=values, y=[html.escape(share.group) for share in shares], orientation="h",
+            marker={"color": [AFTER if share.shown else _faint(AFTER) for share in shares]},
+            error_x={
+                "type": "data", "symmetric": False, "color": GREY,
+                "array": [max(h - v, 0) for h, v in zip(high, values, strict=True)],
+                "arrayminus": [max(v - e, 0) for e, v in zip(low, values, strict=True)],
+            },
+            customdata=[html.escape(", ".join(one.effect for one in share.effects)) for share in shares],
+            hovertemplate="%{y}: %{x:.0f} % of the gap<br>%{customdata}<extra></extra>",
+        )
+    )  # fmt: skip
+    figure.update_xaxes(title="part of the gap that closes (%), with 90 % interval")
+    figure.update_yaxes(autorange="reversed", automargin=True)
+    return _styled(figure, height=120 + 36 * len(shares), top=30)
 
 
 def closures_figure(candidates: Sequence[Candidate], effects: Sequence[str]) -> Any:

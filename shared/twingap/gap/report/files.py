@@ -19,12 +19,17 @@ from twingap.errors import TwingapError
 from twingap.files import replacing
 from twingap.gap.report.model import (
     Candidate,
+    Ceiling,
+    ClosestEffect,
+    ClosestTwin,
     Curve,
+    EffectShare,
     GapReport,
+    GroupName,
+    GroupShare,
     Metric,
     ParameterValue,
     Place,
-    SurrogateEffects,
     TwoSampleTest,
     Verdict,
 )
@@ -54,7 +59,7 @@ def to_json(report: GapReport) -> dict[str, Any]:
         "notes": list(report.notes),
         "provenance": plain(report.provenance),
         "curves": {name: _nulls(plain(curve)) for name, curve in report.curves.items()},
-        **({} if report.stand_ins is None else {"stand_ins": plain(report.stand_ins)}),
+        "closest": plain(report.closest),
     }
     found = problems(table)
     if found:
@@ -113,7 +118,7 @@ def read_report(path: str | os.PathLike[str]) -> GapReport:
 def from_json(table: Mapping[str, Any]) -> GapReport:
     """Report from the content of a gap.json that conforms to the schema; unknown keys are ignored."""
     return GapReport(
-        verdict=_made(Verdict, table["verdict"]),
+        verdict=_made(Verdict, table["verdict"], groups=tuple(_made(GroupName, g) for g in table["verdict"]["groups"])),
         places=tuple(_made(Place, p) for p in table["where"]),
         candidates=tuple(_made(Candidate, c, parameters=_values(c.get("parameters"))) for c in table["which"]),
         metrics=tuple(_made(Metric, m) for m in table["shrink"]["metrics"]),
@@ -123,7 +128,7 @@ def from_json(table: Mapping[str, Any]) -> GapReport:
         rest=tuple(_made(Place, p) for p in table.get("rest", ())),
         tests=tuple(_made(TwoSampleTest, t) for t in table.get("tests", ())),
         curves={name: _made(Curve, c) for name, c in table.get("curves", {}).items()},
-        stand_ins=_stand_ins(table.get("stand_ins")),
+        closest=_closest(table["closest"]),
     )
 
 
@@ -162,12 +167,16 @@ def _values(table: Mapping[str, Any] | None) -> dict[str, ParameterValue]:
     return {name: _made(ParameterValue, value) for name, value in (table or {}).items()}
 
 
-def _stand_ins(table: Mapping[str, Any] | None) -> SurrogateEffects | None:
-    if table is None:
-        return None
-    values = {effect: _values(parameters) for effect, parameters in table["parameters"].items()}
-    metrics = tuple(_made(Metric, m) for m in table.get("metrics", ()))
-    return _made(SurrogateEffects, table, parameters=values, metrics=metrics)  # type: ignore[no-any-return]
+def _closest(table: Mapping[str, Any]) -> ClosestTwin:
+    shares = (
+        _made(GroupShare, share, effects=tuple(_made(EffectShare, effect) for effect in share["effects"]))
+        for share in table["attribution"]
+    )
+    effects = (_made(ClosestEffect, e, parameters=_values(e.get("parameters"))) for e in table["effects"])
+    return _made(  # type: ignore[no-any-return]
+        ClosestTwin, table, effects=tuple(effects), attribution=tuple(shares), ceiling=_made(Ceiling, table["ceiling"]),
+        metrics=tuple(_made(Metric, m) for m in table.get("metrics", ())),
+    )  # fmt: skip
 
 
 def _made(kind: type[Any], table: Mapping[str, Any], **given: Any) -> Any:

@@ -29,6 +29,27 @@ Numbers = tuple[float, ...]
 
 
 @dataclass(frozen=True)
+class GroupName:
+    """A group of effects that stand in for each other, of which at least one is missing.
+
+    Parameters
+    ----------
+    group : str
+    effects : tuple[str, ...]
+        Members that the data do not tell apart, the most probable first.
+    probability : float
+        That at least one of them is missing.
+    """
+
+    group: str
+    effects: tuple[str, ...]
+    probability: float
+
+    def __post_init__(self) -> None:
+        _set(self, effects=tuple(self.effects))
+
+
+@dataclass(frozen=True)
 class Verdict:
     """Verdict: whether there is a gap, which effects explain it, and how certain that is.
 
@@ -44,6 +65,8 @@ class Verdict:
         Of no gap at all, after calibration of the twin.
     closure, closure_ci : float and (float, float), or None
         Part of the gap that adding all `effects` closes, on held-out records, with its 90 % interval.
+    groups : tuple of GroupName
+        Groups of which some member is missing, the most probable first.
     p_floor : float
         Smallest p-value that the null distribution allows for such records; a p-value at it is only an upper bound.
     """
@@ -55,9 +78,10 @@ class Verdict:
     closure: float | None = None
     closure_ci: Interval | None = None
     p_floor: float = 0.0
+    groups: tuple[GroupName, ...] = ()
 
     def __post_init__(self) -> None:
-        _set(self, effects=tuple(self.effects), closure_ci=_pair(self.closure_ci))
+        _set(self, effects=tuple(self.effects), groups=tuple(self.groups), closure_ci=_pair(self.closure_ci))
         _set(self, confidence_set=tuple(tuple(effects) for effects in self.confidence_set))
 
     @property
@@ -225,39 +249,116 @@ class Metric:
 
 
 @dataclass(frozen=True)
-class SurrogateEffects:
-    """Surrogate effects: they bring the twin closer than the verdict's, whether or not the machine has them.
+class ClosestEffect:
+    """An effect of the closest twin with its values; `closest.toml` holds lists such as a frequency response."""
+
+    effect: str
+    parameters: Mapping[str, ParameterValue] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class EffectShare:
+    """Share of one effect in what its group closes."""
+
+    effect: str
+    share: float
+
+
+@dataclass(frozen=True)
+class GroupShare:
+    """Share of a group of effects in the closure of the closest twin.
 
     Parameters
     ----------
-    effects : tuple[str, ...]
-        Beyond the verdict's, in the order in which they were added.
-    parameters : Mapping[str, Mapping[str, ParameterValue]]
-        Of these effects and of the verdict's, as fitted together.
-    closure, closure_ci : float and (float, float)
-        Part of the gap that all of them close, on held-out records, with its 90 % interval.
-    metrics : tuple[Metric, ...]
-        Before and after all of them are added.
+    group : str
+    effects : tuple of EffectShare
+        The largest first.
+    share : float
+        Of the gap. Shares of all groups add up to the closure (Shapley values).
+    share_ci : (float, float)
+        90 % interval over recordings.
+    p_value : float
+        Of held-out records being no closer with the group than without it.
+    shown : bool
+        Whether that is shown, at a false discovery rate of 10 % over all groups.
     """
 
-    effects: tuple[str, ...]
-    parameters: Mapping[str, Mapping[str, ParameterValue]]
-    closure: float
-    closure_ci: Interval
+    group: str
+    effects: tuple[EffectShare, ...]
+    share: float
+    share_ci: Interval
+    p_value: float
+    shown: bool = True
+
+    def __post_init__(self) -> None:
+        _set(self, effects=tuple(self.effects), share_ci=_pair(self.share_ci))
+
+
+@dataclass(frozen=True)
+class Ceiling:
+    """Closure that real records reach in place of the twin; None where the set has no such records.
+
+    Parameters
+    ----------
+    same_unit : float or None
+        Other records of the same bearing.
+    other_unit : float or None
+        Records of other bearings with the same fault.
+    """
+
+    same_unit: float | None = None
+    other_unit: float | None = None
+
+
+@dataclass(frozen=True)
+class ClosestTwin:
+    """The closest twin: all effects that bring it closer, named or not, with what each group of them closes.
+
+    Parameters
+    ----------
+    effects : tuple of ClosestEffect
+    closure, closure_ci : float and (float, float)
+        Part of the gap that they close, on held-out records, with its 90 % interval.
+    attribution : tuple of GroupShare
+        The largest share first; empty where nothing closes, or it was not requested.
+    ceiling : Ceiling
+    twin : str
+        Name of its twin file, beside gap.json; empty without one.
+    metrics : tuple of Metric
+        Before and after.
+    """
+
+    effects: tuple[ClosestEffect, ...] = ()
+    closure: float = 0.0
+    closure_ci: Interval = (0.0, 0.0)
+    attribution: tuple[GroupShare, ...] = ()
+    ceiling: Ceiling = field(default_factory=Ceiling)
+    twin: str = ""
     metrics: tuple[Metric, ...] = ()
 
     def __post_init__(self) -> None:
-        _set(self, effects=tuple(self.effects), closure_ci=_pair(self.closure_ci), metrics=tuple(self.metrics))
+        _set(
+            self, effects=tuple(self.effects), closure_ci=_pair(self.closure_ci), attribution=tuple(self.attribution),
+            metrics=tuple(self.metrics),
+        )  # fmt: skip
 
     @property
     def sentence(self) -> str:
-        """Closure with the surrogate effects, and that they are no statement about the machine."""
-        ends = "{} to {}".format(*map(_percent, self.closure_ci))
-        has = "has it" if len(self.effects) == 1 else "has them"
-        return (
-            f"With {listed(self.effects)} as surrogate for unknown causes, {_percent(self.closure)} of the gap closes "
-            f"(90 % interval {ends}); that the machine {has} is not shown."
+        """What closes, and by which groups; empty where nothing was attributed."""
+        if not self.attribution:
+            return ""
+        shown = [share for share in self.attribution if share.shown and round(100 * share.share) > 0]
+        parts = ", ".join(
+            f"{share.group} {_percent(share.share)}"
+            + (f" ({listed((e.effect for e in share.effects), 'or')} cannot be told apart)" * (len(share.effects) > 1))
+            for share in shown
         )
+        ends = "{} to {}".format(*map(_percent, self.closure_ci))
+        closes = f"The closest twin closes {_percent(self.closure)} of the gap (90 % interval {ends})"
+        by = f": {parts}" if parts else "; no group of effects alone is shown to"
+        limit = self.ceiling.same_unit
+        most = f". Other real records of the same bearing close {_percent(limit)}" if limit is not None else ""
+        return f"{closes}{by}{most}."
 
 
 @dataclass(frozen=True)
@@ -349,8 +450,8 @@ class GapReport:
     tests : tuple[TwoSampleTest, ...]
     curves : Mapping[str, Curve]
         For figures; any of "spectrum", "envelope", "order", "amplitude", "time", "condition", or others.
-    stand_ins : SurrogateEffects or None
-        Surrogate effects beyond the verdict; None where they were not requested, or none helps.
+    closest : ClosestTwin
+        What the closest twin closes, and which group of effects closes it.
     """
 
     verdict: Verdict
@@ -363,7 +464,7 @@ class GapReport:
     rest: tuple[Place, ...] = ()
     tests: tuple[TwoSampleTest, ...] = ()
     curves: Mapping[str, Curve] = field(default_factory=dict)
-    stand_ins: SurrogateEffects | None = None
+    closest: ClosestTwin = field(default_factory=lambda: ClosestTwin())
 
     def __post_init__(self) -> None:
         _set(
@@ -433,8 +534,7 @@ class GapReport:
             if c.effect in self.verdict.effects
         ]
         table = _frame((dict(zip(columns, row, strict=True)) for row in rows), columns)
-        sentences = [self.sentence] if self.stand_ins is None else [self.sentence, self.stand_ins.sentence]
-        shown = "".join(f"<p>{html.escape(sentence)}</p>" for sentence in sentences)
+        shown = "".join(f"<p>{html.escape(text)}</p>" for text in (self.sentence, self.closest.sentence) if text)
         return shown + (table.to_html(index=False, border=0) if rows else "")
 
 

@@ -80,7 +80,7 @@ def _not_finite(value: Any, place: str) -> Iterator[str]:
 
 def _inconsistent(table: Mapping[str, Any]) -> Iterator[str]:
     """Contradictions between values of a table that conforms to the schema."""
-    verdict, stand_ins = table["verdict"], table.get("stand_ins", {})
+    verdict = table["verdict"]
     if len({frozenset(names) for names in verdict["confidence_set"]}) < len(verdict["confidence_set"]):
         yield "verdict.confidence_set: a set stands there twice"
     for key in ("where", "rest"):
@@ -92,8 +92,7 @@ def _inconsistent(table: Mapping[str, Any]) -> Iterator[str]:
     names = [candidate["effect"] for candidate in table["which"]]
     yield from _falling([candidate["probability"] for candidate in table["which"]], "which: probabilities")
     yield from (f"which: {name!r} stands there twice" for name in dict.fromkeys(names) if names.count(name) > 1)
-    if set(stand_ins.get("effects", ())) & set(verdict["effects"]):
-        yield "stand_ins.effects: one of them is the verdict's"
+    yield from _falling([share["share"] for share in table["closest"]["attribution"]], "closest.attribution: shares")
     for key, part in table.items():
         if key not in ("curves", "provenance"):
             yield from _intervals(part, key)
@@ -105,7 +104,11 @@ def _intervals(value: Any, place: str) -> Iterator[str]:
     if isinstance(value, Mapping):
         items = ((f"{place}.{key}", item) for key, item in value.items())
         for key, item in value.items():
-            if key in ("ci", "closure_ci", "ci_before", "ci_after") and isinstance(item, list) and item[0] > item[1]:
+            if (
+                key in ("ci", "closure_ci", "share_ci", "ci_before", "ci_after")
+                and isinstance(item, list)
+                and item[0] > item[1]
+            ):
                 yield f"{place}.{key}: lo {item[0]} is above hi {item[1]}"
     elif isinstance(value, list):
         items = ((f"{place}[{i}]", item) for i, item in enumerate(value))

@@ -44,7 +44,7 @@ def track_report(tracker: Tracker, report: GapReport, files: Iterable[str | os.P
             {
                 "status": verdict.status,
                 "effects": effects,
-                **({} if report.stand_ins is None else {"stand_ins": ", ".join(report.stand_ins.effects)}),
+                "closest": ", ".join(effect.effect for effect in report.closest.effects),
                 "confidence_set": json.dumps([list(names) for names in verdict.confidence_set], ensure_ascii=False),
                 **{key: value for key, value in stated.items() if key not in _OWN_PLACE},
             }
@@ -78,9 +78,10 @@ def _metrics(report: GapReport) -> dict[str, Any]:
         found |= {f"floor/{metric.metric}": metric.floor, f"closure/{metric.metric}": metric.closure}
     for c in report.candidates:
         found |= {f"probability/{c.effect}": c.probability, f"candidate_closure/{c.effect}": c.closure}
-    if report.stand_ins is not None:
-        found |= {"stand_ins": len(report.stand_ins.effects), "closure_with_stand_ins": report.stand_ins.closure}
-        found |= {f"closest/{metric.metric}": metric.after for metric in report.stand_ins.metrics}
+    if report.closest.attribution:
+        found["closest_closure"] = report.closest.closure
+        found |= {f"closest/{metric.metric}": metric.after for metric in report.closest.metrics}
+        found |= {f"share/{share.group}": share.share for share in report.closest.attribution}
     found |= {f"test_p/{test.name}": test.p_value for test in report.tests}
     found |= {f"calibration/{name}": p.value for name, p in report.calibration.items()}
     return found

@@ -1,109 +1,113 @@
-"""Surrogate effects: effects that reduce the rest, whether or not the machine has them.
+"""The closest twin: everything that brings the twin closer, whether or not it can be named.
 
-twin with the verdict's effects --try every other effect at several values--> the best few --optimise values--+
-        ^                                                                                                     |
-        +-------------------- add the best one, while the distance of the fit part decreases -----------------+
+verdict's twin --spectra: path, background--> --effects one by one, best first--> --joint search of all values-->
+               --spectra again, lines--> closest twin, kept where other random streams confirm it
 
-Real machines differ from a twin in ways that no effect of the catalogue describes. An effect can then act as a
-surrogate for another cause: `impact_scatter` for a varying load, a noise band for unmodelled modes. Surrogates are
-therefore not part of the verdict. Their closure is measured on held-out records, as for any effect.
+Effects stand in for each other: in a real machine several of them, none of which can be named, may close a gap
+together. What the closest twin closes, and which group of effects closes it, is measured on held-out records.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from itertools import islice, zip_longest
 from typing import Final
 
-import numpy as np
-from numpy.typing import NDArray
-
-from twingap.effects import Effect, catalogue
+from twingap.effects import Effect, Stage, catalogue, make_effect
 from twingap.errors import TwingapError
 from twingap.gap.knowledge.learnt import Learnt
 from twingap.gap.search.effect_search import Explanation, estimate
 from twingap.gap.search.evidence import Compared, Evidence
-from twingap.gap.search.initial_values import observations
-from twingap.gap.search.optimise import Optimised, optimise, validation_distance
-from twingap.gap.search.parameter_prior import Key, Prior
-from twingap.twins.simulator import TwinSimulator
+from twingap.gap.search.free_spectra import BACKGROUND, LINES, MEASURED, PATH, measured
+from twingap.gap.search.joint import fitted_together
+from twingap.gap.search.optimise import validation_distance
+from twingap.twins.simulator import Simulator, TwinSimulator
 from twingap.twins.twin_file import TwinSpec
 
-Array = NDArray[np.float64]
+Chain = tuple[Effect, ...]
 Progress = Callable[[str, float], None]
 
-MOST: Final = 5
-"""Largest number of surrogate effects. Each costs one round of the search."""
-WORTH: Final = 0.98
-"""Factor on the distance of the fit part that a surrogate has to reach. Closer to 1, more are added for a smaller
-gain."""
-_FINALISTS: Final = 3
-"""Effects of each round whose values are optimised. A larger number finds better surrogates and takes longer."""
-_KEPT: Final = 12
-"""Best effects of a round that are tried in the next one. A smaller number is faster and may miss some."""
-_TRIES: Final = 2
-"""Trials of a round, as a multiple of those of one search for values. A smaller number may end the search early."""
+MOST: Final = 12
+"""Largest number of effects that are added. Each adds values to the joint search."""
+WORTH: Final = 0.993
+"""Factor on the misfit that an added effect has to reach. Closer to 1, more are added for a smaller gain."""
+_JOINT: Final = (40, 160)
+"""Smallest and largest number of trials of the joint search. More fit values better and take longer."""
+OWN_WORTH: Final = 0.9
+"""Factor on the misfit that path, background and lines of each fault have to reach. Closer to 1, they are measured by
+fault where few records of each fault give noisy spectra."""
+_WEAK: Final = 0.3
+"""Part of an effect's default strength at which it is tried. A larger value misses weak effects."""
+_RULED_OUT: Final = 0.003
+"""Probability below which an effect is not tried. A smaller value takes longer."""
+_TRIED: Final = 2
+"""Trials of single effects, as a multiple of those of one search for values. A smaller number may leave some out."""
 
 
 @dataclass(frozen=True)
-class ClosestTwin:
-    """The twin with surrogate effects.
+class _Twin:
+    """A twin and its misfit on the trial records."""
 
-    Parameters
-    ----------
-    compared : Compared
-        Comparison of the records with this twin, the verdict's effects included.
-    added : tuple of str
-        Names of the surrogate effects, in the order in which they were added.
-    """
+    simulator: Simulator
+    effects: Chain
+    misfit: float
+    by_fault: bool = False
 
-    compared: Compared
-    added: tuple[str, ...]
+    @property
+    def names(self) -> frozenset[str]:
+        return frozenset(effect.name for effect in self.effects)
 
 
-def surrogate_effects(
+def closest_twin(
     evidence: Evidence, found: Explanation, learnt: Learnt, progress: Progress = lambda what, part: None
-) -> ClosestTwin | None:
-    """Surrogate effects, added one by one to the verdict's, that bring the twin closest to the fit part.
+) -> Compared:
+    """The twin with all effects that bring it closer to the fit part, their values fitted together.
 
     Parameters
     ----------
     evidence : Evidence
     found : Explanation
-        Result of the search; its effects are kept.
+        Result of the search; its effects stay.
     learnt : Learnt
-        Estimators that give the initial values.
+        Estimators that give initial values.
     progress : callable
         Called with a description of the current step and the completed part, 0 to 1.
 
     Returns
     -------
-    ClosestTwin or None
-        None where no effect brings the twin closer.
+    Compared
+        The verdict's twin where nothing brings it closer.
     """
-    priors = {key: one for value in found.effects for key, one in value.priors.items()}
-    now, added = found.after, tuple[str, ...]()
-    left = validation_distance(evidence, now.simulator, now.effects)
-    names = [n for n in catalogue() if n not in {*evidence.modelled, *found.cannot, *found.names}]
-    while names and len(added) < MOST:
-        progress(f"surrogate effects: {', '.join(added) or 'none yet'}", len(added) / MOST)
-        ranked = _ranked(evidence, now, names, learnt)
-        if not ranked:
+    begin = found.after if found.gap else found.before
+    if not hasattr(begin.simulator, "can_add"):
+        return begin
+    bare = evidence.without_added(begin.simulator)
+    start = _Twin(bare, begin.effects, evidence.misfit(bare, begin.effects))
+    progress("spectra of path and background", 0.0)
+    choices = ((PATH,), (BACKGROUND,), (PATH, BACKGROUND), MEASURED, (LINES,))
+    now = _with_spectra(evidence, start, choices, by_fault=False)
+    own = _with_spectra(evidence, start, (MEASURED,), by_fault=True)
+    now = own if own.misfit < OWN_WORTH * now.misfit else now
+    ranked = _ranked(
+        evidence, now, found, learnt, lambda part: progress("effects that bring it closer", 0.05 + 0.4 * part)
+    )
+    for effect in ranked:
+        if len(now.effects) - len(begin.effects) >= MOST:
             break
-        moved = [
-            (name, _optimised(evidence, now, effect, learnt.errors, priors)) for name, effect in ranked[:_FINALISTS]
-        ]
-        tried = [(validation_distance(evidence, one.simulator, one.effects), name, one) for name, one in moved]
-        least, name, one = min(tried, key=lambda row: row[0])
-        if least >= WORTH * left:
-            break
-        again = optimise(evidence, one.simulator, one.effects, learnt.errors, passes=1, priors=priors)
-        closer = validation_distance(evidence, again.simulator, again.effects)
-        one, left = (again, closer) if closer < least else (one, least)
-        now, added = Compared(evidence, one.effects, one.simulator), (*added, name)
-        names = [other for other, _ in ranked[:_KEPT] if other != name]
-    return ClosestTwin(now, added) if added else None
+        tried = _tried(evidence, now, effect, rounds=2)
+        if tried is not None and tried.misfit < WORTH * now.misfit:
+            now = tried
+    progress("values fitted together", 0.5)
+    trials = min(max(evidence.trials // 2, _JOINT[0]), _JOINT[1])
+    joint = fitted_together(
+        evidence, now.simulator, now.effects, trials, lambda part: progress("values fitted together", 0.5 + 0.4 * part)
+    )
+    spectra = tuple(name for name in MEASURED if name in now.names)
+    now = _Twin(*joint, now.by_fault)
+    now = _with_spectra(evidence, now, (spectra, (*spectra, LINES)), now.by_fault)
+    distances = [validation_distance(evidence, one.simulator, one.effects) for one in (start, now)]
+    best = now if now.misfit < start.misfit and distances[1] < distances[0] else start
+    return Compared(evidence, best.effects, best.simulator)
 
 
 def closest_spec(compared: Compared) -> TwinSpec | None:
@@ -122,40 +126,66 @@ def closest_spec(compared: Compared) -> TwinSpec | None:
     return replace(spec, effects=tuple(names), parameters=values)
 
 
-def _optimised(
-    evidence: Evidence, now: Compared, effect: Effect, errors: Mapping[Key, float], priors: Mapping[Key, Prior]
-) -> Optimised:
-    """The twin with one more effect, its values optimised together with the twin's own."""
-    return optimise(
-        evidence, now.simulator, (*now.effects, effect), errors, moved=[effect.name], passes=1, priors=priors
-    )
-
-
-def _ranked(evidence: Evidence, now: Compared, names: Sequence[str], learnt: Learnt) -> list[tuple[str, Effect]]:
-    """Effects, each at its best values, in order of increasing misfit.
-
-    All effects are tried at one value before any is tried at a second: with large records or a contact twin the number
-    of trials is small.
-    """
-    features = now.fit
-    values = (list(_values(name, features, evidence, learnt)) for name in names)
-    in_turn = (effect for turn in zip_longest(*values) for effect in turn if effect is not None)
-    best: dict[str, tuple[float, Effect]] = {}
-    for effect in islice(filter(evidence.fits, in_turn), _TRIES * evidence.trials):
-        try:
-            misfit = evidence.misfit(now.simulator, (*now.effects, effect))
-        except TwingapError:  # at these values the effect cannot act on one of the records
+def _with_spectra(evidence: Evidence, now: _Twin, choices: Sequence[tuple[str, ...]], by_fault: bool) -> _Twin:
+    """The twin with the choice of measured spectra that brings it closest."""
+    best = now
+    for names in choices:
+        made = measured(evidence, now.simulator, now.effects, names, by_fault=by_fault) if names else None
+        if made is None:
             continue
-        if effect.name not in best or misfit < best[effect.name][0]:
-            best[effect.name] = misfit, effect
-    return [(name, effect) for name, (_, effect) in sorted(best.items(), key=lambda row: row[1][0])]
+        one = _Twin(*made, evidence.misfit(*made), by_fault)
+        if one.misfit < (WORTH if best is now else 1.0) * best.misfit:
+            best = one
+    return best
 
 
-def _values(name: str, features: Array, evidence: Evidence, learnt: Learnt) -> Iterator[Effect]:
-    """Candidate values of an effect, the most probable first."""
-    given = estimate(name, features, evidence, learnt).effect
-    seen = observations(evidence, features)
-    yield given
-    yield from given.spectral_values(seen)
-    yield from given.weaker()
-    yield from given.initial_values(seen)
+def _tried(evidence: Evidence, now: _Twin, effect: Effect, rounds: int = 1) -> _Twin | None:
+    """The twin with one more effect, its path and background measured anew; None where it cannot be simulated."""
+    chain = (*now.effects, effect)
+    try:
+        # Only what acts before the path changes what is measured of it.
+        moved = effect.stage <= Stage.PATH
+        names = [name for name in (PATH, BACKGROUND) if name in now.names and moved]
+        again = measured(evidence, now.simulator, chain, names, rounds, by_fault=now.by_fault) if names else None
+        made = again or (now.simulator, chain)
+        return _Twin(*made, evidence.misfit(*made), now.by_fault)
+    except TwingapError:
+        return None
+
+
+def _ranked(
+    evidence: Evidence, now: _Twin, found: Explanation, learnt: Learnt, progress: Callable[[float], None]
+) -> list[Effect]:
+    """Effects that bring the twin closer, each at the better of two values, the most helpful first.
+
+    Those on the excitation, which change what is measured of the path, are tried first: with large records or a contact
+    twin the number of trials is small.
+    """
+    out = {*evidence.modelled, *found.cannot, *now.names, *MEASURED}
+    names = [name for name, kind in catalogue().items() if name not in out and _possible(name, found)]
+    names.sort(key=lambda name: catalogue()[name].stage is not Stage.EXCITATION)
+    best: list[tuple[float, Effect]] = []
+    left = _TRIED * evidence.trials
+    for number, name in enumerate(names):
+        progress(number / len(names))
+        places = [effect for effect in dict.fromkeys(_values(name, evidence, learnt)) if evidence.fits(effect)]
+        left -= len(places)
+        tried = [(one.misfit, effect) for effect in places if (one := _tried(evidence, now, effect)) is not None]
+        if tried and (least := min(tried, key=lambda row: row[0]))[0] < now.misfit:
+            best.append(least)
+        if left <= 0:
+            break
+    return [effect for _, effect in sorted(best, key=lambda row: row[0])]
+
+
+def _possible(name: str, found: Explanation) -> bool:
+    """Whether an effect may be there: those on the excitation always, others unless their detector rules them out."""
+    return catalogue()[name].stage is Stage.EXCITATION or found.probability.get(name, 1.0) >= _RULED_OUT
+
+
+def _values(name: str, evidence: Evidence, learnt: Learnt) -> Iterator[Effect]:
+    """Values at which an effect is tried: as estimated, and weak ones."""
+    default = make_effect(name)
+    yield default.weakened(_WEAK)
+    if learnt.covers(name):
+        yield estimate(name, evidence.against().fit, evidence, learnt).effect

@@ -21,7 +21,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from twingap.effects import Effect, catalogue
+from twingap.effects import Effect, catalogue, trainable
 from twingap.gap.external_simulator import ExternalSimulator
 from twingap.gap.knowledge.learnt import Learnt
 from twingap.gap.knowledge.score_calibration import Outcome
@@ -210,7 +210,7 @@ def explain(evidence: Evidence, learnt: Learnt, progress: Progress) -> Explanati
         Called with a description of the current step and the completed part, 0 to 1.
     """
     ended = search(evidence, learnt, progress)
-    own = [name for name in catalogue() if not learnt.covers(name) and name not in ended.search.already]
+    own = [name for name in trainable() if not learnt.covers(name) and name not in ended.search.already]
     tested: dict[str, float] = {}
     fitted: dict[str, Effect] = {}
     if own:

@@ -25,6 +25,7 @@ from twingap.gap.features.pooled import features as pooled
 from twingap.gap.features.pooled.features import PooledRecords
 from twingap.gap.features.pooled.trends import Levels
 from twingap.gap.features.spectrum.record_summary import RecordSummary, summarise
+from twingap.gap.search.free_spectra import Spectra
 from twingap.gap.search.parameter_scale import Setting
 from twingap.identification.baseline import MOST_SIMULATED, StateSpectrum, match_level, state_spectra
 from twingap.identification.calibrate import Calibrated, recalibrate, thinned
@@ -210,16 +211,21 @@ class Evidence:
         return all(effect.cannot_act_on(Draft(c, self.frame.bearing, 1.0, t, t)) is None for c in conditions)
 
     @cached_property
-    def _trial_records(self) -> RecordSet:
+    def trial_records(self) -> RecordSet:
         """A few shortened records of each state of the fit part, for trial simulations."""
         few = thinned(self.calibrated.fit, MOST_TRIED)
         conditions = [replace(c, n_samples=min(c.n_samples, LONGEST_TRIED)) for c in few.conditions]
         return RecordSet(few.name, few.unit, few.bearing, conditions, lambda i: few[i].samples[:LONGEST_TRIED])
 
+    @cached_property
+    def spectra(self) -> Spectra:
+        """Mean spectra of the states of the trial records."""
+        return Spectra(self)
+
     @property
     def trials(self) -> int:
         """Number of simulations of one search for values; it decreases with the cost of a simulation."""
-        conditions = self._trial_records.conditions
+        conditions = self.trial_records.conditions
         samples = len(self._replicate_numbers(self._simulator, conditions)) * sum(c.n_samples for c in conditions)
         dear = CONTACT_COSTS if self.spec.model == "contact" else 1
         return int(np.clip(SAMPLES_TRIED / (samples * dear), *TRIALS))
@@ -227,17 +233,17 @@ class Evidence:
     @property
     def n_trial_records(self) -> int:
         """Number of records of a trial simulation."""
-        return len(self._trial_records)
+        return len(self.trial_records)
 
     @cached_property
     def _trial_grid(self) -> Grid:
         """Grid of the trial records."""
-        return Grid.of(self._trial_records.conditions, self.frame.bearing)
+        return Grid.of(self.trial_records.conditions, self.frame.bearing)
 
     @cached_property
     def _trial_vectors(self) -> FeatureVectors:
         """Feature vectors of the trial records."""
-        return self.vectors(self._trial_records, self._trial_grid)
+        return self.vectors(self.trial_records, self._trial_grid)
 
     @cached_property
     def _scale(self) -> Array:
@@ -254,7 +260,7 @@ class Evidence:
         """Scale [bins] of distances on the trial records, the same for all twins."""
         vectors = [
             self._simulated_trial(self._simulator, (), k)
-            for k in self._replicate_numbers(self._simulator, self._trial_records.conditions)
+            for k in self._replicate_numbers(self._simulator, self.trial_records.conditions)
         ]
         return Paired(self._trial_vectors, vectors).scale
 
@@ -280,14 +286,14 @@ class Evidence:
         """
         made = [
             self._simulated_trial(simulator, effects, k)
-            for k in self._replicate_numbers(simulator, self._trial_records.conditions)
+            for k in self._replicate_numbers(simulator, self.trial_records.conditions)
         ]
         return Paired(self._trial_vectors, made, self._trial_scale)
 
     def _simulated_trial(self, simulator: Simulator, effects: Sequence[Effect], replicate: int) -> FeatureVectors:
         """Feature vectors of one simulation of the trial records."""
         return self.vectors(
-            self.simulated(simulator, effects, self._trial_records.conditions, replicate), self._trial_grid
+            self.simulated(simulator, effects, self.trial_records.conditions, replicate), self._trial_grid
         )
 
     def with_values(
@@ -311,6 +317,16 @@ class Evidence:
         own = {e.name: e.parameter_values() for e in effects if e.name in simulator.spec.effects}
         spec = replace(simulator.spec, parameters={**nested(values), **own})
         return TwinSimulator(spec, self.frame.bearing, simulator.unit, simulator.conditions)
+
+    def without_added(self, simulator: Simulator) -> Simulator:
+        """The simulator at its baseline, without effects that were added to the given twin."""
+        if not isinstance(simulator, TwinSimulator):
+            return simulator
+        spec, given = simulator.spec, self.spec.effects
+        added = {name for name in spec.effects if name not in given}
+        kept = {name: value for name, value in spec.parameters.items() if name not in added}
+        own = replace(spec, effects=tuple(name for name in spec.effects if name in given), parameters=kept)
+        return TwinSimulator(own, self.frame.bearing, simulator.unit, simulator.conditions)
 
     def matched(self, effects: tuple[Effect, ...]) -> Simulator:
         """The simulator with these effects, its mode as calibrated and its levels matched anew; for fast trials."""

@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 
 from twingap.effects import Effect, make_effect
 from twingap.effects.base import WEAKER
+from twingap.effects.per_fault import PerFault
 from twingap.errors import TwingapError
 from twingap.gap.distance.paired import Paired
 from twingap.gap.search.evidence import level_of
@@ -119,7 +120,7 @@ def optimise(
     prior_weight : float
         Factor on all penalties; larger where effects may be missing for which values must not compensate.
     """
-    search = _Search(evidence, simulator, tuple(effects), evidence.trials, dict(priors), prior_weight)
+    search = ValueSearch(evidence, simulator, tuple(effects), evidence.trials, dict(priors), prior_weight)
     search.gather_effects([e for e in effects if moved is None or e.name in moved], errors)
     if baseline and isinstance(simulator, TwinSimulator) and simulator.spec.model == "phenomenological":
         search.gather_baseline(simulator)
@@ -191,7 +192,7 @@ def validation_distance(evidence: Evidence, simulator: Simulator, effects: Seque
 
 
 @dataclass
-class _Search:
+class ValueSearch:
     """State of an optimisation: values, steps, priors and the number of trials left."""
 
     evidence: Evidence
@@ -245,6 +246,8 @@ class _Search:
     def gather_effects(self, effects: Sequence[Effect], errors: Mapping[Key, float]) -> None:
         """Add the parameters of effects as numbers, with first steps and plausible ranges."""
         for effect in effects:
+            if isinstance(effect, PerFault):  # measured by fault
+                continue
             for key in coordinates():
                 if key[0] != effect.name:
                     continue
@@ -288,8 +291,11 @@ class _Search:
         effects = []
         for effect in self.effects:
             numbers = {p: at[n, p] for n, p in at if n == effect.name}
+            if not numbers:
+                effects.append(effect)
+                continue
             kept = {p: to_number(effect, p, self.setting) for n, p in coordinates() if n == effect.name}
-            effects.append(to_effect(effect.name, kept | numbers, self.setting) if numbers else effect)
+            effects.append(to_effect(effect.name, kept | numbers, self.setting))
         if not all(self.evidence.fits(effect) for effect in effects):
             return None
         levels = {name: math.exp(value) for (of, name), value in at.items() if not of}

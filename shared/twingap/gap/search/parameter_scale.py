@@ -14,7 +14,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from twingap.effects import Effect, catalogue, make_effect
+from twingap.effects import Effect, catalogue, make_effect, trainable
 from twingap.effects.base import within_allowed
 from twingap.errors import TwingapError
 from twingap.records import Condition
@@ -53,8 +53,13 @@ class Setting:
 
 
 def coordinates() -> tuple[tuple[str, str], ...]:
-    """(effect, parameter) of all parameters with an estimator."""
+    """(effect, parameter) of all parameters that are estimated."""
     return _coordinates(tuple(catalogue().items()))
+
+
+def trained_coordinates() -> tuple[tuple[str, str], ...]:
+    """(effect, parameter) of the parameters for which estimators are trained."""
+    return _coordinates(tuple(trainable().items()))
 
 
 @cache

@@ -15,7 +15,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import find_peaks
-from scipy.stats import permutation_test, qmc
+from scipy.stats import qmc
 
 from twingap.effects import Effect, catalogue
 from twingap.gap.distance.grid import Grid
@@ -23,6 +23,7 @@ from twingap.gap.distance.paired import Paired
 from twingap.gap.search.evidence import Evidence, replicates_of
 from twingap.gap.search.initial_values import observations
 from twingap.gap.search.optimise import optimise
+from twingap.gap.search.sign_flips import p_of_gain
 from twingap.identification.calibrate import thinned
 from twingap.records import Record
 from twingap.signal import power_spectral_density
@@ -44,10 +45,6 @@ _FINALISTS: Final = 3
 """Points whose values are optimised. A larger number misses fewer minima and takes longer."""
 _REPLICATES: Final = 4
 """Simulations of every held-out record that a test averages. A larger number gives the test more power."""
-_DRAWS: Final = 9999
-"""Largest number of sign flips of a test. A larger number resolves smaller p-values."""
-_LARGE: Final = 16.0
-"""Squared deviation, in variances, above which it grows logarithmically. A larger value lets a single bin decide."""
 
 Chain = tuple[Effect, ...]
 
@@ -111,17 +108,7 @@ def p_value(evidence: Evidence, chain: Chain, without: Chain) -> float:
         return Paired(real, [evidence.vectors(records, grid) for records in made], scale)
 
     before = pair(without, None)
-    after = pair(chain, before.scale)
-    gain = _squared(before) - _squared(after)
-    groups = np.array([c.group or c.name for c in part.conditions])
-    means = np.array([gain[groups == group].mean() for group in dict.fromkeys(groups)])
-    if len(means) < 2 or not np.ptp(np.abs(means)):
-        return 1.0
-    found = permutation_test(
-        (means,), np.mean, permutation_type="samples", alternative="greater", n_resamples=_DRAWS,
-        rng=np.random.default_rng([evidence.root % 2**32, len(means)]),
-    )  # fmt: skip
-    return float(found.pvalue)
+    return p_of_gain(before, pair(chain, before.scale), evidence.root)
 
 
 def probability(p: float) -> float:
@@ -132,13 +119,6 @@ def probability(p: float) -> float:
     if p >= math.exp(-1):
         return 0.5
     return 1 / (1 - math.e * p * math.log(max(p, 1e-300)))
-
-
-def _squared(pair: Paired) -> Array:
-    """[records] Squared distance of each record from the mean of its simulations, over all domains."""
-    squares = (pair.difference / pair.scale) ** 2
-    tempered = np.where(squares > _LARGE, _LARGE * (1 + np.log(np.maximum(squares, _LARGE) / _LARGE)), squares)
-    return np.asarray(tempered @ pair.real.weight)
 
 
 def _places(evidence: Evidence, name: str, features: Array) -> Iterator[Effect]:

@@ -1,31 +1,54 @@
-"""Section "The closest twin": surrogate effects beyond the verdict."""
+"""Section "The closest twin": what closes, by group of effects, and the values."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 
-from twingap.gap.report.formats import name, parameters
-from twingap.gap.report.model import GapReport
-from twingap.gap.report.sections.parts import Line, Section, Table
+from twingap.gap.report.formats import name, p_value, parameters, percent
+from twingap.gap.report.model import GapReport, GroupShare
+from twingap.gap.report.sections.parts import Cell, Line, Part, Section, Table, figure
 from twingap.gap.report.sections.shrink import metrics_table
 
 
 def section(report: GapReport, figures: Mapping[str, str]) -> Section | None:
-    """The measures with surrogate effects, and the values of all effects; None without any."""
-    found = report.stand_ins
-    if found is None:
+    """Shares of the groups, measures and values; None where nothing was attributed."""
+    found = report.closest
+    if not found.attribution:
         return None
     named = report.verdict.effects
-    rows = [
-        ([Line(name(effect) + " ◆" * (effect in named), "strong")], parameters(found.parameters[effect]))
-        for effect in dict.fromkeys((*named, *found.effects))
-        if effect in found.parameters
+    rows: list[tuple[Cell, ...]] = [_row(share) for share in found.attribution]
+    limits = [
+        (words, percent(value))
+        for words, value in (
+            ("other real records of the same bearing", found.ceiling.same_unit),
+            ("real records of other bearings", found.ceiling.other_unit),
+        )
+        if value is not None
     ]
-    return Section(
-        "The closest twin",
-        f"{found.sentence} Real machines differ from a twin in ways that no effect of the catalogue describes; these "
-        "effects, at these values, bring the twin closest to the records. Where faults are known, the accuracy shows "
-        "whether a classifier learns more from it. Before and after, on held-out records."
-        + (" ◆ marks the verdict." if named else ""),
-        (metrics_table(found.metrics), Table(("effect", "values, fitted together"), rows)),
+    values = [
+        ([Line(name(one.effect) + " ◆" * (one.effect in named), "strong")], parameters(one.parameters))
+        for one in found.effects
+    ]
+    parts: list[Part] = [
+        *figure(figures, "attribution"),
+        Table(("group", "closes (90 % interval)", "p", "effects"), rows),
+        *([Table(("in place of the twin", "closes"), limits)] if limits else []),
+        *([metrics_table(found.metrics)] if found.metrics else []),
+        Table(("effect", "values, fitted together"), values, 4, "effects"),
+    ]
+    text = (
+        f"{found.sentence} Real machines differ from a twin in ways that stand in for each other; here all effects "
+        "that bring the twin closer are fitted together, named or not, and measured on held-out records. What a group "
+        "closes is its mean gain over the orders in which groups can be added, so that the shares add up."
     )
+    if found.twin:
+        text += f" The twin is in `{found.twin}`."
+    return Section("The closest twin", text + (" ◆ marks the verdict." if named else ""), tuple(parts))
+
+
+def _row(share: GroupShare) -> tuple[Cell, ...]:
+    effects = tuple(f"{name(one.effect)} {percent(one.share)}" for one in share.effects)
+    shown = (
+        [Line(share.group, "strong")] if share.shown else [Line(share.group), Line("not shown to close any", "remark")]
+    )
+    return shown, percent(share.share, share.share_ci), p_value(share.p_value), effects

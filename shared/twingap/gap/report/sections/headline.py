@@ -34,6 +34,7 @@ class Headline:
     facts: Sequence[tuple[str, str]]
     warnings: Sequence[str]
     tests: Sequence[str]
+    groups: str = ""
 
 
 def headline(report: GapReport) -> Headline:
@@ -43,17 +44,20 @@ def headline(report: GapReport) -> Headline:
     facts = [("p-value of no gap", verdict.p_words.removeprefix("p ").removeprefix("= "))]
     if verdict.closure is not None:
         facts.append(("gap closed", percent(verdict.closure, verdict.closure_ci)))
+    if report.closest.attribution:
+        facts.append(("closest twin", percent(report.closest.closure, report.closest.closure_ci)))
     if (total := stated.get("n_records")) is not None:
         held_out = stated.get("n_held_out")
         facts.append(("records", f"{total}" + (f", evaluated on {held_out}" if held_out is not None else "")))
     tests = [f"{t.name}: {t.statistic:.4g}, {_p(t.p_value)}" for t in report.tests]
     records = str(stated.get("records") or "records")
     meaning = " ".join(filter(None, (meaning, _closing(verdict))))
+    groups = report.closest.sentence
     cautions = (*contradictions(report), *warnings(report))
     first, _, rest = report.sentence.partition(": ")
     # What is missing is the title; how much adding it closes and how sure that is follow in smaller type.
     main, detail = (f"{first}.", rest[:1].upper() + rest[1:]) if rest else (first, "")
-    return Headline(verdict.status, title, main, detail, meaning, records, facts, cautions, tests)
+    return Headline(verdict.status, title, main, detail, meaning, records, facts, cautions, tests, groups)
 
 
 def _closing(verdict: Verdict) -> str:

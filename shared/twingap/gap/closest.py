@@ -1,0 +1,188 @@
+"""The closest twin measured on held-out records: closure, what each group of effects closes, and the ceiling.
+
+closest twin --replicates of the held-out part--> closure, attribution over groups, measures --+
+real records in place of the twin --same distance--> ceiling ----------------------------------+--> ClosestTwin
+"""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Callable, Mapping, Sequence
+from typing import Final
+
+import numpy as np
+
+from twingap.effects import Effect
+from twingap.effects.per_fault import PerFault
+from twingap.gap.distance.closure import closure, closure_interval, paired
+from twingap.gap.distance.closure_metrics import closure_metrics
+from twingap.gap.distance.feature_vectors import FeatureVectors
+from twingap.gap.distance.paired import Paired
+from twingap.gap.held_out import HeldOut, values_of_effect
+from twingap.gap.knowledge.learnt import Learnt
+from twingap.gap.report.model import Ceiling, ClosestEffect, ClosestTwin, EffectShare, GroupShare, ParameterValue
+from twingap.gap.search.attribution import attribution
+from twingap.gap.search.closest_twin import closest_twin
+from twingap.gap.search.evidence import Compared
+from twingap.gap.search.free_spectra import BACKGROUND, PATH, measured
+from twingap.records import Condition
+from twingap.twins.simulator import Simulator, TwinSimulator
+
+UNIT_COLUMNS: Final = ("bearing_id", "bearing", "unit")
+"""Columns of records.csv that name the bearing, the first that a set has."""
+_REPLAYED: Final = 3
+"""Largest number of real records that stand in place of the twin for each held-out record."""
+_FEWEST_RECORDS: Final = 3
+"""Records of a state in the fit part from which their spread is known."""
+_FEWEST: Final = 0.5
+"""Part of the held-out records that need such records for a ceiling. A smaller value measures it on fewer records."""
+
+
+def closest_of(
+    held_out: HeldOut, learnt: Learnt, before: Sequence[FeatureVectors], rng: np.random.Generator,
+    progress: Callable[[str, float], None],
+) -> tuple[ClosestTwin, Compared]:  # fmt: skip
+    """The closest twin with its closure, attribution and ceiling.
+
+    Parameters
+    ----------
+    held_out : HeldOut
+    learnt : Learnt
+    before : sequence of FeatureVectors
+        Replicates of the twin as given.
+    rng : numpy.random.Generator
+    progress : callable
+        Called with a description of the current step and the completed part, 0 to 1.
+    """
+    evidence, found = held_out.evidence, held_out.found
+    now = closest_twin(evidence, found, learnt, lambda what, part: progress(what, 0.6 * part))
+    count = min(len(before), held_out.fewer)
+    first = list(before[:count])
+    after = held_out.replicates(now.simulator, now.effects, count)
+    pairs = paired(held_out.real, first, after)
+    floor = pairs[1].floor(rng)[0]
+    closed = closure_interval(*pairs, floor, rng)
+    few = min(count, 2)
+
+    def refitted(chain: tuple[Effect, ...]) -> tuple[Simulator, tuple[Effect, ...]]:
+        names = [name for name in (PATH, BACKGROUND) if name in {effect.name for effect in chain}]
+        own = any(isinstance(effect, PerFault) for effect in chain)
+        made = measured(evidence, now.simulator, chain, names, 2, by_fault=own) if names else None
+        return made or (now.simulator, chain)
+
+    shares = attribution(
+        evidence, now.simulator, now.effects, real=held_out.real, before=first[:few],
+        made=lambda simulator, effects: held_out.replicates(simulator, effects, few),
+        refitted=refitted, floor=floor, rng=rng, progress=lambda part: progress("attribution", 0.6 + 0.35 * part),
+    )  # fmt: skip
+    # Shares are measured with fewer replicates: scaled, they add up to the closure that is reported.
+    total = sum(share.share for share in shares)
+    factor = closed.closure / total if abs(total) > 0.05 and closed.closure / total > 0 else 1.0
+    groups = tuple(
+        GroupShare(
+            share.group, tuple(EffectShare(name, factor * part) for name, part in share.effects), factor * share.share,
+            (factor * share.share_ci[0], factor * share.share_ci[1]), share.p_value, share.shown,
+        )
+        for share in shares
+    )  # fmt: skip
+    report = ClosestTwin(
+        effects=tuple(ClosestEffect(effect.name, values_of(effect)) for effect in now.effects),
+        closure=closed.closure, closure_ci=closed.ci, attribution=groups if closed.closure > 0 else (),
+        ceiling=ceiling(held_out, first, floor),
+        twin="closest.toml" if isinstance(now.simulator, TwinSimulator) else "",
+        metrics=closure_metrics(held_out.real, first, after, rng, more=held_out.training_sets(now)),
+    )  # fmt: skip
+    return report, now
+
+
+def of_verdict(held_out: HeldOut, closed: float, ci: tuple[float, float]) -> ClosestTwin:
+    """The verdict's twin as the closest one, without attribution."""
+    found = held_out.found
+    effects = tuple(ClosestEffect(one.name, values_of(one)) for one in (found.after.effects if found.gap else ()))
+    return ClosestTwin(effects, closed, ci)
+
+
+def values_of(effect: Effect) -> Mapping[str, ParameterValue]:
+    """Values of an effect of the closest twin; of lists, which its twin file holds, the number of values."""
+    base = effect.base if isinstance(effect, PerFault) else effect
+    values = dict(values_of_effect(base, {}))
+    for field in base.profiles():
+        values[field.name] = ParameterValue(float(len(getattr(base, field.name))), "values in closest.toml")
+    if isinstance(effect, PerFault):
+        for fault, own in effect.faults:
+            for field in own.parameters():
+                if getattr(own, field.name) != getattr(base, field.name):
+                    value = ParameterValue(float(getattr(own, field.name)), field.metadata["unit"])
+                    values[f"{field.name} ({fault})"] = value
+    return values
+
+
+def ceiling(held_out: HeldOut, before: Sequence[FeatureVectors], floor: float) -> Ceiling:
+    """Closure that real records reach in place of the twin.
+
+    Each held-out record is compared with records of the fit part of the same fault and the nearest speeds.
+
+    Parameters
+    ----------
+    held_out : HeldOut
+    before : sequence of FeatureVectors
+        Replicates of the twin as given.
+    floor : float
+        Distance that sampling alone leaves.
+    """
+    conditions, fit = held_out.part.conditions, held_out.evidence.calibrated.fit.conditions
+    column = next((name for name in UNIT_COLUMNS if any(c.extra.get(name) for c in fit)), None)
+
+    def unit(condition: Condition) -> str:
+        return str(condition.extra.get(column)) if column else str(condition.fault)
+
+    def closes(same: bool) -> float | None:
+        chosen: dict[int, list[int]] = {}
+        for row, condition in enumerate(conditions):
+            alike = [
+                (abs(math.log(c.speed_rpm / condition.speed_rpm)), i)
+                for i, c in enumerate(fit)
+                if c.fault == condition.fault and (unit(c) == unit(condition)) is same and c.group != condition.group
+            ]
+            if alike:
+                chosen[row] = [i for _, i in sorted(alike)][:_REPLAYED]
+        # The spread of records that stand in is needed, so that their noise can be taken out.
+        counts_of = Counter(c.fault for c in fit)
+        chosen = {row: own for row, own in chosen.items() if counts_of[conditions[row].fault] >= _FEWEST_RECORDS}
+        if len(chosen) < max(2, _FEWEST * len(conditions)):
+            return None
+        # One unit at a time: over several, records that stand for each other would cancel.
+        units = dict.fromkeys(unit(conditions[row]) for row in chosen)
+        rows = [[row for row in chosen if unit(conditions[row]) == one] for one in units]
+        gaps = [_replayed(held_out, before, own, [chosen[row] for row in own]) for own in rows]
+        counts = [len(own) for own in rows]
+        first, last = (float(np.average(side, weights=counts)) for side in zip(*gaps, strict=True))
+        return closure(first, last, floor)
+
+    return Ceiling(closes(same=True), closes(same=False) if column else None)
+
+
+def _replayed(
+    held_out: HeldOut, before: Sequence[FeatureVectors], rows: Sequence[int], places: Sequence[Sequence[int]]
+) -> tuple[float, float]:
+    """Gap of some held-out records to the twin as given, and to the records of the fit part at `places`.
+
+    Records of the fit part serve several held-out ones, so that the noise of their mean is common to all of these; it
+    is taken out with their spread.
+    """
+    real, made = held_out.real.take(list(rows)), held_out.fit_vectors
+    start = Paired(real, [one.take(list(rows)) for one in before])
+    count = max(len(own) for own in places)
+    pair = Paired(real, [made.take([own[k % len(own)] for own in places]) for k in range(count)], start.scale)
+    squares = pair.squares().copy()
+    for stratum, own in enumerate(pair.strata):
+        used = [places[row][k % len(places[row])] for row in own for k in range(count)]
+        fault = pair.conditions[own[0]].fault
+        alike = [i for i, c in enumerate(made.conditions) if c.fault == fault]
+        if len(alike) > 1:
+            weights = np.bincount(used) / len(used)
+            spread = (made.matrix[alike] / start.scale).var(axis=0, ddof=1)
+            squares[0, stratum] -= spread * float(np.sum(weights**2))
+    before_gap = float(start.over_domains(start.squares())[0][0])
+    return before_gap, float(pair.over_domains(squares)[0][0])

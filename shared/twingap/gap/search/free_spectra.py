@@ -1,0 +1,428 @@
+"""Transfer path, background and lines of the records, measured from spectra of records and twin.
+
+faulty states less healthy ones, records and twin --log ratio--> gains of the path --+
+healthy states, records less twin ---------------difference---> densities of noise -+--> simulated, corrected
+lines of the records that the twin lacks, in Hz and in shaft orders ---------------> list of lines
+
+Only impacts show the path, so that healthy spectra are subtracted where there are any. Without healthy records the
+background is not measured.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING, Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import maximum_filter1d, uniform_filter1d
+from scipy.signal import find_peaks
+from scipy.stats import norm
+
+from twingap.effects import BackgroundSpectrum, Effect, LineSpectrum, TransferPath
+from twingap.effects.per_fault import of_fault, per_fault
+from twingap.gap.external_simulator import ExternalSimulator
+from twingap.identification.calibrate import thinned
+from twingap.records import Record
+from twingap.signal.record_transforms import RecordTransforms
+from twingap.twins.simulator import Simulator, TwinSimulator
+from twingap.twins.twin_file import all_parameters, flat
+
+if TYPE_CHECKING:
+    from twingap.gap.search.evidence import Evidence
+
+Array = NDArray[np.float64]
+Chain = tuple[Effect, ...]
+
+PATH: Final = "transfer_path"
+BACKGROUND: Final = "background_spectrum"
+LINES: Final = "line_spectrum"
+MEASURED: Final = (PATH, BACKGROUND, LINES)
+"""Effects whose profiles are measured here."""
+_BANDS: Final = 120
+"""Bands of the spectra. More resolve sharper modes, each with more noise."""
+ROUNDS: Final = 4
+"""Simulations by which path and background are corrected. More reduce what structure noise and clipping leave."""
+_LEAST_EXCESS: Final = 0.05
+"""Smallest part of a faulty spectrum that counts as that of impacts. A smaller value lets noise decide on the path."""
+_LEAST_NOISE: Final = 1e-3
+"""Smallest part of the healthy spectrum that is background, where other effects explain all of it."""
+_ROUGHEST: Final = 0.35
+"""Damping of noise in the gains, nepers: differences between neighbouring bands below it are smoothed."""
+_LARGEST_STEP: Final = 2.5
+"""Largest correction of a log power in one round."""
+_NEPERS_PER_DB: Final = math.log(10) / 10
+"""Logarithms of power in a dB."""
+_LINE_LEVEL: Final = 0.01
+"""Family-wise level of the test for lines of the records. A larger value finds more lines, false ones among them."""
+_LEVEL_OF_STATE: Final = 0.05
+"""Level at which a line has to stand out in each state. A smaller value leaves out lines that some states mask."""
+_PART: Final = 0.3
+"""Quantile over records of a line's height that is tested. A smaller value asks for the line in more of them."""
+_LOUDER: Final = 2.0
+"""Power of a line over that of the twin at its place from which it is missing in the twin."""
+_LINE_RECORDS: Final = 8
+"""Records of each state that are searched for lines. More find weaker lines and take longer."""
+_LONGEST: Final = 1 << 18
+"""Largest number of samples of these records. Longer records resolve closer lines."""
+_MOST_LINES: Final = 256
+"""Largest number of lines. More take longer to simulate."""
+_FLOOR_BINS: Final = 40
+_SAME_BINS: Final = 2
+"""Bins around a line that belong to it."""
+_FAULT_LINE: Final = 0.008
+"""Relative distance from a multiple of a fault's order within which a line may be that of its impacts."""
+
+
+def measured(
+    evidence: Evidence,
+    simulator: Simulator,
+    effects: Sequence[Effect],
+    names: Collection[str],
+    rounds: int = ROUNDS,
+    *,
+    by_fault: bool = False,
+) -> tuple[Simulator, Chain] | None:
+    """The twin with transfer path, background or lines as measured on the fit part.
+
+    Parameters
+    ----------
+    evidence : Evidence
+    simulator : Simulator
+    effects : sequence of Effect
+        Effects of the twin; those that are measured are measured anew, path and background from where they are.
+    names : collection of str
+        Which of `MEASURED` to add.
+    rounds : int
+        Simulations by which path and background are corrected.
+    by_fault : bool
+        Whether each fault has its own, as different bearings in different mountings have.
+
+    Returns
+    -------
+    (Simulator, tuple of Effect) or None
+        None where nothing of them can be measured.
+    """
+    spectra = evidence.spectra
+    names = {name for name in names if evidence.can_add(name) is None}
+    states = [state for state in spectra.real if state != "None"] if by_fault else [""]
+    if not by_fault and "healthy" not in spectra.real:
+        names.discard(BACKGROUND)
+    if not names:
+        return None
+    kept = tuple(effect for effect in effects if effect.name not in names)
+    known = {effect.name: effect for effect in effects}
+    paths = {state: _path_of(known.get(PATH), state, spectra) for state in states} if PATH in names else {}
+    densities: dict[str, Array | None] = dict.fromkeys(states if BACKGROUND in names else ())
+    if BACKGROUND in names and (own := known.get(BACKGROUND)) is not None:
+        densities = {state: _density_of(own, state, spectra, _reference(simulator)) for state in states}
+    conditions = evidence.trial_records.conditions
+    # Without lines, their power would be taken for that of impacts.
+    lines = _all_lines(evidence, simulator, kept, states) if LINES in names and paths else ()
+    for _ in range(rounds if paths or densities else 0):
+        chain = _with((*kept, *lines), spectra, paths, densities, _reference(simulator))
+        made = spectra.of(evidence.simulated(simulator, chain, conditions, 3))
+        if paths:
+            steps, levels = _path_steps(spectra, made, states, has_levels=isinstance(simulator, TwinSimulator))
+            paths = {state: path + steps[state] for state, path in paths.items()}
+            simulator = _louder(evidence, simulator, kept, levels)
+        for state, density in densities.items():
+            side = state or "healthy"
+            wanted, now = np.exp(spectra.real[side].between), np.exp(made[side].between)
+            # What impacts, other effects and a finished waveform have between lines stays.
+            rest = 0.0 if density is None else np.maximum(now - density, 0.0)
+            densities[state] = np.maximum(wanted - rest, _LEAST_NOISE * wanted)
+    chain = _with(kept, spectra, paths, densities, _reference(simulator))
+    if LINES in names:
+        chain = (*chain, *_all_lines(evidence, simulator, chain, states))
+    return None if chain == kept else (simulator, chain)
+
+
+class StateLevels(NamedTuple):
+    """Mean log power densities of the records of a state.
+
+    Parameters
+    ----------
+    all : Array [bands]
+        Of everything: impacts at a regular spacing are lines.
+    between : Array [bands]
+        Between the lines.
+    """
+
+    all: Array
+    between: Array
+
+
+class Spectra:
+    """Mean log spectra of the states of the trial records, and how to compute those of simulated ones."""
+
+    def __init__(self, evidence: Evidence) -> None:
+        self.evidence = evidence
+        self.top_hz = min(c.fs_hz for c in evidence.trial_records.conditions) / 2
+        self.middles_hz = (np.arange(_BANDS) + 0.5) * (self.top_hz / _BANDS)
+        self.real = self.of(evidence.trial_records)
+
+    @property
+    def healthy(self) -> Array | None:
+        """[bands] Between the lines of the healthy records; None without any."""
+        return self.real["healthy"].between if "healthy" in self.real else None
+
+    @property
+    def faults(self) -> list[str]:
+        """States with impacts."""
+        return [fault for fault in self.real if fault not in ("healthy", "None")]
+
+    def of(self, records: Iterable[Record]) -> dict[str, StateLevels]:
+        """State -> levels of its records."""
+        rows: dict[str, list[tuple[Array, Array]]] = {}
+        for record in records:
+            one = RecordTransforms(record.samples, record.condition, self.evidence.frame)
+            power = np.square(np.abs(one.transform[1:])) * (2 / (one.fs_hz * one.x.size))
+            both = self._banded(power, one.fs_hz), self._banded(one.smooth, one.fs_hz)
+            rows.setdefault(str(record.condition.fault), []).append(both)
+        return {state: StateLevels(*np.mean(own, axis=0)) for state, own in rows.items()}
+
+    def _banded(self, power: Array, fs_hz: float) -> Array:
+        """[bands] Log mean in each band of a spectrum that covers 0 to half the sampling rate evenly."""
+        edges = np.round(np.arange(_BANDS + 1) * (self.top_hz / _BANDS) * power.size / (fs_hz / 2)).astype(int)
+        starts = np.minimum(edges[:-1], power.size - 1)
+        stop = max(min(int(edges[-1]), power.size), int(starts[-1]) + 1)
+        sums = np.add.reduceat(power[:stop], starts)
+        return np.asarray(np.log(sums / np.maximum(np.diff((*starts, stop)), 1) + 1e-300))
+
+
+def _path_of(effect: Effect | None, state: str, spectra: Spectra) -> Array:
+    """[bands] Log power gain of the path for records of a state; 0 without a path."""
+    if effect is None or not isinstance(own := of_fault(effect, state), TransferPath):
+        return np.zeros(_BANDS)
+    return np.asarray(own.depth * _NEPERS_PER_DB * np.interp(spectra.middles_hz, own.frequencies_hz, own.gains_db))
+
+
+def _density_of(effect: Effect, state: str, spectra: Spectra, reference: float) -> Array:
+    """[bands] Power density of the background for records of a state."""
+    own = of_fault(effect, state)
+    assert isinstance(own, BackgroundSpectrum)
+    levels = np.interp(spectra.middles_hz, own.frequencies_hz, own.densities_db) * _NEPERS_PER_DB
+    return np.asarray(np.exp(levels) * (own.level * reference) ** 2)
+
+
+def _path_steps(
+    spectra: Spectra, made: Mapping[str, StateLevels], states: Sequence[str], *, has_levels: bool
+) -> tuple[dict[str, Array], dict[str, float]]:
+    """Corrections of each state's path, log power [bands], and of each fault's impacts, as logarithms of amplitude."""
+    total, weights = np.zeros(_BANDS), np.zeros(_BANDS)
+    levels: dict[str, float] = {}
+    own_steps: dict[str, Array] = {}
+    for fault in spectra.faults:
+        real, own = _excess(spectra.real, fault), _excess(made, fault)
+        weight = np.clip(real - spectra.real[fault].all + math.log(1 / _LEAST_EXCESS), 0.0, None) + 1e-3
+        off = np.clip(real - own, -_LARGEST_STEP, _LARGEST_STEP)
+        if has_levels:
+            # A gain common to all bands belongs to the impacts, which may differ between faults.
+            common = float(np.average(off, weights=weight))
+            levels[fault], off = 0.5 * common, off - common
+        own_steps[fault] = _smoothed(off)
+        total, weights = total + weight * off, weights + weight
+    shared = _smoothed(total / np.maximum(weights, 1e-9))
+    return {state: own_steps.get(state, shared) for state in states}, levels
+
+
+def _excess(of: Mapping[str, StateLevels], fault: str) -> Array:
+    """[bands] Log power of a faulty state over its background, which is no louder than what lies between its lines."""
+    faulty = np.exp(of[fault].all)
+    background = np.exp(np.minimum(of["healthy"].between, of[fault].between)) if "healthy" in of else 0.0
+    return np.asarray(np.log(np.maximum(faulty - background, _LEAST_EXCESS * faulty)))
+
+
+def _smoothed(values: Array) -> Array:
+    """Values with small differences between neighbours smoothed and large ones kept."""
+    smooth = uniform_filter1d(values, 3, mode="nearest")
+    keep = np.clip(np.abs(values - smooth) / _ROUGHEST, 0.0, 1.0)
+    return np.asarray(keep * values + (1 - keep) * smooth)
+
+
+def _with(
+    kept: Chain, spectra: Spectra, paths: Mapping[str, Array], densities: Mapping[str, Array | None], reference: float
+) -> Chain:
+    """The effects with these paths (log power) and backgrounds (power density) of the states added."""
+    places = tuple(float(f) for f in spectra.middles_hz)
+    chain = list(kept)
+    if paths:
+        gains = {state: np.clip(path / _NEPERS_PER_DB, -80.0, 80.0).round(3) for state, path in paths.items()}
+        chain.append(_stated({s: TransferPath(frequencies_hz=places, gains_db=tuple(g)) for s, g in gains.items()}))
+    known = {state: density for state, density in densities.items() if density is not None}
+    if known:
+        levels = {s: (10 * np.log10(np.maximum(d / reference**2, 1e-25))).round(3) for s, d in known.items()}
+        chain.append(
+            _stated(
+                {
+                    s: BackgroundSpectrum(replaced=1.0, frequencies_hz=places, densities_db=tuple(d))
+                    for s, d in levels.items()
+                }
+            )
+        )
+    return tuple(chain)
+
+
+def _stated(of: Mapping[str, Effect]) -> Effect:
+    """One effect from those of the states: that of healthy records or of the first state, and those that differ."""
+    base = of.get("", of.get("healthy", next(iter(of.values()))))
+    return per_fault(base, {state: effect for state, effect in of.items() if state not in ("", "healthy")})
+
+
+def _reference(simulator: Simulator) -> float:
+    """RMS that amplitudes of disturbances are relative to."""
+    if isinstance(simulator, TwinSimulator):
+        return simulator.twin.reference_rms
+    assert isinstance(simulator, ExternalSimulator)
+    return simulator.reference_rms
+
+
+def _louder(evidence: Evidence, simulator: Simulator, effects: Chain, levels: Mapping[str, float]) -> Simulator:
+    """The twin with impact amplitudes changed by these logarithms, where they are free."""
+    if not levels or not isinstance(simulator, TwinSimulator):
+        return simulator
+    own, fixed = flat(all_parameters(simulator.spec)), flat(evidence.spec.parameters)
+    values = {
+        name: float(own[name]) * math.exp(level)
+        for fault, level in levels.items()
+        if (name := f"impact_amplitude.{fault}") in own and name not in fixed
+    }
+    return evidence.with_values(simulator, effects, values) if values else simulator
+
+
+def _all_lines(evidence: Evidence, simulator: Simulator, chain: Chain, states: Sequence[str]) -> Chain:
+    """Lines of all states as one effect, or nothing."""
+    found = {state: _lines(evidence, simulator, chain, state or None) for state in states}
+    if all(one is None for one in found.values()):
+        return ()
+    none = LineSpectrum(frequencies_hz=(), amplitudes=(), orders=(), order_amplitudes=())
+    return (_stated({state: one or none for state, one in found.items()}),)
+
+
+def _lines(evidence: Evidence, simulator: Simulator, effects: Chain, only: str | None) -> LineSpectrum | None:
+    """Lines of the fit part that the twin lacks; None without any."""
+    others = tuple(effect for effect in effects if not isinstance(effect, LineSpectrum))
+    fit = evidence.calibrated.fit
+    fit = fit if only is None else fit.take([i for i, c in enumerate(fit.conditions) if str(c.fault) == only])
+    records = thinned(fit, _LINE_RECORDS)
+    longest = [replace(c, n_samples=min(c.n_samples, _LONGEST)) for c in records.conditions]
+    real = [
+        RecordTransforms(record.samples[:_LONGEST], condition, evidence.frame)
+        for record, condition in zip(records, longest, strict=True)
+    ]
+    made = [
+        RecordTransforms(record.samples, record.condition, evidence.frame)
+        for record in evidence.simulated(simulator, others, longest, 3)
+    ]
+    in_hz, in_orders = (_peaks(real, made, by_order=by_order) for by_order in (False, True))
+    shaft = np.array([record.shaft_hz for record in real])
+    spread = float(np.ptp(shaft) / shaft.mean())
+    resolution = max(record.df_hz for record in real)
+    hz: list[tuple[float, float]] = []
+    orders: list[tuple[float, float]] = []
+    for place, amplitude, _ in in_orders:
+        moves = place * shaft.mean() * spread > 3 * resolution
+        whole = abs(place - round(place)) * shaft.mean() < resolution and round(place) >= 1
+        if moves or whole:
+            orders.append((place, amplitude))
+    taken = np.array([order for order, _ in orders]) * shaft.mean()
+    for place, amplitude, _ in in_hz:
+        # Where speeds differ by less than the resolution, a line is at one place either way.
+        near = taken.size > 0 and place * spread <= 3 * resolution
+        if not (near and float(np.abs(taken - place).min()) < _SAME_BINS * resolution):
+            hz.append((place, amplitude))
+    reference = _reference(simulator)
+    kept = sorted([(a, 0, p) for p, a in hz] + [(a, 1, p) for p, a in orders], reverse=True)[:_MOST_LINES]
+    if not kept:
+        return None
+    first, second = (sorted((p, a / reference) for a, which, p in kept if which == kind) for kind in (0, 1))
+    return LineSpectrum(
+        frequencies_hz=tuple(p for p, _ in first), amplitudes=tuple(a for _, a in first),
+        orders=tuple(p for p, _ in second), order_amplitudes=tuple(a for _, a in second),
+    )  # fmt: skip
+
+
+def _peaks(
+    real: Sequence[RecordTransforms], made: Sequence[RecordTransforms], *, by_order: bool
+) -> list[tuple[float, float, float]]:
+    """(place in Hz or orders, amplitude, excess) of lines in most records that the twin lacks.
+
+    A low quantile over records of the log power over the local floor is tested, so that a line has to be in most of
+    them at one place: a line in Hz is not at one order where speeds differ, and the other way round.
+    """
+    steps = [record.df_hz / (record.shaft_hz if by_order else 1.0) for record in real]
+    tops = [record.fs_hz / 2 / (record.shaft_hz if by_order else 1.0) for record in real]
+    step, top = max(steps), 0.98 * min(tops)
+    count = int(top / step)
+    if count < 4 * _FLOOR_BINS or len(real) < 3:
+        return []
+    places = np.arange(count) * step
+    over, power, own = (np.empty((len(real), count)) for _ in range(3))
+    for row, (record, twin) in enumerate(zip(real, made, strict=True)):
+        floor = _floor(record.tones)
+        bins = record.df_hz / (record.shaft_hz if by_order else 1.0)
+        over[row] = _on_grid(np.log(record.tones / floor + 1e-300), bins, step, count)
+        power[row] = _on_grid(record.tones, bins, step, count)
+        # The twin's floor does not count as a line of the twin.
+        own[row] = np.maximum(
+            _on_grid(twin.tones, bins, step, count) - _on_grid(_floor(twin.tones), bins, step, count), 0
+        )
+    # A line lies in neighbouring bins of records whose speeds or lengths differ a little.
+    over, power, own = (maximum_filter1d(of, 2 * _SAME_BINS - 1, axis=1) for of in (over, power, own))
+    height = np.quantile(over, _PART, axis=0)
+    # With `_on_grid` the largest of the bins within a step counts: its distribution is estimated from all places.
+    limit = _limit(height, _LINE_LEVEL / count)
+    everywhere = np.ones(count, bool)
+    states = [str(record.condition.fault) for record in real]
+    for state in dict.fromkeys(states):  # lines of one fault alone are those of its impacts
+        own_height = np.quantile(over[[i for i, s in enumerate(states) if s == state]], _PART, axis=0)
+        everywhere &= own_height > _limit(own_height, _LEVEL_OF_STATE)
+    level, twin_level = np.median(power, axis=0), np.median(own, axis=0)
+    found = []
+    for at in find_peaks(np.where(everywhere, height, -np.inf), height=limit)[0]:
+        if level[at] < _LOUDER * float(twin_level[at]):
+            continue
+        place = float(places[at])
+        if not by_order and place < 2 * step:
+            continue
+        if _of_impacts(place, by_order, real):
+            continue
+        found.append((place, math.sqrt(2 * max(float(level[at] - twin_level[at]), 0.0)), float(height[at])))
+    return found
+
+
+def _limit(heights: Array, level: float) -> float:
+    """Height above which noise lies with this probability, from the lower half of all heights."""
+    middle = float(np.median(heights))
+    return middle + (middle - float(np.quantile(heights, 0.25))) / 0.6745 * float(norm.isf(level))
+
+
+def _of_impacts(place: float, by_order: bool, real: Sequence[RecordTransforms]) -> bool:
+    """Whether a line lies at multiples of the fault's order in most records: then it is one of their impacts."""
+    hits = 0
+    for record in real:
+        if record.fault_order is None:
+            continue
+        order = place if by_order else place / record.shaft_hz
+        multiple = order / record.fault_order
+        hits += round(multiple) >= 1 and abs(multiple - round(multiple)) < _FAULT_LINE * max(round(multiple), 1)
+    return hits > len(real) / 2
+
+
+def _on_grid(values: Array, step: float, wide: float, count: int) -> Array:
+    """[count] Largest of the bins of a spectrum within each bin of a coarser grid."""
+    edges = np.round((np.arange(count) - 0.5) * wide / step + 1e-9).astype(int)
+    edges = np.clip(edges, 0, values.size - 1)
+    stop = min(round((count - 0.5) * wide / step), values.size)
+    return np.asarray(np.maximum.reduceat(values[: max(stop, edges[-1] + 1)], edges))
+
+
+def _floor(power: Array) -> Array:
+    """[bins] Level between the lines: medians of blocks."""
+    count = max(power.size // _FLOOR_BINS, 1)
+    levels = np.median(power[: count * _FLOOR_BINS].reshape(count, -1), axis=1) + 1e-300
+    at = (np.arange(count) + 0.5) * _FLOOR_BINS
+    return np.asarray(np.exp(np.interp(np.arange(power.size) + 0.5, at, np.log(levels))))

@@ -1,0 +1,57 @@
+"""Test of whether one twin is closer to held-out records than another, by random signs.
+
+squared distance of each record to both twins --difference, mean of a group--> sign flips --> p-value
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import permutation_test
+
+from twingap.gap.distance.paired import Paired
+
+Array = NDArray[np.float64]
+
+_DRAWS: Final = 9999
+"""Largest number of sign flips of a test. A larger number resolves smaller p-values."""
+_LARGE: Final = 16.0
+"""Squared deviation, in variances, above which it grows logarithmically. A larger value lets a single bin decide."""
+
+
+def p_of_gain(before: Paired, after: Paired, root: int) -> float:
+    """P-value of records being no closer to a second twin than to a first one.
+
+    Signs of the differences in squared distance are flipped group by group.
+
+    Parameters
+    ----------
+    before, after : Paired
+        The same records with replicates of either twin, on one scale.
+    root : int
+        Entropy of the flips.
+
+    Returns
+    -------
+    float
+        1 where there are fewer than two groups.
+    """
+    gain = _squared(before) - _squared(after)
+    groups = np.array([c.group or c.name for c in before.conditions])
+    means = np.array([gain[groups == group].mean() for group in dict.fromkeys(groups)])
+    if len(means) < 2 or not np.ptp(np.abs(means)):
+        return 1.0
+    found = permutation_test(
+        (means,), np.mean, permutation_type="samples", alternative="greater", n_resamples=_DRAWS,
+        rng=np.random.default_rng([root % 2**32, len(means)]),
+    )  # fmt: skip
+    return float(found.pvalue)
+
+
+def _squared(pair: Paired) -> Array:
+    """[records] Squared distance of each record from the mean of its simulations, over all domains."""
+    squares = (pair.difference / pair.scale) ** 2
+    tempered = np.where(squares > _LARGE, _LARGE * (1 + np.log(np.maximum(squares, _LARGE) / _LARGE)), squares)
+    return np.asarray(tempered @ pair.real.weight)
