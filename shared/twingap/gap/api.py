@@ -20,7 +20,7 @@ from threadpoolctl import threadpool_limits
 from twingap.effects import catalogue
 from twingap.effects.handover import digests_of_effects
 from twingap.errors import TwingapError
-from twingap.gap.closest import closest_of, of_verdict
+from twingap.gap.closest import CLOSEST_FILE, closest_of, of_verdict
 from twingap.gap.diagnosis import Diagnosis, FilePath, Progress, no_progress
 from twingap.gap.distance.closure import Closure, closure_interval, paired
 from twingap.gap.distance.closure_metrics import closure_metrics
@@ -178,6 +178,8 @@ def _diagnosed(
     rest = locate(second, rng).places if found.gap else ()
     added = bool(found.after.effects and found.gap)
     near, closest = of_verdict(held_out, closed.closure if added else 0.0, closed.ci if added else (0.0, 0.0)), None
+    if not quick and isinstance(found.before.simulator, TwinSimulator):
+        near = replace(near, twin=CLOSEST_FILE)
     if found.gap and not quick:
         near, closest = closest_of(held_out, learnt, before, rng, lambda what, part: steps(what, 0.5 + 0.5 * part))
     status = _status(found, closed, rest, near.ceiling.same_unit)

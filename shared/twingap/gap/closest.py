@@ -29,6 +29,8 @@ from twingap.gap.search.free_spectra import BACKGROUND, PATH, measured
 from twingap.records import Condition
 from twingap.twins.simulator import Simulator, TwinSimulator
 
+CLOSEST_FILE: Final = "closest.toml"
+"""Twin file of the closest twin, beside gap.json."""
 UNIT_COLUMNS: Final = ("bearing_id", "bearing", "unit")
 """Columns of records.csv that name the bearing, the first that a set has."""
 _REPLAYED: Final = 3
@@ -90,7 +92,7 @@ def closest_of(
         effects=tuple(ClosestEffect(effect.name, values_of(effect)) for effect in now.effects),
         closure=closed.closure, closure_ci=closed.ci, attribution=groups if closed.closure > 0 else (),
         ceiling=ceiling(held_out, first, floor),
-        twin="closest.toml" if isinstance(now.simulator, TwinSimulator) else "",
+        twin=CLOSEST_FILE if isinstance(now.simulator, TwinSimulator) else "",
         metrics=closure_metrics(held_out.real, first, after, rng, more=held_out.training_sets(now)),
     )  # fmt: skip
     return report, now

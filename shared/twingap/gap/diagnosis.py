@@ -10,6 +10,7 @@ from pathlib import Path
 
 from twingap.effects import Effect
 from twingap.files import replacing, replacing_folder
+from twingap.gap.closest import CLOSEST_FILE
 from twingap.gap.report.files import write_report
 from twingap.gap.report.model import GapReport
 from twingap.gap.search.closest_twin import closest_spec
@@ -108,10 +109,10 @@ class Diagnosis:
         names = tuple(sets)[: 3 if self.write_closest else 2] if export else ()
         twin = self.closest_twin() if self.write_closest else None
         records, bearing = self.calibrated.fit, self.calibrated.frame.bearing
-        further = [*([folder / "closest.toml"] if twin is not None else []), *(folder / name for name in names)]
+        further = [*([folder / CLOSEST_FILE] if twin is not None else []), *(folder / name for name in names)]
         with ExitStack() as places:
             if twin is not None:
-                write_twin(places.enter_context(replacing(folder / "closest.toml")), twin)
+                write_twin(places.enter_context(replacing(folder / CLOSEST_FILE)), twin)
             for done, name in enumerate(names):
                 progress(f"write {name}", done / len(names))
                 label = f"{self.report.provenance['records']}, {name.removeprefix('sim_')}"

@@ -152,14 +152,14 @@ def test_a_diagnosis_is_written_printed_exported_and_the_same_again(
 @pytest.mark.slow
 def test_the_closest_twin_is_a_file_that_simulates(typed: Run, records: Path, twin: Path, tmp_path: Path) -> None:
     out = tmp_path / "out"
-    said = typed("gap", records, "--twin", twin, "--out", out, "--closest", "--export", "--no-track")
+    said = typed("gap", records, "--twin", twin, "--out", out, "--export", "--no-track")
     assert said.status == 0, said.err
     wanted = ["closest.toml", "gap.json", "report.html", "sim_after", "sim_before", "sim_closest"]
     assert sorted(p.name for p in out.iterdir()) == wanted
     assert str(out / "closest.toml") in said.out and str(out / "sim_closest") in said.out
     spec = read_twin(out / "closest.toml")
     report = read_report(out)
-    assert set(spec.effects) == {*report.verdict.effects, *(report.stand_ins.effects if report.stand_ins else ())}
+    assert set(spec.effects) == {one.effect for one in report.closest.effects} and report.closest.twin == "closest.toml"
     assert spec.identified is not None and spec.identified.records_sha256 == report.provenance["records_sha256"]
     made = typed("simulate", out / "closest.toml", "--records", records, "--out", tmp_path / "made")
     assert made.status == 0, made.err
@@ -170,7 +170,7 @@ def test_the_closest_twin_is_a_file_that_simulates(typed: Run, records: Path, tw
 def test_records_of_another_simulator_take_the_twins_place(
     typed_gap: Run, records: Path, twin: Path, tmp_path: Path
 ) -> None:
-    said = typed_gap(records, "--twin", twin, "--out", tmp_path / "out", "--sim", records, "--no-track", "--closest")
+    said = typed_gap(records, "--twin", twin, "--out", tmp_path / "out", "--sim", records, "--no-track")
     assert said.status == 0, said.err
     assert sorted(p.name for p in (tmp_path / "out").iterdir()) == ["gap.json", "report.html"]  # it has no twin file
     report = read_report(tmp_path / "out")

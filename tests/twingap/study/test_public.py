@@ -14,7 +14,18 @@ import pytest
 from twingap.bearing import BEARINGS
 from twingap.effects import make_effect
 from twingap.errors import TwingapError
-from twingap.gap.report.model import Candidate, GapReport, Metric, ParameterValue, Place, SurrogateEffects, Verdict
+from twingap.gap.report.model import (
+    Candidate,
+    ClosestEffect,
+    ClosestTwin,
+    EffectShare,
+    GapReport,
+    GroupShare,
+    Metric,
+    ParameterValue,
+    Place,
+    Verdict,
+)
 from twingap.records import Condition, Record, RecordSet
 from twingap.study import public, public_indicators, public_jobs, public_report, public_sets
 from twingap.study.public_jobs import PublicJob
@@ -132,12 +143,12 @@ def test_a_report_becomes_a_row_and_its_verdict_a_chain_for_the_twin() -> None:
             Metric("accuracy on the records of a classifier", 0.4, 0.6, 0.9, (0.5, 0.7), higher_is_better=True),
         ),
         provenance={},
-        stand_ins=SurrogateEffects(
-            ("looseness",),
-            {"looseness": {"level": ParameterValue(0.2)}},
+        closest=ClosestTwin(
+            (ClosestEffect("looseness", {"level": ParameterValue(0.2)}),),
             0.7,
             (0.6, 0.8),
-            (Metric("overall gap", 2.1, 0.7, 0.1, (0.6, 0.8)),),
+            (GroupShare("lines", (EffectShare("looseness", 0.7),), 0.7, (0.6, 0.8), 0.01),),
+            metrics=(Metric("overall gap", 2.1, 0.7, 0.1, (0.6, 0.8)),),
         ),
     )
     row = public_jobs.summary(report)
@@ -146,8 +157,9 @@ def test_a_report_becomes_a_row_and_its_verdict_a_chain_for_the_twin() -> None:
     assert row["accuracy"] == {"before": 0.4, "after": 0.6, "floor": 0.9}
     assert [one["effect"] for one in row["which"]] == ["clipping", "mean_slip"]
     assert row["closest"]["gap"]["after"] == 0.7 and row["closest"]["accuracy"] is None
+    assert row["closest"]["shares"] == {"lines": 0.7}
     assert row["closest"]["effects"] == ["looseness"] and row["closest"]["parameters"] == {"looseness": {"level": 0.2}}
-    assert public_jobs.summary(dataclasses.replace(report, stand_ins=None))["closest"] is None
+    assert public_jobs.summary(dataclasses.replace(report, closest=ClosestTwin()))["closest"] is None
     assert "10 to 20 Hz" in row["where"][0]["place"]
     chain = public_jobs.chain_of(row)
     assert chain == {"clipping": {"rail": 3.0}}

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import maximum_filter1d, uniform_filter1d
+from scipy.ndimage import gaussian_filter1d, maximum_filter1d
 from scipy.signal import find_peaks
 from scipy.stats import norm
 
@@ -26,7 +26,7 @@ from twingap.effects.per_fault import of_fault, per_fault
 from twingap.gap.external_simulator import ExternalSimulator
 from twingap.identification.calibrate import thinned
 from twingap.records import Record
-from twingap.signal.record_transforms import RecordTransforms
+from twingap.signal.record_transforms import SMOOTH_SEGMENTS, RecordTransforms, band_medians
 from twingap.twins.simulator import Simulator, TwinSimulator
 from twingap.twins.twin_file import all_parameters, flat
 
@@ -49,8 +49,11 @@ _LEAST_EXCESS: Final = 0.05
 """Smallest part of a faulty spectrum that counts as that of impacts. A smaller value lets noise decide on the path."""
 _LEAST_NOISE: Final = 1e-3
 """Smallest part of the healthy spectrum that is background, where other effects explain all of it."""
-_ROUGHEST: Final = 0.35
-"""Damping of noise in the gains, nepers: differences between neighbouring bands below it are smoothed."""
+_WIDTHS: Final = (0.6, 2.0, 6.0)
+"""Standard deviations, in bands, of the means by which gains are smoothed, the first that has enough impacts. Larger
+ones lose sharp modes and have less noise."""
+_ENOUGH: Final = 0.3
+"""Weight of impacts in such a mean from which it is used. A larger value smooths more bands."""
 _LARGEST_STEP: Final = 2.5
 """Largest correction of a log power in one round."""
 _NEPERS_PER_DB: Final = math.log(10) / 10
@@ -108,7 +111,7 @@ def measured(
     spectra = evidence.spectra
     names = {name for name in names if evidence.can_add(name) is None}
     states = [state for state in spectra.real if state != "None"] if by_fault else [""]
-    if not by_fault and "healthy" not in spectra.real:
+    if "healthy" not in spectra.real:
         names.discard(BACKGROUND)
     if not names:
         return None
@@ -180,7 +183,10 @@ class Spectra:
         for record in records:
             one = RecordTransforms(record.samples, record.condition, self.evidence.frame)
             power = np.square(np.abs(one.transform[1:])) * (2 / (one.fs_hz * one.x.size))
-            both = self._banded(power, one.fs_hz), self._banded(one.smooth, one.fs_hz)
+            # Windowed: without, strong impacts leak into what lies between their lines.
+            density = one.tones[1:] * (2 * one.x.size / (3 * one.fs_hz))
+            between = band_medians(density, SMOOTH_SEGMENTS) / math.log(2)
+            both = self._banded(power, one.fs_hz), self._banded(between, one.fs_hz)
             rows.setdefault(str(record.condition.fault), []).append(both)
         return {state: StateLevels(*np.mean(own, axis=0)) for state, own in rows.items()}
 
@@ -217,16 +223,31 @@ def _path_steps(
     own_steps: dict[str, Array] = {}
     for fault in spectra.faults:
         real, own = _excess(spectra.real, fault), _excess(made, fault)
-        weight = np.clip(real - spectra.real[fault].all + math.log(1 / _LEAST_EXCESS), 0.0, None) + 1e-3
+        # Bands without impacts say nothing of the path.
+        weight = np.minimum(*(np.maximum(e - of[fault].all - math.log(_LEAST_EXCESS), 0.0) for e, of in
+                              ((real, spectra.real), (own, made)))) + 1e-4  # fmt: skip
         off = np.clip(real - own, -_LARGEST_STEP, _LARGEST_STEP)
         if has_levels:
             # A gain common to all bands belongs to the impacts, which may differ between faults.
             common = float(np.average(off, weights=weight))
             levels[fault], off = 0.5 * common, off - common
-        own_steps[fault] = _smoothed(off)
+        own_steps[fault] = _between_bands(weight * off, weight)
         total, weights = total + weight * off, weights + weight
-    shared = _smoothed(total / np.maximum(weights, 1e-9))
+    shared = _between_bands(total, weights)
     return {state: own_steps.get(state, shared) for state in states}, levels
+
+
+def _between_bands(total: Array, weights: Array) -> Array:
+    """[bands] Weighted means over neighbouring bands: where a band has no impacts, those of the nearest that have."""
+    out = np.zeros(_BANDS)
+    left = np.ones(_BANDS, bool)
+    for width in _WIDTHS:
+        over = gaussian_filter1d(weights, width, mode="nearest")
+        mean = gaussian_filter1d(total, width, mode="nearest") / np.maximum(over, 1e-12)
+        known = left & (over > _ENOUGH)
+        out[known], left = mean[known], left & ~known
+    out[left] = mean[left]
+    return out
 
 
 def _excess(of: Mapping[str, StateLevels], fault: str) -> Array:
@@ -234,13 +255,6 @@ def _excess(of: Mapping[str, StateLevels], fault: str) -> Array:
     faulty = np.exp(of[fault].all)
     background = np.exp(np.minimum(of["healthy"].between, of[fault].between)) if "healthy" in of else 0.0
     return np.asarray(np.log(np.maximum(faulty - background, _LEAST_EXCESS * faulty)))
-
-
-def _smoothed(values: Array) -> Array:
-    """Values with small differences between neighbours smoothed and large ones kept."""
-    smooth = uniform_filter1d(values, 3, mode="nearest")
-    keep = np.clip(np.abs(values - smooth) / _ROUGHEST, 0.0, 1.0)
-    return np.asarray(keep * values + (1 - keep) * smooth)
 
 
 def _with(

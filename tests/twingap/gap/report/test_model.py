@@ -20,12 +20,17 @@ from twingap.gap.distance.domain_names import DOMAIN_NAMES
 from twingap.gap.report.files import dumped, from_json, read_report, to_json, write_report
 from twingap.gap.report.model import (
     Candidate,
+    Ceiling,
+    ClosestEffect,
+    ClosestTwin,
     Curve,
+    EffectShare,
     GapReport,
+    GroupName,
+    GroupShare,
     Metric,
     ParameterValue,
     Place,
-    SurrogateEffects,
     TwoSampleTest,
     Verdict,
 )
@@ -61,7 +66,7 @@ effect_sets = st.lists(names, unique=True, max_size=3).map(tuple)
 verdicts = st.builds(
     lambda clear, effects, sets, p, closure: Verdict(
         ("explained" if clear else "partly_explained") if effects else ("no_gap" if clear else "unexplained"),
-        effects, sets, p, closure,
+        effects, sets, p, closure, groups=tuple(GroupName(group, (group,), p) for group in effects),
     ),
     st.booleans(), effect_sets, st.lists(effect_sets, unique_by=frozenset, max_size=3).map(tuple), parts,
     st.none() | numbers,
@@ -79,13 +84,17 @@ def curves(draw: st.DrawFn) -> Curve:
     return Curve(x, "Hz", draw(line), draw(line), after, "dB", draw(names), draw(st.sampled_from(DOMAINS)), bands)  # type: ignore[arg-type]
 
 
-stand_ins = st.builds(
-    # Names that no verdict of these reports has: what it names is no surrogate.
-    lambda effects, parameters, closure, ci, rows: SurrogateEffects(
-        tuple(f"{name}, as a stand-in" for name in effects), parameters, closure, ci, tuple(rows)
+shares = st.lists(
+    st.builds(
+        GroupShare, names, st.lists(st.builds(EffectShare, names, numbers), max_size=2).map(tuple), numbers, intervals,
+        parts, st.booleans(),
     ),
-    st.lists(names, unique=True, min_size=1, max_size=3), st.dictionaries(names, st.dictionaries(names, values)),
-    numbers, intervals, st.lists(metrics, max_size=2),
+    max_size=3,
+).map(lambda found: tuple(sorted(found, key=lambda share: -share.share)))  # fmt: skip
+closest = st.builds(
+    ClosestTwin, st.lists(st.builds(ClosestEffect, names, st.dictionaries(names, values)), max_size=2).map(tuple),
+    numbers, intervals, shares, st.builds(Ceiling, st.none() | numbers, st.none() | numbers),
+    st.just("") | st.just("closest.toml"), st.lists(metrics, max_size=2).map(tuple),
 )  # fmt: skip
 
 
@@ -95,7 +104,7 @@ reports = st.builds(
     st.lists(names, max_size=2).map(tuple),
     st.dictionaries(names, values, max_size=2), st.lists(places, max_size=2).map(tuple),
     st.lists(st.builds(TwoSampleTest, names, numbers, parts), max_size=2).map(tuple),
-    st.dictionaries(names, curves(), max_size=2), st.none() | stand_ins,
+    st.dictionaries(names, curves(), max_size=2), closest,
 )  # fmt: skip
 
 
@@ -113,7 +122,7 @@ def test_a_folder_holds_both_files_and_reads_back(make_report: MakeReport, tmp_p
     assert read_report(tmp_path / "Ergebnis ü") == read_report(written[0]) == report
     table = json.loads(written[0].read_text(encoding="utf-8"), parse_constant=lambda word: pytest.fail(word))
     assert set(table) >= {"schema", "verdict", "where", "which", "shrink", "provenance"}
-    assert table["schema"] == "twingap.gap/1"
+    assert table["schema"] == "twingap.gap/2"
     # Absent means "all conditions"; null would be neither.
     assert all("condition" not in p or p["condition"] for p in table["where"])
 
@@ -131,15 +140,20 @@ def _at(*path: Any, value: Any) -> Callable[[dict[str, Any]], None]:
 
 
 DELETED = object()
-STAND_INS = SurrogateEffects(
-    ("load_zone",),
-    {"load_zone": {"depth": ParameterValue(0.3, "")}},
+CLOSEST = ClosestTwin(
+    (ClosestEffect("load_zone", {"depth": ParameterValue(0.3)}),),
     0.6,
     (0.5, 0.7),
+    (
+        GroupShare("impact statistics", (EffectShare("load_zone", 0.4),), 0.4, (0.3, 0.5), 0.01),
+        GroupShare("path", (EffectShare("transfer_path", 0.2),), 0.2, (0.1, 0.3), 0.2, shown=False),
+    ),
+    Ceiling(0.9, None),
+    "closest.toml",
     (Metric("gap", 2.0, 0.8, 0.1, (0.7, 0.9)),),
 )
 BREACHES = {
-    "schema": _at("schema", value="twingap.gap/2"),
+    "schema": _at("schema", value="twingap.gap/1"),
     "verdict.status": _at("verdict", "status", value="fine"),
     "verdict.effects": _at("verdict", "effects", value=[]),
     "verdict.effects: ['a', 'a'] has non-unique": _at("verdict", "effects", value=["a", "a"]),
@@ -168,20 +182,24 @@ BREACHES = {
     "provenance.seed": _at("provenance", "seed", value=DELETED),
     "provenance: missing": _at("provenance", value=DELETED),
     "tests[0].p_value": _at("tests", 0, "p_value", value=2),
-    "stand_ins: 3 is not of type 'object'": _at("stand_ins", value=3),
-    "stand_ins.effects: [] should be non-empty": _at("stand_ins", "effects", value=[]),
-    "stand_ins.effects: one of them is the verdict's": _at("stand_ins", "effects", value=["slip_jitter"]),
-    "stand_ins.closure: 'much' is not of type 'number'": _at("stand_ins", "closure", value="much"),
-    "stand_ins.closure_ci": _at("stand_ins", "closure_ci", value=[0.7, 0.5]),
-    "stand_ins.parameters: [] is not of type 'object'": _at("stand_ins", "parameters", value=[]),
-    "stand_ins.parameters.load_zone.depth": _at("stand_ins", "parameters", "load_zone", "depth", value=0.3),
-    "stand_ins.metrics[0].after": _at("stand_ins", "metrics", 0, "after", value=DELETED),
+    "closest: 3 is not of type 'object'": _at("closest", value=3),
+    "closest: missing": _at("closest", value=DELETED),
+    "closest.twin: missing": _at("closest", "twin", value=DELETED),
+    "closest.closure: 'much' is not of type 'number'": _at("closest", "closure", value="much"),
+    "closest.closure_ci": _at("closest", "closure_ci", value=[0.7, 0.5]),
+    "closest.effects[0].parameters.depth": _at("closest", "effects", 0, "parameters", "depth", value=0.3),
+    "closest.attribution: shares do not fall": _at("closest", "attribution", 0, "share", value=0.1),
+    "closest.attribution[0].share_ci": _at("closest", "attribution", 0, "share_ci", value=[0.5, 0.3]),
+    "closest.attribution[1].p_value": _at("closest", "attribution", 1, "p_value", value=1.2),
+    "closest.ceiling: missing": _at("closest", "ceiling", value=DELETED),
+    "closest.metrics[0].after": _at("closest", "metrics", 0, "after", value=DELETED),
+    "verdict.groups: missing": _at("verdict", "groups", value=DELETED),
 }
 
 
 @pytest.mark.parametrize("says", BREACHES)
 def test_every_breach_of_the_contract_is_found_and_named(make_report: MakeReport, tmp_path: Path, says: str) -> None:
-    table = to_json(dataclasses.replace(make_report(), stand_ins=STAND_INS))
+    table = to_json(dataclasses.replace(make_report(), closest=CLOSEST))
     assert problems(table) == []
     broken = copy.deepcopy(table)
     BREACHES[says](broken)
@@ -193,7 +211,7 @@ def test_every_breach_of_the_contract_is_found_and_named(make_report: MakeReport
         read_report(path)
 
 
-@pytest.mark.parametrize("value", [None, [], 3, "x", {}, {"schema": "twingap.gap/1"}])
+@pytest.mark.parametrize("value", [None, [], 3, "x", {}, {"schema": "twingap.gap/2"}])
 def test_what_is_no_report_at_all_is_said_to_be_none(value: Any) -> None:
     assert problems(value)
 
@@ -274,10 +292,17 @@ def test_the_sentence_says_what_how_far_and_how_sure(make_report: MakeReport, st
         assert part in sentence
 
 
-def test_stand_ins_are_never_said_to_be_what_the_machine_has() -> None:
-    said = SurrogateEffects(("load_zone", "slip_jitter"), {}, 0.584, (0.52, 0.634)).sentence
-    assert said.startswith("With load zone and slip jitter as surrogate")
-    assert "58 % of the gap closes (90 % interval 52 % to 63 %); that the machine has them is not shown." in said
+def test_what_closes_is_said_by_group_and_what_is_not_shown_is_left_out() -> None:
+    said = CLOSEST.sentence
+    assert said.startswith(
+        "The closest twin closes 60 % of the gap (90 % interval 50 % to 70 %): impact statistics 40 %."
+    )
+    assert "path" not in said and said.endswith("Other real records of the same bearing close 90 %.")
+    both = (EffectShare("load_zone", 0.3), EffectShare("slip_jitter", 0.1))
+    alike = dataclasses.replace(CLOSEST.attribution[0], effects=both)
+    several = dataclasses.replace(CLOSEST, attribution=(alike,)).sentence
+    assert "impact statistics 40 % (load zone or slip jitter cannot be told apart)" in several
+    assert ClosestTwin().sentence == ""
 
 
 def test_a_verdict_that_widens_the_gap_says_so(make_report: MakeReport) -> None:

@@ -15,12 +15,16 @@ from twingap.gap.report.advice import condition_words, contradictions, next_step
 from twingap.gap.report.figures import MOST_POINTS, all_figures, curve_figure
 from twingap.gap.report.model import (
     Candidate,
+    Ceiling,
+    ClosestEffect,
+    ClosestTwin,
     Curve,
+    EffectShare,
     GapReport,
+    GroupShare,
     Metric,
     ParameterValue,
     Place,
-    SurrogateEffects,
     TwoSampleTest,
     Verdict,
 )
@@ -113,18 +117,27 @@ def test_what_names_close_is_not_claimed_beyond_its_interval(
 
 def test_the_closest_twin_is_shown_apart_from_the_verdict(make_report: MakeReport) -> None:
     report = make_report("partly_explained")
-    values = {name: {"depth": ParameterValue(0.3171)} for name in ("second_resonance", "load_zone")}
+    effects = tuple(
+        ClosestEffect(name, {"depth": ParameterValue(0.3171)}) for name in ("second_resonance", "load_zone")
+    )
+    shares = (
+        GroupShare("path", (EffectShare("second_resonance", 0.45),), 0.45, (0.4, 0.5), 0.001),
+        GroupShare("impact statistics", (EffectShare("load_zone", 0.15),), 0.15, (0.0, 0.3), 0.3, shown=False),
+    )
     metrics = (dataclasses.replace(report.metrics[0], after=0.7654),)
-    told = dataclasses.replace(report, stand_ins=SurrogateEffects(("load_zone",), values, 0.6, (0.5, 0.7), metrics))
+    near = ClosestTwin(effects, 0.6, (0.5, 0.7), shares, Ceiling(0.94, 0.2), "closest.toml", metrics)
+    told = dataclasses.replace(report, closest=near)
     before, shown = (" ".join(Reader(own(page(one))).words.split()) for one in (report, told))
-    assert "The closest twin" not in before and "run the diagnosis with --closest" in before
-    assert "With load zone as surrogate" in shown and "0.7654" in shown and "0.3171" in shown
-    assert "run the diagnosis with --closest" not in shown and "use the closest one, with load zone" in shown
-    better, no_more = "For training, use the closest twin", "does not improve a classifier"
+    assert "The closest twin" not in before and "leave out --quick" in before
+    assert "The closest twin closes 60 % of the gap (90 % interval 50 % to 70 %): path 45 %." in shown
+    assert "0.7654" in shown and "0.3171" in shown and "not shown to close any" in shown
+    assert "other real records of the same bearing" in shown and "94" in shown
+    assert "leave out --quick" not in shown and "use the closest one, closest.toml" in shown
+    better, no_more = "a classifier then names", "does not improve a classifier"
     for after, says in ((0.97, better), (0.9, no_more), (0.5, no_more)):  # the verdict's twin teaches 0.95
         accuracy = Metric("accuracy", 0.6, after, 1.0, (0.4, 0.95), higher_is_better=True)
-        taught = SurrogateEffects(("load_zone",), values, 0.6, (0.5, 0.7), (*metrics, accuracy))
-        (said,) = (step for step in next_steps(dataclasses.replace(report, stand_ins=taught)) if "as surrogate" in step)
+        taught = dataclasses.replace(report, closest=dataclasses.replace(near, metrics=(*metrics, accuracy)))
+        (said,) = (step for step in next_steps(taught) if "classifier" in step)
         assert says in said and f"{100 * after:.0f} % of held-out records; 60 %" in said
     assert told.sentence == report.sentence
 

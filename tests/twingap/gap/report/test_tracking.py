@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from twingap.gap.report.files import read_report, write_report
-from twingap.gap.report.model import GapReport, Metric, SurrogateEffects
+from twingap.gap.report.model import ClosestEffect, ClosestTwin, EffectShare, GapReport, GroupShare, Metric
 from twingap.gap.report.tracking import track_report
 from twingap.track import FolderTracker, MlflowTracker
 
@@ -48,18 +48,17 @@ def test_a_diagnosis_is_kept_with_all_that_is_compared(make_report: MakeReport, 
     assert "\n\nNominal <speeds>" in (one / "verdict.md").read_text(encoding="utf-8")
 
 
-def test_stand_ins_are_kept_apart_from_the_verdict(make_report: MakeReport, tmp_path: Path) -> None:
+def test_the_closest_twin_is_kept_apart_from_the_verdict(make_report: MakeReport, tmp_path: Path) -> None:
     report = make_report("partly_explained")
     metrics = (Metric("accuracy", 0.61, 0.99, 0.97, (0.9, 1.0), higher_is_better=True),)
-    track_report(
-        FolderTracker(tmp_path),
-        dataclasses.replace(report, stand_ins=SurrogateEffects(("a", "b"), {}, 0.6, (0.5, 0.7), metrics)),
-    )
+    shares = (GroupShare("path", (EffectShare("a", 0.6),), 0.6, (0.5, 0.7), 0.01),)
+    near = ClosestTwin((ClosestEffect("a"), ClosestEffect("b")), 0.6, (0.5, 0.7), shares, metrics=metrics)
+    track_report(FolderTracker(tmp_path), dataclasses.replace(report, closest=near))
     (run,) = tmp_path.iterdir()
-    assert json.loads((run / "parameters.json").read_text(encoding="utf-8"))["stand_ins"] == "a, b"
+    assert json.loads((run / "parameters.json").read_text(encoding="utf-8"))["closest"] == "a, b"
     with (run / "metrics.csv").open(encoding="utf-8") as stream:
         found = {row[0]: float(row[2]) for row in csv.reader(stream) if row[0] != "metric"}
-    assert found["closure_with_stand_ins"] == 0.6 and found["closest/accuracy"] == 0.99
+    assert found["closest_closure"] == found["share/path"] == 0.6 and found["closest/accuracy"] == 0.99
     assert found["closure"] == 0.93 and found["after/accuracy"] == 0.95
 
 

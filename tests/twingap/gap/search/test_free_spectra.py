@@ -1,0 +1,121 @@
+"""Path, background and lines measured from spectra are those that the records have."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from twingap.bearing import BEARINGS
+from twingap.effects import Effect, make_effect
+from twingap.effects.per_fault import PerFault, of_fault
+from twingap.gap.search.evidence import Evidence, simulator_of
+from twingap.gap.search.free_spectra import BACKGROUND, LINES, MEASURED, PATH, measured
+from twingap.identification.calibrate import calibrate
+from twingap.records import Condition, RecordSet
+from twingap.twins.phenomenological import PhenomenologicalParameters, PhenomenologicalTwin
+from twingap.twins.twin_file import TwinSpec
+
+OWN = PhenomenologicalParameters(2400.0, 0.05, {"inner": 20.0, "outer": 25.0}, 0.7, 0.6, 1.5)
+SPEC = TwinSpec("phenomenological", bearing=BEARINGS["6205"])
+FAULTS = ("healthy", "inner", "outer")
+
+
+def evidence_of(*effects: Effect, faults: tuple[str, ...] = FAULTS, n: int = 12) -> Evidence:
+    conditions = [
+        Condition(f"{fault}{i}", 1500.0 + 37.0 * i, 10000.0, 10000, fault) for fault in faults for i in range(n)
+    ]
+    made = PhenomenologicalTwin(BEARINGS["6205"], OWN, effects).simulate(conditions, np.random.default_rng(4))
+    records = RecordSet.from_records("machine", "m/s^2", BEARINGS["6205"], made)
+    calibrated = calibrate(records, SPEC, np.random.default_rng(1))
+    return Evidence(calibrated, simulator_of(calibrated), SPEC, 7)
+
+
+def closes(evidence: Evidence, names: tuple[str, ...], by_fault: bool = False) -> tuple[float, dict[str, Any]]:
+    """Misfit with these spectra measured over that without, and the effects."""
+    bare = evidence.against().simulator
+    made = measured(evidence, bare, (), names, by_fault=by_fault)
+    assert made is not None
+    return evidence.misfit(*made) / evidence.misfit(bare, ()), {effect.name: effect for effect in made[1]}
+
+
+def test_path_is_recovered_up_to_a_constant_gain() -> None:
+    """A notch and two humps within 2 dB where impacts have energy."""
+    places = (0.0, 900.0, 1600.0, 2400.0, 3200.0, 4200.0, 5000.0)
+    gains = (0.0, 6.0, -8.0, 0.0, 8.0, -4.0, -4.0)
+    true = make_effect("transfer_path", {"frequencies_hz": places, "gains_db": gains})
+    evidence = evidence_of(true)
+    factor, found = closes(evidence, (PATH,))
+    assert factor < 0.6
+    # The baseline's mode was calibrated to the same records, so that its shape is a part of the path.
+    at = np.linspace(700.0, 4300.0, 40)
+    whole = evidence.against().simulator.spec.parameters
+    mode = [
+        20 * np.log10(1 / np.abs(f0**2 - at**2 + 2j * z * at * f0)) - 20 * np.log10(1 / f0**2)
+        for f0, z in ((whole["resonance_hz"], whole["damping_ratio"]), (OWN.resonance_hz, OWN.damping_ratio))
+    ]
+    path = found[PATH]
+    got = np.interp(at, path.frequencies_hz, path.gains_db) + mode[0]
+    wanted = np.interp(at, places, gains) + mode[1]
+    off = (got - wanted) - np.median(got - wanted)
+    assert np.quantile(np.abs(off), 0.8) < 2.0
+
+
+def test_background_takes_the_place_of_the_twins_noise() -> None:
+    noise = make_effect("coloured_noise", {"level": 2.0, "slope": 0.0, "low_hz": 3500.0, "high_hz": 4500.0})
+    factor, found = closes(evidence_of(noise), (BACKGROUND,))
+    assert factor < 0.5
+    density = np.interp([2000.0, 4000.0], found[BACKGROUND].frequencies_hz, found[BACKGROUND].densities_db)
+    assert density[1] - density[0] > 6.0
+
+
+def test_lines_are_found_in_hz_and_in_orders() -> None:
+    true = make_effect(
+        "line_spectrum",
+        {"frequencies_hz": (1237.0, 3311.0), "amplitudes": (0.6, 0.4), "orders": (9.7,), "order_amplitudes": (0.5,)},
+    )
+    factor, found = closes(evidence_of(true), (LINES,))
+    assert factor < 0.8
+    lines = found[LINES]
+    np.testing.assert_allclose(lines.frequencies_hz, (1237.0, 3311.0), atol=2.0)
+    np.testing.assert_allclose(lines.amplitudes, (0.6, 0.4), rtol=0.35)
+    np.testing.assert_allclose(lines.orders, (9.7,), atol=0.1)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_where_nothing_is_missing_no_line_is_found(seed: int) -> None:
+    """Impacts have lines of their own, which the twin has too."""
+    jitter = make_effect("impact_scatter", {"sigma": 0.05 * seed})
+    evidence = evidence_of(jitter)
+    made = measured(evidence, evidence.against().simulator, (), (LINES,))
+    count = 0 if made is None else sum(len(e.frequencies_hz) + len(e.orders) for e in made[1])
+    assert count <= 1
+
+
+def test_without_healthy_records_there_is_no_common_background() -> None:
+    evidence = evidence_of(faults=("inner", "outer"))
+    assert measured(evidence, evidence.against().simulator, (), (BACKGROUND,)) is None
+
+
+def test_each_fault_has_its_own_where_bearings_differ() -> None:
+    """The path of one fault is turned upside down: one path for all cannot be right, one each can."""
+    up = make_effect(
+        "transfer_path",
+        {
+            "frequencies_hz": (500.0, 2000.0, 4500.0), "gains_db": (-6.0, 0.0, 6.0),
+            "outer": {"gains_db": (6.0, 0.0, -6.0)},
+        },
+    )  # fmt: skip
+    evidence = evidence_of(up)
+    shared, _ = closes(evidence, MEASURED)
+    own, found = closes(evidence, MEASURED, by_fault=True)
+    assert own < 0.8 * shared
+    path = found[PATH]
+    assert isinstance(path, PerFault)
+    tilts = []
+    for fault in ("inner", "outer"):
+        one = of_fault(path, fault)
+        low, high = np.interp([1000.0, 4000.0], one.frequencies_hz, one.gains_db)
+        tilts.append(high - low)
+    assert tilts[0] - tilts[1] > 8.0
