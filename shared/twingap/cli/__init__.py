@@ -96,7 +96,8 @@ _add("simulate", simulate.simulate, "twin.toml --records RECORDSET --out simulat
 _add("identify", identify.identify, "twin.toml RECORDSET --out identified.toml")
 _add(
     "gap", gap.gap, "RECORDSET --twin twin.toml --out gap", "RECORDSET --twin twin.toml --sim MINE --out gap",
-    "RECORDSET --twin twin.toml --out gap --closest --export",
+    "RECORDSET --twin twin.toml --out gap --export",
+    "RECORDSET --twin twin.toml --out gap --quick",
 )  # fmt: skip
 _add("close", close.close, "RECORDSET --twin twin.toml --out closed.toml")
 app.add_typer(study.app, name="study")

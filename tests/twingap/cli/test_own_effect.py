@@ -48,7 +48,7 @@ def test_one_new_file_is_all_that_an_effect_takes(typed: Run, tmp_path: Path) ->
     assert made.status == 0, made.err
 
     said = typed(
-        "gap", tmp_path / "records", "--twin", twin, "--out", tmp_path / "out", "--effects", own, "--closest",
+        "gap", tmp_path / "records", "--twin", twin, "--out", tmp_path / "out", "--effects", own,
         "--no-track", "--json",
     )  # fmt: skip
     assert said.status == 0, said.err
