@@ -123,8 +123,9 @@ def test_a_diagnosis_is_written_printed_exported_and_the_same_again(
         records, "--twin", twin, "--out", out, "--export", "--json", "--seed", 3, "--tracking-uri", f"sqlite:///{store}"
     )
     assert said.status == 0, said.err
-    wanted = [out / name for name in ("gap.json", "report.html", "sim_before", "sim_after")]
-    assert said.err.splitlines()[-4:] == [str(path) for path in wanted]
+    names = ("gap.json", "report.html", "closest.toml", "sim_before", "sim_after", "sim_closest")
+    wanted = [out / name for name in names]
+    assert said.err.splitlines()[-6:] == [str(path) for path in wanted]
     assert sorted(p.name for p in out.iterdir()) == sorted(p.name for p in wanted)
     printed: dict[str, Any] = json.loads(said.out)
     assert problems(printed) == []
@@ -132,14 +133,14 @@ def test_a_diagnosis_is_written_printed_exported_and_the_same_again(
     assert printed["provenance"]["seed"] == 3
     asked = read_record_set(records)
     assert printed["provenance"]["records_sha256"] == asked.digest
-    for name in ("sim_before", "sim_after"):
+    for name in ("sim_before", "sim_after", "sim_closest"):
         made = read_record_set(out / name)
         conditions = {(c.name, c.fault, c.fs_hz, c.n_samples) for c in made.conditions}
         assert conditions == {(c.name, c.fault, c.fs_hz, c.n_samples) for c in asked.conditions}
         assert made.unit == asked.unit and made.bearing == asked.bearing
     assert store.exists()
     again = typed_gap(records, "--twin", twin, "--out", tmp_path / "again", "--no-track", "--seed", 3)
-    assert again.status == 0 and again.out.splitlines()[-1] == str(tmp_path / "again" / "report.html")
+    assert again.status == 0 and again.out.splitlines()[-1] == str(tmp_path / "again" / "closest.toml")
     repeated = json.loads((tmp_path / "again" / "gap.json").read_text(encoding="utf-8"))
     for table in (printed, repeated):
         del table["provenance"]["runtime_s"]

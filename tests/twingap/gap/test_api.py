@@ -41,12 +41,12 @@ def openmp_threads():
 
 def run(records, learnt, **options):
     spec = TwinSpec("phenomenological", bearing=BEARINGS["6205"])
-    return diagnose(records, spec, learnt=learnt, **options)
+    return diagnose(records, spec, learnt=learnt, **{"quick": True, **options})
 
 
 @pytest.fixture(scope="module")
 def clipped(learnt):
-    return run(machine([make_effect("quantisation", {"step": 0.8})]), learnt)
+    return run(machine([make_effect("quantisation", {"step": 0.8})]), learnt, quick=False)
 
 
 def test_a_plain_effect_is_named_and_adding_it_closes_the_gap(clipped):
@@ -144,9 +144,9 @@ def test_files_and_generators_give_the_same_diagnosis(learnt, tmp_path):
     records = machine([make_effect("mains_interference", {"level": 0.6})], count=8)
     twin = tmp_path / "twin.toml"
     twin.write_text('[twin]\nmodel = "phenomenological"\n')
-    one = diagnose(write_record_set(records, tmp_path / "set"), twin, seed=3, learnt=learnt).report
+    one = diagnose(write_record_set(records, tmp_path / "set"), twin, seed=3, learnt=learnt, quick=True).report
     spec = TwinSpec("phenomenological")
-    other = diagnose(records, spec, seed=np.random.default_rng(3), learnt=learnt).report
+    other = diagnose(records, spec, seed=np.random.default_rng(3), learnt=learnt, quick=True).report
     assert one.provenance["twin"] == "twin.toml" and one.provenance["seed"] == 3 and other.provenance["seed"] == -1
     assert replace(one, provenance={}) == replace(other, provenance={})
 

@@ -38,6 +38,6 @@ def test_values_are_read_off_the_fit_part_and_are_in_the_report(learnt: Any) -> 
     assert len(notes) == 1 and "mains_interference (level = " in notes[0]
     given = TwinSpec("phenomenological", ("mains_interference",), None, {"mains_interference": dict(found)})
     assert completed(prepared, given, rng, learnt) == (given, ())
-    report = diagnose(records, named, seed=3, learnt=learnt).report
+    report = diagnose(records, named, seed=3, learnt=learnt, quick=True).report
     assert notes[0] in report.notes
     assert "mains_interference" not in report.verdict.effects

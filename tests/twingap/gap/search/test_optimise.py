@@ -92,7 +92,7 @@ def test_what_comes_by_chance_stays_where_other_chances_disagree(monkeypatch: py
     own = evidence_of(machine(gaps, make_effect("mains_interference", {"level": 0.9})))
     start = [replace(gaps, rate_hz=1.5), make_effect("mains_interference", {"level": 0.3})]
     monkeypatch.setattr(
-        nearest._Search, "validated", lambda self, *built: not any(name == "dropout" for name, _ in self.at)
+        nearest.ValueSearch, "validated", lambda self, *built: not any(name == "dropout" for name, _ in self.at)
     )
     found = optimise(own, own.against(start).simulator, start, {})
     by_name = {effect.name: vars(effect) for effect in found.effects}

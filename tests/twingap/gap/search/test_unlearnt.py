@@ -63,7 +63,7 @@ def evidence_of(records: RecordSet) -> Evidence:
 
 
 def test_an_effect_of_a_users_own_is_named_without_training(soft_knee: type[Effect], learnt: Any) -> None:
-    found = diagnose(machine((make_effect("soft_knee", {"knee": 1.2}),)), SPEC, seed=0, learnt=learnt)
+    found = diagnose(machine((make_effect("soft_knee", {"knee": 1.2}),)), SPEC, seed=0, learnt=learnt, quick=True)
     assert "soft_knee" in found.report.verdict.effects
     (candidate,) = (c for c in found.report.candidates if c.effect == "soft_knee")
     assert candidate.parameters["knee"].value == pytest.approx(1.2, rel=0.3)
@@ -74,8 +74,10 @@ def test_an_effect_of_a_users_own_is_named_without_training(soft_knee: type[Effe
 
 
 def test_it_is_not_named_where_it_is_not_missing(soft_knee: type[Effect], learnt: Any) -> None:
-    alike = diagnose(machine(seed=3), SPEC, seed=0, learnt=learnt)
-    hum = diagnose(machine((make_effect("mains_interference", {"level": 0.6}),)), SPEC, seed=0, learnt=learnt)
+    alike = diagnose(machine(seed=3), SPEC, seed=0, learnt=learnt, quick=True)
+    hum = diagnose(
+        machine((make_effect("mains_interference", {"level": 0.6}),)), SPEC, seed=0, learnt=learnt, quick=True
+    )
     assert "soft_knee" not in (*alike.report.verdict.effects, *hum.report.verdict.effects)
     assert "mains_interference" in hum.report.verdict.effects
     (candidate,) = (c for c in hum.report.candidates if c.effect == "soft_knee")
@@ -96,7 +98,7 @@ def test_an_effect_that_was_not_fitted_has_no_values_in_the_report(
         def cannot_act_on(self, draft: Draft) -> str | None:
             return "the record is too short"
 
-    found = diagnose(machine(seed=3), SPEC, seed=0, learnt=learnt)
+    found = diagnose(machine(seed=3), SPEC, seed=0, learnt=learnt, quick=True)
     (candidate,) = (c for c in found.report.candidates if c.effect == "never_fits")
     assert not candidate.parameters and candidate.closure == 0 and candidate.gap_before == candidate.gap_after
     assert candidate.acts is not None and "never_fits" not in found.explanation.fitted
