@@ -43,7 +43,7 @@ print(report.sentence)
 # ``no_gap``
 #     Records and calibrated twin cannot be told apart.
 # ``explained``
-#     The named effects close the gap: no significant rest remains.
+#     The named effects close the gap: little of it remains.
 # ``partly_explained``
 #     They shrink it, and a significant rest remains.
 # ``unexplained``

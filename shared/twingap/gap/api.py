@@ -59,6 +59,8 @@ _OTHER_LEVEL: Final = 0.02
 AT_FLOOR: Final = 0.9
 """Closure that the upper end of its interval has to reach for a gap to be explained. A larger value leaves more gaps
 partly explained."""
+_NAMING: Final = ("explained", "partly_explained")
+"""Status with effects."""
 _LEAST_CEILING: Final = 0.5
 """Closure by real records below which they are no measure of what a twin can close: they differ as much as the twin."""
 PLAIN_REST: Final = 0.01
@@ -183,7 +185,8 @@ def _diagnosed(
     if found.gap and not quick:
         near, closest = closest_of(held_out, learnt, before, rng, lambda what, part: steps(what, 0.5 + 0.5 * part))
     status = _status(found, closed, rest, near.ceiling.same_unit)
-    named = found.names if status in ("explained", "partly_explained") else ()
+    closes = {candidate.effect: candidate.closure for candidate in candidates}
+    named = tuple(sorted(found.names, key=lambda name: -closes[name])) if status in _NAMING else ()
     closure, ci = (closed.closure, closed.ci) if added else (None, None)
     p_floor = learnt.p_floor(evidence.against().held_out)
     verdict = Verdict(

@@ -8,12 +8,12 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from typing import Final
 
 import numpy as np
 
-from twingap.effects import Effect
+from twingap.effects import Effect, LineSpectrum
 from twingap.effects.per_fault import PerFault
 from twingap.gap.distance.closure import closure, closure_interval, paired
 from twingap.gap.distance.closure_metrics import closure_metrics
@@ -21,6 +21,7 @@ from twingap.gap.distance.feature_vectors import FeatureVectors
 from twingap.gap.distance.paired import Paired
 from twingap.gap.held_out import HeldOut, values_of_effect
 from twingap.gap.knowledge.learnt import Learnt
+from twingap.gap.line_names import named_lines
 from twingap.gap.report.model import Ceiling, ClosestEffect, ClosestTwin, EffectShare, GroupShare, ParameterValue
 from twingap.gap.search.attribution import attribution
 from twingap.gap.search.closest_twin import closest_twin
@@ -89,7 +90,7 @@ def closest_of(
         for share in shares
     )  # fmt: skip
     report = ClosestTwin(
-        effects=tuple(ClosestEffect(effect.name, values_of(effect)) for effect in now.effects),
+        effects=tuple(ClosestEffect(one.name, values_of(one) | line_counts(one, held_out)) for one in now.effects),
         closure=closed.closure, closure_ci=closed.ci, attribution=groups if closed.closure > 0 else (),
         ceiling=ceiling(held_out, first, floor),
         twin=CLOSEST_FILE if isinstance(now.simulator, TwinSimulator) else "",
@@ -105,7 +106,7 @@ def of_verdict(held_out: HeldOut, closed: float, ci: tuple[float, float]) -> Clo
     return ClosestTwin(effects, closed, ci)
 
 
-def values_of(effect: Effect) -> Mapping[str, ParameterValue]:
+def values_of(effect: Effect) -> dict[str, ParameterValue]:
     """Values of an effect of the closest twin; of lists, which its twin file holds, the number of values."""
     base = effect.base if isinstance(effect, PerFault) else effect
     values = dict(values_of_effect(base, {}))
@@ -118,6 +119,18 @@ def values_of(effect: Effect) -> Mapping[str, ParameterValue]:
                     value = ParameterValue(float(getattr(own, field.name)), field.metadata["unit"])
                     values[f"{field.name} ({fault})"] = value
     return values
+
+
+def line_counts(effect: Effect, held_out: HeldOut) -> dict[str, ParameterValue]:
+    """Number of lines of each kind (`line_names`); of lines measured by fault, those of the fault that has most."""
+    own = [effect.base, *(one for _, one in effect.faults)] if isinstance(effect, PerFault) else [effect]
+    lines = [one for one in own if isinstance(one, LineSpectrum)]
+    if not lines:
+        return {}
+    most = max(lines, key=lambda one: len(one.frequencies_hz) + len(one.orders))
+    shaft_hz = float(np.mean([c.speed_rpm for c in held_out.part.conditions])) / 60
+    kinds = named_lines(most, held_out.evidence.frame.bearing, shaft_hz)
+    return {f"lines of {kind}": ParameterValue(float(len(places)), "lines") for kind, places in kinds.items()}
 
 
 def ceiling(held_out: HeldOut, before: Sequence[FeatureVectors], floor: float) -> Ceiling:

@@ -57,7 +57,7 @@ class Verdict:
     ----------
     status : {"no_gap", "explained", "partly_explained", "unexplained"}
     effects : tuple[str, ...]
-        Missing effects, the most certain first; empty for no_gap and unexplained.
+        Missing effects, the one that closes most first; empty for no_gap and unexplained.
     confidence_set : tuple[tuple[str, ...], ...]
         Sets of effects that the data do not distinguish at 90 %; ((),) is no effect. Effects that are undetectable on
         most similar machines count neither as missing nor as absent.
@@ -110,7 +110,7 @@ class Verdict:
             if self.closure_ci is not None:
                 ends = self.closure_ci if not widens else (-self.closure_ci[1], -self.closure_ci[0])
                 closes += " (90 % interval {} to {})".format(*map(_percent, ends))
-        rest = "a significant rest remains" if self.status == "partly_explained" else "no significant rest remains"
+        rest = "a significant rest remains" if self.status == "partly_explained" else "little of it remains"
         # "Nothing at all" in the confidence set counts as an explanation like any other.
         others = sum(1 for effects in self.confidence_set if set(effects) != set(self.effects))
         sure = "at 90 % no other explanation fits"

@@ -33,7 +33,14 @@ WORTH: Final = 0.993
 """Factor on the misfit that an added effect has to reach. Closer to 1, more are added for a smaller gain."""
 _JOINT: Final = (40, 160)
 """Smallest and largest number of trials of the joint search. More fit values better and take longer."""
-OWN_WORTH: Final = 0.9
+_RANDOM_IMPACTS: Final[tuple[dict[str, dict[str, float]], ...]] = (
+    {"impact_scatter": {"sigma": 0.1}},
+    {"slip_jitter": {"sigma": 0.01}},
+    {"impulsive_share": {"share": 0.15}},
+    {"slip_jitter": {"sigma": 0.01}, "impact_scatter": {"sigma": 0.2}},
+)
+"""Random impacts with which path and background are measured. More take longer and fit more kinds of machines."""
+OWN_WORTH: Final = 0.93
 """Factor on the misfit that path, background and lines of each fault have to reach. Closer to 1, they are measured by
 fault where few records of each fault give noisy spectra."""
 _WEAK: Final = 0.3
@@ -84,10 +91,13 @@ def closest_twin(
     bare = evidence.without_added(begin.simulator)
     start = _Twin(bare, begin.effects, evidence.misfit(bare, begin.effects))
     progress("spectra of path and background", 0.0)
-    choices = ((PATH,), (BACKGROUND,), (PATH, BACKGROUND), MEASURED, (LINES,))
-    now = _with_spectra(evidence, start, choices, by_fault=False)
-    own = _with_spectra(evidence, start, (MEASURED,), by_fault=True)
-    now = own if own.misfit < OWN_WORTH * now.misfit else now
+    now = start
+    for given in _rhythms(evidence, start, found):
+        for by_fault in (False, True):
+            choices = ((PATH,), (BACKGROUND,), (PATH, BACKGROUND)) if not by_fault else ((PATH, BACKGROUND),)
+            one = _with_spectra(evidence, given, choices, by_fault)
+            now = one if one.misfit < (OWN_WORTH if by_fault and not now.by_fault else WORTH) * now.misfit else now
+    now = _with_spectra(evidence, now, (tuple(sorted({*MEASURED} & {*now.names, LINES})),), now.by_fault)
     ranked = _ranked(
         evidence, now, found, learnt, lambda part: progress("effects that bring it closer", 0.05 + 0.4 * part)
     )
@@ -97,6 +107,7 @@ def closest_twin(
         tried = _tried(evidence, now, effect, rounds=2)
         if tried is not None and tried.misfit < WORTH * now.misfit:
             now = tried
+    now = _without_idle(evidence, now)
     progress("values fitted together", 0.5)
     trials = min(max(evidence.trials // 2, _JOINT[0]), _JOINT[1])
     joint = fitted_together(
@@ -126,6 +137,20 @@ def closest_spec(compared: Compared) -> TwinSpec | None:
     return replace(spec, effects=tuple(names), parameters=values)
 
 
+def _rhythms(evidence: Evidence, start: _Twin, found: Explanation) -> Iterator[_Twin]:
+    """The twin, and the twin with random impacts of a few kinds.
+
+    Strictly regular impacts are lines, irregular ones lie between: without the right kind, no path fits the spectra.
+    """
+    yield start
+    for names in _RANDOM_IMPACTS:
+        more = tuple(make_effect(name, values) for name, values in names.items() if name not in start.names)
+        able = all(effect.name not in {*evidence.modelled, *found.cannot} and evidence.fits(effect) for effect in more)
+        if more and able:
+            chain = (*start.effects, *more)
+            yield _Twin(start.simulator, chain, evidence.misfit(start.simulator, chain))
+
+
 def _with_spectra(evidence: Evidence, now: _Twin, choices: Sequence[tuple[str, ...]], by_fault: bool) -> _Twin:
     """The twin with the choice of measured spectra that brings it closest."""
     best = now
@@ -139,13 +164,27 @@ def _with_spectra(evidence: Evidence, now: _Twin, choices: Sequence[tuple[str, .
     return best
 
 
+def _without_idle(evidence: Evidence, now: _Twin) -> _Twin:
+    """The twin without effects that keep it apart from the records, such as a mode at a place that the path has now."""
+    for effect in now.effects:
+        if effect.name in MEASURED:
+            continue
+        kept = tuple(other for other in now.effects if other.name != effect.name)
+        tried = _made(evidence, now, kept, moved=effect.stage <= Stage.PATH)
+        if tried is not None and tried.misfit < now.misfit:
+            now = tried
+    return now
+
+
 def _tried(evidence: Evidence, now: _Twin, effect: Effect, rounds: int = 1) -> _Twin | None:
-    """The twin with one more effect, its path and background measured anew; None where it cannot be simulated."""
-    chain = (*now.effects, effect)
+    """The twin with one more effect; None where it cannot be simulated."""
+    return _made(evidence, now, (*now.effects, effect), rounds, moved=effect.stage <= Stage.PATH)
+
+
+def _made(evidence: Evidence, now: _Twin, chain: Chain, rounds: int = 1, *, moved: bool) -> _Twin | None:
+    """The twin with other effects; path and background are measured anew where what acts before them has changed."""
+    names = [name for name in (PATH, BACKGROUND) if name in now.names and moved]
     try:
-        # Only what acts before the path changes what is measured of it.
-        moved = effect.stage <= Stage.PATH
-        names = [name for name in (PATH, BACKGROUND) if name in now.names and moved]
         again = measured(evidence, now.simulator, chain, names, rounds, by_fault=now.by_fault) if names else None
         made = again or (now.simulator, chain)
         return _Twin(*made, evidence.misfit(*made), now.by_fault)

@@ -12,7 +12,10 @@ from twingap.gap.report.model import GapReport, Verdict
 
 STATUS: Final[Mapping[str, tuple[str, str]]] = {
     "no_gap": ("No gap", "No gap beyond chance was found."),
-    "explained": ("Gap explained", "Nothing significant is left once the named effects are added."),
+    "explained": (
+        "Gap explained", "Little is left once the named effects are added: nothing significant, at most a tenth, or no "
+        "more than real records in place of the twin leave.",
+    ),
     "partly_explained": ("Gap partly explained", "A significant rest remains once the named effects are added."),
     "unexplained": (
         "Gap unexplained", "There is a significant gap, and nothing in the catalogue shrinks it significantly."
