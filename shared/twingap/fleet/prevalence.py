@@ -1,0 +1,110 @@
+"""Hierarchical prior of a fleet: the prevalence of an effect, and each machine's probability given all machines.
+
+own probabilities [machines], prevalence in training --likelihood ratios--> posterior of the prevalence
+                                                     --averaged over it--> probability with the fleet [machines]
+
+A calibrated probability p of one machine holds for the prevalence q0 of the training. Its likelihood ratio is
+r = p / (1 - p) / (q0 / (1 - q0)). For machines that are independent given the prevalence q of their fleet,
+
+    P(all machines | q) = prod_i (q r_i + 1 - q),    P(machine i has it | q) = q r_i / (q r_i + 1 - q).
+
+The maximum over q is that of the EM algorithm of Saerens, Latinne and Decaestecker 2002
+(doi:10.1162/089976602753284446), which is too certain for few machines. Here q has a beta prior with the mean q0, and
+both are averaged over its posterior, on a grid. The probability of a single machine remains as it is.
+"""
+
+from __future__ import annotations
+
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from twingap.effects import catalogue
+from twingap.effects.registry import own_effects
+from twingap.gap.knowledge.simulated_gaps import HOW_MANY
+
+Array = NDArray[np.float64]
+
+STRENGTH: Final = 2.0
+"""Number of machines that the prior of the prevalence counts as. A larger value moves probabilities less."""
+LEVEL: Final = 0.9
+"""Level of the interval of the prevalence."""
+_LEAST_P: Final = 1e-3
+"""Probabilities are clipped this far from 0 and 1. A smaller value lets single machines count for more."""
+_BLOCK: Final = 256
+"""Machines per step. A larger number takes more memory."""
+
+
+class Prevalence(NamedTuple):
+    """Prevalence of an effect in a fleet.
+
+    Parameters
+    ----------
+    mean : float
+        Posterior mean.
+    ci : (float, float)
+        90 % interval.
+    probability : Array [machines]
+        That each machine has the effect, given all machines.
+    """
+
+    mean: float
+    ci: tuple[float, float]
+    probability: Array
+
+
+def training_prevalence() -> dict[str, float]:
+    """Part of the simulated machines of the training that lack each effect; none for effects of the user's own."""
+    kinds = {name: kind for name, kind in catalogue().items() if name not in own_effects()}
+    mean = float(np.arange(len(HOW_MANY)) @ np.array(HOW_MANY))
+    total = sum(kind.draw_weight for kind in kinds.values())
+    return {name: mean * kind.draw_weight / total for name, kind in kinds.items()}
+
+
+def prevalence(own: ArrayLike, trained: float, strength: float = STRENGTH) -> Prevalence:
+    """Posterior of an effect's prevalence, and of each machine given all.
+
+    Parameters
+    ----------
+    own : array-like [machines]
+        Calibrated probability of each machine by itself.
+    trained : float
+        Prevalence in the training that these probabilities hold for.
+    strength : float
+        Number of machines that the prior counts as.
+    """
+    from scipy.special import expit
+    from scipy.stats import beta
+
+    p = np.clip(np.asarray(own, float), _LEAST_P, 1 - _LEAST_P)
+    ratio = p / (1 - p) / (trained / (1 - trained))
+    edges = np.concatenate(([0.0], expit(np.linspace(-12, 12, 2001)), [1.0]))
+    q = (edges[:-1] + edges[1:]) / 2
+    prior = np.diff(beta.cdf(edges, strength * trained, strength * (1 - trained)))
+    # Means of the prior within cells, not their middles: the outermost cells hold much of it.
+    q = _means(edges, prior, q, strength, trained)
+    with np.errstate(divide="ignore"):
+        log = np.log(prior)
+    for part in _blocks(ratio):
+        log += np.log1p(np.multiply.outer(part - 1, q)).sum(axis=0)
+    weight = np.exp(log - log.max())
+    weight /= weight.sum()
+    parts = [(np.multiply.outer(r, q) / (np.multiply.outer(r - 1, q) + 1)) @ weight for r in _blocks(ratio)]
+    ends = np.interp([(1 - LEVEL) / 2, (1 + LEVEL) / 2], np.cumsum(weight), edges[1:])
+    return Prevalence(float(q @ weight), (float(ends[0]), float(ends[1])), np.concatenate(parts))
+
+
+def _means(edges: Array, prior: Array, middle: Array, strength: float, trained: float) -> Array:
+    """Mean of the prior in each cell of the grid; the middle of cells without prior."""
+    from scipy.stats import beta
+
+    # q Beta(q; a, b) is the mean times Beta(q; a + 1, b).
+    moment = trained * np.diff(beta.cdf(edges, strength * trained + 1, strength * (1 - trained)))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        mean = np.where(prior > 1e-200, moment / prior, middle)
+    return np.asarray(np.clip(mean, edges[:-1], edges[1:]))
+
+
+def _blocks(values: Array) -> list[Array]:
+    return np.split(values, range(_BLOCK, values.size, _BLOCK)) if values.size else []
