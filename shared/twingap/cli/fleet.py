@@ -48,8 +48,9 @@ def fleet(
 ) -> None:
     """Diagnose every record set below a folder, and report the fleet on one page.
 
-    Each machine has its own report in DIR, at the path of its record set. Machines that DIR holds already, with the same
-    records, twin and settings, are not diagnosed again. A record set that cannot be diagnosed is a row that says why.
+    Each machine has its own report in DIR, at the path of its record set. Machines that DIR holds already, with the
+    same records, twin and settings, are not diagnosed again. A record set that cannot be diagnosed is a row that says
+    why.
     """
     from twingap.files import try_outputs
     from twingap.twins.twin_file import read_twin

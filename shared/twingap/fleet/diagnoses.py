@@ -99,7 +99,7 @@ def run_fleet(
         When there is no record set, none can be diagnosed, the output cannot be written, or another process is
         writing it.
     """
-    root, out, spec = Path(os.path.abspath(folder)), Path(out), read_twin(twin)
+    root, out, spec = Path(folder).absolute(), Path(out), read_twin(twin)
     paths = find_record_sets(folder, out)
     where = {"backend": backend, "address": address, "n_jobs": jobs}
     reasons: dict[str, str] = {}

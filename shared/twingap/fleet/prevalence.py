@@ -91,8 +91,10 @@ def prevalence(own: ArrayLike, trained: float, strength: float = STRENGTH) -> Pr
     weight = np.exp(log - log.max())
     weight /= weight.sum()
     parts = [(np.multiply.outer(r, q) / (np.multiply.outer(r - 1, q) + 1)) @ weight for r in _blocks(ratio)]
-    ends = np.interp([(1 - LEVEL) / 2, (1 + LEVEL) / 2], np.cumsum(weight), edges[1:])
-    return Prevalence(float(q @ weight), (float(ends[0]), float(ends[1])), np.concatenate(parts))
+    tail, total = (1 - LEVEL) / 2, np.cumsum(weight)
+    low, high = np.interp([tail, 1 - tail], total, edges[1:])
+    ends = (0.0 if total[0] >= tail else float(low), 1.0 if total[-2] <= 1 - tail else float(high))
+    return Prevalence(float(q @ weight), ends, np.concatenate(parts))
 
 
 def _means(edges: Array, prior: Array, middle: Array, strength: float, trained: float) -> Array:
