@@ -100,14 +100,13 @@ def run_fleet(
         writing it.
     """
     root, out, spec = Path(folder).absolute(), Path(out), read_twin(twin)
-    paths = find_record_sets(folder, out)
+    found = {path.encode("utf-8", "backslashreplace").decode(): path for path in find_record_sets(folder, out)}
+    reasons = {name: "the path is not UTF-8; rename it" for name, path in found.items() if name != path}
     where = {"backend": backend, "address": address, "n_jobs": jobs}
-    reasons: dict[str, str] = {}
 
-    read = functools.partial(read_machine, root=root)
     digests = _swept(
-        read, [ReadJob(path) for path in paths], reasons, "reading records", progress, lambda result: None,
-        data={"root": str(root)}, **where,
+        functools.partial(read_machine, root=root), [ReadJob(path) for path in found if path not in reasons], reasons,
+        "reading records", progress, lambda result: None, data={"root": str(root)}, **where,
     )  # fmt: skip
 
     machines: dict[str, Machine] = {}
@@ -135,16 +134,16 @@ def run_fleet(
     reasons = {path: reason.replace(f"{root}{os.sep}", "") for path, reason in reasons.items()}
     if not machines:
         path = next(iter(reasons))
-        raise TwingapError(f"none of {len(paths)} record sets could be diagnosed: {path}: {reasons[path]}", where=root)
+        raise TwingapError(f"none of {len(found)} record sets could be diagnosed: {path}: {reasons[path]}", where=root)
     for path in reasons:
         for old in FILES:  # of records that could be diagnosed before
             with suppress(OSError):
                 (out / path / old).unlink()
     about = {
-        "folder": root.name, "twin": name, "twin_model": spec.model, "twin_effects": list(spec.effects), "seed": seed,
+        "folder": root.resolve().name, "twin": name, "twin_model": spec.model, "twin_effects": list(spec.effects), "seed": seed,
         "closest": closest, "version": data["version"], "learnt_sha256": data["learnt"],
     }  # fmt: skip
-    rows = [machines.get(path) or Machine(path, NOT_DIAGNOSED, reasons[path]) for path in paths]
+    rows = [machines.get(path) or Machine(path, NOT_DIAGNOSED, reasons[path]) for path in found]
     return fleet_of(rows, about)
 
 

@@ -129,7 +129,6 @@ def _machines(count: int) -> str:
 def _row(rank: int, machine: Machine) -> Row:
     own, given = machine.probability, machine.with_fleet
     moved = [n for n in given if abs(given[n] - own[n]) >= _MOVED and max(given[n], own[n]) >= _WORTH]
-    gap, after = machine.gap, machine.gap_after
     closes = "" if machine.closure is None else percent(machine.closure, machine.closure_ci)
     return Row(
         machine,
@@ -137,11 +136,18 @@ def _row(rank: int, machine: Machine) -> Row:
         link(machine.path) if machine.diagnosed else "",
         TITLES[machine.status],
         [f"{name(n)} {percent(own[n])}" for n in machine.effects],
-        "" if gap is None or after is None else f"{gap:.2g} → {after:.2g}" if machine.effects else f"{gap:.2g}",
+        _gap(machine),
         closes,
         [f"{name(n)} {percent(own[n])} → {percent(given[n])}" for n in sorted(moved, key=lambda n: -given[n])],
         "" if machine.difference is None else f"{machine.difference:.1f}",
     )
+
+
+def _gap(machine: Machine) -> str:
+    gap, after = machine.gap, machine.gap_after
+    if gap is None or after is None:
+        return ""
+    return f"{gap:.2g}\u00a0→\u00a0{after:.2g}" if machine.effects else f"{gap:.2g}"
 
 
 def _effect(row: SharedEffect) -> dict[str, str | float]:

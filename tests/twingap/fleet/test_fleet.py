@@ -203,6 +203,12 @@ def test_what_is_wrong_is_said_in_one_line(typed: Run, machines: Path, twin: Pat
     refused(typed("fleet", machines, "--twin", twin, "--out", twin, "--no-track"), twin.name)
     said = typed("fleet", bad.parent, "--twin", twin, *out, "--jobs", 1)
     refused(said, "none of 1 record sets could be diagnosed: set: set/recordset.toml")
+    broken = bad.parent / os.fsdecode(b"\xff")
+    broken.mkdir()
+    (broken / "records.csv").touch()
+    said = typed("fleet", bad.parent, "--twin", twin, *out, "--jobs", 1)
+    refused(said, "none of 2", "\\udcff: the path is not UTF-8")
+    shutil.rmtree(broken)
     address = ("--address", "tcp://127.0.0.1:9")
     refused(typed("fleet", machines, "--twin", twin, *out, *address), "backend 'loky' has no address")
     assert sorted(tmp_path.rglob("*")) == before

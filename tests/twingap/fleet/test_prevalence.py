@@ -34,7 +34,9 @@ def test_with_the_fleet_they_are_calibrated_and_sharper(size: int) -> None:
         now, p = fleet(size, part, rng)
         found = prevalence(p, TRAINED)
         covered += found.ci[0] <= part <= found.ci[1]
-        has.append(now), own.append(p), given.append(found.probability)
+        has.append(now)
+        own.append(p)
+        given.append(found.probability)
     truth, alone, together = np.concatenate(has), np.concatenate(own), np.concatenate(given)
     assert log_loss(truth, together) < log_loss(truth, alone)
     assert covered / 400 > 0.85
