@@ -140,8 +140,8 @@ def run_fleet(
             with suppress(OSError):
                 (out / path / old).unlink()
     about = {
-        "folder": root.resolve().name, "twin": name, "twin_model": spec.model, "twin_effects": list(spec.effects), "seed": seed,
-        "closest": closest, "version": data["version"], "learnt_sha256": data["learnt"],
+        "folder": root.resolve().name, "twin": name, "twin_model": spec.model, "twin_effects": list(spec.effects),
+        "seed": seed, "closest": closest, "version": data["version"], "learnt_sha256": data["learnt"],
     }  # fmt: skip
     rows = [machines.get(path) or Machine(path, NOT_DIAGNOSED, reasons[path]) for path in found]
     return fleet_of(rows, about)
