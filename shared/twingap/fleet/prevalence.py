@@ -26,12 +26,14 @@ from twingap.gap.knowledge.simulated_gaps import HOW_MANY
 
 Array = NDArray[np.float64]
 
-STRENGTH: Final = 2.0
+STRENGTH: Final = 4.0
 """Number of machines that the prior of the prevalence counts as. A larger value moves probabilities less."""
 LEVEL: Final = 0.9
 """Level of the interval of the prevalence."""
-_LEAST_P: Final = 1e-3
-"""Probabilities are clipped this far from 0 and 1. A smaller value lets single machines count for more."""
+_LEAST_P: Final = 0.01
+"""Probabilities are clipped this far from 0 and 1 where the prevalence is estimated: smaller ones are less certain than
+they state, because effects that a machine's records cannot show were left out of their calibration. A smaller value
+lets effects that were not found count for more against other machines."""
 _BLOCK: Final = 256
 """Machines per step. A larger number takes more memory."""
 
@@ -77,8 +79,7 @@ def prevalence(own: ArrayLike, trained: float, strength: float = STRENGTH) -> Pr
     from scipy.special import expit
     from scipy.stats import beta
 
-    p = np.clip(np.asarray(own, float), _LEAST_P, 1 - _LEAST_P)
-    ratio = p / (1 - p) / (trained / (1 - trained))
+    ratio, clipped = (_ratios(own, trained, least) for least in (1e-9, _LEAST_P))
     edges = np.concatenate(([0.0], expit(np.linspace(-12, 12, 2001)), [1.0]))
     q = (edges[:-1] + edges[1:]) / 2
     prior = np.diff(beta.cdf(edges, strength * trained, strength * (1 - trained)))
@@ -86,7 +87,7 @@ def prevalence(own: ArrayLike, trained: float, strength: float = STRENGTH) -> Pr
     q = _means(edges, prior, q, strength, trained)
     with np.errstate(divide="ignore"):
         log = np.log(prior)
-    for part in _blocks(ratio):
+    for part in _blocks(clipped):
         log += np.log1p(np.multiply.outer(part - 1, q)).sum(axis=0)
     weight = np.exp(log - log.max())
     weight /= weight.sum()
@@ -95,6 +96,12 @@ def prevalence(own: ArrayLike, trained: float, strength: float = STRENGTH) -> Pr
     low, high = np.interp([tail, 1 - tail], total, edges[1:])
     ends = (0.0 if total[0] >= tail else float(low), 1.0 if total[-2] <= 1 - tail else float(high))
     return Prevalence(float(q @ weight), ends, np.concatenate(parts))
+
+
+def _ratios(own: ArrayLike, trained: float, least: float) -> Array:
+    """Likelihood ratios of probabilities that hold for a prevalence."""
+    p = np.clip(np.asarray(own, float), least, 1 - least)
+    return np.asarray(p / (1 - p) / (trained / (1 - trained)))
 
 
 def _means(edges: Array, prior: Array, middle: Array, strength: float, trained: float) -> Array:

@@ -21,6 +21,12 @@ def fleet(size: int, part: float, rng: np.random.Generator, separation: float = 
     return has, odds / (1 + odds)
 
 
+def with_prevalence(own: Array, part: float) -> Array:
+    """Probabilities where a part of the machines has the effect that is known."""
+    odds = own / (1 - own) * (1 - TRAINED) / TRAINED * part / (1 - part)
+    return np.asarray(odds / (1 + odds))
+
+
 def log_loss(has: NDArray[np.bool_], p: Array) -> float:
     return -float(np.log(np.where(has, p, 1 - p)).mean())
 
@@ -65,12 +71,10 @@ def test_in_a_large_fleet_it_is_what_em_finds() -> None:
     _, own = fleet(3000, 0.3, np.random.default_rng(2))
     part = TRAINED
     for _ in range(500):
-        odds = own / (1 - own) * (1 - TRAINED) / TRAINED * part / (1 - part)
-        p = odds / (1 + odds)
-        part = p.mean()
+        part = with_prevalence(np.clip(own, 0.01, 0.99), part).mean()
     found = prevalence(own, TRAINED)
     assert found.mean == pytest.approx(part, abs=0.005)
-    np.testing.assert_allclose(found.probability, p, atol=0.01)
+    np.testing.assert_allclose(found.probability, with_prevalence(own, part), atol=0.01)
 
 
 def test_order_and_certain_machines_do_no_harm() -> None:
