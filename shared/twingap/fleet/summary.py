@@ -81,9 +81,10 @@ class Machine:
         """Row of a diagnosed machine."""
         verdict, stated = report.verdict, report.provenance
         first = report.metrics[0] if report.metrics else None
+        gaps = (None, None, None) if first is None else (first.before, first.after, first.floor)
         return cls(
             path, verdict.status, "", verdict.effects, report.sentence, verdict.p_value, verdict.p_words,
-            first and first.before, first and first.after, first and first.floor, verdict.closure, verdict.closure_ci,
+            *gaps, verdict.closure, verdict.closure_ci,
             {c.effect: c.probability for c in sorted(report.candidates, key=lambda c: c.effect)},
             n_records=stated.get("n_records"), records_sha256=str(stated["records_sha256"]),
         )  # fmt: skip
