@@ -102,7 +102,7 @@ _add(
 )  # fmt: skip
 _add("close", close.close, "RECORDSET --twin twin.toml --out closed.toml")
 _add(
-    "fleet", fleet.fleet, "MACHINES --twin twin.toml --out fleet",
+    "fleet", fleet.fleet, "MACHINES --twin twin.toml --out fleet", "MACHINES --twin twin.toml --out fleet --quick",
     "MACHINES --twin twin.toml --out fleet --backend dask --address tcp://HOST:8786",
 )  # fmt: skip
 app.add_typer(study.app, name="study")

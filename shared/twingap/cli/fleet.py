@@ -27,8 +27,8 @@ def fleet(
     folder: Annotated[Path, typer.Argument(metavar="FOLDER", help="Folder that holds the record sets, at any depth.")],
     twin: Annotated[Path, typer.Option(metavar="TWIN.toml", help="Twin of the machines.")],
     out: Annotated[Path, typer.Option(metavar="DIR", help="Folder for the reports; an interrupted run is resumed.")],
-    closest: Annotated[
-        bool, typer.Option("--closest", help="Also search for surrogate effects, as in `twingap gap` (minutes each).")
+    quick: Annotated[
+        bool, typer.Option("--quick", help="Leave out the closest twin and what each group of effects closes.")
     ] = False,
     jobs: Annotated[
         int | None, typer.Option(metavar="J", help="Machines at once; one per core when absent.", min=1)
@@ -68,7 +68,7 @@ def fleet(
             twin,
             out,
             seed=seed,
-            closest=closest,
+            quick=quick,
             backend=backend.value,
             address=address,
             jobs=jobs,

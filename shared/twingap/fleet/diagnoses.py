@@ -52,7 +52,7 @@ class DiagnoseJob:
     path: str
     records_sha256: str
     seed: int
-    closest: bool
+    quick: bool
 
 
 def run_fleet(
@@ -61,7 +61,7 @@ def run_fleet(
     out: str | os.PathLike[str],
     *,
     seed: int = 0,
-    closest: bool = False,
+    quick: bool = False,
     backend: str = "loky",
     address: str | None = None,
     jobs: int | None = None,
@@ -81,7 +81,7 @@ def run_fleet(
     out : path-like
         Output folder: one folder per machine, with the relative path of its record set.
     seed : int
-    closest : bool
+    quick : bool
         As in `twingap.diagnose`.
     backend, address, jobs
         Where to run; see `twingap.sweep.backends.open_pool`.
@@ -125,7 +125,7 @@ def run_fleet(
         "twin": digest_of_value(tables_of(spec)), "twin_file": name, "learnt": shipped_digest(),
         "version": versions()["twingap"],
     }  # fmt: skip
-    work = [DiagnoseJob(path, digest, seed, closest) for path, digest in digests.items()]
+    work = [DiagnoseJob(path, digest, seed, quick) for path, digest in digests.items()]
     _swept(
         functools.partial(diagnose_machine, root=root, twin=spec, twin_file=name), work, reasons, "diagnosing",
         progress, finished, store=out / STORE, data=data,
@@ -141,7 +141,7 @@ def run_fleet(
                 (out / path / old).unlink()
     about = {
         "folder": root.resolve().name, "twin": name, "twin_model": spec.model, "twin_effects": list(spec.effects),
-        "seed": seed, "closest": closest, "version": data["version"], "learnt_sha256": data["learnt"],
+        "seed": seed, "quick": quick, "version": data["version"], "learnt_sha256": data["learnt"],
     }  # fmt: skip
     rows = [machines.get(path) or Machine(path, NOT_DIAGNOSED, reasons[path]) for path in found]
     return fleet_of(rows, about)
@@ -154,11 +154,11 @@ def read_machine(job: ReadJob, *, root: Path) -> str:
 
 def diagnose_machine(job: DiagnoseJob, *, root: Path, twin: TwinSpec, twin_file: str) -> dict[str, Any]:
     """Content of gap.json and of closest.toml, or None, of one machine."""
-    found = diagnose(root / job.path, twin, seed=job.seed, closest=job.closest)
+    found = diagnose(root / job.path, twin, seed=job.seed, quick=job.quick)
     stated = found.report.provenance
     if stated["records_sha256"] != job.records_sha256:
         raise TwingapError("changed while it was read", where=root / job.path, mend="run the command again")
-    closer = found.closest_twin() if job.closest else None
+    closer = found.closest_twin() if found.write_closest else None
     return {
         "gap": to_json(replace(found.report, provenance={**stated, "twin": twin_file})),
         "closest": None if closer is None else to_toml(tables_of(closer)),

@@ -36,7 +36,7 @@ class Row:
     title: str
     effects: Sequence[str]
     gap: str
-    closes: str
+    closes: Sequence[str]
     with_fleet: Sequence[str]
     difference: str
 
@@ -86,6 +86,11 @@ def page(fleet: Fleet) -> str:
             facts=facts,
             statuses=[(status, TITLES[status], count) for status, count in fleet.statuses.items() if count],
             rows=[_row(i, machine) for i, machine in enumerate(fleet.machines, 1)],
+            groups=[
+                (row.group, percent(row.share), f"{row.machines} of {row.of}")
+                for row in fleet.groups
+                if round(100 * row.share)
+            ],
             effects=[_effect(row) for row in fleet.effects if row.named or (row.prevalence or 0) > 0.2],
             chart=_chart(diagnosed),
             about={name(key): value for key, value in fleet.about.items()},
@@ -129,7 +134,9 @@ def _machines(count: int) -> str:
 def _row(rank: int, machine: Machine) -> Row:
     own, given = machine.probability, machine.with_fleet
     moved = [n for n in given if abs(given[n] - own[n]) >= _MOVED and max(given[n], own[n]) >= _WORTH]
-    closes = "" if machine.closure is None else percent(machine.closure, machine.closure_ci)
+    closes = [] if machine.closure is None else [percent(machine.closure, machine.closure_ci)]
+    if machine.closest is not None:
+        closes.append(f"closest twin {percent(machine.closest)}")
     return Row(
         machine,
         str(rank) if machine.diagnosed else "",

@@ -20,7 +20,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from twingap.effects import catalogue
+from twingap.effects import trainable
 from twingap.effects.registry import own_effects
 from twingap.gap.knowledge.simulated_gaps import HOW_MANY
 
@@ -57,8 +57,8 @@ class Prevalence(NamedTuple):
 
 
 def training_prevalence() -> dict[str, float]:
-    """Part of the simulated machines of the training that lack each effect; none for effects of the user's own."""
-    kinds = {name: kind for name, kind in catalogue().items() if name not in own_effects()}
+    """Part of the simulated machines of the training that lack each effect; none for effects not trained on."""
+    kinds = {name: kind for name, kind in trainable().items() if name not in own_effects()}
     mean = float(np.arange(len(HOW_MANY)) @ np.array(HOW_MANY))
     total = sum(kind.draw_weight for kind in kinds.values())
     return {name: mean * kind.draw_weight / total for name, kind in kinds.items()}

@@ -10,7 +10,7 @@ import statistics
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import numpy as np
 
@@ -48,6 +48,10 @@ class Machine:
         Gap without and with the named effects, and that of records against records: the metric that closures refer to.
     closure, closure_ci : float and (float, float), or None
         Part of the gap that the named effects close, with its 90 % interval.
+    closest, closest_ci : float and (float, float), or None
+        Part of the gap that the closest twin closes, with its 90 % interval; None where it was not requested.
+    shares : Mapping[str, float]
+        Group of effects -> its share in that, for groups that are shown to close something.
     probability : Mapping[str, float]
         Effect -> probability that the twin lacks it, from this machine alone.
     with_fleet : Mapping[str, float]
@@ -70,6 +74,9 @@ class Machine:
     floor: float | None = None
     closure: float | None = None
     closure_ci: Interval | None = None
+    closest: float | None = None
+    closest_ci: Interval | None = None
+    shares: Mapping[str, float] = field(default_factory=dict)
     probability: Mapping[str, float] = field(default_factory=dict)
     with_fleet: Mapping[str, float] = field(default_factory=dict)
     difference: float | None = None
@@ -82,9 +89,12 @@ class Machine:
         verdict, stated = report.verdict, report.provenance
         first = report.metrics[0] if report.metrics else None
         gaps = (None, None, None) if first is None else (first.before, first.after, first.floor)
+        near = report.closest if report.closest.attribution else None
         return cls(
             path, verdict.status, "", verdict.effects, report.sentence, verdict.p_value, verdict.p_words,
             *gaps, verdict.closure, verdict.closure_ci,
+            *((None, None) if near is None else (near.closure, near.closure_ci)),
+            {share.group: share.share for share in report.closest.attribution if share.shown},
             {c.effect: c.probability for c in sorted(report.candidates, key=lambda c: c.effect)},
             n_records=stated.get("n_records"), records_sha256=str(stated["records_sha256"]),
         )  # fmt: skip
@@ -120,7 +130,7 @@ class SharedEffect:
     rate_ci : (float, float)
         90 % Clopper-Pearson interval of named / of.
     prevalence : float or None
-        Estimated part of the machines that have it; None for effects of the user's own, which nothing was learnt of.
+        Estimated part of the machines that have it; None for an effect that nothing was learnt of.
     prevalence_ci : (float, float) or None
         90 % interval.
     """
@@ -133,6 +143,24 @@ class SharedEffect:
     prevalence_ci: Interval | None = None
 
 
+class SharedGroup(NamedTuple):
+    """A group of effects in a fleet.
+
+    Parameters
+    ----------
+    group : str
+    machines, of : int
+        Machines whose gap it is shown to close in part, and machines with a closest twin.
+    share : float
+        Mean over the latter of its share of the gap, 0 where it is not shown.
+    """
+
+    group: str
+    machines: int
+    of: int
+    share: float
+
+
 @dataclass(frozen=True)
 class Fleet:
     """A diagnosed fleet.
@@ -143,12 +171,15 @@ class Fleet:
         The largest difference first, those that could not be diagnosed last.
     effects : tuple of SharedEffect
         The most often named first.
+    groups : tuple of SharedGroup
+        The largest share first; empty where diagnoses were quick.
     about : Mapping
         Folder, twin, seed and versions.
     """
 
     machines: tuple[Machine, ...]
     effects: tuple[SharedEffect, ...]
+    groups: tuple[SharedGroup, ...]
     about: Mapping[str, Any]
 
     @property
@@ -173,7 +204,7 @@ class Fleet:
                 "gap_before": m.before, "gap_after": m.after, "gap_floor": m.floor, "closure": m.closure,
                 "closure_lo": None if m.closure_ci is None else m.closure_ci[0],
                 "closure_hi": None if m.closure_ci is None else m.closure_ci[1],
-                "likely_with_the_fleet": ", ".join(likely(m)), "difference": m.difference,
+                "closest_closure": m.closest, "likely_with_the_fleet": ", ".join(likely(m)), "difference": m.difference,
                 "n_records": m.n_records, "records_sha256": m.records_sha256, "reason": m.reason,
             }
             for m in self.machines
@@ -217,7 +248,18 @@ def fleet_of(machines: Sequence[Machine], about: Mapping[str, Any]) -> Fleet:
     ]
     rows.sort(key=lambda m: (not m.diagnosed, -(m.difference or 0.0), m.path))
     shared.sort(key=lambda row: (-row.named, -(row.prevalence or 0.0), row.effect))
-    return Fleet(tuple(rows), tuple(shared), about)
+    return Fleet(tuple(rows), tuple(shared), _groups(diagnosed), about)
+
+
+def _groups(diagnosed: Sequence[Machine]) -> tuple[SharedGroup, ...]:
+    """Groups of effects that close gaps, the largest share first."""
+    closer = [machine.shares for machine in diagnosed if machine.closest is not None]
+    counts = Counter(group for shares in closer for group in shares)
+    rows = [
+        SharedGroup(group, count, len(closer), sum(shares.get(group, 0.0) for shares in closer) / len(closer))
+        for group, count in counts.items()
+    ]
+    return tuple(sorted(rows, key=lambda row: (-row.share, row.group)))
 
 
 def _differences(diagnosed: Sequence[Machine], effects: Sequence[str]) -> dict[str, float]:

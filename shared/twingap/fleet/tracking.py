@@ -48,6 +48,7 @@ def track_fleet(
         run.metrics({"machines": len(fleet.machines), **{f"status/{k}": n for k, n in fleet.statuses.items()}})
         run.metrics({f"named/{row.effect}": row.named / row.of for row in fleet.effects})
         run.metrics({f"prevalence/{row.effect}": row.prevalence for row in fleet.effects})
+        run.metrics({f"share/{row.group}": row.share for row in fleet.groups})
         run.table("machines", fleet.frame)
         run.table("effects", pd.DataFrame([plain(row) for row in fleet.effects]))
         for path in files:

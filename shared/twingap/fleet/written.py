@@ -27,6 +27,7 @@ def to_json(fleet: Fleet) -> dict[str, Any]:
         "schema": SCHEMA,
         "statuses": fleet.statuses,
         "effects": plain(fleet.effects),
+        "groups": [row._asdict() for row in fleet.groups],
         "machines": machines,
         "about": plain(fleet.about),
     }

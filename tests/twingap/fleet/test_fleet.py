@@ -44,7 +44,7 @@ def finished(machines: Path, twin: Path, tmp_path_factory: pytest.TempPathFactor
     folder = tmp_path_factory.mktemp("killed")
     out, uri = folder / "Ergebnis ü", f"sqlite:///{folder / 'runs.db'}"
     command = [sys.executable, "-m", "twingap.cli", "fleet", str(machines), "--twin", str(twin), "--out", str(out)]
-    command += ["--jobs", "1", "--seed", "3", "--tracking-uri", uri]
+    command += ["--jobs", "1", "--seed", "3", "--quick", "--tracking-uri", uri]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
         while not results(out) and process.poll() is None:
             time.sleep(0.05)
@@ -72,7 +72,21 @@ def test_a_killed_fleet_resumes_to_the_same_bytes(
     now = results(finished.out)
     assert len(finished.at_kill) < len(now) == 3
     assert all(now[name] == content for name, content in finished.at_kill.items())
-    said = typed("fleet", machines, "--twin", twin, "--out", tmp_path, "--jobs", 2, "--seed", 3, "--no-track", "--json")
+    said = typed(
+        "fleet",
+        machines,
+        "--twin",
+        twin,
+        "--out",
+        tmp_path,
+        "--jobs",
+        2,
+        "--seed",
+        3,
+        "--quick",
+        "--no-track",
+        "--json",
+    )
     assert said.status == 0, said.err
     assert json.loads(said.out) == json.loads((tmp_path / "fleet.json").read_text(encoding="utf-8"))
     for name in FLEET:
@@ -86,7 +100,7 @@ def test_a_killed_fleet_resumes_to_the_same_bytes(
 
 @pytest.mark.slow
 def test_each_machine_has_the_report_of_a_diagnosis_of_its_own(finished: Finished, machines: Path, twin: Path) -> None:
-    alone = to_json(diagnose(machines / PLAIN, twin, seed=3).report)
+    alone = to_json(diagnose(machines / PLAIN, twin, seed=3, quick=True).report)
     del alone["provenance"]["runtime_s"]
     assert without_run_time(finished.out / PLAIN / "gap.json") == json.loads(json.dumps(alone))
 
@@ -142,7 +156,7 @@ def test_what_changed_is_diagnosed_again_and_nothing_else(copied: tuple[Path, Pa
     kept = {path: (out / path / "gap.json").stat().st_mtime_ns for path in (COARSE, PLAIN, LAST)}
     before, digest = results(out), read_report(out / LAST).provenance["records_sha256"]
     (out / COARSE / "report.html").unlink()  # lost, but its diagnosis is kept
-    found = run_fleet(folder, twin, out, seed=3, backend="sequential")
+    found = run_fleet(folder, twin, out, seed=3, quick=True, backend="sequential")
     new = results(out).keys() - before.keys()
     assert [json.loads((out / STORE / name).read_text())["identity"]["job"]["path"] for name in new] == [LAST]
     assert read_report(out / LAST).provenance["records_sha256"] != digest
@@ -158,7 +172,7 @@ def test_a_set_that_became_bad_loses_its_report(copied: tuple[Path, Path], twin:
         shutil.rmtree(folder / path)
     write_machine(folder / PLAIN, (), 2, count=1)
     (out / PLAIN / "mine.txt").write_text("kept")
-    found = run_fleet(folder, twin, out, seed=3, backend="sequential")
+    found = run_fleet(folder, twin, out, seed=3, quick=True, backend="sequential")
     reasons = {machine.path: machine.reason for machine in found.machines}
     assert reasons.keys() == {COARSE, PLAIN, BAD} and "at least 2 expected" in reasons[PLAIN]
     assert [path.name for path in (out / PLAIN).iterdir()] == ["mine.txt"]
@@ -172,10 +186,10 @@ def test_another_twin_or_seed_is_another_diagnosis(copied: tuple[Path, Path], tw
         shutil.rmtree(folder / path)
     same = tmp_path / twin.name
     same.write_text("# a remark\n" + twin.read_text(encoding="utf-8"), encoding="utf-8")
-    run_fleet(folder, same, out, seed=3, backend="sequential")
+    run_fleet(folder, same, out, seed=3, quick=True, backend="sequential")
     assert len(results(out)) == 3
     same.write_text('[twin]\nmodel = "phenomenological"\n[parameters]\ndamping_ratio = 0.04\n', encoding="utf-8")
-    run_fleet(folder, same, out, seed=3, backend="sequential")
+    run_fleet(folder, same, out, seed=3, quick=True, backend="sequential")
     assert len(results(out)) == 4
 
 

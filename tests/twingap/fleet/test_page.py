@@ -15,7 +15,7 @@ from twingap.fleet.summary import NOT_DIAGNOSED, fleet_of
 
 ABOUT = {
     "folder": "<b>Werk</b>", "twin": "twin.toml", "twin_model": "phenomenological", "twin_effects": [], "seed": 0,
-    "closest": False, "version": "0.1.0", "learnt_sha256": "ab",
+    "quick": False, "version": "0.1.0", "learnt_sha256": "ab",
 }  # fmt: skip
 
 
@@ -26,7 +26,8 @@ def machine(path: str, gap: float = 3.0, **probability: float) -> Machine:
     every = {"clipping": 0.01, "looseness": 0.02, "slip_jitter": 0.05} | probability
     return Machine(
         path, status, "", named, "", 0.01, "p = 0.01", gap, 1.2 if named else gap, 1.0, 0.9 if named else None,
-        (0.5, 1.1) if named else None, every, n_records=8, records_sha256="cd",
+        (0.5, 1.1) if named else None, 0.95, (0.6, 1.0), {"shaft": 0.3} if named else {}, every, n_records=8,
+        records_sha256="cd",
     )  # fmt: skip
 
 
@@ -55,6 +56,7 @@ def test_the_fleet_sharpens_a_weak_machine(fleet: Fleet) -> None:
     assert weak.with_fleet["clipping"] < weak.probability["clipping"]
     odd = fleet.machines[0]
     assert odd.with_fleet["looseness"] < odd.probability["looseness"]
+    assert fleet.groups == (("shaft", 6, 7, pytest.approx(0.3 * 6 / 7)),)
     assert fleet.effects[0].effect == "slip_jitter" and (fleet.effects[0].named, fleet.effects[0].of) == (5, 7)
 
 
@@ -84,6 +86,7 @@ def test_the_page_has_a_linked_row_for_each_machine_and_asks_the_network_for_not
     assert "http" not in text.replace("http-equiv", "") and not re.search(r"\bsrc=", text)
     assert "The twin differs from 6 of 7 machines." in text
     assert "slip jitter, for 5 of 7" in text
+    assert "<td>shaft</td>" in text and "closest twin 95" in text
 
 
 def test_one_machine_without_a_gap_has_a_page(tmp_path: Path) -> None:

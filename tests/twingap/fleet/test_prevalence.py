@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from twingap.effects import catalogue
+from twingap.effects import trainable
 from twingap.fleet.prevalence import STRENGTH, prevalence, training_prevalence
 
 TRAINED = 0.08
@@ -84,7 +84,7 @@ def test_order_and_certain_machines_do_no_harm() -> None:
     assert np.isfinite(found.probability).all() and 0 <= found.ci[0] < found.mean < found.ci[1] <= 1
 
 
-def test_every_effect_of_the_catalogue_has_a_prevalence_in_training() -> None:
+def test_every_effect_that_is_trained_has_a_prevalence_in_training() -> None:
     trained = training_prevalence()
-    assert trained.keys() == catalogue().keys()
+    assert trained.keys() == trainable().keys()
     assert all(0 < p < 0.5 for p in trained.values())
