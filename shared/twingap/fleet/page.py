@@ -122,6 +122,8 @@ def _lead(fleet: Fleet) -> str:
     """Sentence on the effect that most machines share."""
     if not fleet.effects or not fleet.effects[0].named:
         return "No effect is named for any of them."
+    if fleet.effects[0].named == 1 < len(fleet.diagnosed):
+        return "No effect is named for more than one of them."
     first = fleet.effects[0]
     text = f"Named most often as missing from the twin: {name(first.effect)}, for {first.named} of {first.of}"
     return f"{text} (90 % interval {percent(first.rate_ci[0])} to {percent(first.rate_ci[1])})."

@@ -94,4 +94,6 @@ def test_one_machine_without_a_gap_has_a_page(tmp_path: Path) -> None:
     for path in write_fleet(alone, tmp_path):
         assert path.stat().st_size > 100
     assert "1 machine cannot be distinguished from the twin." in page(alone)
+    two = fleet_of([machine("a", clipping=0.9), machine("b", looseness=0.9)], ABOUT)
+    assert "No effect is named for more than one of them." in page(two)
     assert alone.machines[0].with_fleet == pytest.approx(alone.machines[0].probability, rel=1e-3)
