@@ -88,16 +88,26 @@ class Machine:
         """Row of a diagnosed machine."""
         verdict, stated = report.verdict, report.provenance
         first = report.metrics[0] if report.metrics else None
-        gaps = (None, None, None) if first is None else (first.before, first.after, first.floor)
         near = report.closest if report.closest.attribution else None
         return cls(
-            path, verdict.status, "", verdict.effects, report.sentence, verdict.p_value, verdict.p_words,
-            *gaps, verdict.closure, verdict.closure_ci,
-            *((None, None) if near is None else (near.closure, near.closure_ci)),
-            {share.group: share.share for share in report.closest.attribution if share.shown},
-            {c.effect: c.probability for c in sorted(report.candidates, key=lambda c: c.effect)},
-            n_records=stated.get("n_records"), records_sha256=str(stated["records_sha256"]),
-        )  # fmt: skip
+            path,
+            verdict.status,
+            effects=verdict.effects,
+            sentence=report.sentence,
+            p_value=verdict.p_value,
+            p_words=verdict.p_words,
+            before=None if first is None else first.before,
+            after=None if first is None else first.after,
+            floor=None if first is None else first.floor,
+            closure=verdict.closure,
+            closure_ci=verdict.closure_ci,
+            closest=None if near is None else near.closure,
+            closest_ci=None if near is None else near.closure_ci,
+            shares={} if near is None else {share.group: share.share for share in near.attribution if share.shown},
+            probability={c.effect: c.probability for c in sorted(report.candidates, key=lambda c: c.effect)},
+            n_records=stated.get("n_records"),
+            records_sha256=str(stated["records_sha256"]),
+        )
 
     @property
     def diagnosed(self) -> bool:
