@@ -15,6 +15,7 @@ PACKAGES: Final = {
     "twingap.signal": "Spectra, envelopes, order tracking, features, mode decomposition.",
     "twingap.identification": "Parameters of twins from records.",
     "twingap.gap": "The diagnosis and its report.",
+    "twingap.fleet": "The diagnosis of many machines, and what they share.",
     "twingap.adapt": "Classification of unlabelled records.",
     "twingap.prognosis": "Health indicators and remaining life.",
     "twingap.data": "Public data sets.",

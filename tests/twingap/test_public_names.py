@@ -13,6 +13,7 @@ PACKAGES = (
     "adapt",
     "data",
     "effects",
+    "fleet",
     "gap",
     "identification",
     "prognosis",

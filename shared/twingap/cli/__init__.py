@@ -25,6 +25,7 @@ from twingap.cli import (
     data,
     demo,
     effects,
+    fleet,
     gap,
     health,
     identify,
@@ -100,6 +101,10 @@ _add(
     "RECORDSET --twin twin.toml --out gap --quick",
 )  # fmt: skip
 _add("close", close.close, "RECORDSET --twin twin.toml --out closed.toml")
+_add(
+    "fleet", fleet.fleet, "MACHINES --twin twin.toml --out fleet", "MACHINES --twin twin.toml --out fleet --quick",
+    "MACHINES --twin twin.toml --out fleet --backend dask --address tcp://HOST:8786",
+)  # fmt: skip
 app.add_typer(study.app, name="study")
 _add("train", train.train, "--out training", "--out training --backend dask --address tcp://head:8786")
 _add("effects", effects.effects, "", "slip_jitter", "--effects mine.py --json")

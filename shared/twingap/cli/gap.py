@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import sys
-from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -11,11 +9,10 @@ import typer
 
 from twingap.cli.options import Effects, Json, Seed, TrackingUri, say, say_json, show, wrote
 from twingap.cli.progress import progress
-from twingap.errors import TwingapError
+from twingap.cli.tracking import Track, Tracking
 
 if TYPE_CHECKING:
     from twingap.gap.report.model import GapReport
-    from twingap.track import Tracker
 
 
 def gap(
@@ -34,9 +31,7 @@ def gap(
         bool,
         typer.Option("--quick", help="Leave out the closest twin and what each group of effects closes."),
     ] = False,
-    track: Annotated[
-        bool, typer.Option("--track/--no-track", help="Store the diagnosis as a run for `twingap ui`.")
-    ] = True,
+    track: Track = True,
     tracking_uri: TrackingUri = None,
     effects: Effects = None,
     seed: Seed = 0,
@@ -51,40 +46,23 @@ def gap(
     read_twin(twin)  # reports an invalid file before slow imports
     records = read_record_set(recordset)
     simulated = None if sim is None else read_record_set(sim)
-    # An explicit address must work; the default one is tried after the diagnosis.
-    tracker = _tracker(tracking_uri) if track and tracking_uri is not None else None
+    tracking = Tracking("gap", track, tracking_uri)
     twins = ("closest.toml",) if not quick and simulated is None else ()
     exports = ("sim_before", "sim_after", "sim_closest")[: 2 if quick else 3] if export else ()
     try_outputs(out, ("gap.json", "report.html", *twins), exports)
     with progress("loading") as shown:
         from twingap.gap import diagnose
+        from twingap.gap.report.tracking import track_report
 
         found = diagnose(records, twin, seed=seed, sim=simulated, quick=quick, progress=shown.share)
         paths = found.write(out, export=export, progress=shown.share)
     about = found.report
-    if track:
-        _track(about, paths[:2], tracker)
+    tracking.log(lambda tracker: track_report(tracker, about, paths[:2]))
     if as_json:
         say_json(to_json(about))
     else:
         _print(about)
     wrote(*paths, as_json=as_json)
-
-
-def _tracker(uri: str | None) -> Tracker:
-    from twingap.track import MlflowTracker
-
-    return MlflowTracker(uri, "gap")
-
-
-def _track(report: GapReport, paths: Sequence[Path], tracker: Tracker | None) -> None:
-    """Track the diagnosis; since its results are written already, an unusable store gives a message only."""
-    from twingap.gap.report.tracking import track_report
-
-    try:
-        track_report(tracker or _tracker(None), report, paths)
-    except TwingapError as error:
-        print(f"twingap: not tracked: {error}", file=sys.stderr)
 
 
 def _interval(ci: tuple[float, float]) -> str:

@@ -10,6 +10,7 @@ from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from typing import Any, Final, TypeVar
 
+import typer
 from rich.console import Console
 from rich.progress import BarColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 from rich.progress import Progress as RichProgress
@@ -140,6 +141,17 @@ def steps(items: Iterable[T], title: str, total: int) -> Iterator[T]:
         for item in items:
             yield item
             shown.step()
+
+
+@contextmanager
+def resumable(title: str) -> Iterator[Progress]:
+    """Show progress of work that can be interrupted and resumed."""
+    try:
+        with progress(title) as shown:
+            yield shown
+    except KeyboardInterrupt:  # typer would end without a message
+        _print("interrupted; finished results are kept, run the same command to continue")
+        raise typer.Exit(130) from None
 
 
 def _print(line: str) -> None:

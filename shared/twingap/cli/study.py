@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-import sys
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from twingap.cli.options import Effects, Json, Seed, examples, say, say_json, show, wrote
-from twingap.cli.progress import Progress, progress
+from twingap.cli.options import Effects, Json, Seed, TrackingUri, examples, say, say_json, show, wrote
+from twingap.cli.progress import resumable
+from twingap.cli.tracking import Track, Tracking
 
 app = typer.Typer(help="Studies of the diagnosis: on worlds of known truth, on public records.", no_args_is_help=True)
 
@@ -32,14 +30,18 @@ def blind(
             show_default="1500, or 5 per world where that is less",
         ),
     ] = None,
+    track: Track = True,
+    tracking_uri: TrackingUri = None,
     json: Json = False,
 ) -> None:  # fmt: skip
     """Diagnose simulated machines of known truth blind, and score the diagnosis next to rival methods."""
     from twingap.rigs.worlds import cases as plan
     from twingap.study import run_study, write_study
     from twingap.study.runner import command_line
+    from twingap.study.tracking import track_blind
 
-    with _resumable("cases") as shown:
+    tracking = Tracking("study blind", track, tracking_uri)
+    with resumable("cases") as shown:
         done = run_study(
             out,
             plan(cases, seed),
@@ -50,6 +52,7 @@ def blind(
             progress=shown.count,
         )
     paths = write_study(done, out)
+    tracking.log(lambda tracker: track_blind(tracker, done.table, paths))
     if json:
         say_json(done.table["scores"])
     else:
@@ -90,16 +93,20 @@ def public(
     effects: Effects = None,
     seed: Seed = 0,
     jobs: Jobs = None,
+    track: Track = True,
+    tracking_uri: TrackingUri = None,
     json: Json = False,
 ) -> None:
     """Diagnose public records: what each paper's twin lacks, effects withheld or added, single recordings."""
     from twingap.study.public import Plan, run_public
     from twingap.study.public_report import twin_rows, write_public
     from twingap.study.runner import command_line
+    from twingap.study.tracking import track_public
 
+    tracking = Tracking("study public", track, tracking_uri)
     names = tuple(dict.fromkeys(name.strip() for name in sets.split(",") if name.strip()))
     plan = Plan(names, seed, pieces, splits, injections, single_pieces)
-    with _resumable("sets") as shown:
+    with resumable("sets") as shown:
         table = run_public(
             out,
             plan,
@@ -109,20 +116,10 @@ def public(
             progress=shown.count,
         )
     paths = write_public(table, out)
+    tracking.log(lambda tracker: track_public(tracker, table, paths))
     if json:
         say_json(table["twins"])
     else:
         show(twin_rows(table), False, "what each twin lacks")
         say(*(f"note: {name} is left out: {why}" for name, why in table["skipped"].items()))
     wrote(*paths, as_json=json)
-
-
-@contextmanager
-def _resumable(title: str) -> Iterator[Progress]:
-    """Progress of work that can be interrupted and resumed."""
-    try:
-        with progress(title) as shown:
-            yield shown
-    except KeyboardInterrupt:  # typer would end without a message
-        print("twingap: interrupted; finished results are kept, run the same command to continue", file=sys.stderr)
-        raise typer.Exit(130) from None

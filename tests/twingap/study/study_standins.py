@@ -33,7 +33,12 @@ def answer(status: str, effects: tuple[str, ...], p: float = 0.01) -> dict[str, 
 
 
 def by_level(
-    records: RecordSet, twin: TwinSpec, *, seed: int | np.random.Generator = 0, sim: RecordSet | None = None
+    records: RecordSet,
+    twin: TwinSpec,
+    *,
+    seed: int | np.random.Generator = 0,
+    sim: RecordSet | None = None,
+    quick: bool = False,
 ) -> dict[str, Any]:
     """An answer that depends on the samples: many equal extremes are called clipping."""
     flat = np.mean([np.mean(np.abs(r.samples) > 0.999 * np.abs(r.samples).max()) for r in records])
@@ -41,7 +46,12 @@ def by_level(
 
 
 def interrupted(
-    records: RecordSet, twin: TwinSpec, *, seed: int | np.random.Generator = 0, sim: RecordSet | None = None
+    records: RecordSet,
+    twin: TwinSpec,
+    *,
+    seed: int | np.random.Generator = 0,
+    sim: RecordSet | None = None,
+    quick: bool = False,
 ) -> dict[str, Any]:
     """Ends with an error where a simulator is brought."""
     if sim is not None:
@@ -94,7 +104,12 @@ def reachable(*roots: object) -> list[object]:
 
 
 def suspicious(
-    records: RecordSet, twin: TwinSpec, *, seed: int | np.random.Generator = 0, sim: RecordSet | None = None
+    records: RecordSet,
+    twin: TwinSpec,
+    *,
+    seed: int | np.random.Generator = 0,
+    sim: RecordSet | None = None,
+    quick: bool = False,
 ) -> dict[str, Any]:
     """Searches all that it was given for the truth and says what it found in place of effects."""
     from twingap.rigs.worlds import CATALOGUE, UNCATALOGUED, Case, Truth, World

@@ -29,6 +29,8 @@ from twingap.gap.report.model import (
 from twingap.records import Condition, Record, RecordSet
 from twingap.study import public, public_indicators, public_jobs, public_report, public_sets
 from twingap.study.public_jobs import PublicJob
+from twingap.study.tracking import track_public
+from twingap.track import FolderTracker
 from twingap.twins.twin_file import build_twin
 
 FS = 4096.0
@@ -337,6 +339,18 @@ def test_the_page_and_the_numbers_of_real_records(tmp_path: Path) -> None:
     for part in (*verdict, *nearest):
         assert part in page
     assert "virtual" not in page
+
+
+def test_it_is_a_run_with_one_inside_for_each_twin(tmp_path: Path) -> None:
+    track_public(FolderTracker(tmp_path), table("CWRU", True))
+    (parent,) = (path for path in tmp_path.iterdir() if path.is_dir())
+    metrics = (parent / "metrics.csv").read_text(encoding="utf-8").splitlines()
+    assert "injected/first,0,1.0" in metrics and "gap claimed with nothing added/cwru,0,0.0" in metrics
+    assert not any(line.startswith("withheld") for line in metrics)  # nothing was
+    (inside,) = (parent / "runs").iterdir()
+    parameters = json.loads((inside / "parameters.json").read_text(encoding="utf-8"))
+    assert (parameters["set"], parameters["twin"], parameters["effects"]) == ("cwru", "bare", "clipping")
+    assert "before/gap,0,2.0" in (inside / "metrics.csv").read_text(encoding="utf-8")
 
 
 def test_a_surrogate_is_labelled_and_has_no_documented_findings() -> None:

@@ -15,7 +15,9 @@ from twingap.rigs.worlds import Case, make_world
 from twingap.study import run_study, write_study
 from twingap.study.blind import blinded
 from twingap.study.rivals import OneClassifier
+from twingap.study.tracking import track_blind
 from twingap.sweep import SweepError
+from twingap.track import MlflowTracker
 
 CASES = [
     Case("none", name="w0", n_records=4, duration_s=0.2, fs_hz=12000.0),
@@ -60,6 +62,29 @@ def test_what_is_written_is_whole_and_plain(finished: tuple[Any, Path]) -> None:
         assert (out / f"{name}.png").stat().st_size > 5000
     page = (out / "study.md").read_text(encoding="utf-8")
     assert "false alarms" in page and "two-sample test" in page and "w1" not in page
+
+
+@pytest.mark.slow
+def test_a_study_is_a_run_with_its_scores_and_one_inside_for_each_rival(
+    finished: tuple[Any, Path], tmp_path: Path
+) -> None:
+    study, out = finished
+    uri = f"sqlite:///{tmp_path / 'runs.db'}"
+    track_blind(MlflowTracker(uri, "study blind"), study.table, [out / "study.json", out / "scores.png"])
+    import mlflow
+
+    client = mlflow.MlflowClient(uri)
+    runs = client.search_runs([client.get_experiment_by_name("study blind").experiment_id])
+    of = {run.data.params["method"]: run for run in runs}
+    assert of.keys() == {"diagnosis", *study.table["rivals"]} and len(of) == len(runs) > 1
+    parent = of.pop("diagnosis")
+    assert {run.data.tags["mlflow.parentRunId"] for run in of.values()} == {parent.info.run_id}
+    assert parent.data.params["cases"] == "3" and parent.data.params["seed"] == "3"
+    for run, rows in ((parent, study.table["scores"]), *((of[m], r) for m, r in study.table["rivals"].items())):
+        (false,) = (row for row in rows if row["score"] == "false alarms")
+        assert run.data.metrics["false alarms/none"] == false["value"]
+        assert run.data.metrics["high/false alarms/none"] == false["high"]
+    assert {file.path for file in client.list_artifacts(parent.info.run_id)} >= {"study.json", "scores.png"}
 
 
 def test_seals_can_be_checked_by_anyone(finished: tuple[Any, Path]) -> None:
