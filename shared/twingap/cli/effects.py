@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import inspect
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
@@ -46,7 +47,7 @@ def effects(
         [
             {
                 "parameter": each["name"], "meaning": each["meaning"], "unit": each["unit"],
-                "default": each["default"], "plausible": "{:g} to {:g}".format(*each["plausible"]),
+                "default": each["default"], "plausible": _range(each["plausible"]),
             }
             for each in about["parameters"]
         ],
@@ -81,8 +82,15 @@ def _described(name: str, kind: type[Effect]) -> dict[str, Any]:
 
 def _parameter(field: dataclasses.Field[Any]) -> dict[str, Any]:
     about = field.metadata
+    is_list = "profile" in about
     return {
-        "name": field.name, "meaning": about["doc"], "unit": about["unit"], "default": field.default,
-        "plausible": list(about["plausible"]), "allowed": list(about["allowed"]), "logarithmic": about["log"],
-        "fitted": about["fitted"],
+        "name": field.name, "meaning": about["doc"], "unit": about["unit"],
+        "default": list(field.default) if is_list else field.default,
+        "plausible": [] if is_list else list(about["plausible"]), "allowed": list(about["allowed"]),
+        "logarithmic": not is_list and about["log"], "fitted": not is_list and about["fitted"],
     }  # fmt: skip
+
+
+def _range(plausible: Sequence[float]) -> str:
+    """Text of a plausible range; lists are measured, and have none."""
+    return "{:g} to {:g}".format(*plausible) if plausible else "a list, measured"
