@@ -256,22 +256,23 @@ def _grid(
     return [np.log([f[i], zeta[i], *np.maximum(amplitudes[:, i], 1e-9)]) for i in picked]
 
 
-@njit(fastmath={"reassoc", "contract"})
+@njit(fastmath={"contract"})
 def _add_updates(coarse, modes, white, worth, amplitudes, up, down):  # type: ignore[no-untyped-def]  # pragma: no cover
     """Add the terms of the multiplicative updates of both amplitudes [2, points] over the bins of one spectrum."""
-    for g in range(len(modes)):
-        sums = np.zeros(4)
+    for g in range(modes.shape[0]):
+        up_mode, up_white, down_mode, down_white = 0.0, 0.0, 0.0, 0.0
         for k in range(coarse.size):
-            inverse = 1 / max(amplitudes[0, g] * modes[g, k] + amplitudes[1, g] * white[k], 1e-12)
-            pull = coarse[k] * inverse * inverse
-            sums[0] += pull * modes[g, k]
-            sums[1] += pull * white[k]
-            sums[2] += inverse * modes[g, k]
-            sums[3] += inverse * white[k]
-        up[0, g] += worth * sums[0]
-        up[1, g] += worth * sums[1]
-        down[0, g] += worth * sums[2]
-        down[1, g] += worth * sums[3]
+            model = amplitudes[0, g] * modes[g, k] + amplitudes[1, g] * white[k]
+            inverse = 1 / (1e-12 if model < 1e-12 else model)
+            pull = coarse[k] * (inverse * inverse)
+            up_mode += pull * modes[g, k]
+            up_white += pull * white[k]
+            down_mode += inverse * modes[g, k]
+            down_white += inverse * white[k]
+        up[0, g] += worth * up_mode
+        up[1, g] += worth * up_white
+        down[0, g] += worth * down_mode
+        down[1, g] += worth * down_white
 
 
 def equation_8(measured: Sequence[Spectra], *, lowest_hz: float = 0.0) -> HealthyFit:

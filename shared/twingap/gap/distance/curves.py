@@ -127,11 +127,11 @@ def _curve(
     sets = {"real": values(real), "before": np.concatenate([values(v) for v in before])}
     if after is not None:
         sets["after"] = np.concatenate([values(v) for v in after])
-    middle = {name: tuple(np.nanmedian(v, axis=0).tolist()) for name, v in sets.items()}
-    bands = {
-        name: (tuple(np.nanquantile(v, 0.05, axis=0).tolist()), tuple(np.nanquantile(v, 0.95, axis=0).tolist()))
-        for name, v in sets.items()
-    }
+    middle, bands = {}, {}
+    for name, v in sets.items():
+        quantile = np.nanquantile if np.isnan(v).any() else np.quantile  # many times as fast
+        low, middle[name], high = (tuple(row.tolist()) for row in quantile(v, (0.05, 0.5, 0.95), axis=0))
+        bands[name] = low, high
     return Curve(x, x_unit, middle["real"], middle["before"], middle.get("after"), y_unit, title, domain, bands)
 
 

@@ -20,7 +20,7 @@ from twingap.effects import measurements
 from twingap.gap.distance.domain_names import DomainName
 from twingap.gap.distance.grid import SEGMENTS, Axis, Grid
 from twingap.signal.order_statistics import order_statistics
-from twingap.signal.record_transforms import RecordTransforms, medians
+from twingap.signal.record_transforms import RecordTransforms, between_blocks, medians
 
 Array = NDArray[np.float64]
 
@@ -158,11 +158,10 @@ def _amplitude_axis(grid: Grid) -> Axis:
 
 def _amplitude(record: RecordTransforms, grid: Grid) -> Array:
     """Log quantiles of |x| / rms, log asymmetry, log rms / scale, and how often the extreme and equal samples occur."""
-    x = record.x - record.x.mean()
+    x = record.centred
     n, rms = x.size, max(np.sqrt(record.mean_square), 1e-9 * record.frame.scale)
     modulus = np.abs(x)
-    places = np.minimum(np.ceil(_QUANTILES * n).astype(int), n) - 1
-    quantiles = order_statistics(modulus, places)
+    quantiles = order_statistics(modulus, np.minimum(np.ceil(_QUANTILES * n).astype(int), n) - 1)
     shape = np.log(quantiles / rms + 1e-3)
     far = np.minimum((0.5 + _TAILS / 2) * n, n - 1).astype(int)
     tails = order_statistics(x, np.concatenate((far, n - 1 - far)))
@@ -185,7 +184,7 @@ def _time_axis(grid: Grid) -> Axis:
 
 def _time(record: RecordTransforms, grid: Grid) -> Array:
     """Log rms (over the record's) and log kurtosis of 16 parts; how unequal they are, and the largest kurtosis."""
-    x = record.x - record.x.mean()
+    x = record.centred
     parts = x[: x.size // SEGMENTS * SEGMENTS].reshape(SEGMENTS, -1)
     square = parts * parts
     power = square.mean(axis=1)
@@ -205,10 +204,9 @@ def _condition_axis(grid: Grid) -> Axis:
 def _condition(record: RecordTransforms, grid: Grid) -> Array:
     """Scalars compared between conditions: log rms, log kurtosis, log power in the band of impacts, log part of
     lines."""
-    x = record.x - record.x.mean()
     power = record.mean_square
-    square = x * x
-    kurtosis = float(square @ square) / x.size / max(power**2, _TINY)
+    square = record.centred**2
+    kurtosis = float(square @ square) / square.size / max(power**2, _TINY)
     smooth = float(record.smooth.sum()) * record.fs_hz / 2 / record.smooth.size
     return np.array(
         [
@@ -238,9 +236,9 @@ def _floor(power: Array, width: int = 40) -> Array:
     """[bins] Level between the lines: medians of blocks, interpolated in the logarithm."""
     width = max(min(width, power.size // 4), 1)
     count = power.size // width
-    levels = medians(power[: count * width].reshape(count, width))
-    at = (np.arange(count) + 0.5) * width
-    return np.asarray(np.exp(np.interp(np.arange(power.size) + 0.5, at, np.log(levels + _TINY))))
+    logs = np.log(medians(power[: count * width].reshape(count, width)) + _TINY)
+    floor = between_blocks(logs, width, power.size, 0.5 * (1 - width % 2))
+    return np.asarray(np.exp(floor, out=floor))
 
 
 def _largest(values: Array, step: float, edges: Array) -> Array:

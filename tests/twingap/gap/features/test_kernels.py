@@ -8,6 +8,7 @@ import warnings
 
 import numpy as np
 import pytest
+import scipy.optimize
 
 from twingap.gap.features.impacts import envelope_comb
 from twingap.gap.features.spectrum import change, difference, path
@@ -122,35 +123,41 @@ def test_the_nearest_candidate_is_that_of_all_sums_written_out() -> None:
         assert (best, choice) == np.unravel_index(np.argmin(squares), squares.shape)
 
 
-def _path_costs(
-    model: int, at: np.ndarray, curves: np.ndarray, sigma: np.ndarray, with_impacts: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """Costs and weights of candidates, with the work space that the kernel asks for."""
-    costs, weights, (count, bands) = np.empty(len(at)), np.zeros((len(at), 4)), curves.shape
-    of_fine, of_bands, of_curves = np.empty((6, path.FINE * bands)), np.zeros((2, bands)), np.empty((5, count * bands))
-    path._costs(
-        model, at, curves, sigma, with_impacts, costs, weights, of_fine[:2], of_fine[2:4], *of_fine[4:], *of_bands,
-        of_curves[:4], of_curves[4], np.zeros((4, 4)), *np.zeros((2, 4)),
-    )  # fmt: skip
-    return costs, weights
+def _plain_misfit(curves: path._Curves, at: np.ndarray, model: int) -> float:
+    """Misfit of one candidate: response at each frequency, non-negative least squares, Huber's loss."""
+    z = np.exp(-2j * math.pi * (np.arange(path.BANDS * path.FINE) + 0.5) / (2 * path.BANDS * path.FINE))
+    response = np.zeros(z.size, complex)
+    for place, damping, gain in [(at[0], at[1], 1.0), *([at[2:5]] if model == path._TWO else [])]:
+        pole = np.exp(2 * math.pi * place * complex(-damping, math.sqrt(1 - damping**2)))
+        response += gain * (1 / (1 - pole * z) - 1 / (1 - pole.conjugate() * z)) / 2j
+    power, added = np.abs(response) ** 2, np.zeros(path.BANDS)
+    if model == path._ROLLED:
+        kept = 1 / (1 + ((np.arange(z.size) + 0.5) / (2 * z.size) / at[2]) ** (2 * at[3]))
+        power, added = power * kept, kept.reshape(path.BANDS, path.FINE).mean(axis=1)
+    mode = np.exp(np.log(power).reshape(path.BANDS, path.FINE).mean(axis=1)) / power.mean()
+    columns = [[mode, mode * kind, np.ones_like(mode), added] for kind in curves.with_impacts]
+    scales = curves.curves * curves.sigma[:, None]
+    basis = np.concatenate([np.array(c).T / scale[:, None] for c, scale in zip(columns, scales, strict=True)])
+    sigma = np.repeat(curves.sigma, path.BANDS)
+    weights, _ = scipy.optimize.nnls(basis, 1 / sigma)
+    off = np.abs(np.log(np.clip(basis @ weights * sigma, 0.05, 20.0))) / sigma
+    return float(np.sum(np.where(off < path._ROBUST, off**2, path._ROBUST * (2 * off - path._ROBUST))))
 
 
 @pytest.mark.parametrize("model", [path._PLAIN, path._TWO, path._ROLLED])
-def test_the_best_path_is_the_same_in_whatever_order_candidates_come(model: int) -> None:
-    """Sums that cannot be the least are not finished, and a first mode is kept from one candidate to the next."""
+def test_the_best_path_is_that_of_least_squares_written_out(model: int) -> None:
     rng = np.random.default_rng(5)
     f = (np.arange(path.BANDS) + 0.5) / (2 * path.BANDS)
-    curves = np.exp(rng.normal(0, 0.3, (3, f.size))) * (1 + 20 * np.exp(-(((f - 0.2) / 0.03) ** 2)))
+    logs = rng.normal(0, 0.3, (2, f.size)) + np.log(1 + 20 * np.exp(-(((f - 0.2) / 0.03) ** 2)))
     at = np.column_stack((
         rng.choice([0.1, 0.2, 0.3], 40), rng.choice([0.03, 0.1], 40), rng.uniform(0.05, 0.45, 40),
         rng.integers(1, 4, 40) if model == path._ROLLED else rng.uniform(0.01, 0.1, 40), rng.uniform(-2, 2, 40),
     ))  # fmt: skip
-    given = curves, np.array([0.2, 0.25, 0.3]), np.array([False, True, True])
-    costs, weights = _path_costs(model, at, *given)
-    alone = [_path_costs(model, one[None], *given) for one in at]
-    best = int(np.argmin([cost[0] for cost, _ in alone]))
-    assert int(np.argmin(costs)) == best and costs[best] == pytest.approx(alone[best][0][0], rel=1e-12)
-    np.testing.assert_allclose(weights, [w[0] for _, w in alone], rtol=1e-9, atol=1e-12)
+    curves = path._Curves(list(logs), [0.2, 0.3], [False, True])
+    expected = [_plain_misfit(curves, row, model) for row in at]
+    found = curves._best(at, model)
+    assert found.cost == pytest.approx(min(expected), rel=1e-6)
+    assert found.at == tuple(at[int(np.argmin(expected))])
 
 
 def test_medians_of_what_is_known_are_those_of_numpy() -> None:

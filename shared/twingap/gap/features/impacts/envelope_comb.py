@@ -19,7 +19,6 @@ import numpy as np
 import scipy.fft
 from numpy.typing import NDArray
 
-from twingap._compiled import njit
 from twingap.signal.record_transforms import RecordTransforms, band_medians, medians
 
 Array = NDArray[np.float64]
@@ -318,30 +317,16 @@ def _ridge(lines: Complex, k: Array, noise: Array, per_pass: float) -> Array:
 
 def _best_path(power: Array, penalty: Array) -> NDArray[np.int64]:
     """[rows] Place in each row of the path of most power less the penalties [places, places] of its steps."""
-    best, trace = power[0].copy(), np.zeros(power.shape, np.int64)
-    _reach(power, penalty, best, np.empty_like(best), trace)
+    best, trace = power[0], np.zeros(power.shape, np.int64)
+    for row in range(1, len(power)):
+        reached = best[:, None] - penalty
+        trace[row] = np.argmax(reached, axis=0)
+        best = reached[trace[row], np.arange(len(best))] + power[row]
     at = np.empty(len(power), np.int64)
     at[-1] = np.argmax(best)
     for row in range(len(power) - 1, 0, -1):
         at[row - 1] = trace[row, at[row]]
     return at
-
-
-@njit(error_model="numpy")
-def _reach(power, penalty, best, reached, trace):  # type: ignore[no-untyped-def]  # pragma: no cover
-    """Most power at each place of the last row, from that of the first in `best`; `trace` [rows, places] leads back."""
-    rows, places = power.shape
-    for row in range(1, rows):
-        for i in range(places):
-            reached[i] = -np.inf
-        for i in range(places):
-            for j in range(places):
-                value = best[i] - penalty[i, j]
-                better = value > reached[j]
-                reached[j] = value if better else reached[j]
-                trace[row, j] = i if better else trace[row, j]
-        for i in range(places):
-            best[i] = reached[i] + power[row, i]
 
 
 def _power(lines: Complex, k: Array, phase: Array) -> Array:

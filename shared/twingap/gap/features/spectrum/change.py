@@ -20,7 +20,6 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from twingap._compiled import njit
 from twingap.gap.features.impacts.parallel_mode import Path
 from twingap.gap.features.impacts.response_sampling import continuous
 from twingap.gap.features.spectrum.record_summary import RecordSummary, log_bands
@@ -334,126 +333,30 @@ def _mean(pairs: Sequence[tuple[Array, Array]], bands: int) -> tuple[Array, Arra
 
 def _size(own: Array, about: Array, weight: Array) -> Array:
     """[candidates] Non-negative s that brings ln(1 + s own) nearest to `about`, by Gauss-Newton on ln s."""
-    out = np.zeros(len(own))
-    _sizes(own, about, weight, out)
-    return out
-
-
-@njit()
-def _sizes(own, about, weight, out):  # type: ignore[no-untyped-def]  # pragma: no cover
-    for c in range(own.shape[0]):
-        # Start: where the candidate is strongest.
-        top, highest = 0, -np.inf
-        for i in range(own.shape[1]):
-            height = own[c, i] if weight[i] > 0 else 0.0
-            if height > highest:
-                top, highest = i, height
-        s = about[top]
-        s = 0.02 if s < 0.02 else s
-        s = math.expm1(12.0 if s > 12.0 else s)
-        s = (1e-3 if s < 1e-3 else s) / own[c, top]
-        for _ in range(8):
-            a, b = 1e-9, 0.0
-            for i in range(own.shape[1]):
-                x = s * own[c, i]
-                slope = x / (1 + x)  # by ln s
-                off = about[i] - math.log1p(x)
-                w = weight[i] * weight[i]
-                size = abs(off) * weight[i]
-                if size > _ROBUST:
-                    w *= _ROBUST / size
-                a += w * slope * slope
-                b += w * slope * off
-            step = b / a
-            step = -1.5 if step < -1.5 else step
-            s *= math.exp(1.5 if step > 1.5 else step)
-            least = 1e-6 / own[c, top]
-            s = least if least > s else s
-        out[c] = s
+    top = np.argmax(np.where(weight > 0, own, 0.0), axis=1)  # start: where the candidate is strongest
+    strongest = own[np.arange(len(own)), top]
+    s = np.maximum(np.expm1(np.clip(about[top], 0.02, 12.0)), 1e-3) / strongest
+    for _ in range(8):
+        x = s[:, None] * own
+        slope = x / (1 + x)  # by ln s
+        off = about - np.log1p(x)
+        pull = weight**2 * slope / np.maximum(np.abs(off) * weight / _ROBUST, 1.0)
+        step = (pull * off).sum(axis=1) / ((pull * slope).sum(axis=1) + 1e-9)
+        s = np.maximum(s * np.exp(np.clip(step, -1.5, 1.5)), 1e-6 / strongest)
+    return np.asarray(s)
 
 
 def _costs(curves: Array, target: Array, weight: Array, basis: Array, settled: Array) -> tuple[Array, Array]:
     """[candidates] Robust misfit with the basis fitted, and [candidates, basis] its weights."""
-    (count, bands), k = curves.shape, len(basis)
-    costs, found, pairs = np.zeros(count), np.zeros((count, k)), k * (k + 1) // 2
-    space = *np.empty((3, bands)), np.empty((pairs, bands)), np.zeros(pairs), np.empty((k, k)), np.empty(k)
-    _settle(curves, target, weight, basis, settled, costs, found, *space)
-    return costs, found
-
-
-@njit(fastmath={"reassoc", "contract", "nsz"})
-def _settle(  # type: ignore[no-untyped-def]  # pragma: no cover
-    curves, target, weight, basis, settled, costs, found, off, rest, robust, products, plain, gram, w
-):
-    # Arguments after `found` are work space.
-    count, bands = curves.shape
-    k = basis.shape[0]
-    row = 0
-    for p in range(k):
-        for q in range(p + 1):
-            for i in range(bands):
-                products[row, i] = basis[p, i] * basis[q, i]
-                plain[row] += products[row, i]
-            row += 1
-    for c in range(count):
-        for i in range(bands):
-            off[i] = target[i] - curves[c, i] * weight[i]
-            robust[i] = 1.0
-        for turn in range(4):
-            row = 0
-            for p in range(k):
-                total = 0.0
-                for i in range(bands):
-                    total += robust[i] * basis[p, i] * off[i]
-                w[p] = total
-                for q in range(p + 1):
-                    total = plain[row]
-                    if turn:
-                        total = 0.0
-                        for i in range(bands):
-                            total += robust[i] * products[row, i]
-                    gram[p, q] = total
-                    row += 1
-                gram[p, p] += settled[p]
-            _solve(gram, w)
-            for i in range(bands):
-                rest[i] = off[i]
-            for p in range(k):
-                for i in range(bands):
-                    rest[i] -= w[p] * basis[p, i]
-            same = True
-            for i in range(bands):
-                size = abs(rest[i])
-                own = 1.0 if size <= _ROBUST else _ROBUST / size
-                same = same and own == robust[i]
-                robust[i] = own
-            if same:
-                break
-        cost = 0.0
-        for p in range(k):
-            cost += settled[p] * w[p] * w[p]
-            found[c, p] = w[p]
-        for i in range(bands):
-            size = abs(rest[i])
-            cost += size * size if size <= _ROBUST else _ROBUST * (2 * size - _ROBUST)
-        costs[c] = cost
-
-
-@njit()
-def _solve(gram, w):  # type: ignore[no-untyped-def]  # pragma: no cover
-    """Make w the solution of gram x = w, by Cholesky, in place; of `gram` the lower half is read."""
-    k = w.size
-    for p in range(k):
-        for q in range(p + 1):
-            total = gram[p, q]
-            for r in range(q):
-                total -= gram[p, r] * gram[q, r]
-            gram[p, q] = total / gram[q, q] if q < p else math.sqrt(total)
-    for p in range(k):
-        for r in range(p):
-            w[p] -= gram[p, r] * w[r]
-        w[p] /= gram[p, p]
-    for p in range(k - 1, -1, -1):
-        for r in range(p + 1, k):
-            w[p] -= gram[r, p] * w[r]
-        w[p] /= gram[p, p]
+    k = len(basis)
+    products = (basis[:, None] * basis).reshape(k * k, -1)
+    off = target - curves * weight
+    robust = np.ones_like(off)
+    for _ in range(4):
+        gram = (robust @ products.T).reshape(-1, k, k) + np.diag(settled)
+        found = np.linalg.solve(gram, ((robust * off) @ basis.T)[:, :, None])[:, :, 0]
+        size = np.abs(off - found @ basis)
+        robust = _ROBUST / np.maximum(size, _ROBUST)
+    misfit = np.where(size <= _ROBUST, size * size, _ROBUST * (2 * size - _ROBUST))
+    # Rounded: of candidates that are alike (bands that reach beyond the spectrum) the first is taken.
+    return np.round(found**2 @ settled + misfit.sum(axis=1), 10), found

@@ -230,18 +230,50 @@ class _Curves:
         return fit
 
     def _best(self, at: Array, model: int) -> _Fit:
-        at = np.ascontiguousarray(at, dtype=float)
+        at = np.array(at, dtype=float)
         at[:, 0] = np.minimum(at[:, 0], 0.49)
-        costs, weights = np.empty(len(at)), np.zeros((len(at), 4))
-        count, bands = self.curves.shape
-        of_fine, of_bands, of_curves = np.empty((6, FINE * bands)), np.zeros((2, bands)), np.empty((5, count * bands))
-        _costs(
-            model, at, self.curves, self.sigma, self.with_impacts, costs, weights,
-            of_fine[:2], of_fine[2:4], *of_fine[4:], *of_bands, of_curves[:4], of_curves[4],
-            np.zeros((4, 4)), *np.zeros((2, 4)),
-        )  # fmt: skip
+        modes, added = self._shapes(at, model)
+        basis = np.zeros((len(at), 4, self.count))
+        scale = 1 / (self.curves * self.sigma[:, None])
+        of_record = basis.reshape(len(at), 4, *self.curves.shape)
+        of_record[:, 0] = modes[:, None] * scale
+        of_record[:, 1] = of_record[:, 0] * self.with_impacts[:, None]
+        of_record[:, 2] = scale
+        of_record[:, 3] = added[:, None] * scale
+        sigma = np.repeat(self.sigma, BANDS)
+        weights = np.zeros((len(at), 4))
+        _non_negative(basis @ basis.transpose(0, 2, 1), basis @ (1 / sigma), weights)
+        # Ratios of spectra are compared by their logarithms: twice is as likely as half.
+        made = (weights[:, None] @ basis)[:, 0] * sigma
+        off = np.abs(np.log(np.clip(made, 0.05, 20.0))) / sigma
+        costs = np.where(off < _ROBUST, off * off, 2 * _ROBUST * off - _ROBUST * _ROBUST).sum(axis=1)
+        # Rounded: of candidates that are alike (what is added has no weight) the first is taken.
+        costs = np.round(costs, 10)
         place = int(np.argmin(costs))
         return _Fit(float(costs[place]), tuple(float(v) for v in at[place]), weights[place])
+
+    def _shapes(self, at: Array, model: int) -> tuple[Array, Array]:
+        """[candidates, bands] Power of the modes, its mean 1, and power of what is added (0 for nothing).
+
+        What is added to a mode with a roll-off is white noise that has passed it.
+        """
+        response = _response(at[:, 0], at[:, 1])
+        if model == _TWO:
+            response = response + at[:, 4, None] * _response(at[:, 2], at[:, 3])
+        power = response.real**2 + response.imag**2
+        added = np.zeros((len(at), BANDS))
+        if model == _ROLLED:
+            kept = 1 / (1 + (_FINE_F / at[:, 2, None]) ** (2 * at[:, 3, None]))
+            power *= kept
+            added = kept.reshape(-1, BANDS, FINE).mean(axis=2)
+        elif model == _SLOPED:
+            added = np.array([_power_law(self.f, power_of) for power_of in at[:, 2]])
+        elif model == _BANDED:
+            bands, edges = np.arange(BANDS), 2 * BANDS * at[:, 2:4, None]
+            added = np.maximum(np.minimum(edges[:, 1], bands + 1) - np.maximum(edges[:, 0], bands), 0.0)
+        # Geometric means within bands, as those of the records are.
+        modes = np.sqrt(np.sqrt((power + 1e-30).reshape(-1, BANDS, FINE).prod(axis=2)))
+        return modes / power.mean(axis=1, keepdims=True), added
 
 
 def _power_law(f: Array, power: float) -> Array:
@@ -253,125 +285,31 @@ def _power_law(f: Array, power: float) -> Array:
 _PLAIN, _TWO, _ROLLED, _SLOPED, _BANDED = range(5)
 
 
-@njit()
-def _add_mode(real, imag, turns, place, damping, gain):  # type: ignore[no-untyped-def]  # pragma: no cover
-    # A sampled mode exp(-zeta w t) sin(w_d t), at parts of the sampling rate.
-    w = 2 * math.pi * place
-    damping = 0.95 if damping > 0.95 else damping
-    decay, turn = math.exp(-damping * w), w * math.sqrt(1 - damping * damping)
-    a, b, top = -2 * decay * math.cos(turn), decay * decay, gain * decay * math.sin(turn)
-    for i in range(real.size):
-        c, s = turns[0, i], turns[1, i]
-        c2, s2 = 2 * c * c - 1, 2 * s * c
-        below_re, below_im = 1 + a * c + b * c2, a * s + b * s2
-        size = below_re * below_re + below_im * below_im
-        real[i] += top * (c * below_re + s * below_im) / size
-        imag[i] += top * (s * below_re - c * below_im) / size
+_FINE_F: Final = (np.arange(FINE * BANDS) + 0.5) / (2 * FINE * BANDS)
+_DELAY: Final = np.exp(-2j * math.pi * _FINE_F)
 
 
-@njit(fastmath={"reassoc", "contract", "nsz"})
-def _costs(  # type: ignore[no-untyped-def]  # pragma: no cover
-    model, at, curves, sigma, with_impacts, costs, weights,
-    first, turns, real, imag, through, added, basis, one, gram, right, w,
-):  # fmt: skip
-    """[candidates] Misfit and [candidates, 4] weights of structure noise, impacts, white noise and what is added.
+def _response(place: Array, damping: Array) -> NDArray[np.complex128]:
+    """[candidates, frequencies] Response of sampled modes exp(-zeta w t) sin(w_d t), but for a delay of one sample."""
+    w, damping = 2 * math.pi * place[:, None], np.minimum(damping, 0.95)[:, None]
+    decay, turn = np.exp(-damping * w), w * np.sqrt(1 - damping * damping)
+    below = 1 - (2 * decay * np.cos(turn)) * _DELAY + decay**2 * _DELAY**2
+    return np.asarray(decay * np.sin(turn) / below)
 
-    Into `costs` and `weights`; the second line of arguments is work space. The fourth part of a mode with a roll-off is
-    white noise that has passed it. Misfits beyond the least of the candidates before are not summed to their end.
-    """
-    records, bands = curves.shape
-    fine, points = FINE * bands, records * bands
-    least = np.inf
-    for k in range(records):
-        for b in range(bands):
-            one[k * bands + b] = 1 / sigma[k]
-    for i in range(fine):
-        angle = math.pi * (i + 0.5) / fine
-        turns[0, i], turns[1, i] = math.cos(angle), -math.sin(angle)
-    for c in range(at.shape[0]):
-        if c == 0 or at[c, 0] != at[c - 1, 0] or at[c, 1] != at[c - 1, 1]:
-            for i in range(fine):
-                first[0, i], first[1, i] = 0.0, 0.0
-            _add_mode(first[0], first[1], turns, at[c, 0], at[c, 1], 1.0)
-        for i in range(fine):
-            real[i], imag[i] = first[0, i], first[1, i]
-        if model == _TWO:
-            _add_mode(real, imag, turns, at[c, 2], at[c, 3], at[c, 4])
-        mean = 0.0
-        for b in range(bands):
-            product, passed = 1.0, 0.0
-            for i in range(FINE * b, FINE * (b + 1)):
-                power = real[i] * real[i] + imag[i] * imag[i]
-                if model == _ROLLED:
-                    ratio = (i + 0.5) / (2 * fine) / at[c, 2]
-                    loss = ratio * ratio
-                    for _ in range(int(at[c, 3]) - 1):
-                        loss *= ratio * ratio
-                    power /= 1 + loss
-                    passed += 1 / (1 + loss)
-                mean += power
-                product *= power + 1e-30
-            # Geometric means within bands, as those of the records are.
-            through[b] = math.sqrt(math.sqrt(product))
-            added[b] = passed / FINE
-        mean /= fine
-        if model == _SLOPED:
-            total = 0.0
-            for b in range(bands):
-                added[b] = ((b + 0.5) / (2 * bands)) ** -at[c, 2]
-                total += added[b]
-            for b in range(bands):
-                added[b] *= bands / total
-        elif model == _BANDED:
-            for b in range(bands):
-                low, high = 2 * bands * at[c, 2], 2 * bands * at[c, 3]
-                low, high = low if low > b else float(b), high if high < b + 1.0 else b + 1.0
-                added[b] = high - low if high > low else 0.0
-        row = 0
-        for k in range(records):
-            for b in range(bands):
-                scale = 1 / (curves[k, b] * sigma[k])
-                basis[0, row] = through[b] / mean * scale
-                basis[1, row] = basis[0, row] if with_impacts[k] else 0.0
-                basis[2, row] = scale
-                basis[3, row] = added[b] * scale
-                row += 1
-        for i in range(4):
-            w[i] = 0.0
-            total = 0.0
-            for row in range(points):
-                total += basis[i, row] * one[row]
-            right[i] = total
-            for j in range(i + 1):
-                total = 0.0
-                for row in range(points):
-                    total += basis[i, row] * basis[j, row]
-                gram[i, j] = gram[j, i] = total
-        for _ in range(60):  # non-negative least squares, by coordinate descent
+
+@njit(error_model="numpy")
+def _non_negative(gram, right, weights):  # type: ignore[no-untyped-def]  # pragma: no cover
+    """Non-negative least squares of each candidate, by coordinate descent, into `weights` [candidates, 4], zeros."""
+    for c in range(gram.shape[0]):
+        for _ in range(60):
             moved = False
             for i in range(4):
-                if gram[i, i] > 0:
-                    rest = right[i] + gram[i, i] * w[i]
+                if gram[c, i, i] > 0:
+                    rest = right[c, i] + gram[c, i, i] * weights[c, i]
                     for j in range(4):
-                        rest -= gram[i, j] * w[j]
-                    own = max(rest / gram[i, i], 0.0)
-                    moved = moved or abs(own - w[i]) > 1e-14 * own
-                    w[i] = own
+                        rest -= gram[c, i, j] * weights[c, j]
+                    own = rest / gram[c, i, i] if rest > 0 else 0.0
+                    moved |= abs(own - weights[c, i]) > 1e-14 * own
+                    weights[c, i] = own
             if not moved:
                 break
-        cost, row = 0.0, 0
-        for k in range(records):
-            for _ in range(bands):
-                made = 0.0
-                for i in range(4):
-                    made += w[i] * basis[i, row]
-                # Ratios of spectra are compared by their logarithms: twice is as likely as half.
-                off = abs(np.log(min(max(made * sigma[k], 0.05), 20.0))) / sigma[k]
-                cost += off * off if off < _ROBUST else 2 * _ROBUST * off - _ROBUST * _ROBUST
-                row += 1
-            if cost > least:
-                break
-        least = cost if cost < least else least
-        costs[c] = cost
-        for i in range(4):
-            weights[c, i] = w[i]

@@ -12,7 +12,6 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from twingap._compiled import njit
 from twingap.signal.record_transforms import RecordTransforms
 
 Array = NDArray[np.float64]
@@ -71,8 +70,7 @@ def _single_mode(f: Array, log_s: Array, top: float) -> tuple[Array, float, floa
     damping = np.tile(_DAMPINGS, 3)
     shapes = mode_shape(f, centre[:, None], damping[:, None])
     s = np.exp(log_s - log_s.max())
-    a, w = np.empty((2, len(shapes)))
-    _mode_and_white(shapes, s, a, w, np.empty((5, 8)))
+    a, w = _mode_and_white(shapes, s)
     fit = np.maximum(a[:, None] * shapes + w[:, None], 1e-9)
     cost = np.abs(np.log(s) - np.log(fit)).mean(axis=1)
     best = int(np.argmin(cost))
@@ -81,39 +79,24 @@ def _single_mode(f: Array, log_s: Array, top: float) -> tuple[Array, float, floa
     return fit[best] * unit, float(centre[best]), float(damping[best]), strength, white
 
 
-@njit(error_model="numpy")
-def _mode_and_white(shapes, s, strengths, whites, sums):  # type: ignore[no-untyped-def]  # pragma: no cover
+def _mode_and_white(shapes: Array, s: Array) -> tuple[Array, Array]:
     """[shapes] a and w of a shape + w to s [8 k], by weighted least squares: relative errors count."""
-    for i in range(shapes.shape[0]):
-        a, w = 0.0, 0.0
-        for step in range(5):
-            # Eight partial sums each: differences of these sums all but cancel for some shapes.
-            for k in range(5):
-                for j in range(8):
-                    sums[k, j] = 0.0
-            for begin in range(0, s.size, 8):
-                for j in range(8):
-                    shape, value = shapes[i, begin + j], s[begin + j]
-                    fit = a * shape + w
-                    fit = value if step == 0 else (1e-9 if fit < 1e-9 else fit)
-                    fit = 1e-12 if fit < 1e-12 else fit
-                    weight = 1 / (fit * fit)
-                    sums[0, j] += weight * (shape * shape)
-                    sums[1, j] += weight * shape
-                    sums[2, j] += weight
-                    sums[3, j] += weight * shape * value
-                    sums[4, j] += weight * value
-            for j in (1, 2, 4):
-                for k in range(0, 8, 2 * j):
-                    for row in range(5):
-                        sums[row, k] += sums[row, k + j]
-            hh, h1, n1, hs, s1 = sums[0, 0], sums[1, 0], sums[2, 0], sums[3, 0], sums[4, 0]
-            determinant = hh * n1 - h1 * h1
-            determinant = 1e-300 if determinant < 1e-300 else determinant
-            a, w = (hs * n1 - s1 * h1) / determinant, (hh * s1 - h1 * hs) / determinant
-            a, w = 0.0 if a < 0.0 else a, 0.0 if w < 0.0 else w
-            a, w = a if w > 0 else hs / hh, w if a > 0 else s1 / n1
-        strengths[i], whites[i] = a, w
+    fit: Array = np.broadcast_to(s, shapes.shape)
+    for _ in range(5):
+        weight = 1 / np.maximum(fit, 1e-12) ** 2
+        weighted = weight * shapes
+        terms = np.stack([weight * (shapes * shapes), weighted, weight, weighted * s, weight * s])
+        # Eight partial sums each: differences of these sums all but cancel for some shapes.
+        sums = terms.reshape(5, len(shapes), -1, 8).sum(axis=2)
+        while sums.shape[-1] > 1:
+            sums = sums[..., ::2] + sums[..., 1::2]
+        hh, h1, n1, hs, s1 = sums[..., 0]
+        determinant = np.maximum(hh * n1 - h1 * h1, 1e-300)
+        a = np.maximum((hs * n1 - s1 * h1) / determinant, 0.0)
+        w = np.maximum((hh * s1 - h1 * hs) / determinant, 0.0)
+        a, w = np.where(w > 0, a, hs / hh), np.where(a > 0, w, s1 / n1)
+        fit = np.maximum(a[:, None] * shapes + w[:, None], 1e-9)
+    return a, w
 
 
 def mode_shape(f: Array, centre: Array | float, damping: Array | float) -> Array:

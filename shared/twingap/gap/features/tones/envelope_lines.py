@@ -12,7 +12,6 @@ from weakref import WeakKeyDictionary
 import numpy as np
 from numpy.typing import NDArray
 
-from twingap._compiled import njit
 from twingap.gap.features.tones.tones import SEARCH, Lines, lines_of
 from twingap.signal.record_transforms import Envelope, RecordTransforms
 
@@ -40,27 +39,18 @@ def explained(record: RecordTransforms, hz: Array, df_hz: float) -> NDArray[np.b
     lines = lines_of(record)
     fault = math.nan if record.fault_order is None else fault_hz(record)
     loose = 0.0 if lines.locked else SEARCH / 2
-    out = np.zeros(hz.size, bool)
-    _mark_rotation(hz, lines.shaft_hz, record.bearing.ftf * lines.shaft_hz, fault, loose, 2.2 * df_hz, out)
-    return out
+    return _of_rotation(hz, lines.shaft_hz, record.bearing.ftf * lines.shaft_hz, fault, loose, 2.2 * df_hz)
 
 
-@njit(error_model="numpy")
-def _mark_rotation(hz, shaft, cage, fault, loose, width, out):  # type: ignore[no-untyped-def]  # pragma: no cover
+def _of_rotation(hz: Array, shaft: float, cage: float, fault: float, loose: float, width: float) -> NDArray[np.bool_]:
     """[frequencies] Which lie on the shaft's first orders, the cage's, or the fault's with side lines (NaN: none)."""
-    for i in range(hz.size):
-        k = round(hz[i] / shaft)
-        k = 1 if k < 1 else k
-        near = hz[i] if hz[i] < 2 * shaft else 2 * shaft
-        own = k <= 3 and abs(hz[i] - k * shaft) < width + loose * near
-        k = round(hz[i] / cage)
-        k = 1 if k < 1 else k
-        own |= k <= 4 and abs(hz[i] - k * cage) < width + 0.03 * hz[i]
-        for k in range(40):
-            for side in (0.0, shaft, 2 * shaft, cage):
-                off = abs(abs(hz[i] - k * fault) - side)
-                own |= off < width + 0.001 * k * fault + 0.03 * side  # never true of NaN
-        out[i] = own
+    k = np.maximum(np.rint(hz / shaft), 1)
+    own = (k <= 3) & (np.abs(hz - k * shaft) < width + loose * np.minimum(hz, 2 * shaft))
+    k = np.maximum(np.rint(hz / cage), 1)
+    own |= (k <= 4) & (np.abs(hz - k * cage) < width + 0.03 * hz)
+    lines, sides = fault * np.arange(40)[:, None, None], np.array([0.0, shaft, 2 * shaft, cage])[:, None]
+    off = np.abs(np.abs(hz - lines) - sides)
+    return np.asarray(own | (off < width + 0.001 * lines + 0.03 * sides).any(axis=(0, 1)))
 
 
 def fault_hz(record: RecordTransforms) -> float:

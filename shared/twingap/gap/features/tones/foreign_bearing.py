@@ -13,7 +13,6 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from twingap._compiled import njit
 from twingap.gap.features.tones.envelope_lines import envelope_lines, explained
 from twingap.gap.features.tones.tones import Lines, lines_of
 from twingap.signal.record_transforms import RecordTransforms
@@ -82,50 +81,32 @@ def _comb(record: RecordTransforms, env: Lines, logs: Array, hidden: NDArray[np.
     hz = np.arange(1.5 * shaft, top, df_hz / 4)
     bearing = record.bearing
     own_hz = shaft * np.array([bearing.bpfo, bearing.bpfi, 2 * bearing.bsf, bearing.bsf])
-    score, tolerance = np.empty(hz.size), 0.025 if record.fault_order is None else 0.01
-    _foreign_scores(wide, hz, hz / df_hz, df_hz, shaft, own_hz, tolerance, score)
+    score = _scores(wide, hz, df_hz, shaft, own_hz, 0.025 if record.fault_order is None else 0.01)
     best = int(np.argmax(score))
     return float(score[best]), float(hz[best])
 
 
-@njit(error_model="numpy")
-def _foreign_scores(wide, hz, places, df_hz, shaft, own_hz, tolerance, out):  # type: ignore[no-untyped-def]  # pragma: no cover
+def _scores(wide: Array, hz: Array, df_hz: float, shaft: float, own_hz: Array, tolerance: float) -> Array:
     """[candidates] Score of the comb with its first line at each frequency; NaN in `wide` is not known."""
-    reached = 0
-    for k in range(1, _COMB + 1):
-        for i in range(places.size):
-            at = round(k * places[i])
-            if at < wide.size and wide[at] == wide[at]:
-                reached += 1
-                break
-    for i in range(places.size):
-        total, largest, first, seen, sees_first = 0.0, 0.0, 0.0, 0, False
-        for k in range(1, _COMB + 1):
-            at = round(k * places[i])
-            if at >= wide.size or wide[at] != wide[at]:
-                continue
-            seen += 1
-            height = wide[at]
-            total += height
-            largest = height if height > largest else largest
-            if k == 1:
-                first, sees_first = height, True
-        # The strongest line is no evidence of a comb, the others are. Fewer are required where the band is narrow.
-        score = (total - largest) * (_COMB - 1) / (seen - 1 if seen > 2 else 1)
-        if seen < 3 and seen < reached:
-            score *= 0.6
-        if first < 0.5:
-            score *= 0.5 if sees_first else 0.8
-        # A multiple of the true rate has lines of the comb between its own.
-        for weight, low, high in ((0.6, 0.5, 1.5), (0.8, 1 / 3, 2 / 3)):
-            below, above = round(low * places[i]), round(high * places[i])
-            if above < wide.size and wide[below] == wide[below] and wide[above] == wide[above]:
-                score -= weight * (wide[above] if wide[above] < wide[below] else wide[below])
-        for k in range(own_hz.size):
-            if abs(hz[i] / own_hz[k] - 1) < tolerance + 1.5 * df_hz / own_hz[k]:
-                score = 0.0
-        turns = hz[i] / shaft
-        out[i] = 0.6 * score if abs(turns - round(turns)) * shaft < 1.2 * df_hz else score
+    places, unknown = hz / df_hz, np.append(wide, np.nan)
+
+    def heights(bins: Array) -> Array:
+        return np.asarray(unknown[np.minimum(np.rint(bins).astype(int), wide.size)])
+
+    lines = heights(np.arange(1, _COMB + 1)[:, None] * places)
+    known, lines = np.isfinite(lines), np.nan_to_num(lines)
+    seen, reached = known.sum(axis=0), known.any(axis=1).sum()
+    # The strongest line is no evidence of a comb, the others are. Fewer are required where the band is narrow.
+    score = (lines.sum(axis=0) - lines.max(axis=0)) * (_COMB - 1) / np.where(seen > 2, seen - 1, 1)
+    score = np.where((seen < 3) & (seen < reached), 0.6 * score, score)
+    score = np.where(lines[0] < 0.5, np.where(known[0], 0.5, 0.8) * score, score)
+    # A multiple of the true rate has lines of the comb between its own.
+    for weight, low, high in ((0.6, 0.5, 1.5), (0.8, 1 / 3, 2 / 3)):
+        score = score - weight * np.nan_to_num(np.minimum(heights(low * places), heights(high * places)))
+    on_own = (np.abs(hz / own_hz[:, None] - 1) < tolerance + 1.5 * df_hz / own_hz[:, None]).any(axis=0)
+    score = np.where(on_own, 0.0, score)
+    turns = hz / shaft
+    return np.where(np.abs(turns - np.rint(turns)) * shaft < 1.2 * df_hz, 0.6 * score, score)
 
 
 def _refined(env: Lines, hz: float) -> float:

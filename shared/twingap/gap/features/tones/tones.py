@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twingap._compiled import njit
-from twingap.signal.record_transforms import RecordTransforms, medians
+from twingap.signal.record_transforms import RecordTransforms, between_blocks, medians
 
 Array = NDArray[np.float64]
 
@@ -331,33 +331,14 @@ def block_floor(power: Array, block: int = 32) -> Array:
         return np.full(n, max(float(medians(power)), 1e-300))
     count = n // block
     middles = medians(power[: count * block].reshape(count, block))
-    floor, space = np.empty(n), np.empty((2, middles.size))
-    _interpolate(middles, block, *space, floor)
+    # Where lines fill a block, its neighbours replace it; mean rather than median keeps the slope of a resonance.
+    padded = np.concatenate((middles[:1], middles, middles[-1:]))
+    around = np.minimum(np.maximum(padded[:-2], padded[2:]), 1e300)
+    logs = np.log(np.maximum(np.minimum(2 * around, middles), 1e-300))
+    padded = np.concatenate((logs[:1], logs, logs[-1:]))
+    smooth = 0.25 * padded[:-2] + 0.5 * logs + 0.25 * padded[2:]
+    floor = between_blocks(smooth, block, n)
     return np.asarray(np.exp(floor, out=floor))
-
-
-@njit(error_model="numpy")
-def _interpolate(middles, block, logs, smooth, out):  # type: ignore[no-untyped-def]  # pragma: no cover
-    """Logarithm of smoothed medians of blocks, interpolated between their middles, into `out`."""
-    last = middles.size - 1
-    for i in range(middles.size):
-        # Where lines fill a block, its neighbours replace it; mean rather than median keeps the slope of a resonance.
-        around, right = middles[i - 1 if i > 0 else 0], middles[i + 1 if i < last else last]
-        around = right if right > around else around
-        around = 1e300 if around > 1e300 else around
-        level = 2 * around if 2 * around < middles[i] else middles[i]
-        logs[i] = math.log(1e-300 if level < 1e-300 else level)
-    for i in range(middles.size):
-        smooth[i] = 0.25 * logs[i - 1 if i > 0 else 0] + 0.5 * logs[i] + 0.25 * logs[i + 1 if i < last else last]
-    half = block // 2
-    for i in range(half):
-        out[i] = smooth[0]
-    for i in range(half + last * block, out.size):
-        out[i] = smooth[last]
-    for i in range(last):
-        step = (smooth[i + 1] - smooth[i]) / block
-        for j in range(block):
-            out[half + i * block + j] = smooth[i] + step * j
 
 
 def comb_scores(hz: Array, weights: Array, widths: Array, bases: Array, highest: float, based: bool) -> Array:
