@@ -16,7 +16,7 @@ from sklearn.utils.multiclass import check_classification_targets
 from sklearn.utils.validation import check_is_fitted, validate_data
 
 from twingap.adapt.confidence import Calibration, Reliability, calibrate_temperature, cross_checked
-from twingap.adapt.trees import Trees
+from twingap.trees import Trees
 
 Array = NDArray[np.float64]
 

@@ -25,11 +25,11 @@ from twingap.adapt.fault_classifier import FaultClassifier
 from twingap.adapt.levels import NAMES, levels_above_the_quietest, operating_points
 from twingap.adapt.order_features import names, order_features
 from twingap.adapt.population import CLASSES
-from twingap.adapt.trees import Trees
 from twingap.adapt.windows import Windows
 from twingap.bearing import BEARINGS, Bearing
 from twingap.errors import TwingapError
 from twingap.files import replacing
+from twingap.trees import Trees
 
 Array = NDArray[np.float64]
 
@@ -112,7 +112,7 @@ def read_classifier(folder: Path) -> FaultClassifier:
             "was learnt from other features or classes than this version of twingap has", where=where, mend=mend
         )
     trees = Trees.of_arrays(arrays, where=str(folder / TREES_FILE))
-    if trees.start.size != len(CLASSES) or int(trees.column.max(initial=-1)) >= len(FEATURES):
+    if trees.start.size != len(CLASSES) or trees.columns > len(FEATURES):
         raise TwingapError("has other outputs or columns than stated", where=where, mend=mend)
     found = FaultClassifier(random_state=seed)
     found.trees_, found.n_features_in_ = trees, len(FEATURES)

@@ -13,7 +13,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from twingap.gap.knowledge.trees import Boosted
+from twingap.trees import Trees
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -39,7 +39,7 @@ class Ensemble:
     ----------
     columns : Array [columns]
         Selected features.
-    models : list of Boosted
+    models : list of Trees
     line, line_later : (float, float)
         Slope and offset of the calibration, for a twin as given and for one to which effects have been added.
     out_of_fold : Array [examples]
@@ -47,7 +47,7 @@ class Ensemble:
     """
 
     columns: NDArray[np.int64]
-    models: list[Boosted]
+    models: list[Trees]
     line: tuple[float, float] = (1.0, 0.0)
     line_later: tuple[float, float] = (1.0, 0.0)
     out_of_fold: Array = field(default_factory=lambda: np.empty(0))
@@ -59,7 +59,7 @@ class Ensemble:
         """
         own = np.asarray(np.asarray(features)[:, self.columns], np.float32)
         slope, offset = self.line_later if later else self.line
-        return np.asarray(slope * np.mean([model.raw(own) for model in self.models], axis=0) + offset)
+        return np.asarray(slope * np.mean([trees(own)[:, 0] for trees in self.models], axis=0) + offset)
 
 
 @dataclass(frozen=True)
@@ -217,7 +217,7 @@ def learn_classifier(
         )  # fmt: skip
         model.fit(own[inside], label[inside])
         out_of_fold[outside] = model.decision_function(own[outside])
-        models.append(Boosted.of(model))
+        models.append(Trees.of_boosting(model))
     first = np.ones(len(label), bool) if first is None else first
     early, late = first & counted, ~first & counted
     line = _platt(out_of_fold[early], label[early])
@@ -281,7 +281,7 @@ def _error_model(
 
 def _regressed(
     own: NDArray[np.float32], target: Array, fold: NDArray[np.int64], **options: Any
-) -> tuple[list[Boosted], Array]:
+) -> tuple[list[Trees], Array]:
     """Regression trees, one model per fold, and their out-of-fold predictions [examples]."""
     from sklearn.ensemble import HistGradientBoostingRegressor
 
@@ -292,8 +292,9 @@ def _regressed(
             learning_rate=0.08, max_features=0.5, early_stopping=False, random_state=k, **options
         )
         model.fit(own[inside], target[inside])
-        out_of_fold[~inside] = model.predict(own[~inside])
-        models.append(Boosted.of(model))
+        if not inside.all():  # few machines with this parameter may leave a fold empty
+            out_of_fold[~inside] = model.predict(own[~inside])
+        models.append(Trees.of_boosting(model))
     return models, out_of_fold
 
 

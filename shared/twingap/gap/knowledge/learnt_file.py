@@ -24,7 +24,7 @@ from twingap.gap.knowledge.detectors import Anchor, Ensemble, Estimator
 from twingap.gap.knowledge.learnt import Learnt
 from twingap.gap.knowledge.null import MachineScores, Null
 from twingap.gap.knowledge.score_calibration import ScoreCalibration
-from twingap.gap.knowledge.trees import Boosted
+from twingap.trees import Trees
 
 FORMAT: Final = "twingap.learnt/1"
 """Format of learnt.json; files of another format are rejected."""
@@ -201,12 +201,14 @@ class _TreeWriter:
         row: dict[str, Any] = {
             "columns": ensemble.columns.tolist(),
             "first_tree": self._trees,
-            "start": [model.start for model in ensemble.models],
+            "start": [float(model.start[0]) for model in ensemble.models],
             "trees": [len(model.roots) for model in ensemble.models],
             "line": list(ensemble.line),
             "line_later": list(ensemble.line_later),
         }
         for model in ensemble.models:
+            if (model.column.dtype, model.right.dtype) != (np.uint8, np.uint8):
+                raise ValueError("at most 254 features and 127 nodes a tree are expected")
             for name in ("column", "right", "value"):
                 self._nodes[name].append(getattr(model, name))
             self._nodes["sizes"].append(np.diff(np.append(model.roots, model.column.size)).astype(np.uint8))
@@ -244,7 +246,7 @@ class _TreeReader:
         columns, first = np.array(row["columns"], dtype=np.int64), int(row["first_tree"])
         models = []
         for start, count in zip(row["start"], row["trees"], strict=True):
-            models.append(Boosted(start, self._roots[first : first + count], *self._nodes))
+            models.append(Trees(np.array([start]), self._roots[first : first + count], *self._nodes))
             first += count
         line, later = (tuple(row[name]) for name in ("line", "line_later"))
         return Ensemble(self.columns(columns) if of_features else columns, models, line, later)

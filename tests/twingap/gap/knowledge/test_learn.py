@@ -57,6 +57,15 @@ def test_a_value_is_read_off_the_feature_that_tells_it(examples):
     assert np.median(off) < 0.1
 
 
+def test_values_are_learnt_where_no_machine_of_a_fold_has_the_effect():
+    rng = np.random.default_rng(2)
+    machine = np.array([m for m in range(60) if m % 5 != 3])
+    features = rng.standard_normal((machine.size, 5)).astype(np.float32)
+    found = learn_estimator(Table(features), 2.0 * features[:, 1] + features[:, 2], machine, range(5))
+    assert found is not None
+    assert found.anchors[0].column == 1
+
+
 def test_too_few_examples_teach_nothing(examples):
     few = np.zeros(len(examples), bool)
     few[:5] = True
