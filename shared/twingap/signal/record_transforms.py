@@ -182,18 +182,16 @@ class RecordTransforms:
         own = self.transform[first:last]
         m = scipy.fft.next_fast_len(2 * own.size)
         padded = np.zeros(m, complex)
-        np.multiply(own, _taper(own.size), out=padded[: own.size])
+        np.multiply(own, taper(own.size, max(own.size // 16, 1)), out=padded[: own.size])
         return np.asarray(scipy.fft.ifft(padded, overwrite_x=True)), first
 
 
 @lru_cache(maxsize=32)
-def _taper(size: int) -> Array:
-    """[size] Flat top with raised-cosine edges, which limit ringing."""
-    edge = max(size // 16, 1)
-    taper = np.ones(size)
-    ramp = 0.5 - 0.5 * np.cos(np.pi * (np.arange(edge) + 0.5) / edge)
-    taper[:edge], taper[-edge:] = ramp, ramp[::-1]
-    return taper
+def taper(size: int, edge: int) -> Array:
+    """[size] Window with a flat top and raised-cosine edges, which limit ringing."""
+    window, ramp = np.ones(size), 0.5 - 0.5 * np.cos(np.pi * (np.arange(edge) + 0.5) / edge)
+    window[:edge], window[-edge:] = ramp, ramp[::-1]
+    return window
 
 
 def tone_power(x: Array) -> Array:
@@ -222,6 +220,11 @@ def medians(values: Array) -> Array:
     else:
         parted = np.partition(values, middle if odd else (middle - 1, middle), axis=-1)
     return np.asarray(parted[..., middle] if odd else 0.5 * (parted[..., middle - 1] + parted[..., middle]))
+
+
+def mean_of_five(values: Array) -> Array:
+    """[n] Mean of each value and its two neighbours on either side; the ends are repeated."""
+    return np.convolve(np.pad(values, 2, mode="edge"), np.full(5, 0.2), "valid")
 
 
 def between_blocks(levels: Array, width: int, size: int, shift: float = 0.0) -> Array:

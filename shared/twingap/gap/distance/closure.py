@@ -41,8 +41,8 @@ class Closure:
         (before - after) / (before - floor), clipped to -10 .. 2; 0 where there was no gap to close.
     ci : (float, float)
         90 % interval.
-    before_ci, after_ci : (float, float)
-        90 % intervals of the gaps themselves.
+    after_ci : (float, float)
+        90 % interval of the gap after.
     """
 
     before: float
@@ -50,7 +50,6 @@ class Closure:
     floor: float
     closure: float
     ci: Interval
-    before_ci: Interval
     after_ci: Interval
 
 
@@ -91,8 +90,7 @@ def closure_interval(
     drawn_b, drawn_a = (p.over_domains(p.resampled(signs))[0] for p in (before, after))
     value = closure(float(b), float(a), floor)
     ci = percentile_interval(_closures(drawn_b, drawn_a, floor), value)
-    before_ci, after_ci = percentile_interval(drawn_b, float(b)), percentile_interval(drawn_a, float(a))
-    return Closure(float(b), float(a), floor, value, ci, before_ci, after_ci)
+    return Closure(float(b), float(a), floor, value, ci, percentile_interval(drawn_a, float(a)))
 
 
 def _closures(before: Array, after: Array, floor: float) -> Array:

@@ -22,6 +22,7 @@ from scipy.stats import norm
 
 from twingap.gap.distance.domain_names import DomainName
 from twingap.gap.distance.paired import Paired
+from twingap.gap.distance.stratification import varies
 from twingap.gap.distance.two_sample_tests import Choice, exchanges
 from twingap.gap.report.model import Change, Place, Sign
 from twingap.records import Condition
@@ -35,8 +36,6 @@ _CLIP: Final = 4.0
 """Bound of standardised deviations. With a larger one, bins with rare outliers raise the threshold of all bins."""
 _LEAST_SPREAD: Final = 0.03
 """Smallest spread of a bin (log units). With a smaller one, bins that hardly vary are found more easily."""
-_VARIES: Final = 0.05
-"""Part of its mean by which speed, load or time must vary for a contrast over it."""
 _FEWEST_EXCHANGES: Final = 1000
 """Smallest number of possible exchanges of a subset of records. With fewer, subsets cannot be significant and raise the
 threshold of others."""
@@ -212,7 +211,7 @@ def _contrasts(conditions: Sequence[Condition], fewest: int) -> list[_Contrast]:
         if any(v is None for v in given):
             continue
         values = np.array(given, float)
-        if np.ptp(values) <= _VARIES * max(float(np.abs(values).mean()), 1e-12):
+        if not varies(values):
             continue
         weights = values - values.mean()
         for name in names:

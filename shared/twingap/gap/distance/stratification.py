@@ -18,7 +18,7 @@ Array = NDArray[np.float64]
 Places = NDArray[np.int64]
 
 _VARIES: Final = 0.05
-"""Part of its mean by which speed, load or time must vary to get strata and a slope."""
+"""Part of its mean by which speed, load or time must vary to get strata, a slope, or a contrast."""
 _FREE: Final = 5
 """Smallest number of degrees of freedom within strata per slope. With fewer, scatter is taken for a trend."""
 
@@ -76,9 +76,14 @@ def _varying(conditions: Sequence[Condition]) -> Array | None:
         if any(v is None for v in values):
             continue
         v = np.array(values, float)
-        if np.ptp(v) > _VARIES * max(float(np.abs(v).mean()), 1e-12):
+        if varies(v):
             return v
     return None
+
+
+def varies(values: Array) -> bool:
+    """Whether values differ by more than `_VARIES` of their mean size."""
+    return bool(np.ptp(values) > _VARIES * max(float(np.abs(values).mean()), 1e-12))
 
 
 def slopes(strata: Sequence[Sequence[Sequence[Condition]]]) -> tuple[Array, ...]:
@@ -103,7 +108,7 @@ def slopes(strata: Sequence[Sequence[Sequence[Condition]]]) -> tuple[Array, ...]
         if len(found) == most or any(v is None for v in values):
             continue
         v = np.array(values, float)
-        if np.ptp(v) <= _VARIES * max(float(np.abs(v).mean()), 1e-12):
+        if not varies(v):
             continue
         v = np.log(v) if name == "speed_rpm" else v / np.abs(v).max()
         own = np.concatenate([part - part.mean() for part in np.split(v, np.cumsum(counts)[:-1])])

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twingap.gap.features.measured import Measured, Pair
-from twingap.gap.features.pooled.trends import covariates, normal_deviate, slope
+from twingap.gap.features.pooled.trends import about_means, covariates, normal_deviate, slope
 from twingap.gap.features.registry import NAMES, OF_IMPACTS
 from twingap.signal.record_transforms import known_medians
 
@@ -112,11 +112,9 @@ def paired_z(differences: Array, kinds: NDArray[np.str_], small: Array, otherwis
     Array [features]
     """
     known = np.isfinite(differences)
-    count, free, squares = known.sum(axis=0), known.sum(axis=0), np.zeros(differences.shape[1])
-    for kind in np.unique(kinds):
-        own = differences[kinds == kind]
-        squares += np.nansum((own - np.nanmean(own, axis=0)) ** 2, axis=0)
-        free = free - known[kinds == kind].any(axis=0)
+    count = known.sum(axis=0)
+    free = count - sum(known[kinds == kind].any(axis=0).astype(int) for kind in np.unique(kinds))
+    squares = np.nansum(about_means(differences, kinds) ** 2, axis=0)
     error = np.sqrt((squares / np.maximum(free, 1) + small**2) / np.maximum(count, 1))
     found = normal_deviate(np.nanmean(differences, axis=0) / error, free)
     return np.where(free >= _FEWEST_FREE, found, otherwise)
@@ -138,10 +136,7 @@ def _spread(pair: Pair) -> Array:
 
 
 def _log_spread(side: Measured) -> Array:
-    residual, kinds = side.values.copy(), side.faults()
-    for kind in np.unique(kinds):
-        residual[kinds == kind] -= np.nanmean(residual[kinds == kind], axis=0)
-    return np.asarray(np.log(np.nanstd(residual, axis=0) + 1e-3))
+    return np.asarray(np.log(np.nanstd(about_means(side.values, side.faults()), axis=0) + 1e-3))
 
 
 def _trends(pair: Pair) -> list[Array]:

@@ -23,6 +23,7 @@ from twingap.bearing import Bearing
 from twingap.gap.features.impacts.impulse_response import ImpactSpectrum, standing_out
 from twingap.gap.features.impacts.smooth_path import log_likelihood_ratios
 from twingap.gap.features.tones.peaks import highest
+from twingap.signal.record_transforms import mean_of_five
 
 Array = NDArray[np.float64]
 
@@ -190,7 +191,7 @@ def _over_harmonics(
     logs, weights, noises = [], [], []
     for own in (real, simulated):
         power, error = _mean([s for s in own if s.fault == fault])
-        about = _smooth(np.maximum(power, 0.0))
+        about = mean_of_five(np.maximum(power, 0.0))
         noises.append(np.clip(error / np.maximum(about, 0.1 * error + 1e-300), 0.0, 3.0))
         if faint:
             logs.append(np.log(np.maximum(np.maximum(power, error), 1e-12)))
@@ -236,8 +237,3 @@ def _on_path(simulated: Sequence[ImpactSpectrum], noise: Array) -> Array:
         before[: loud.size] += loud
         after[: loud.size] += loud * np.exp(noise[s.places])
     return np.asarray(np.log(after / before))
-
-
-def _smooth(power: Array) -> Array:
-    """Mean of five neighbours."""
-    return np.convolve(np.pad(power, 2, mode="edge"), np.full(5, 0.2), "valid")

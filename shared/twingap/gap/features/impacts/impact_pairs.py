@@ -18,7 +18,7 @@ import scipy.fft
 from numpy.typing import NDArray
 
 from twingap.gap.features.impacts.impacts import PHASES, Impacts
-from twingap.signal.record_transforms import RecordTransforms, medians
+from twingap.signal.record_transforms import RecordTransforms, mean_of_five, medians, taper
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -103,7 +103,7 @@ def mean_waveform(x: Array, seen: Impacts, fs_hz: float, spacing: float) -> tupl
     first_sample, part = first_sample[inside], (start - np.floor(start))[inside]
     strength = seen.strength[inside] / max(float(seen.strength.mean()), 1e-300)
     # The ends are cut off after the fractional shift, which oscillates there.
-    spectra = scipy.fft.rfft(x[first_sample[:, None] + np.arange(long)] * _soft(long, EDGE), axis=1)
+    spectra = scipy.fft.rfft(x[first_sample[:, None] + np.arange(long)] * taper(long, EDGE), axis=1)
     spectra = spectra * np.exp(2j * np.pi * np.arange(long // 2 + 1) / long * part[:, None])
     weight = strength / float((strength**2).sum())
     mean = weight @ spectra
@@ -115,13 +115,6 @@ def mean_waveform(x: Array, seen: Impacts, fs_hz: float, spacing: float) -> tupl
     f = np.arange(length // 2 + 1) / length
     blur = np.abs(np.exp(-2j * np.pi * f[:, None] * error) @ (strength**2)) / float((strength**2).sum())
     return np.asarray(scipy.fft.irfft(mean, long))[EDGE : EDGE + length], np.asarray(quiet), np.asarray(blur)
-
-
-def _soft(length: int, edge: int) -> Array:
-    """Window with raised-cosine ends."""
-    window, ramp = np.ones(length), 0.5 - 0.5 * np.cos(np.pi * (np.arange(edge) + 0.5) / edge)
-    window[:edge], window[-edge:] = ramp, ramp[::-1]
-    return window
 
 
 def two_pulses(
@@ -153,8 +146,7 @@ def two_pulses(
     inverse = scipy.fft.rfft(poles, n)
     # Wiener weight: where the waveform does not stand out of the noise, the inverse would show noise.
     power = spectrum.real**2 + spectrum.imag**2
-    wide = np.convolve(np.pad(power, 2, mode="edge"), np.full(5, 0.2), mode="valid")
-    quiet = np.convolve(np.pad(noise, 2, mode="edge"), np.full(5, 0.2), mode="valid")
+    wide, quiet = mean_of_five(power), mean_of_five(noise)
     weight = np.maximum(1 - 2 * quiet / np.maximum(wide, 1e-300), 0.0)
     shape = 1 / np.maximum(inverse.real**2 + inverse.imag**2, 1e-12)
     # Maximum likelihood: the spectrum is path * pulses + noise of variance `quiet`, which weighs every frequency.
@@ -162,7 +154,7 @@ def two_pulses(
     # Filtered in time, the ring-down of impacts before the window vanishes with the rest.
     driven = np.convolve(waveform, poles)[:n]
     driven[: poles.size - 1] = 0.0
-    pulses = scipy.fft.rfft(driven * _soft(n, 3))
+    pulses = scipy.fft.rfft(driven * taper(n, 3))
     m = n * UPSAMPLE
     response = scipy.fft.irfft(pulses * trust * blur, m)
     kernel = scipy.fft.irfft(trust * blur**2 + 0j, m)

@@ -50,8 +50,6 @@ class Impacts:
         Strength less the noise; what `strength_error` was drawn about.
     cycle : Array [PHASES]
         Mean squared envelope over a pass, its peak at bin PHASES // 4.
-    waveform : Complex [L]
-        Of one impact, unit energy.
     phase_locked : float
         Length of the mean of carrier phases at the impacts, 0 to 1: 1 where all impacts are true copies.
     """
@@ -64,7 +62,6 @@ class Impacts:
     strength_error: Array
     strength_clean: Array
     cycle: Array
-    waveform: Complex
     phase_locked: float
 
 
@@ -148,7 +145,6 @@ def measure_impacts(band: BandSignal, course: Track) -> Impacts | None:
         strength_off - clean,
         clean,
         cycle,
-        waveform,
         locked,
     )
 

@@ -120,12 +120,16 @@ def _at_harmonics(summary: RecordSummary) -> float:
 
 def _without(y: Array, x: Array, kinds: NDArray[np.str_]) -> Array:
     """Residual of y from its slope over x, both about the means of their kinds."""
-    x, y = x.copy(), y.copy()
-    for kind in np.unique(kinds):
-        own = kinds == kind
-        x[own] -= x[own].mean()
-        y[own] -= y[own].mean()
+    x, y = about_means(x, kinds), about_means(y, kinds)
     return np.asarray(y - x * float(x @ y) / max(float(x @ x), 1e-12))
+
+
+def about_means(values: Array, kinds: NDArray[np.str_]) -> Array:
+    """[records, ...] Values less the mean of the known ones of their kind of record."""
+    out = values.copy()
+    for kind in np.unique(kinds):
+        out[kinds == kind] -= np.nanmean(values[kinds == kind], axis=0)
+    return out
 
 
 def covariates(conditions: tuple[Condition, ...]) -> tuple[Array, Array]:
@@ -174,11 +178,8 @@ def slope(x: Array, y: Array, kinds: NDArray[np.str_], usual: float = 0.0) -> tu
     fewest = 2 if usual else FEWEST
     if known.sum() < fewest:
         return nothing, nothing
-    x, y, kinds = x[known].copy(), y[known].copy(), kinds[known]
-    for kind in np.unique(kinds):
-        own = kinds == kind
-        x[own] -= x[own].mean()
-        y[own] -= np.nanmean(y[own], axis=0)
+    kinds = kinds[known]
+    x, y = about_means(x[known], kinds), about_means(y[known], kinds)
     if x.std() < 0.02:
         return nothing, nothing
     known = np.isfinite(y)

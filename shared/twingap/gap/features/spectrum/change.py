@@ -24,6 +24,7 @@ from twingap.gap.features.impacts.parallel_mode import Path
 from twingap.gap.features.impacts.response_sampling import continuous
 from twingap.gap.features.spectrum.record_summary import RecordSummary, log_bands
 from twingap.gap.features.spectrum.smooth_shape import mode_shape
+from twingap.signal.record_transforms import mean_of_five
 
 Array = NDArray[np.float64]
 
@@ -323,10 +324,7 @@ def _mean(pairs: Sequence[tuple[Array, Array]], bands: int) -> tuple[Array, Arra
     mean = ratio.mean(axis=0)
     # Levels differ from record to record: the error of a band is its scatter about its record's own level.
     about = ratio - np.median(ratio, axis=1, keepdims=True)
-    if len(pairs) > 2:
-        variance = np.convolve(np.pad(about.var(axis=0, ddof=1), 2, mode="edge"), np.full(5, 0.2), "valid")
-    else:
-        variance = np.full(bands, _ALONE**2)
+    variance = mean_of_five(about.var(axis=0, ddof=1)) if len(pairs) > 2 else np.full(bands, _ALONE**2)
     error = np.sqrt(variance / len(pairs) + _LEAST_ERROR**2)
     return mean, error, np.mean(np.exp(theirs), axis=0)
 

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from scipy.signal import find_peaks
 
 from twingap.effects.impulsive_noise import LEAST_RATE_HZ
+from twingap.gap.features.spectrum.smooth_shape import bump
 from twingap.gap.features.spectrum.without_tones import without_tones
 from twingap.signal.record_transforms import RecordTransforms, medians
 
@@ -77,15 +78,9 @@ def _ring_down(record: RecordTransforms, x: Array, at: NDArray[np.int64], out: d
     background = float(medians(power))
     power = np.maximum(power - background, 0.0)
     power[:4] = 0.0
-    place = int(np.argmax(power))
-    if power[place] <= 0:
+    height, place, width = bump(power)
+    if height <= 0:
         return
     out["impulse_fs"] = place / 1024
     out["impulse_hz_log"] = math.log10(max(place, 1) / 1024 * record.fs_hz)
-    over = power > power[place] / 2
-    low = high = place
-    while low > 0 and over[low - 1]:
-        low -= 1
-    while high < over.size - 1 and over[high + 1]:
-        high += 1
-    out["impulse_damping_log"] = math.log10(max(high - low + 1, 1) / 2 / max(place, 1))
+    out["impulse_damping_log"] = math.log10(width / 2 / max(place, 1))

@@ -103,9 +103,7 @@ def _orders(lines: Lines, scale: float, out: dict[str, float], without: NDArray[
         out[f"order_{k}_excess"], out[f"order_{k}_level"] = float(logs[k - 1]), float(levels[k - 1])
     out["order_high_mean"] = _mean(logs[3:])
     out["order_high_level"] = _mean(levels[3:])
-    strong = np.isfinite(logs) & (logs > 0.6)
-    if np.count_nonzero(strong) >= 4:
-        out["order_decay"] = float(10 ** np.polyfit(orders[strong], levels[strong], 1)[0])
+    out["order_decay"] = _decay(orders, levels, logs > 0.6, 4)
     logs, p = lines.at(np.array(_HALF) * lines.shaft_hz, relative if lines.locked else 0.02, without)
     for k, value in enumerate(logs, start=1):
         out[f"half_{k}_excess"] = float(value)
@@ -132,9 +130,7 @@ def _mains(lines: Lines, scale: float, out: dict[str, float]) -> None:
     logs, p = found[int(means[1] > means[0])]
     levels = _levels(p, scale)
     out["mains_level"] = float(levels[0])
-    strong = np.isfinite(logs) & (logs > 0.8)
-    if np.count_nonzero(strong) >= 3:
-        out["mains_decay"] = float(10 ** np.polyfit(k[strong], levels[strong], 1)[0])
+    out["mains_decay"] = _decay(k, levels, logs > 0.8, 3)
 
 
 def _waviness(record: RecordTransforms, lines: Lines, scale: float, out: dict[str, float]) -> NDArray[np.bool_]:
@@ -160,9 +156,7 @@ def _waviness(record: RecordTransforms, lines: Lines, scale: float, out: dict[st
         logs, p = lines.at(k * base * (ratio if found else 1.0), 0.0 if found else reach / 3, without)
         levels = _levels(p, scale)
         out[f"wave_{race}_level"] = float(levels[0])
-        strong = np.isfinite(logs) & (logs > 0.8)
-        if np.count_nonzero(strong) >= 2:
-            out[f"wave_{race}_decay"] = float(10 ** np.polyfit(k[strong], levels[strong], 1)[0])
+        out[f"wave_{race}_decay"] = _decay(k, levels, logs > 0.8, 2)
     return taken
 
 
@@ -255,6 +249,13 @@ def _pair(lines: Lines, fs_hz: float, scale: float, out: dict[str, float], taken
     out["pair_side_order"] = float(own.hz[high] - own.hz[low]) / 2 / lines.shaft_hz
     order = float(own.hz[centre]) / lines.shaft_hz
     out["pair_off_order"] = abs(order - round(order))
+
+
+def _decay(k: Array, levels: Array, strong: NDArray[np.bool_], fewest: int) -> float:
+    """Factor of the amplitude from line to line, by a line through the strong ones; NaN with fewer than `fewest`."""
+    if np.count_nonzero(strong) < fewest:
+        return math.nan
+    return float(10 ** np.polyfit(k[strong], levels[strong], 1)[0])
 
 
 def _levels(power: Array, scale: float) -> Array:
