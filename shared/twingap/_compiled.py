@@ -27,14 +27,15 @@ def njit(**options: Any) -> Callable[[Function], Function]:
     Parameters
     ----------
     **options
-        Of `numba.njit`. The interpreter lock is released unless ``nogil=False``.
+        Of `numba.njit`. The interpreter lock is released unless ``nogil=False``, and a division by zero gives infinity
+        or NaN unless ``error_model="python"``: checks of divisions take longer to compile.
 
     Returns
     -------
     callable
         The decorator.
     """
-    options = {"nogil": True, "no_cfunc_wrapper": True} | options
+    options = {"nogil": True, "no_cfunc_wrapper": True, "error_model": "numpy"} | options
 
     def decorate(function: Function) -> Function:
         if numba.config.DISABLE_JIT:

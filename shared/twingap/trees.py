@@ -142,7 +142,7 @@ def _rounded_down(value: Array) -> NDArray[np.float32]:
     return np.where(near > value, np.nextafter(near, np.float32(-np.inf)), near)
 
 
-@njit(error_model="numpy")
+@njit()
 def _add_trees(  # type: ignore[no-untyped-def]  # pragma: no cover
     rows, roots, column, right, value, leaf, unknown_left, out
 ):

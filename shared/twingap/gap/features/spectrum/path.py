@@ -297,7 +297,7 @@ def _response(place: Array, damping: Array) -> NDArray[np.complex128]:
     return np.asarray(decay * np.sin(turn) / below)
 
 
-@njit(error_model="numpy")
+@njit()
 def _non_negative(gram, right, weights):  # type: ignore[no-untyped-def]  # pragma: no cover
     """Non-negative least squares of each candidate, by coordinate descent, into `weights` [candidates, 4], zeros."""
     for c in range(gram.shape[0]):

@@ -67,7 +67,7 @@ def aligned(
     return Aligned(score, total / np.maximum(count, 1)[:, None])
 
 
-@njit(error_model="numpy")
+@njit()
 def _search(
     deviates: Single, combs: Array, weights: Array, reach: float, score: Array, total: Array, count: Array
 ) -> None:

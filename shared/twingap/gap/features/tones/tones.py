@@ -351,7 +351,7 @@ def comb_scores(hz: Array, weights: Array, widths: Array, bases: Array, highest:
     return out
 
 
-@njit(error_model="numpy")
+@njit()
 def _add_comb_scores(hz, weights, widths, bases, highest, based, out, first):  # type: ignore[no-untyped-def]  # pragma: no cover
     # Candidates are the inner loop, and nothing in it branches: so it is done eight at a time.
     for i in range(hz.size):
@@ -368,7 +368,7 @@ def _add_comb_scores(hz, weights, widths, bases, highest, based, out, first):  #
             out[c] = out[c] if first[c] > 0 else 0.0
 
 
-@njit(error_model="numpy")
+@njit()
 def look_up(tones, floor, places, relative, logs, power):  # type: ignore[no-untyped-def]  # pragma: no cover
     """Fill what `Lines.at` returns; places are frequencies in bins."""
     for i in range(places.size):
