@@ -14,6 +14,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from twingap.errors import TwingapError
 from twingap.gap.knowledge.detectability import Detectability, learn_detectability
 from twingap.gap.knowledge.detectors import Ensemble, Estimator, Table, learn_classifier, learn_estimator
 from twingap.gap.knowledge.effect_features import columns
@@ -145,8 +146,8 @@ def learn(examples: Examples, effects: tuple[str, ...], parameters: tuple[tuple[
 
     Raises
     ------
-    ValueError
-        For too few examples with or without a gap.
+    TwingapError
+        For too few machines with or without a gap. An effect that too few machines have gets no detector.
     """
     import joblib
 
@@ -213,7 +214,11 @@ def learn(examples: Examples, effects: tuple[str, ...], parameters: tuple[tuple[
         any_gap_table, np.tile(has_gap, 2), machine, range(any_gap_table.values.shape[1]), first, np.tile(open_, 2)
     )
     if any_gap is None:
-        raise ValueError("too few examples with and without a gap to learn from")
+        raise TwingapError(
+            f"{len(np.unique(examples.machine[has_gap]))} machines with a gap and "
+            f"{len(np.unique(examples.machine[~has_gap]))} without one are too few to learn from",
+            where="training", mend="train on 100 machines or more; thousands are needed for good detectors",
+        )  # fmt: skip
     any_gap.out_of_fold = any_gap.out_of_fold[here]
     scores = scores[here]
     scored = MachineScores.of(np.stack([any_gap.out_of_fold, any_effect(odds[here])], axis=1), examples.features, names)

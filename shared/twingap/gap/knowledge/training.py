@@ -94,7 +94,7 @@ def train(
     Raises
     ------
     TwingapError
-        For fewer than 20 machines.
+        For fewer than 20 machines, or where too few of them have a gap or none.
     """
     notify = progress or _no_progress
     if machines < 20:

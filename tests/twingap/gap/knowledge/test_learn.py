@@ -5,6 +5,7 @@ from itertools import product
 import numpy as np
 import pytest
 
+from twingap.errors import TwingapError
 from twingap.gap.knowledge.detectors import Table, learn_classifier, learn_estimator
 from twingap.gap.knowledge.learn import Examples, learn
 from twingap.gap.knowledge.null import (
@@ -70,6 +71,15 @@ def test_too_few_examples_teach_nothing(examples):
     few = np.zeros(len(examples), bool)
     few[:5] = True
     assert learn_classifier(Table(examples.features), few, examples.machine, range(60)) is None
+
+
+def test_too_few_machines_without_a_gap_are_an_error_that_says_so(examples):
+    gap = examples.missing.any(axis=1)
+    rows = np.append(np.flatnonzero(gap), np.flatnonzero(~gap)[:3])
+    few = Examples(*[values[rows] for values in vars(examples).values()])
+    names = tuple(f"context|records{k}" for k in range(60))
+    with pytest.raises(TwingapError, match="and 3 without one are too few"):
+        learn(few, ("a", "b"), (), names, lambda what, part: None)
 
 
 def test_the_null_is_of_machines_without_a_gap_and_p_values_are_even(examples):
