@@ -6,9 +6,11 @@ Frame (bearing, band, scale) + samples + condition --> RecordTransforms: periodo
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
-from typing import Final
+from functools import cached_property, lru_cache, wraps
+from typing import Final, TypeVar
+from weakref import WeakKeyDictionary
 
 import numpy as np
 import scipy.fft
@@ -19,6 +21,7 @@ from twingap.bearing import Bearing
 from twingap.records import Condition
 
 Array = NDArray[np.float64]
+Value = TypeVar("Value")
 
 SMOOTH_SEGMENTS: Final = 512
 """Bins of the smooth spectrum between 0 and half the sampling rate; more resolve sharper modes with more noise."""
@@ -184,6 +187,19 @@ class RecordTransforms:
         padded = np.zeros(m, complex)
         np.multiply(own, taper(own.size, max(own.size // 16, 1)), out=padded[: own.size])
         return np.asarray(scipy.fft.ifft(padded, overwrite_x=True)), first
+
+
+def once_a_record(measure: Callable[[RecordTransforms], Value]) -> Callable[[RecordTransforms], Value]:
+    """Decorator of a function of one record: its result is kept as long as the record is."""
+    known: WeakKeyDictionary[RecordTransforms, Value] = WeakKeyDictionary()
+
+    @wraps(measure)
+    def kept(record: RecordTransforms) -> Value:
+        if record not in known:
+            known[record] = measure(record)
+        return known[record]
+
+    return kept
 
 
 @lru_cache(maxsize=32)

@@ -230,7 +230,7 @@ def _run(state, turns, cage, rows, intervals, first, second, output, along, acro
             state[row, lane] = w[row, lane]
 
 
-@_compiled.njit(parallel=True, nogil=False, no_cfunc_wrapper=False)
+@_compiled.njit(parallel=True, nogil=False, no_cfunc_wrapper=False, error_model="python")
 def _integrate(state, turns, cage, rows, lengths, first, second, output, along, across, line):  # type: ignore[no-untyped-def]
     for group in prange(state.shape[0]):
         _run(

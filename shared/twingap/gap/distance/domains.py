@@ -124,11 +124,7 @@ def _order(record: RecordTransforms, grid: Grid) -> Array:
 
 
 def _envelope_order_axis(grid: Grid) -> Axis:
-    return _bins("shaft orders", lines=grid.envelope_orders, floor=_floor_edges(grid))
-
-
-def _floor_edges(grid: Grid) -> Array:
-    return np.linspace(0.15, grid.top_envelope_order, 9)
+    return _bins("shaft orders", lines=grid.envelope_orders, floor=grid.envelope_floor)
 
 
 def _envelope_order(record: RecordTransforms, grid: Grid) -> Array:
@@ -139,7 +135,7 @@ def _envelope_order(record: RecordTransforms, grid: Grid) -> Array:
     cut = spectrum[: max(int(grid.top_envelope_order * 1.1 / df_orders) + 2, 16)]
     floor = _floor(cut) + 1e-15
     lines = _largest(np.log(cut / floor + 1e-3), df_orders, grid.envelope_orders)
-    broad = _floor_edges(grid)
+    broad = grid.envelope_floor
     places = np.clip(((broad[1:] + broad[:-1]) / 2 / df_orders).astype(int), 0, cut.size - 1)
     # The floor falls with the length of the record; its density per order does not.
     return np.concatenate((lines, np.log(floor[places] / df_orders)))

@@ -126,6 +126,11 @@ class Grid:
         """Edges of the bands of envelope orders, centred on tenths."""
         return np.arange(0.15, self.top_envelope_order + 0.06, 0.1)
 
+    @cached_property
+    def envelope_floor(self) -> Array:
+        """Edges of the bands of the floor of the envelope spectrum, orders."""
+        return np.linspace(0.15, self.top_envelope_order, 9)
+
 
 def require_length(samples: int, name: str) -> None:
     """Raise TwingapError for a record of fewer than 64 samples."""

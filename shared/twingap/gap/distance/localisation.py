@@ -43,6 +43,8 @@ _ONE_SIDED: Final = 0.8
 """Part of a place's squared difference that must have one sign for the place to have it."""
 _SAME: Final = 0.75
 """Ratio of what is left of a place to what was there, above which it is called the same, and below its inverse too."""
+_LEAST_SHARE: Final = 0.01
+"""Least share of the gap that is shown. A smaller value shows more places."""
 _NUMBERS: Final = ("speed_rpm", "load_n", "time_s")
 
 
@@ -115,17 +117,9 @@ def locate(pair: Paired, rng: np.random.Generator, draws: int = 999) -> Located:
 
 
 def adjusted(statistics: Single) -> Array:
-    """Step-down max-T p-values.
+    """[hypotheses] Step-down max-T p-values, adjusted for all, at least 1 / (1 + draws).
 
-    Parameters
-    ----------
-    statistics : array [1 + draws, hypotheses]
-        Large values contradict the null; the first row is the observed.
-
-    Returns
-    -------
-    Array [hypotheses]
-        Adjusted for all, at least 1 / (1 + draws).
+    From statistics [1 + draws, hypotheses], the observed ones first; large values contradict the null.
     """
     order = np.argsort(-statistics[0], kind="stable")
     ranked = statistics[:, order]
@@ -348,20 +342,9 @@ def _sign(differences: Array) -> Sign:
     return "records_higher" if higher > _ONE_SIDED else "twin_higher" if higher < 1 - _ONE_SIDED else "shape"
 
 
-def presentable(places: Iterable[Place], smallest: float = 0.01) -> tuple[Place, ...]:
-    """Places for a reader: overlapping ones of a domain, sign and condition as one, those of small shares left out.
-
-    Parameters
-    ----------
-    places : iterable of Place
-    smallest : float
-        Least share of the gap that is shown.
-
-    Returns
-    -------
-    tuple of Place
-        Largest share first.
-    """
+def presentable(places: Iterable[Place]) -> tuple[Place, ...]:
+    """Places for a reader, the largest share first: overlapping ones of a domain, sign and condition as one, those of
+    shares below `_LEAST_SHARE` left out."""
     merged: list[Place] = []
     for place in sorted(places, key=lambda p: (p.lo is not None, p.lo)):
         for i, known in enumerate(merged):
@@ -373,7 +356,7 @@ def presentable(places: Iterable[Place], smallest: float = 0.01) -> tuple[Place,
                 break
         else:
             merged.append(place)
-    return tuple(sorted((p for p in merged if p.share >= smallest), key=lambda p: (-p.share, p.p_value)))
+    return tuple(sorted((p for p in merged if p.share >= _LEAST_SHARE), key=lambda p: (-p.share, p.p_value)))
 
 
 def followed(places: Sequence[Place], rest: Sequence[Place], before: Paired, after: Paired) -> tuple[Place, ...]:

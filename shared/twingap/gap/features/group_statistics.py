@@ -43,14 +43,8 @@ def compare(pair: Pair) -> Array:
 
 
 def extent(statistics: Array) -> Array:
-    """[6] Extent of the differences: ln(1 + .) of the 1st, 4th, 13th, 41st and 121st largest |z|, and of the mean
-    square.
-
-    Parameters
-    ----------
-    statistics : Array
-        From `compare`.
-    """
+    """[6] Extent of the differences in the statistics of `compare`: ln(1 + .) of the 1st, 4th, 13th, 41st and 121st
+    largest |z|, and of the mean square."""
     z = np.sort(np.abs(statistics[_z_places()]))
     z = z[np.isfinite(z)][::-1]
     if z.size == 0:

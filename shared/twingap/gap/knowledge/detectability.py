@@ -56,15 +56,7 @@ class Detectability:
     def hidden(self, missing: Mask, values: Array, features: NDArray[Any]) -> Mask:
         """[examples, effects] Whether an effect is missing and undetectable.
 
-        Parameters
-        ----------
-        missing : Mask [examples, effects]
-        values : Array [examples, parameters]
-        features : Array [examples, features]
-
-        Returns
-        -------
-        Mask [examples, effects]
+        From `missing` [examples, effects], `values` [examples, parameters] and `features` [examples, features].
         """
         out = np.zeros(missing.shape, bool)
         for j, name in enumerate(self.effects):

@@ -80,18 +80,9 @@ class Learnt:
         return effect in self.effects and effect not in self.outdated
 
     def log_odds(self, features: NDArray[Any], *, later: bool = False) -> Array:
-        """Log odds that each effect is missing.
+        """[examples, effects] Log odds that each effect is missing, from features [examples, features].
 
-        Parameters
-        ----------
-        features : Array [examples, features]
-        later : bool
-            Whether effects have been added to the twin.
-
-        Returns
-        -------
-        Array [examples, effects]
-            `NO_DETECTOR` for effects without a detector.
+        `NO_DETECTOR` for effects without a detector; `later` states that effects have been added to the twin.
         """
         rows = np.atleast_2d(features)
         out = np.full((len(rows), len(self.effects)), NO_DETECTOR)

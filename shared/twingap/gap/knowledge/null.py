@@ -104,10 +104,6 @@ class Null:
       p: Westfall and Young, Resampling-based multiple testing, 1993).
     - The distance is one of the scores, ranked among all machines of a class whatever their number of records. It
       detects gaps that no detector was trained on.
-
-    Parameters
-    ----------
-    machines : MachineScores
     """
 
     machines: MachineScores

@@ -48,14 +48,7 @@ Progress = Callable[[str, float], None]
 
 @dataclass(frozen=True)
 class Chunk:
-    """Simulated machines of one job.
-
-    Parameters
-    ----------
-    seed : int
-    first, count : int
-        Numbers of the machines: first, first + 1, ...
-    """
+    """Simulated machines of one job: `count` of them, numbered from `first` on."""
 
     seed: int
     first: int

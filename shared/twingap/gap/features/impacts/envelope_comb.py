@@ -285,14 +285,7 @@ def _unwrapped(values: Complex) -> Array:
 def _ridge(lines: Complex, k: Array, noise: Array, per_pass: float) -> Array:
     """[grid] Phase of the course of the rate that gathers most power, by dynamic programming over short spectra.
 
-    Parameters
-    ----------
-    lines : Complex [harmonics, grid]
-    k : Array [harmonics]
-    noise : Array [harmonics]
-        Mean square of a line's samples that is noise.
-    per_pass : float
-        Grid places per pass.
+    From `lines` [harmonics, grid], numbers `k` and `noise` (mean square of a line's samples) of harmonics.
     """
     size = lines.shape[1]
     length, hop = max(int(12 * per_pass), 4), max(int(3 * per_pass), 1)

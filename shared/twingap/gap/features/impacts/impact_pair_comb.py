@@ -21,8 +21,7 @@ from numpy.typing import NDArray
 
 from twingap.bearing import Bearing
 from twingap.gap.features.impacts.impulse_response import ImpactSpectrum, standing_out
-from twingap.gap.features.impacts.smooth_path import log_likelihood_ratios
-from twingap.gap.features.tones.peaks import highest
+from twingap.gap.features.impacts.smooth_path import highest, log_likelihood_ratios
 from twingap.signal.record_transforms import mean_of_five
 
 Array = NDArray[np.float64]

@@ -13,13 +13,12 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Sequence
 from typing import Final, NamedTuple
-from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
 
 from twingap.gap.features.tones.tones import lines_of
-from twingap.signal.record_transforms import RecordTransforms
+from twingap.signal.record_transforms import RecordTransforms, once_a_record
 
 Array = NDArray[np.float64]
 
@@ -70,16 +69,6 @@ class ImpactSpectrum(NamedTuple):
     density: Array
 
 
-_SPECTRA: WeakKeyDictionary[RecordTransforms, ImpactSpectrum | None] = WeakKeyDictionary()
-
-
-def impact_spectrum(record: RecordTransforms) -> ImpactSpectrum | None:
-    """Spectrum of the impacts, computed once a record; None without a known fault, or where the record is too short."""
-    if record not in _SPECTRA:
-        _SPECTRA[record] = _impact_spectrum(record)
-    return _SPECTRA[record]
-
-
 def measure(record: RecordTransforms) -> dict[str, float]:
     """Features of the impacts' spectrum in one record.
 
@@ -107,7 +96,9 @@ def measure(record: RecordTransforms) -> dict[str, float]:
     return out
 
 
-def _impact_spectrum(record: RecordTransforms) -> ImpactSpectrum | None:
+@once_a_record
+def impact_spectrum(record: RecordTransforms) -> ImpactSpectrum | None:
+    """Spectrum of the impacts, computed once a record; None without a known fault, or where the record is too short."""
     if record.fault_order is None or not record.mean_square > 0:
         return None
     lines = lines_of(record)

@@ -17,8 +17,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
 
-from twingap.gap.features.tones.peaks import highest
-
 Array = NDArray[np.float64]
 
 _LENGTHS: Final = (1.5, 4.0, 10.0)
@@ -88,6 +86,13 @@ def log_likelihood_ratios(
             left = ((target[:, None] - combs) ** 2).sum(axis=0) + _LEAST * seen.size
             out[row, column] = 0.5 * seen.size * math.log(rest / float(left.min()))
     return out
+
+
+def highest(values: Array, most: int) -> NDArray[np.int64]:
+    """Places of at most `most` local maxima, the highest first, ends included."""
+    padded = np.concatenate(([-np.inf], values, [-np.inf]))
+    tops = np.flatnonzero((values >= padded[:-2]) & (values > padded[2:]))
+    return np.asarray(tops[np.argsort(-values[tops])[:most]])
 
 
 def _whitened(columns: Array, variance: Array, harmonic: Array) -> tuple[Array, Array, Array]:

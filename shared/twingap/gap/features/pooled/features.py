@@ -27,12 +27,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class PooledRecords:
-    """Records for pooled measurements.
-
-    Parameters
-    ----------
-    summaries : tuple of RecordSummary [records]
-    """
+    """Records for pooled measurements, by their summaries."""
 
     summaries: tuple[RecordSummary, ...]
 
@@ -72,14 +67,7 @@ def levels(real: PooledRecords, simulated: PooledRecords) -> Levels:
 
 
 def compare(real: PooledRecords, simulated: PooledRecords, over: Levels) -> Array:
-    """[features] Differences between measured and simulated records; NaN where not known.
-
-    Parameters
-    ----------
-    real, simulated : PooledRecords
-    over : Levels
-        Levels for the trends, see `levels`.
-    """
+    """[features] Differences between measured and simulated records, with trends of `levels`; NaN where not known."""
     bearing = real.summaries[0].frame.bearing
     combs = impact_pair_comb.compare(
         real.impact_spectra, simulated.impact_spectra, bearing, real.noise - simulated.noise

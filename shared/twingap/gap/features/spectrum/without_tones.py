@@ -6,29 +6,22 @@ transform --bins of peaks reduced to the floor, those of the fault kept--> Recor
 from __future__ import annotations
 
 import math
-from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
 
 from twingap.gap.features.tones.tones import lines_of
-from twingap.signal.record_transforms import RecordTransforms
+from twingap.signal.record_transforms import RecordTransforms, once_a_record
 
 Array = NDArray[np.float64]
-
-_CLEAN: WeakKeyDictionary[RecordTransforms, RecordTransforms] = WeakKeyDictionary()
 
 
 def without_tones(record: RecordTransforms) -> RecordTransforms:
     """The record with its tones' bins taken out, but for those of the fault; the record itself where it has none."""
-    if not np.any(~lines_of(record).fault_comb[2]):
-        return record
-    found = _CLEAN.get(record)
-    if found is None:
-        found = _CLEAN[record] = _cleaned(record)
-    return found
+    return _cleaned(record) if np.any(~lines_of(record).fault_comb[2]) else record
 
 
+@once_a_record
 def _cleaned(record: RecordTransforms) -> RecordTransforms:
     lines = lines_of(record)
     own = lines.peaks.of(~lines.fault_comb[2])

@@ -13,14 +13,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twingap.gap.features.tones.tones import SEARCH, Lines, lines_of
-from twingap.signal.record_transforms import Envelope, RecordTransforms
+from twingap.signal.record_transforms import Envelope, RecordTransforms, once_a_record
 
 Array = NDArray[np.float64]
 
 _SPECTRA: WeakKeyDictionary[Envelope, dict[float, Lines]] = WeakKeyDictionary()
 _FAULT_HARMONICS: Final = np.arange(1.0, 6.0)
 """Harmonics of the fault that its rate is searched with."""
-_FAULT_HZ: WeakKeyDictionary[RecordTransforms, float] = WeakKeyDictionary()
 
 
 def envelope_lines(envelope: Envelope, shaft_hz: float) -> Lines | None:
@@ -53,15 +52,9 @@ def _of_rotation(hz: Array, shaft: float, cage: float, fault: float, loose: floa
     return np.asarray(own | (off < width + 0.001 * lines + 0.03 * sides).any(axis=(0, 1)))
 
 
+@once_a_record
 def fault_hz(record: RecordTransforms) -> float:
     """Rate of the fault, from its comb in the raw spectrum or in the envelope; computed once."""
-    found = _FAULT_HZ.get(record)
-    if found is None:
-        found = _FAULT_HZ[record] = _search_fault(record)
-    return found
-
-
-def _search_fault(record: RecordTransforms) -> float:
     lines = lines_of(record)
     assert record.fault_order is not None
     stated = record.fault_order * record.shaft_hz

@@ -12,13 +12,12 @@ import math
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Final
-from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
 
 from twingap._compiled import njit
-from twingap.signal.record_transforms import RecordTransforms, between_blocks, medians
+from twingap.signal.record_transforms import RecordTransforms, between_blocks, medians, once_a_record
 
 Array = NDArray[np.float64]
 
@@ -311,17 +310,12 @@ class Lines:
         return logs, power
 
 
-_LINES: WeakKeyDictionary[RecordTransforms, Lines] = WeakKeyDictionary()
-
-
+@once_a_record
 def lines_of(record: RecordTransforms) -> Lines:
     """Tones of a record, computed once."""
-    found = _LINES.get(record)
-    if found is None:
-        fault_hz = None if record.fault_order is None else record.fault_order * record.shaft_hz
-        races = (record.bearing.bpfo * record.shaft_hz, record.bearing.bpfi * record.shaft_hz)
-        found = _LINES[record] = Lines(record.tones, record.df_hz, record.shaft_hz, fault_hz, races, record.fs_hz)
-    return found
+    fault_hz = None if record.fault_order is None else record.fault_order * record.shaft_hz
+    races = (record.bearing.bpfo * record.shaft_hz, record.bearing.bpfi * record.shaft_hz)
+    return Lines(record.tones, record.df_hz, record.shaft_hz, fault_hz, races, record.fs_hz)
 
 
 def block_floor(power: Array, block: int = 32) -> Array:
