@@ -207,7 +207,7 @@ class _TreeWriter:
             "line_later": list(ensemble.line_later),
         }
         for model in ensemble.models:
-            if (model.column.dtype, model.right.dtype) != (np.uint8, np.uint8):
+            if max(model.column.itemsize, model.right.itemsize) > 1:
                 raise ValueError("at most 254 features and 127 nodes a tree are expected")
             for name in ("column", "right", "value"):
                 self._nodes[name].append(getattr(model, name))

@@ -357,4 +357,4 @@ def _costs(curves: Array, target: Array, weight: Array, basis: Array, settled: A
         robust = _ROBUST / np.maximum(size, _ROBUST)
     misfit = np.where(size <= _ROBUST, size * size, _ROBUST * (2 * size - _ROBUST))
     # Rounded: of candidates that are alike (bands that reach beyond the spectrum) the first is taken.
-    return np.round(found**2 @ settled + misfit.sum(axis=1), 10), found
+    return np.round(found**2 @ settled + misfit.sum(axis=1), 10), np.asarray(found, float)
