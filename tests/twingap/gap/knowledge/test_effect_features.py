@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import pytest
 
-from twingap.effects import catalogue
+from twingap.effects import trainable
 from twingap.gap.features.comparison import feature_names
 from twingap.gap.knowledge.effect_features import _matches, columns
 
 
-@pytest.mark.parametrize("name", list(catalogue()))
+@pytest.mark.parametrize("name", list(trainable()))
 def test_every_pattern_names_a_feature(name: str) -> None:
-    kind = catalogue()[name]
+    kind = trainable()[name]
     families = {feature.partition("|")[0] for feature in feature_names()}
     known = {*feature_names(), *families}
     for pattern in kind.features:

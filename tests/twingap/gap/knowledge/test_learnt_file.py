@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from twingap.effects import catalogue
+from twingap.effects import trainable
 from twingap.errors import TwingapError
 from twingap.gap.knowledge.learn import Examples, learn
 from twingap.gap.knowledge.learnt import Learnt
@@ -124,7 +124,7 @@ def test_what_ships_covers_the_catalogue_and_is_read_without_what_learns() -> No
         "print(len(learnt.detectors), len(learnt.outdated), 'sklearn' in sys.modules, 'torch' in sys.modules)"
     )
     printed = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.split()
-    assert printed == [str(len(catalogue())), "0", "False", "False"]
+    assert printed == [str(len(trainable())), "0", "False", "False"]
 
 
 def test_what_ships_is_small() -> None:

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from twingap.effects import catalogue
+from twingap.effects import trainable
 from twingap.gap.knowledge.detectability import learn_detectability
 from twingap.gap.knowledge.searches import searches
 from twingap.gap.knowledge.simulated_gaps import draw_gap
@@ -15,7 +15,7 @@ def test_every_effect_of_every_machine_has_an_end_and_a_truth(learnt):
     among, machines = ("mains_interference", "clipping", "quantisation"), (1_000_000, 1_000_001, 1_000_002)
     found = searches(learnt, 0, machines, 8, among)
     gaps = [draw_gap(np.random.default_rng([0, machine]), most_records=8, among=among) for machine in machines]
-    assert len(found) == sum(len(catalogue()) - len(gap.modelled) for gap in gaps)
+    assert len(found) == sum(len(trainable()) - len(gap.modelled) for gap in gaps)
     assert sum(missing for _, missing in found) == sum(len(gap.missing) for gap in gaps)
     # What was never learnt can hardly be likely, and is not named.
     assert sum(outcome.named for outcome, _ in found) <= 3 * len(machines)
@@ -24,7 +24,7 @@ def test_every_effect_of_every_machine_has_an_end_and_a_truth(learnt):
         assert 0 < outcome.rest_p <= 1
         assert np.isfinite(outcome.features()).all()
     # Again, and the same.
-    assert searches(learnt, 0, machines[:1], 8, among) == found[: len(catalogue()) - len(gaps[0].modelled)]
+    assert searches(learnt, 0, machines[:1], 8, among) == found[: len(trainable()) - len(gaps[0].modelled)]
 
 
 def test_effects_that_nobody_could_have_seen_teach_nothing(learnt):

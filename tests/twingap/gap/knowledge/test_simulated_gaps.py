@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from twingap.effects import EntryExit, MeanSlip, Mode, SpeedGain, catalogue, make_effect
+from twingap.effects import EntryExit, MeanSlip, Mode, SpeedGain, make_effect, trainable
 from twingap.effects.drawing import healthy_density
 from twingap.gap.knowledge.machines import draw_bearing, draw_machine
 from twingap.gap.knowledge.outside_catalogue import _changed, _Plan, _shape, _wandering, with_outside_effect
@@ -26,7 +26,7 @@ def test_every_effect_is_drawn_and_differs_from_the_machine_without_it():
     rng = np.random.default_rng(11)
     seen = {}
     for _ in range(400):
-        if len(seen) == len(catalogue()) and all(seen.values()):
+        if len(seen) == len(trainable()) and all(seen.values()):
             break
         machine = draw_machine(rng, own_simulator=False, most_records=8)
         for effect in draw_effects(rng, machine, 3):
@@ -39,7 +39,7 @@ def test_every_effect_is_drawn_and_differs_from_the_machine_without_it():
             seen[effect.name] = any(
                 not np.array_equal(a.samples, b.samples) for a, b in zip(with_it, without, strict=True)
             )
-    assert set(seen) == set(catalogue())
+    assert set(seen) == set(trainable())
     assert all(seen.values())
 
 
