@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import importlib
 import json
 import re
 import subprocess
@@ -60,7 +59,7 @@ def test_a_study_written_from_the_page_runs_and_is_small(
     said = capsys.readouterr()
     assert "jitter, prominence: 4 of 4" in said.err and "jitter: 4 jobs, 4 of them run now" in said.out
     table = pd.read_csv(tmp_path / "out" / "tables" / "jitter.csv").set_index("jitter")["prominence"]
-    assert table[0.001] > 2 * table[0.05]
+    assert table[0.001] > 1.2 * table[0.05]
     main(typed)
     assert "jitter: 4 jobs, 0 of them run now" in capsys.readouterr().out
 
@@ -160,7 +159,7 @@ def test_a_wrong_configuration_is_found_without_a_run(
 def test_every_entry_of_a_configuration_is_explained_and_read(package: str) -> None:
     study = load_study(package)
     text = study.config.read_text(encoding="utf-8")
-    folder = Path(str(importlib.import_module(package).__file__)).parents[1]
+    folder = study.config.parents[1]
     code = "".join(path.read_text(encoding="utf-8") for path in folder.rglob("*.py"))
     for name in (one.name for one in dataclasses.fields(study.options) if one.name != "profiles"):
         assert f".{name}" in code, f"{name} is not read"

@@ -8,11 +8,11 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-from papers.extra.tables.jobs import Bench, Size
-from papers.extra.tables.study import STUDY
-from papers.extra.tables.tables import ALONE, TOGETHER
 
 from papers.extra.rig_lives import jobs, tables
+from papers.extra.rig_lives.jobs import Bench, Size
+from papers.extra.rig_lives.study import STUDY
+from papers.extra.rig_lives.tables import ALONE, TOGETHER
 from twingap.config import to_toml
 from twingap.rigs.smart_maintenance import END_OF_LIFE_G, RUNS, SmartMaintenanceRig, truth
 
