@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import itertools
 import json
 import re
 import subprocess
@@ -26,6 +27,7 @@ from twingap.sweep import SweepError
 from twingap.track import FolderTracker
 
 STUDIES = short_names()
+PAPERS = Path(reproduce.__file__).parent
 CONTRIBUTING = Path(__file__).parents[2] / "CONTRIBUTING.md"
 
 
@@ -157,13 +159,21 @@ def test_a_wrong_configuration_is_found_without_a_run(
 
 @pytest.mark.parametrize("package", STUDIES.values(), ids=list(STUDIES))
 def test_every_entry_of_a_configuration_is_explained_and_read(package: str) -> None:
+    """An entry has a comment where it stands first: on its line, on the one above, or with its table."""
     study = load_study(package)
-    text = study.config.read_text(encoding="utf-8")
-    folder = study.config.parents[1]
-    code = "".join(path.read_text(encoding="utf-8") for path in folder.rglob("*.py"))
-    for name in (one.name for one in dataclasses.fields(study.options) if one.name != "profiles"):
-        assert f".{name}" in code, f"{name} is not read"
-        assert re.search(rf"(?m)^(#.*\n)?\[{name}\b|^{name} = .*(\n(?!\w).*)*?#", text), f"{name} is not explained"
+    lines = ["", *study.config.read_text(encoding="utf-8").splitlines()]
+    seen: set[str] = set()
+    table = False
+    for above, line in itertools.pairwise(lines):
+        said = "#" in line or above.startswith("#")
+        if line.startswith("["):
+            table = said and not line.startswith("[profiles")
+        if (entry := re.match(r"(\w+) =", line)) and entry[1] not in seen:
+            seen.add(entry[1])
+            assert said or table, f"{entry[1]} is not explained"
+    code = "".join(path.read_text(encoding="utf-8") for path in PAPERS.rglob("*.py"))
+    for name in (one.name for one in dataclasses.fields(study.options)):
+        assert name == "profiles" or f".{name}" in code, f"{name} is not read"
 
 
 # -- the runner --------------------------------------------------------------------------------------------------------

@@ -54,21 +54,7 @@ PRINTED, CLOSED = "printed", "closed"
 
 @dataclass(frozen=True)
 class Size:
-    """How much is run.
-
-    Parameters
-    ----------
-    bearings : tuple of str
-        Empty: all.
-    waits_min : tuple of float
-        After the alarm until damage is fitted, min.
-    seeds : int
-        Trainings per run, wait, twin and model.
-    steps : int
-        Gradient steps of each.
-    most_records : int
-        Simulated records per training.
-    """
+    """How much is run; explained in config.toml."""
 
     bearings: tuple[str, ...]
     waits_min: tuple[float, ...]
@@ -79,14 +65,7 @@ class Size:
 
 @dataclass(frozen=True)
 class Options:
-    """The study; explained in config.toml.
-
-    Parameters
-    ----------
-    lives : Path
-        Configuration of the twin and its trainings, relative to this one.
-    profiles : dict[str, Size]
-    """
+    """The study; explained in config.toml."""
 
     lives: Path
     profiles: dict[str, Size]

@@ -47,19 +47,7 @@ MODELS: Final = ("CNN", "Proposed model 3")
 
 @dataclass(frozen=True)
 class Size:
-    """How much is run.
-
-    Parameters
-    ----------
-    bearings : tuple of str
-        Of the rig.
-    seeds : int
-        Trainings per run and model, without and with the named effects.
-    steps : int
-        Gradient steps of each.
-    most_records : int
-        Simulated records per training.
-    """
+    """How much is run; explained in config.toml."""
 
     bearings: tuple[str, ...]
     seeds: int
@@ -69,14 +57,7 @@ class Size:
 
 @dataclass(frozen=True)
 class Options:
-    """The study; explained in config.toml.
-
-    Parameters
-    ----------
-    lives : Path
-        Configuration of the twin and its trainings, relative to this one.
-    profiles : dict[str, Size]
-    """
+    """The study; explained in config.toml."""
 
     lives: Path
     profiles: dict[str, Size]

@@ -24,16 +24,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Size:
-    """How much is run.
-
-    Parameters
-    ----------
-    benches : tuple of int
-        Seeds of the rig.
-    bearings : tuple of str
-    interval_s, duration_s : float
-        Of its snapshots.
-    """
+    """How much is run; explained in config.toml."""
 
     benches: tuple[int, ...]
     bearings: tuple[str, ...]

@@ -52,26 +52,7 @@ RATES: Final = tuple(float(v) for v in np.geomspace(0.4, 2.5, 121))
 
 @dataclass(frozen=True)
 class Size:
-    """How much is run.
-
-    Parameters
-    ----------
-    bearings : tuple of str
-    seeds : int
-        Trainings per run, lives and model.
-    steps : int
-        Gradient steps of each.
-    copies : int
-        Records simulated per row of a life.
-    most_records : int
-        Simulated records per training.
-    models : tuple of str
-        Of `ADVERSARIAL`; DANN, with which all are compared, among them.
-    lives : tuple of str
-        `SIMULATED`, `TRUE`.
-    bench : int or None
-        Seed of the virtual rig where that stands in; None = the configuration's.
-    """
+    """How much is run; explained in config.toml."""
 
     bearings: tuple[str, ...]
     seeds: int
@@ -85,14 +66,7 @@ class Size:
 
 @dataclass(frozen=True)
 class Options:
-    """The study; explained in config.toml.
-
-    Parameters
-    ----------
-    lives : Path
-        Configuration of the twin and its trainings, relative to this one.
-    profiles : dict[str, Size]
-    """
+    """The study; explained in config.toml."""
 
     lives: Path
     profiles: dict[str, Size]

@@ -20,23 +20,7 @@ CONFIG: Final = Path(__file__).with_name("config.toml")
 
 @dataclass(frozen=True)
 class TargetOptions:
-    """The machine whose bearings wear out.
-
-    Parameters
-    ----------
-    data_set : str
-        By its name in `twingap.data`; the virtual rig takes its place where the data are not at hand.
-    surrogate_seed : int
-        Which bench of the rig.
-    interval_s : float
-        From one snapshot of the rig to the next.
-    profile : str
-        Of the rig's speed, see `twingap.rigs.SmartMaintenanceRig`.
-    fault : str
-        Which defect grows.
-    window_samples : int
-        Of each record, from its beginning.
-    """
+    """The machine whose bearings wear out; explained in config.toml."""
 
     data_set: str
     surrogate_seed: int
@@ -48,15 +32,7 @@ class TargetOptions:
 
 @dataclass(frozen=True)
 class Variant:
-    """A twin, and what training knows of it.
-
-    Parameters
-    ----------
-    signal : SignalModel
-        See `methods.simulated_lives`.
-    alike : bool
-        See `methods.training.LifeTraining`.
-    """
+    """A twin, and what training knows of it; explained in config.toml."""
 
     signal: SignalModel
     alike: bool
@@ -64,19 +40,7 @@ class Variant:
 
 @dataclass(frozen=True)
 class JudgingOptions:
-    """How models are chosen and judged.
-
-    Parameters
-    ----------
-    criterion : str
-        Label-free criterion of checkpoints, a key of `methods.training.CRITERIA`.
-    printed : bool
-        Networks with table 1's strides, which leave 32 features, instead of the text's 112.
-    levels : tuple[float, ...]
-        Coverage of the intervals over seeds.
-    alpha : float
-        Relative error of remaining life within which a prediction counts as right.
-    """
+    """How models are chosen and judged; explained in config.toml."""
 
     criterion: str
     printed: bool
@@ -86,25 +50,7 @@ class JudgingOptions:
 
 @dataclass(frozen=True)
 class Profile:
-    """How much is run.
-
-    Parameters
-    ----------
-    bearings : tuple[str, ...]
-        Runs to predict.
-    variants : tuple[str, ...]
-        Twins to train on, keys of `Options.variants`.
-    models : tuple[str, ...]
-        Columns of table 5.
-    seeds : int
-        Trainings per bearing and model.
-    steps : int
-        Gradient steps of each.
-    copies : int
-        Records simulated per row of a life, each with other noise.
-    most_records : int
-        Simulated records per training.
-    """
+    """How much is run; explained in config.toml."""
 
     bearings: tuple[str, ...]
     variants: tuple[str, ...]
@@ -117,21 +63,7 @@ class Profile:
 
 @dataclass(frozen=True)
 class Options:
-    """The whole configuration.
-
-    Parameters
-    ----------
-    target : TargetOptions
-    adaptation : Adaptation
-        See `methods.adaptive_twin`.
-    variants : dict[str, Variant]
-        By name.
-    training : LifeTraining
-        See `methods.training`; its `steps` are the profile's, its `alike` the variant's.
-    judging : JudgingOptions
-    profiles : dict[str, Profile]
-        By name.
-    """
+    """The whole configuration; explained in config.toml."""
 
     target: TargetOptions
     adaptation: Adaptation

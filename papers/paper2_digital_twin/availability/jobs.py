@@ -58,25 +58,7 @@ TINY: Final = 1e-6
 
 @dataclass(frozen=True)
 class Size:
-    """How much is run.
-
-    Parameters
-    ----------
-    seeds : int
-        Shuffles of recordings, choices of labels, trainings.
-    machines : int
-        Virtual machines of each source.
-    ablation_seeds : int
-        Seeds of the other sources.
-    steps : int
-        Of a training.
-    check_machines : int
-        Simulated machines on which false alarms are counted.
-    rig_duration_s : float
-        Length of the virtual rig's recordings.
-    smoke : bool
-        The first data set and the first fold alone.
-    """
+    """How much is run; explained in config.toml."""
 
     seeds: int
     machines: int

@@ -36,38 +36,7 @@ TWINS: Final = 3
 
 @dataclass(frozen=True)
 class SourceOptions:
-    """Where virtual machines are drawn from; ranges are explained in availability.toml.
-
-    Parameters
-    ----------
-    pooled : tuple[int, ...]
-        Numbers of pieces that are averaged to one image; the last is the number simulated per record.
-    speed_spread : float
-        Half width of the spread of speeds, a fraction.
-    resonance, damping, gain_db : (float, float)
-        Of the modes: frequency as a share of the sampling rate, damping ratio, gain.
-    level_db, ball_level_db : (float, float)
-        RMS of a defect's strikes over that of the healthy background.
-    rough_db, ball_rough_db : (float, float)
-        Of stationary roughness, over the background, with a race or a ball defect.
-    companion_db, ball_companion_db : (float, float)
-        Faint strikes of a sound race: over the background; over strikes and roughness of a damaged ball, which marks
-        the races.
-    tone_level : (float, float)
-        Of simulated backgrounds: shaft harmonics, mains, drive and coloured noise, in healthy rms.
-    remount_db : float
-        Standard deviation of the background's level between mountings of the same machine.
-    scatter, ball_scatter, jitter, ball_jitter, cage_depth, slip : (float, float)
-        Of the strikes; a ball's spin axis wanders, so that it strikes at random and with random strength.
-    rough_swing : (float, float)
-        Swing of the roughness over a turn.
-    turning_loads : float
-        Share of machines whose load turns with the shaft.
-    load_extent : (float, float)
-        Of the load zone through which a defect moves: Stribeck's epsilon, 1/2 without clearance.
-    orderly_balls : float
-        Share of ball defects that strike in order (as in textbooks).
-    """
+    """Where virtual machines are drawn from; ranges are explained in availability.toml."""
 
     pooled: tuple[int, ...]
     speed_spread: float

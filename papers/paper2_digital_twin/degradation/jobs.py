@@ -40,17 +40,7 @@ Series = Mapping[str, tuple[Array, Array]]
 
 @dataclass(frozen=True)
 class Size:
-    """How much is run.
-
-    Parameters
-    ----------
-    ims, femto : int
-        Runs of each, from the paper's on.
-    curves : int
-        Refits per interval.
-    coverage_runs : int
-        Simulated runs per kind.
-    """
+    """How much is run; explained in config.toml."""
 
     ims: int
     femto: int

@@ -40,13 +40,7 @@ HIGHEST_ORDER: Final = 12.0
 
 @dataclass(frozen=True)
 class Size:
-    """Operating points.
-
-    Parameters
-    ----------
-    speeds_rpm, loads_n, clearances_um : tuple[float, ...]
-        Every combination of them; the "paper" preset keeps its own load and clearance.
-    """
+    """Operating points; explained in config.toml."""
 
     speeds_rpm: tuple[float, ...]
     loads_n: tuple[float, ...]

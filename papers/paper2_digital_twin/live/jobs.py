@@ -40,7 +40,7 @@ ARMS: Final[dict[str, tuple[bool, bool]]] = {
 
 @dataclass(frozen=True)
 class Line:
-    """How messages arrive; see `twingap.rigs.drifting.arrivals`."""
+    """How messages arrive; see `twingap.rigs.drifting.arrivals`; explained in config.toml."""
 
     delay_s: float
     late: float
@@ -51,15 +51,7 @@ class Line:
 
 @dataclass(frozen=True)
 class Size:
-    """How much is run.
-
-    Parameters
-    ----------
-    seeds, steady : int
-        Machines that drift, and that do not.
-    steady_hours : float
-        How long the latter run.
-    """
+    """How much is run; explained in config.toml."""
 
     seeds: int
     steady: int

@@ -46,15 +46,7 @@ Key = tuple[str, float | None]
 
 @dataclass(frozen=True)
 class Published:
-    """The paper's figures of one data set, per cent and points.
-
-    Parameters
-    ----------
-    mean : float
-        Accuracy of the proposed method.
-    lead, lead_high_noise : float
-        Over the best of the rivals, without noise and at -5 dB.
-    """
+    """The paper's figures of one data set, per cent and points; explained in config.toml."""
 
     mean: float
     lead: float
@@ -63,31 +55,7 @@ class Published:
 
 @dataclass(frozen=True)
 class Size:
-    """How much is run.
-
-    Parameters
-    ----------
-    tasks : tuple[str, ...]
-        Names of files in tasks/.
-    available : tuple[str, ...]
-        States of the unlabelled data.
-    seeds : int
-        Trainings per task, state and method, without noise.
-    strict_seeds : int
-        Of those that leave bearings out where the task itself does not; a seed leaves out one size, in turn.
-    noise_seeds : tuple[int, ...]
-        At each noise level, balanced data alone: no more than without noise.
-    snr_db : tuple[float, ...]
-        Noise levels.
-    steps : int
-        Gradient steps of a training.
-    bearings_per_class, records_per_bearing : int
-        Simulated.
-    evaluations : int
-        Of the identification's objective.
-    rig_duration_s : float
-        Length of the virtual rig's recordings.
-    """
+    """How much is run; explained in config.toml."""
 
     tasks: tuple[str, ...]
     available: tuple[str, ...]

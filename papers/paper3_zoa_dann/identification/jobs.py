@@ -47,17 +47,7 @@ WORDS: Final = {
 
 @dataclass(frozen=True)
 class Size:
-    """How much is spent.
-
-    Parameters
-    ----------
-    seeds : int
-        Runs of each optimiser.
-    evaluations : int
-        Of the objective, the same for all.
-    machines : int
-        Simulated machines per fault.
-    """
+    """How much is spent; explained in config.toml."""
 
     seeds: int
     evaluations: int

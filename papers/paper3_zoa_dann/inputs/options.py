@@ -18,23 +18,7 @@ CONFIG: Final = Path(__file__).with_name("config.toml")
 
 @dataclass(frozen=True)
 class TargetOptions:
-    """The machine to be diagnosed.
-
-    Parameters
-    ----------
-    data_set : str
-        Public data set, by its name in `twingap.data`.
-    surrogate : str
-        Virtual rig that takes its place where the data are not at hand.
-    surrogate_seed : int
-        Which machine of that kind.
-    loads_hp : tuple[int, ...]
-        Loads whose recordings are used.
-    classes : tuple[str, ...]
-        Faults, in the order of their labels.
-    window_samples : int
-        Length of a window.
-    """
+    """The machine to be diagnosed; explained in config.toml."""
 
     data_set: str
     surrogate: str
@@ -46,31 +30,7 @@ class TargetOptions:
 
 @dataclass(frozen=True)
 class SourceOptions:
-    """The simulated records: a population of virtual bearings about the identified twin.
-
-    Parameters
-    ----------
-    preset : {"physical", "paper"}
-        Of the contact twin, for all that is neither identified nor drawn.
-    effects : tuple[str, ...]
-        Effects beyond the contact model, with their default parameters.
-    windows_per_record : int
-        Windows cut from a record, whose length follows.
-    width_mm : (float, float)
-        Range of defect widths, log-uniform.
-    depth_share : (float, float)
-        Range of depths, as a share of the depth to which a ball sinks into a pit of that width.
-    clearance_um, load_n : (float, float)
-        Ranges, uniform.
-    speed_spread : float
-        Half width of the spread of speeds around those of the adaptation recordings, a fraction.
-    parameter_spread : float
-        Standard deviation of ln stiffness, ln damping and ln mass between virtual bearings.
-    snr_db : (float, float)
-        Range of the fault's vibration over the noise, uniform in dB.
-    resonance_hz, resonance_damping, resonance_gain : (float, float)
-        Ranges of a second structural mode that every virtual bearing has, log-uniform.
-    """
+    """The simulated records: a population of virtual bearings about the identified twin; explained in config.toml."""
 
     preset: Literal["physical", "paper"]
     effects: tuple[str, ...]
@@ -89,17 +49,7 @@ class SourceOptions:
 
 @dataclass(frozen=True)
 class IdentificationOptions:
-    """The twin's free parameters from unlabelled recordings.
-
-    Parameters
-    ----------
-    segment_samples : int
-        Segment of the averaged spectra that are compared.
-    records_per_class : int
-        Simulated records per class and evaluation.
-    stiffness, damping, white_share : (float, float)
-        Search ranges, log scale; N/m^1.5, N s/m, white part of the noise's power.
-    """
+    """The twin's free parameters from unlabelled recordings; explained in config.toml."""
 
     segment_samples: int
     records_per_class: int
@@ -110,21 +60,7 @@ class IdentificationOptions:
 
 @dataclass(frozen=True)
 class JudgingOptions:
-    """How methods are chosen and judged.
-
-    Parameters
-    ----------
-    criterion : str
-        Label-free criterion of selection, a key of `twingap.adapt.CRITERIA`.
-    held_out : float
-        Share of the virtual bearings of each class kept from training, for source validation.
-    levels : tuple[float, ...]
-        Coverage of the intervals over seeds.
-    false_alarm : float
-        Share of white-noise windows that the analyst's rule calls faulty.
-    embedded : int
-        Windows per domain in a t-SNE figure.
-    """
+    """How methods are chosen and judged; explained in config.toml."""
 
     criterion: str
     held_out: float
@@ -135,29 +71,7 @@ class JudgingOptions:
 
 @dataclass(frozen=True)
 class Profile:
-    """How much is run.
-
-    Parameters
-    ----------
-    tasks : tuple[str, ...]
-        See `papers.paper3_zoa_dann.tasks.make_tasks`.
-    inputs : tuple[str, ...]
-        What the network is shown: keys of `twingap.adapt.VIEWS`.
-    seeds : int
-        Trainings per task, input and method.
-    steps : int
-        Gradient steps of each.
-    bearings_per_class : int
-        Virtual bearings, each with defect, clearance, load, stiffness, damping, mass, noise, second mode of its own.
-    records_per_bearing : int
-        Simulated records of each, at other speeds.
-    windows_per_recording : int
-        Windows cut from each recording of the target.
-    evaluations : int
-        Of the identification's objective; 0 keeps the preset.
-    rig_duration_s : float
-        Length of the virtual rig's recordings.
-    """
+    """How much is run; explained in config.toml."""
 
     tasks: tuple[str, ...]
     inputs: tuple[str, ...]
@@ -172,19 +86,7 @@ class Profile:
 
 @dataclass(frozen=True)
 class Options:
-    """The whole configuration.
-
-    Parameters
-    ----------
-    target : TargetOptions
-    source : SourceOptions
-    identification : IdentificationOptions
-    training : Training
-        See `twingap.adapt.Training`; its `steps` are the profile's.
-    judging : JudgingOptions
-    profiles : dict[str, Profile]
-        By name.
-    """
+    """The whole configuration; explained in config.toml."""
 
     target: TargetOptions
     source: SourceOptions
