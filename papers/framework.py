@@ -201,8 +201,6 @@ class Study:
 
     def _publish(self, work: Work, draw: bool) -> None:
         """Tables, figures and metrics, to the folder and to the tracker, each as soon as it is made."""
-        import matplotlib as mpl
-
         work.tables.update(self.tables(work))
         for name, table in work.tables.items():
             write_table(table, work.out / "tables" / name, work.title)
@@ -212,6 +210,8 @@ class Study:
         if work.missing:
             work.log.parameters({"missing": list(work.missing)})
         if draw and self.figures is not None:
+            import matplotlib as mpl
+
             with mpl.rc_context(self.style):
                 for name, figure in self.figures(work):
                     write_figure(figure, work.out / "figures" / f"{name}.png")
@@ -325,11 +325,6 @@ class Work:
             yield f"{self.study.name}: no data at hand for {', '.join(self.missing)}, left out"
         if self.finished:
             yield f"{self.study.name}: {self.finished} jobs, {self.computed} of them run now"
-
-
-def seeds_of(work: Work, count: int) -> range:
-    """That many seeds, from the run's own on."""
-    return range(work.seed, work.seed + count)
 
 
 def load_study(name: str) -> Study:

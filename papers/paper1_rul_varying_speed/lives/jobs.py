@@ -14,8 +14,7 @@ import dataclasses
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
-import numpy as np
-
+from papers.logs import log_checkpoints, log_method
 from papers.paper1_rul_varying_speed.cases import Case, Target, load_target, read_case
 from papers.paper1_rul_varying_speed.job import Job, train_and_judge
 from papers.paper1_rul_varying_speed.lives import tables
@@ -88,16 +87,8 @@ def _log_case(log: Run, results: list[CaseResult], title: str) -> None:
         for result in results:
             for model in result.models:
                 settings = {"task": case.name, "twin": result.variant, "method": model}
-                words = " · ".join(settings.values())
-                with of_case.run(words, settings) as of_model:
-                    errors = [t.value["rmse_min"][t.value["place"]] for t in result.of(model)]
-                    of_model.parameters(settings)
-                    of_model.metrics({"rmse min": float(np.mean(errors)), "rmse min std": tables.std(errors)})
-                    for trained in result.of(model):
-                        name = f"{words} · seed {trained.job.seed}"
-                        with of_model.run(name, {"store key": trained.key}, duration_s=trained.seconds) as of_seed:
-                            of_seed.parameters(settings)
-                            _log_training(of_seed, trained)
+                errors = [t.value["rmse_min"][t.value["place"]] for t in result.of(model)]
+                log_method(of_case, settings, result.of(model), "rmse min", errors, _log_training)
 
 
 def _log_training(log: Run, trained: Result[Job]) -> None:
@@ -106,17 +97,8 @@ def _log_training(log: Run, trained: Result[Job]) -> None:
         "seed": job.seed, "device": value["device"], "architecture": dataclasses.asdict(job.architecture),
         "training": dataclasses.asdict(job.training), "simulated records": value["simulated"],
     })  # fmt: skip
-    for place, at in enumerate(value["steps"]):
-        curves = {f"criterion {name}": scores[place] for name, scores in value["criteria"].items()}
-        log.metrics(
-            {
-                "loss": value["loss"][place],
-                "domain accuracy": value["domain_accuracy"][place],
-                "rmse min at checkpoint": value["rmse_min"][place],
-                **curves,
-            },
-            step=at,
-        )
+    names = {"loss": "loss", "domain accuracy": "domain_accuracy", "rmse min at checkpoint": "rmse_min"}
+    log_checkpoints(log, value, names)
     log.metrics({
         "rmse min": value["rmse_min"][value["place"]], "oracle rmse min": min(value["rmse_min"]),
         "seconds": trained.seconds,

@@ -23,6 +23,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from papers.logs import log_checkpoints, log_method
 from papers.paper3_zoa_dann.inputs.options import Options, Profile
 from papers.paper3_zoa_dann.job import Identification, Job, Measured, identify_twin, train_and_judge, windows_digest
 from papers.paper3_zoa_dann.source import FREE, Recipe
@@ -195,37 +196,15 @@ def _log_task(log: Run, result: TaskResult) -> None:
             cells.setdefault((training.job.view, training.job.method), []).append(training)
         for (view, method), trainings in cells.items():
             settings = {"task": result.task.name, "input": view, "method": LABELS[method]}
-            words = " · ".join(settings.values())
-            with of_task.run(words, settings) as of_cell:
-                values = [t.value["accuracy"][t.value["place"]] for t in trainings]
-                of_cell.parameters(settings)
-                of_cell.metrics(
-                    {
-                        "accuracy": float(np.mean(values)),
-                        "accuracy std": float(np.std(values, ddof=1)) if len(values) > 1 else None,
-                    }
-                )
-                for training in trainings:
-                    name = f"{words} · seed {training.job.seed}"
-                    with of_cell.run(name, {"store key": training.key}, duration_s=training.seconds) as of_seed:
-                        of_seed.parameters(settings)
-                        _log_training(of_seed, training)
+            values = [t.value["accuracy"][t.value["place"]] for t in trainings]
+            log_method(of_task, settings, trainings, "accuracy", values, _log_training)
 
 
 def _log_training(log: Run, training: Result[Job]) -> None:
     value = training.value
     log.parameters({"seed": training.job.seed, "device": value["device"], **dataclasses.asdict(training.job.training)})
-    for place, at in enumerate(value["steps"]):
-        curves = {f"criterion {name}": scores[place] for name, scores in value["criteria"].items()}
-        log.metrics(
-            {
-                "source loss": value["source_loss"][place],
-                "domain accuracy": value["domain_accuracy"][place],
-                "accuracy at checkpoint": value["accuracy"][place],
-                **curves,
-            },
-            step=at,
-        )
+    names = {"source loss": "source_loss", "domain accuracy": "domain_accuracy", "accuracy at checkpoint": "accuracy"}
+    log_checkpoints(log, value, names)
     log.metrics(
         {
             "accuracy": value["accuracy"][value["place"]],
