@@ -306,11 +306,8 @@ class Work:
     @property
     def rows(self) -> list[dict[str, Any]]:
         """Rows of the headline tables, each with study and table named."""
-        return [
-            {"study": self.study.name, "table": name, **{str(key): value for key, value in row.items()}}
-            for name in self.study.headlines
-            for row in self.tables[name].to_dict("records")
-        ]
+        about = {"study": self.study.name}
+        return [about | {"table": name} | row for name in self.study.headlines for row in rows_of(self.tables[name])]
 
     def shown(self) -> Iterator[tuple[str, pd.DataFrame]]:
         """Title and headline table, to print one after the other."""
@@ -325,6 +322,11 @@ class Work:
             yield f"{self.study.name}: no data at hand for {', '.join(self.missing)}, left out"
         if self.finished:
             yield f"{self.study.name}: {self.finished} jobs, {self.computed} of them run now"
+
+
+def rows_of(table: pd.DataFrame) -> list[dict[str, Any]]:
+    """A table as rows."""
+    return [{str(name): value for name, value in row.items()} for row in table.to_dict("records")]
 
 
 def load_study(name: str) -> Study:

@@ -6,7 +6,7 @@ study --> study --> ... --> headlines: one list of rows --> the caller
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
@@ -23,7 +23,7 @@ FOLDERS: Final = {
 }
 """Paper -> package that its studies lie in. Those of ``extra`` answer questions that no paper asks."""
 BOTH: Final = ("smoke", "full")
-PAPERS: Final = {
+PAPERS: Final[Mapping[str, Mapping[str, tuple[str, ...]]]] = {
     "paper1": {
         "paper1_rul_varying_speed.lives": BOTH,
         "extra.femto": ("full",),

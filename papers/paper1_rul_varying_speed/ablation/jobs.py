@@ -15,6 +15,7 @@ beats DANN there too, on lives as simulated.
 from __future__ import annotations
 
 import dataclasses
+import functools
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -102,7 +103,7 @@ def rows(work: Work) -> list[dict[str, Any]]:
             case = simulated if what == SIMULATED else with_true_lives(simulated, options.adaptation)
             trained = work.sweep(
                 train_and_judge, trainings_of(case, options, size, work.seed), {"case": (case, case.digest)},
-                lambda job, lives=what: f"{job.bearing}, lives {lives}, {job.model}, seed {job.seed}",
+                functools.partial(_words, what),
                 f"training, {name}",
                 data={"adaptation": repr(options.adaptation), "rate": f"{case.known.twin.damage.rate:.12g}"},
             )  # fmt: skip
@@ -156,6 +157,10 @@ def trainings_of(case: Case, options: Lives, size: Size, seed: int) -> Iterator[
                 case.name, VARIANT, model, dataclasses.replace(shape, length=options.target.window_samples), seed + k,
                 own, chosen.signal, size.copies, size.most_records, options.judging.criterion,
             )  # fmt: skip
+
+
+def _words(lives: str, job: Job) -> str:
+    return f"{job.bearing}, lives {lives}, {job.model}, seed {job.seed}"
 
 
 def _row(title: str, lives: str, case: Case, job: Job, value: dict[str, Any]) -> dict[str, Any]:

@@ -47,6 +47,7 @@ def run(
 ) -> None:
     """Reproduce the tables and figures of a paper; tracked, and resumable after an interruption."""
     from papers import reproduce
+    from papers.framework import rows_of
     from twingap.track import MlflowTracker, state_folder
 
     if check_configs:
@@ -75,6 +76,6 @@ def run(
     else:
         for work in outcome.works.values():
             for title, table in work.shown():
-                show(table.to_dict("records"), False, title)
+                show(rows_of(table), False, title)
         say(*outcome.notes(), f"MLflow run {outcome.run_id} in {tracker.uri}; show it with: twingap ui")
     wrote(outcome.out / "tables", outcome.out / "figures", as_json=json)
