@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.harness import Measurement, Target
-from papers.paper1_rul_varying_speed.rivals import Growth, particle_filter
+from papers.extra.femto.rivals import Growth, particle_filter
 from twingap.prognosis.estimate import LifeOptions
 from twingap.prognosis.online import OnlineLife
 from twingap.prognosis.simulated_runs import SimulatedRun, simulate_run

@@ -1,1 +1,1 @@
-"""The three papers, each a folder with only what is its own; `studies` is what their studies have in common."""
+"""The three papers and studies of this project's own: `framework` runs a study, `reproduce` the studies of a paper."""

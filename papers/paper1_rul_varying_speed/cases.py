@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from papers.paper1_rul_varying_speed.lives.options import TargetOptions
 from papers.paper1_rul_varying_speed.methods.adaptive_twin import (
     Adaptation,
     AdaptiveTwin,
@@ -25,7 +26,6 @@ from papers.paper1_rul_varying_speed.methods.degradation import end_row
 from papers.paper1_rul_varying_speed.methods.remaining_life import remaining_revolutions, remaining_time_s
 from papers.paper1_rul_varying_speed.methods.run import Run, read_run
 from papers.paper1_rul_varying_speed.methods.simulated_lives import Snapshots, measured_snapshots
-from papers.paper1_rul_varying_speed.options import TargetOptions
 from twingap import data
 from twingap.bearing import Bearing
 from twingap.errors import TwingapError

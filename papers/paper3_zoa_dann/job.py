@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from papers.paper3_zoa_dann.options import IdentificationOptions, SourceOptions
+from papers.paper3_zoa_dann.inputs.options import IdentificationOptions, SourceOptions
 from papers.paper3_zoa_dann.source import Recipe, identify, simulate
 from twingap.adapt import (
     CRITERIA,

@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import qmc
 
-from papers.paper3_zoa_dann.options import IdentificationOptions, SourceOptions
+from papers.paper3_zoa_dann.inputs.options import IdentificationOptions, SourceOptions
 from twingap.adapt import Windows, cut, joined
 from twingap.bearing import Bearing
 from twingap.effects import Effect, SecondResonance, catalogue, make_effect

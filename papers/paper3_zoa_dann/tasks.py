@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from papers.paper3_zoa_dann.options import TargetOptions
+from papers.paper3_zoa_dann.inputs.options import TargetOptions
 from twingap import data
 from twingap.errors import TwingapError
 from twingap.records import Condition, RecordSet

@@ -140,6 +140,7 @@ def test_markup_in_text_is_shown_as_typed() -> None:
 def test_files_that_the_guide_for_contributors_names_exist() -> None:
     root = DOCS.parent
     text = (root / "CONTRIBUTING.md").read_text(encoding="utf-8")
-    named = [path for path in re.findall(r"`((?:shared|tests|docs|data_manifests)/[^`]*)`", text) if "NAME" not in path]
+    found = re.findall(r"`((?:shared|papers|tests|docs|data_manifests)/[^`]*)`", text)
+    named = [path for path in found if "NAME" not in path]
     missing = [path for path in named if not (root / path).exists() and "my_effect" not in path]
     assert named and not missing

@@ -10,12 +10,12 @@ import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from papers.paper1_rul_varying_speed.figures import network, table5
+from papers.paper1_rul_varying_speed.lives.figures import network, table5
+from papers.paper1_rul_varying_speed.lives.tables import LIVES
 from papers.paper1_rul_varying_speed.models import architecture_of
-from papers.paper1_rul_varying_speed.tables import LIVES
-from papers.paper3_zoa_dann.figures_comparison import GROUPS, PROPOSED, accuracy, noise
-from papers.paper3_zoa_dann.tables_comparison import CLEAN
-from papers.paper3_zoa_dann.trial import ALL
+from papers.paper3_zoa_dann.comparison.figures import GROUPS, PROPOSED, accuracy, noise
+from papers.paper3_zoa_dann.comparison.tables import CLEAN
+from papers.paper3_zoa_dann.comparison.trial import ALL
 from twingap.study.figures import FEWEST, by_effect
 from twingap.study.scores import STRENGTHS
 

@@ -1,6 +1,5 @@
 """Paper 1: nothing after now reaches training, an interrupted run ends in the same tables, options are explained."""
 
-import ast
 import dataclasses
 import re
 from pathlib import Path
@@ -12,13 +11,14 @@ import pytest
 import torch
 from scipy.signal import lfilter
 
-import papers.paper1_rul_varying_speed as paper
-from papers.paper1_rul_varying_speed import cases, pipeline, tables
-from papers.paper1_rul_varying_speed import options as options_module
+from papers.framework import Work
+from papers.paper1_rul_varying_speed import cases
 from papers.paper1_rul_varying_speed.cases import Case, Known, Target, load_target, read_case
 from papers.paper1_rul_varying_speed.job import fit
+from papers.paper1_rul_varying_speed.lives import jobs, tables
+from papers.paper1_rul_varying_speed.lives.options import CONFIG, Options, read_options
+from papers.paper1_rul_varying_speed.lives.study import STUDY
 from papers.paper1_rul_varying_speed.models import MODELS
-from papers.paper1_rul_varying_speed.options import CONFIG, Options, read_options
 from twingap.bearing import BEARINGS
 from twingap.errors import TwingapError
 from twingap.records import Condition, Record, RecordSet
@@ -116,7 +116,7 @@ def test_nothing_after_now_reaches_training(case: Case, config: Path) -> None:
     other = case_of(surrogate(spoil_after=case.known.twin.now_row), options)
     assert len(other.judged) < len(case.judged), "the run ends earlier"
     assert not np.array_equal(other.judged.revolutions[:5], case.judged.revolutions[:5])  # type: ignore[index]
-    for job in pipeline._jobs(case, options, options.profile("tiny"), 0):
+    for job in jobs._jobs(case, options, options.profiles["tiny"], 0):
         if job.model == "Proposed model 3" and job.seed == 0:
             one, two = fit(job, case.known)[0], fit(job, other.known)[0]
             assert one.scales == two.scales
@@ -146,18 +146,19 @@ def test_true_life_falls_with_slope_minus_one_at_constant_speed_and_reacts_to_sp
 # -- the whole ---------------------------------------------------------------------------------------------------------
 
 
-def run(config: Path, root: Path, out: Path, **more: Any) -> pipeline.Outcome:
-    return pipeline.run("tiny", out=out, root=root, config=config, backend="sequential", **more)
+def run(config: Path, root: Path, out: Path, **more: Any) -> Work:
+    return STUDY.run("tiny", out=out, root=root, config=config, backend="sequential", **more)
 
 
 @pytest.fixture(scope="module")
-def whole(config: Path, root: Path, tmp_path_factory: pytest.TempPathFactory) -> pipeline.Outcome:
+def whole(config: Path, root: Path, tmp_path_factory: pytest.TempPathFactory) -> Work:
     folder = tmp_path_factory.mktemp("whole")
-    return run(config, root, folder / "out", tracker=FolderTracker(folder / "runs"))
+    with FolderTracker(folder / "runs").run("lives") as log:
+        return run(config, root, folder / "out", log=log)
 
 
-def test_whole_run_writes_and_tracks_all(whole: pipeline.Outcome) -> None:
-    assert whole.computed == 8 and whole.real and whole.title == "Smart Maintenance"
+def test_whole_run_writes_and_tracks_all(whole: Work) -> None:
+    assert whole.computed == 8 and whole.title == "Smart Maintenance"
     for name in ("errors", "table5", "comparison", "gap", "runs", "network", "selection", "predictions"):
         table = pd.read_csv(whole.out / "tables" / f"{name}.csv")
         assert set(table["data"]) == {"Smart Maintenance"} and len(table), "every row says which data it is of"
@@ -169,15 +170,15 @@ def test_whole_run_writes_and_tracks_all(whole: pipeline.Outcome) -> None:
     assert sum(p.name == "metrics.csv" for p in runs.rglob("*")) == 1 + 4 + 8, "bearing, models and twins, seeds"
 
 
-def test_rows_add_up(whole: pipeline.Outcome) -> None:
-    table = tables.frame(whole.rows)
+def test_rows_add_up(whole: Work) -> None:
+    table = whole.tables["errors"]
     assert table["model"].tolist() == ["CNN", "Proposed model 3", tables.LIVES] * 2
     trained = table[table["seeds"] > 0]
     assert (trained["oracle_min"] <= trained["rmse_min"] + 1e-9).all()
     compared = pd.read_csv(whole.out / "tables" / "comparison.csv")
     of = trained[trained["twin"] == "printed"].set_index("model")["rmse_min"]
     per_seed = [
-        [t.value["rmse_min"][t.value["place"]] for t in whole.cases[0].of(m)] for m in ("Proposed model 3", "CNN")
+        [t.value["rmse_min"][t.value["place"]] for t in whole["results"][0].of(m)] for m in ("Proposed model 3", "CNN")
     ]
     assert np.mean(per_seed[1]) == pytest.approx(of["CNN"])
     assert compared["ratio"][0] == pytest.approx(np.mean(np.divide(*per_seed)), rel=1e-4)
@@ -186,9 +187,7 @@ def test_rows_add_up(whole: pipeline.Outcome) -> None:
     assert gap.loc["CNN", "rmse_min, printed twin"] == pytest.approx(of["CNN"], rel=1e-4)
 
 
-def test_an_interrupted_run_is_taken_up_again(
-    config: Path, root: Path, tmp_path: Path, whole: pipeline.Outcome
-) -> None:
+def test_an_interrupted_run_is_taken_up_again(config: Path, root: Path, tmp_path: Path, whole: Work) -> None:
     def stop(what: str, done: int, total: int) -> None:
         if done == 3:
             raise KeyboardInterrupt
@@ -207,23 +206,6 @@ def test_who_names_data_wants_those_used(config: Path, tmp_path: Path) -> None:
 
 
 # -- options ----------------------------------------------------------------------------------------------------------
-
-
-def option_classes() -> list[type]:
-    found = [v for v in vars(options_module).values() if dataclasses.is_dataclass(v) and isinstance(v, type)]
-    return [v for v in found if v.__module__ == options_module.__name__]
-
-
-@pytest.mark.parametrize("kind", option_classes(), ids=lambda k: k.__name__)
-def test_every_option_is_explained_and_used(kind: type) -> None:
-    explained = " ".join((kind.__doc__ or "").replace(",", " ").split())
-    used = set()
-    for path in Path(paper.__file__).parent.glob("*.py"):
-        if path.name != "options.py":
-            used |= {n.attr for n in ast.walk(ast.parse(path.read_text("utf-8"))) if isinstance(n, ast.Attribute)}
-    for field in dataclasses.fields(kind):
-        assert f" {field.name} " in f" {explained} ", f"{kind.__name__}.{field.name} is not explained"
-        assert field.name in used or field.name == "profiles", f"{kind.__name__}.{field.name} is not used"
 
 
 @pytest.mark.parametrize(
@@ -248,8 +230,8 @@ def test_a_wrong_option_is_named(tmp_path: Path, old: str, new: str, message: st
 
 def test_the_smoke_run_has_all_models_and_the_full_one_all_runs() -> None:
     options = read_options()
-    assert list(options.profile("smoke").models) == list(options.profile("full").models) == list(MODELS)
-    assert set(options.profile("full").bearings) == set(tables.PUBLISHED) and options.profile("full").seeds == 5
+    assert list(options.profiles["smoke"].models) == list(options.profiles["full"].models) == list(MODELS)
+    assert set(options.profiles["full"].bearings) == set(tables.PUBLISHED) and options.profiles["full"].seeds == 5
 
 
 @pytest.mark.parametrize(

@@ -9,15 +9,19 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from papers.paper1_rul_varying_speed import ablation
-from papers.paper1_rul_varying_speed.ablation import ADVERSARIAL, DANN, SIMULATED, TRUE, Size, tables, with_true_lives
+from papers.framework import Work
+from papers.paper1_rul_varying_speed.ablation import jobs as ablation
+from papers.paper1_rul_varying_speed.ablation.jobs import ADVERSARIAL, DANN, SIMULATED, TRUE, Size, with_true_lives
+from papers.paper1_rul_varying_speed.ablation.study import STUDY
+from papers.paper1_rul_varying_speed.ablation.tables import tables_of
 from papers.paper1_rul_varying_speed.cases import Case, Target, load_target
 from papers.paper1_rul_varying_speed.job import simulate
+from papers.paper1_rul_varying_speed.lives.options import Options, TargetOptions, read_options
 from papers.paper1_rul_varying_speed.methods.adaptive_twin import NoLifeError
 from papers.paper1_rul_varying_speed.methods.metrics import rmse
 from papers.paper1_rul_varying_speed.models import MODELS
-from papers.paper1_rul_varying_speed.options import Options, TargetOptions, read_options
 from tests.papers import test_paper1
+from twingap.config import to_toml
 from twingap.errors import TwingapError
 
 records, root, config, case = test_paper1.records, test_paper1.root, test_paper1.config, test_paper1.case
@@ -26,6 +30,13 @@ records, root, config, case = test_paper1.records, test_paper1.root, test_paper1
 @pytest.fixture(scope="module")
 def options(config: Path) -> Options:
     return read_options(config)
+
+
+def run(size: Size, lives: Path, out: Path, root: Path) -> Work:
+    """The study with one profile, on the twin of that configuration."""
+    config = out / "ablation.toml"
+    config.write_text(to_toml({"lives": str(lives), "profiles": {"smoke": vars(size)}}), encoding="utf-8")
+    return STUDY.run("smoke", out=out, root=root, backend="sequential", config=config)
 
 
 def error(case: Case) -> float:
@@ -66,24 +77,21 @@ def test_tables_stand_beside_dann() -> None:
         for b, v in zip("AB", errors, strict=True)
         for s in (0, 1)
     ]  # fmt: skip
-    made = tables(rows)["ablation_summary"].set_index("model")
+    made = tables_of(rows)["ablation_summary"].set_index("model")
     assert made.loc[DANN, "over_dann"] == 1 and made.loc[DANN, "better_than_dann"] == 0
     best = made.loc["Proposed model 3"]
     assert best["over_dann"] == pytest.approx(11 / 12) and best["better_than_dann"] == 1 and best["bearings"] == 2
     assert best["low_90"] == best["high_90"] == pytest.approx(11 / 12)
 
 
-def test_the_study_goes_on_from_its_store(
-    root: Path, config: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setitem(ablation.PROFILES, "smoke", Size(("A148",), 1, 4, 1, 60))
-    given = {"out": tmp_path, "root": root, "backend": "sequential", "config": config}
-    first = ablation.run("smoke", **given)
+def test_the_study_goes_on_from_its_store(root: Path, config: Path, tmp_path: Path) -> None:
+    size = Size(("A148",), 1, 4, 1, 60)
+    first = run(size, config, tmp_path, root)
     every = first.tables["ablation"]
     assert set(every["lives"]) == {SIMULATED, TRUE} and len(every) == 8 and first.computed == 8
     assert every.groupby("lives")["lives_rmse_min"].first()[TRUE] < every["lives_rmse_min"].max()
     assert np.isfinite(every["rmse_min"]).all()
-    again = ablation.run("smoke", **given)
+    again = run(size, config, tmp_path, root)
     assert not again.computed
     pd.testing.assert_frame_equal(every, again.tables["ablation"])
     assert len(pd.read_csv(tmp_path / "tables" / "ablation_summary.csv")) == 8
@@ -103,17 +111,16 @@ def test_a_run_for_which_no_life_can_be_simulated_is_left_out_and_named(
     monkeypatch.setattr(ablation, "read_case", of_one)
     monkeypatch.setattr(ablation, "load_target", lambda options, where, names: load_target(options, where, ["A148"]))
     for bearings in (("A148", "A150"), ("A150",)):
-        monkeypatch.setitem(ablation.PROFILES, "smoke", Size(bearings, 1, 4, 1, 60, (DANN,), (SIMULATED,)))
-        given = {"out": tmp_path, "root": root, "backend": "sequential", "config": config}
+        given = (Size(bearings, 1, 4, 1, 60, (DANN,), (SIMULATED,)), config, tmp_path, root)
         if len(bearings) == 1:
             with pytest.raises(TwingapError, match="no run can be trained for: run A150: no life"):
-                ablation.run("smoke", **given)
+                run(*given)
             continue
-        made = ablation.run("smoke", **given).tables
+        made = run(*given).tables
         assert list(made["ablation"]["bearing"]) == ["A148"] and made["ablation_summary"]["bearings"].eq(1).all()
         kind = TwingapError  # what cannot be read is not left out
         with pytest.raises(TwingapError, match=r"^run A150: no life"):
-            ablation.run("smoke", **given)
+            run(*given)
         kind = NoLifeError
         (row,) = made["ablation_left_out"].to_dict("records")
         assert row["bearing"] == "A150" and "no life could be simulated" in row["why"]
@@ -131,10 +138,9 @@ def test_a_question_may_be_asked_of_some_models_and_lives_on_another_bench(
 
     monkeypatch.setattr(ablation, "load_target", watched)
     models = (DANN, "DANN + speed")
-    monkeypatch.setitem(ablation.PROFILES, "smoke", Size(("A148",), 1, 4, 1, 60, models, (SIMULATED,), bench=5))
-    made = ablation.run("smoke", out=tmp_path, root=root, backend="sequential", config=config)
+    made = run(Size(("A148",), 1, 4, 1, 60, models, (SIMULATED,), bench=5), config, tmp_path, root)
     every, summary = made.tables["ablation"], made.tables["ablation_summary"]
     assert list(every["model"]) == list(models) == list(summary["model"]) and set(every["lives"]) == {SIMULATED}
     assert asked == [5] and made.computed == 2
-    confirm = ablation.PROFILES["confirm"]
+    confirm = STUDY.read().profiles["confirm"]
     assert confirm.bench not in (None, read_options().target.surrogate_seed) and DANN in confirm.models

@@ -8,8 +8,10 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from papers.paper1_rul_varying_speed import femto
-from papers.paper1_rul_varying_speed.femto_figures import errors
+from papers.extra.femto import jobs as femto
+from papers.extra.femto.figures import errors
+from papers.extra.femto.study import STUDY
+from papers.extra.femto.tables import pooled
 from twingap.errors import TwingapError
 
 RUNS = {"Bearing1_1": 160, "Bearing1_2": 130, "Bearing2_1": 145}
@@ -29,7 +31,7 @@ def root(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_tables_are_whole_and_a_second_run_takes_them_from_the_store(root: Path, tmp_path: Path) -> None:
-    first = femto.run("smoke", out=tmp_path, root=root, backend="sequential")
+    first = STUDY.run("smoke", out=tmp_path, root=root, backend="sequential")
     every, won = first.tables["femto"], first.tables["femto_wins"]
     assert len(every) == len(RUNS) * len(femto.METHODS)
     assert list(every["method"][:5]) == list(femto.METHODS)
@@ -44,7 +46,7 @@ def test_tables_are_whole_and_a_second_run_takes_them_from_the_store(root: Path,
     assert list(won["against"][:5]) == ["best of each bearing", named, *femto.RIVALS]
     by_rmse = won[(won["metric"] == "rmse_s") & (won["method"] == femto.ALONE)].set_index("against")["bearings_won"]
     assert by_rmse[named] == by_rmse[means.idxmin()] >= by_rmse["best of each bearing"]
-    again = femto.run("smoke", out=tmp_path, root=root, backend="sequential", draw=False)
+    again = STUDY.run("smoke", out=tmp_path, root=root, backend="sequential", draw=False)
     pd.testing.assert_frame_equal(every, again.tables["femto"])
     assert first.computed and not again.computed
     assert len(pd.read_csv(tmp_path / "tables" / "femto.csv")) == len(every)
@@ -68,7 +70,7 @@ def test_the_bearing_left_out_enters_nothing_that_is_tuned(root: Path) -> None:
         np.testing.assert_array_equal(np.asarray(whole["predicted"])[:kept], part["predicted"])
     alone = {n: femto.predict(femto.Prediction(n, femto.ALONE, 0), runs=runs) for n in RUNS}
     short = alone | {"Bearing1_1": femto.predict(femto.Prediction("Bearing1_1", femto.ALONE, 0), runs=other)}
-    whole, part = femto.pooled("Bearing1_1", runs, alone), femto.pooled("Bearing1_1", other, short)
+    whole, part = pooled("Bearing1_1", runs, alone), pooled("Bearing1_1", other, short)
     assert whole["growth_weight"] == part["growth_weight"]
     assert whole["widening"] == part["widening"] != 1.0
     for what in ("predicted", "low", "high"):
@@ -76,10 +78,10 @@ def test_the_bearing_left_out_enters_nothing_that_is_tuned(root: Path) -> None:
 
 
 def test_too_few_runs_are_refused(root: Path, tmp_path: Path) -> None:
+    config = tmp_path / "config.toml"
+    config.write_text('[profiles.two]\nbearings = ["Bearing1_1", "Bearing1_2"]\nseeds = 1\n', encoding="utf-8")
     with pytest.raises(TwingapError, match="3 or more"):
-        femto.run(out=tmp_path, root=root, backend="sequential", bearings=("Bearing1_1", "Bearing1_2"))
-    with pytest.raises(TwingapError, match="unknown profile"):
-        femto.run("fuller", out=tmp_path, root=root)
+        STUDY.run("two", out=tmp_path, root=root, backend="sequential", config=config)
 
 
 def test_data_at_hand_or_not(root: Path, tmp_path: Path) -> None:

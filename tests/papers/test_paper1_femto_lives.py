@@ -9,13 +9,16 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from papers.paper1_rul_varying_speed import femto_lives
+from papers.extra.femto_lives import jobs as femto_lives
+from papers.extra.femto_lives.figures import lives
+from papers.extra.femto_lives.study import STUDY
+from papers.extra.femto_lives.tables import AS_PRINTED, CLOSED, NAMED, errors, summary, twin_of
+from papers.framework import Work
 from papers.paper1_rul_varying_speed.cases import Case
-from papers.paper1_rul_varying_speed.femto_lives_figures import lives
-from papers.paper1_rul_varying_speed.femto_lives_tables import AS_PRINTED, CLOSED, NAMED, errors, summary, twin_of
 from papers.paper1_rul_varying_speed.job import Added, train_and_judge
-from papers.paper1_rul_varying_speed.options import CONFIG, Options, read_options
+from papers.paper1_rul_varying_speed.lives.options import CONFIG, Options, read_options
 from tests.papers import test_paper1_femto
+from twingap.config import to_toml
 from twingap.data import load
 from twingap.errors import TwingapError
 from twingap.records import RecordSet
@@ -23,6 +26,13 @@ from twingap.records import RecordSet
 root = test_paper1_femto.root
 RUN = "Bearing1_1"
 TINY = femto_lives.Size((RUN,), (2.0, 10.0), 1, 4, 40)
+
+
+def run(size: femto_lives.Size, out: Path, root: Path, draw: bool = True) -> Work:
+    """The study with one profile."""
+    config = out / "femto_lives.toml"
+    config.write_text(to_toml({"lives": str(CONFIG), "profiles": {"smoke": vars(size)}}), encoding="utf-8")
+    return STUDY.run("smoke", out=out, root=root, backend="sequential", config=config, draw=draw)
 
 
 @pytest.fixture(scope="module")
@@ -91,11 +101,8 @@ def test_the_summary_compares_each_twin_with_the_printed_one() -> None:
     assert (closed["twin"], closed["ratio"], closed["runs_better"], closed["runs"]) == (CLOSED, 1.5, 0, 2)
 
 
-def test_the_study_writes_its_tables_and_goes_on_from_its_store(
-    root: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setitem(femto_lives.PROFILES, "smoke", TINY)
-    first = femto_lives.run("smoke", out=tmp_path, root=root, backend="sequential")
+def test_the_study_writes_its_tables_and_goes_on_from_its_store(root: Path, tmp_path: Path) -> None:
+    first = run(TINY, tmp_path, root)
     runs, every = first.tables["femto_lives"], first.tables["femto_lives_rmse"]
     assert list(runs["wait_min"]) == [2.0, 10.0] and "10 min" in runs["refused"].iloc[1]
     assert runs["verdict"].notna().tolist() == [True, False]
@@ -103,16 +110,15 @@ def test_the_study_writes_its_tables_and_goes_on_from_its_store(
     for name in first.tables:
         assert len(pd.read_csv(tmp_path / "tables" / f"{name}.csv")) == len(first.tables[name])
     assert (tmp_path / "figures" / "femto_lives.png").stat().st_size > 10_000
-    again = femto_lives.run("smoke", out=tmp_path, root=root, backend="sequential", draw=False)
+    again = run(TINY, tmp_path, root, draw=False)
     assert first.computed and not again.computed
     for name, table in first.tables.items():
         pd.testing.assert_frame_equal(table, again.tables[name])
 
 
-def test_no_run_that_can_be_predicted_is_told(root: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(femto_lives.PROFILES, "smoke", dataclasses.replace(TINY, waits_min=(10.0,)))
+def test_no_run_that_can_be_predicted_is_told(root: Path, tmp_path: Path) -> None:
     with pytest.raises(TwingapError, match="ends within 10 min"):
-        femto_lives.run("smoke", out=tmp_path, root=root, backend="sequential")
+        run(dataclasses.replace(TINY, waits_min=(10.0,)), tmp_path, root)
 
 
 def test_the_figure_has_a_panel_per_wait_and_model_and_a_mark_per_run() -> None:

@@ -9,17 +9,18 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from papers.paper1_rul_varying_speed import ablation, life_gap, pipeline, rig_lives
-from papers.paper1_rul_varying_speed import life_gap_diagnoses as diagnoses
+from papers.extra.life_gap import diagnoses
+from papers.extra.life_gap import jobs as life_gap
+from papers.extra.life_gap.diagnoses import LATER, SEEN, SPEEDS, Asked
+from papers.extra.life_gap.figures import gaps
+from papers.extra.life_gap.study import STUDY
+from papers.extra.life_gap.tables import summary, verdicts
 from papers.paper1_rul_varying_speed.cases import Case
 from papers.paper1_rul_varying_speed.job import Added, simulate, train_and_judge
-from papers.paper1_rul_varying_speed.life_gap_diagnoses import LATER, SEEN, SPEEDS, Asked
-from papers.paper1_rul_varying_speed.life_gap_figures import gaps
-from papers.paper1_rul_varying_speed.life_gap_tables import summary, verdicts
-from papers.paper1_rul_varying_speed.options import read_options
+from papers.paper1_rul_varying_speed.lives.options import read_options
 from tests.papers import test_paper1
+from twingap.config import to_toml
 from twingap.errors import TwingapError
-from twingap.track.folder import FolderTracker
 
 records, root, config, case = test_paper1.records, test_paper1.root, test_paper1.config, test_paper1.case
 
@@ -116,45 +117,23 @@ def test_the_figure_has_a_panel_per_set_and_a_mark_per_diagnosis_of_all_bearings
     assert list(other.lines[0].get_xdata()) == [0, 1, 3, 4] and list(other.lines[0].get_ydata()) == [6, 8, 7, 9]
 
 
-def smaller(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Every profile of the studies with one run, stage and speed."""
-    for profile in life_gap.PROFILES:
-        monkeypatch.setitem(life_gap.PROFILES, profile, life_gap.Size(("A148",), 1, 4, 40))
-        monkeypatch.setitem(rig_lives.SIZES, profile, rig_lives.Size((3,), ("A148", "A154", "A150"), 60.0, 0.05))
-        monkeypatch.setitem(ablation.PROFILES, profile, ablation.Size(("A148",), 1, 4, 1, 40))
-    monkeypatch.setattr(life_gap, "STAGES", (SEEN,))
-    monkeypatch.setattr(life_gap, "SPEEDS", {"slow": SPEEDS["slow"]})
-
-
 def test_the_study_writes_its_tables_and_goes_on_from_its_store(
     root: Path, config: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    smaller(monkeypatch)
-    given = {"out": tmp_path, "root": root, "backend": "sequential", "config": config}
+    monkeypatch.setattr(life_gap, "STAGES", (SEEN,))
+    monkeypatch.setattr(life_gap, "SPEEDS", {"slow": SPEEDS["slow"]})
+    small = tmp_path / "life_gap.toml"
+    profile = vars(life_gap.Size(("A148",), 1, 4, 40))
+    small.write_text(to_toml({"lives": str(config), "profiles": {"smoke": profile}}), encoding="utf-8")
+    given = {"out": tmp_path, "root": root, "backend": "sequential", "config": small}
     said: list[str] = []
-    first = life_gap.run("smoke", **given, progress=lambda what, done, total: said.append(what))
-    assert {"diagnoses", "trainings"} <= set(said)
+    first = STUDY.run("smoke", **given, progress=lambda what, done, total: said.append(what))
+    assert {"life_gap, diagnoses", "life_gap, training, A148"} <= set(said)
     assert len(first.tables["life_gap"]) == 2 and set(first.tables["life_gap_rmse"]["model"]) == set(life_gap.MODELS)
     for name in first.tables:
         assert len(pd.read_csv(tmp_path / "tables" / f"{name}.csv")) == len(first.tables[name])
     assert (tmp_path / "figures" / "life_gap.png").exists()
-    again = life_gap.run("smoke", **given, draw=False)
+    again = STUDY.run("smoke", **given, draw=False)
     assert first.computed and not again.computed
     for name, table in first.tables.items():
         pd.testing.assert_frame_equal(table, again.tables[name])
-
-
-def test_the_full_profile_of_the_paper_logs_the_study_in_a_run_of_its_own(
-    root: Path, config: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    smaller(monkeypatch)
-    given = {"out": tmp_path / "out", "root": root, "seed": 0, "backend": "sequential", "draw": False}
-    with FolderTracker(tmp_path / "runs").run("paper1") as log:
-        assert pipeline.beside(log, "smoke", config, given) == ()
-        assert not (tmp_path / "out").exists()
-        assert pipeline.beside(log, "full", config, given) == ("femto", "femto_lives"), (
-            "its data are not under this root"
-        )
-    for table in ("life_gap_rmse", "ablation_summary", "rig_lives"):
-        assert [path.name for path in (tmp_path / "runs").rglob(f"{table}*")], table
-    assert len(pd.read_csv(tmp_path / "out" / "tables" / "life_gap.csv")) == 2

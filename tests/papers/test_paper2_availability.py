@@ -9,19 +9,19 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from papers.paper2_digital_twin import availability, availability_jobs
-from papers.paper2_digital_twin.availability import run
-from papers.paper2_digital_twin.availability_jobs import NetworkJob, baseline_of, network
-from papers.paper2_digital_twin.availability_records import Measured, load, measure
-from papers.paper2_digital_twin.availability_source import (
+from papers.framework import Work
+from papers.paper2_digital_twin.availability import jobs as availability_jobs
+from papers.paper2_digital_twin.availability.jobs import CONFIG, NetworkJob, baseline_of, network, read_options
+from papers.paper2_digital_twin.availability.records import RIG, Measured, at_hand, load, measure
+from papers.paper2_digital_twin.availability.source import (
     Background,
     Plant,
     SourceOptions,
     healthy_recordings,
     simulate,
 )
-from papers.paper2_digital_twin.availability_split import ALL, SPLITS, counts_of, judged, labelled
-from papers.paper2_digital_twin.availability_study import CONFIG, Study, read_study
+from papers.paper2_digital_twin.availability.split import ALL, SPLITS, counts_of, judged, labelled
+from papers.paper2_digital_twin.availability.study import STUDY
 from papers.paper2_digital_twin.methods.inception import InceptionTraining
 from papers.paper2_digital_twin.methods.residual_head import HeadOptions, ResidualHead, fit_residual_head
 from papers.paper2_digital_twin.methods.scalograms import ImageOptions
@@ -65,10 +65,10 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def study(config: Path, folder: Path) -> Study:
+def study(config: Path, folder: Path) -> Work:
     with pytest.MonkeyPatch.context() as patch:
         patch.delenv("TWINGAP_DATA", raising=False)
-        return run("tiny", out=folder, backend="sequential", config=config)
+        return STUDY.run("tiny", out=folder, backend="sequential", config=config)
 
 
 @pytest.mark.parametrize("split", SPLITS)
@@ -123,7 +123,7 @@ def test_the_baseline_is_that_of_healthy_recordings_not_judged(data: Measured) -
 
 
 def plant(kind: str, backgrounds: tuple[str, ...] = ()) -> Plant:
-    options = read_study().source
+    options = read_options().source
     assert isinstance(options, SourceOptions)
     small = {**vars(options), "pooled": (1, 2)}
     return Plant(
@@ -165,17 +165,16 @@ def test_healthy_recordings_are_one_machine_at_one_speed_whose_level_alone_wande
 def test_records_that_cannot_be_read_are_not_taken_for_absent(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "cwru").mkdir()
     monkeypatch.setenv("TWINGAP_DATA", str(tmp_path))
-    options = read_study()
-    sizes = options.profiles["smoke"]
-    assert set(availability._record_sets(options, None, sizes)) == {availability.RIG}
+    names = ("cwru",)
+    assert set(at_hand(names, None, 0.6)) == {RIG}
     with pytest.raises(TwingapError, match="no CWRU recording"):
-        availability._record_sets(options, tmp_path, sizes)
+        at_hand(names, tmp_path, 0.6)
     (tmp_path / "cwru" / "105.mat").write_bytes(b"cut short")
     with pytest.raises(TwingapError, match=r"105\.mat"):
-        availability._record_sets(options, None, sizes)
+        at_hand(names, None, 0.6)
 
 
-def test_the_study_says_what_it_stands_on_and_judges_every_method(study: Study, folder: Path) -> None:
+def test_the_study_says_what_it_stands_on_and_judges_every_method(study: Work, folder: Path) -> None:
     found = study.tables["availability-accuracy"]
     assert set(found["data"]) == {"virtual rig, not CWRU"}
     assert set(found["method"]) == {"twin network", "SVM", "SOM-MQE"}
@@ -239,12 +238,11 @@ def test_the_head_learns_from_labelled_records_alone_and_the_network_from_none(
         assert all(row.tobytes() in known for logits in each for row in logits)
 
 
-def test_a_second_run_takes_all_from_the_store(study: Study, folder: Path, config: Path) -> None:
+def test_a_second_run_takes_all_from_the_store(study: Work, folder: Path, config: Path) -> None:
     with pytest.MonkeyPatch.context() as patch:
         patch.delenv("TWINGAP_DATA", raising=False)
-        again = run("tiny", out=folder, backend="sequential", config=config, draw=False)
-    results = [*again.networks, *again.shallows, *again.alarms, *again.checks]
-    assert {r.why for r in results} == {""}
+        again = STUDY.run("tiny", out=folder, backend="sequential", config=config, draw=False)
+    assert again.finished and not again.computed
     for name, table in study.tables.items():
         assert table.equals(again.tables[name])
 
@@ -264,9 +262,4 @@ def test_a_wrong_entry_is_refused_in_one_line(tmp_path: Path, old: str, new: str
     assert old in text
     path.write_text(text.replace(old, new, 1), encoding="utf-8")
     with pytest.raises(TwingapError, match=message):
-        read_study(path)
-
-
-def test_an_unknown_profile_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(TwingapError, match="use one of smoke, full"):
-        run("huge", out=tmp_path)
+        read_options(path)

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from papers.paper2_digital_twin.figures_availability import crossings
+from papers.paper2_digital_twin.availability.figures import crossings
 
 
 def test_rings_stand_where_a_method_is_level_with_the_network(tmp_path: Path) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -12,10 +12,19 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from papers.paper2_digital_twin import degradation, degradation_runs
-from papers.paper2_digital_twin.degradation import end_level, judge_all, main, run
-from papers.paper2_digital_twin.degradation_jobs import TRUTHS, Coverage, cover
-from papers.paper2_digital_twin.degradation_runs import (
+from papers.framework import Work
+from papers.paper2_digital_twin.degradation import runs as degradation_runs
+from papers.paper2_digital_twin.degradation.candidates import (
+    CHOSEN,
+    HINDSIGHT,
+    OFFLINE,
+    OTHERS,
+    end_level,
+    judge_all,
+    limits_of,
+)
+from papers.paper2_digital_twin.degradation.jobs import TRUTHS, Coverage, cover
+from papers.paper2_digital_twin.degradation.runs import (
     STAND_INS,
     Reading,
     StudyRun,
@@ -23,18 +32,12 @@ from papers.paper2_digital_twin.degradation_runs import (
     study_runs,
     table_features,
 )
-from papers.paper2_digital_twin.degradation_study import (
-    CHOSEN,
-    CONFIG,
-    HINDSIGHT,
-    OFFLINE,
-    OTHERS,
-    Study,
-    read_study,
-)
+from papers.paper2_digital_twin.degradation.study import STUDY
+from papers.paper2_digital_twin.degradation.tables import Found
 from twingap.errors import TwingapError
 from twingap.prognosis.degradation_models import MODELS, fit_curve
 from twingap.prognosis.health_indicator import Run, offline_indicators, running
+from twingap.sweep import Result, sweep
 
 TINY = """
 [profiles.tiny]
@@ -48,7 +51,7 @@ coverage_runs = 2
 @pytest.fixture(scope="module")
 def config(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("study") / "degradation.toml"
-    text = re.sub(r"(?m)^simulated_rows = .*$", "simulated_rows = 60", CONFIG.read_text(encoding="utf-8"))
+    text = re.sub(r"(?m)^simulated_rows = .*$", "simulated_rows = 60", STUDY.config.read_text(encoding="utf-8"))
     text = re.sub(r"(?s)indicators = \[.*?\]\n", 'indicators = ["rms", "fusion 9, whole run"]\n', text)
     path.write_text(text.replace("healthy_rows_femto = 60", "healthy_rows_femto = 30") + TINY, encoding="utf-8")
     return path
@@ -60,12 +63,12 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def study(config: Path, folder: Path) -> Study:
+def study(config: Path, folder: Path) -> Work:
     with pytest.MonkeyPatch.context() as patch:
         patch.delenv("TWINGAP_DATA", raising=False)
         short = degradation_runs.simulated_runs(2, 80)
         patch.setattr(degradation_runs, "simulated_runs", lambda: short)
-        return run("tiny", out=folder, backend="sequential", config=config)
+        return STUDY.run("tiny", out=folder, backend="sequential", config=config)
 
 
 def fake(name: str, seed: int, family: str = "made", rows: int = 80) -> StudyRun:
@@ -76,10 +79,10 @@ def fake(name: str, seed: int, family: str = "made", rows: int = 80) -> StudyRun
     return StudyRun(one, one, "simulated", family, 30, 5)
 
 
-def test_every_table_and_figure_says_that_runs_are_simulated(study: Study, folder: Path) -> None:
-    assert study.data == "simulated runs, neither IMS nor FEMTO"
+def test_every_table_and_figure_says_that_runs_are_simulated(study: Work, folder: Path) -> None:
+    assert study.title == "simulated runs, neither IMS nor FEMTO"
     for name, table in study.tables.items():
-        assert set(table["data"]) == {"simulated" if name == "degradation-coverage" else study.data}
+        assert set(table["data"]) == {"simulated" if name == "degradation-coverage" else study.title}
     assert {p.stem for p in (folder / "tables").iterdir()} == set(study.tables)
     shown = {p.stem for p in (folder / "figures").iterdir()}
     numbered = {name.split("-")[1] for name in shown if name.split("-")[1].isdigit()}
@@ -87,8 +90,8 @@ def test_every_table_and_figure_says_that_runs_are_simulated(study: Study, folde
     assert {"degradation-errors", "degradation-lives", "degradation-coverage"} <= shown
 
 
-def test_tables_are_what_the_fits_say(study: Study) -> None:
-    j = study.shown
+def test_tables_are_what_the_fits_say(study: Work) -> None:
+    j = Found.of(study).shown
     fits = study.tables["degradation-fits"]
     here = fits[(fits["run"] == j.run.name) & (fits["indicator"] == "rms")].set_index("model")
     assert list(here.index) == list(MODELS)
@@ -110,7 +113,7 @@ def test_tables_are_what_the_fits_say(study: Study) -> None:
     assert at.to_numpy() == pytest.approx(0.5, abs=0.02)
 
 
-def test_claims_follow_from_their_numbers(study: Study) -> None:
+def test_claims_follow_from_their_numbers(study: Work) -> None:
     claims = study.tables["degradation-claims"]
     assert set(claims["verdict"]) <= {"confirmed", "not confirmed"}
     # Two simulated runs cannot confirm what is said of IMS and six FEMTO bearings.
@@ -119,14 +122,14 @@ def test_claims_follow_from_their_numbers(study: Study) -> None:
 
 
 def test_an_interrupted_study_goes_on_and_ends_with_the_same_tables(
-    study: Study, folder: Path, config: Path, monkeypatch: pytest.MonkeyPatch
+    study: Work, folder: Path, config: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.delenv("TWINGAP_DATA", raising=False)
     short = degradation_runs.simulated_runs(2, 80)
     monkeypatch.setattr(degradation_runs, "simulated_runs", lambda: short)
     before = {p.name: p.read_bytes() for p in (folder / "tables").iterdir()}
-    again = run("tiny", out=folder, backend="sequential", config=config, draw=False)
-    assert not any(r.why for part in (again.analyses, again.coverage) for r in part)
+    again = STUDY.run("tiny", out=folder, backend="sequential", config=config, draw=False)
+    assert again.finished and not again.computed
     assert {p.name: p.read_bytes() for p in (folder / "tables").iterdir()} == before
     assert study.tables.keys() == again.tables.keys()
 
@@ -137,10 +140,10 @@ def test_a_choice_for_a_run_reads_nothing_of_it() -> None:
     assert found[0].choice == found[1].choice == "c" and found[3].choice is None and CHOSEN not in found[3].series
     other = judge_all([fake("r0", 7), *runs[1:]])
     assert other[0].choice == "c"  # though its own rising feature is now another
-    assert degradation._limits(found[0], CHOSEN, found)[OTHERS] == pytest.approx(
+    assert limits_of(found[0], CHOSEN, found)[OTHERS] == pytest.approx(
         np.median([end_level(found[k].online.values["c"]) for k in (1, 2)])
     )
-    assert degradation._limits(found[0], "fusion 9", found).keys() == {HINDSIGHT}
+    assert limits_of(found[0], "fusion 9", found).keys() == {HINDSIGHT}
 
 
 def test_silent_records_and_pauses() -> None:
@@ -170,8 +173,10 @@ def reading() -> Reading:
     return Reading(3, 3, 2, 2, 0.2, 128)
 
 
-def no_result(result: object) -> None:
-    """Nothing is shown."""
+def swept(function: Callable[..., Any], jobs: Sequence[Any], inputs: Any) -> list[Result[Any]]:
+    """Jobs one after the other, nothing stored."""
+    bound = partial(function, **{name: value for name, (value, _) in inputs.items()})
+    return sweep(bound, jobs, backend="sequential", data={name: digest for name, (_, digest) in inputs.items()})
 
 
 def test_ims_is_read_from_tables_or_from_raw_snapshots_when_they_are_there(tmp_path: Path) -> None:
@@ -190,10 +195,7 @@ def test_ims_is_read_from_tables_or_from_raw_snapshots_when_they_are_there(tmp_p
             "Bearing1_ch1_kurt": 0.0, "Bearing1_ch1_skew": 0.0,
         })  # fmt: skip
     pd.DataFrame(rows).to_csv(tmp_path / "ims" / "set2_time_features.csv", index=False)
-    read = partial(
-        study_runs, ["2 bearing 1"], [], reading(), tmp_path, store=tmp_path / "store", backend="sequential",
-        address=None, on_result=no_result,
-    )  # fmt: skip
+    read = partial(study_runs, ["2 bearing 1"], [], reading(), tmp_path, swept)
     data, (table,) = read()
     assert data == "IMS" and table.source == "feature table" and len(table.run.names) == 8 and table.extremes is None
     for name, x in zip(names, columns, strict=True):
@@ -227,10 +229,7 @@ def test_runs_that_cannot_be_read_are_not_taken_for_absent(
     path.write_text(content, encoding="utf-8")
     monkeypatch.setenv("TWINGAP_DATA", str(tmp_path))
     with pytest.raises(TwingapError, match=re.escape(said)):
-        study_runs(
-            ["2 bearing 1"], ["Bearing1_1"], reading(), None, store=tmp_path / "store", backend="sequential",
-            address=None, on_result=no_result,
-        )  # fmt: skip
+        study_runs(["2 bearing 1"], ["Bearing1_1"], reading(), None, swept)
 
 
 def test_coverage_is_counted_on_curves_from_one_to_five() -> None:
@@ -243,25 +242,19 @@ def test_coverage_is_counted_on_curves_from_one_to_five() -> None:
     assert wrong["inside"] == 0 and wrong["bounded"] == 0
 
 
-def test_offline_reading_of_fusion_nine_is_what_the_study_fits(study: Study) -> None:
-    for j in study.runs:
+def test_offline_reading_of_fusion_nine_is_what_the_study_fits(study: Work) -> None:
+    for j in study["judged"]:
         assert list(j.series) == ["rms", OFFLINE]
         assert np.array_equal(j.series[OFFLINE], offline_indicators(j.run.run).values["fusion 9"])
 
 
-def test_wrong_input_is_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    with pytest.raises(SystemExit) as left:
-        main(["--profile", "huge", "--out", str(tmp_path)])
-    said = capsys.readouterr().err
-    assert left.value.code == 2 and said.count("\n") == 1 and "unknown profile 'huge'" in said
-    with pytest.raises(SystemExit) as left:
-        main(["--out", str(tmp_path / "out"), "--root", str(tmp_path), "--backend", "sequential"])
-    said = capsys.readouterr().err
-    assert left.value.code == 2 and said.count("\n") == 1 and "no run to failure is at hand" in said
+def test_wrong_input_is_named(tmp_path: Path) -> None:
+    with pytest.raises(TwingapError, match="no run to failure is at hand"):
+        STUDY.run(out=tmp_path / "out", root=tmp_path, backend="sequential")
     bad = tmp_path / "bad.toml"
-    bad.write_text(CONFIG.read_text(encoding="utf-8").replace('"combined power 3", ', ""), encoding="utf-8")
+    bad.write_text(STUDY.config.read_text(encoding="utf-8").replace('"combined power 3", ', ""), encoding="utf-8")
     with pytest.raises(TwingapError, match="two models expected"):
-        read_study(bad)
-    bad.write_text(CONFIG.read_text(encoding="utf-8").replace('    "rms", ', '    "rums", '), encoding="utf-8")
+        STUDY.read(bad)
+    bad.write_text(STUDY.config.read_text(encoding="utf-8").replace('    "rms", ', '    "rums", '), encoding="utf-8")
     with pytest.raises(TwingapError, match="use rms and any of"):
-        read_study(bad)
+        STUDY.read(bad)

@@ -8,9 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from papers.paper2_digital_twin import reference
-from papers.paper2_digital_twin.dynamics import main, run, settle, settled_at, strike
-from papers.paper2_digital_twin.dynamics_study import CONFIG, Case, Dynamics, read_dynamics
+from papers.framework import Work
+from papers.paper2_digital_twin.dynamics import reference
+from papers.paper2_digital_twin.dynamics.jobs import Case, settle, settled_at, strike
+from papers.paper2_digital_twin.dynamics.study import STUDY
 from twingap.bearing import BEARINGS
 from twingap.errors import TwingapError
 from twingap.twins.contact_dynamics import settle as at_rest
@@ -28,7 +29,7 @@ clearances_um = [5.0]
 @pytest.fixture(scope="module")
 def config(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("study") / "dynamics.toml"
-    text = re.sub(r"(?m)^settings = .*$", 'settings = ["physical"]', CONFIG.read_text(encoding="utf-8"))
+    text = re.sub(r"(?m)^settings = .*$", 'settings = ["physical"]', STUDY.config.read_text(encoding="utf-8"))
     text = re.sub(r"(?m)^reference_s = .*$", "reference_s = 0.005", text)
     path.write_text(text + TINY, encoding="utf-8")
     return path
@@ -40,11 +41,11 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def study(config: Path, folder: Path) -> Dynamics:
-    return run("tiny", out=folder, backend="sequential", config=config)
+def study(config: Path, folder: Path) -> Work:
+    return STUDY.run("tiny", out=folder, backend="sequential", config=config)
 
 
-def test_a_normal_bearing_settles_where_the_root_finder_says(study: Dynamics) -> None:
+def test_a_normal_bearing_settles_where_the_root_finder_says(study: Work) -> None:
     (row,) = study.tables["dynamics-balance"].to_dict("records")
     assert row["y mean um"] == pytest.approx(row["y static um"], rel=2e-3)
     assert abs(row["x mean um"] - row["x static um"]) < 0.01 * row["y static um"]
@@ -73,7 +74,7 @@ def test_a_ring_that_is_off_in_the_judged_half_has_not_settled() -> None:
     assert found["most_off_percent"] > 4 and found["settled_s"] is None
 
 
-def test_every_fault_strikes_on_time(study: Dynamics) -> None:
+def test_every_fault_strikes_on_time(study: Work) -> None:
     found = study.tables["dynamics-faults"]
     assert list(found["fault"]) == ["inner", "outer", "ball"] and found["on time"].all()
     assert (found["rms over healthy"] > 10).all()
@@ -96,23 +97,19 @@ def test_two_static_solutions_agree(cage: float) -> None:
     np.testing.assert_allclose(reference.rest(BEARINGS["6205"], own, 500.0, cage), xy[0], rtol=1e-7, atol=1e-13)
 
 
-def test_taken_up_again_with_the_same_tables(study: Dynamics, folder: Path, config: Path) -> None:
+def test_taken_up_again_with_the_same_tables(study: Work, folder: Path, config: Path) -> None:
     before = {p.name: p.read_bytes() for p in (folder / "tables").iterdir()}
     assert len(before) == 4
     assert {p.stem for p in (folder / "figures").iterdir()} == {
         f"dynamics-{name}-physical" for name in ("normal", "reference", "faults")
     }
-    again = run("tiny", out=folder, backend="sequential", config=config, draw=False)
-    assert not any(r.why for r in (*again.healthy, *again.faulty))
+    again = STUDY.run("tiny", out=folder, backend="sequential", config=config, draw=False)
+    assert again.finished == 4 and not again.computed
     assert {p.name: p.read_bytes() for p in (folder / "tables").iterdir()} == before
 
 
-def test_wrong_input_is_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    with pytest.raises(SystemExit) as left:
-        main(["--profile", "huge", "--out", str(tmp_path)])
-    said = capsys.readouterr().err
-    assert left.value.code == 2 and said.count("\n") == 1 and "unknown profile 'huge'" in said
+def test_a_fault_without_a_model_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "dynamics.toml"
-    path.write_text(CONFIG.read_text(encoding="utf-8").replace('"ball"]', '"cage"]'), encoding="utf-8")
+    path.write_text(STUDY.config.read_text(encoding="utf-8").replace('"ball"]', '"cage"]'), encoding="utf-8")
     with pytest.raises(TwingapError, match="no contact model for fault 'cage'"):
-        read_dynamics(path)
+        STUDY.read(path)

@@ -8,9 +8,10 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from papers.paper2_digital_twin import lines
-from papers.paper2_digital_twin.lines import CONFIG, Options, Reading, prominences, read, run, told
-from papers.paper2_digital_twin.lines import main as start
+from papers.extra.lines import jobs as lines
+from papers.extra.lines.jobs import Options, Reading, prominences, read
+from papers.extra.lines.study import STUDY
+from papers.extra.lines.tables import told
 from twingap.bearing import BEARINGS
 from twingap.config import build, read_toml
 from twingap.data import NotAtHandError
@@ -45,7 +46,7 @@ def recording(name: str, fault: str, shown: str | None, samples: int = 48_000) -
 
 
 def options(shortest_s: float = 4.0, longest_s: float = 20.0) -> Options:
-    given = {**read_toml(CONFIG), "shortest_s": shortest_s, "longest_s": longest_s}
+    given = {**read_toml(STUDY.config), "shortest_s": shortest_s, "longest_s": longest_s}
     return build(Options, given, "test")
 
 
@@ -131,13 +132,13 @@ def test_a_sensor_that_is_missing_is_an_error_unless_the_data_set_is(
     monkeypatch.setattr(lines.datasets, "load", load)
     size = options().profiles["full"]
     with pytest.raises(TwingapError, match="FE is not at hand"):
-        lines._load(options(), size, None)
+        lines.load(options(), size, None)
     missing.add("DE")
-    assert set(lines._load(options(), size, None)) == {("hit_sm", "one")}
+    assert set(lines.load(options(), size, None)) == {("hit_sm", "one")}
     with pytest.raises(TwingapError, match="DE is not at hand"):
-        lines._load(options(), size, tmp_path)
+        lines.load(options(), size, tmp_path)
     missing.clear()
-    assert set(lines._load(options(), size, None)) == {
+    assert set(lines.load(options(), size, None)) == {
         ("cwru", "DE"), ("cwru", "FE"), ("cwru", "BA"), ("hit_sm", "one"),
     }  # fmt: skip
 
@@ -147,13 +148,13 @@ def test_records_that_cannot_be_read_are_not_taken_for_absent(tmp_path: Path, mo
     (tmp_path / "hit_sm" / "IR2_600.mat").write_bytes(b"cut short")
     monkeypatch.setenv("TWINGAP_DATA", str(tmp_path))
     with pytest.raises(TwingapError, match=r"IR2_600\.mat"):
-        lines._load(options(), options().profiles["full"], None)
+        lines.load(options(), options().profiles["full"], None)
 
 
 def test_without_records_the_virtual_rig_is_read_and_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delenv("TWINGAP_DATA", raising=False)
     monkeypatch.chdir(tmp_path)
-    study = run(out=tmp_path / "out", backend="sequential")
+    study = STUDY.run(out=tmp_path / "out", backend="sequential")
     assert study.title == "virtual rig, not CWRU"
     found = study.tables["lines-told"].set_index("class")
     assert found["recordings"].sum() > 20 and "healthy" not in found.index
@@ -165,9 +166,3 @@ def test_without_records_the_virtual_rig_is_read_and_named(tmp_path: Path, monke
         .read_text(encoding="utf-8")
         .startswith("lines-told (virtual rig, not CWRU)")
     )
-
-
-def test_a_profile_that_is_not_there_is_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    with pytest.raises(SystemExit) as left:
-        start(["--profile", "huge", "--out", str(tmp_path), "--no-track"])
-    assert left.value.code == 2 and capsys.readouterr().err.strip().count("\n") == 0

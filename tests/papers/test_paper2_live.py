@@ -11,13 +11,14 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from papers.paper2_digital_twin import tables_live
-from papers.paper2_digital_twin.live import ARMS, live_through, machine_of, main, messages_of, run
-from papers.paper2_digital_twin.live_study import CONFIG, LiveStudy, Scenario, phase_of, read_live
+from papers.framework import Work
+from papers.paper2_digital_twin.live import tables as tables_live
+from papers.paper2_digital_twin.live.jobs import ARMS, Scenario, live_through, machine_of, messages_of
+from papers.paper2_digital_twin.live.study import STUDY
+from papers.paper2_digital_twin.live.tables import DRIFT, WHOLE, by_phase, phase_of
 from papers.paper2_digital_twin.live_twin import Snapshot, twin
 from papers.paper2_digital_twin.live_twin.drift import Alarm, DriftDetector
 from papers.paper2_digital_twin.live_twin.refit import Fit, refit
-from papers.paper2_digital_twin.tables_live import DRIFT, WHOLE, by_phase
 from twingap.errors import TwingapError
 from twingap.sweep import Result
 from twingap.track import FolderTracker
@@ -33,7 +34,7 @@ steady_hours = 3.0
 @pytest.fixture(scope="module")
 def config(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("study") / "live.toml"
-    text = CONFIG.read_text(encoding="utf-8")
+    text = STUDY.config.read_text(encoding="utf-8")
     for name, value in {"hours": "10.0", "snapshot_s": "0.5"}.items():
         text = re.sub(rf"(?m)^{name} = \S+", f"{name} = {value}", text)
     path.write_text(text + TINY, encoding="utf-8")
@@ -46,13 +47,13 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def study(config: Path, folder: Path) -> LiveStudy:
+def study(config: Path, folder: Path) -> Work:
     with FolderTracker(folder / "runs").run("live") as log:
-        return run("tiny", out=folder, backend="sequential", config=config, log=log)
+        return STUDY.run("tiny", out=folder, backend="sequential", config=config, log=log)
 
 
-def test_the_updated_twin_halves_the_frozen_ones_error_under_drift(study: LiveStudy) -> None:
-    (first,) = study.drifting
+def test_the_updated_twin_halves_the_frozen_ones_error_under_drift(study: Work) -> None:
+    (first,) = study["drifting"]
     error = {arm: by_phase(first, arm) for arm in ARMS}
     assert error["live"][DRIFT] < 0.5 * error["frozen"][DRIFT]
     assert error["live"][WHOLE] < 0.5 * error["laws alone"][WHOLE]
@@ -60,8 +61,8 @@ def test_the_updated_twin_halves_the_frozen_ones_error_under_drift(study: LiveSt
     assert error["live"]["worn"] < 1.5 * float(first.value["chance"])
 
 
-def test_all_twins_are_the_same_until_they_are_commissioned_and_what_they_do_is_what_they_may(study: LiveStudy) -> None:
-    arms = study.drifting[0].value["arms"]
+def test_all_twins_are_the_same_until_they_are_commissioned_and_what_they_do_is_what_they_may(study: Work) -> None:
+    arms = study["drifting"][0].value["arms"]
     kinds = {name: set(value["updates"]["kind"]) for name, value in arms.items()}
     assert kinds["frozen"] == {"commissioning"} and kinds["laws alone"] == {"commissioning", "law"}
     assert "law" not in kinds["identification alone"] and {"law", "drift"} <= kinds["live"]
@@ -69,7 +70,7 @@ def test_all_twins_are_the_same_until_they_are_commissioned_and_what_they_do_is_
     assert first["frozen"] == first["identification alone"] and first["laws alone"] == first["live"]
 
 
-def test_tables_name_the_virtual_machine_and_say_what_was_missed(study: LiveStudy) -> None:
+def test_tables_name_the_virtual_machine_and_say_what_was_missed(study: Work) -> None:
     assert set(study.tables) == {
         "live-errors", "live-targets", "live-false-alarms", "live-messages", "live-cost", "live-updates",
     }  # fmt: skip
@@ -86,7 +87,7 @@ def test_tables_name_the_virtual_machine_and_say_what_was_missed(study: LiveStud
 
 @pytest.mark.parametrize("refused", [True, False])
 def test_an_alarm_counts_also_where_nothing_better_is_found(
-    study: LiveStudy, refused: bool, monkeypatch: pytest.MonkeyPatch
+    study: Work, refused: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Every fit made one that finds nothing, or fails once the twin is commissioned: all updates are "kept"."""
     alarms: list[Alarm] = []
@@ -105,11 +106,11 @@ def test_an_alarm_counts_also_where_nothing_better_is_found(
 
     monkeypatch.setattr(DriftDetector, "push", told)
     monkeypatch.setattr(twin, "refit", in_vain)
-    job = dataclasses.replace(study.drifting[0].job, arms=("live",))
+    job = dataclasses.replace(study["drifting"][0].job, arms=("live",))
     value = live_through(job)
     updates = value["arms"]["live"]["updates"]
     assert set(updates["kind"]) == {"law", "kept"} and alarms
-    result = dataclasses.replace(study.drifting[0], job=job, value=value)
+    result = dataclasses.replace(study["drifting"][0], job=job, value=value)
     assert tables_live.false_alarms(study.options, [result])["alarms"].item() == len(alarms)
     # Every update but the commissioning costs what the target is about.
     spent = [s for s, kind in zip(updates["seconds"], updates["kind"], strict=True) if kind == "kept"][1:]
@@ -124,8 +125,8 @@ def _beside_frozen(result: Result[Scenario]) -> Result[Scenario]:
     return dataclasses.replace(result, value=result.value | {"arms": arms})
 
 
-def test_ratios_by_hand(study: LiveStudy) -> None:
-    (first,) = study.drifting
+def test_ratios_by_hand(study: Work) -> None:
+    (first,) = study["drifting"]
     value = first.value["arms"]["live"]
     t, e = (np.array(value["judged"][c])[value["commissioning"] :] for c in ("time_s", "error"))
     assert by_phase(first, "live")[DRIFT] == pytest.approx(e[t >= 0.35 * 36000].mean())
@@ -134,8 +135,8 @@ def test_ratios_by_hand(study: LiveStudy) -> None:
     ]  # fmt: skip
 
 
-def test_the_kept_back_snapshot_is_predicted_before_it_is_seen(study: LiveStudy) -> None:
-    first = study.drifting[0]
+def test_the_kept_back_snapshot_is_predicted_before_it_is_seen(study: Work) -> None:
+    first = study["drifting"][0]
     _, arrived = messages_of(first.job, machine_of(first.job))
     last = max(m.time_s for m in arrived if isinstance(m, Snapshot))
     for value in first.value["arms"].values():
@@ -145,27 +146,23 @@ def test_the_kept_back_snapshot_is_predicted_before_it_is_seen(study: LiveStudy)
         assert value["judged"]["error"][-1] == pytest.approx(apart / size, rel=0.02)
 
 
-def test_taken_up_again_with_the_same_tables(study: LiveStudy, folder: Path, config: Path) -> None:
+def test_taken_up_again_with_the_same_tables(study: Work, folder: Path, config: Path) -> None:
     before = {p.name: p.read_bytes() for p in (folder / "tables").iterdir()}
     assert {p.stem for p in (folder / "figures").iterdir()} == {"live-drift", "live-spectra"}
     assert len(pd.read_csv(folder / "tables" / "live-updates.csv")) >= 2
-    again = run("tiny", out=folder, backend="sequential", config=config, draw=False)
-    assert not any(r.why for r in (*again.drifting, *again.steady))
+    again = STUDY.run("tiny", out=folder, backend="sequential", config=config, draw=False)
+    assert again.finished == 2 and not again.computed
     assert {p.name: p.read_bytes() for p in (folder / "tables").iterdir()} == before
 
 
-def test_the_same_machine_makes_the_same_twin(study: LiveStudy) -> None:
-    (steady,) = study.steady
+def test_the_same_machine_makes_the_same_twin(study: Work) -> None:
+    (steady,) = study["steady"]
     again = live_through(steady.job)
     assert again["arms"]["live"]["judged"] == steady.value["arms"]["live"]["judged"]
 
 
-def test_wrong_input_is_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    with pytest.raises(SystemExit) as left:
-        main(["--profile", "huge", "--out", str(tmp_path)])
-    said = capsys.readouterr().err
-    assert left.value.code == 2 and said.count("\n") == 1 and "unknown profile 'huge'" in said
+def test_a_bearing_that_nobody_knows_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "live.toml"
-    path.write_text(CONFIG.read_text(encoding="utf-8").replace('"6205"', '"9999"'), encoding="utf-8")
+    path.write_text(STUDY.config.read_text(encoding="utf-8").replace('"6205"', '"9999"'), encoding="utf-8")
     with pytest.raises(TwingapError, match="unknown bearing '9999'"):
-        read_live(path)
+        STUDY.read(path)

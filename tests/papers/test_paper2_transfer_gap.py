@@ -9,21 +9,12 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from papers.paper2_digital_twin.availability_study import read_study
-from papers.paper2_digital_twin.transfer_gap import (
-    CONFIG,
-    KINDS,
-    Kind,
-    Options,
-    Population,
-    machine_of,
-    means,
-    run,
-    simulate,
-)
-from papers.paper2_digital_twin.transfer_gap import main as start
+from papers.__main__ import main
+from papers.extra.transfer_gap.jobs import KINDS, Kind, Population, machine_of, simulate
+from papers.extra.transfer_gap.study import STUDY
+from papers.extra.transfer_gap.tables import means
+from papers.paper2_digital_twin.availability.jobs import read_options
 from twingap.bearing import BEARINGS
-from twingap.config import build, read_toml
 from twingap.effects import make_effect
 from twingap.errors import TwingapError
 from twingap.twins.contact_parameters import PRESETS
@@ -35,7 +26,7 @@ def population(kind: Kind = "as printed", machines: int = 3) -> Population:
     effects = (HUM,) if kind == "gap closed" else ()
     return Population(
         "made", kind, effects, ("healthy", "inner", "outer", "ball"), (1772.0,), 12000.0, BEARINGS["6205"], machines,
-        (1, 3), (0.0, 30.0), (0.2, 0.95), read_study().image, 4,
+        (1, 3), (0.0, 30.0), (0.2, 0.95), read_options().image, 4,
     )  # fmt: skip
 
 
@@ -78,7 +69,7 @@ def test_a_mean_is_over_seeds_and_a_gain_is_of_pairs() -> None:
 
 
 def test_every_named_effect_can_be_had_by_the_twin() -> None:
-    options = build(Options, read_toml(CONFIG), CONFIG)
+    options = STUDY.read()
     assert set(options.named) == set(options.data)
     for name, effects in options.named.items():
         own = dataclasses.replace(
@@ -93,14 +84,14 @@ def test_records_that_cannot_be_read_are_not_taken_for_absent(tmp_path: Path, mo
     (tmp_path / "cwru" / "105.mat").write_bytes(b"cut short")
     monkeypatch.setenv("TWINGAP_DATA", str(tmp_path))
     with pytest.raises(TwingapError, match=r"105\.mat"):
-        run(out=tmp_path / "out", backend="sequential")
+        STUDY.run(out=tmp_path / "out", backend="sequential")
 
 
 def test_a_run_without_records_says_so(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.delenv("TWINGAP_DATA", raising=False)
-    start(["--out", str(tmp_path), "--backend", "sequential", "--no-track"])
+    main(["extra.transfer_gap", "--out", str(tmp_path), "--backend", "sequential", "--no-track"])
     assert "virtual rig" in capsys.readouterr().out
     table = pd.read_csv(tmp_path / "tables" / "transfer-gap.csv")
     assert table["twin"].tolist() == [*KINDS, *KINDS] and table["accuracy"].between(0, 1).all()

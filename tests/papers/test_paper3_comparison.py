@@ -16,14 +16,24 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from papers.paper3_zoa_dann import comparison, tables_comparison
-from papers.paper3_zoa_dann.comparison import cells, main, run, trials
-from papers.paper3_zoa_dann.comparison_study import CONFIG, Comparison, ComparisonOptions, TaskOutcome, read_comparison
-from papers.paper3_zoa_dann.options import read_options
+from papers.framework import Work
+from papers.paper3_zoa_dann.comparison import tables as tables_comparison
+from papers.paper3_zoa_dann.comparison.jobs import CONFIG, TaskOutcome, cells, trials
+from papers.paper3_zoa_dann.comparison.jobs import read_options as read_comparison
+from papers.paper3_zoa_dann.comparison.study import STUDY
+from papers.paper3_zoa_dann.comparison.task_files import (
+    FOLDER,
+    Material,
+    TaskFile,
+    load_recordings,
+    material,
+    read_task,
+    split,
+)
+from papers.paper3_zoa_dann.comparison.trial import ALL, ANALYST, CLOSED, OWN, Trial, noisy, run_trial
+from papers.paper3_zoa_dann.inputs.options import read_options
 from papers.paper3_zoa_dann.significance import holm, sign_flip
 from papers.paper3_zoa_dann.source import Recipe, drawn_effect, simulate
-from papers.paper3_zoa_dann.task_files import FOLDER, Material, TaskFile, load_recordings, material, read_task, split
-from papers.paper3_zoa_dann.trial import ALL, ANALYST, CLOSED, OWN, Trial, noisy, run_trial
 from twingap.adapt import CRITERIA, METHODS, Windows
 from twingap.bearing import BEARINGS
 from twingap.effects import catalogue
@@ -333,7 +343,7 @@ def outcomes() -> list[TaskOutcome]:
 
 
 def tables_of(outcomes: list[TaskOutcome]) -> dict[str, pd.DataFrame]:
-    return tables_comparison.all_tables(read_comparison(), read_options(), outcomes)
+    return tables_comparison.tables_of(read_comparison(), read_options(), outcomes)
 
 
 def test_tables_do_not_depend_on_the_order_of_trials(outcomes: list[TaskOutcome]) -> None:
@@ -367,10 +377,6 @@ def test_tables_say_what_was_put_in(outcomes: list[TaskOutcome]) -> None:
     assert (row["pairs"], row["won"], row["lost"]) == (6, 6, 0)
     assert row["lead"] == pytest.approx(10.0)
     assert row["p"] == pytest.approx(2 / 2**6) and row["p_holm"] == pytest.approx((len(ALL) - 1) * 2 / 2**6)
-    lines = tables_comparison.shown(made)
-    assert len(lines) == 2 * 2 * len(ALL) and {line["lead"] for line in lines if line["method"] == "Proposed"} == {
-        "10.0"
-    }
     noisy = made["comparison-high-noise"]
     assert set(noisy["method"]) == set(ALL) and made["comparison-low-noise"].empty, "core has no low noise"
 
@@ -419,20 +425,20 @@ def tiny(folder: Path) -> tuple[Path, Path]:
     return config, tasks
 
 
-def tiny_run(folder: Path, out: Path, **more: Any) -> Comparison:
+def tiny_run(folder: Path, out: Path, **more: Any) -> Work:
     with pytest.MonkeyPatch.context() as patch:
         patch.delenv("TWINGAP_DATA", raising=False)
         config = folder / "comparison.toml"
-        return run("tiny", out=out, backend="sequential", config=config, folder=folder / "tasks", device="cpu", **more)
+        return STUDY.run("tiny", out=out, backend="sequential", config=config, device="cpu", **more)
 
 
 def test_a_run_is_tracked_and_taken_up_again(tmp_path: Path) -> None:
     tiny(tmp_path)
     with FolderTracker(tmp_path / "runs").run("paper3") as log:
         whole = tiny_run(tmp_path, tmp_path / "one", log=log, draw=False)
-    assert whole.computed == 2 * len(ALL) and whole.missing == ("B1",), "HIT-SM has no stand-in"
+    assert whole.computed == 1 + 2 * len(ALL) and whole.missing == ("B1",), "HIT-SM has no stand-in"
     assert set(whole.tables["comparison-trials"]["data"]) == {"virtual rig, not CWRU"}
-    trials_run = [t for o in whole.outcomes for t in o.trials]
+    trials_run = [t for o in whole["outcomes"] for t in o.trials]
     assert {t.job.method for t in trials_run} == {*METHODS, *CLOSED, OWN, ANALYST}
     for t in trials_run:
         assert set(t.value["accuracy_by_criterion"]) in (set(), set(CRITERIA))
@@ -465,7 +471,7 @@ def test_scarce_data_alone_and_no_noise_make_tables_and_figures(tmp_path: Path) 
         own = own.replace(old, new)
     config.write_text(kept + "[profiles.tiny]" + own, encoding="utf-8")
     made = tiny_run(tmp_path, tmp_path / "out")
-    trials_run = [t.job for o in made.outcomes for t in o.trials]
+    trials_run = [t.job for o in made["outcomes"] for t in o.trials]
     assert len(trials_run) == len(ALL) and {(t.available, t.snr_db) for t in trials_run} == {("scarce", None)}
     means = made.tables["comparison-mean"]
     assert set(means["method"]) == set(ALL) and set(means["available"]) == {"all"}
@@ -475,14 +481,7 @@ def test_scarce_data_alone_and_no_noise_make_tables_and_figures(tmp_path: Path) 
 # -- configuration and command line -----------------------------------------------------------------------------------
 
 
-def test_every_option_is_explained_and_used() -> None:
-    text = CONFIG.read_text(encoding="utf-8")
-    folder = Path(str(comparison.__file__)).parent
-    files = ("comparison", "comparison_study", "tables_comparison")
-    code = "".join((folder / f"{name}.py").read_text(encoding="utf-8") for name in files)
-    for name in ComparisonOptions.__dataclass_fields__:
-        assert f"options.{name}" in code, name
-        assert f"[{name}" in text or re.search(rf"(?m)^{name} = .*#", text), name
+def test_every_entry_of_a_task_is_explained() -> None:
     for path in FOLDER.glob("*.toml"):
         for line in path.read_text(encoding="utf-8").split("[judged]")[0].splitlines():
             assert not re.match(r"\w+ =", line) or "#" in line, f"{path.name}: {line}"
@@ -498,18 +497,9 @@ def test_records_that_cannot_be_read_are_not_taken_for_absent(tmp_path: Path, mo
         load_recordings(TASKS["A1"], None, read_options().target, 0.5)
 
 
-def test_wrong_input_is_one_line(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.delenv("TWINGAP_DATA", raising=False)
-    for words, said in (
-        (["--profile", "huge"], "unknown profile 'huge'"),
-        (["--root", str(tmp_path / "nowhere")], "nowhere"),
-    ):
-        with pytest.raises(SystemExit) as left:
-            main([*words, "--out", str(tmp_path)])
-        lines = capsys.readouterr().err
-        assert left.value.code == 2 and lines.count("\n") == 1 and said in lines
+def test_wrong_input_is_named(tmp_path: Path) -> None:
+    with pytest.raises(TwingapError, match="nowhere"):
+        STUDY.run(out=tmp_path, root=tmp_path / "nowhere")
     bad = tmp_path / "bad.toml"
     bad.write_text(CONFIG.read_text(encoding="utf-8").replace('"DACD"]', '"CORAL"]'), encoding="utf-8")
     with pytest.raises(TwingapError, match="unknown method 'CORAL'"):

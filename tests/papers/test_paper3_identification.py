@@ -8,10 +8,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from papers.paper3_zoa_dann import identification
-from papers.paper3_zoa_dann.agreement import agreement, aligned, amplitude_spectra, mmd, prd, rmse, windows
-from papers.paper3_zoa_dann.identification import main, recordings, run
-from papers.paper3_zoa_dann.identification_study import CONFIG, Study, StudyOptions, read_study
+from papers.framework import Work
+from papers.paper3_zoa_dann.identification.agreement import (
+    agreement,
+    aligned,
+    amplitude_spectra,
+    mmd,
+    prd,
+    rmse,
+    windows,
+)
+from papers.paper3_zoa_dann.identification.jobs import recordings
+from papers.paper3_zoa_dann.identification.study import STUDY
 from twingap.errors import TwingapError
 from twingap.identification.optimise import OPTIMISERS
 
@@ -26,7 +34,7 @@ machines = 1
 @pytest.fixture(scope="module")
 def config(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("study") / "identification.toml"
-    text = CONFIG.read_text(encoding="utf-8")
+    text = STUDY.config.read_text(encoding="utf-8")
     for name, value in {
         "faults": '["outer"]', "settings": '["paper"]', "machine_duration_s": "2.0", "window_samples": "1024",
     }.items():  # fmt: skip
@@ -41,10 +49,10 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def study(config: Path, folder: Path) -> Study:
+def study(config: Path, folder: Path) -> Work:
     with pytest.MonkeyPatch.context() as patch:
         patch.delenv("TWINGAP_DATA", raising=False)
-        return run("tiny", out=folder, backend="sequential", config=config)
+        return STUDY.run("tiny", out=folder, backend="sequential", config=config)
 
 
 def test_metrics_by_hand() -> None:
@@ -72,9 +80,9 @@ def test_a_signal_agrees_with_itself() -> None:
     assert agreement(x, x, 1024) == pytest.approx(dict.fromkeys(agreement(x, x, 1024), 0.0), abs=1e-7)
 
 
-def test_all_optimisers_spend_the_same_and_every_table_says_whose_data(study: Study) -> None:
-    assert {r.job.optimiser for r in study.searches} == set(OPTIMISERS)
-    assert {len(r.value["best"]) for r in study.searches} == {20}
+def test_all_optimisers_spend_the_same_and_every_table_says_whose_data(study: Work) -> None:
+    assert {r.job.optimiser for r in study["searches"]} == set(OPTIMISERS)
+    assert {len(r.value["best"]) for r in study["searches"]} == {20}
     for name, table in study.tables.items():
         expected = "simulated machines" if "recovery" in name else "virtual rig, not CWRU"
         assert set(table["data"]) == {expected}
@@ -88,7 +96,7 @@ def test_all_optimisers_spend_the_same_and_every_table_says_whose_data(study: St
 
 
 def test_an_interrupted_study_goes_on_and_ends_with_the_same_tables(
-    study: Study, folder: Path, config: Path, monkeypatch: pytest.MonkeyPatch
+    study: Work, folder: Path, config: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.delenv("TWINGAP_DATA", raising=False)
     before = {p.name: p.read_bytes() for p in (folder / "tables").iterdir()}
@@ -99,15 +107,15 @@ def test_an_interrupted_study_goes_on_and_ends_with_the_same_tables(
     }  # fmt: skip
     for lost in kept[::5]:
         lost.unlink()
-    again = run("tiny", out=folder, backend="sequential", config=config, draw=False)
-    computed = [r.key for part in (again.searches, again.comparisons, again.recoveries) for r in part if r.why]
+    again = STUDY.run("tiny", out=folder, backend="sequential", config=config, draw=False)
+    computed = [r.key for part in (again["searches"], again["comparisons"], again["recoveries"]) for r in part if r.why]
     assert sorted(computed) == [lost.stem for lost in kept[::5]]
     assert {p.name: p.read_bytes() for p in (folder / "tables").iterdir()} == before
 
 
 def test_the_half_that_is_judged_on_is_not_the_half_that_is_fitted(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delenv("TWINGAP_DATA", raising=False)
-    _, (fit, judge) = recordings(read_study(), None)
+    _, (fit, judge) = recordings(STUDY.read(), None)
     assert [c.fault for c in fit.conditions] == [c.fault for c in judge.conditions] == ["inner", "outer", "ball"]
     for first, second in zip(fit, judge, strict=True):
         assert not np.array_equal(first.samples, second.samples)
@@ -118,30 +126,13 @@ def test_records_that_cannot_be_read_are_not_taken_for_absent(tmp_path: Path, mo
     (tmp_path / "cwru" / "105.mat").write_bytes(b"cut short")
     monkeypatch.setenv("TWINGAP_DATA", str(tmp_path))
     with pytest.raises(TwingapError, match=r"105\.mat"):
-        recordings(read_study(), None)
+        recordings(STUDY.read(), None)
 
 
-def test_wrong_input_is_one_line(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    with pytest.raises(SystemExit) as left:
-        main(["--profile", "huge", "--out", str(tmp_path)])
-    said = capsys.readouterr().err
-    assert left.value.code == 2 and said.count("\n") == 1 and "unknown profile 'huge'" in said
-    with pytest.raises(SystemExit) as left:
-        main(["--out", str(tmp_path), "--root", str(tmp_path / "nowhere")])
-    assert left.value.code == 2 and capsys.readouterr().err.count("\n") == 1
+def test_wrong_input_is_named(tmp_path: Path) -> None:
+    with pytest.raises(TwingapError):
+        STUDY.run(out=tmp_path, root=tmp_path / "nowhere")
     bad = tmp_path / "bad.toml"
-    bad.write_text(CONFIG.read_text(encoding="utf-8").replace('"ball"]', '"cage"]'), encoding="utf-8")
+    bad.write_text(STUDY.config.read_text(encoding="utf-8").replace('"ball"]', '"cage"]'), encoding="utf-8")
     with pytest.raises(TwingapError, match="no contact model for fault 'cage'"):
-        read_study(bad)
-
-
-def test_every_option_is_explained_and_used() -> None:
-    text = CONFIG.read_text(encoding="utf-8")
-    folder = Path(str(identification.__file__)).parent
-    files = ("identification", "identification_study", "tables_identification")
-    code = "".join((folder / f"{name}.py").read_text(encoding="utf-8") for name in files)
-    for name in StudyOptions.__dataclass_fields__:
-        assert f"options.{name}" in code, name
-        assert name == "profiles" or re.search(rf"(?m)^{name} = .*#", text), name
+        STUDY.read(bad)

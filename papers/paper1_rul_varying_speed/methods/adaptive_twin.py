@@ -111,11 +111,6 @@ class AdaptiveTwin:
         assert self.anomaly.onset_row is not None
         return self.anomaly.onset_row
 
-    @property
-    def most_revolutions(self) -> float:
-        """Labels are divided by it: revolutions of the longest simulated life from K_anomaly on."""
-        return max(float(life.remaining_revolutions[0]) for life in (*self.lives, *self.held_out))
-
 
 def find_anomaly(run: Run, options: Adaptation) -> tuple[SpeedInfluence, Array, Anomaly]:
     """S from the healthy beginning, normalised peak to peak [rows], and the first anomaly if there is one.

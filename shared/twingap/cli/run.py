@@ -4,10 +4,8 @@ from __future__ import annotations
 
 import enum
 import sys
-from collections.abc import Callable, Mapping
-from importlib import import_module
 from pathlib import Path
-from typing import Annotated, Any, Final
+from typing import Annotated
 
 import typer
 
@@ -43,15 +41,24 @@ def run(
     seed: Seed = 0,
     tracking_uri: TrackingUri = None,
     json: Json = False,
+    check_configs: Annotated[
+        bool, typer.Option("--check-configs", help="Read the configuration of every study, and run nothing.")
+    ] = False,
 ) -> None:
     """Reproduce the tables and figures of a paper; tracked, and resumable after an interruption."""
+    from papers import reproduce
+    from papers.framework import rows_of
     from twingap.track import MlflowTracker, state_folder
 
-    pipeline = import_module(f"papers.{_FOLDERS[paper]}.pipeline")
+    if check_configs:
+        for line in reproduce.check_configurations():
+            say(line)
+        return
     tracker = MlflowTracker(tracking_uri, paper.value)
     try:
         with progress("reading") as shown:
-            outcome = pipeline.run(
+            outcome = reproduce.run(
+                paper.value,
                 profile.value,
                 out=out or state_folder() / paper.value,
                 root=root,
@@ -67,61 +74,8 @@ def run(
     if json:
         say_json(outcome.rows)
     else:
-        _PRINT[paper](outcome)
-        say(f"MLflow run {outcome.run_id} in {tracker.uri}; show it with: twingap ui")
+        for work in outcome.works.values():
+            for title, table in work.shown():
+                show(rows_of(table), False, title)
+        say(*outcome.notes(), f"MLflow run {outcome.run_id} in {tracker.uri}; show it with: twingap ui")
     wrote(outcome.out / "tables", outcome.out / "figures", as_json=json)
-
-
-def _print1(outcome: Any) -> None:
-    columns = ("twin", "bearing", "model", "seeds", "rmse_min", "std")
-    rows = [{name: row[name] for name in columns} for row in outcome.rows]
-    show(rows, False, f"RMSE of remaining time, minutes: {outcome.title}")
-    if outcome.missing:
-        say(f"left out, since data are not available: {', '.join(outcome.missing)}")
-    count = sum(len(case.trainings) for case in outcome.cases)
-    say(f"{count} trainings: {outcome.computed} run now, {count - outcome.computed} from earlier runs")
-
-
-def _print2(outcome: Any) -> None:
-    for title, rows in outcome.shown().items():
-        show(rows, False, title)
-    if outcome.missing:
-        say(f"left out: {', '.join(outcome.missing)}")
-
-
-def _print3(outcome: Any) -> None:
-    from papers.paper3_zoa_dann import tables, tables_comparison
-
-    for task, rows in tables.shown(outcome.rows).items():
-        show(rows, False, f"{task}: trained on the contact twin, evaluated on {outcome.target.title}")
-    for gain in tables.adaptation(outcome.tasks, outcome.options, outcome.target.title):
-        low, high = (100 * gain[name] for name in ("low_95", "high_95"))
-        say(
-            f"DANN on the {gain['input'].replace('_', ' ')} adds {100 * gain['gain']:+.1f} points "
-            f"(95 % interval {low:+.1f} to {high:+.1f}, {outcome.target.title})"
-        )
-    count = sum(len(result.trainings) for result in outcome.tasks)
-    say(
-        "accuracy of windows: mean ± std over seeds, and the 95 % interval for that mean; right: recordings, by vote;",
-        "oracle: the best checkpoint by target labels, which no method can select",
-        f"{count} trainings: {outcome.computed} run now, {count - outcome.computed} from earlier runs",
-    )
-    if outcome.comparison is not None:
-        rows = tables_comparison.shown(outcome.comparison.tables)
-        show(rows, False, "methods compared: accuracy of windows, %, label-free selection, mean over tasks")
-        if outcome.comparison.missing:
-            say(f"not available and left out: {', '.join(outcome.comparison.missing)}")
-    if not outcome.target.real:
-        say("no CWRU records available: for real ones, `twingap data fetch cwru` and set TWINGAP_DATA")
-
-
-_FOLDERS: Final[Mapping[Paper, str]] = {
-    Paper.paper1: "paper1_rul_varying_speed",
-    Paper.paper2: "paper2_digital_twin",
-    Paper.paper3: "paper3_zoa_dann",
-}
-_PRINT: Final[Mapping[Paper, Callable[[Any], None]]] = {
-    Paper.paper1: _print1,
-    Paper.paper2: _print2,
-    Paper.paper3: _print3,
-}

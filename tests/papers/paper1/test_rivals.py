@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from papers.paper1_rul_varying_speed import rivals
+from papers.extra.femto import rivals
 
 Array = NDArray[np.float64]
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 from scipy.optimize import root
 
-from papers.paper2_digital_twin.contact_motion import motions
+from papers.paper2_digital_twin.dynamics.contact_motion import motions
 from twingap.bearing import BEARINGS
 from twingap.errors import TwingapError
 from twingap.records import Condition

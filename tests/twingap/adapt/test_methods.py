@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import torch
 
-from papers.paper3_zoa_dann.noise import with_noise
+from papers.paper3_zoa_dann.comparison.noise import with_noise
 from twingap.adapt import (
     CRITERIA,
     METHODS,

@@ -11,7 +11,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from papers.paper3_zoa_dann import pipeline
+from papers import reproduce
+from papers.paper3_zoa_dann.inputs.study import STUDY
 from tests.twingap.cli.typed import Run, refused
 from twingap.bearing import BEARINGS
 from twingap.records import Condition
@@ -82,20 +83,20 @@ rig_duration_s = 0.6
 def test_a_papers_configuration_may_name_it(typed: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     own, config = tmp_path / "my_effects.py", tmp_path / "config.toml"
     own.write_text(FILE, encoding="utf-8")
-    text = pipeline.CONFIG.read_text(encoding="utf-8").replace('["slip_jitter"]', '["slip_jitter", "soft_knee"]')
+    text = STUDY.config.read_text(encoding="utf-8").replace('["slip_jitter"]', '["slip_jitter", "soft_knee"]')
     for name, small in {"checkpoints": 1, "embedded": 0, "records_per_class": 1, "windows_per_record": 2}.items():
         text = re.sub(rf"(?m)^{name} = \d+", f"{name} = {small}", text)
     config.write_text(text + TINY, encoding="utf-8")
-    whole = pipeline.run
 
-    def tiny(profile: str, **given: Any) -> pipeline.Outcome:
-        return whole("tiny", config=config, draw=False, **given)
+    def tiny(paper: str, profile: str, *, out: Path, tracker: Any, **given: Any) -> reproduce.Outcome:
+        work = STUDY.run("tiny", out=out, config=config, draw=False, **given)
+        return reproduce.Outcome({"inputs": work}, (), out, None)
 
     monkeypatch.delenv("TWINGAP_DATA", raising=False)
-    monkeypatch.setattr(pipeline, "run", tiny)
+    monkeypatch.setattr(reproduce, "run", tiny)
     store = f"sqlite:///{tmp_path / 'runs.db'}"
     command = ("run", "paper3", "--out", tmp_path / "out", "--tracking-uri", store, "--json")
     refused(typed(*command), "'soft_knee' found", "source.effects")
     said = typed(*command, "--effects", own)  # trainings simulate in worker processes
     assert said.status == 0, said.err
-    assert "DANN" in {row["method"] for row in json.loads(said.out)}
+    assert "DANN" in {row.get("method") for row in json.loads(said.out)}

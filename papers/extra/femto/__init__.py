@@ -1,0 +1,1 @@
+"""Remaining life of the six FEMTO learning bearings: the online estimator beside its rivals."""

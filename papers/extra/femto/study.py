@@ -1,0 +1,25 @@
+"""Declaration of the study of FEMTO's runs."""
+
+from pathlib import Path
+
+from papers.extra.femto import figures, jobs, tables
+from papers.framework import Step, Study
+from papers.paper1_rul_varying_speed.lives.figures import STYLE
+
+STUDY = Study(
+    name="femto",
+    title="remaining life of the FEMTO learning bearings",
+    data="FEMTO",
+    config=Path(__file__).with_name("config.toml"),
+    options=jobs.Options,
+    at_hand=jobs.at_hand,
+    steps=(
+        Step("features", jobs.take_features, jobs.bearings, jobs.files),
+        Step("runs", jobs.measured),
+        Step("predictions", jobs.predict, jobs.predictions, jobs.of_features),
+    ),
+    tables=tables.all_tables,
+    figures=figures.all_figures,
+    style=STYLE,
+    headlines=("femto", "femto_wins"),
+)

@@ -1,0 +1,96 @@
+"""Tables of the twin of lives on FEMTO: runs and verdicts, errors by twin, what closing the gap is worth."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, Final
+
+import numpy as np
+import pandas as pd
+
+from papers.extra.life_gap.tables import compared
+from papers.framework import Work
+from papers.paper1_rul_varying_speed.cases import Case
+from papers.paper1_rul_varying_speed.job import Job
+from papers.paper1_rul_varying_speed.methods.metrics import rmse
+
+AS_PRINTED, NAMED, CLOSED = "as printed", "named effects added", "closed"
+TWINS: Final = (AS_PRINTED, NAMED, CLOSED)
+
+
+def all_tables(work: Work) -> dict[str, pd.DataFrame]:
+    """Every table by name: runs and verdicts, trainings, what closing the gap is worth."""
+    told = {r.job: dict(r.value) for r in work["diagnoses"]}
+    every = errors([(one.wait_min, r.job, dict(r.value)) for one, r in work["trained"]])
+    cases, refused = work["cases"], work["refused"]
+    runs = [(w.bearing, w.wait_min, cases.get(w), told.get(w), refused.get(w, "")) for w in work["wanted"]]
+    return {"femto_lives": of_runs(runs), "femto_lives_rmse": every, "femto_lives_summary": summary(every)}
+
+
+def twin_of(job: Job) -> str:
+    """Which twin a training saw."""
+    if job.added is not None:
+        return NAMED
+    return AS_PRINTED if job.variant == "printed" else CLOSED
+
+
+def of_runs(asked: Sequence[tuple[str, float, Case | None, dict[str, Any] | None, str]]) -> pd.DataFrame:
+    """A row per run and wait: rows of anomaly, now and end, what the simulated lives alone are off by, the verdict.
+
+    Parameters
+    ----------
+    asked : sequence of (bearing, wait in min, case or None, diagnosis as a row or None, why there is no case)
+    """
+    rows = []
+    for bearing, wait, case, told, why in asked:
+        line: dict[str, Any] = {"data": "FEMTO", "bearing": bearing, "wait_min": wait}
+        if case is None or told is None:
+            rows.append(line | {"refused": why})
+            continue
+        twin, own = case.known.twin, case.minutes(case.mean_of_lives())
+        line |= {
+            "onset_row": twin.onset_row, "now_row": twin.now_row, "last_row": case.run.time_s.size - 1,
+            "lives_rmse_min": rmse(case.true_min, own), "lives_bias_min": float(np.mean(own - case.true_min)),
+            "records": told["records"],
+        }  # fmt: skip
+        if told["refused"]:
+            rows.append(line | {"verdict": told["refused"]})
+            continue
+        ends = told["closure_ci"] or (np.nan, np.nan)
+        rows.append(line | {
+            "verdict": told["status"], "p_value": told["p_value"], "effects": ", ".join(told["effects"]),
+            "gap_before": told["before"], "gap_after": told["after"], "floor": told["floor"],
+            "closure": np.nan if told["closure"] is None else told["closure"], "closure_low": ends[0],
+            "closure_high": ends[1],
+        })  # fmt: skip
+    return pd.DataFrame(rows)
+
+
+def errors(results: Sequence[tuple[float, Job, dict[str, Any]]]) -> pd.DataFrame:
+    """RMSE (min) of every training; of the checkpoint chosen without labels, and of the one that labels would choose.
+
+    Parameters
+    ----------
+    results : sequence of (wait in min, job, what `train_and_judge` returned)
+    """
+    return pd.DataFrame([
+        {
+            "data": "FEMTO", "bearing": job.bearing, "wait_min": wait, "twin": twin_of(job), "model": job.model,
+            "seed": job.seed, "rmse_min": value["rmse_min"][value["place"]], "oracle_min": min(value["rmse_min"]),
+        }
+        for wait, job, value in results
+    ])  # fmt: skip
+
+
+def summary(every: pd.DataFrame) -> pd.DataFrame:
+    """By wait, model and twin: mean RMSE over runs, and its ratio to that of the printed twin with a 90 % interval."""
+    rows = []
+    for (wait, model), own in every.groupby(["wait_min", "model"], sort=False):
+        tables = {
+            twin: part.pivot(index="bearing", columns="seed", values="rmse_min") for twin, part in own.groupby("twin")
+        }
+        before = tables[AS_PRINTED]
+        for twin in TWINS[1:]:
+            after = tables.get(twin, before.iloc[:0])
+            rows.append({"data": "FEMTO", "wait_min": wait, "model": model, "twin": twin, **compared(before, after)})
+    return pd.DataFrame(rows)

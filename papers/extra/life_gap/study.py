@@ -1,0 +1,25 @@
+"""Declaration of the study of the gap of paper 1's twin."""
+
+from pathlib import Path
+
+from papers.extra.life_gap import diagnoses, figures, jobs, tables
+from papers.framework import Step, Study
+from papers.paper1_rul_varying_speed.lives.figures import STYLE
+
+STUDY = Study(
+    name="life_gap",
+    title="gap of the twin of lives",
+    config=Path(__file__).with_name("config.toml"),
+    options=jobs.Options,
+    steps=(
+        Step("options", jobs.lives),
+        Step("cases", jobs.cases),
+        Step("femto", jobs.femto),
+        Step("diagnoses", diagnoses.diagnosed, jobs.asked, jobs.diagnosis_inputs, lambda job: job.words),
+        Step("trained", jobs.trained),
+    ),
+    tables=tables.all_tables,
+    figures=figures.all_figures,
+    style=STYLE,
+    headlines=("life_gap", "life_gap_summary"),
+)

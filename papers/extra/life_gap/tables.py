@@ -1,0 +1,83 @@
+"""Tables of the life-gap study: verdicts, errors before and after, and what the difference is worth."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from papers.extra.life_gap.diagnoses import Asked
+from papers.framework import Work
+from papers.paper1_rul_varying_speed.job import Job
+from twingap.adapt.evaluate import t_interval
+
+
+def all_tables(work: Work) -> dict[str, pd.DataFrame]:
+    """Every table by name."""
+    every = errors(work.title, [(r.job, dict(r.value)) for r in work["trained"]])
+    told = verdicts(work.title, [(r.job, dict(r.value)) for r in work["diagnoses"]])
+    return {"life_gap": told, "life_gap_rmse": every, "life_gap_summary": summary(every)}
+
+
+def verdicts(title: str, answers: Sequence[tuple[Asked, dict[str, Any]]]) -> pd.DataFrame:
+    """A row per diagnosis."""
+    rows = []
+    for asked, row in answers:
+        line: dict[str, Any] = {
+            "data": title if asked.data == "rig" else "FEMTO",
+            "bearings": asked.bearings[0] if len(asked.bearings) == 1 else f"{len(asked.bearings)} bearings",
+            "stage": asked.stage, "speed": asked.speed, "records": row["records"],
+        }  # fmt: skip
+        if row["refused"]:
+            rows.append(line | {"verdict": row["refused"]})
+            continue
+        ends = row["closure_ci"] or (np.nan, np.nan)
+        rows.append(line | {
+            "verdict": row["status"], "p_value": row["p_value"], "effects": ", ".join(row["effects"]),
+            "gap_before": row["before"], "gap_after": row["after"], "floor": row["floor"],
+            "closure": np.nan if row["closure"] is None else row["closure"], "closure_low": ends[0],
+            "closure_high": ends[1], "where": "; ".join(row["where"]),
+        })  # fmt: skip
+    return pd.DataFrame(rows)
+
+
+def errors(title: str, results: Sequence[tuple[Job, dict[str, Any]]]) -> pd.DataFrame:
+    """RMSE (min) by run and model without and with the effects; of runs where none was added, both alike."""
+    rows = []
+    for job, value in results:
+        rows.append({
+            "data": title, "bearing": job.bearing, "model": job.model, "seed": job.seed,
+            "added": "" if job.added is None else ", ".join(name for name, _ in job.added.effects),
+            "rmse_min": value["rmse_min"][value["place"]], "oracle_min": min(value["rmse_min"]),
+        })  # fmt: skip
+    return pd.DataFrame(rows)
+
+
+def summary(every: pd.DataFrame) -> pd.DataFrame:
+    """Mean RMSE over runs by model, before and after, and the ratio with its 90 % interval over seeds."""
+    out = []
+    for model, own in every.groupby("model", sort=False):
+        before = own[own["added"] == ""].pivot(index="bearing", columns="seed", values="rmse_min")
+        after = own[own["added"] != ""].pivot(index="bearing", columns="seed", values="rmse_min")
+        out.append({"data": own["data"].iloc[0], "model": model, **compared(before, after)})
+    return pd.DataFrame(out)
+
+
+def compared(before: pd.DataFrame, after: pd.DataFrame) -> dict[str, float]:
+    """Errors before and after, their ratio with its 90 % interval over seeds, and on how many runs it is below 1.
+
+    Parameters
+    ----------
+    before, after : DataFrame [runs, seeds]
+        RMSE, min; runs that `after` lacks count as unchanged.
+    """
+    after = after.reindex(index=before.index, columns=before.columns).fillna(before)
+    ratios = (after.mean() / before.mean()).to_numpy()
+    low, high = t_interval(list(ratios), 0.9)
+    return {
+        "runs": len(before), "seeds": ratios.size,
+        "before_min": before.to_numpy().mean(), "after_min": after.to_numpy().mean(), "ratio": ratios.mean(),
+        "low_90": low, "high_90": high, "runs_better": int((after.mean(axis=1) < before.mean(axis=1)).sum()),
+    }  # fmt: skip

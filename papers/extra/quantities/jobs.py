@@ -1,0 +1,66 @@
+"""Study of what the network is given of each variational mode: its waveform, or its envelope spectrum.
+
+tasks --prepared--> cell, material, recipe --quantity x method x seed--> trials --> accuracy, paired by task and seed
+
+The comparison found that waveforms of simulated modes teach little about CWRU's. A mode's carrier is the structure's,
+which no twin knows; how fast strikes follow each other is the bearing's, and an envelope spectrum shows nothing else.
+Everything but the quantity is the comparison's: tasks, split, source, network, loop, label-free choice. Balanced data,
+no noise added; windows are shifted and turned about only where they are waveforms.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Final
+
+from papers.paper3_zoa_dann.comparison.jobs import Cell, Options, Prepared, cells, kept_modes, prepared
+from papers.paper3_zoa_dann.comparison.task_files import TaskFile
+from papers.paper3_zoa_dann.comparison.trial import CLOSED, Trial, run_trial
+from papers.paper3_zoa_dann.inputs.options import Options as Common
+from papers.paper3_zoa_dann.inputs.options import read_options as read_common
+
+if TYPE_CHECKING:
+    from papers.framework import Work
+    from twingap.sweep import Result
+
+QUANTITIES: Final = ("modes", "envelope_spectrum")
+"""The paper's first: gains are over it."""
+METHODS: Final = ("Non-DA", "Non-DA, gap closed", "DANN", "Proposed")
+
+
+def trials(ready: Prepared, task: TaskFile, options: Options, common: Common, steps: int) -> Iterator[Trial]:
+    """Each quantity under each method, at each seed of the cell."""
+    judging, cell = common.judging, ready.cell
+    for seed in cell.seeds:
+        for method in METHODS:
+            closed = options.closed[task.family] if method in CLOSED else ()
+            for quantity in QUANTITIES:
+                inputs = dataclasses.replace(options.inputs, quantity=quantity)
+                training = dataclasses.replace(options.training, steps=steps, vary=inputs.waveforms)
+                yield Trial(
+                    task.name, cell.available, cell.unseen, method, seed, None, training, inputs, judging.criterion,
+                    judging.held_out, judging.false_alarm, dataclasses.replace(ready.recipe, closed=closed),
+                )  # fmt: skip
+
+
+def _asked(cell: Cell, same_bearings: bool) -> bool:
+    return cell.available == "balanced" and (cell.unseen is None) == same_bearings
+
+
+def networks(work: Work) -> list[tuple[str, Result[Trial]]]:
+    """Every trial with the title of its data."""
+    options, common, size = work.options, read_common(), work.size
+    found: list[tuple[str, Result[Trial]]] = []
+    for task, target in work["tasks"]:
+        chosen = [cell for cell in cells(task, size, work.seed) if _asked(cell, task.same_bearings)]
+        for ready in prepared(work, task, target, common, size, chosen):
+            with kept_modes(work.out) as modes:
+                trained = work.sweep(
+                    run_trial, trials(ready, task, options, common, size.steps),
+                    {"material": (ready.material, ready.material.digest), "device": (work.device, None),
+                     "modes": (modes, None)},
+                    lambda job: f"{job.words}, {job.inputs.quantity}", f"task {task.name}",
+                )  # fmt: skip
+            found += [(target.title, own) for own in trained]
+    return found

@@ -1,0 +1,54 @@
+"""Tables of the study of quantities: a row per trial; means by data set, method and quantity."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import pandas as pd
+
+from papers.extra.quantities.jobs import QUANTITIES
+from papers.framework import Work
+from papers.paper3_zoa_dann.comparison.trial import Trial
+from papers.paper3_zoa_dann.significance import sign_flip
+from twingap.sweep import Result
+
+
+def all_tables(work: Work) -> dict[str, pd.DataFrame]:
+    """Every table by name."""
+    rows = table(work["networks"])
+    return {"quantities": rows, "quantities-mean": means(rows)}
+
+
+def table(found: Sequence[tuple[str, Result[Trial]]]) -> pd.DataFrame:
+    """A row per trial, with the data set's title."""
+    return pd.DataFrame(
+        {
+            "data": data, "task": own.job.task, "method": own.job.method,
+            "quantity": own.job.inputs.quantity, "seed": own.job.seed, "accuracy": own.value["accuracy"],
+            "oracle": own.value["oracle_accuracy"], "source_accuracy": own.value["source_accuracy"],
+            "seconds": own.seconds,
+        }
+        for data, own in found
+    )  # fmt: skip
+
+
+def means(rows: pd.DataFrame) -> pd.DataFrame:
+    """Mean over tasks and seeds; gain over the paper's quantity by pairs of task and seed, with sign-flip p."""
+    out = []
+    pair = ["task", "seed"]
+    for (data, method), own in rows.groupby(["data", "method"], sort=False):
+        first = own[own["quantity"] == QUANTITIES[0]].set_index(pair)["accuracy"]
+        for quantity, of in own.groupby("quantity", sort=False):
+            gain = (of.set_index(pair)["accuracy"] - first).dropna()
+            plain = quantity == QUANTITIES[0]
+            out.append(
+                {
+                    "data": data, "method": method, "quantity": quantity, "accuracy": of["accuracy"].mean(),
+                    "std": of["accuracy"].std(), "oracle": of["oracle"].mean(),
+                    "source_accuracy": of["source_accuracy"].mean(), "gain": np.nan if plain else gain.mean(),
+                    "pairs_won": np.nan if plain else int((gain > 0).sum()), "pairs": len(gain),
+                    "p": np.nan if plain else sign_flip(gain.to_numpy()),
+                }
+            )  # fmt: skip
+    return pd.DataFrame(out)

@@ -1,0 +1,365 @@
+"""Studies: what one declares (options, steps, tables, figures), and the one runner of all of them.
+
+config.toml --options--> profile --+
+                                   +--> Step, Step, ... --> tables, figures, metrics --> folder, tracker, screen
+data root, seed, backend ----------+      (jobs: sweep, keys by `imports`)
+
+A study is a folder with ``config.toml``, ``jobs.py``, ``tables.py``, ``figures.py``, and ``study.py``, which holds its
+`Study` under the name ``STUDY``. The functions that workers run are in ``jobs.py``, which imports neither this module
+nor tables nor figures: the keys of stored results change with the code that makes results, and with nothing else.
+"""
+
+from __future__ import annotations
+
+import functools
+import importlib
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+from papers.imports import digest_of_imports
+from twingap import files
+from twingap.config import build, read_toml
+from twingap.errors import TwingapError
+from twingap.provenance import digest_of_path, plain
+from twingap.sweep import Result, sweep
+from twingap.sweep.backends import BACKENDS
+from twingap.track import NullTracker, Run
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.figure import Figure
+
+Progress = Callable[[str, int, int], None]
+"""Called with what is being done, how much of it is done, and how much there is."""
+Inputs = Mapping[str, tuple[Any, str | None]]
+"""Name of an argument of a step's function -> its value, and its digest; None where results do not depend on it."""
+STYLE: Final[Any] = {"font.size": 13, "axes.titlesize": 13, "axes.labelsize": 13, "legend.fontsize": 12}
+"""Sizes of letters in figures."""
+STYLE_LARGE: Final[Any] = {"font.size": 14, "axes.titlesize": 14, "axes.labelsize": 14, "legend.fontsize": 13}
+"""The same for figures of many panels."""
+
+
+def _nothing(work: Work) -> dict[str, Any]:
+    return {}
+
+
+@dataclass(frozen=True)
+class Step:
+    """A step of a study.
+
+    Parameters
+    ----------
+    name : str
+        Its outputs are ``work[name]``: results in the order of its jobs, or what the function returned.
+    function : callable
+        With `jobs`: ``function(job, **inputs)``, at module level in ``jobs.py``, run by workers. Without: called once,
+        with the `Work`.
+    jobs : callable, optional
+        Work -> frozen dataclasses, or mappings of JSON values.
+    inputs : callable
+        Work -> `Inputs`, what the function reads besides its job.
+    words : callable, optional
+        Job -> its description, for progress and errors.
+    """
+
+    name: str
+    function: Callable[..., Any]
+    jobs: Callable[[Work], Iterable[Any]] | None = None
+    inputs: Callable[[Work], Inputs] = _nothing
+    words: Callable[[Any], str] | None = None
+
+
+@dataclass(frozen=True)
+class Study:
+    """A study, as it is declared.
+
+    Parameters
+    ----------
+    name, title : str
+        The title stands above the headlines.
+    config : Path
+        Its TOML file.
+    options : type
+        Dataclass of that file's entries. Its field `profiles`, a mapping, has the sizes of each profile.
+    steps : sequence of Step
+    tables : callable
+        Work -> name -> table.
+    figures : callable, optional
+        Work -> pairs of name and figure.
+    headlines : tuple of str
+        Tables that are printed at the end.
+    columns : mapping
+        Headline table -> its columns that are printed; all of a table that has no entry.
+    data : str
+        Where the numbers come from, unless a step says it.
+    check : callable, optional
+        Called with options and path; raises `TwingapError` for what types cannot say.
+    metrics : callable
+        Work -> name -> number, logged.
+    notes : callable
+        Work -> lines that are printed below the headlines.
+    at_hand : callable
+        Data root or None -> whether the data are at hand; a paper leaves the study out where they are not.
+    style : mapping
+        Sizes of letters in figures.
+    """
+
+    name: str
+    title: str
+    config: Path
+    options: type[Any]
+    steps: Sequence[Step]
+    tables: Callable[[Work], Mapping[str, pd.DataFrame]]
+    figures: Callable[[Work], Iterable[tuple[str, Figure]]] | None = None
+    headlines: tuple[str, ...] = ()
+    columns: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    data: str = ""
+    check: Callable[[Any, Path], None] | None = None
+    metrics: Callable[[Work], Mapping[str, float | None]] = _nothing
+    notes: Callable[[Work], Iterable[str]] = lambda work: ()
+    at_hand: Callable[[Path | None], bool] = lambda root: True
+    style: Any = field(default_factory=lambda: STYLE)
+
+    def read(self, config: Path | None = None) -> Any:
+        """The options; errors name file, key, value and what was expected."""
+        path = config or self.config
+        options = build(self.options, read_toml(path), path)
+        if self.check is not None:
+            self.check(options, path)
+        return options
+
+    def run(
+        self,
+        profile: str = "smoke",
+        *,
+        out: Path,
+        root: Path | None = None,
+        seed: int = 0,
+        backend: str = "loky",
+        address: str | None = None,
+        device: str = "auto",
+        log: Run | None = None,
+        progress: Progress = lambda what, done, total: None,
+        config: Path | None = None,
+        draw: bool = True,
+    ) -> Work:
+        """Run the study; what an interrupted run has finished is taken up again.
+
+        Parameters
+        ----------
+        profile : str
+            A profile of the configuration.
+        out : Path
+            Folder for ``tables/``, ``figures/`` and ``results/``, the store of finished jobs. Results computed
+            elsewhere can be copied into it: their keys depend on jobs, code and data, not on machine or path.
+        root : Path or None
+            Data root; TWINGAP_DATA when None.
+        seed : int
+            First of the profile's seeds.
+        backend, address
+            Where jobs run; see `twingap.sweep`.
+        device : {"auto", "cpu", "cuda"}
+            Of the trainings that can use a GPU.
+        log : Run or None
+            Of a tracker: parameters, metrics, tables and figures go there.
+        progress : callable
+        config : Path or None
+            In place of the study's own.
+        draw : bool
+            Make the figures.
+
+        Raises
+        ------
+        TwingapError
+            For a configuration, profile, data root, backend or folder that cannot be used.
+        """
+        path = config or self.config
+        options = self.read(path)
+        if profile not in options.profiles:
+            known = ", ".join(options.profiles)
+            raise TwingapError(f"unknown profile {profile!r}", where=path, mend=f"use one of {known}")
+        if backend not in BACKENDS:
+            raise TwingapError(f"unknown backend {backend!r}", mend=f"use one of {', '.join(BACKENDS)}")
+        files.try_folder(out)
+        with NullTracker().run(self.name) as forgetful:
+            work = Work(
+                self, profile, options, options.profiles[profile], out, root, seed, backend, address, device,
+                log or forgetful, progress, self.data, path,
+            )  # fmt: skip
+        used = {**plain(options), "profiles": {profile: plain(work.size)}}
+        work.log.parameters({**used, "profile": profile, "seed": seed})
+        work.log.data(path.name, digest_of_path(path), role="configuration")
+        for step in self.steps:
+            if step.jobs is None:
+                work[step.name] = step.function(work)
+            else:
+                work[step.name] = work.sweep(step.function, step.jobs(work), step.inputs(work), step.words, step.name)
+        self._publish(work, draw)
+        return work
+
+    def _publish(self, work: Work, draw: bool) -> None:
+        """Tables, figures and metrics, to the folder and to the tracker, each as soon as it is made."""
+        work.tables.update(self.tables(work))
+        for name, table in work.tables.items():
+            write_table(table, work.out / "tables" / name, work.title)
+            work.log.table(name, table)
+        if metrics := self.metrics(work):
+            work.log.metrics(metrics)
+        if work.missing:
+            work.log.parameters({"missing": list(work.missing)})
+        if draw and self.figures is not None:
+            import matplotlib as mpl
+
+            with mpl.rc_context(self.style):
+                for name, figure in self.figures(work):
+                    write_figure(figure, work.out / "figures" / f"{name}.png")
+                    work.log.figure(name, figure)
+
+
+@dataclass
+class Work:
+    """A study at work: what it was asked for, and what it has made so far.
+
+    Parameters
+    ----------
+    study : Study
+    profile : str
+    options, size : Any
+        Of the configuration, and of the profile in use.
+    out, root, seed, backend, address, device, log, progress
+        As in `Study.run`.
+    title : str
+        Where the numbers come from; set by the step that reads data.
+    missing : tuple of str
+        What was left out since its data are not at hand; set by that step, too.
+    config : Path
+    computed, finished : int
+        Jobs that ran now, and all jobs.
+    tables : dict of str to DataFrame
+    """
+
+    study: Study
+    profile: str
+    options: Any
+    size: Any
+    out: Path
+    root: Path | None
+    seed: int
+    backend: str
+    address: str | None
+    device: str
+    log: Run
+    progress: Progress
+    title: str
+    config: Path
+    missing: tuple[str, ...] = ()
+    computed: int = 0
+    finished: int = 0
+    tables: dict[str, pd.DataFrame] = field(default_factory=dict)
+    _made: dict[str, Any] = field(default_factory=dict)
+
+    def __getitem__(self, step: str) -> Any:
+        return self._made[step]
+
+    def __setitem__(self, step: str, made: Any) -> None:
+        self._made[step] = made
+
+    def sweep(
+        self,
+        function: Callable[..., Any],
+        jobs: Iterable[Any],
+        inputs: Inputs | None = None,
+        words: Callable[[Any], str] | None = None,
+        what: str = "jobs",
+        *,
+        data: Mapping[str, str] | None = None,
+        backend: str | None = None,
+    ) -> list[Result[Any]]:
+        """Run jobs, reusing finished ones; for steps that run several sets of jobs. See `Step` for the parameters.
+
+        Parameters
+        ----------
+        data : mapping, optional
+            Further digests that results depend on.
+        backend : str, optional
+            In place of the run's own.
+        """
+        given, asked, done = dict(inputs or {}), list(jobs), 0
+
+        def count(result: Result[Any]) -> None:
+            nonlocal done
+            done += 1
+            self.finished += 1
+            self.computed += bool(result.why)
+            self.progress(f"{self.study.name}, {what}", done, len(asked))
+
+        bound = functools.partial(function, **{name: value for name, (value, _) in given.items()})
+        digests = {name: digest for name, (_, digest) in given.items() if digest is not None}
+        return sweep(
+            bound if given else function, asked, store=self.out / "results", backend=backend or self.backend,
+            address=None if backend else self.address, version=digest_of_imports(function.__module__),
+            data=digests | dict(data or {}), on_result=count, describe=words,
+        )  # fmt: skip
+
+    @property
+    def rows(self) -> list[dict[str, Any]]:
+        """Rows of the headline tables, each with study and table named."""
+        about = {"study": self.study.name}
+        return [about | {"table": name} | row for name in self.study.headlines for row in rows_of(self.tables[name])]
+
+    def shown(self) -> Iterator[tuple[str, pd.DataFrame]]:
+        """Title and headline table, to print one after the other."""
+        for name in self.study.headlines:
+            title = f"{self.study.title}: {name}" + (f" ({self.title})" if self.title else "")
+            yield title, self.tables[name][list(self.study.columns.get(name, self.tables[name].columns))]
+
+    def notes(self) -> Iterator[str]:
+        """Lines to print below the headlines."""
+        yield from self.study.notes(self)
+        if self.missing:
+            yield f"{self.study.name}: no data at hand for {', '.join(self.missing)}, left out"
+        if self.finished:
+            yield f"{self.study.name}: {self.finished} jobs, {self.computed} of them run now"
+
+
+def rows_of(table: pd.DataFrame) -> list[dict[str, Any]]:
+    """A table as rows."""
+    return [{str(name): value for name, value in row.items()} for row in table.to_dict("records")]
+
+
+def load_study(name: str) -> Study:
+    """The study of a folder, by the dotted name of its package.
+
+    Raises
+    ------
+    TwingapError
+        When there is none.
+    """
+    try:
+        found = importlib.import_module(f"{name}.study").STUDY
+    except ModuleNotFoundError as error:
+        if not f"{name}.study".startswith(str(error.name)):
+            raise
+        raise TwingapError(f"no study {name!r}", mend="see `python -m papers --help` for those there are") from None
+    assert isinstance(found, Study)
+    return found
+
+
+def write_table(table: pd.DataFrame, base: Path, data: str = "") -> None:
+    """Write ``base.csv``, six digits, and ``base.md``, four; `data` says where numbers come from."""
+    with files.replacing(base.with_name(base.name + ".csv")) as path:
+        table.to_csv(path, index=False, float_format="%.6g", lineterminator="\n")
+    shown = table.map(lambda v: "" if v is None or v != v else f"{v:.4g}" if isinstance(v, float) else str(v))
+    lines = ["| " + " | ".join(map(str, shown.columns)) + " |", "|" + "---|" * len(shown.columns)]
+    lines += ["| " + " | ".join(row) + " |" for row in shown.itertuples(index=False)]
+    title = f"{base.name} ({data})" if data else base.name
+    with files.replacing(base.with_name(base.name + ".md")) as path:
+        path.write_text(f"{title}\n\n" + "\n".join(lines) + "\n", encoding="utf-8")
+
+
+def write_figure(figure: Figure, path: Path) -> None:
+    """Write a PNG."""
+    with files.replacing(path) as temporary:
+        figure.savefig(temporary, dpi=110, bbox_inches="tight", metadata={"Software": "twingap"})

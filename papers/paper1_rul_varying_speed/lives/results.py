@@ -1,0 +1,42 @@
+"""Results of one run to failure."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from papers.paper1_rul_varying_speed.cases import Array, Case
+from papers.paper1_rul_varying_speed.job import Job
+from twingap.sweep import Result
+
+
+@dataclass(frozen=True)
+class CaseResult:
+    """All that came out of one run with one twin.
+
+    Parameters
+    ----------
+    case : Case
+    variant : str
+        Of the twin.
+    trainings : list[Result[Job]]
+        In the order seed, model.
+    """
+
+    case: Case
+    variant: str
+    trainings: list[Result[Job]]
+
+    def of(self, model: str) -> list[Result[Job]]:
+        """The trainings of one model, seeds in order."""
+        return [t for t in self.trainings if t.job.model == model]
+
+    @property
+    def models(self) -> list[str]:
+        """In their order."""
+        return list(dict.fromkeys(t.job.model for t in self.trainings))
+
+    def predicted_min(self, training: Result[Job]) -> Array:
+        """Remaining time at the present speed [judged rows], min, by the chosen checkpoint."""
+        return self.case.minutes(np.asarray(training.value["revolutions"], float))

@@ -1,0 +1,163 @@
+"""Figures of the availability study, in colours that colour-blind readers tell apart (Okabe and Ito 2008).
+
+accuracy over labelled records --> crossing points;  alarms --> severity by recording;  images --> what the network sees
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any, Final
+
+import numpy as np
+import pandas as pd
+from matplotlib.figure import Figure
+
+from papers.framework import Work
+from papers.paper2_digital_twin.availability.jobs import baseline_of, strips
+from papers.paper2_digital_twin.availability.records import TITLES, Measured
+from papers.paper2_digital_twin.availability.split import SPLITS
+from papers.paper2_digital_twin.availability.tables import METHODS, judging
+
+LOOKS: Final = {
+    "twin network": ("#0072B2", "o", "-"), "SVM": ("#D55E00", "s", "--"), "SOM-MQE": ("#009E73", "^", ":"),
+}  # fmt: skip
+FAULTS: Final = {"healthy": "#666666", "inner": "#D55E00", "outer": "#0072B2", "ball": "#009E73"}
+
+
+def all_figures(work: Work) -> Iterator[tuple[str, Figure]]:
+    """Every figure with its name."""
+    accuracy, crossed = (work.tables[f"availability-{name}"] for name in ("accuracy", "crossings"))
+    yield "availability-crossings", crossings(accuracy, crossed)
+    yield "availability-severity", severity(work)
+    for name, data in work["data"].items():
+        yield f"availability-images-{name}", what_is_seen(work, data)
+
+
+def crossings(accuracy: pd.DataFrame, crossed: pd.DataFrame) -> Figure:
+    """Accuracy over labelled records of each fault, with 95 % intervals over seeds; rings where methods cross.
+
+    Parameters
+    ----------
+    accuracy, crossed : DataFrame
+        Tables ``availability-accuracy`` and ``availability-crossings``, as made or as read back from their files.
+    """
+    accuracy = accuracy.assign(records=accuracy["records a fault"].astype(str))
+    crossed = crossed.assign(start=crossed["at least as good from"].fillna("").astype(str))
+    steps, titles = list(dict.fromkeys(accuracy["records"])), list(dict.fromkeys(accuracy["data"]))
+    figure = Figure(figsize=(12, 4.4 * len(titles) + 0.8), layout="constrained")
+    panels = figure.subplots(len(titles), len(SPLITS), squeeze=False, sharey=True, sharex=True)
+    for row, title in enumerate(titles):
+        for column, split in enumerate(SPLITS):
+            panel = panels[row, column]
+            here = accuracy[(accuracy["data"] == title) & (accuracy["split by"] == split)]
+            for number, method in enumerate(METHODS):
+                colour, marker, line = LOOKS[method]
+                mine = here[here["method"] == method]
+                places = [steps.index(count) + 0.08 * (number - 1) for count in mine["records"]]
+                middle, low, high = (100 * mine[name].to_numpy(dtype=float) for name in ("accuracy", "low", "high"))
+                panel.errorbar(
+                    places, middle, yerr=np.nan_to_num(np.maximum([middle - low, high - middle], 0)), color=colour,
+                    marker=marker, linestyle=line, capsize=3, label=_shown(method),
+                )  # fmt: skip
+            _mark(panel, here, crossed[(crossed["data"] == title) & (crossed["split by"] == split)], steps)
+            panel.set_xticks(range(len(steps)), steps)
+            panel.set_title(f"{title}, split by {split}")
+            panel.grid(alpha=0.3)
+            panel.set_ylim(20, 103)
+            if row == len(titles) - 1:
+                panel.set_xlabel("labelled records of each fault")
+            if column == 0:
+                panel.set_ylabel("recordings called right, %")
+    panels[0, 0].legend(loc="lower right")
+    return figure
+
+
+def _shown(method: str) -> str:
+    return "network from the twin" if method == METHODS[0] else method
+
+
+def _mark(panel: Any, accuracy: pd.DataFrame, crossed: pd.DataFrame, steps: list[str]) -> None:
+    """Rings where a method is at least as good as the network from there on, and what crosses in words."""
+    said = []
+    for row in crossed[crossed["against"] == METHODS[0]].to_dict("records"):
+        at = accuracy[(accuracy["method"] == row["method"]) & (accuracy["records"] == row["start"])]
+        if at.empty:
+            said.append(f"{row['method']} stays below")
+            continue
+        place = steps.index(row["start"]) + 0.08 * (METHODS.index(row["method"]) - 1)
+        panel.plot(place, 100 * at["accuracy"].iloc[0], "o", markersize=16, fillstyle="none", color="black")
+        said.append(f"{row['method']} level from {row['start']}")
+    panel.text(0.02, 0.03, "\n".join(said), transform=panel.transAxes, va="bottom", fontsize="small")
+
+
+def severity(work: Work) -> Figure:
+    """MQE over threshold of each recording, by fault and size."""
+    figure = Figure(figsize=(12, 4.2 * len(work["data"]) + 0.5), layout="constrained")
+    panels = figure.subplots(len(work["data"]), 1, squeeze=False)[:, 0]
+    for panel, (name, data) in zip(panels, work["data"].items(), strict=True):
+        groups = sorted({(data.labels[r], data.sizes[r]) for r in data.recordings})
+        for place, (label, size) in enumerate(groups):
+            own = sorted(
+                (r for r in data.recordings if (data.labels[r], data.sizes[r]) == (label, size)),
+                key=lambda r: data.speeds_rpm[r],
+            )
+            for offset, r in zip(np.linspace(-0.25, 0.25, len(own)) if len(own) > 1 else [0.0], own, strict=True):
+                here = judging(work, data, r)
+                values = [
+                    float(np.mean([v["recordings"][r][k] / v["threshold"] for v in here]))
+                    for k in ("mqe low", "mqe", "mqe high")
+                ]
+                colour = FAULTS[data.classes[label]]
+                panel.plot([place + offset] * 2, [values[0], values[2]], color=colour, linewidth=2)
+                panel.plot(place + offset, values[1], "o", color=colour, markersize=6)
+        panel.axhline(1, color="black", linestyle="--", linewidth=1)
+        panel.text(len(groups) - 0.5, 1, f"alarm, {work.options.false_alarm:.0%} a window", ha="right", va="bottom")
+        unit = "deg" if name == "hit_sm" else "in"
+        names = [data.classes[c] + ("" if data.classes[c] == "healthy" else f"\n{s:g} {unit}") for c, s in groups]
+        panel.set_xticks(range(len(groups)), names)
+        panel.set_yscale("log")
+        panel.set_ylabel("MQE over threshold")
+        panel.set_title(
+            f"{TITLES[name]}: median and middle 80 % of windows unseen by the map; speed rises to the right"
+        )
+        panel.grid(alpha=0.3, axis="y")
+    return figure
+
+
+def what_is_seen(work: Work, data: Measured) -> Figure:
+    """The lines channel of one recording of each bearing: envelope order by carrier."""
+    image = work.options.image
+    baseline = baseline_of(data, ())
+    first: dict[tuple[int, float], str] = {}
+    for r in data.recordings:
+        first.setdefault((data.labels[r], data.sizes[r]), r)
+    chosen = [first[key] for key in sorted(first)]
+    columns = 4
+    rows = -(-len(chosen) // columns)
+    figure = Figure(figsize=(15, 2.7 * rows + 0.8), layout="constrained")
+    panels = figure.subplots(rows, columns, squeeze=False, sharex=True, sharey=True)
+    carriers = image.carriers_hz(data.fs_hz) / 1000
+    drawn = None
+    for panel in panels.flat[len(chosen) :]:
+        panel.set_visible(False)
+    for panel, r in zip(panels.flat, chosen, strict=False):
+        seen = strips(data, r, baseline, image, 6)[:, 1].mean(axis=0)
+        drawn = panel.pcolormesh(image.orders, carriers, seen, cmap="cividis", vmin=-0.5, vmax=2, shading="nearest")
+        for fault, name in (("outer", "BPFO"), ("inner", "BPFI")):
+            order = data.bearing.fault_order(fault)
+            panel.axvline(order, color=FAULTS[fault], linewidth=1.2, linestyle="--")
+            panel.text(order, carriers[-1], name, color="white", fontsize=10, ha="center", va="top", rotation=90)
+        panel.set_title(f"{data.bearings[r]} ({r})")
+        panel.set_yscale("log")
+        panel.set_yticks([1, 2, 4], ["1", "2", "4"])
+        panel.minorticks_off()
+    for column in range(columns):
+        lowest = panels[(len(chosen) - 1 - column) // columns, column]
+        lowest.set_xlabel("envelope order")
+        lowest.tick_params(labelbottom=True)
+    for panel in panels[:, 0]:
+        panel.set_ylabel("carrier, kHz")
+    if drawn is not None:
+        figure.colorbar(drawn, ax=panels, label="line over floor, log10")
+    figure.suptitle(f"{TITLES[data.name]}: order spectra of scalogram rows")
+    return figure

@@ -1,0 +1,187 @@
+"""Recordings of the availability study, cut into pieces of equal shaft angle.
+
+recording --cut--> pieces of some turns (the labelled "records") --> modulation, features
+              +--> short windows --> features for the healthy map
+
+Used in: Paper 2, section 3, diagnosis by how much fault data there is.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from papers.paper2_digital_twin.availability.source import Background
+from papers.paper2_digital_twin.methods.condition_features import line_features, window_features
+from papers.paper2_digital_twin.methods.scalograms import ImageOptions, Modulation, modulation, pieces_of
+from twingap.bearing import BEARINGS, Bearing
+from twingap.data import NotAtHandError
+from twingap.errors import TwingapError
+from twingap.records import RecordSet
+
+RIG: Final = "virtual_cwru"
+SHORTEST: Final = 4
+"""A recording at hand in stretches shorter than so many pieces is no background for the twin."""
+Array = NDArray[np.float64]
+WINDOW: Final = 1024
+"""Samples of a short window: as long as a piece of CWRU's 98.mat at hand, 85 ms at 12 kHz."""
+RATE_HZ: Final = {"cwru": 12_000.0, "hit_sm": 12_800.0, "virtual_cwru": 12_000.0}
+TITLES: Final = {"cwru": "CWRU", "hit_sm": "HIT-SM", "virtual_cwru": "virtual rig, not CWRU"}
+CLASSES: Final = {
+    "cwru": ("healthy", "inner", "outer", "ball"),
+    "hit_sm": ("healthy", "inner", "outer"),
+    "virtual_cwru": ("healthy", "inner", "outer", "ball"),
+}
+
+
+@dataclass(frozen=True)
+class Measured:
+    """All pieces and windows of a data set.
+
+    Parameters
+    ----------
+    name : str
+        Of the data set.
+    bearing : Bearing
+    classes : tuple[str, ...]
+    found : Modulation
+        Of all pieces.
+    features : Array [pieces, features]
+        `PIECE_FEATURES`.
+    recording : NDArray[str] [pieces]
+    windows : Array [windows, features]
+        `WINDOW_FEATURES` of short windows.
+    window_recording : NDArray[str] [windows]
+    labels, bearings, sizes, speeds_rpm, fs_hz : dict[str, Any]
+        By recording: place in `classes`, bearing, defect size as the data set states it, speed, rate.
+    """
+
+    name: str
+    bearing: Bearing
+    classes: tuple[str, ...]
+    found: Modulation
+    features: Array
+    recording: NDArray[np.str_]
+    windows: Array
+    window_recording: NDArray[np.str_]
+    labels: dict[str, int]
+    bearings: dict[str, str]
+    sizes: dict[str, float]
+    speeds_rpm: dict[str, float]
+    fs_hz: float
+
+    @property
+    def recordings(self) -> tuple[str, ...]:
+        """In the order of the data set."""
+        return tuple(self.labels)
+
+    def pieces(self, recordings: Sequence[str]) -> NDArray[np.int64]:
+        """Places of the pieces of some recordings."""
+        return np.flatnonzero(np.isin(self.recording, list(recordings)))
+
+    def piece_labels(self) -> NDArray[np.int64]:
+        """Class of each piece."""
+        return np.array([self.labels[r] for r in self.recording], dtype=np.int64)
+
+    def healthy(self) -> tuple[str, ...]:
+        """Healthy recordings."""
+        return tuple(r for r, label in self.labels.items() if self.classes[label] == "healthy")
+
+    def baseline(self, recordings: Sequence[str]) -> Array:
+        """Healthy level of each carrier: geometric mean over healthy recordings, each counted once. [carriers]"""
+        each = [np.log(self.found.power[self.recording == r].mean(axis=0)) for r in recordings]
+        return np.asarray(np.exp(np.mean(each, axis=0)))
+
+
+def load(name: str, root: Path | None, rig_duration_s: float = 4.0) -> RecordSet:
+    """The data set, at the rate at which it is judged."""
+    from twingap import data
+
+    if name == "virtual_cwru":
+        return data.load(name, duration_s=rig_duration_s)
+    return data.load(name, root, fs_hz=RATE_HZ[name])
+
+
+def measure(records: RecordSet, name: str, options: ImageOptions) -> Measured:
+    """Cut and measure every recording.
+
+    A recording that is only at hand in short windows (98.mat of CWRU) becomes pieces of as many windows as make the
+    length of a piece; each window's spectrum has less resolution, and their powers are averaged.
+    """
+    classes = CLASSES[name]
+    lines, power, features, recording, windows, window_recording = ([] for _ in range(6))
+    labels: dict[str, int] = {}
+    bearings: dict[str, str] = {}
+    sizes: dict[str, float] = {}
+    speeds: dict[str, float] = {}
+    bearing = records.bearing or BEARINGS["6205"]
+    for group in records.groups:
+        places = [i for i, c in enumerate(records.conditions) if c.group == group]
+        first = records.conditions[places[0]]
+        if first.fault not in classes:
+            raise TwingapError(f"fault {first.fault!r}, one of {', '.join(classes)} expected", where=f"{name}: {group}")
+        labels[group] = classes.index(first.fault)
+        bearings[group] = str(first.extra["bearing_id"])
+        sizes[group] = float(first.extra.get("fault_size_inch", first.extra.get("defect_arc_deg", np.nan)))
+        speeds[group] = first.speed_rpm
+        length = options.piece_samples(first.fs_hz, first.speed_rpm)
+        each = [records[i].samples for i in places]
+        if len(each) == 1:
+            cut = pieces_of(each[0], length)
+            found = modulation(cut, first.fs_hz, first.speed_rpm, options)
+            small = [window_features(pieces_of(piece, WINDOW)) for piece in cut]
+        else:
+            per = max(1, round(length / each[0].size))
+            count = len(each) // per
+            short = np.stack(each[: count * per])
+            raw = modulation(short, first.fs_hz, first.speed_rpm, options)
+            found = Modulation(
+                raw.lines.reshape(count, per, *raw.lines.shape[1:]).mean(axis=1),
+                raw.power.reshape(count, per, -1).mean(axis=1),
+            )
+            small = list(window_features(short[:, :WINDOW]).reshape(count, per, -1))
+        lines.append(found.lines)
+        power.append(found.power)
+        own = np.stack([s.mean(axis=0) for s in small])
+        features.append(np.concatenate((own, line_features(found, bearing, options)), axis=-1))
+        recording += [group] * len(found)
+        windows.append(np.concatenate(small))
+        window_recording += [group] * len(windows[-1])
+    return Measured(
+        name, bearing, classes, Modulation(np.concatenate(lines), np.concatenate(power)), np.concatenate(features),
+        np.array(recording), np.concatenate(windows), np.array(window_recording), labels, bearings, sizes, speeds,
+        records.conditions[0].fs_hz,
+    )  # fmt: skip
+
+
+def at_hand(names: Sequence[str], root: Path | None, rig_duration_s: float) -> dict[str, RecordSet]:
+    """Those of the named data sets that are at hand; the virtual rig when none is.
+
+    Raises
+    ------
+    NotAtHandError
+        For the first that is missing in a root that the caller named.
+    """
+    found: dict[str, RecordSet] = {}
+    for name in names:
+        try:
+            found[name] = load(name, root, rig_duration_s)
+        except NotAtHandError:
+            if root is not None:
+                raise
+    return found or {RIG: load(RIG, root, rig_duration_s)}
+
+
+def backgrounds(records: RecordSet, data: Measured, image: ImageOptions) -> dict[str, Background]:
+    """Healthy recordings that are long enough for the twin to stand on."""
+    found = {}
+    for place, c in enumerate(records.conditions):
+        least = SHORTEST * image.piece_samples(c.fs_hz, c.speed_rpm)
+        if c.group in data.healthy() and c.n_samples >= least:
+            found[str(c.group)] = Background(records[place].samples, c.speed_rpm)
+    return found

@@ -1,0 +1,331 @@
+"""Tables of the availability study.
+
+jobs --> calls of every recording by seed --> accuracy, crossing points;  alarms --> severity, size;  checks --> rates
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any, Final
+
+import numpy as np
+import pandas as pd
+
+from papers.framework import Work
+from papers.paper2_digital_twin.availability.records import TITLES, Measured
+from papers.paper2_digital_twin.availability.split import ALL, SPLITS
+from papers.paper2_digital_twin.methods.choose import Thresholds, choose
+from twingap.adapt.evaluate import t_interval
+
+METHODS: Final = ("twin network", "SVM", "SOM-MQE")
+LEVEL: Final = 0.95
+MANY: Final = 10**6
+"""Stands for all the labels that there are."""
+AHEAD: Final = (("SVM", "twin network"), ("SOM-MQE", "twin network"), ("SOM-MQE", "SVM"))
+
+
+def all_tables(work: Work) -> dict[str, pd.DataFrame]:
+    """Every table by name."""
+    called = calls(work)
+    found = accuracy(called)
+    crossed = crossings(work, called)
+    return {
+        "availability-accuracy": found,
+        "availability-crossings": crossed,
+        "availability-choice": choices(work, crossed),
+        "availability-selection": selection(work),
+        "availability-head": head(work),
+        "availability-sources": sources(work),
+        "availability-recordings": recordings(work, called),
+        "availability-alarms": alarms(work),
+        "availability-severity": severity(work),
+        "availability-size": size(work),
+        "availability-check": checks(work),
+    }
+
+
+def calls(work: Work) -> pd.DataFrame:
+    """One row for each recording, method, number of labels, split and seed: what it was called, and what it is."""
+    rows: list[dict[str, Any]] = []
+
+    def add(data: Measured, split: str, method: str, count: str, seed: int, row: dict[str, Any]) -> None:
+        for recording, label in row["calls"].items():
+            rows.append({
+                "data": data.name, "split": split, "method": method, "records": int(count), "labels": row["labels"],
+                "seed": seed, "recording": recording, "class": data.labels[recording], "called": label,
+            })  # fmt: skip
+
+    for net in work["networks"]:
+        if net.job.kind != "grafted":
+            continue
+        for split in SPLITS:
+            for count, row in net.value[split]["rows"].items():
+                add(work["data"][net.job.data], split, METHODS[0], count, net.job.seed, row)
+    for few in work["shallows"]:
+        for split in SPLITS:
+            for method, by_count in few.value[split].items():
+                for count, row in by_count.items():
+                    add(work["data"][few.job.data], split, method, count, few.job.seed, row)
+    return pd.DataFrame(rows)
+
+
+def by_seed(called: pd.DataFrame) -> pd.DataFrame:
+    """Share of recordings called right, and its mean over classes, for each seed."""
+    keys = ["data", "split", "method", "records", "seed"]
+    rows = []
+    for key, part in called.groupby(keys, sort=False):
+        right = part["class"] == part["called"]
+        rows.append({
+            **dict(zip(keys, key, strict=True)), "labels": int(part["labels"].min()), "recordings": len(part),
+            "accuracy": right.mean(), "balanced": right.groupby(part["class"]).mean().mean(),
+        })  # fmt: skip
+    return pd.DataFrame(rows)
+
+
+def accuracy(called: pd.DataFrame) -> pd.DataFrame:
+    """Mean over seeds, by recording judged; `labels` is how many records of the scarcest fault there were indeed."""
+    rows = []
+    for (data, split, method, records), part in by_seed(called).groupby(
+        ["data", "split", "method", "records"], sort=False
+    ):
+        low, high = t_interval(list(part["accuracy"]), LEVEL)
+        rows.append({
+            "data": TITLES[str(data)], "split by": split, "method": method,
+            "records a fault": "all" if records == ALL else str(records), "at hand": part["labels"].min(),
+            "recordings": part["recordings"].max(), "seeds": len(part), "accuracy": part["accuracy"].mean(),
+            "std": part["accuracy"].std(ddof=1) if len(part) > 1 else np.nan,
+            "low": max(low, 0.0), "high": min(high, 1.0),
+            "balanced accuracy": part["balanced"].mean(),
+        })  # fmt: skip
+    return pd.DataFrame(rows)
+
+
+def crossings(work: Work, called: pd.DataFrame) -> pd.DataFrame:
+    """From how many records on one method is at least as good as another, and whether that is more than luck.
+
+    ``at least as good from``: smallest number from which on the mean over seeds is never lower; empty if it is lower
+    with all records. ``better from``: the same with the 95 % interval of the paired difference above 0.
+    """
+    rows = []
+    found = by_seed(called)
+    for data, split, first, second in _pairs(work):
+        here = found[(found["data"] == data) & (found["split"] == split)]
+        wide = {
+            m: here[here["method"] == m].pivot(index="seed", columns="records", values="accuracy")
+            for m in (first, second)
+        }
+        steps = [c for c in (*work.options.counts, ALL) if c in wide[first] and c in wide[second]]
+        gains = {c: (wide[first][c] - wide[second][c]).dropna().to_numpy(dtype=float) for c in steps}
+        good = [c for i, c in enumerate(steps) if all(gains[later].mean() >= -1e-12 for later in steps[i:])]
+        sure = [c for i, c in enumerate(steps) if all(_above(gains[later]) for later in steps[i:])]
+        rows.append({
+            "data": TITLES[data], "split by": split, "method": first, "against": second,
+            "at least as good from": _named(good), "better from": _named(sure),
+            **{f"gain at {_named([c])}, points": 100 * gains[c].mean() for c in steps},
+        })  # fmt: skip
+    return pd.DataFrame(rows)
+
+
+def choices(work: Work, crossed: pd.DataFrame) -> pd.DataFrame:
+    """What `choose` says at each number of labels, with the thresholds measured here (better by more than luck)."""
+    rows = []
+    for name, data in work["data"].items():
+        windows = max(a.value["healthy windows"] for a in work["alarms"] if a.job.data == name and not a.job.without)
+        for split in SPLITS:
+            limits = Thresholds(1, *(_sure_from(crossed, data, split, method) for method in METHODS[1:]))
+            for count in (0, *work.options.counts, MANY):
+                made = choose(count, windows, false_alarm=work.options.false_alarm, thresholds=limits)
+                rows.append({
+                    "data": TITLES[name], "labels of": "any recording" if split == SPLITS[0] else "other bearings",
+                    "records a fault": "all" if count == MANY else str(count), "chosen": made.approach,
+                    "alarm": made.alarm, "why": made.why.replace(str(MANY), "all"),
+                })  # fmt: skip
+    return pd.DataFrame(rows)
+
+
+def _sure_from(crossed: pd.DataFrame, data: Measured, split: str, method: str) -> int | None:
+    """Number of labelled records from which a method is better than the network by more than luck."""
+    at = (crossed["data"] == TITLES[data.name]) & (crossed["split by"] == split)
+    (found,) = crossed[at & (crossed["method"] == method) & (crossed["against"] == METHODS[0])]["better from"]
+    return None if found == "" else MANY if found == "all" else int(found)
+
+
+def head(work: Work) -> pd.DataFrame:
+    """What labelled records change and what the network is still good for: the head with it and without."""
+    rows = []
+    for name, data in work["data"].items():
+        for split in SPLITS:
+            nets = [n.value[split]["rows"] for n in work["networks"] if n.job.data == name and n.job.kind == "grafted"]
+            for count in (*work.options.counts, ALL):
+                own = [rows_of[str(count)] for rows_of in nets]
+                rows.append({
+                    "data": TITLES[name], "split by": split, "records a fault": "all" if count == ALL else str(count),
+                    "network and head": _mean_right(data, [r["calls"] for r in own]),
+                    "head alone": _mean_right(data, [r["without network"] for r in own]),
+                    "network alone": _mean_right(data, [rows_of["0"]["calls"] for rows_of in nets]),
+                })  # fmt: skip
+    return pd.DataFrame(rows)
+
+
+def selection(work: Work) -> pd.DataFrame:
+    """The network without a label: what other label-free criteria would have chosen, and the oracle."""
+    rows = []
+    for name, data in work["data"].items():
+        for split in SPLITS:
+            nets = [n for n in work["networks"] if n.job.data == name and n.job.kind == "grafted"]
+            row: dict[str, Any] = {"data": TITLES[name], "split by": split, "chosen by": work.options.criterion}
+            criteria = nets[0].value[split]["by criterion"]
+            for criterion in criteria:
+                row[criterion] = _mean_right(data, [n.value[split]["by criterion"][criterion] for n in nets])
+            last = len(nets[0].value[split]["checkpoints"]) - 1
+            row["last checkpoint"] = _mean_right(data, [n.value[split]["checkpoints"][last] for n in nets])
+            best = [max(n.value[split]["checkpoints"], key=lambda c: _right(data, c)) for n in nets]
+            rows.append({**row, "oracle": _mean_right(data, best)})
+    return pd.DataFrame(rows)
+
+
+def sources(work: Work) -> pd.DataFrame:
+    """What the named effects and the measured background are worth: the network without a label, by its source."""
+    rows = []
+    for name, data in work["data"].items():
+        for kind in dict.fromkeys(n.job.kind for n in work["networks"]):
+            nets = [n for n in work["networks"] if n.job.data == name and n.job.kind == kind]
+            each = [n.value[SPLITS[0]]["rows"]["0"]["calls"] for n in nets]
+            score = [max(n.value[SPLITS[0]]["scores"]["source_accuracy"]) for n in nets]
+            info = [max(n.value[SPLITS[0]]["scores"]["infomax"]) for n in nets]
+            rows.append({
+                "data": TITLES[name], "source": kind, "seeds": len({n.job.seed for n in nets}),
+                "accuracy": _mean_right(data, each), "on its own machines held out": np.mean(score),
+                "infomax": np.mean(info),
+            })  # fmt: skip
+    return pd.DataFrame(rows)
+
+
+def recordings(work: Work, called: pd.DataFrame) -> pd.DataFrame:
+    """Every recording: what the network without a label calls it, in how many of the seeds it is right."""
+    rows = []
+    zero = called[(called["records"] == 0) & (called["split"] == SPLITS[0])]
+    for (name, recording), part in zero.groupby(["data", "recording"], sort=False):
+        data = work["data"][str(name)]
+        names = [data.classes[c] for c in part["called"]]
+        rows.append({
+            "data": TITLES[data.name], "recording": recording, "bearing": data.bearings[str(recording)],
+            "speed, rpm": data.speeds_rpm[str(recording)], "class": data.classes[data.labels[str(recording)]],
+            "seeds": len(part), "right": int((part["called"] == part["class"]).sum()),
+            "called": max(set(names), key=names.count),
+        })  # fmt: skip
+    return pd.DataFrame(rows)
+
+
+def alarms(work: Work) -> pd.DataFrame:
+    """Detection by recording; healthy recordings are judged by maps that did not see them."""
+    rows = []
+    for name, data in work["data"].items():
+        healthy = set(data.healthy())
+        mine = [a for a in work["alarms"] if a.job.data == name]
+        for without in ("", *data.healthy()):
+            here = [a.value for a in mine if a.job.without == without]
+            faults = [r for r in data.recordings if r not in healthy]
+            rings = [v["recordings"][without]["alarm"] for v in here] if without else [np.nan]
+            shares = [v["recordings"][without]["share"] for v in here] if without else [
+                np.mean(list(v["held out"].values())) for v in here
+            ]  # fmt: skip
+            rows.append({
+                "data": TITLES[name], "healthy kept out": without or "none",
+                "healthy windows": here[0]["healthy windows"],
+                "seeds": len(here), "threshold, MQE": np.mean([v["threshold"] for v in here]),
+                "faulty recordings": len(faults),
+                "detected": np.mean([v["recordings"][r]["alarm"] for v in here for r in faults]),
+                "fewest of a recording's windows": np.min([v["recordings"][r]["share"] for v in here for r in faults]),
+                "least MQE of a fault over threshold": np.min(
+                    [v["recordings"][r]["mqe"] / v["threshold"] for v in here for r in faults]
+                ),
+                "alarms in healthy windows not seen": np.mean(shares),
+                "healthy recording alarms": np.mean(rings),
+            })  # fmt: skip
+    return pd.DataFrame(rows)
+
+
+def judging(work: Work, data: Measured, recording: str) -> list[dict[str, Any]]:
+    """Alarms, by seed, of a map that has not seen a recording."""
+    without = recording if recording in data.healthy() else ""
+    return [a.value for a in work["alarms"] if a.job.data == data.name and a.job.without == without]
+
+
+def severity(work: Work) -> pd.DataFrame:
+    """MQE of every recording, median of its windows, mean over seeds.
+
+    Of a fault, against the map of all healthy recordings; of a healthy one, against the map of the others, whose
+    threshold is another: `over threshold` is what compares.
+    """
+    rows = []
+    for name, data in work["data"].items():
+        for r in data.recordings:
+            here = judging(work, data, r)
+            values = {
+                k: np.mean([v["recordings"][r][k] for v in here]) for k in ("mqe", "mqe low", "mqe high", "share")
+            }
+            over = np.mean([v["recordings"][r]["mqe"] / v["threshold"] for v in here])
+            rows.append({
+                "data": TITLES[name], "class": data.classes[data.labels[r]], "bearing": data.bearings[r],
+                "size": data.sizes[r], "speed, rpm": data.speeds_rpm[r], "recording": r, "MQE": values["mqe"],
+                "MQE, 10 %": values["mqe low"], "MQE, 90 %": values["mqe high"], "over threshold": over,
+                "windows in alarm": values["share"],
+            })  # fmt: skip
+    return pd.DataFrame(rows).sort_values(["data", "class", "size", "recording"], ignore_index=True)
+
+
+def size(work: Work) -> pd.DataFrame:
+    """Does MQE rise with the size of a defect? By fault and place in the order of speeds, and where it does not."""
+    table = severity(work)
+    rows = []
+    for (data, fault), part in table[table["class"] != "healthy"].groupby(["data", "class"], sort=False):
+        means = part.groupby("size")["MQE"].mean()
+        sizes, values = list(means.index), list(means)
+        falls = [f"{a:g} to {b:g}" for a, b, x, y in zip(sizes, sizes[1:], values, values[1:], strict=False) if y <= x]
+        rows.append({
+            "data": data, "class": fault, "sizes": " < ".join(f"{s:g}" for s in sizes),
+            "MQE": ", ".join(f"{v:.1f}" for v in values), "rises": not falls,
+            "falls from": "; ".join(falls) or "nowhere",
+        })  # fmt: skip
+    return pd.DataFrame(rows)
+
+
+def checks(work: Work) -> pd.DataFrame:
+    """False alarms of simulated healthy machines, in recordings that neither trained nor calibrated."""
+    values = [c.value for c in work["checks"]]
+    machines = np.array([v["share"] for v in values])
+    recordings = sum(v["recordings"] for v in values)
+    half = 1.96 * machines.std(ddof=1) / np.sqrt(len(machines)) if len(machines) > 1 else np.nan
+    return pd.DataFrame([{
+        "data": "simulated machines", "machines": len(values), "recordings": recordings,
+        "windows": sum(v["windows"] for v in values), "stated": work.options.false_alarm,
+        "false alarms, windows": machines.mean(), "+- (95 %, over machines)": half,
+        "false alarms, recordings": sum(v["alarms"] for v in values) / recordings,
+    }])  # fmt: skip
+
+
+def _pairs(work: Work) -> Iterator[tuple[str, str, str, str]]:
+    for data in work["data"]:
+        for split in SPLITS:
+            for first, second in AHEAD:
+                yield data, split, first, second
+
+
+def _named(counts: list[int]) -> str:
+    return "" if not counts else "all" if counts[0] == ALL else str(counts[0])
+
+
+def _above(gain: Any) -> bool:
+    if np.ptp(gain) == 0:
+        return bool(gain[0] > 0)
+    return t_interval(list(gain), LEVEL)[0] > 0
+
+
+def _right(data: Measured, called: dict[str, int]) -> float:
+    return float(np.mean([data.labels[r] == c for r, c in called.items()]))
+
+
+def _mean_right(data: Measured, each: list[dict[str, int]]) -> float:
+    """Share of all recordings judged, over folds and seeds."""
+    return float(np.mean([data.labels[r] == c for called in each for r, c in called.items()]))

@@ -1,0 +1,1 @@
+"""Degradation study: which indicator, which curve, and the remaining life that each predicts."""

@@ -1,0 +1,131 @@
+"""Health indicators of every run: candidates, their criteria, and the choice that other runs make for it.
+
+runs to failure --> features --> candidates (healthy start) --> criteria --> chosen on other runs; fusion feature 9
+
+Used in: Paper 2, section 4.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from papers.paper2_digital_twin.degradation.runs import StudyRun
+from twingap.prognosis.health_indicator import (
+    Indicators,
+    chosen,
+    evaluate_candidates,
+    offline_indicators,
+    online_indicators,
+)
+from twingap.prognosis.indicator_criteria import IndicatorCriteria
+
+Array = NDArray[np.float64]
+NINE: Final = "fusion 9"
+OFFLINE: Final = "fusion 9, whole run"
+"""The paper's reading: normalised and fused with the whole run known, so each value depends on later records."""
+KEPT: Final = "fusion 9, whole run, silent records kept"
+CHOSEN: Final = "chosen on other runs"
+HINDSIGHT: Final = "own end, known in hindsight"
+OTHERS: Final = "median end of other runs"
+INDICATORS: Final = ("rms", CHOSEN, NINE, OFFLINE, KEPT)
+END_ROWS: Final = 5
+"""Records whose mean is the level at a run's end."""
+
+
+@dataclass(frozen=True)
+class Judged:
+    """A run with its candidates.
+
+    Parameters
+    ----------
+    run : StudyRun
+    online : Indicators
+    criteria : dict[str, IndicatorCriteria]
+        Of the online candidates.
+    choice : str or None
+        Candidate of highest suitability on other runs; None where there are no others.
+    series : dict[str, Array [rows]]
+        The indicators that curves are fitted to, by name.
+    times : dict[str, Array [rows]]
+        Their running time, s.
+    """
+
+    run: StudyRun
+    online: Indicators
+    criteria: dict[str, IndicatorCriteria]
+    choice: str | None
+    series: dict[str, Array]
+    times: dict[str, Array]
+
+
+def judge_all(runs: Sequence[StudyRun], indicators: Sequence[str] = INDICATORS) -> list[Judged]:
+    """Candidates and criteria of every run, the choice that the others of its family make for it, and those of the
+    indicators that it has."""
+    online = [online_indicators(r.run, r.healthy_rows) for r in runs]
+    criteria = [
+        evaluate_candidates(i, r.run.time_s, healthy_rows=r.healthy_rows, window=r.trend_rows)
+        for r, i in zip(runs, online, strict=True)
+    ]
+    found = []
+    for k, (r, made) in enumerate(zip(runs, online, strict=True)):
+        others = [c for n, c in enumerate(criteria) if n != k and runs[n].family == r.family]
+        choice = chosen(others) if others else None
+        if choice is not None and choice not in made.values:  # test 3 of IMS has fewer features
+            shared = [{name: c[name] for name in c if name in made.values} for c in others]
+            choice = chosen(shared)
+        series, times = {"rms": made.values["rms"]}, {"rms": r.run.time_s}
+        if choice is not None:
+            series[CHOSEN] = made.values[choice]
+        if NINE in made.values:
+            series[NINE] = made.values[NINE]
+        offline = offline_indicators(r.run).values
+        if NINE in offline:
+            series[OFFLINE] = offline[NINE]
+        times |= dict.fromkeys(series, r.run.time_s)
+        if r.whole.time_s.size > r.run.time_s.size:
+            kept = offline_indicators(r.whole).values
+            if NINE in kept:
+                series[KEPT], times[KEPT] = kept[NINE], r.whole.time_s
+        series = {name: x for name, x in series.items() if name in indicators}
+        found.append(Judged(r, made, criteria[k], choice, series, times))
+    return found
+
+
+def end_level(values: Array) -> float:
+    """Mean of the last records."""
+    return float(np.mean(values[-END_ROWS:]))
+
+
+def healthy_level(j: Judged, name: str) -> float:
+    """Mean of an indicator over the healthy beginning."""
+    return float(np.mean(j.series[name][: j.run.healthy_rows]))
+
+
+def limits_of(j: Judged, name: str, found: Sequence[Judged]) -> dict[str, float]:
+    """Levels at which life is taken to end.
+
+    A run's own end is what no one knows before; the median of other runs' ends is what a user has. The latter only for
+    plain features, in healthy standard deviations: the axes of fused ones differ from run to run.
+    """
+    limits = {HINDSIGHT: end_level(j.series[name])}
+    feature = j.choice if name == CHOSEN else name
+    others = [o for o in found if o is not j and o.run.family == j.run.family]
+    if feature in j.run.run.names and others and all(feature in o.online.values for o in others):
+        limits[OTHERS] = float(np.median([end_level(o.online.values[feature]) for o in others]))
+    return limits
+
+
+def digest_of(series: Mapping[str, tuple[Array, Array]]) -> str:
+    """Hex sha256 of named series."""
+    total = hashlib.sha256()
+    for name, (t, x) in series.items():
+        total.update(name.encode())
+        total.update(np.ascontiguousarray(t, "<f8").tobytes())
+        total.update(np.ascontiguousarray(x, "<f8").tobytes())
+    return total.hexdigest()

@@ -1,0 +1,267 @@
+"""Figures of the degradation study, counterparts of the paper's figures 13 to 19 and three of its own.
+
+raw run --> 13 waveform, 14 spectral kurtosis;  the paper's run --> 15 fusion features, 16 scatter, 17 indicator,
+18 exponential, 19 combined power;  all runs --> errors on later records, remaining life;  simulated runs --> coverage
+
+Colours that colour-blind readers tell apart (Okabe and Ito 2008).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any, Final
+
+import numpy as np
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from papers.framework import Work
+from papers.paper2_digital_twin.degradation.candidates import HINDSIGHT, Judged
+from papers.paper2_digital_twin.degradation.tables import COMBINED, EXPONENTIALS, Found
+from twingap.prognosis.degradation_figure import LINES
+from twingap.prognosis.degradation_models import MODELS
+from twingap.prognosis.health_indicator import offline_indicators
+from twingap.prognosis.indicator_criteria import causal_trend
+
+Array = NDArray[np.float64]
+RECORDS, TREND, MARK = "#AAAAAA", "#0072B2", "#D55E00"
+SHOWN_MODELS: Final = ("exponential with offset", "combined power 3", "combined power 5", "polynomial 3", "constant")
+LEAST, MOST = 1e-3, 1e3
+
+
+def all_figures(work: Work) -> Iterator[tuple[str, Figure]]:
+    """Every figure with its name."""
+    study = Found.of(work)
+    if study.raw is not None:
+        yield "degradation-13-waveform", waveform(study.raw)
+        yield "degradation-14-spectral-kurtosis", spectral_kurtosis_map(study.raw)
+    yield "degradation-15-fusion-features", fusion_features(study.shown)
+    if "fusion 9" in offline_indicators(study.shown.run.run).values:
+        yield "degradation-16-fusion-9-and-others", fusion_scatter(study.shown)
+    yield "degradation-17-indicator", indicators(study.shown)
+    yield "degradation-18-exponential", fitted(study, EXPONENTIALS)
+    yield "degradation-19-combined-power", fitted(study, COMBINED)
+    yield "degradation-errors", errors(study)
+    yield "degradation-lives", lives(study)
+    yield "degradation-coverage", coverage(study)
+
+
+def waveform(j: Judged) -> Figure:
+    """Least and greatest sample of each record along the run."""
+    assert j.run.extremes is not None
+    hours = j.run.whole.time_s / 3600
+    figure = Figure(figsize=(10, 4.4), layout="constrained")
+    panel = figure.subplots()
+    panel.fill_between(hours, j.run.extremes[:, 0], j.run.extremes[:, 1], color=TREND, lw=0.3, step="mid")
+    panel.set_xlabel("running time (h)")
+    panel.set_ylabel(f"acceleration ({'unit not stated' if j.run.family == 'IMS' else 'g'})")
+    panel.set_xlim(hours[0], hours[-1])
+    panel.set_title(f"{j.run.name}: least and greatest sample of each record")
+    return figure
+
+
+def spectral_kurtosis_map(j: Judged) -> Figure:
+    """Spectral kurtosis over time and frequency; logarithmic above 1, since late transients dwarf all else."""
+    from matplotlib.colors import SymLogNorm
+
+    assert j.run.kurtosis_map is not None
+    time_s, frequency_hz, values = j.run.kurtosis_map
+    figure = Figure(figsize=(10, 4.8), layout="constrained")
+    panel = figure.subplots()
+    image = panel.pcolormesh(
+        time_s / 3600, frequency_hz / 1e3, values.T, cmap="cividis", shading="nearest", rasterized=True,
+        norm=SymLogNorm(1.0, vmin=-0.5, vmax=max(float(np.quantile(values, 0.999)), 1.0)),
+    )  # fmt: skip
+    bar = figure.colorbar(image, ax=panel, label="spectral kurtosis", ticks=[-0.5, 0, 0.5, 1, 2, 5, 10, 20, 50])
+    bar.ax.set_yticklabels([f"{tick:g}" for tick in bar.get_ticks()])
+    panel.set_xlabel("running time (h)")
+    panel.set_ylabel("frequency (kHz)")
+    panel.set_title(f"{j.run.name}: spectral kurtosis, Gaussian noise is 0")
+    return figure
+
+
+def fusion_features(j: Judged) -> Figure:
+    """The paper's reading: every fusion feature over the run, learnt from all of it."""
+    made = offline_indicators(j.run.run)
+    fused = {name: x for name, x in made.values.items() if name.startswith("fusion ")}
+    share = made.fusion.variance / made.fusion.variance.sum()
+    columns = 5
+    rows = -(-len(fused) // columns)
+    figure = Figure(figsize=(3.4 * columns, 2.5 * rows + 0.8), layout="constrained")
+    panels = figure.subplots(rows, columns, squeeze=False, sharex=True).ravel()
+    hours = j.run.run.time_s / 3600
+    for panel, (name, x), part in zip(panels, fused.items(), share, strict=False):
+        panel.plot(hours, x, ".", ms=2, color=RECORDS)
+        panel.plot(hours, causal_trend(x, j.run.trend_rows), color=MARK if name == "fusion 9" else TREND, lw=1.5)
+        panel.set_title(f"{name}: {100 * part:.2g} %")
+    for panel in panels[max(len(fused) - columns, 0) : len(fused)]:
+        panel.set_xlabel("running time (h)")
+    for panel in panels[len(fused) :]:
+        panel.set_visible(False)
+    figure.suptitle(f"{j.run.name} ({j.run.source}): normalised by the whole run; share of variance in percent")
+    return figure
+
+
+def fusion_scatter(j: Judged) -> Figure:
+    """Fusion feature 9 against those after it; colour is time."""
+    made = offline_indicators(j.run.run).values
+    others = [f"fusion {k}" for k in range(10, 16) if f"fusion {k}" in made]
+    figure = Figure(figsize=(13, 7.6), layout="constrained")
+    panels = figure.subplots(2, 3, squeeze=False).ravel()
+    hours = j.run.run.time_s / 3600
+    points = None
+    for panel, name in zip(panels, others, strict=False):
+        points = panel.scatter(made[name], made["fusion 9"], c=hours, s=6, cmap="cividis", rasterized=True)
+        panel.set_xlabel(name)
+        panel.set_ylabel("fusion 9")
+    for panel in panels[len(others) :]:
+        panel.set_visible(False)
+    if points is not None:
+        figure.colorbar(points, ax=list(panels), label="running time (h)")
+    figure.suptitle(f"{j.run.name} ({j.run.source}): whole run, ordered by variance")
+    return figure
+
+
+def indicators(j: Judged) -> Figure:
+    """Every indicator that curves were fitted to."""
+    figure = Figure(figsize=(11, 2.5 * len(j.series) + 0.6), layout="constrained")
+    panels = figure.subplots(len(j.series), 1, squeeze=False, sharex=True).ravel()
+    for panel, (name, x) in zip(panels, j.series.items(), strict=True):
+        hours = j.times[name] / 3600
+        panel.plot(hours, x, ".", ms=2.5, color=RECORDS, label="record")
+        panel.plot(hours, causal_trend(x, j.run.trend_rows), color=TREND, lw=1.8, label="causal moving average")
+        panel.axvspan(0, hours[j.run.healthy_rows], color="#009E73", alpha=0.12, lw=0, label="taken to be healthy")
+        shown = f"{name}: {j.choice}" if name == "chosen on other runs" else name
+        panel.set_title(shown + ("" if "whole run" in name else " (learnt from the healthy start)"))
+        panel.set_ylabel("indicator")
+    panels[-1].set_xlabel("running time (h)")
+    figure.legend(*panels[0].get_legend_handles_labels(), loc="outside lower center", ncols=3)
+    figure.suptitle(f"{j.run.name} ({j.run.source})")
+    return figure
+
+
+def fitted(study: Found, models: tuple[str, ...]) -> Figure:
+    """Two models on every indicator of the paper's run, R2 in the legend."""
+    j = study.shown
+    count = len(j.series)
+    figure = Figure(figsize=(11, 2.7 * count + 0.6), layout="constrained")
+    panels = figure.subplots(count, 1, squeeze=False, sharex=True).ravel()
+    for panel, (name, x) in zip(panels, j.series.items(), strict=True):
+        t = j.times[name]
+        found = _analysis(study, j.run.name, name)
+        panel.plot(t / 3600, x, ".", ms=2.5, color=RECORDS)
+        for model in models:
+            colour, style = LINES[model]
+            label = f"{model}, $R^2$ = {found[model]['r2']:.2f}"
+            panel.plot(t / 3600, _curve(model, found[model], t), style, color=colour, lw=2.4, label=label)
+        panel.set_title(name)
+        panel.set_ylabel("indicator")
+        panel.legend(loc="best")
+    panels[-1].set_xlabel("running time (h)")
+    figure.suptitle(f"{j.run.name} ({j.run.source}): {', '.join(MODELS[m].formula for m in models)}")
+    return figure
+
+
+def errors(study: Found) -> Figure:
+    """RMS as indicator: error on all later records against the share of life fitted, every run."""
+    table = study.tables["degradation-errors"]
+    table = table[(table["indicator"] == "rms") & (table["fit"] == "squares")]
+    figure, panels = _per_run(study)
+    for panel, j in zip(panels, study.runs, strict=False):
+        here = table[table["run"] == j.run.name]
+        for model in SHOWN_MODELS:
+            own = here[here["model"] == model]
+            colour, style = LINES[model]
+            values = own["rest / range"].clip(LEAST, 2 * MOST)
+            panel.plot(own["share of life"], values, style, color=colour, lw=2, marker="o", ms=4, label=model)
+        panel.set_yscale("log")
+        low = float(here[here["model"].isin(SHOWN_MODELS)]["rest / range"].min())
+        panel.set_ylim(low / 2, MOST)
+        panel.set_title(j.run.name)
+        panel.grid(color="0.9")
+        panel.set_xlabel("share of life fitted")
+        panel.set_ylabel("RMSE / range")
+    figure.suptitle(f"Errors on all later records, indicator: RMS ({study.data}); beyond {MOST:g} cut off")
+    figure.legend(*panels[0].get_legend_handles_labels(), loc="outside lower center", ncols=5)
+    return figure
+
+
+def lives(study: Found) -> Figure:
+    """RMS as indicator: remaining life predicted at each tenth, limit known in hindsight, with intervals."""
+    table = study.tables["degradation-lives"]
+    table = table[(table["indicator"] == "rms") & (table["limit"] == HINDSIGHT)]
+    figure, panels = _per_run(study)
+    models = ("exponential with offset", "combined power 3", "combined power 5")
+    highest = 2.0
+    for panel, j in zip(panels, study.runs, strict=False):
+        here = table[table["run"] == j.run.name]
+        shares = np.array([0.0, 1.0])
+        panel.plot(shares, 1 - shares, color="black", lw=1.5, label="true")
+        for place, model in enumerate(models):
+            own = here[here["model"] == model]
+            colour, _ = LINES[model]
+            at = own["share of life"].to_numpy(float) + 0.022 * (place - 1)
+            predicted = own["predicted"].astype(float).fillna(np.inf).clip(upper=highest).to_numpy()
+            low = own["low"].astype(float).fillna(np.inf).clip(upper=highest).to_numpy()
+            high = own["high"].astype(float).fillna(np.inf).clip(upper=highest).to_numpy()
+            panel.vlines(at, low, high, color=colour, lw=2, alpha=0.6)
+            panel.plot(at, predicted, "o^s"[place], color=colour, ms=6, label=model)
+        panel.set_ylim(-0.05, highest + 0.05)
+        panel.set_title(j.run.name)
+        panel.set_xlabel("share of life seen")
+        panel.set_ylabel("remaining / life")
+        panel.grid(color="0.9")
+    level = f"{study.options.interval_level:.0%}"
+    figure.suptitle(
+        f"Remaining life, indicator: RMS, limit: its own end, known in hindsight ({study.data})\n"
+        f"bars: {level} intervals; at {highest:g}: later or never"
+    )
+    figure.legend(*panels[0].get_legend_handles_labels(), loc="outside lower center", ncols=4)
+    return figure
+
+
+def coverage(study: Found) -> Figure:
+    """How often intervals hold on simulated runs, right models above, wrong ones below."""
+    table = study.tables["degradation-coverage"]
+    keys = list(dict.fromkeys(zip(table["made with"], table["fitted"], strict=True)))
+    figure = Figure(figsize=(10, 5.2), layout="constrained")
+    panel = figure.subplots()
+    for place, (truth, model) in enumerate(keys):
+        here = table[(table["made with"] == truth) & (table["fitted"] == model)]
+        for memory, marker, colour in ((0.0, "o", TREND), (0.7, "s", MARK)):
+            own = here[here["memory of noise"] == memory]
+            at = len(keys) - 1 - place + (0.12 if memory == 0 else -0.12)
+            label = f"memory of noise {memory:g}" if place == 0 else None
+            panel.plot(own["holds"], np.full(len(own), at), marker, color=colour, ms=8, alpha=0.8, label=label)
+    panel.axvline(study.options.interval_level, color="black", lw=1.2, ls="--", label="stated")
+    names = [t if t == m else f"made with {t},\nfitted {m}" for t, m in keys]
+    panel.set_yticks(range(len(keys)), names[::-1])
+    panel.set_xlim(0, 1)
+    panel.set_xlabel("share of runs whose true remaining life lies in the interval")
+    panel.grid(color="0.9")
+    figure.legend(*panel.get_legend_handles_labels(), loc="outside lower center", ncols=3)
+    runs = int(table["runs"].iloc[0])
+    figure.suptitle(f"Intervals of remaining life on simulated runs: {runs} a point, half, 0.7 and 0.9 of life seen")
+    return figure
+
+
+def _per_run(study: Found) -> tuple[Figure, list[Any]]:
+    """A panel a run."""
+    columns = min(len(study.runs), 4)
+    rows = -(-len(study.runs) // columns)
+    figure = Figure(figsize=(4.3 * columns, 3.4 * rows + 1.0), layout="constrained")
+    panels = list(figure.subplots(rows, columns, squeeze=False).ravel())
+    for panel in panels[len(study.runs) :]:
+        panel.set_visible(False)
+    return figure, panels
+
+
+def _analysis(study: Found, run: str, indicator: str) -> dict[str, Any]:
+    (found,) = (r.value for r in study.analyses if (r.job.run, r.job.indicator) == (run, indicator))
+    values: dict[str, Any] = found
+    return values
+
+
+def _curve(model: str, found: dict[str, Any], time_s: Array) -> Array:
+    u = (time_s - time_s[0]) / (time_s[-1] - time_s[0])
+    return MODELS[model].curve(u, np.array(found["coefficients"], float), tuple(found["exponents"]))

@@ -1,0 +1,262 @@
+"""Jobs of the degradation study: one run and one indicator, or one kind of simulated run.
+
+Analysis --fit whole, plain and robust; fit each first tenth--> criteria, errors on later records, remaining life
+Coverage --simulated runs of a known curve--> how often the interval of the life holds the true one
+
+Used in: Paper 2, section 4.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import lfilter
+
+from papers.paper2_digital_twin.degradation.candidates import (
+    INDICATORS,
+    Judged,
+    digest_of,
+    healthy_level,
+    judge_all,
+    limits_of,
+)
+from papers.paper2_digital_twin.degradation.runs import Reading, StudyRun, study_runs
+from twingap.errors import TwingapError
+from twingap.prognosis.degradation_forecast import TENTHS, out_of_sample, redrawn, remaining_life, rows_until
+from twingap.prognosis.degradation_models import MODELS, fit_curve
+from twingap.prognosis.information import criteria
+
+if TYPE_CHECKING:
+    from papers.framework import Inputs, Work
+
+Array = NDArray[np.float64]
+Series = Mapping[str, tuple[Array, Array]]
+
+
+@dataclass(frozen=True)
+class Size:
+    """How much is run; explained in config.toml."""
+
+    ims: int
+    femto: int
+    curves: int
+    coverage_runs: int
+
+
+@dataclass(frozen=True)
+class Options:
+    """The study; every entry is explained in config.toml."""
+
+    runs_ims: tuple[str, ...]
+    runs_femto: tuple[str, ...]
+    paper_run: str
+    raw_run: str
+    healthy_rows_ims: int
+    healthy_rows_femto: int
+    trend_rows_ims: int
+    trend_rows_femto: int
+    silent_share: float
+    window_samples: int
+    indicators: tuple[str, ...]
+    primary: tuple[str, ...]
+    error: str
+    interval_level: float
+    simulated_rows: int
+    simulated_noise: float
+    profiles: dict[str, Size]
+
+
+def check(options: Options, path: Path) -> None:
+    """Refuse models, indicators and errors that there are none of."""
+    if len(options.primary) != 2 or not set(options.primary) <= set(MODELS):
+        known = ", ".join(MODELS)
+        raise TwingapError("two models expected", where=f"{path}: primary", mend=f"use two of {known}")
+    if "rms" not in options.indicators or not set(options.indicators) <= set(INDICATORS):
+        raise TwingapError(
+            f"{list(options.indicators)} found", where=f"{path}: indicators",
+            mend=f"use rms and any of {', '.join(INDICATORS[1:])}",
+        )  # fmt: skip
+    if options.error not in ("rest", "next"):
+        raise TwingapError(f"{options.error!r} found", where=f"{path}: error", mend="use rest or next")
+
+
+@dataclass(frozen=True)
+class Analysis:
+    """One indicator of one run.
+
+    Parameters
+    ----------
+    run, indicator : str
+    limits : dict of str to float
+        Name -> level at which life ends, in the indicator's unit.
+    healthy : float
+        Level at the healthy start: tells from which side a limit is reached.
+    curves : int
+        Refits for an interval.
+    level : float
+        Of the interval.
+    seed : int
+    """
+
+    run: str
+    indicator: str
+    limits: dict[str, float]
+    healthy: float
+    curves: int
+    level: float
+    seed: int
+
+
+@dataclass(frozen=True)
+class Coverage:
+    """Simulated runs of one curve.
+
+    Parameters
+    ----------
+    truth, model : str
+        What they are made with, and what is fitted.
+    memory : float
+        Of the AR(1) noise.
+    share : float
+        Of life seen.
+    runs, rows, curves : int
+    noise, level : float
+    seed : int
+    """
+
+    truth: str
+    model: str
+    memory: float
+    share: float
+    runs: int
+    rows: int
+    curves: int
+    noise: float
+    level: float
+    seed: int
+
+
+TRUTHS: Final = {
+    "combined power 3": lambda u: 1 + 4 * u**4,
+    "combined power 5": lambda u: 1 + 0.5 * u**0.5 + 3.5 * u**8,
+    "exponential with offset": lambda u: 1 + 4 * (np.exp(5 * (u - 1)) - np.exp(-5)) / (1 - np.exp(-5)),
+    "polynomial 2": lambda u: 1 + u + 3 * u**2,
+}
+"""Curves of which simulated runs are made: from 1 to 5 over a life."""
+
+
+def analyse(job: Analysis, series: Series) -> dict[str, Any]:
+    """All models on one indicator of one run."""
+    time_s, values = series[f"{job.run}/{job.indicator}"]
+    life = float(time_s[-1] - time_s[0])
+    rng = np.random.default_rng([job.seed, 5])
+    return {name: _one_model(job, name, time_s, values, life, rng) for name in MODELS}
+
+
+def _one_model(
+    job: Analysis, name: str, time_s: Array, values: Array, life: float, rng: np.random.Generator
+) -> dict[str, Any]:
+    model = MODELS[name]
+    fit, robust = fit_curve(model, time_s, values), fit_curve(model, time_s, values, robust=True)
+    found = criteria(fit)
+    out: dict[str, Any] = {
+        "r2": fit.r2, "rmse": fit.rmse, "robust rmse": robust.rmse,
+        "robust mae": float(np.median(np.abs(robust.residuals))), "mae": float(np.median(np.abs(fit.residuals))),
+        "coefficients": fit.coefficients.tolist(), "exponents": list(fit.exponents), "at bound": fit.at_bound,
+        "aicc": found.aicc, "bic": found.bic, "aicc ar1": found.aicc_ar1, "bic ar1": found.bic_ar1,
+        "memory": found.memory, "memory ar1": found.memory_ar1,
+    }  # fmt: skip
+    for kind in (False, True):
+        errors = out_of_sample(model, time_s, values, robust=kind)
+        out["robust errors" if kind else "errors"] = [[e.share, e.rmse_rest, e.rmse_next, e.rows] for e in errors]
+    lives: dict[str, list[list[Any]]] = {source: [] for source in job.limits}
+    for share in TENTHS:
+        rows = rows_until(time_s, share)
+        if rows < model.parameters + 2:
+            continue
+        curves = redrawn(fit_curve(model, time_s[:rows], values[:rows]), job.curves, rng)
+        left = float(time_s[-1] - time_s[rows - 1])
+        for source, limit in job.limits.items():
+            r = remaining_life(curves, limit, rising=limit >= job.healthy, level=job.level)
+            # JSON has no infinity: None is "not reached".
+            row = [v / life if np.isfinite(v) else None for v in (r.life_s, r.low_s, r.high_s)]
+            lives[source].append([share, left / life, *row, r.never])
+    out["lives"] = lives
+    return out
+
+
+def cover(job: Coverage) -> dict[str, Any]:
+    """Simulate, fit, count."""
+    if job.truth not in TRUTHS:
+        raise TwingapError(f"no curve {job.truth!r}", where="coverage")
+    rng = np.random.default_rng([round(100 * job.memory), round(100 * job.share), job.seed, 7])
+    t = 10.0 * np.arange(job.rows)
+    curve = TRUTHS[job.truth](t / t[-1])
+    rows = rows_until(t, job.share)
+    inside, widths, bounded, off = 0, [], 0, []
+    true = float(t[-1] - t[rows - 1])
+    for _ in range(job.runs):
+        shocks = job.noise * rng.standard_normal(job.rows)
+        shocks[1:] *= np.sqrt(1 - job.memory**2)
+        values = curve + lfilter([1.0], [1.0, -job.memory], shocks)
+        fit = fit_curve(MODELS[job.model], t[:rows], values[:rows])
+        r = remaining_life(redrawn(fit, job.curves, rng), float(curve[-1]), level=job.level)
+        inside += r.low_s <= true <= r.high_s
+        bounded += bool(np.isfinite(r.high_s))
+        widths.append((min(r.high_s, 1e9) - min(r.low_s, 1e9)) / t[-1])
+        off.append(abs(min(r.life_s, 1e9) - true) / t[-1])
+    return {
+        "inside": inside / job.runs, "bounded": bounded / job.runs, "width": float(np.median(widths)),
+        "error": float(np.median(off)), "true": true / float(t[-1]),
+    }  # fmt: skip
+
+
+def runs(work: Work) -> list[StudyRun]:
+    """Runs to failure at hand, the paper's first."""
+    options, size = work.options, work.size
+    names = sorted(options.runs_ims, key=lambda n: f"IMS {n}" != options.paper_run)[: size.ims]
+    reading = Reading(
+        options.healthy_rows_ims, options.healthy_rows_femto, options.trend_rows_ims, options.trend_rows_femto,
+        options.silent_share, options.window_samples,
+    )  # fmt: skip
+    work.title, found = study_runs(sorted(names), options.runs_femto[: size.femto], reading, work.root, work.sweep)
+    return found
+
+
+def judged(work: Work) -> list[Judged]:
+    """Every run with its candidates."""
+    return judge_all(work["runs"], work.options.indicators)
+
+
+def analyses(work: Work) -> Iterator[Analysis]:
+    """Every indicator of every run."""
+    found = work["judged"]
+    for j in found:
+        for name in j.series:
+            yield Analysis(
+                j.run.name, name, limits_of(j, name, found), healthy_level(j, name), work.size.curves,
+                work.options.interval_level, work.seed,
+            )  # fmt: skip
+
+
+def series(work: Work) -> Inputs:
+    """Every indicator over running time, by run and name."""
+    found = {f"{j.run.name}/{name}": (j.times[name], x) for j in work["judged"] for name, x in j.series.items()}
+    return {"series": (found, digest_of(found))}
+
+
+def checks(work: Work) -> Iterator[Coverage]:
+    """Kinds of simulated runs: the right model and the wrong one, with and without memory, early and late in life."""
+    options, size = work.options, work.size
+    for truth, model in [(name, name) for name in TRUTHS] + [tuple(options.primary), tuple(options.primary[::-1])]:
+        for memory in (0.0, 0.7):
+            for share in (0.5, 0.7, 0.9):
+                yield Coverage(
+                    truth, model, memory, share, size.coverage_runs, options.simulated_rows, min(size.curves, 100),
+                    options.simulated_noise, options.interval_level, work.seed,
+                )  # fmt: skip

@@ -1,0 +1,23 @@
+"""Declaration of the degradation study."""
+
+from pathlib import Path
+
+from papers.framework import Step, Study
+from papers.paper2_digital_twin.degradation import figures, jobs, tables
+
+STUDY = Study(
+    name="degradation",
+    title="degradation curves",
+    config=Path(__file__).with_name("config.toml"),
+    options=jobs.Options,
+    check=jobs.check,
+    steps=(
+        Step("runs", jobs.runs),
+        Step("judged", jobs.judged),
+        Step("analyses", jobs.analyse, jobs.analyses, jobs.series),
+        Step("coverage", jobs.cover, jobs.checks),
+    ),
+    tables=tables.all_tables,
+    figures=figures.all_figures,
+    headlines=("degradation-claims",),
+)

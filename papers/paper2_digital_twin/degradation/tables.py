@@ -1,0 +1,441 @@
+"""Tables of the degradation study.
+
+runs --> runs, features, fusion9, choice;  analyses --> fits, errors, pairs, lives;  coverage;  all --> claims
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+from scipy.stats import spearmanr
+
+from papers.framework import Work
+from papers.paper2_digital_twin.degradation.candidates import Judged
+from papers.paper2_digital_twin.degradation.jobs import Analysis, Coverage, Options
+from twingap.prognosis.degradation_models import MODELS
+from twingap.prognosis.health_indicator import evaluate_candidates, offline_indicators, online_indicators
+from twingap.sweep import Result
+
+Array = NDArray[np.float64]
+COMBINED = ("combined power 3", "combined power 5")
+EXPONENTIALS = ("exponential", "exponential with offset")
+
+
+@dataclass(frozen=True)
+class Found:
+    """What the study's steps made.
+
+    Parameters
+    ----------
+    data : str
+        Where the runs come from.
+    options : Options
+    runs : list[Judged]
+    analyses : list[Result[Analysis]]
+    coverage : list[Result[Coverage]]
+    tables : dict[str, pandas.DataFrame]
+    """
+
+    data: str
+    options: Options
+    runs: list[Judged]
+    analyses: list[Result[Analysis]]
+    coverage: list[Result[Coverage]]
+    tables: dict[str, pd.DataFrame]
+
+    @classmethod
+    def of(cls, work: Work) -> Found:
+        """The results of a run."""
+        return cls(work.title, work.options, work["judged"], work["analyses"], work["coverage"], work.tables)
+
+    @property
+    def shown(self) -> Judged:
+        """The run of the paper's figures, or the first where it is not at hand."""
+        return next((j for j in self.runs if j.run.name == self.options.paper_run), self.runs[0])
+
+    @property
+    def raw(self) -> Judged | None:
+        """The run whose records are shown, where there are raw ones."""
+        there = [j for j in self.runs if j.run.extremes is not None]
+        return next((j for j in there if j.run.name == self.options.raw_run), there[0] if there else None)
+
+
+def all_tables(work: Work) -> dict[str, pd.DataFrame]:
+    """Every table by name."""
+    study = Found.of(work)
+    errors = error_rows(study)
+    summary = error_summary(errors)
+    lives = life_rows(study)
+    found, pair = fits(study), pairs(errors)
+    tables = {
+        "degradation-runs": runs(study.runs),
+        "degradation-features": features(study.runs),
+        "degradation-fusion9": fusion9(study.runs),
+        "degradation-choice": choice(study.runs),
+        "degradation-fits": found,
+        "degradation-errors": errors,
+        "degradation-errors-summary": summary,
+        "degradation-pairs": pair,
+        "degradation-out-of-sample": out_of_sample(pair, study.shown.run.name),
+        "degradation-criteria": criteria_summary(found),
+        "degradation-lives": lives,
+        "degradation-lives-summary": life_summary(lives),
+    }
+    tables["degradation-claims"] = claims(study, tables)
+    for table in tables.values():
+        table["data"] = study.data
+    tables["degradation-coverage"] = coverage(study.coverage)
+    return tables
+
+
+def runs(found: Sequence[Judged]) -> pd.DataFrame:
+    """What was run on."""
+    return pd.DataFrame([
+        {
+            "run": j.run.name, "source": j.run.source, "records": j.run.run.time_s.size,
+            "silent": j.run.whole.time_s.size - j.run.run.time_s.size,
+            "life h": float(j.run.run.time_s[-1]) / 3600, "healthy records": j.run.healthy_rows,
+            "features": len(j.run.run.names), "stand-ins": ", ".join(j.run.stand_ins) or "none",
+            "fusion features": sum(name.startswith("fusion ") for name in j.online.values),
+        }
+        for j in found
+    ])  # fmt: skip
+
+
+def features(found: Sequence[Judged]) -> pd.DataFrame:
+    """Criteria of every candidate of every run, learnt from the healthy start."""
+    rows = []
+    for j in found:
+        by_suitability = sorted(j.criteria, key=lambda name: -j.criteria[name].suitability)
+        for name, c in j.criteria.items():
+            rows.append({
+                "run": j.run.name, "candidate": name, "monotonicity": c.monotonicity, "trendability": c.trendability,
+                "robustness": c.robustness, "suitability": c.suitability, "sensitivity": c.sensitivity,
+                "rank": by_suitability.index(name) + 1, "of": len(by_suitability),
+            })  # fmt: skip
+    return pd.DataFrame(rows)
+
+
+def fusion9(found: Sequence[Judged]) -> pd.DataFrame:
+    """Fusion feature 9 among the fusion features under each reading of how they are made.
+
+    Rank 1 is best. ``later better`` compares the mean sensitivity of fusion features 9 and on with that of 1 to 8;
+    ``number and sensitivity`` is Spearman's correlation of a component's number with its sensitivity.
+    """
+    rows = []
+    for j in found:
+        r = j.run
+        parts = [("left out", r.run)]
+        if r.whole.time_s.size > r.run.time_s.size:
+            parts.append(("kept", r.whole))
+        for silent, run in parts:
+            for learnt in ("whole run", "healthy start"):
+                for scaling in ("z", "range"):
+                    for order in ("descending", "ascending"):
+                        made = (
+                            offline_indicators(run, scaling=scaling, order=order)
+                            if learnt == "whole run"
+                            else online_indicators(run, r.healthy_rows, scaling=scaling, order=order)
+                        )
+                        rows.append(
+                            {"run": r.name, "silent records": silent, "learnt from": learnt, "scaling": scaling,
+                             "order": order, **_nine(made, run.time_s, r.healthy_rows, r.trend_rows)}
+                        )  # fmt: skip
+    return pd.DataFrame(rows)
+
+
+def _nine(made: Any, time_s: Array, healthy_rows: int, trend_rows: int) -> dict[str, Any]:
+    criteria = evaluate_candidates(made, time_s, healthy_rows=healthy_rows, window=trend_rows)
+    fused = {name: c for name, c in criteria.items()
+             if name.startswith("fusion ")}  # fmt: skip
+    names = list(fused)
+    out: dict[str, Any] = {"fusion features": len(names)}
+    if "fusion 9" not in fused:
+        return out
+    share = made.fusion.variance / made.fusion.variance.sum()
+    out["variance share"] = float(share[names.index("fusion 9")])
+    sensitivity = np.array([fused[name].sensitivity for name in names])
+    for what in ("sensitivity", "suitability", "monotonicity", "trendability"):
+        values = np.array([getattr(fused[name], what) for name in names])
+        at = names.index("fusion 9")
+        out[f"{what} of 9"] = values[at]
+        out[f"{what} rank"] = int((values > values[at]).sum()) + 1
+        out[f"{what} best"] = names[int(values.argmax())]
+    # Figure 16 of the paper compares 9 with 10 to 15 alone.
+    out["sensitivity rank among 9 on"] = int((sensitivity[8:] > sensitivity[8]).sum()) + 1
+    out["sensitivity 9 on"] = float(sensitivity[8:].mean())
+    out["sensitivity 1 to 8"] = float(sensitivity[:8].mean())
+    out["later better"] = bool(sensitivity[8:].mean() > sensitivity[:8].mean())
+    out["number and sensitivity"] = float(spearmanr(np.arange(len(names)), sensitivity).statistic)
+    return out
+
+
+def choice(found: Sequence[Judged]) -> pd.DataFrame:
+    """The indicator chosen on other runs, beside the run's own best, RMS and fusion feature 9."""
+    rows: list[dict[str, Any]] = []
+    for j in found:
+        best = max(j.criteria, key=lambda name: j.criteria[name].suitability)
+        for role, name in (("chosen on other runs", j.choice), ("best of this run", best), ("rms", "rms"),
+                           ("fusion 9, healthy start", "fusion 9")):  # fmt: skip
+            if name is None or name not in j.criteria:
+                rows.append({"run": j.run.name, "role": role, "candidate": "there is none"})
+                continue
+            c = j.criteria[name]
+            rows.append({
+                "run": j.run.name, "role": role, "candidate": name, "monotonicity": c.monotonicity,
+                "trendability": c.trendability, "robustness": c.robustness, "suitability": c.suitability,
+                "sensitivity": c.sensitivity,
+            })  # fmt: skip
+    return pd.DataFrame(rows)
+
+
+def fits(study: Found) -> pd.DataFrame:
+    """Fits to whole runs: errors, and information criteria as differences to the best model of the indicator."""
+    rows: list[dict[str, Any]] = []
+    for job, values in _analyses(study):
+        least = {name: min(v[name] for v in values.values()) for name in ("aicc", "bic", "aicc ar1", "bic ar1")}
+        for model, v in values.items():
+            rows.append({
+                "run": job.run, "indicator": job.indicator, "model": model, "formula": MODELS[model].formula,
+                "parameters": MODELS[model].parameters, "R2": v["r2"], "rmse": v["rmse"],
+                "median |residual|": v["mae"], "robust: median |residual|": v["robust mae"],
+                **{f"{name} above best": v[name] - least[name] for name in least},
+                "residual memory": v["memory"], "memory refitted": v["memory ar1"],
+                "exponents": ", ".join(f"{e:.3g}" for e in v["exponents"]), "at a bound": v["at bound"],
+            })  # fmt: skip
+    return pd.DataFrame(rows)
+
+
+def error_rows(study: Found) -> pd.DataFrame:
+    """Errors on records after each tenth of life, also over the range that the indicator's trend runs through."""
+    ranges = {(j.run.name, name): _reach(j, x) for j in study.runs for name, x in j.series.items()}
+    rows = []
+    for job, values in _analyses(study):
+        reach = ranges[job.run, job.indicator]
+        for model, v in values.items():
+            for fit, key in (("squares", "errors"), ("robust", "robust errors")):
+                for share, rest, following, n in v[key]:
+                    rows.append({
+                        "run": job.run, "indicator": job.indicator, "model": model, "fit": fit, "share of life": share,
+                        "records": n, "rmse rest": rest, "rmse next tenth": following,
+                        "rest / range": rest / reach, "next / range": following / reach,
+                    })  # fmt: skip
+    return pd.DataFrame(rows)
+
+
+def error_summary(errors: pd.DataFrame) -> pd.DataFrame:
+    """Medians over tenths; the mean would be that of the one tenth whose extrapolation explodes."""
+    keys = ["run", "indicator", "model", "fit"]
+    grouped = errors.groupby(keys, sort=False)[["rest / range", "next / range"]]
+    return grouped.median().add_suffix(", median").join(grouped.max().add_suffix(", worst")).reset_index()
+
+
+def pairs(errors: pd.DataFrame) -> pd.DataFrame:
+    """Combined power against exponential, model by model; below 1 the combined power's error is lower."""
+    rows = []
+    for (run, indicator, fit), here in errors.groupby(["run", "indicator", "fit"], sort=False):
+        for combined in COMBINED:
+            for exponential in EXPONENTIALS:
+                a, b = (here[here["model"] == m].set_index("share of life") for m in (combined, exponential))
+                row: dict[str, Any] = {
+                    "run": run, "indicator": indicator, "fit": fit, "combined": combined, "exponential": exponential,
+                }  # fmt: skip
+                for what in ("rest", "next"):
+                    one, other = a[f"{what} / range"], b[f"{what} / range"]
+                    common = one.index.intersection(other.index)
+                    one, other = one[common], other[common]
+                    row[f"{what}: combined median"] = one.median()
+                    row[f"{what}: exponential median"] = other.median()
+                    row[f"{what}: ratio of medians"] = one.median() / other.median()
+                    row[f"{what}: tenths lower"] = f"{int((one < other).sum())} of {len(common)}"
+                rows.append(row)
+    return pd.DataFrame(rows)
+
+
+def out_of_sample(pair: pd.DataFrame, shown: str) -> pd.DataFrame:
+    """The claim under every reading: each of two combined powers against each of two exponentials, both errors, plain
+    and robust fits, every indicator. ``holds``: lower on the paper's run and on at least four FEMTO runs."""
+    rows = []
+    keys = ["indicator", "fit", "combined", "exponential"]
+    for names, here in pair.groupby(keys, sort=False):
+        for what, words in (("rest", "all later records"), ("next", "next tenth")):
+            ratio = here.set_index("run")[f"{what}: ratio of medians"].astype(float)
+            femto = ratio[[r for r in ratio.index if str(r).startswith("FEMTO")]]
+            own = float(ratio.get(shown, np.nan))
+            lower = int((femto < 1).sum())
+            rows.append({
+                **dict(zip(keys, names, strict=True)), "error on": words, f"ratio on {shown}": own,
+                "FEMTO runs lower": lower, "FEMTO runs": len(femto), "FEMTO median ratio": femto.median(),
+                "all runs lower": int((ratio < 1).sum()), "runs": len(ratio), "holds": own < 1 and lower >= 4,
+            })  # fmt: skip
+    return pd.DataFrame(rows)
+
+
+def criteria_summary(found: pd.DataFrame) -> pd.DataFrame:
+    """In how many runs each model is the best by each criterion, and the better combined power beats the better
+    exponential."""
+    rows: list[dict[str, Any]] = []
+    for indicator, here in found.groupby("indicator", sort=False):
+        for name in ("aicc", "bic", "aicc ar1", "bic ar1"):
+            table = here.pivot_table(index="run", columns="model", values=f"{name} above best", sort=False)
+            table = table[[m for m in MODELS if m in table]]
+            combined, exponential = table[list(COMBINED)].min(axis=1), table[list(EXPONENTIALS)].min(axis=1)
+            best = table.idxmin(axis=1)
+            rows.append({
+                "indicator": indicator, "criterion": name, "runs": len(table),
+                "combined below exponential": int((combined < exponential).sum()),
+                "three parameters: combined below exponential": int(
+                    (table["combined power 3"] < table["exponential with offset"]).sum()),
+                **{f"best: {m}": int((best == m).sum()) for m in MODELS},
+            })  # fmt: skip
+    return pd.DataFrame(rows)
+
+
+def life_rows(study: Found) -> pd.DataFrame:
+    """Remaining life that each model would have predicted at each tenth, as shares of the whole life."""
+    hours = {j.run.name: float(j.run.run.time_s[-1]) / 3600 for j in study.runs}
+    rows = []
+    for job, values in _analyses(study):
+        for model, v in values.items():
+            for source, found in v["lives"].items():
+                for share, true, life, low, high, never in found:
+                    reached = life is not None
+                    inside = (low is not None and low <= true) and (high is None or true <= high)
+                    rows.append({
+                        "run": job.run, "indicator": job.indicator, "model": model, "limit": source,
+                        "share of life": share, "true": true, "predicted": life, "low": low, "high": high,
+                        "true h": true * hours[job.run], "predicted h": life * hours[job.run] if reached else None,
+                        "reached": reached, "inside": inside, "bounded": high is not None, "curves never": never,
+                    })  # fmt: skip
+    return pd.DataFrame(rows)
+
+
+def life_summary(lives: pd.DataFrame) -> pd.DataFrame:
+    """Over runs and tenths: how far off, how often there is an answer at all, how often the interval holds."""
+    rows = []
+    for (indicator, limit, model), here in lives.groupby(["indicator", "limit", "model"], sort=False):
+        off = (here["predicted"].astype(float) - here["true"]).abs().fillna(np.inf)
+        late = here["share of life"] >= 0.7 - 1e-9
+        rows.append({
+            "indicator": indicator, "limit": limit, "model": model, "predictions": len(here),
+            "median error / life": _or_none(off.median()),
+            "median error / life, from 0.7 on": _or_none(off[late].median()),
+            "within 20 % of life": (off <= 0.2).mean(), "no end foreseen": 1 - here["reached"].mean(),
+            "interval holds": here["inside"].mean(), "interval bounded": here["bounded"].mean(),
+            "too late by more than 20 % or never": ((here["predicted"].astype(float).fillna(np.inf) - here["true"])
+                                                     > 0.2).mean(),
+        })  # fmt: skip
+    return pd.DataFrame(rows)
+
+
+def coverage(found: Sequence[Result[Coverage]]) -> pd.DataFrame:
+    """How often intervals of remaining life hold on simulated runs, with the right model and with a wrong one."""
+    return pd.DataFrame([
+        {
+            "made with": r.job.truth, "fitted": r.job.model, "memory of noise": r.job.memory,
+            "share of life": r.job.share, "runs": r.job.runs, "stated": r.job.level, "holds": r.value["inside"],
+            "interval bounded": r.value["bounded"], "median width / life": _or_none(r.value["width"], 1e3),
+            "median error / life": _or_none(r.value["error"], 1e3), "data": "simulated",
+        }
+        for r in found
+    ])  # fmt: skip
+
+
+def claims(study: Found, tables: dict[str, pd.DataFrame]) -> pd.DataFrame:
+    """The paper's statements and the issue's, beside what was found. Verdicts follow from the numbers in the row."""
+    options, shown = study.options, study.shown.run.name
+    primary, rival = options.primary
+    found, nine, pair = tables["degradation-fits"], tables["degradation-fusion9"], tables["degradation-pairs"]
+    rows: list[dict[str, Any]] = []
+    for name in study.shown.series:
+        here = found[(found["run"] == shown) & (found["indicator"] == name)].set_index("model")
+        r2 = {str(m): float(v) for m, v in here["R2"].items()}
+        rows.append(_claim(
+            "the exponential fit is poor, the combined power fit is satisfactory", f"{shown}, {name}, R2 of whole run",
+            "; ".join(f"{m} {r2[m]:.3f}" for m in (*EXPONENTIALS, *COMBINED)),
+            # Poor and satisfactory are no numbers: a half and nine tenths of the variance are this study's.
+            max(r2[m] for m in EXPONENTIALS) < 0.5 and max(r2[m] for m in COMBINED) >= 0.9,
+        ))  # fmt: skip
+        delta = here["bic ar1 above best"]
+        rows.append(_claim(
+            "combined power is preferred to exponential", f"{shown}, {name}, BIC with AR(1) residuals",
+            "; ".join(f"{m} +{delta[m]:.1f}" for m in (*EXPONENTIALS, *COMBINED)),
+            bool(min(delta[m] for m in COMBINED) < min(delta[m] for m in EXPONENTIALS)),
+        ))  # fmt: skip
+    for row in tables["degradation-criteria"].to_dict("records"):
+        if row["criterion"] == "bic ar1" and row["runs"] > 1:
+            better = row["combined below exponential"]
+            rows.append(_claim(
+                "combined power is preferred to exponential", f"all runs, {row['indicator']}, BIC with AR(1) residuals",
+                f"in {better} of {row['runs']} runs", better > row["runs"] / 2,
+            ))  # fmt: skip
+    for family in dict.fromkeys(j.run.family for j in study.runs):
+        there = {j.run.name for j in study.runs if j.run.family == family}
+        part = nine[nine["run"].isin(there)]
+        part = part[part["sensitivity rank"].notna()] if "sensitivity rank" in part else part.iloc[:0]
+        first = int((part["sensitivity rank"] == 1).sum()) if len(part) else 0
+        rows.append(_claim(
+            "fusion feature 9 is the most sensitive", f"{family}, all readings of all runs that have nine",
+            f"first in {first} of {len(part)} readings" + (
+                f", median rank {part['sensitivity rank'].median():.0f}" if len(part) else ""),
+            bool(len(part)) and first == len(part),
+        ))  # fmt: skip
+        later_first = int((part["sensitivity rank among 9 on"] == 1).sum()) if len(part) else 0
+        rows.append(_claim(
+            "fusion feature 9 is the most sensitive of 9 to 15", f"{family}, all readings of all runs that have nine",
+            f"first in {later_first} of {len(part)} readings", bool(len(part)) and later_first == len(part),
+        ))  # fmt: skip
+        for learnt in ("whole run", "healthy start"):
+            own = part[(part["learnt from"] == learnt) & (part["order"] == "descending")] if len(part) else part
+            share = float(own["variance share"].mean()) if len(own) else np.nan
+            rows.append(_claim(
+                "fusion features 9 to 15 are those of low variance, and the better ones",
+                f"{family}, {learnt}, ordered by falling variance",
+                f"9 has {100 * share:.2g} % of the variance; 9 to 15 more sensitive in "
+                f"{int(own['later better'].sum()) if len(own) else 0} of {len(own)} readings",
+                bool(len(own)) and bool(own["later better"].all()),
+            ))  # fmt: skip
+        later = int(part["later better"].sum()) if len(part) else 0
+        rows.append(_claim(
+            "fusion features 9 to 15 outperform 1 to 8", f"{family}, mean sensitivity, all readings",
+            f"in {later} of {len(part)} readings", bool(len(part)) and later == len(part),
+        ))  # fmt: skip
+    for name in dict.fromkeys(pair["indicator"]):
+        here = pair[(pair["indicator"] == name) & (pair["fit"] == "squares")]
+        here = here[(here["combined"] == primary) & (here["exponential"] == rival)].set_index("run")
+        ratio = here[f"{options.error}: ratio of medians"].astype(float)
+        femto = ratio[[r for r in ratio.index if r.startswith("FEMTO")]]
+        own = ratio.get(shown)
+        lower = int((femto < 1).sum())
+        rows.append(_claim(
+            f"out-of-sample error of {primary} below {rival} on {shown} and at least 4 of 6 FEMTO runs",
+            f"{name}, ratio of median errors on {'all later records' if options.error == 'rest' else 'the next tenth'}",
+            f"{shown} {'no such indicator' if own is None else f'{own:.3f}'}; {lower} of {len(femto)} FEMTO runs",
+            own is not None and own < 1 and lower >= 4,
+        ))  # fmt: skip
+    return pd.DataFrame(rows)
+
+
+def _claim(statement: str, where: str, found: str, holds: bool) -> dict[str, Any]:
+    return {"claim": statement, "where": where, "found": found, "verdict": "confirmed" if holds else "not confirmed"}
+
+
+def _analyses(study: Found) -> Iterator[tuple[Any, dict[str, Any]]]:
+    for result in study.analyses:
+        yield result.job, result.value
+
+
+def _reach(j: Judged, values: Array) -> float:
+    """Range of the trend of an indicator."""
+    from twingap.prognosis.indicator_criteria import causal_trend
+
+    return float(np.ptp(causal_trend(values, j.run.trend_rows)))
+
+
+def _or_none(value: float, most: float = np.inf) -> float | None:
+    return float(value) if np.isfinite(value) and value < most else None

@@ -1,0 +1,189 @@
+"""Study of live updating: errors of a twin that is kept up to date, against a frozen one.
+
+virtual machine that drifts --> states, snapshots --> poor line --> frozen | laws alone | identification alone | live
+            (rigs.drifting)                                                    |
+                              spectrum of each snapshot, predicted before it is seen --> error, by arm and phase
+virtual machine that does not drift --> live --> alarms per snapshot, against the stated rate
+
+Used in: Paper 2, section 2 (figure 7: simple state signals update the model; results and collected data are compared).
+The paper prints no number. The machine is virtual and so is every number here; it shares no code with the twin.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from papers.paper2_digital_twin.live_twin import LiveOptions, LiveTwin, Message, OrderOptions, Snapshot, StateMessage
+from twingap.bearing import BEARINGS
+from twingap.errors import TwingapError
+from twingap.rigs.drifting import Drifting, arrivals
+from twingap.twins.contact_parameters import PRESETS
+
+if TYPE_CHECKING:
+    from papers.framework import Work
+
+Array = NDArray[np.float64]
+ARMS: Final[dict[str, tuple[bool, bool]]] = {
+    "frozen": (False, False),
+    "laws alone": (True, False),
+    "identification alone": (False, True),
+    "live": (True, True),
+}
+"""Name -> whether it follows temperature, whether it is identified anew."""
+
+
+@dataclass(frozen=True)
+class Line:
+    """How messages arrive; see `twingap.rigs.drifting.arrivals`; explained in config.toml."""
+
+    delay_s: float
+    late: float
+    late_s: float
+    lost: float
+    repeated: float
+
+
+@dataclass(frozen=True)
+class Size:
+    """How much is run; explained in config.toml."""
+
+    seeds: int
+    steady: int
+    steady_hours: float
+
+
+@dataclass(frozen=True)
+class Options:
+    """The study; every entry is explained in config.toml."""
+
+    bearing: str
+    preset: Literal["physical", "paper"]
+    hours: float
+    snapshot_period_s: float
+    state_period_s: float
+    snapshot_s: float
+    fs_hz: float
+    lateness_s: float
+    false_alarms: float
+    halved: float
+    most_ms: float
+    poor_line: Line
+    profiles: dict[str, Size]
+
+
+@dataclass(frozen=True)
+class Scenario:
+    """One machine, and everything that is decided about it."""
+
+    seed: int
+    drift: float
+    hours: float
+    bearing: str
+    preset: str
+    snapshot_period_s: float
+    state_period_s: float
+    snapshot_s: float
+    fs_hz: float
+    lateness_s: float
+    false_alarms: float
+    line: Line
+    arms: tuple[str, ...]
+
+
+def check(options: Options, path: Path) -> None:
+    """Refuse a bearing that there is no model of."""
+    if options.bearing not in BEARINGS:
+        known = ", ".join(BEARINGS)
+        raise TwingapError(f"unknown bearing {options.bearing!r}", where=f"{path}: bearing", mend=f"use one of {known}")
+
+
+def drifting(work: Work) -> Iterator[Scenario]:
+    """Machines that drift, every arm on each."""
+    for seed in range(work.seed, work.seed + work.size.seeds):
+        yield _scenario(work.options, seed, 1.0, work.options.hours, tuple(ARMS))
+
+
+def steady(work: Work) -> Iterator[Scenario]:
+    """Machines that do not, on which every alarm is a false one."""
+    for seed in range(work.seed, work.seed + work.size.steady):
+        yield _scenario(work.options, seed, 0.0, work.size.steady_hours, ("live",))
+
+
+def _scenario(options: Options, seed: int, drift: float, hours: float, arms: tuple[str, ...]) -> Scenario:
+    return Scenario(
+        seed, drift, hours, options.bearing, options.preset, options.snapshot_period_s, options.state_period_s,
+        options.snapshot_s, options.fs_hz, options.lateness_s, options.false_alarms, options.poor_line, arms,
+    )  # fmt: skip
+
+
+def machine_of(job: Scenario) -> Drifting:
+    """The machine of a scenario."""
+    return Drifting(job.hours, job.drift, job.state_period_s, job.snapshot_period_s, job.snapshot_s, job.fs_hz)
+
+
+def messages_of(job: Scenario, machine: Drifting) -> tuple[list[Message], list[Message]]:
+    """What the machine's instruments send, in order; and the same as it arrives over the line."""
+    course, rng = machine.course(job.seed), np.random.default_rng([job.seed, 17])
+    signals = zip(course.time_s, course.temperature_c, course.speed_rpm, course.load_n, strict=True)
+    states: list[Message] = [
+        StateMessage(float(at), float(temperature), float(rpm), float(load), i)
+        for i, (at, temperature, rpm, load) in enumerate(signals)
+    ]
+    snapshots: list[Message] = [
+        Snapshot(float(r.condition.time_s or 0.0), r.samples, r.condition.fs_hz, number=i)
+        for i, r in enumerate(machine.records(job.seed))
+    ]
+    sent = sorted([*states, *snapshots], key=lambda m: (m.time_s, isinstance(m, Snapshot)))
+    _, which = arrivals(
+        np.array([m.time_s for m in sent]), rng, delay_s=job.line.delay_s, late=job.line.late, late_s=job.line.late_s,
+        lost=job.line.lost, repeated=job.line.repeated,
+    )  # fmt: skip
+    return sent, [sent[i] for i in which]
+
+
+def live_through(job: Scenario) -> dict[str, Any]:
+    """All twins live through the same run; what each made of every snapshot, what it changed and when."""
+    machine = machine_of(job)
+    sent, arrived = messages_of(job, machine)
+    # The last vibration and what follows it are kept back, so that the twins can be asked for its spectrum first.
+    last = max((m for m in arrived if isinstance(m, Snapshot)), key=lambda m: m.time_s)
+    before = [m for m in arrived if m.time_s <= last.time_s and m is not last]
+    after = [m for m in arrived if m.time_s > last.time_s or m is last]
+    out: dict[str, Any] = {"arms": {}}
+    for name in job.arms:
+        follow, identify = ARMS[name]
+        options = LiveOptions(follow_temperature=follow, reidentify=identify, rate=job.false_alarms)
+        twin = LiveTwin(
+            BEARINGS[job.bearing], PRESETS[job.preset], job.fs_hz, options=options,
+            order=OrderOptions(lateness_s=job.lateness_s),
+        )  # fmt: skip
+        for message in before:
+            twin.receive(message)
+        twin.flush()
+        assert twin.state is not None
+        predicted = twin.predict(twin.state)
+        for message in sorted(after, key=lambda m: m.time_s):
+            twin.receive(message)
+        twin.flush()
+        judged, updates = twin.journal.judged(), twin.journal.frame()
+        out["arms"][name] = {
+            "judged": {c: judged[c].tolist() for c in ("time_s", "error", "shape")},
+            "updates": {c: updates[c].tolist() for c in updates} if len(updates) else {},
+            "messages": [[kind, case, n] for (kind, case), n in sorted(twin.journal.counts.items())],
+            "predicted": predicted, "commissioning": options.commissioning,
+        }  # fmt: skip
+        band, chance = twin.band, 0.5 / float(np.sqrt(twin.band.averages(last.samples.size)))
+    out |= {"f_hz": band.f_hz[band.inside], "measured": band.amplitude(last.samples), "chance": chance}
+    course = machine.course(job.seed)
+    out["course"] = {
+        "time_s": course.time_s, "temperature_c": course.temperature_c, "stiffness": course.stiffness,
+        "damping": course.damping, "clearance_um": course.clearance_um,
+    }  # fmt: skip
+    out["sent"] = len(sent)
+    return out

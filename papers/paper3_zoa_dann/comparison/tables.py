@@ -1,0 +1,384 @@
+"""Tables of the comparison, each made from the table of trials, so that the order of trials cannot matter.
+
+trials --> one sorted row each --> accuracy by task, means over tasks, noise, tests, selection, confusion, published
+
+``accuracy`` is that of the checkpoint chosen without target labels. ``oracle`` is that of the checkpoint that target
+labels would have chosen, and stands in a column of its own since no method may claim it. ``strict`` counts windows of
+bearings alone of which nothing was adapted to; the healthy bearing, of which there is one, is not among them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from typing import Any, Final
+
+import numpy as np
+import pandas as pd
+
+from papers.framework import Work
+from papers.paper3_zoa_dann.comparison.jobs import Key, Options, TaskOutcome
+from papers.paper3_zoa_dann.comparison.trial import ALL, ANALYST, OWN, noise_words
+from papers.paper3_zoa_dann.inputs.options import Options as Common
+from papers.paper3_zoa_dann.inputs.options import read_options as read_common
+from papers.paper3_zoa_dann.inputs.tables import std
+from papers.paper3_zoa_dann.significance import holm, sign_flip
+from twingap.adapt import CRITERIA, t_interval
+
+ORDER: Final = ("balanced", "imbalanced", "scarce")
+CLEAN: Final = noise_words(None)
+
+
+def all_tables(work: Work) -> dict[str, pd.DataFrame]:
+    """Every table by name."""
+    return tables_of(work.options, read_common(), work["outcomes"])
+
+
+def metrics(work: Work) -> dict[str, float]:
+    """Hours that all trials took, those from the store in the run that computed them; and how many there are."""
+    seconds = [t.seconds for outcome in work["outcomes"] for t in outcome.trials]
+    return {"comparison core hours": sum(seconds) / 3600, "comparison trials": len(seconds)}
+
+
+def tables_of(options: Options, common: Common, outcomes: Sequence[TaskOutcome]) -> dict[str, pd.DataFrame]:
+    """Every table by name, of these tasks."""
+    outcomes = sorted(outcomes, key=lambda outcome: outcome.task.name)
+    runs, levels = trials(outcomes), common.judging.levels
+    means = family_means(runs, options, levels)
+    return {
+        "comparison-trials": runs,
+        "comparison-tasks": tasks(outcomes),
+        "comparison-accuracy": by_task(runs, levels),
+        "comparison-mean": means,
+        "comparison-low-noise": at_noise(runs, options.low_noise_db, levels),
+        "comparison-high-noise": at_noise(runs, options.high_noise_db, levels),
+        "comparison-tests": tests(runs, options, levels),
+        "comparison-selection": selection(runs),
+        "comparison-published": published(means, options),
+        "comparison-confusion": confusion(outcomes, options),
+        "comparison-identification": identified(outcomes),
+    }
+
+
+def trials(outcomes: Sequence[TaskOutcome]) -> pd.DataFrame:
+    """One row per trial, sorted; ``main`` is false for those that leave bearings out where their task does not."""
+    rows = []
+    for outcome in outcomes:
+        for found in outcome.trials:
+            job, value = found.job, found.value
+            unseen = value["unseen"] or {}
+            rows.append(
+                {
+                    "data": outcome.data,
+                    "family": outcome.task.family,
+                    "task": job.task,
+                    "available": job.available,
+                    "unseen": np.nan if job.unseen is None else job.unseen,
+                    "main": (job.unseen is None) == outcome.task.same_bearings,
+                    "noise": noise_words(job.snr_db),
+                    "snr_db": np.inf if job.snr_db is None else job.snr_db,
+                    "method": job.method,
+                    "seed": job.seed,
+                    "accuracy": value["accuracy"],
+                    "balanced": value["balanced_accuracy"],
+                    "oracle": value["oracle_accuracy"],
+                    "strict": unseen.get("accuracy", np.nan),
+                    "strict_oracle": unseen.get("oracle_accuracy", np.nan),
+                    "recordings_right": value["recordings_right"],
+                    "recordings": value["recordings"],
+                    "source_accuracy": np.nan if value["source_accuracy"] is None else value["source_accuracy"],
+                    **{f"by {name}": value["accuracy_by_criterion"].get(name, np.nan) for name in CRITERIA},
+                }
+            )
+    return _sorted(pd.DataFrame(rows))
+
+
+def _sorted(runs: pd.DataFrame) -> pd.DataFrame:
+    """In the order of tasks, states, noise (none first), methods, seeds."""
+    keys = pd.DataFrame(
+        {
+            "task": runs["task"],
+            "main": ~runs["main"],
+            "available": _place(runs["available"], ORDER),
+            "unseen": runs["unseen"].fillna(-1.0),
+            "noise": -runs["snr_db"],
+            "method": _place(runs["method"], ALL),
+            "seed": runs["seed"],
+        }
+    )
+    return runs.loc[keys.sort_values(list(keys.columns), kind="stable").index].reset_index(drop=True)
+
+
+def _place(column: pd.Series[Any], order: Sequence[str]) -> pd.Series[Any]:
+    """Places in an order; what is not in it comes last."""
+    return column.map(lambda name: order.index(name) if name in order else len(order))
+
+
+def _clean(runs: pd.DataFrame) -> pd.DataFrame:
+    return runs[runs["main"] & (runs["noise"] == CLEAN)]
+
+
+def _summary(values: Iterable[float], levels: Sequence[float], name: str = "accuracy") -> dict[str, float]:
+    """Mean, standard deviation, and Student's intervals over seeds, cut at 0 and 1."""
+    held = [float(v) for v in values]
+    row = {name: float(np.mean(held)), f"{name}_std": std(held)}
+    for level in levels:
+        low, high = t_interval(held, level)
+        row[f"low_{100 * level:.0f}"], row[f"high_{100 * level:.0f}"] = max(low, 0.0), min(high, 1.0)
+    return row
+
+
+def by_task(runs: pd.DataFrame, levels: Sequence[float]) -> pd.DataFrame:
+    """Accuracy by task, state of the target data and method, no noise added; the strict column from its own trials."""
+    rows = []
+    clean = runs[runs["noise"] == CLEAN]
+    for (data, task, available, method), own in clean.groupby(["data", "task", "available", "method"], sort=False):
+        main = own[own["main"]]
+        if main.empty:
+            continue
+        strict = own["strict"].dropna()
+        rows.append(
+            {
+                "data": data, "task": task, "available": available, "method": method, "seeds": len(main),
+                **_summary(main["accuracy"], levels),
+                "oracle": main["oracle"].mean(),
+                "strict": strict.mean() if len(strict) else np.nan,
+                "strict_std": std(list(strict)),
+                "strict_seeds": len(strict),
+                "strict_oracle": own["strict_oracle"].mean(),
+                "recordings_right": main["recordings_right"].mean(),
+                "recordings": int(main["recordings"].iloc[0]),
+                "source_accuracy": main["source_accuracy"].mean(),
+            }
+        )  # fmt: skip
+    return pd.DataFrame(rows)
+
+
+def family_means(runs: pd.DataFrame, options: Options, levels: Sequence[float]) -> pd.DataFrame:
+    """Means over the tasks of a data set, by method and noise; intervals over seeds of the mean over tasks.
+
+    Without noise all states of the target data count; a second row has balanced data alone, to be compared with noise.
+    ``lead`` is over the best of the rivals, in points: which of them is best was told by the same accuracies.
+    """
+    rows = []
+    main = runs[runs["main"]]
+    parts = [("all", main[main["noise"] == CLEAN]), ("balanced", main[main["available"] == "balanced"])]
+    for available, part in parts:
+        for (family, noise), own in part.groupby(["family", "noise"], sort=False):
+            means = {m: _by_seed(own[own["method"] == m], "accuracy") for m in ALL}
+            rivals = [means[m].mean() for m in options.rivals if len(means[m])]
+            for method, values in means.items():
+                if not len(values):
+                    continue
+                here = own[own["method"] == method]
+                lead = 100 * (values.mean() - max(rivals)) if rivals and method not in options.rivals else np.nan
+                rows.append(
+                    {
+                        "data": ", ".join(dict.fromkeys(here["data"])), "family": family, "available": available,
+                        "noise": noise, "method": method, "tasks": here["task"].nunique(), "seeds": len(values),
+                        **_summary(values, levels),
+                        "oracle": _by_seed(here, "oracle").mean(),
+                        "strict": _strict(runs, str(family), str(noise), method),
+                        "lead": lead,
+                    }
+                )  # fmt: skip
+    return pd.DataFrame(rows)
+
+
+def _by_seed(own: pd.DataFrame, column: str) -> pd.Series[Any]:
+    """Mean over tasks and states of each seed; seeds that lack some are left out, since tasks differ in difficulty."""
+    if own.empty:
+        return pd.Series(dtype=float)
+    table = own.assign(cell=own["task"] + ", " + own["available"]).pivot_table(
+        index="seed", columns="cell", values=column
+    )
+    return table.dropna().mean(axis=1)
+
+
+def _strict(runs: pd.DataFrame, family: str, noise: str, method: str) -> float:
+    """Mean over tasks of the strict column, balanced data."""
+    wanted = (runs["family"] == family) & (runs["noise"] == noise) & (runs["method"] == method)
+    own = runs[wanted & (runs["available"] == "balanced")].dropna(subset="strict")
+    return float(own.groupby("task")["strict"].mean().mean()) if len(own) else float("nan")
+
+
+def at_noise(runs: pd.DataFrame, snr_db: float, levels: Sequence[float]) -> pd.DataFrame:
+    """Accuracy by task and method at one noise level, balanced data; loss against the same seeds without noise."""
+    rows = []
+    main = runs[runs["main"] & (runs["available"] == "balanced")]
+    for (data, task, method), own in main.groupby(["data", "task", "method"], sort=False):
+        noisy = own[own["snr_db"] == snr_db].set_index("seed")["accuracy"]
+        if not len(noisy):
+            continue
+        quiet = own[own["noise"] == CLEAN].set_index("seed")["accuracy"].reindex(noisy.index)
+        oracle = own.loc[own["snr_db"] == snr_db, "oracle"].mean()
+        rows.append(
+            {
+                "data": data, "task": task, "noise": noise_words(snr_db), "method": method, "seeds": len(noisy),
+                **_summary(noisy, levels), "oracle": oracle, "loss": 100 * (quiet - noisy).mean(),
+            }
+        )  # fmt: skip
+    columns = ["data", "task", "noise", "method", "seeds", "accuracy", "accuracy_std", "oracle", "loss"]
+    return pd.DataFrame(rows) if rows else pd.DataFrame(columns=columns)
+
+
+def tests(runs: pd.DataFrame, options: Options, levels: Sequence[float]) -> pd.DataFrame:
+    """Each reference against every other method: differences paired by task and seed, exact sign flips, Holm.
+
+    Pairs are means over the states of the target data. Holm's correction is over the methods that one reference meets
+    on one data set at one noise level. The interval is Student's over seeds of the mean over tasks.
+    """
+    rows: list[dict[str, Any]] = []
+    main = runs[runs["main"]]
+    for (family, noise), own in main.groupby(["family", "noise"], sort=False):
+        pairs = own.pivot_table(index=["task", "seed"], columns="method", values="accuracy")
+        for reference in options.references:
+            if reference not in pairs:
+                continue
+            found = []
+            for method in ALL:
+                if method == reference or method not in pairs:
+                    continue
+                difference = (pairs[reference] - pairs[method]).dropna()
+                seeds = difference.unstack("task").dropna().mean(axis=1)
+                row: dict[str, Any] = {
+                    "data": ", ".join(dict.fromkeys(own["data"])), "family": family, "noise": noise,
+                    "reference": reference, "method": method, "pairs": len(difference),
+                    "lead": 100 * difference.mean(),
+                    "won": int((difference > 0).sum()), "lost": int((difference < 0).sum()),
+                    "p": sign_flip(difference.to_numpy()),
+                }  # fmt: skip
+                for level in levels:
+                    low, high = t_interval([100 * float(v) for v in seeds], level)
+                    row[f"lead_low_{100 * level:.0f}"], row[f"lead_high_{100 * level:.0f}"] = low, high
+                found.append(row)
+            for row, corrected in zip(found, holm([row["p"] for row in found]), strict=True):
+                rows.append({**row, "p_holm": corrected})
+    return pd.DataFrame(rows)
+
+
+def selection(runs: pd.DataFrame) -> pd.DataFrame:
+    """Accuracy by the label-free criterion that chose the checkpoint, mean over seeds; the oracle beside them."""
+    names = [f"by {name}" for name in CRITERIA]
+    own = runs[runs["main"] & runs[names].notna().any(axis=1)]
+    table = own.groupby(["data", "task", "available", "noise", "method"], sort=False)[[*names, "oracle"]].mean()
+    return table.reset_index().rename(columns={"oracle": "oracle (target labels)"})
+
+
+def published(means: pd.DataFrame, options: Options) -> pd.DataFrame:
+    """The paper's figures beside ours, per cent and points; the yardstick in a row of its own."""
+    rows = []
+    high = noise_words(options.high_noise_db)
+    for family, theirs in sorted(options.published.items()):
+        own = means[means["family"] == family]
+
+        def ours(method: str, noise: str, column: str, own: pd.DataFrame = own) -> float:
+            # With noise there is balanced data alone.
+            available = "all" if noise == CLEAN else "balanced"
+            which = (own["method"] == method) & (own["noise"] == noise) & (own["available"] == available)
+            return float(own.loc[which, column].iloc[0]) if which.any() else float("nan")
+
+        if own.empty:
+            continue
+        data = own["data"].iloc[0]
+        for what, paper, method, noise, column in (
+            ("accuracy of Proposed", theirs.mean, "Proposed", CLEAN, "accuracy"),
+            ("accuracy of Non-DA", np.nan, "Non-DA", CLEAN, "accuracy"),
+            ("accuracy of Non-DA, gap closed", np.nan, "Non-DA, gap closed", CLEAN, "accuracy"),
+            ("accuracy of Proposed, gap closed", np.nan, "Proposed, gap closed", CLEAN, "accuracy"),
+            ("accuracy of the project's own method", theirs.mean, OWN, CLEAN, "accuracy"),
+            ("lead of the project's own method over the best rival", theirs.lead, OWN, CLEAN, "lead"),
+            ("accuracy of the analyst's rule", np.nan, ANALYST, CLEAN, "accuracy"),
+            ("lead of Proposed over the best rival", theirs.lead, "Proposed", CLEAN, "lead"),
+            (f"accuracy of Proposed, {high}", np.nan, "Proposed", high, "accuracy"),
+            (f"accuracy of the analyst's rule, {high}", np.nan, ANALYST, high, "accuracy"),
+            (f"lead of Proposed over the best rival, {high}", theirs.lead_high_noise, "Proposed", high, "lead"),
+            (f"accuracy of the project's own method, {high}", np.nan, OWN, high, "accuracy"),
+            (
+                f"lead of the project's own method over the best rival, {high}",
+                theirs.lead_high_noise,
+                OWN,
+                high,
+                "lead",
+            ),
+        ):
+            scale = 1.0 if column == "lead" else 100.0
+            row = {"data": data, "figure": what, "paper": paper, "ours": scale * ours(method, noise, column)}
+            if column == "accuracy":
+                row["ours, oracle"] = 100 * ours(method, noise, "oracle")
+                row["ours, strict"] = 100 * ours(method, noise, "strict")
+            rows.append(row)
+    return pd.DataFrame(rows)
+
+
+def confusion(outcomes: Sequence[TaskOutcome], options: Options) -> pd.DataFrame:
+    """Windows by true and called class, balanced data, summed over seeds: without noise and at the high level."""
+    rows = []
+    for outcome in outcomes:
+        classes = outcome.task.classes
+        for snr_db in (None, options.high_noise_db):
+            for method in ALL:
+                counts = confusion_counts(outcome, method, snr_db)
+                if counts is None:
+                    continue
+                for true, line in zip(classes, counts, strict=True):
+                    rows.append(
+                        {
+                            "data": outcome.data, "task": outcome.task.name, "noise": noise_words(snr_db),
+                            "method": method, "true": true,
+                        }
+                        | {f"called {name}": int(n) for name, n in zip(classes, line, strict=True)}
+                    )  # fmt: skip
+    return pd.DataFrame(rows)
+
+
+def confusion_counts(outcome: TaskOutcome, method: str, snr_db: float | None) -> Any | None:
+    """Counts [true, called] of one method, summed over seeds; None where nothing was run."""
+    found = [
+        t.value["confusion"]
+        for t in outcome.trials
+        if (t.job.method, t.job.available, t.job.snr_db) == (method, "balanced", snr_db)
+        and (t.job.unseen is None) == outcome.task.same_bearings
+    ]
+    return np.sum(found, axis=0) if found else None
+
+
+def tasks(outcomes: Sequence[TaskOutcome]) -> pd.DataFrame:
+    """What each task adapts to and is judged on: recordings, bearings, windows by class."""
+    rows = []
+    for outcome in outcomes:
+        for (available, unseen), own in sorted(outcome.materials.items(), key=_cell):
+            counts = outcome.task.available[available]
+            labels = own.evaluate.labels
+            assert labels is not None
+            judged = np.bincount(labels, minlength=len(outcome.task.classes))
+            row: dict[str, Any] = {
+                "data": outcome.data, "task": outcome.task.name, "title": outcome.task.title, "available": available,
+                "unseen": np.nan if unseen is None else unseen,
+                "recordings adapted to": len(set(own.adapt.group)), "bearings adapted to": len(own.adapted),
+                "recordings judged": len(set(own.evaluate.group)), "bearings judged": len(set(own.bearing)),
+                "majority": float(judged.max() / judged.sum()),
+            }  # fmt: skip
+            row |= {f"adapt {name}": counts[name] for name in outcome.task.classes}
+            row |= {f"judge {name}": int(n) for name, n in zip(outcome.task.classes, judged, strict=True)}
+            rows.append(row)
+    return pd.DataFrame(rows)
+
+
+def identified(outcomes: Sequence[TaskOutcome]) -> pd.DataFrame:
+    """What was identified from the unlabelled windows of each cell."""
+    return pd.DataFrame(
+        [
+            {
+                "data": outcome.data, "task": outcome.task.name, "available": available,
+                "unseen": np.nan if unseen is None else unseen, **values,
+            }
+            for outcome in outcomes
+            for (available, unseen), values in sorted(outcome.identified.items(), key=_cell)
+        ]
+    )  # fmt: skip
+
+
+def _cell(item: tuple[Key, Any]) -> tuple[int, float]:
+    """Place of a cell: states in their order, all bearings first."""
+    (available, unseen), _ = item
+    return ORDER.index(available) if available in ORDER else len(ORDER), -1.0 if unseen is None else unseen

@@ -1,0 +1,298 @@
+"""Tasks A1-A4 and B1-B3, one file each under tasks/: records to adapt to and to evaluate on.
+
+tasks/A1.toml --> TaskFile --+
+record set ------------------+--> material: windows to adapt to (no labels), windows to judge on, bearings of both
+
+Labels decide what an experiment is given to adapt to (as many healthy windows as that, as many of each fault), as they
+would decide which machines stand in the hall; they are then taken away. Methods see windows without them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from papers.paper3_zoa_dann.inputs.options import TargetOptions
+from papers.paper3_zoa_dann.job import Measured
+from papers.paper3_zoa_dann.tasks import Target, Task
+from twingap import data
+from twingap.adapt import Windows, cut, joined
+from twingap.bearing import FAULTS
+from twingap.config import build, read_toml
+from twingap.errors import TwingapError
+from twingap.provenance import digest_of_value
+from twingap.records import Condition, RecordSet
+from twingap.rigs import make_rig
+
+FOLDER: Final = Path(__file__).with_name("tasks")
+TITLES: Final = {"cwru": "CWRU", "hit_sm": "HIT-SM"}
+Counts = Mapping[str, int]
+"""Windows by class."""
+
+
+@dataclass(frozen=True)
+class TaskFile:
+    """A task, as its file says it.
+
+    Parameters
+    ----------
+    name, title : str
+        Short, and in words.
+    family : {"A", "B"}
+        Tasks over which a mean is taken, and which published mean stands beside it.
+    data_set : str
+        By its name in `twingap.data`.
+    fs_hz : float
+        Rate to which recordings are brought.
+    classes : tuple[str, ...]
+        Faults in the order of their labels, "healthy" among them.
+    window_samples : int
+    condition : str
+        Column (or speed_rpm) that tells the machine's conditions apart.
+    adapt_at, judge_at : tuple[float, ...]
+        Conditions whose faulty recordings are adapted to, and judged on.
+    healthy_adapt_at, healthy_judge_at : tuple[float, ...]
+        The same of healthy recordings.
+    size : str
+        Column that tells the bearings of one fault apart.
+    sizes : tuple[float, ...]
+        Its values; each is one bearing of each fault.
+    same_bearings : bool
+        Whether, outside the strict column, bearings that are judged are also adapted to (in other recordings).
+    width_mm : (float, float)
+        Range of the virtual bearings' defect widths.
+    judged : dict[str, int]
+        Windows to judge on, by class.
+    available : dict[str, dict[str, int]]
+        What there is to adapt to, by name: windows by class.
+
+    Raises
+    ------
+    TwingapError
+        For counts of other classes, or adaptation and judgement that would share recordings.
+    """
+
+    name: str
+    title: str
+    family: Literal["A", "B"]
+    data_set: str
+    fs_hz: float
+    classes: tuple[str, ...]
+    window_samples: int
+    condition: str
+    adapt_at: tuple[float, ...]
+    healthy_adapt_at: tuple[float, ...]
+    judge_at: tuple[float, ...]
+    healthy_judge_at: tuple[float, ...]
+    size: str
+    sizes: tuple[float, ...]
+    same_bearings: bool
+    width_mm: tuple[float, ...]
+    judged: dict[str, int]
+    available: dict[str, dict[str, int]]
+
+    def __post_init__(self) -> None:
+        for fault in self.classes:
+            if fault not in FAULTS:
+                raise TwingapError(f"unknown class {fault!r}", mend=f"use {', '.join(FAULTS)}")
+        if "balanced" not in self.available:
+            raise TwingapError("nothing is said of balanced data", mend="add a table [available.balanced]")
+        for name, counts in {"judged": self.judged, **self.available}.items():
+            if set(counts) != set(self.classes) or min(counts.values()) < 1:
+                raise TwingapError(f"{name}: at least 1 window of each of {', '.join(self.classes)} expected")
+        if set(self.healthy_adapt_at) & set(self.healthy_judge_at):
+            raise TwingapError("healthy recordings of one condition are adapted to and judged on")
+        if self.same_bearings and set(self.adapt_at) & set(self.judge_at):
+            mend = "choose another condition, or same_bearings = false"
+            raise TwingapError("faulty recordings of one condition are adapted to and judged on", mend=mend)
+        if len(self.width_mm) != 2 or not 0 < self.width_mm[0] < self.width_mm[1]:
+            raise TwingapError(f"width_mm = {list(self.width_mm)}, [low, high] with 0 < low < high expected")
+
+    def unseen(self, seed: int) -> float:
+        """Size whose bearings the given seed leaves out of adaptation."""
+        return self.sizes[seed % len(self.sizes)]
+
+
+def read_task(name: str, folder: Path = FOLDER) -> TaskFile:
+    """Read tasks/NAME.toml; errors name file, key, value and what was expected."""
+    path = folder / f"{name}.toml"
+    if not path.is_file():
+        known = ", ".join(sorted(p.stem for p in folder.glob("*.toml")))
+        raise TwingapError(f"unknown task {name!r}", mend=f"use one of {known}")
+    task = build(TaskFile, read_toml(path), path)
+    if task.name != name:
+        raise TwingapError(f"calls itself {task.name!r}", where=path, mend=f"name it {name!r}")
+    return task
+
+
+@dataclass(frozen=True)
+class Material(Measured):
+    """What one training is given and judged by.
+
+    Parameters
+    ----------
+    adapt, evaluate : Windows
+        As in `Measured`: no recording is in both.
+    adapted : tuple[str, ...]
+        Bearings that were adapted to.
+    bearing : NDArray[str] [windows]
+        Bearing of each window that is judged.
+    """
+
+    adapted: tuple[str, ...]
+    bearing: NDArray[np.str_]
+
+    @property
+    def unseen(self) -> NDArray[np.bool_]:
+        """Which windows are of bearings of which nothing was adapted to: the strict column."""
+        return ~np.isin(self.bearing, self.adapted)
+
+    @property
+    def digest(self) -> str:
+        """Hex sha256 of all of it."""
+        return digest_of_value([super().digest, list(self.adapted), [str(name) for name in self.bearing]])
+
+
+def load_recordings(task: TaskFile, root: Path | None, surrogate: TargetOptions, duration_s: float) -> Target | None:
+    """The recordings of a task's data set.
+
+    Parameters
+    ----------
+    task : TaskFile
+    root : Path or None
+        Data root; TWINGAP_DATA when None.
+    surrogate : TargetOptions
+        Whose virtual rig takes the place of its data set where that is not at hand.
+    duration_s : float
+        Length of the rig's recordings.
+
+    Returns
+    -------
+    Target or None
+        None where neither the data nor a stand-in are at hand.
+
+    Raises
+    ------
+    TwingapError
+        When what is needed is there in part or cannot be read, or has a stand-in and `root` is given without it: who
+        names data wants those used.
+    """
+    try:
+        records = data.load(task.data_set, root, fs_hz=task.fs_hz)
+        _check(task, records)
+        return Target(records, TITLES.get(task.data_set, task.data_set), real=True)
+    except data.NotAtHandError:
+        if root is not None and (task.data_set == surrogate.data_set or (root / task.data_set).exists()):
+            raise
+    if task.data_set != surrogate.data_set:
+        return None
+    rig = make_rig(surrogate.surrogate, duration_s=duration_s).records(surrogate.surrogate_seed)
+    _check(task, rig)
+    return Target(rig, f"virtual rig, not {TITLES.get(task.data_set, task.data_set)}", real=False)
+
+
+def split(task: TaskFile, records: RecordSet, unseen: float | None) -> tuple[Task, RecordSet]:
+    """Recordings to adapt to and to judge on; those to adapt to once more, labelled, for `material` alone.
+
+    Parameters
+    ----------
+    task : TaskFile
+    records : RecordSet
+    unseen : float or None
+        Size whose bearings are left out of adaptation and, but for healthy ones, alone are judged.
+
+    Raises
+    ------
+    TwingapError
+        When a recording would be on both sides, or a class is missing on one.
+    """
+    if unseen is None and not task.same_bearings:
+        raise TwingapError("adapts to the conditions it is judged at: some bearings must be left out", where=task.name)
+    adapt = records.select(lambda c: _adapted(task, c, unseen))
+    judge = records.select(lambda c: _judged(task, c, unseen))
+    for side, held in (("adapt to", adapt), ("judge on", judge)):
+        missing = set(task.classes) - {c.fault for c in held.conditions}
+        if missing:
+            raise TwingapError(
+                f"holds no {', '.join(sorted(missing))} recording to {side} for task {task.name}",
+                where=f"data set {records.name}",
+                mend="complete it: `twingap data list` says what is missing",
+            )
+    title = task.title if unseen is None else f"{task.title}, unseen bearings ({unseen:g})"
+    return Task(task.name, title, adapt.without_labels(), judge), adapt
+
+
+def material(task: TaskFile, records: RecordSet, available: str, unseen: float | None) -> Material:
+    """The windows of one task, in one state of what is available.
+
+    Parameters
+    ----------
+    task : TaskFile
+    records : RecordSet
+        Labelled.
+    available : str
+        A key of the task's `available`.
+    unseen : float or None
+        As in `split`.
+    """
+    if available not in task.available:
+        raise TwingapError(f"unknown {available!r}", where=task.name, mend=f"use one of {', '.join(task.available)}")
+    sides, labelled = split(task, records, unseen)
+    adapt, adapted = _windows(labelled, task.available[available], task)
+    evaluate, judged = _windows(sides.evaluate, task.judged, task)
+    return Material(adapt.unlabelled(), evaluate, tuple(dict.fromkeys(str(name) for name in adapted)), judged)
+
+
+def _windows(records: RecordSet, counts: Counts, task: TaskFile) -> tuple[Windows, NDArray[np.str_]]:
+    """Windows with so many of each class, shared out over its recordings as evenly as whole numbers go; bearings."""
+    parts: list[Windows] = []
+    bearings: list[str] = []
+    for fault in task.classes:
+        places: dict[str, list[int]] = {}
+        for place, condition in enumerate(records.conditions):
+            if condition.fault == fault:
+                places.setdefault(str(condition.group), []).append(place)
+        each, more = divmod(counts[fault], len(places))
+        for number, held in enumerate(places.values()):
+            for place, wanted in _spread(held, each + (number < more)):
+                parts.append(cut(records.take([place]), task.window_samples, wanted, task.classes))
+                bearings += [str(records.conditions[place].extra["bearing_id"])] * wanted
+    return joined(parts), np.array(bearings)
+
+
+def _spread(places: list[int], count: int) -> list[tuple[int, int]]:
+    """(record, windows) of one recording, which some data sets bring in many pieces: evenly over them."""
+    if count <= len(places):
+        chosen = np.linspace(0, len(places) - 1, count).astype(int)
+        return [(places[i], 1) for i in chosen]
+    each, more = divmod(count, len(places))
+    return [(place, each + (i < more)) for i, place in enumerate(places)]
+
+
+def _at(task: TaskFile, c: Condition) -> float:
+    return float(c.speed_rpm if task.condition == "speed_rpm" else c.extra[task.condition])
+
+
+def _adapted(task: TaskFile, c: Condition, unseen: float | None) -> bool:
+    if c.fault == "healthy":
+        return _at(task, c) in task.healthy_adapt_at
+    known = c.fault in task.classes and float(c.extra[task.size]) in task.sizes
+    return known and _at(task, c) in task.adapt_at and float(c.extra[task.size]) != unseen
+
+
+def _judged(task: TaskFile, c: Condition, unseen: float | None) -> bool:
+    if c.fault == "healthy":
+        return _at(task, c) in task.healthy_judge_at
+    known = c.fault in task.classes and float(c.extra[task.size]) in task.sizes
+    return known and _at(task, c) in task.judge_at and unseen in (None, float(c.extra[task.size]))
+
+
+def _check(task: TaskFile, records: RecordSet) -> None:
+    """Refuse a record set in which a state of the task cannot be set up."""
+    for unseen in (None, *task.sizes) if task.same_bearings else task.sizes:
+        split(task, records, unseen)

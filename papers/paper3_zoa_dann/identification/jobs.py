@@ -1,0 +1,277 @@
+"""Identification study: stiffness and damping by the zebra algorithm and by others, and their use for adaptation.
+
+CWRU recordings (inner, outer, ball) --first half--> search: optimiser x seed x setting --> convergence
+                                                              |
+                                       median run of ZOA, DE; the paper's values; the presets
+                                                              v
+                          second half <--compare-- records simulated with each --> PRD, RMSE, MMD; figures
+simulated machines, 10 dB SNR --> identify --> how far off, how often within the intervals
+
+Used in: Paper 3, sections 2.2 and 2.3, DOI 10.1177/10775463261462852.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from papers.paper3_zoa_dann.identification.agreement import agreement
+from twingap.bearing import BEARINGS
+from twingap.errors import TwingapError
+from twingap.identification import identify
+from twingap.identification.contact import BOUNDS
+from twingap.identification.contact_bottom import NOTHING
+from twingap.identification.contact_objective import SpectrumObjective, states_of
+from twingap.identification.optimise import OPTIMISERS, Traced
+from twingap.records import Condition, Record, RecordSet
+from twingap.twins.contact import ContactTwin
+from twingap.twins.contact_parameters import PRESETS, ContactParameters
+from twingap.twins.twin_file import TwinSpec
+
+if TYPE_CHECKING:
+    from papers.framework import Inputs, Work
+
+Array = NDArray[np.float64]
+WORDS: Final = {
+    "zoa": "ZOA, R = 0.1",
+    "zoa-ports": "ZOA, R = 0.01",
+    "differential-evolution": "differential evolution",
+    "random": "random search",
+}
+
+
+@dataclass(frozen=True)
+class Size:
+    """How much is spent; explained in config.toml."""
+
+    seeds: int
+    evaluations: int
+    machines: int
+
+
+@dataclass(frozen=True)
+class Options:
+    """The study; every entry is explained in config.toml."""
+
+    fault_size_inch: float
+    load_hp: int
+    faults: tuple[str, ...]
+    settings: tuple[Literal["physical", "paper"], ...]
+    empirical: tuple[float, ...]
+    printed: tuple[float, ...]
+    published_drops: tuple[float, ...]
+    window_samples: int
+    snr_db: float
+    machine_stiffness: tuple[float, ...]
+    machine_damping: tuple[float, ...]
+    machine_duration_s: float
+    profiles: dict[str, Size]
+
+
+def check(options: Options, path: Path) -> None:
+    """Refuse faults that there is no contact model of."""
+    for setting in options.settings:
+        for fault in options.faults:
+            if fault not in PRESETS[setting].defect_depth_um:
+                raise TwingapError(f"no contact model for fault {fault!r}", where=f"{path}: faults")
+
+
+@dataclass(frozen=True)
+class Search:
+    """One run of one optimiser on one recording."""
+
+    fault: str
+    setting: str
+    optimiser: str
+    seed: int
+    evaluations: int
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """One pair of stiffness and damping, simulated and compared."""
+
+    fault: str
+    setting: str
+    twin: str
+    stiffness: float
+    damping: float
+    window_samples: int
+
+
+@dataclass(frozen=True)
+class Recovery:
+    """One simulated machine whose parameters are sought again."""
+
+    fault: str
+    seed: int
+    snr_db: float
+    stiffness: tuple[float, ...]
+    damping: tuple[float, ...]
+    duration_s: float
+
+
+def objective_of(fault: str, setting: str, fit: RecordSet) -> SpectrumObjective:
+    """How far the twin of a setting is from the recording with this fault; the same for all optimisers and seeds."""
+    records = fit.select(lambda c: c.fault == fault)
+    assert records.bearing is not None
+    states = states_of(records, [])
+    starts = np.random.default_rng(0).random((sum(len(s.conditions) for s in states), 3))
+    return SpectrumObjective(ContactTwin(records.bearing, PRESETS[setting], unit=records.unit), states, starts, {})
+
+
+def search(job: Search, fit: RecordSet) -> dict[str, Any]:
+    """Run an optimiser: least cost after each evaluation, and where it was."""
+    traced = Traced(objective_of(job.fault, job.setting, fit))
+    bounds = np.log([BOUNDS["stiffness"], BOUNDS["damping"]])
+    best = OPTIMISERS[job.optimiser](traced, bounds, np.random.default_rng([job.seed, 11]), job.evaluations)
+    return {"best": traced.best, "stiffness": float(np.exp(best[0])), "damping": float(np.exp(best[1]))}
+
+
+def compare(job: Comparison, fit: RecordSet, judge: RecordSet) -> dict[str, Any]:
+    """Levels from the first half of the recording; metrics and an excerpt from the second.
+
+    Two readings of the twin: with the noises whose levels were fitted, and the contact alone, as the paper has it.
+    """
+    objective = objective_of(job.fault, job.setting, fit)
+    own = replace(objective.twin.parameters, stiffness=job.stiffness, damping=job.damping)
+    (parts,) = objective.components([own])
+    if parts is None:
+        raise TwingapError("cannot be simulated at this sampling rate", where=f"K = {job.stiffness:g}")
+    cost, powers = objective.match(parts)
+    # Where the fit leaves nothing to the contact, noise alone through its mode is what was identified.
+    scale = float(np.sqrt(max(powers[0], NOTHING * powers.sum())))
+    structure, white = (float(v) / scale for v in np.sqrt(powers[1:]))
+    (measured,) = judge.select(lambda c: c.fault == job.fault)
+    out: dict[str, Any] = {"cost": cost, "contact share": float(_share(parts, powers))}
+    for name, noise in (("with noises", (structure, white)), ("contact alone", (0.0, 0.0))):
+        made = replace(own, scale=scale, structure_noise_rms=noise[0], white_noise_rms=noise[1])
+        twin = ContactTwin(objective.twin.bearing, made, unit=judge.unit)
+        (simulated,) = twin.simulate([measured.condition], np.random.default_rng(1))
+        for metric, value in agreement(measured.samples, simulated.samples, job.window_samples).items():
+            out[f"{name}: {metric}"] = value
+        if name == "with noises":
+            out["simulated"] = simulated.samples.astype(np.float32)
+    return out
+
+
+def recover(job: Recovery) -> dict[str, Any]:
+    """Make a machine, add white noise, identify; relative errors, and whether the 90 % intervals hold."""
+    rng = np.random.default_rng([job.seed, 13])
+    k, c = (float(np.exp(rng.uniform(*np.log(bounds)))) for bounds in (job.stiffness, job.damping))
+    own = ContactParameters(k, c, scale=0.1, structure_noise_rms=0.0, white_noise_rms=0.0)
+    condition = Condition(job.fault, 1797.0, 12000.0, round(12000 * job.duration_s), job.fault)
+    (quiet,) = ContactTwin(BEARINGS["6205"], own, unit="g").simulate([condition], rng)
+    noise = rng.standard_normal(condition.n_samples) * quiet.samples.std() * 10 ** (-job.snr_db / 20)
+    records = RecordSet.from_records("machine", "g", BEARINGS["6205"], [Record(condition, quiet.samples + noise)])
+    found = identify(records, TwinSpec("contact"), seed=rng).estimates
+    out: dict[str, Any] = {}
+    for name, true in (("stiffness", k), ("damping", c)):
+        estimate = found[name]
+        out[name] = estimate.value / true - 1
+        held = estimate.interval
+        out[f"{name} inside"] = None if held is None else bool(held[0] <= true <= held[1])
+    return out
+
+
+def recordings(options: Options, root: Path | None) -> tuple[str, tuple[RecordSet, RecordSet]]:
+    """One recording per fault, cut into the half that is fitted and the half that is judged on."""
+    from twingap import data
+    from twingap.rigs import make_rig
+
+    try:
+        records, title = data.load("cwru", root), "CWRU"
+    except data.NotAtHandError:
+        if root is not None:  # who names data wants those used
+            raise
+        records, title = make_rig("virtual_cwru", duration_s=4.0).records(0), "virtual rig, not CWRU"
+    halves: tuple[list[Record], list[Record]] = ([], [])
+    for fault in options.faults:
+        wanted = (fault, options.load_hp, options.fault_size_inch)
+        places = [
+            i
+            for i, c in enumerate(records.conditions)
+            if (c.fault, c.extra["load_hp"], c.extra["fault_size_inch"]) == wanted
+        ]
+        if not places:
+            raise TwingapError(
+                f"no {fault} recording of {options.fault_size_inch:g} in at {options.load_hp} hp", where=title
+            )
+        record = records[places[0]]
+        half = record.samples.size // 2
+        for number, part in enumerate(halves):
+            condition = replace(record.condition, n_samples=half)
+            part.append(Record(condition, record.samples[number * half : (number + 1) * half].copy()))
+    first, second = (RecordSet.from_records(records.name, records.unit, records.bearing, part) for part in halves)
+    return title, (first, second)
+
+
+def halves(work: Work) -> tuple[RecordSet, RecordSet]:
+    """The recordings, halved: what is fitted, what is judged on."""
+    work.title, found = recordings(work.options, work.root)
+    return found
+
+
+def searches(work: Work) -> Iterator[Search]:
+    """Every optimiser on every recording and setting, all with the same evaluations."""
+    for fault in work.options.faults:
+        for setting in work.options.settings:
+            for optimiser in OPTIMISERS:
+                for seed in range(work.size.seeds):
+                    yield Search(fault, setting, optimiser, seed, work.size.evaluations)
+
+
+def fit(work: Work) -> Inputs:
+    """The half that is fitted."""
+    return {"fit": (work["halves"][0], work["halves"][0].digest)}
+
+
+def both(work: Work) -> Inputs:
+    """Both halves."""
+    return {name: (own, own.digest) for name, own in zip(("fit", "judge"), work["halves"], strict=True)}
+
+
+def comparisons(work: Work) -> Iterator[Comparison]:
+    """The values given, and of ZOA and differential evolution the run of median cost: neither luck nor bad luck."""
+    options, found = work.options, work["searches"]
+    for fault in options.faults:
+        for setting in options.settings:
+            values = _values(options, setting)
+            for optimiser in ("zoa", "differential-evolution"):
+                wanted = (fault, setting, optimiser)
+                runs = [r.value for r in found if (r.job.fault, r.job.setting, r.job.optimiser) == wanted]
+                middle = sorted(runs, key=lambda v: float(v["best"][-1]))[(len(runs) - 1) // 2]
+                values[f"identified, {WORDS[optimiser]}"] = (middle["stiffness"], middle["damping"])
+            for name, (stiffness, damping) in values.items():
+                yield Comparison(fault, setting, name, stiffness, damping, options.window_samples)
+
+
+def machines(work: Work) -> Iterator[Recovery]:
+    """Simulated machines whose parameters are sought again."""
+    options = work.options
+    for fault in options.faults:
+        for seed in range(work.size.machines):
+            yield Recovery(
+                fault, seed, options.snr_db, options.machine_stiffness, options.machine_damping,
+                options.machine_duration_s,
+            )  # fmt: skip
+
+
+def _values(options: Options, setting: str) -> dict[str, tuple[float, float]]:
+    """Stiffness and damping that are not identified, by name."""
+    empirical, printed = (options.empirical[0], options.empirical[1]), (options.printed[0], options.printed[1])
+    if setting == "paper":
+        return {"empirical": empirical, "paper preset": printed}
+    preset = PRESETS[setting]
+    return {f"{setting} preset": (preset.stiffness, preset.damping)}
+
+
+def _share(parts: Sequence[Array], powers: Array) -> float:
+    """Part of the fitted power that is the contact's vibration rather than noise."""
+    weighed = np.sum([powers * part.sum(axis=1) for part in parts], axis=0)
+    return float(weighed[0] / weighed.sum())

@@ -1,0 +1,24 @@
+"""Declaration of the identification study."""
+
+from pathlib import Path
+
+from papers.framework import STYLE_LARGE, Step, Study
+from papers.paper3_zoa_dann.identification import figures, jobs, tables
+
+STUDY = Study(
+    name="identification",
+    title="identification of the twin",
+    config=Path(__file__).with_name("config.toml"),
+    options=jobs.Options,
+    check=jobs.check,
+    steps=(
+        Step("halves", jobs.halves),
+        Step("searches", jobs.search, jobs.searches, jobs.fit),
+        Step("comparisons", jobs.compare, jobs.comparisons, jobs.both),
+        Step("recoveries", jobs.recover, jobs.machines),
+    ),
+    tables=tables.all_tables,
+    figures=figures.all_figures,
+    style=STYLE_LARGE,
+    headlines=("identification-drops", "identification-recovery"),
+)

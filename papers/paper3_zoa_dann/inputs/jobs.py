@@ -1,0 +1,216 @@
+"""A plain network with and without adaptation, on several inputs: what an input is worth in the paper's frame.
+
+CWRU, or virtual rig --> recordings --> task: adapt | evaluate
+                                          |        |
+              identify k, c (no labels) <-+        |
+                        |                 |        |
+   contact twin --> labelled windows --> train (source_only, dann) x inputs x seeds --> select (no labels)
+                                                   |                                          |
+                                                   +--> judge <-------------------------------+
+
+Used in: Paper 3, dynamics-assisted unsupervised domain adaptation for rolling bearing fault diagnosis, Journal of
+Vibration and Control, DOI 10.1177/10775463261462852: its frame (twin, identification, DANN) with a plain network in
+place of the paper's, which `comparison` has.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from papers.logs import log_checkpoints, log_method
+from papers.paper3_zoa_dann.inputs.options import Options, Profile
+from papers.paper3_zoa_dann.job import Identification, Job, Measured, identify_twin, train_and_judge, windows_digest
+from papers.paper3_zoa_dann.source import FREE, Recipe
+from papers.paper3_zoa_dann.tasks import Target, Task, load_target, make_tasks
+from papers.paper3_zoa_dann.yardsticks import analyst, majority
+from twingap.adapt import Method, Scores, cut, score
+from twingap.errors import TwingapError
+from twingap.records import RecordSet
+
+if TYPE_CHECKING:
+    from papers.framework import Work
+    from twingap.sweep import Result
+    from twingap.track import Run
+
+METHODS: Final[tuple[Method, ...]] = ("source_only", "dann")
+LABELS: Final = {"source_only": "Non-DA", "dann": "DANN"}
+"""Methods in words."""
+
+
+@dataclass(frozen=True)
+class TaskResult:
+    """All that came out of one task.
+
+    Parameters
+    ----------
+    task : Task
+    measured : Measured
+    identified : Mapping[str, float]
+    recipe : Recipe
+    trainings : list[Result[Job]]
+        In the order input, method, seed.
+    majority : float
+        Accuracy of calling everything the most frequent class.
+    analyst : Scores
+        Of the analyst's rule on the same windows.
+    analyst_whole : Scores
+        Of the same rule on whole recordings.
+    analyst_calls, analyst_whole_calls : Array [windows, classes], [recordings, classes]
+        What that rule called each, one-hot.
+    """
+
+    task: Task
+    measured: Measured
+    identified: Mapping[str, float]
+    recipe: Recipe
+    trainings: list[Result[Job]]
+    majority: float
+    analyst: Scores
+    analyst_whole: Scores
+    analyst_calls: NDArray[np.float64]
+    analyst_whole_calls: NDArray[np.float64]
+
+
+def load(work: Work) -> Target:
+    """Recordings of the machine to diagnose; each one's digest goes to the log."""
+    target = load_target(work.options.target, work.root, work.size.rig_duration_s)
+    if target.records.bearing is None:
+        raise TwingapError("brings no bearing geometry", where=f"record set {target.records.name!r}")
+    work.title = target.title
+    for place, condition in enumerate(target.records.conditions):
+        one = cut(target.records.take([place]), condition.n_samples, 1)
+        name = f"{target.records.name} {condition.name}"
+        work.log.data(name, windows_digest([one]), role="target", source=target.title)
+    return target
+
+
+def results(work: Work) -> list[TaskResult]:
+    """Every task, logged as soon as it is finished."""
+    options, size, records = work.options, work.size, work["target"].records
+    bearing, found = records.bearing, []
+    for task in make_tasks(size.tasks, records):
+        own = _measured(task, options, size)
+        (identification,) = work.sweep(
+            identify_twin,
+            [Identification(
+                task.name, bearing, options.target.classes, options.source, options.identification, size.evaluations
+            )],
+            {"adapt": (own.adapt, windows_digest([own.adapt]))},
+            what=f"identifying the twin, {task.title}",
+            backend="sequential",
+        )  # fmt: skip
+        recipe = _recipe(identification.value, task, options, size, bearing, work.seed)
+        trainings = work.sweep(
+            train_and_judge, _jobs(task, recipe, options, size, work.seed), {"measured": (own, own.digest)},
+            lambda j: f"{j.task}, {j.view}, {j.method}, seed {j.seed}", f"training, {task.title}",
+        )  # fmt: skip
+        found.append(_judged(task, own, identification.value, recipe, trainings, options, records))
+        _log_task(work.log, found[-1])
+    return found
+
+
+def _measured(task: Task, options: Options, sizes: Profile) -> Measured:
+    length, count = options.target.window_samples, sizes.windows_per_recording
+    return Measured(cut(task.adapt, length, count), cut(task.evaluate, length, count, options.target.classes))
+
+
+def _recipe(
+    identified: Mapping[str, float], task: Task, options: Options, sizes: Profile, bearing: Any, seed: int
+) -> Recipe:
+    return Recipe(
+        **{name: float(identified[name]) for name in FREE},  # type: ignore[arg-type]
+        speeds_rpm=tuple(sorted({c.speed_rpm for c in task.adapt.conditions})),
+        fs_hz=task.adapt.conditions[0].fs_hz,
+        bearing=bearing,
+        classes=options.target.classes,
+        options=options.source,
+        bearings_per_class=sizes.bearings_per_class,
+        records_per_bearing=sizes.records_per_bearing,
+        window_samples=options.target.window_samples,
+        seed=seed,
+    )
+
+
+def _jobs(task: Task, recipe: Recipe, options: Options, sizes: Profile, seed: int) -> Iterator[Job]:
+    training = dataclasses.replace(options.training, steps=sizes.steps)
+    judging = options.judging
+    for view in sizes.inputs:
+        for method in METHODS:
+            for i in range(sizes.seeds):
+                yield Job(
+                    task.name, view, method, seed + i, training, judging.criterion, judging.held_out, recipe,
+                    judging.embedded if i == 0 else 0,
+                )  # fmt: skip
+
+
+def _judged(
+    task: Task,
+    measured: Measured,
+    identified: Mapping[str, float],
+    recipe: Recipe,
+    trainings: list[Result[Job]],
+    options: Options,
+    records: RecordSet,
+) -> TaskResult:
+    """Add the yardsticks."""
+    classes, rate = options.target.classes, options.judging.false_alarm
+    labels, bearing = measured.evaluate.labels, records.bearing
+    assert labels is not None and bearing is not None
+    calls = analyst(measured.evaluate, bearing, classes, rate)
+    votes, truth = [], []
+    for i, condition in enumerate(task.evaluate.conditions):
+        whole = cut(task.evaluate.take([i]), condition.n_samples, 1, classes)
+        votes.append(analyst(whole, bearing, classes, rate)[0])
+        truth.append(whole.labels)
+    names = np.array([c.name for c in task.evaluate.conditions])
+    whole_calls = np.array(votes)
+    return TaskResult(
+        task,
+        measured,
+        identified,
+        recipe,
+        trainings,
+        majority(labels, len(classes)),
+        score(calls, labels, measured.evaluate.group),
+        score(whole_calls, np.concatenate([t for t in truth if t is not None]), names),
+        calls,
+        whole_calls,
+    )
+
+
+def _log_task(log: Run, result: TaskResult) -> None:
+    """Nested runs: task, then input and method, then seed."""
+    with log.run(result.task.name, {"task": result.task.name}) as of_task:
+        of_task.twin(result.recipe.twin_toml())
+        of_task.parameters(dict(result.identified), prefix="identified.")
+        of_task.metrics({"majority": result.majority, "analyst": result.analyst.accuracy})
+        of_task.data("measured windows", result.measured.digest, role="adapt and evaluate")
+        cells: dict[tuple[str, str], list[Result[Job]]] = {}
+        for training in result.trainings:
+            cells.setdefault((training.job.view, training.job.method), []).append(training)
+        for (view, method), trainings in cells.items():
+            settings = {"task": result.task.name, "input": view, "method": LABELS[method]}
+            values = [t.value["accuracy"][t.value["place"]] for t in trainings]
+            log_method(of_task, settings, trainings, "accuracy", values, _log_training)
+
+
+def _log_training(log: Run, training: Result[Job]) -> None:
+    value = training.value
+    log.parameters({"seed": training.job.seed, "device": value["device"], **dataclasses.asdict(training.job.training)})
+    names = {"source loss": "source_loss", "domain accuracy": "domain_accuracy", "accuracy at checkpoint": "accuracy"}
+    log_checkpoints(log, value, names)
+    log.metrics(
+        {
+            "accuracy": value["accuracy"][value["place"]],
+            "balanced accuracy": value["balanced_accuracy"][value["place"]],
+            "oracle accuracy": max(value["accuracy"]),
+            "source accuracy": value["source_accuracy"],
+            "seconds": training.seconds,
+        }
+    )

@@ -1,0 +1,200 @@
+"""Tables of the result: rows that say in themselves which data they are of."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pandas as pd
+
+from papers.framework import Work
+from papers.paper3_zoa_dann.inputs.jobs import LABELS, TaskResult
+from papers.paper3_zoa_dann.inputs.options import Options
+from twingap.adapt import Scores, t_interval
+
+if TYPE_CHECKING:
+    from papers.paper3_zoa_dann.job import Job
+    from twingap.sweep import Result
+
+
+def all_tables(work: Work) -> dict[str, pd.DataFrame]:
+    """Every table by name."""
+    results, options, title = work["results"], work.options, work.title
+    return {
+        "accuracy": frame(accuracy(results, options, title)),
+        "confusion": confusion(results, options, title),
+        "recordings": recordings(results, options, title),
+        "adaptation": frame(adaptation(results, options, title)),
+        "selection": selection(results, title),
+        "identification": identification(results, title),
+    }
+
+
+def std(values: Sequence[float]) -> float:
+    """Standard deviation over seeds (n - 1); NaN for fewer than two."""
+    return float(np.std(values, ddof=1)) if len(values) > 1 else float("nan")
+
+
+def cells(result: TaskResult) -> dict[tuple[str, str], list[Result[Job]]]:
+    """The trainings of a task by (input, method), seeds in order."""
+    found: dict[tuple[str, str], list[Result[Job]]] = {}
+    for training in result.trainings:
+        found.setdefault((training.job.view, training.job.method), []).append(training)
+    return found
+
+
+def accuracy(results: Sequence[TaskResult], options: Options, data: str) -> list[dict[str, Any]]:
+    """One row per task, input and method, then the yardsticks; accuracies as fractions.
+
+    ``oracle`` is the accuracy of the checkpoint that target labels would have chosen: no method may claim it.
+    "chosen by ..." takes, for each seed, the input and method with the highest label-free score.
+    """
+    rows = []
+    for result in results:
+        for (view, method), trainings in cells(result).items():
+            rows.append(_row(result, data, view, LABELS[method], trainings, options))
+        rows.append(
+            _row(result, data, "any", f"chosen by {options.judging.criterion}", _chosen(result, options), options)
+        )
+        rows.append(_yardstick(result, data, "-", "majority class", result.majority))
+        rows.append(_yardstick(result, data, "envelope", "analyst's rule", result.analyst))
+        rows.append(_yardstick(result, data, "envelope", "analyst's rule, whole recordings", result.analyst_whole))
+    return rows
+
+
+def _chosen(result: TaskResult, options: Options) -> list[Result[Job]]:
+    """For each seed the training that the label-free criterion prefers over inputs and methods."""
+    criterion = options.judging.criterion
+    by_seed: dict[int, list[Result[Job]]] = {}
+    for training in result.trainings:
+        by_seed.setdefault(training.job.seed, []).append(training)
+    return [max(ts, key=lambda t: t.value["criteria"][criterion][t.value["place"]]) for ts in by_seed.values()]
+
+
+def _row(
+    result: TaskResult, data: str, view: str, method: str, trainings: list[Result[Job]], options: Options
+) -> dict[str, Any]:
+    values = [t.value["accuracy"][t.value["place"]] for t in trainings]
+    row: dict[str, Any] = {
+        "data": data,
+        "task": result.task.title,
+        "input": view,
+        "method": method,
+        "seeds": len(values),
+        "accuracy": float(np.mean(values)),
+        "std": std(values),
+    }
+    for level in options.judging.levels:
+        low, high = t_interval(values, level)
+        # An accuracy cannot leave 0 to 1: cutting the interval there loses no coverage.
+        row[f"low_{100 * level:.0f}"], row[f"high_{100 * level:.0f}"] = max(low, 0.0), min(high, 1.0)
+    row["balanced"] = float(np.mean([t.value["balanced_accuracy"][t.value["place"]] for t in trainings]))
+    row["recordings_right"] = float(np.mean([t.value["recordings_right"] for t in trainings]))
+    row["recordings"] = trainings[0].value["recordings"]
+    row["oracle"] = float(np.mean([max(t.value["accuracy"]) for t in trainings]))
+    row["source_accuracy"] = float(np.mean([t.value["source_accuracy"] for t in trainings]))
+    return row
+
+
+def _yardstick(result: TaskResult, data: str, view: str, method: str, found: Scores | float) -> dict[str, Any]:
+    row: dict[str, Any] = {
+        "data": data, "task": result.task.title, "input": view, "method": method, "seeds": 0,
+        "accuracy": found if isinstance(found, float) else found.accuracy,
+    }  # fmt: skip
+    if isinstance(found, Scores):
+        row |= {
+            "balanced": found.balanced_accuracy,
+            "recordings_right": float(found.recordings_right),
+            "recordings": found.recordings,
+        }
+    return row
+
+
+def frame(rows: Sequence[dict[str, Any]]) -> pd.DataFrame:
+    """Rows as a table; what a row lacks is empty."""
+    return pd.DataFrame(list(rows))
+
+
+def confusion(results: Sequence[TaskResult], options: Options, data: str) -> pd.DataFrame:
+    """Windows by true and predicted class, summed over seeds, and those of the analyst's rule."""
+    classes, rows = options.target.classes, []
+    for result in results:
+        counts = {
+            (view, LABELS[method]): np.sum([t.value["confusion"] for t in trainings], axis=0)
+            for (view, method), trainings in cells(result).items()
+        }
+        counts["envelope", "analyst's rule"] = result.analyst.confusion
+        for (view, method), table in counts.items():
+            for true, line in zip(classes, table, strict=True):
+                rows.append(
+                    {"data": data, "task": result.task.title, "input": view, "method": method, "true": true}
+                    | {f"called {name}": int(n) for name, n in zip(classes, line, strict=True)}
+                )
+    return pd.DataFrame(rows)
+
+
+def recordings(results: Sequence[TaskResult], options: Options, data: str) -> pd.DataFrame:
+    """What each recording's windows are called, as shares over windows and seeds; by the analyst's rule as well."""
+    classes, rows = options.target.classes, []
+    for result in results:
+        groups, conditions = result.measured.evaluate.group, result.task.evaluate.conditions
+        called = {
+            (view, LABELS[method]): [np.concatenate([t.value["probabilities"][groups == c.group] for t in trainings])
+                                     for c in conditions]
+            for (view, method), trainings in cells(result).items()
+        }  # fmt: skip
+        called["envelope", "analyst's rule"] = [result.analyst_calls[groups == c.group] for c in conditions]
+        called["envelope", "analyst's rule, whole recordings"] = [row[None] for row in result.analyst_whole_calls]
+        for (view, method), of_each in called.items():
+            for condition, probabilities in zip(conditions, of_each, strict=True):
+                counts = np.bincount(probabilities.argmax(axis=1), minlength=len(classes))
+                shares = zip(classes, counts / counts.sum(), strict=True)
+                rows.append(
+                    {
+                        "data": data, "task": result.task.title, "input": view, "method": method,
+                        "recording": condition.name, "bearing": condition.extra["bearing_id"], "true": condition.fault,
+                    }
+                    | {f"called {name}": round(float(share), 3) for name, share in shares}
+                )  # fmt: skip
+    return pd.DataFrame(rows)
+
+
+def selection(results: Sequence[TaskResult], data: str) -> pd.DataFrame:
+    """Accuracy by the criterion that chose the checkpoint, mean over seeds; the last and the oracle beside them."""
+    rows = []
+    for result in results:
+        for (view, method), trainings in cells(result).items():
+            row: dict[str, Any] = {"data": data, "task": result.task.title, "input": view, "method": LABELS[method]}
+            for name in trainings[0].value["chosen"]:
+                row[name] = float(np.mean([t.value["accuracy"][t.value["chosen"][name]] for t in trainings]))
+            row["last checkpoint"] = float(np.mean([t.value["accuracy"][-1] for t in trainings]))
+            row["oracle (target labels)"] = float(np.mean([max(t.value["accuracy"]) for t in trainings]))
+            rows.append(row)
+    return pd.DataFrame(rows)
+
+
+def adaptation(results: Sequence[TaskResult], options: Options, data: str) -> list[dict[str, Any]]:
+    """What adaptation adds: accuracy of DANN minus that without, paired by seed, mean over tasks, by input.
+
+    ``domain_accuracy`` is the discriminator's in the end; 0.5 is a domain that it can no longer tell.
+    """
+    rows = []
+    for view in dict.fromkeys(view for result in results for view, _ in cells(result)):
+        gains, told = [], []
+        for result in results:
+            by_method = {method: trainings for (v, method), trainings in cells(result).items() if v == view}
+            plain, adapted = ([t.value["accuracy"][t.value["place"]] for t in by_method[m]] for m in LABELS)
+            gains.append(np.subtract(adapted, plain))
+            told += [t.value["domain_accuracy"][-1] for t in by_method["dann"]]
+        of_seeds = np.mean(gains, axis=0)
+        row = {"data": data, "input": view, "tasks": len(results), "gain": float(of_seeds.mean())}
+        for level in options.judging.levels:
+            row[f"low_{100 * level:.0f}"], row[f"high_{100 * level:.0f}"] = t_interval(list(of_seeds), level)
+        rows.append(row | {"domain_accuracy": float(np.mean(told))})
+    return rows
+
+
+def identification(results: Sequence[TaskResult], data: str) -> pd.DataFrame:
+    """What was identified from the unlabelled recordings of each task."""
+    return pd.DataFrame([{"data": data, "task": r.task.title, **r.identified} for r in results])

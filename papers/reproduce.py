@@ -1,0 +1,175 @@
+"""The papers, each a list of studies that run one after the other, so that each has all cores.
+
+study --> study --> ... --> headlines: one list of rows --> the caller
+(each: jobs in OUT/results, tables, a nested run)
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+from papers.framework import Progress, Work, load_study
+from twingap.errors import TwingapError
+from twingap.track import NullTracker, Tracker
+
+FOLDERS: Final = {
+    "paper1": "papers.paper1_rul_varying_speed",
+    "paper2": "papers.paper2_digital_twin",
+    "paper3": "papers.paper3_zoa_dann",
+    "extra": "papers.extra",
+}
+"""Paper -> package that its studies lie in. Those of ``extra`` answer questions that no paper asks."""
+BOTH: Final = ("smoke", "full")
+PAPERS: Final[Mapping[str, Mapping[str, tuple[str, ...]]]] = {
+    "paper1": {
+        "paper1_rul_varying_speed.lives": BOTH,
+        "extra.femto": ("full",),
+        "extra.rig_lives": ("full",),
+        "paper1_rul_varying_speed.ablation": ("full",),
+        "extra.life_gap": ("full",),
+        "extra.femto_lives": ("full",),
+    },
+    "paper2": {
+        "paper2_digital_twin.dynamics": BOTH,
+        "paper2_digital_twin.live": BOTH,
+        "paper2_digital_twin.degradation": BOTH,
+        "extra.lines": BOTH,
+        "paper2_digital_twin.availability": BOTH,
+        "extra.transfer_gap": BOTH,
+    },
+    "paper3": {
+        "paper3_zoa_dann.identification": BOTH,
+        "paper3_zoa_dann.comparison": BOTH,
+        "paper3_zoa_dann.inputs": BOTH,
+        "extra.quantities": (),
+    },
+}
+"""Paper -> its studies in the order of running -> profiles of the paper that include them."""
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """A paper's results.
+
+    Parameters
+    ----------
+    works : dict of str to Work
+        By name of the study.
+    missing : tuple of str
+        Studies whose data are not at hand.
+    out : Path
+    run_id : str or None
+        Of the tracker's run.
+    """
+
+    works: dict[str, Work]
+    missing: tuple[str, ...]
+    out: Path
+    run_id: str | None
+
+    @property
+    def rows(self) -> list[dict[str, Any]]:
+        """Rows of all headline tables; each names its study and table, other columns are the table's own."""
+        return [row for work in self.works.values() for row in work.rows]
+
+    def notes(self) -> Iterator[str]:
+        """Lines to print below the headlines."""
+        for work in self.works.values():
+            yield from work.notes()
+        if self.missing:
+            yield f"left out, since data are not available: {', '.join(self.missing)}"
+
+
+def run(
+    paper: str,
+    profile: str = "smoke",
+    *,
+    out: Path,
+    tracker: Tracker | None = None,
+    root: Path | None = None,
+    seed: int = 0,
+    backend: str = "loky",
+    address: str | None = None,
+    progress: Progress = lambda what, done, total: None,
+    draw: bool = True,
+    only: Collection[str] | None = None,
+) -> Outcome:
+    """Run a paper's studies; what an interrupted run has finished is taken up again.
+
+    Parameters
+    ----------
+    paper : {"paper1", "paper2", "paper3"}
+    profile : {"smoke", "full"}
+        Each study's own configuration says what that is.
+    out, root, seed, backend, address, progress, draw
+        See `papers.framework.Study.run`.
+    tracker : Tracker or None
+        Where the run is logged; None keeps no log.
+    only : collection of str, optional
+        Names of studies to run; all of the profile when None.
+
+    Raises
+    ------
+    TwingapError
+        For a profile, study, backend, data root or folder that cannot be used.
+    """
+    if profile not in BOTH:
+        raise TwingapError(f"unknown profile {profile!r}", mend=f"use one of {', '.join(BOTH)}")
+    studies = {package.rpartition(".")[2]: package for package, when in PAPERS[paper].items() if profile in when}
+    if unknown := sorted(set(only or ()) - studies.keys()):
+        raise TwingapError(f"unknown study {unknown[0]!r}", mend=f"use one of {', '.join(studies)}")
+    works: dict[str, Work] = {}
+    missing = []
+    with (tracker or NullTracker()).run(
+        f"{paper} · {profile} · seed {seed}", {"paper": paper, "profile": profile}
+    ) as log:
+        log.parameters({"profile": profile, "seed": seed, "studies": list(only or studies)})
+        for name, package in studies.items():
+            if only is not None and name not in only:
+                continue
+            study = load_study(f"papers.{package}")
+            if not study.at_hand(root):
+                missing.append(name)
+                continue
+            with log.run(name, {"paper": paper, "study": name, "profile": profile}) as of_study:
+                works[name] = study.run(
+                    profile, out=out, root=root, seed=seed, backend=backend, address=address, log=of_study,
+                    progress=progress, draw=draw,
+                )  # fmt: skip
+        return Outcome(works, tuple(missing), out, getattr(log, "id", None))
+
+
+def full_name(name: str) -> tuple[str, str]:
+    """Paper that a study belongs to ("" for none), and the dotted name of its package.
+
+    Parameters
+    ----------
+    name : str
+        ``paper2.dynamics``, ``extra.lines``, or a package's own name.
+    """
+    first, _, rest = name.partition(".")
+    package = f"{FOLDERS[first]}.{rest}" if first in FOLDERS else name
+    return next((paper for paper, own in PAPERS.items() if package.removeprefix("papers.") in own), ""), package
+
+
+def short_names() -> dict[str, str]:
+    """Every study: ``paper2.dynamics`` -> the dotted name of its package."""
+    short = {folder.removeprefix("papers."): name for name, folder in FOLDERS.items()}
+    packages = (package.rpartition(".") for own in PAPERS.values() for package in own)
+    return {f"{short[folder]}.{name}": f"papers.{folder}.{name}" for folder, _, name in packages}
+
+
+def check_configurations() -> list[str]:
+    """Read the configuration of every study, and run nothing; a line for each.
+
+    Raises
+    ------
+    TwingapError
+        For the first that is wrong: file, key, value and what was expected.
+    """
+    return [
+        f"{name}: profiles {', '.join(load_study(package).read().profiles)}" for name, package in short_names().items()
+    ]
