@@ -9,6 +9,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from papers.paper2_digital_twin import transfer_gap
 from papers.paper2_digital_twin.availability_study import read_study
 from papers.paper2_digital_twin.transfer_gap import (
     CONFIG,
@@ -16,6 +17,7 @@ from papers.paper2_digital_twin.transfer_gap import (
     Kind,
     Options,
     Population,
+    Size,
     machine_of,
     means,
     run,
@@ -100,6 +102,8 @@ def test_a_run_without_records_says_so(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.delenv("TWINGAP_DATA", raising=False)
+    small = Size(seeds=1, machines=6, steps=4, rig_duration_s=2.0, smoke=True)
+    monkeypatch.setattr(transfer_gap, "profile_of", lambda profiles, name, config: small)
     start(["--out", str(tmp_path), "--backend", "sequential", "--no-track"])
     assert "virtual rig" in capsys.readouterr().out
     table = pd.read_csv(tmp_path / "tables" / "transfer-gap.csv")

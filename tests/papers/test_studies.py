@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import ast
-import subprocess
+import runpy
 import sys
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -125,12 +125,18 @@ def test_a_command_line_runs_the_study_and_prints_its_tables(
     assert said.err == "\rwork: 1 of 2\rwork: 2 of 2\n"
 
 
-def test_a_study_run_alone_is_tracked_as_the_pipeline_is(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_study_run_alone_is_tracked_as_the_pipeline_is_and_taken_up_by_it(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
     from mlflow import MlflowClient
 
+    options = dynamics.read_dynamics()
+    small = replace(options, settings=("physical",), faults=("inner",), settle_s=0.03, fault_s=0.2, reference_s=0.002)
+    monkeypatch.setattr(dynamics, "read_dynamics", lambda path: small)
     uri = f"sqlite:///{tmp_path / 'runs' / 'mlflow.db'}"
     typed = ["--out", str(tmp_path / "out"), "--backend", "sequential", "--tracking-uri", uri]
-    dynamics.main(typed)
+    monkeypatch.setattr(sys, "argv", ["dynamics", *typed])
+    runpy.run_path(str(dynamics.__file__), run_name="__main__")
     dynamics.main([*typed, "--no-track"])
     client = MlflowClient(uri)
     (experiment,) = [e for e in client.search_experiments() if e.name == "paper2 dynamics"]
@@ -139,6 +145,8 @@ def test_a_study_run_alone_is_tracked_as_the_pipeline_is(tmp_path: Path, capsys:
     assert {name: kept.data.tags[name] for name in ("paper", "study")} == {"paper": "paper2", "study": "dynamics"}
     assert any("dynamics-balance" in found.path for found in client.list_artifacts(kept.info.run_id, "tables"))
     assert "dynamics-balance" in capsys.readouterr().out
+    again = dynamics.run("smoke", out=tmp_path / "out", backend="sequential", draw=False)
+    assert not any(result.why for result in (*again.healthy, *again.faulty))
 
 
 @pytest.mark.parametrize(
@@ -188,11 +196,3 @@ def test_every_study_is_looked_at() -> None:
         if any(alias.name == "command" for alias in node.names)
     }
     assert set(RUN_ALONE) == with_a_command and len(with_a_command) > 10
-
-
-def test_what_the_command_line_has_finished_the_pipeline_takes_up(tmp_path: Path) -> None:
-    module = "papers.paper2_digital_twin.dynamics"
-    typed = [sys.executable, "-m", module, "--out", str(tmp_path), "--backend", "sequential", "--no-track"]
-    subprocess.run(typed, check=True, capture_output=True, cwd=FOLDER.parent)
-    again = dynamics.run("smoke", out=tmp_path, backend="sequential", draw=False)
-    assert not any(result.why for result in (*again.healthy, *again.faulty))
