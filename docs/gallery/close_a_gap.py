@@ -24,7 +24,7 @@ bearing = BEARINGS["6205"]
 conditions = [
     Condition(f"{fault} {i}", speed_rpm=1600, fs_hz=12000, n_samples=8192, fault=fault)
     for fault in ("healthy", "inner", "outer")
-    for i in range(4)
+    for i in range(3)
 ]
 machine = TwinSpec(
     "phenomenological", effects=("clipping", "foreign_bearing"), bearing=bearing

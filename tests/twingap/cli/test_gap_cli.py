@@ -30,7 +30,7 @@ def typed_gap(typed: Run) -> Run:
 def records(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Healthy and inner-race records of a twin, in a folder with a name that is not ASCII."""
     folder = tmp_path_factory.mktemp("sets") / "Prüfstand 7"
-    conditions = [Condition(f"{f}{i}", 1797.0, 12000.0, 12000, f) for f in ("healthy", "inner") for i in range(4)]
+    conditions = [Condition(f"{f}{i}", 1797.0, 12000.0, 6000, f) for f in ("healthy", "inner") for i in range(4)]
     made = PhenomenologicalTwin(BEARINGS["6205"]).stream(conditions, np.random.default_rng(0))
     return write_records(folder, "made", "g", BEARINGS["6205"], None, made)
 

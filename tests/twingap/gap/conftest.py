@@ -1,4 +1,4 @@
-"""Reports of diagnoses, made by hand."""
+"""Reports of diagnoses, made by hand; diagnoses with few candidates."""
 
 from __future__ import annotations
 
@@ -7,6 +7,8 @@ from collections.abc import Callable
 
 import pytest
 
+from twingap.effects import Effect, catalogue, registry
+from twingap.gap import held_out
 from twingap.gap.report.model import (
     Candidate,
     Curve,
@@ -20,12 +22,26 @@ from twingap.gap.report.model import (
 )
 
 MakeReport = Callable[..., GapReport]
+FewEffects = Callable[..., None]
 
 
 @pytest.fixture(scope="session")
 def make_report() -> MakeReport:
     """Makes a full report of a status; the texts in it are hostile to HTML."""
     return _report
+
+
+@pytest.fixture
+def few_effects(monkeypatch: pytest.MonkeyPatch) -> FewEffects:
+    """Restricts the candidates of a report to a few effects, for tests of something else."""
+
+    def restrict(*names: str) -> None:
+        def few() -> dict[str, type[Effect]]:
+            return {name: kind for name, kind in catalogue().items() if name in (*names, *registry.own_effects())}
+
+        monkeypatch.setattr(held_out, "trainable", few)
+
+    return restrict
 
 
 def _report(status: Status = "explained", records: str = "Prüfstand <b>7</b> & Co </script>") -> GapReport:

@@ -6,12 +6,13 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+import sklearn.ensemble  # noqa: F401  its threads are counted
 import threadpoolctl
 
 from twingap.bearing import BEARINGS
 from twingap.effects import make_effect, trainable
 from twingap.errors import TwingapError
-from twingap.gap import diagnose
+from twingap.gap import api, diagnose
 from twingap.gap.api import _notes, _status
 from twingap.gap.distance.closure import Closure
 from twingap.gap.report.files import read_report, to_json
@@ -88,20 +89,9 @@ def test_the_report_keeps_the_contract(clipped):
     assert 0.2 < math.fsum(place.share for place in clipped.report.places) <= 1 + 1e-9
 
 
-def test_the_same_seed_gives_the_same_diagnosis(learnt):
-    records = machine([make_effect("mains_interference", {"level": 0.6})], count=8)
-    threads = []
-    told = {"progress": lambda what, part: threads.append(openmp_threads())}
-    one, other = (to_json(run(records, learnt, **more).report) for more in ({}, told))
-    for table in (one, other):
-        table["provenance"].pop("runtime_s")
-    assert one == other
-    assert set(threads) == {1}, "trees asked by many threads take minutes on a busy machine"
-
-
 def test_machine_and_twin_alike_leave_nothing_to_name(learnt):
-    called = [run(machine(seed=seed, count=12), learnt).report.verdict.status != "no_gap" for seed in (3, 4, 5)]
-    assert sum(called) <= 1
+    report = run(machine(seed=3, count=8), learnt).report
+    assert report.verdict.status == "no_gap" and report.verdict.effects == ()
 
 
 def test_two_records_are_enough_to_run(learnt):
@@ -109,7 +99,8 @@ def test_two_records_are_enough_to_run(learnt):
     assert problems(to_json(report)) == []
 
 
-def test_healthy_records_alone_are_diagnosed(learnt):
+def test_healthy_records_alone_are_diagnosed(learnt, few_effects):
+    few_effects("clipping")
     report = run(machine([make_effect("clipping", {"rail": 1.7})], count=8, faults=("healthy",)), learnt).report
     assert report.verdict.effects == ("clipping",)
     assert problems(to_json(report)) == []
@@ -140,19 +131,26 @@ def test_a_diagnosis_is_written_whole_or_not_at_all(clipped, tmp_path):
     assert [path.name for path in taken.iterdir()] == ["sim_after"]
 
 
-def test_files_and_generators_give_the_same_diagnosis(learnt, tmp_path):
-    records = machine([make_effect("mains_interference", {"level": 0.6})], count=8)
+def test_files_generators_and_progress_give_the_same_diagnosis(learnt, tmp_path):
+    records = machine([make_effect("mains_interference", {"level": 0.6})], count=4)
     twin = tmp_path / "twin.toml"
     twin.write_text('[twin]\nmodel = "phenomenological"\n')
     one = diagnose(write_record_set(records, tmp_path / "set"), twin, seed=3, learnt=learnt, quick=True).report
-    spec = TwinSpec("phenomenological")
-    other = diagnose(records, spec, seed=np.random.default_rng(3), learnt=learnt, quick=True).report
+    threads = []
+    other = diagnose(
+        records, TwinSpec("phenomenological"), seed=np.random.default_rng(3), learnt=learnt, quick=True,
+        progress=lambda what, part: threads.append(openmp_threads()),
+    ).report  # fmt: skip
     assert one.provenance["twin"] == "twin.toml" and one.provenance["seed"] == 3 and other.provenance["seed"] == -1
-    assert replace(one, provenance={}) == replace(other, provenance={})
+    tables = [to_json(report) for report in (one, other)]
+    for table in tables:
+        del table["provenance"]
+    assert tables[0] == tables[1]
+    assert set(threads) == {1}, "trees asked by many threads take minutes on a busy machine"
 
 
 def test_own_simulated_records_of_the_same_machine_show_no_gap_worth_a_name(learnt):
-    report = run(machine(seed=8), learnt, sim=machine(seed=9)).report
+    report = run(machine(seed=8, count=8), learnt, sim=machine(seed=9, count=8)).report
     assert problems(to_json(report)) == []
     assert report.verdict.status == "no_gap" and report.verdict.effects == ()
 
@@ -172,12 +170,13 @@ def test_one_record_is_refused(learnt):
         run(machine(count=1), learnt)
 
 
-def test_many_records_are_thinned_and_said_so(learnt):
+def test_many_records_are_thinned_and_said_so(learnt, monkeypatch):
+    monkeypatch.setattr(api, "MOST_RECORDS", 8)
     few = machine(count=8, n=2000)
     many = RecordSet.from_records(
         "many", "g", few.bearing,
         (type(r)(Condition(f"m{k}", r.condition.speed_rpm, 12000.0, 2000, r.condition.fault), r.samples)
-         for k in range(400) for r in (few[k % 8],)),
+         for k in range(24) for r in (few[k % 8],)),
     )  # fmt: skip
     report = run(many, learnt).report
-    assert any("of 400 records" in note for note in report.notes)
+    assert any("8 of 24 records" in note for note in report.notes)

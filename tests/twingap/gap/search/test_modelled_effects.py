@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from tests.twingap.gap.conftest import FewEffects
 from tests.twingap.gap.search.test_optimise import machine
 from twingap.effects import make_effect
 from twingap.gap import diagnose
@@ -23,8 +24,11 @@ def test_only_effects_without_any_value_are_open() -> None:
     assert without_values(spec) == ("slip_jitter", "load_zone")
 
 
-def test_values_are_read_off_the_fit_part_and_are_in_the_report(learnt: Any) -> None:
-    records = machine(make_effect("mains_interference", {"level": 0.8, "mains_hz": 50.0, "n_harmonics": 2}))
+def test_values_are_read_off_the_fit_part_and_are_in_the_report(learnt: Any, few_effects: FewEffects) -> None:
+    few_effects("clipping")
+    records = machine(
+        make_effect("mains_interference", {"level": 0.8, "mains_hz": 50.0, "n_harmonics": 2}), n_samples=5000
+    )
     named = TwinSpec("phenomenological", ("mains_interference",))
     rng = np.random.default_rng(3)
     before = copy.deepcopy(rng.bit_generator.state)

@@ -160,7 +160,7 @@ def test_of_a_few_short_records_chance_says_little_of_impacts() -> None:
     calibrated = calibrate(machine(n_samples=2500, own=weak), spec, np.random.default_rng(1))
     assert len(calibrated.fit) == 4
     found = []
-    for root in range(7, 13):
+    for root in range(7, 11):
         own = Evidence(calibrated, simulator_of(calibrated), spec, root)
         twin = optimise(own, own.against().simulator, (), {}).simulator
         found.append(flat(twin.spec.parameters)["impact_amplitude.inner"])  # type: ignore[attr-defined]
