@@ -9,6 +9,7 @@ together. What the closest twin closes, and which group of effects closes it, is
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Final
@@ -40,9 +41,11 @@ _RANDOM_IMPACTS: Final[tuple[dict[str, dict[str, float]], ...]] = (
     {"slip_jitter": {"sigma": 0.01}, "impact_scatter": {"sigma": 0.2}},
 )
 """Random impacts with which path and background are measured. More take longer and fit more kinds of machines."""
+ENOUGH: Final = 3
+"""Records of each fault from which path, background and lines are measured by fault: different faults are mostly
+different bearings, mounted anew. A smaller value does so from noisier spectra."""
 OWN_WORTH: Final = 0.93
-"""Factor on the misfit that path, background and lines of each fault have to reach. Closer to 1, they are measured by
-fault where few records of each fault give noisy spectra."""
+"""Factor on the misfit from which the other way is taken. Closer to 1, chance decides more often."""
 _WEAK: Final = 0.3
 """Part of an effect's default strength at which it is tried. A larger value misses weak effects."""
 _RULED_OUT: Final = 0.003
@@ -91,12 +94,15 @@ def closest_twin(
     bare = evidence.without_added(begin.simulator)
     start = _Twin(bare, begin.effects, evidence.misfit(bare, begin.effects))
     progress("spectra of path and background", 0.0)
+    counts = Counter(c.fault for c in evidence.trial_records.conditions if c.fault != "healthy")
+    enough = bool(counts) and min(counts.values()) >= ENOUGH
     now = start
     for given in _rhythms(evidence, start, found):
-        for by_fault in (False, True):
+        for by_fault in (True, False):
             choices = ((PATH,), (BACKGROUND,), (PATH, BACKGROUND)) if not by_fault else ((PATH, BACKGROUND),)
             one = _with_spectra(evidence, given, choices, by_fault)
-            now = one if one.misfit < (OWN_WORTH if by_fault and not now.by_fault else WORTH) * now.misfit else now
+            noisier = by_fault is not enough and now.by_fault is enough
+            now = one if one.misfit < (OWN_WORTH if noisier else WORTH) * now.misfit else now
     now = _with_spectra(evidence, now, (tuple(sorted({*MEASURED} & {*now.names, LINES})),), now.by_fault)
     ranked = _ranked(
         evidence, now, found, learnt, lambda part: progress("effects that bring it closer", 0.05 + 0.4 * part)
