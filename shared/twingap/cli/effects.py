@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import inspect
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, cast
 
 import typer
 
@@ -81,11 +81,11 @@ def _described(name: str, kind: type[Effect]) -> dict[str, Any]:
 
 
 def _parameter(field: dataclasses.Field[Any]) -> dict[str, Any]:
-    about = field.metadata
+    about, default = field.metadata, cast(Any, field.default)
     is_list = "profile" in about
     return {
         "name": field.name, "meaning": about["doc"], "unit": about["unit"],
-        "default": list(field.default) if is_list else field.default,
+        "default": list(default) if is_list else default,
         "plausible": [] if is_list else list(about["plausible"]), "allowed": list(about["allowed"]),
         "logarithmic": not is_list and about["log"], "fitted": not is_list and about["fitted"],
     }  # fmt: skip
