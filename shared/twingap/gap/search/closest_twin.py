@@ -30,9 +30,12 @@ Progress = Callable[[str, float], None]
 
 MOST: Final = 12
 """Largest number of effects that are added. Each adds values to the joint search."""
-WORTH: Final = 0.993
+WORTH: Final = 0.985
 """Factor on the misfit that an added effect has to reach. Closer to 1, more are added for a smaller gain."""
-_JOINT: Final = (40, 160)
+SIMPLER: Final = 0.97
+"""Factor on the distance, with other random streams, that a later stage of the search has to reach. Closer to 1, more
+of what chance made is kept."""
+_JOINT: Final = (60, 160)
 """Smallest and largest number of trials of the joint search. More fit values better and take longer."""
 _RANDOM_IMPACTS: Final[tuple[dict[str, dict[str, float]], ...]] = (
     {"impact_scatter": {"sigma": 0.1}},
@@ -104,26 +107,29 @@ def closest_twin(
             noisier = by_fault is not enough and now.by_fault is enough
             now = one if one.misfit < (OWN_WORTH if noisier else WORTH) * now.misfit else now
     now = _with_spectra(evidence, now, (tuple(sorted({*MEASURED} & {*now.names, LINES})),), now.by_fault)
-    ranked = _ranked(
-        evidence, now, found, learnt, lambda part: progress("effects that bring it closer", 0.05 + 0.4 * part)
-    )
-    for effect in ranked:
+    stages = [start, now]
+    more = "effects that bring it closer"
+    for effect in _ranked(evidence, now, found, learnt, lambda part: progress(more, 0.05 + 0.4 * part)):
         if len(now.effects) - len(begin.effects) >= MOST:
             break
         tried = _tried(evidence, now, effect, rounds=2)
         if tried is not None and tried.misfit < WORTH * now.misfit:
             now = tried
     now = _without_idle(evidence, now)
+    stages.append(now)
     progress("values fitted together", 0.5)
     trials = min(max(evidence.trials // 2, _JOINT[0]), _JOINT[1])
     joint = fitted_together(
         evidence, now.simulator, now.effects, trials, lambda part: progress("values fitted together", 0.5 + 0.4 * part)
     )
-    spectra = tuple(name for name in MEASURED if name in now.names)
     now = _Twin(*joint, now.by_fault)
-    now = _with_spectra(evidence, now, (spectra, (*spectra, LINES)), now.by_fault)
-    distances = [validation_distance(evidence, one.simulator, one.effects) for one in (start, now)]
-    best = now if now.misfit < start.misfit and distances[1] < distances[0] else start
+    spectra = tuple(name for name in MEASURED if name in now.names)
+    stages.append(_with_spectra(evidence, now, (spectra, (*spectra, LINES)), now.by_fault))
+    # What was fitted to chance is farther from other simulations of all records; the simplest of equals is kept.
+    best, least = start, validation_distance(evidence, start.simulator, start.effects)
+    for one in stages[1:]:
+        if one is not best and (left := validation_distance(evidence, one.simulator, one.effects)) < SIMPLER * least:
+            best, least = one, left
     return Compared(evidence, best.effects, best.simulator)
 
 
