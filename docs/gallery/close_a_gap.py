@@ -3,7 +3,7 @@ Close a gap
 ===========
 
 Knowing what a twin lacks is worth something when it is added. This tutorial adds what a diagnosis names, until nothing
-more closes, and uses the closest twin, which comes out.
+more closes, and uses the twin that comes out: the closest one.
 """
 
 # %%
@@ -56,8 +56,9 @@ assert set(machine.effects) <= set(way.twin.effects)
 # The closest twin
 # ----------------
 #
-# It has the named effects, and whatever else brings it closer; all values are fitted together. Compare those of the named
-# effects with those of the machine, which are the defaults of the :doc:`catalogue </reference/catalogue>`.
+# It has the named effects, and whatever else brings it closer; nothing, where the last diagnosis finds no gap. Compare the
+# values of the named effects with those of the machine, which are the defaults of the
+# :doc:`catalogue </reference/catalogue>`.
 
 print("effects:", ", ".join(way.twin.effects))
 for name in machine.effects:
