@@ -60,9 +60,10 @@ for name, estimate in identified.estimates.items():
 # The diagnosis
 # -------------
 #
-# ``diagnose`` calibrates by itself, on a part of the records, so it is given the twin as it was.
+# ``diagnose`` calibrates by itself, on a part of the records, so it is given the twin as it was. A quick diagnosis leaves
+# out the :term:`closest twin`.
 
-found = twingap.diagnose(records, twin, seed=0)
+found = twingap.diagnose(records, twin, seed=0, quick=True)
 print(found.report.sentence)
 
 # %%
@@ -71,7 +72,8 @@ print(found.report.sentence)
 # tell more and take minutes, so they are left out here::
 #
 #     recordings = where(load("cwru"), ["load_hp=2"])  # from twingap.data
-#     found = twingap.diagnose(cut(recordings, duration_s=1.0), twin, closest=True)
+#     found = twingap.diagnose(cut(recordings, duration_s=1.0), twin)
+#     print(found.report.closest.sentence)  # what the closest twin closes, and which effects close it
 #
 # Where the gap lies, largest share first:
 

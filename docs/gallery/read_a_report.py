@@ -43,11 +43,11 @@ print(report.sentence)
 # ``no_gap``
 #     Records and calibrated twin cannot be told apart.
 # ``explained``
-#     The named effects close the gap: little of it remains.
+#     The named effects leave no significant rest, or at most a tenth of the gap, or no more than real records leave.
 # ``partly_explained``
-#     They shrink it, and a significant rest remains.
+#     They leave more.
 # ``unexplained``
-#     There is a gap, and no effect of the catalogue shrinks it.
+#     There is a gap, and no effect can be named.
 #
 # Where the gap lies
 # ------------------
@@ -93,10 +93,26 @@ for effects in report.verdict.confidence_set[:4]:
     print(effects)
 
 # %%
+# The closest twin
+# ----------------
+#
+# The :term:`closest twin` has all effects that bring it closer, named or not, and says what each group of them closes.
+# Other real records in place of the twin show how much can be closed at all. This machine has one effect more than its
+# twin, so that little is left for others.
+
+print(report.closest.sentence)
+for share in report.closest.attribution:
+    members = ", ".join(one.effect for one in share.effects)
+    print(f"{share.group}: {share.share:.2f}, p {share.p_value:.2g} ({members})")
+
+# %%
+# Its effects are no claims about the machine. :doc:`/explanation/how-a-diagnosis-works` explains how they are found.
+# ``closest.toml``, written beside the report, is a :doc:`twin file </reference/twin-file>`.
+#
 # What it does not say
 # --------------------
 #
 # Closures speak of the records at hand, and of a twin calibrated on them. A place without a name is a difference that
-# no effect of the catalogue explains; :doc:`/explanation/limits` says what else to keep in mind.
+# no named effect explains; :doc:`/explanation/limits` says what else to keep in mind.
 
 # sphinx_gallery_thumbnail_path = 'images/report.png'

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import inspect
-from itertools import groupby
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +15,8 @@ HEAD = """# Catalogue of effects
 
 Every modelling choice of a {term}`twin` is one {term}`effect`. An effect acts in one of five stages, in this order:
 shaft angle, excitation, path, disturbance, acquisition. Effects of one group stand in for each other: where single
-names are uncertain, a diagnosis names the group. Amplitudes are in multiples of {term}`healthy rms`.
+names are uncertain, a diagnosis names the group. Amplitudes are in multiples of {term}`healthy rms`. Effects marked ○
+have no detector: they are parts of the {term}`closest twin`, and are not named by themselves.
 
 `twingap effects` prints this list, `twingap effects NAME` one effect.
 [Write an effect](../how-to/write-an-effect.md) shows how to add one.
@@ -53,10 +53,15 @@ def _is_newer(figure: Path, *sources: str) -> bool:
 def overview() -> str:
     """The list of all effects by stage."""
     parts = [HEAD]
-    for stage, items in groupby(catalogue().items(), key=lambda item: item[1].stage):
+    for stage in Stage:
         rows = [
-            {"effect": f"[{name}](effects/{name}.md)", "what it is": first(kind), "group": kind.group}
-            for name, kind in items
+            {
+                "effect": f"[{name}](effects/{name}.md)" + " ○" * (not kind.trained),
+                "what it is": first(kind),
+                "group": kind.group,
+            }
+            for name, kind in catalogue().items()
+            if kind.stage is stage
         ]
         parts += [f"## {STAGES[stage]}\n", table(rows)]
     names = "\n".join(f"effects/{name}" for name in catalogue())
@@ -66,7 +71,8 @@ def overview() -> str:
 
 def page(name: str, kind: type[Effect], shown: signatures.Signature) -> str:
     """The page of one effect."""
-    values = {field.name: getattr(shown.effect, field.name) for field in kind.parameters()}
+    fields = (*kind.parameters(), *kind.profiles())
+    values = {field.name: getattr(shown.effect, field.name) for field in fields}
     where = STAGES[kind.stage].lower() + (f", group {kind.group}" if kind.group else "")
     parts = [
         f"# {name}\n",
@@ -75,8 +81,15 @@ def page(name: str, kind: type[Effect], shown: signatures.Signature) -> str:
         f"```{{figure}} {name}.png\n:alt: Record, spectrum and envelope spectrum with and without {name}\n"
         f":class: card\n\n{signatures.caption(shown, values)}\n```\n",
         "## Parameters\n",
-        table([_parameter(field) for field in kind.parameters()]),
+        table([_parameter(field) for field in fields]),
     ]
+    if kind.profiles():
+        parts += ["Lists are measured from spectra; a [twin file](../twin-file.md) states them.\n"]
+    if not kind.trained:
+        parts += [
+            "No detector is trained for it. It is a part of the {term}`closest twin`, whose "
+            "{term}`attribution` states what it closes.\n"
+        ]
     if others := look_alikes(name):
         links = ", ".join(f"[{other}]({other}.md)" for other in others)
         parts += ["## Look-alikes\n", f"It is most easily taken for {links}.\n"]
@@ -97,6 +110,9 @@ def first(kind: type[Effect]) -> str:
 
 def _parameter(field: Any) -> dict[str, str]:
     about = field.metadata
+    meaning = {"parameter": f"`{field.name}`", "meaning": safe(about["doc"]), "unit": about["unit"]}
+    if "profile" in about:
+        return {**meaning, "default": ", ".join(map(number, field.default)), "plausible": "a list"}
     low, high = about["plausible"]
     if field.type in ("bool", bool):
         default, plausible = str(field.default).lower(), "true or false"
@@ -105,7 +121,4 @@ def _parameter(field: Any) -> dict[str, str]:
     else:
         default, plausible = number(field.default), f"{number(low)} to {number(high)}"
     scale = ", logarithmic" if about["log"] else ""
-    return {
-        "parameter": f"`{field.name}`", "meaning": safe(about["doc"]), "unit": about["unit"], "default": default,
-        "plausible": plausible + scale,
-    }  # fmt: skip
+    return {**meaning, "default": default, "plausible": plausible + scale}

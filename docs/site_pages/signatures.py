@@ -150,9 +150,16 @@ def caption(shown: Signature, values: Mapping[str, Any]) -> str:
     condition = shown.condition
     place = {"outer": "an outer-race", "inner": "an inner-race", "ball": "a ball"}[str(condition.fault)]
     about = f"{place} fault at {condition.speed_rpm:g} rpm"
-    stated = ", ".join(f"`{name}` {value:g}" for name, value in values.items())
+    stated = ", ".join(f"`{name}` {_as_text(value)}" for name, value in values.items())
     return (
         f"One simulated record of {about}, without the effect (above; light grey below) and with it at its default "
         f"values ({stated}). Left: where it changes the record most. Middle: amplitude spectrum. Right: spectrum of "
         "the squared envelope; dotted lines are the first three multiples of the fault order."
     )
+
+
+def _as_text(value: Any) -> str:
+    """A value in words; a list as its numbers."""
+    if isinstance(value, bool):
+        return str(value).lower()
+    return "(" + ", ".join(f"{one:g}" for one in value) + ")" if isinstance(value, tuple) else f"{value:g}"

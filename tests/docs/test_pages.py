@@ -26,8 +26,11 @@ def test_an_effects_page_has_its_parameters_look_alikes_and_a_figure_that_shows_
     shown = signatures.signature(kind)
     assert shown.change >= signatures.VISIBLE, "with and without look the same"
     page = effect_pages.page(name, kind, shown)
-    for field in kind.parameters():
-        assert f"| `{field.name}` |" in page and markdown.cell(markdown.safe(field.metadata["doc"])) in page
+    for field in (*kind.parameters(), *kind.profiles()):
+        about = field.metadata
+        words = f"| `{field.name}` | {markdown.cell(markdown.safe(about['doc']))} | {about['unit']} |"
+        assert words in page and f"`{field.name}` " in signatures.caption(shown, shown.effect.parameter_values())
+    assert ("{term}`attribution`" in page) is (not kind.trained)
     for other in kind.look_alikes:
         assert f"[{other}]({other}.md)" in page
     assert all(markdown.safe(reference) in page for reference in kind.references)
@@ -35,7 +38,9 @@ def test_an_effects_page_has_its_parameters_look_alikes_and_a_figure_that_shows_
 
 def test_the_catalogue_lists_every_effect() -> None:
     page = effect_pages.overview()
-    assert all(f"[{name}](effects/{name}.md)" in page for name in catalogue())
+    assert all(page.count(f"[{name}](effects/{name}.md)") == 1 for name in catalogue())
+    stages = re.findall(r"^## (.*)$", page, re.MULTILINE)
+    assert stages == list(effect_pages.STAGES.values())
 
 
 def test_a_signature_is_of_one_record_twice() -> None:

@@ -14,14 +14,16 @@ from twingap.cli.progress import progress
 def close(
     recordset: Annotated[Path, typer.Argument(metavar="RECORDSET", help="Records of the machine.")],
     twin: Annotated[Path, typer.Option(metavar="TWIN.toml", help="What is already modelled.")],
-    out: Annotated[Path, typer.Option(metavar="TWIN2.toml", help="The twin with the effects that were found.")],
+    out: Annotated[
+        Path, typer.Option(metavar="TWIN2.toml", help="The closest twin, with the effects that were found.")
+    ],
     effects: Effects = None,
     seed: Seed = 0,
     as_json: Json = False,
 ) -> None:
     """Diagnose, add what is named, and diagnose again until nothing more closes.
 
-    Beside TWIN2.toml a folder TWIN2_gap holds the last report: what is left.
+    TWIN2.toml is the closest twin of the last diagnosis. Beside it a folder TWIN2_gap holds its report: what is left.
     """
     from twingap.files import replacing, try_outputs
     from twingap.records.folder import read_record_set

@@ -47,7 +47,7 @@ def effects(
         [
             {
                 "parameter": each["name"], "meaning": each["meaning"], "unit": each["unit"],
-                "default": each["default"], "plausible": _range(each["plausible"]),
+                "default": _as_text(each["default"]), "plausible": _range(each["plausible"]),
             }
             for each in about["parameters"]
         ],
@@ -58,6 +58,8 @@ def effects(
             say(f"{title}: {'; '.join(about[key])}")
     if about["deciding_measurement"]:
         say(f"deciding measurement: {about['deciding_measurement']}")
+    if not about["trained"]:
+        say("part of the closest twin: no detector is trained for it, so that it is not named by itself")
 
 
 def _described(name: str, kind: type[Effect]) -> dict[str, Any]:
@@ -77,10 +79,12 @@ def _described(name: str, kind: type[Effect]) -> dict[str, Any]:
         "look_alikes": list(look_alikes(name)),
         "deciding_measurement": str(getattr(kind, "deciding_measurement", None) or ""),
         "references": list(kind.references),
+        "trained": kind.trained,
     }
 
 
 def _parameter(field: dataclasses.Field[Any]) -> dict[str, Any]:
+    """Description of a parameter, or of a profile, which has no plausible range."""
     about, default = field.metadata, cast(Any, field.default)
     is_list = "profile" in about
     return {
@@ -94,3 +98,8 @@ def _parameter(field: dataclasses.Field[Any]) -> dict[str, Any]:
 def _range(plausible: Sequence[float]) -> str:
     """Text of a plausible range; lists are measured, and have none."""
     return "{:g} to {:g}".format(*plausible) if plausible else "a list, measured"
+
+
+def _as_text(value: Any) -> Any:
+    """A default for the table: of a list its numbers."""
+    return ", ".join(f"{one:g}" for one in value) if isinstance(value, list) else value

@@ -63,12 +63,13 @@ class Closing:
         names = [name for step in self.added for name in step]
         if not names and self.left >= self.gaps[0]:
             return "Nothing was added: " + self.diagnoses[0].report.sentence
-        way = (
-            f"With {listed(names)} added, the gap falls from {self.gaps[0]:.3g} to {self.gaps[-1]:.3g}" if names else ""
-        )
         near = f"the closest twin leaves {self.left:.3g}" if self.left < self.gaps[-1] else "nothing else closes it"
-        start = f"{way}; {near}" if way else f"Of a gap of {self.gaps[0]:.3g}, {near}"
-        return f"{start} standard deviations ({round(100 * self.closure)} % of the gap is closed)."
+        if names:
+            falls = f"the gap falls from {self.gaps[0]:.3g} to {self.gaps[-1]:.3g} standard deviations"
+            start = f"With {listed(names)} added, {falls}; {near}"
+        else:
+            start = f"Of a gap of {self.gaps[0]:.3g} standard deviations, {near}"
+        return f"{start} ({round(100 * self.closure)} % of the gap is closed)."
 
 
 def close(

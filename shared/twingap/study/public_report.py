@@ -51,7 +51,7 @@ def markdown(table: Mapping[str, Any]) -> str:
         "## What each paper's twin lacks",
         "Accuracy: of a classifier that learns from the twin's records alone, on held-out real records, before and "
         "after the verdict's effects are added; in brackets, learning from other real records. Closest adds: "
-        "effects that are not named but reduce the gap further (`--closest`). The closure then includes the verdict's "
+        "effects of the closest twin that are not named. The closure then includes the verdict's "
         "effects and is measured on held-out records, with fewer simulations.",
         grid(twin_rows(table)),
         *(part for row in table["twins"] for part in _details(row, titles)),

@@ -42,6 +42,8 @@ def test_what_is_named_is_added_and_the_rest_is_reported(typed: Run, records: Pa
     assert said.status == 0
     way = json.loads(said.out)
     assert way["steps"][0]["added"] == "mains_interference" and way["steps"][-1]["added"] == ""
+    assert f"the gap falls from {way['steps'][0]['overall gap']:.3g} to " in way["sentence"]
+    assert way["sentence"].count(" standard deviations; ") == 1
     gaps = [step["overall gap"] for step in way["steps"]]
     assert gaps == sorted(gaps, reverse=True) and way["closure"] > 0.8
     closed = read_twin(out)

@@ -26,7 +26,7 @@ def answer(status: str, effects: tuple[str, ...], p: float = 0.01) -> dict[str, 
     ]
     metrics = [{"metric": "gap", "before": 1.0, "after": 0.2, "floor": 0.1, "ci_after": [0.1, 0.3]}]
     return {
-        "schema": "twingap.gap/1",
+        "schema": "twingap.gap/2",
         "verdict": {"status": status, "effects": list(effects), "confidence_set": [list(effects)], "p_value": p},
         "where": [], "which": which, "shrink": {"metrics": metrics}, "provenance": {},
     }  # fmt: skip
