@@ -186,7 +186,7 @@ class Effect(ABC):
         Models that have it by their own physics.
     trained : bool
         Whether a detector and estimators are trained for it. An effect of the catalogue without them is a part of the
-        closest twin, and named where leaving it out of that twin widens the gap significantly.
+        closest twin alone, where its group is shown if leaving it out widens the gap significantly.
     """
 
     stage: ClassVar[Stage]
