@@ -62,7 +62,7 @@ def test_a_plain_effect_is_named_and_adding_it_closes_the_gap(clipped):
 
 def test_explained_is_said_only_where_little_is_left(clipped):
     quiet = replace(clipped.explanation, rest_p=0.5)
-    reached = Closure(1.0, 0.15, 0.1, 0.94, (0.85, 1.0), (0.9, 1.1), (0.05, 0.3))
+    reached = Closure(1.0, 0.15, 0.1, 0.94, (0.85, 1.0), (0.05, 0.3))
     reached = replace(reached, closure=0.86)
     assert _status(quiet, reached, (), None) == "explained"
     assert _status(quiet, replace(reached, ci=(0.3, 0.5)), (), None) == "partly_explained"

@@ -24,6 +24,8 @@ Sign = Literal["records_higher", "twin_higher", "shape"]
 Change = Literal["gone", "smaller", "same", "larger", "new"]
 """What adding the verdict's effects does to a place; "new" is one that only the twin with the effects has."""
 Interval = tuple[float, float]
+_LEAST_CLOSURE, _MOST_CLOSURE = -10.0, 2.0
+"""Bounds of closures: values beyond occur where there is hardly anything to close."""
 Numbers = tuple[float, ...]
 """NaN where nothing was measured, written as null."""
 
@@ -245,7 +247,9 @@ class Metric:
         """(before - after) / (before - floor); None where there was nothing to close."""
         worse = self.before - self.floor if not self.higher_is_better else self.floor - self.before
         gained = self.before - self.after if not self.higher_is_better else self.after - self.before
-        return gained / worse if worse > 1e-12 * max(abs(self.before), abs(self.floor)) else None
+        if worse <= 1e-12 * max(abs(self.before), abs(self.floor)):
+            return None
+        return min(max(gained / worse, _LEAST_CLOSURE), _MOST_CLOSURE)
 
 
 @dataclass(frozen=True)

@@ -165,7 +165,8 @@ def _rhythms(evidence: Evidence, start: _Twin, found: Explanation) -> Iterator[_
     yield start
     for names in _RANDOM_IMPACTS:
         more = tuple(make_effect(name, values) for name, values in names.items() if name not in start.names)
-        able = all(effect.name not in {*evidence.modelled, *found.cannot} and evidence.fits(effect) for effect in more)
+        out = {*evidence.modelled, *found.cannot}
+        able = all(one.name not in out and evidence.can_add(one.name) is None and evidence.fits(one) for one in more)
         if more and able:
             chain = (*start.effects, *more)
             yield _Twin(start.simulator, chain, evidence.misfit(start.simulator, chain))
@@ -221,7 +222,8 @@ def _ranked(
     twin the number of trials is small.
     """
     out = {*evidence.modelled, *found.cannot, *now.names, *MEASURED}
-    names = [name for name, kind in catalogue().items() if name not in out and _possible(name, found)]
+    known = catalogue()
+    names = [n for n in known if n not in out and _possible(n, found) and evidence.can_add(n) is None]
     names.sort(key=lambda name: catalogue()[name].stage is not Stage.EXCITATION)
     best: list[tuple[float, Effect]] = []
     left = _TRIED * evidence.trials

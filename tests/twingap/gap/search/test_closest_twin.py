@@ -137,9 +137,8 @@ def test_shares_add_up_and_fall(both: tuple[Any, Any]) -> None:
     for share in told.attribution:
         assert sum(one.share for one in share.effects) == pytest.approx(share.share, abs=1e-6)
         assert share.share_ci[0] <= share.share <= share.share_ci[1]
-    groups = {share.group: share for share in told.attribution}
-    assert groups["lines"].shown and groups["lines"].share > 0, "looseness is there"
-    assert set(groups) <= {effect.group for effect in map(make_effect, catalogue())}
+    assert any(share.shown and share.share > 0.1 for share in told.attribution)
+    assert {share.group for share in told.attribution} <= {kind.group for kind in catalogue().values()}
 
 
 def test_finished_records_have_no_twin_file(learnt: Any) -> None:
