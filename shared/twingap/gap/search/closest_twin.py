@@ -21,6 +21,7 @@ from twingap.gap.knowledge.learnt import Learnt
 from twingap.gap.search.effect_search import Explanation, estimate
 from twingap.gap.search.evidence import Compared, Evidence
 from twingap.gap.search.free_spectra import BACKGROUND, LINES, MEASURED, PATH, measured
+from twingap.gap.search.initial_values import observations
 from twingap.gap.search.joint import fitted_together
 from twingap.gap.search.optimise import validation_distance
 from twingap.twins.simulator import Simulator, TwinSimulator
@@ -50,8 +51,8 @@ ENOUGH: Final = 3
 different bearings, mounted anew. A smaller value does so from noisier spectra."""
 OWN_WORTH: Final = 0.93
 """Factor on the misfit from which the other way is taken. Closer to 1, chance decides more often."""
-_WEAK: Final = 0.3
-"""Part of an effect's default strength at which it is tried. A larger value misses weak effects."""
+_WEAK: Final = (0.5, 0.15)
+"""Parts of an effect's default strength at which it is tried. More take a simulation each."""
 _OTHER: Final = 5
 """Replicate with which kinds of random impacts are compared: nothing is fitted to it."""
 _RULED_OUT: Final = 0.003
@@ -114,7 +115,8 @@ def closest_twin(
         left = evidence.gap(best.simulator, best.effects, _OTHER)
         if left < WORTH * least:
             now, least = best, left
-    now = _with_spectra(evidence, now, (tuple(sorted({*MEASURED} & {*now.names, LINES})),), now.by_fault)
+    known = tuple(name for name in MEASURED if name in {*now.names, LINES})
+    now = _with_spectra(evidence, now, (known, MEASURED), now.by_fault)
     stages = [start, now]
     more = "effects that bring it closer"
     for effect in _ranked(evidence, now, found, learnt, lambda part: progress(more, 0.05 + 0.4 * part)):
@@ -132,7 +134,7 @@ def closest_twin(
     )
     now = _Twin(*joint, now.by_fault)
     spectra = tuple(name for name in MEASURED if name in now.names)
-    stages.append(_with_spectra(evidence, now, (spectra, (*spectra, LINES)), now.by_fault))
+    stages.append(_with_spectra(evidence, now, (spectra, (*spectra, LINES), MEASURED), now.by_fault))
     # What was fitted to chance is farther from other simulations of all records; the simplest of equals is kept.
     best, least = start, validation_distance(evidence, start.simulator, start.effects)
     for one in stages[1:]:
@@ -247,6 +249,10 @@ def _possible(name: str, found: Explanation) -> bool:
 def _values(name: str, evidence: Evidence, learnt: Learnt) -> Iterator[Effect]:
     """Values at which an effect is tried: as estimated, and weak ones."""
     default = make_effect(name)
-    yield default.weakened(_WEAK)
     if learnt.covers(name):
-        yield estimate(name, evidence.against().fit, evidence, learnt).effect
+        features = evidence.against().fit
+        given = estimate(name, features, evidence, learnt).effect
+        yield given
+        yield from list(given.spectral_values(observations(evidence, features)))[:1]
+    for factor in _WEAK:
+        yield default.weakened(factor)
