@@ -23,7 +23,7 @@ from twingap.gap.search.evidence import Compared, Evidence
 from twingap.gap.search.free_spectra import BACKGROUND, LINES, MEASURED, PATH, measured
 from twingap.gap.search.initial_values import observations
 from twingap.gap.search.joint import fitted_together
-from twingap.gap.search.optimise import validation_distance
+from twingap.gap.search.optimise import optimise, validation_distance
 from twingap.twins.simulator import Simulator, TwinSimulator
 from twingap.twins.twin_file import TwinSpec
 
@@ -57,6 +57,8 @@ _OTHER: Final = 5
 """Replicate with which kinds of random impacts are compared: nothing is fitted to it."""
 _RULED_OUT: Final = 0.003
 """Probability below which an effect is not tried. A smaller value takes longer."""
+_LIKELY: Final = 0.3
+"""Probability from which an effect that acts at random moments is tried. A smaller value fits chance more often."""
 _TRIED: Final = 2
 """Trials of single effects, as a multiple of those of one search for values. A smaller number may leave some out."""
 
@@ -133,6 +135,8 @@ def closest_twin(
         evidence, now.simulator, now.effects, trials, lambda part: progress("values fitted together", 0.5 + 0.4 * part)
     )
     now = _Twin(*joint, now.by_fault)
+    local = optimise(evidence, now.simulator, now.effects, learnt.errors, passes=2)
+    now = _Twin(local.simulator, local.effects, evidence.misfit(local.simulator, local.effects), now.by_fault)
     spectra = tuple(name for name in MEASURED if name in now.names)
     stages.append(_with_spectra(evidence, now, (spectra, (*spectra, LINES), MEASURED), now.by_fault))
     # What was fitted to chance is farther from other simulations of all records; the simplest of equals is kept.
@@ -242,8 +246,11 @@ def _ranked(
 
 
 def _possible(name: str, found: Explanation) -> bool:
-    """Whether an effect may be there: those on the excitation always, others unless their detector rules them out."""
-    return catalogue()[name].stage is Stage.EXCITATION or found.probability.get(name, 1.0) >= _RULED_OUT
+    """Whether an effect may be there: on the excitation always, by chance if likely, others unless ruled out."""
+    kind, probability = catalogue()[name], found.probability.get(name, 1.0)
+    if kind.by_chance:  # a few random moments of a record fit anything
+        return probability >= _LIKELY and name in found.probability
+    return kind.stage is Stage.EXCITATION or probability >= _RULED_OUT
 
 
 def _values(name: str, evidence: Evidence, learnt: Learnt) -> Iterator[Effect]:
