@@ -183,7 +183,9 @@ def _diagnosed(
     if not quick and isinstance(found.before.simulator, TwinSimulator):
         near = replace(near, twin=CLOSEST_FILE)
     if found.gap and not quick:
-        near, closest = closest_of(held_out, learnt, before, rng, lambda what, part: steps(what, 0.5 + 0.5 * part))
+        near, closest = closest_of(
+            held_out, learnt, before, closed, rng, lambda what, part: steps(what, 0.5 + 0.5 * part)
+        )
     status = _status(found, closed, rest, near.ceiling.same_unit)
     closes = {candidate.effect: candidate.closure for candidate in candidates}
     named = tuple(sorted(found.names, key=lambda name: -closes[name])) if status in _NAMING else ()

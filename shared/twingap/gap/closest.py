@@ -15,7 +15,7 @@ import numpy as np
 
 from twingap.effects import Effect, LineSpectrum
 from twingap.effects.per_fault import PerFault
-from twingap.gap.distance.closure import closure, closure_interval, paired
+from twingap.gap.distance.closure import Closure, closure, closure_interval, paired
 from twingap.gap.distance.closure_metrics import closure_metrics
 from twingap.gap.distance.feature_vectors import FeatureVectors
 from twingap.gap.distance.paired import Paired
@@ -43,7 +43,7 @@ _FEWEST: Final = 0.5
 
 
 def closest_of(
-    held_out: HeldOut, learnt: Learnt, before: Sequence[FeatureVectors], rng: np.random.Generator,
+    held_out: HeldOut, learnt: Learnt, before: Sequence[FeatureVectors], of_named: Closure, rng: np.random.Generator,
     progress: Callable[[str, float], None],
 ) -> tuple[ClosestTwin, Compared]:  # fmt: skip
     """The closest twin with its closure, attribution and ceiling.
@@ -54,6 +54,8 @@ def closest_of(
     learnt : Learnt
     before : sequence of FeatureVectors
         Replicates of the twin as given.
+    of_named : Closure
+        Of the verdict's effects; also that of the closest twin where nothing else brings the twin closer.
     rng : numpy.random.Generator
     progress : callable
         Called with a description of the current step and the completed part, 0 to 1.
@@ -65,7 +67,8 @@ def closest_of(
     after = held_out.replicates(now.simulator, now.effects, count)
     pairs = paired(held_out.real, first, after)
     floor = pairs[1].floor(rng)[0]
-    closed = closure_interval(*pairs, floor, rng)
+    same = found.gap and bool(now.effects) and now.effects == found.after.effects
+    closed = of_named if same else closure_interval(*pairs, floor, rng)
     few = min(count, 2)
 
     def refitted(chain: tuple[Effect, ...]) -> tuple[Simulator, tuple[Effect, ...]]:
