@@ -74,10 +74,6 @@ class PerFault(Effect):
                 out[fault] = different
         return out
 
-    def with_fault(self, fault: str, effect: Effect) -> PerFault:
-        """The same with this effect for records of one fault."""
-        return PerFault(self.base, tuple({**dict(self.faults), fault: effect}.items()))
-
 
 def per_fault(base: Effect, faults: Mapping[str, Effect]) -> Effect:
     """The effect with other values for some faults; the base itself where none differ."""

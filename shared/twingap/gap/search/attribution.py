@@ -56,7 +56,7 @@ class Share:
     p_value : float
         Of held-out records being no closer with the group than without it.
     shown : bool
-        Whether that is shown at a false discovery rate of `FALSE_DISCOVERIES`.
+        Whether it closes a part, at a false discovery rate of `FALSE_DISCOVERIES`.
     """
 
     group: str
@@ -155,7 +155,7 @@ def attribution(
     adjusted = false_discovery_control([row[4] for row in found])
     return tuple(
         sorted(
-            (Share(*row, bool(q <= FALSE_DISCOVERIES)) for row, q in zip(found, adjusted, strict=True)),
+            (Share(*row, bool(q <= FALSE_DISCOVERIES and row[2] > 0)) for row, q in zip(found, adjusted, strict=True)),
             key=lambda share: -share.share,
         )
     )

@@ -50,7 +50,8 @@ ENOUGH: Final = 3
 """Records of each fault from which path, background and lines are measured by fault: different faults are mostly
 different bearings, mounted anew. A smaller value does so from noisier spectra."""
 OWN_WORTH: Final = 0.93
-"""Factor on the misfit from which the other way is taken. Closer to 1, chance decides more often."""
+"""Factor on the misfit that spectra by fault have to reach where records are few, and spectra of all faults where
+they are enough. Closer to 1, chance decides more often."""
 _WEAK: Final = (0.5, 0.15)
 """Parts of an effect's default strength at which it is tried. More take a simulation each."""
 _OTHER: Final = 5
@@ -98,8 +99,6 @@ def closest_twin(
         The verdict's twin where nothing brings it closer.
     """
     begin = found.after if found.gap else found.before
-    if not hasattr(begin.simulator, "can_add"):
-        return begin
     bare = evidence.without_added(begin.simulator)
     start = _Twin(bare, begin.effects, evidence.misfit(bare, begin.effects))
     progress("spectra of path and background", 0.0)
@@ -222,7 +221,7 @@ def _made(evidence: Evidence, now: _Twin, chain: Chain, rounds: int = 1, *, move
 def _ranked(
     evidence: Evidence, now: _Twin, found: Explanation, learnt: Learnt, progress: Callable[[float], None]
 ) -> list[Effect]:
-    """Effects that bring the twin closer, each at the better of two values, the most helpful first.
+    """Effects that bring the twin closer, each at the best of its trial values, the most helpful first.
 
     Those on the excitation, which change what is measured of the path, are tried first: with large records or a contact
     twin the number of trials is small.

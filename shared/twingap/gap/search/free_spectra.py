@@ -168,11 +168,6 @@ class Spectra:
         self.real = self.of(evidence.trial_records)
 
     @property
-    def healthy(self) -> Array | None:
-        """[bands] Between the lines of the healthy records; None without any."""
-        return self.real["healthy"].between if "healthy" in self.real else None
-
-    @property
     def faults(self) -> list[str]:
         """States with impacts."""
         return [fault for fault in self.real if fault not in ("healthy", "None")]

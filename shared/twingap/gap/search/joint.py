@@ -9,7 +9,7 @@ CMA-ES (Ros & Hansen 2008, doi:10.1007/978-3-540-87700-4_30) needs few evaluatio
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -35,8 +35,6 @@ def fitted_together(
     effects: Sequence[Effect],
     trials: int,
     progress: Callable[[float], None] = lambda part: None,
-    *,
-    moved: Collection[str] | None = None,
 ) -> tuple[Simulator, tuple[Effect, ...], float]:
     """The twin at the values that a joint search finds closest to the trial records.
 
@@ -50,8 +48,6 @@ def fitted_together(
         Largest number of simulations of the trial records.
     progress : callable
         Called with the completed part, 0 to 1.
-    moved : collection of str, optional
-        Effects and baseline parameters whose values may move; None for all.
 
     Returns
     -------
@@ -59,13 +55,11 @@ def fitted_together(
         With the misfit; the given ones where nothing is closer.
     """
     search = ValueSearch(evidence, simulator, tuple(effects), trials, {}, 0.0)
-    search.gather_effects([effect for effect in effects if moved is None or effect.name in moved], {})
+    search.gather_effects(effects, {})
     if isinstance(simulator, TwinSimulator):
         search.gather_baseline(simulator)
     search.gather_level()
     search.priors.clear()
-    if moved is not None:
-        search.at = {key: value for key, value in search.at.items() if key[0] or key[1] in moved}
     begin = search.initial_objective()
     keys = list(search.at)
     if not keys:

@@ -119,3 +119,11 @@ def test_each_fault_has_its_own_where_bearings_differ() -> None:
         low, high = np.interp([1000.0, 4000.0], one.frequencies_hz, one.gains_db)
         tilts.append(high - low)
     assert tilts[0] - tilts[1] > 8.0
+
+
+def test_lines_that_the_twin_has_are_not_found_again() -> None:
+    hum = make_effect("mains_interference", {"level": 0.8})
+    evidence = evidence_of(hum)
+    bare = evidence.against().simulator
+    assert measured(evidence, bare, (), (LINES,)) is not None
+    assert measured(evidence, bare, (hum,), (LINES,)) is None
