@@ -4,7 +4,8 @@
 
 tox gives each of its environments an installation of its own; torch and its kin are too large for that. So all of them
 share one, made beside them in tox's work folder. Dependencies are installed again only when pyproject.toml or
-constraints.txt changed or an extra is missing, the project itself only when its files changed.
+constraints.txt changed or an extra is missing, the project itself only when its files changed. Environments that run at
+the same time install one after the other.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ import sys
 from pathlib import Path
 
 import virtualenv
+from filelock import FileLock
 
 ROOT = Path(__file__).resolve().parent.parent
 HOUSE = Path(os.environ.get("TOX_WORK_DIR", ROOT / ".tox")) / "house"
@@ -60,7 +62,9 @@ def main() -> int:
     """Install, then run the module with the shared installation's Python."""
     split = sys.argv.index("--")
     extras = {extra for word in sys.argv[1:split] for extra in word.split(",") if extra}
-    install(extras)
+    HOUSE.parent.mkdir(parents=True, exist_ok=True)
+    with FileLock(HOUSE.with_suffix(".lock")):
+        install(extras)
     return subprocess.run([str(PYTHON), "-m", *sys.argv[split + 1 :]]).returncode
 
 

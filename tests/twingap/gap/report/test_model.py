@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from twingap.errors import TwingapError
@@ -108,6 +108,7 @@ reports = st.builds(
 )  # fmt: skip
 
 
+@settings(max_examples=25)
 @given(reports)
 def test_what_is_written_comes_back(report: GapReport) -> None:
     assert from_json(json.loads(dumped(to_json(report)))) == report
