@@ -25,16 +25,23 @@ def simulate(
     out: Annotated[Path, typer.Option(metavar="DIR", help="New folder for the record set.")],
     fs_hz: Annotated[float | None, typer.Option("--fs-hz", help="Sampling rate of CSV rows without one, Hz.")] = None,
     duration_s: Annotated[float | None, typer.Option("--duration-s", help="Length of CSV rows without one, s.")] = None,
+    population: Annotated[
+        int | None,
+        typer.Option(
+            metavar="N",
+            help="Draw N machines from the spread of the twin's values over units, such as those of closest.toml; each "
+            "has a record per condition, and the column unit names it.",
+        ),
+    ] = None,
     effects: Effects = None,
     seed: Seed = 0,
     as_json: Json = False,
 ) -> None:
     """Simulate the twin's records for the conditions (speed, fault, load, time) of a record set or a CSV."""
-    import numpy as np
-
     from twingap.records.conditions import read_conditions
     from twingap.records.folder import write_records
-    from twingap.twins.twin_file import build_twin, overruled, read_twin, scaled_for
+    from twingap.twins.simulate import simulated
+    from twingap.twins.twin_file import overruled, read_twin, scaled_for
 
     spec = read_twin(twin)
     stated = read_conditions(records, fs_hz=fs_hz, duration_s=duration_s)
@@ -48,21 +55,21 @@ def simulate(
         raise _no_bearing(twin, records)
     notes = [note] if (note := overruled(spec, stated.bearing)) else []
     spec, of_scale = scaled_for(spec, unit)
-    model = build_twin(spec, bearing, unit)
-    made = model.stream(conditions, np.random.default_rng(seed))
-    write_records(out, f"{spec.model} twin", unit, bearing, None, steps(made, "simulate", len(conditions)))
+    made = simulated(spec, conditions, bearing, unit, seed, population)
+    count = len(conditions) * (population or 1)
+    write_records(out, f"{spec.model} twin", unit, bearing, None, steps(made, "simulate", count))
     rows = [
-        {"fault": fault, "records": sum(c.fault == fault for c in conditions)}
+        {"fault": fault, "records": sum(c.fault == fault for c in conditions) * (population or 1)}
         for fault in dict.fromkeys(c.fault for c in conditions)
     ]
     if as_json:
         about = {
-            "out": str(out), "records": len(conditions), "unit": unit, "seed": seed, "faults": rows,
+            "out": str(out), "records": count, "unit": unit, "seed": seed, "faults": rows,
             "notes": [*notes, *([of_scale] if of_scale else [])],
         }  # fmt: skip
         say_json(about)
     else:
-        show(rows, False, title=f"{len(conditions)} records of the {spec.model} twin")
+        show(rows, False, title=f"{count} records of the {spec.model} twin")
         for note in notes:
             say(f"note: {note}")
     if of_scale:

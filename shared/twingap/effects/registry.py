@@ -23,7 +23,7 @@ from typing import Any, Final, TypeVar
 from twingap.bearing import FAULTS
 from twingap.config import build
 from twingap.effects.base import Effect, Stage, effect_name, snake_case
-from twingap.effects.per_fault import per_fault
+from twingap.effects.by_state import UNITS, State, by_state
 from twingap.errors import TwingapError
 
 __all__ = [
@@ -120,7 +120,8 @@ def own_effects() -> dict[str, type[Effect]]:
 def make_effect(name: str, parameters: Mapping[str, float] | None = None, where: object = None) -> Effect:
     """An effect by its name, with its default parameters except for those given.
 
-    A table named by a fault holds the values of records with that fault (`per_fault`).
+    A table named by a fault holds the values of records with that fault, its tables of units those of single bearings
+    (`by_state`).
 
     Raises
     ------
@@ -133,14 +134,20 @@ def make_effect(name: str, parameters: Mapping[str, float] | None = None, where:
         raise TwingapError(f"unknown effect {name!r}", where=where, mend=f"known effects: {', '.join(known)}")
     own: dict[str, Any] = dict(parameters or {})
     place = f"{where}: {name}" if where is not None else f"effect {name}"
-    tables: dict[str, Mapping[str, Any]] = {
-        fault: own.pop(fault) for fault in FAULTS if isinstance(own.get(fault), Mapping)
-    }
+    tables = {fault: dict(own.pop(fault)) for fault in FAULTS if isinstance(own.get(fault), Mapping)}
     base = build(kind, own, place)
-    if not tables:
-        return base
-    of_faults = {fault: build(kind, {**own, **table}, f"{place}.{fault}") for fault, table in tables.items()}
-    return per_fault(base, of_faults)
+    states: dict[State, Effect] = {}
+    for fault, table in tables.items():
+        units = table.pop(UNITS, {})
+        states[State(fault)] = build(kind, {**own, **table}, f"{place}.{fault}")
+        if not isinstance(units, Mapping):
+            raise TwingapError(f"{units!r} found, a table expected", where=f"{place}.{fault}.{UNITS}")
+        for unit, values in units.items():
+            if not isinstance(values, Mapping):
+                where = f"{place}.{fault}.{UNITS}.{unit}"
+                raise TwingapError(f"{values!r} found, a table expected", where=where)
+            states[State(fault, unit)] = build(kind, {**own, **table, **values}, f"{place}.{fault}.{UNITS}.{unit}")
+    return by_state(base, states)
 
 
 def in_order(effects: tuple[Effect, ...]) -> tuple[Effect, ...]:

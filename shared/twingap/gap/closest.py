@@ -14,7 +14,7 @@ from typing import Final
 import numpy as np
 
 from twingap.effects import Effect, LineSpectrum
-from twingap.effects.per_fault import PerFault
+from twingap.effects.by_state import UNIT_COLUMNS, ByState
 from twingap.gap.distance.closure import Closure, closure, closure_interval, paired
 from twingap.gap.distance.closure_metrics import closure_metrics
 from twingap.gap.distance.feature_vectors import FeatureVectors
@@ -26,14 +26,12 @@ from twingap.gap.report.model import Ceiling, ClosestEffect, ClosestTwin, Effect
 from twingap.gap.search.attribution import attribution
 from twingap.gap.search.closest_twin import closest_twin
 from twingap.gap.search.evidence import Compared
-from twingap.gap.search.free_spectra import BACKGROUND, PATH, measured
+from twingap.gap.search.free_spectra import BACKGROUND, PATH, by_of, measured
 from twingap.records import Condition
 from twingap.twins.simulator import Simulator, TwinSimulator
 
 CLOSEST_FILE: Final = "closest.toml"
 """Twin file of the closest twin, beside gap.json."""
-UNIT_COLUMNS: Final = ("bearing_id", "bearing", "unit")
-"""Columns of records.csv that name the bearing, the first that a set has."""
 _REPLAYED: Final = 3
 """Largest number of real records that stand in place of the twin for each held-out record."""
 _FEWEST_RECORDS: Final = 3
@@ -73,8 +71,7 @@ def closest_of(
 
     def refitted(chain: tuple[Effect, ...]) -> tuple[Simulator, tuple[Effect, ...]]:
         names = [name for name in (PATH, BACKGROUND) if name in {effect.name for effect in chain}]
-        own = any(isinstance(effect, PerFault) for effect in chain)
-        made = measured(evidence, now.simulator, chain, names, 2, by_fault=own) if names else None
+        made = measured(evidence, now.simulator, chain, names, 2, by=by_of(chain)) if names else None
         return made or (now.simulator, chain)
 
     shares = attribution(
@@ -111,22 +108,24 @@ def of_verdict(held_out: HeldOut, closed: float, ci: tuple[float, float]) -> Clo
 
 def values_of(effect: Effect) -> dict[str, ParameterValue]:
     """Values of an effect of the closest twin; of lists, which its twin file holds, the number of values."""
-    base = effect.base if isinstance(effect, PerFault) else effect
+    base = effect.base if isinstance(effect, ByState) else effect
     values = dict(values_of_effect(base, {}))
     for field in base.profiles():
         values[field.name] = ParameterValue(float(len(getattr(base, field.name))), "values in closest.toml")
-    if isinstance(effect, PerFault):
-        for fault, own in effect.faults:
+    if isinstance(effect, ByState):
+        for state, own in effect.states:
             for field in own.parameters():
-                if getattr(own, field.name) != getattr(base, field.name):
+                if not state.unit and getattr(own, field.name) != getattr(base, field.name):
                     value = ParameterValue(float(getattr(own, field.name)), field.metadata["unit"])
-                    values[f"{field.name} ({fault})"] = value
+                    values[f"{field.name} ({state.fault})"] = value
+        if units := {state.unit for state, _ in effect.states if state.unit}:
+            values["units"] = ParameterValue(float(len(units)), "with values of their own in closest.toml")
     return values
 
 
 def line_counts(effect: Effect, held_out: HeldOut) -> dict[str, ParameterValue]:
     """Number of lines of each kind (`line_names`); of lines measured by fault, those of the fault that has most."""
-    own = [effect.base, *(one for _, one in effect.faults)] if isinstance(effect, PerFault) else [effect]
+    own = [effect.base, *(one for _, one in effect.states)] if isinstance(effect, ByState) else [effect]
     lines = [one for one in own if isinstance(one, LineSpectrum)]
     if not lines:
         return {}

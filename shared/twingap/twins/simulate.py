@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +12,7 @@ from twingap.bearing import Bearing
 from twingap.errors import TwingapError
 from twingap.records import Condition, Record, RecordSet
 from twingap.records.conditions import read_conditions
+from twingap.twins.population import conditions_of, machines
 from twingap.twins.twin_file import TwinSpec, build_twin, read_twin, scaled_for
 
 FilePath = str | os.PathLike[str]
@@ -22,6 +23,7 @@ def simulate(
     twin: TwinSpec | FilePath,
     *,
     seed: int | np.random.Generator = 0,
+    population: int | None = None,
     progress: Callable[[str, float], None] | None = None,
 ) -> RecordSet:
     """Simulate a twin's records.
@@ -34,14 +36,17 @@ def simulate(
         What is modelled, or its twin file.
     seed : int or numpy.random.Generator
         Same seed, same samples.
+    population : int, optional
+        Number of machines to draw from the spread of the twin's values over units (`twingap.twins.population`); each
+        has a record per condition. None for the twin itself.
     progress : callable, optional
         Called with the current step and the fraction done, 0 to 1.
 
     Returns
     -------
     RecordSet
-        One record per condition, in the twin's own unit where its file states one, else in that of the conditions,
-        else in m/s^2.
+        One record per condition (and machine), in the twin's own unit where its file states one, else in that of the
+        conditions, else in m/s^2.
 
     Raises
     ------
@@ -64,10 +69,28 @@ def simulate(
     bearing = bearing or spec.bearing
     if bearing is None:
         raise TwingapError("the bearing is not known", where="simulate", mend="add [bearing] to the twin file")
-    model = build_twin(scaled_for(spec, unit)[0], bearing, unit)
     made: list[Record] = []
-    for record in model.stream(conditions, np.random.default_rng(seed)):
+    total = len(conditions) * (population or 1)
+    for record in simulated(scaled_for(spec, unit)[0], conditions, bearing, unit, seed, population):
         made.append(record)
         if progress is not None:
-            progress("simulate", len(made) / len(conditions))
+            progress("simulate", len(made) / total)
     return RecordSet.from_records(f"{spec.model} twin", unit, bearing, made)
+
+
+def simulated(
+    spec: TwinSpec,
+    conditions: Sequence[Condition],
+    bearing: Bearing,
+    unit: str,
+    seed: int | np.random.Generator = 0,
+    population: int | None = None,
+) -> Iterator[Record]:
+    """Records of a twin, or of machines drawn from it, one at a time; see `simulate` for the parameters."""
+    rng = np.random.default_rng(seed)
+    if population is None:
+        yield from build_twin(spec, bearing, unit).stream(conditions, rng)
+        return
+    drawing, noise = rng.spawn(2)
+    for name, machine in machines(spec, population, drawing):
+        yield from build_twin(machine, bearing, unit).stream(conditions_of(conditions, name), noise)

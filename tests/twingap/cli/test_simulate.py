@@ -184,3 +184,22 @@ def test_tables_that_are_none(twingap: Run, twin: Path, tmp_path: Path, wrong: b
     path.write_bytes(wrong)
     refused(simulate(twingap, twin, path, tmp_path / "out"), "wrong.csv")
     assert not (tmp_path / "out").exists()
+
+
+def test_a_population_has_a_record_per_machine_and_condition(
+    twingap: Run, twin: Path, table: Path, tmp_path: Path
+) -> None:
+    units = {unit: {"sigma": sigma} for unit, sigma in (("a", 0.1), ("b", 0.3))}
+    spec = TwinSpec(
+        "phenomenological", ("impact_scatter",), parameters={"impact_scatter": {"inner": {"units": units}}},
+        bearing=BEARINGS["6205"],
+    )  # fmt: skip
+    write_twin(tmp_path / "closest.toml", spec)
+    said = simulate(twingap, tmp_path / "closest.toml", table, tmp_path / "set", "--population", 4)
+    assert said.status == 0 and "24 records" in said.out
+    made = read_record_set(tmp_path / "set")
+    assert [c.name for c in made.conditions[::6]] == [f"machine{i}_healthy0" for i in (1, 2, 3, 4)]
+    assert made.conditions[6].extra["unit"] == "machine2"
+    said = simulate(twingap, twin, table, tmp_path / "none", "--population", 4)
+    refused(said, "no values of several units", "bearing_id")
+    assert not (tmp_path / "none").exists()

@@ -8,8 +8,8 @@ import pytest
 from twingap import BEARINGS, Condition, TwingapError
 from twingap.config import read_toml, to_toml
 from twingap.effects import Effect, make_effect
+from twingap.effects.by_state import ByState, State, by_state, of_state
 from twingap.effects.line_spectrum import LineSpectrum
-from twingap.effects.per_fault import PerFault, of_fault, per_fault
 from twingap.effects.transfer_path import minimum_phase
 from twingap.signal import power_spectral_density
 from twingap.streams import Streams
@@ -148,15 +148,15 @@ def test_lists_are_checked(name: str, values: dict, said: str) -> None:
 
 def test_values_of_a_fault_act_on_its_records_alone() -> None:
     both = make_effect("impact_scatter", {"sigma": 0.0, "outer": {"sigma": 0.8}})
-    assert isinstance(both, PerFault) and both.name == "impact_scatter"
+    assert isinstance(both, ByState) and both.name == "impact_scatter"
     np.testing.assert_array_equal(
         record((both,), "inner"), record((make_effect("impact_scatter", {"sigma": 0.0}),), "inner")
     )
     np.testing.assert_array_equal(
         record((both,), "outer"), record((make_effect("impact_scatter", {"sigma": 0.8}),), "outer")
     )
-    assert of_fault(both, "outer") == make_effect("impact_scatter", {"sigma": 0.8})
-    assert per_fault(both.base, {"inner": both.base}) == both.base, "nothing differs"
+    assert of_state(both, State("outer")) == make_effect("impact_scatter", {"sigma": 0.8})
+    assert by_state(both.base, {State("inner"): both.base}) == both.base, "nothing differs"
 
 
 def test_values_of_a_fault_survive_a_file(tmp_path) -> None:
@@ -165,3 +165,39 @@ def test_values_of_a_fault_survive_a_file(tmp_path) -> None:
     assert make_effect("load_zone", read_toml(tmp_path / "a.toml")["parameters"]["load_zone"]) == both
     with pytest.raises(TwingapError, match=r"load_zone\.inner.*unknown key 'depht'"):
         make_effect("load_zone", {"inner": {"depht": 0.1}})
+
+
+def test_values_of_a_unit_act_on_its_records_alone() -> None:
+    both = make_effect("impact_scatter", {"sigma": 0.0, "outer": {"sigma": 0.3, "units": {"OR 21": {"sigma": 0.8}}}})
+
+    def of_unit(effect: Effect, **extra: str) -> np.ndarray:
+        condition = Condition("r", 1800.0, 12000.0, 6000, "outer", extra=extra)
+        twin = PhenomenologicalTwin(BEARINGS["6205"], effects=(effect,))
+        return twin.simulate([condition], np.random.default_rng(3))[0].samples
+
+    for extra, sigma in (
+        ({"bearing_id": "OR 21"}, 0.8),
+        ({"unit": "OR 21"}, 0.8),
+        ({"bearing_id": "OR 7"}, 0.3),
+        ({}, 0.3),
+    ):
+        plain = make_effect("impact_scatter", {"sigma": sigma})
+        np.testing.assert_array_equal(of_unit(both, **extra), of_unit(plain, **extra), err_msg=str(extra))
+
+
+def test_values_of_a_unit_survive_a_file(tmp_path) -> None:
+    path = {"frequencies_hz": [100.0, 900.0], "gains_db": [0.0, 3.0]}
+    units = {"outer": {"gains_db": [1.0, 4.0], "units": {"OR 21": {"gains_db": [2.0, 5.0]}, "ä.b": {"depth": 0.5}}}}
+    both = make_effect("transfer_path", {**path, **units, "ball": {"units": {"B7": {"inverted": True}}}})
+    text = to_toml({"parameters": {"transfer_path": both.parameter_values()}})
+    (tmp_path / "a.toml").write_text(text, encoding="utf-8")
+    assert make_effect("transfer_path", read_toml(tmp_path / "a.toml")["parameters"]["transfer_path"]) == both
+    assert of_state(both, State("outer", "ä.b")).gains_db == (1.0, 4.0)
+    assert of_state(both, State("ball", "B8")) == both.base
+    for units, said in (
+        ({"x": {"depht": 1}}, r"outer\.units\.x.*unknown key 'depht'"),
+        ({"x": 3}, "table"),
+        (3, "table"),
+    ):
+        with pytest.raises(TwingapError, match=said):
+            make_effect("transfer_path", {"outer": {"units": units}})

@@ -16,11 +16,12 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 from twingap.effects import Effect, Stage, catalogue, make_effect
+from twingap.effects.by_state import unit_of
 from twingap.errors import TwingapError
 from twingap.gap.knowledge.learnt import Learnt
 from twingap.gap.search.effect_search import Explanation, estimate
 from twingap.gap.search.evidence import Compared, Evidence
-from twingap.gap.search.free_spectra import BACKGROUND, LINES, MEASURED, PATH, measured
+from twingap.gap.search.free_spectra import BACKGROUND, LINES, MEASURED, PATH, By, measured
 from twingap.gap.search.initial_values import observations
 from twingap.gap.search.joint import fitted_together
 from twingap.gap.search.optimise import optimise, validation_distance
@@ -71,7 +72,7 @@ class _Twin:
     simulator: Simulator
     effects: Chain
     misfit: float
-    by_fault: bool = False
+    by: By = "all"
 
     @property
     def names(self) -> frozenset[str]:
@@ -103,21 +104,22 @@ def closest_twin(
     start = _Twin(bare, begin.effects, evidence.misfit(bare, begin.effects))
     progress("spectra of path and background", 0.0)
     counts = Counter(c.fault for c in evidence.trial_records.conditions if c.fault != "healthy")
-    enough = bool(counts) and min(counts.values()) >= ENOUGH
+    preferred: By = "fault" if counts and min(counts.values()) >= ENOUGH else "all"
+    sides: tuple[By, By] = ("fault", "all")
     now, least = start, math.inf
     for given in _rhythms(evidence, start, found):
         best = given
-        for by_fault in (True, False):
-            choices = ((PATH,), (BACKGROUND,), (PATH, BACKGROUND)) if not by_fault else ((PATH, BACKGROUND),)
-            one = _with_spectra(evidence, given, choices, by_fault)
-            noisier = by_fault is not enough and best.by_fault is enough
+        for by in sides:
+            choices = ((PATH,), (BACKGROUND,), (PATH, BACKGROUND)) if by == "all" else ((PATH, BACKGROUND),)
+            one = _with_spectra(evidence, given, choices, by)
+            noisier = by != preferred and best.by == preferred
             best = one if one.misfit < (OWN_WORTH if noisier else WORTH) * best.misfit else best
         # Trial records are shortened, and regular impacts stand out the more the longer a record is.
         left = evidence.gap(best.simulator, best.effects, _OTHER)
         if left < WORTH * least:
             now, least = best, left
     known = tuple(name for name in MEASURED if name in {*now.names, LINES})
-    now = _with_spectra(evidence, now, (known, MEASURED), now.by_fault)
+    now = _with_spectra(evidence, now, (known, MEASURED), now.by)
     stages = [start, now]
     more = "effects that bring it closer"
     for effect in _ranked(evidence, now, found, learnt, lambda part: progress(more, 0.05 + 0.4 * part)):
@@ -133,16 +135,17 @@ def closest_twin(
     joint = fitted_together(
         evidence, now.simulator, now.effects, trials, lambda part: progress("values fitted together", 0.5 + 0.4 * part)
     )
-    now = _Twin(*joint, now.by_fault)
+    now = _Twin(*joint, now.by)
     local = optimise(evidence, now.simulator, now.effects, learnt.errors, passes=2)
-    now = _Twin(local.simulator, local.effects, evidence.misfit(local.simulator, local.effects), now.by_fault)
+    now = _Twin(local.simulator, local.effects, evidence.misfit(local.simulator, local.effects), now.by)
     spectra = tuple(name for name in MEASURED if name in now.names)
-    stages.append(_with_spectra(evidence, now, (spectra, (*spectra, LINES), MEASURED), now.by_fault))
+    stages.append(_with_spectra(evidence, now, (spectra, (*spectra, LINES), MEASURED), now.by))
     # What was fitted to chance is farther from other simulations of all records; the simplest of equals is kept.
     best, least = start, validation_distance(evidence, start.simulator, start.effects)
     for one in stages[1:]:
         if one is not best and (left := validation_distance(evidence, one.simulator, one.effects)) < SIMPLER * least:
             best, least = one, left
+    best = _with_units(evidence, best, least)
     return Compared(evidence, best.effects, best.simulator)
 
 
@@ -177,17 +180,29 @@ def _rhythms(evidence: Evidence, start: _Twin, found: Explanation) -> Iterator[_
             yield _Twin(start.simulator, chain, evidence.misfit(start.simulator, chain))
 
 
-def _with_spectra(evidence: Evidence, now: _Twin, choices: Sequence[tuple[str, ...]], by_fault: bool) -> _Twin:
+def _with_spectra(evidence: Evidence, now: _Twin, choices: Sequence[tuple[str, ...]], by: By) -> _Twin:
     """The twin with the choice of measured spectra that brings it closest."""
     best = now
     for names in choices:
-        made = measured(evidence, now.simulator, now.effects, names, by_fault=by_fault) if names else None
+        made = measured(evidence, now.simulator, now.effects, names, by=by) if names else None
         if made is None:
             continue
-        one = _Twin(*made, evidence.misfit(*made), by_fault)
+        one = _Twin(*made, evidence.misfit(*made), by)
         if one.misfit < (WORTH if best is now else 1.0) * best.misfit:
             best = one
     return best
+
+
+def _with_units(evidence: Evidence, now: _Twin, left: float) -> _Twin:
+    """The twin with path and background by unit, where there are several units of a fault and it brings it closer."""
+    units = {(c.fault, unit_of(c)) for c in evidence.calibrated.fit.conditions}
+    names = [name for name in (PATH, BACKGROUND) if name in now.names]
+    if not names or len(units) == len({fault for fault, _ in units}):
+        return now
+    made = measured(evidence, now.simulator, now.effects, names, by="unit")
+    if made is None or validation_distance(evidence, *made) >= SIMPLER * left:
+        return now
+    return _Twin(*made, evidence.misfit(*made), "unit")
 
 
 def _without_idle(evidence: Evidence, now: _Twin) -> _Twin:
@@ -211,9 +226,9 @@ def _made(evidence: Evidence, now: _Twin, chain: Chain, rounds: int = 1, *, move
     """The twin with other effects; path and background are measured anew where what acts before them has changed."""
     names = [name for name in (PATH, BACKGROUND) if name in now.names and moved]
     try:
-        again = measured(evidence, now.simulator, chain, names, rounds, by_fault=now.by_fault) if names else None
+        again = measured(evidence, now.simulator, chain, names, rounds, by=now.by) if names else None
         made = again or (now.simulator, chain)
-        return _Twin(*made, evidence.misfit(*made), now.by_fault)
+        return _Twin(*made, evidence.misfit(*made), now.by)
     except TwingapError:
         return None
 

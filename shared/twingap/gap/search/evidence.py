@@ -25,7 +25,7 @@ from twingap.gap.features.pooled import features as pooled
 from twingap.gap.features.pooled.features import PooledRecords
 from twingap.gap.features.pooled.trends import Levels
 from twingap.gap.features.spectrum.record_summary import RecordSummary, summarise
-from twingap.gap.search.free_spectra import Spectra
+from twingap.gap.search.free_spectra import By, Spectra
 from twingap.gap.search.parameter_scale import Setting
 from twingap.identification.baseline import MOST_SIMULATED, StateSpectrum, match_level, state_spectra
 from twingap.identification.calibrate import Calibrated, recalibrate, thinned
@@ -172,6 +172,7 @@ class Evidence:
         self.setting = Setting.of(conditions)
         self._simulator = simulator
         self._known: dict[tuple[Effect, ...], Compared] = {}
+        self._spectra: dict[By, Spectra] = {}
 
     def pool(self, fit: Sequence[RecordSummary], held_out: Sequence[RecordSummary]) -> PooledRecords:
         """Pooled records of both parts; records that are in both count once."""
@@ -213,14 +214,21 @@ class Evidence:
     @cached_property
     def trial_records(self) -> RecordSet:
         """A few shortened records of each state of the fit part, for trial simulations."""
-        few = thinned(self.calibrated.fit, MOST_TRIED)
-        conditions = [replace(c, n_samples=min(c.n_samples, LONGEST_TRIED)) for c in few.conditions]
-        return RecordSet(few.name, few.unit, few.bearing, conditions, lambda i: few[i].samples[:LONGEST_TRIED])
+        return self.shortened(thinned(self.calibrated.fit, MOST_TRIED))
 
-    @cached_property
-    def spectra(self) -> Spectra:
-        """Mean spectra of the states of the trial records."""
-        return Spectra(self)
+    @staticmethod
+    def shortened(records: RecordSet) -> RecordSet:
+        """The records with at most `LONGEST_TRIED` samples each."""
+        conditions = [replace(c, n_samples=min(c.n_samples, LONGEST_TRIED)) for c in records.conditions]
+        return RecordSet(
+            records.name, records.unit, records.bearing, conditions, lambda i: records[i].samples[:LONGEST_TRIED]
+        )
+
+    def spectra(self, by: By) -> Spectra:
+        """Mean spectra of records of the fit part, computed on first use."""
+        if by not in self._spectra:
+            self._spectra[by] = Spectra(self, by)
+        return self._spectra[by]
 
     @property
     def trials(self) -> int:

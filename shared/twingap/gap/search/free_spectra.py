@@ -13,7 +13,8 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Final, NamedTuple
+from functools import cached_property
+from typing import TYPE_CHECKING, Final, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,10 +23,10 @@ from scipy.signal import find_peaks
 from scipy.stats import norm
 
 from twingap.effects import BackgroundSpectrum, Effect, LineSpectrum, TransferPath
-from twingap.effects.per_fault import of_fault, per_fault
+from twingap.effects.by_state import ByState, State, by_state, of_state, unit_of
 from twingap.gap.external_simulator import ExternalSimulator
 from twingap.identification.calibrate import thinned
-from twingap.records import Record
+from twingap.records import Condition, Record, RecordSet
 from twingap.signal.record_transforms import SMOOTH_SEGMENTS, RecordTransforms, band_medians
 from twingap.twins.simulator import Simulator, TwinSimulator
 from twingap.twins.twin_file import all_parameters, flat
@@ -35,6 +36,8 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 Chain = tuple[Effect, ...]
+By = Literal["all", "fault", "unit"]
+"""Whose records have a path, background or lines of their own: all, those of each fault, or of each unit."""
 
 PATH: Final = "transfer_path"
 BACKGROUND: Final = "background_spectrum"
@@ -66,6 +69,9 @@ _PART: Final = 0.3
 """Quantile over records of a line's height that is tested. A smaller value asks for the line in more of them."""
 _LOUDER: Final = 2.0
 """Power of a line over that of the twin at its place from which it is missing in the twin."""
+_UNIT_RECORDS: Final = 3
+"""Records of each unit by which its path and background are measured. More reduce noise and take longer."""
+_HEALTHY: Final = State("healthy")
 _LINE_RECORDS: Final = 8
 """Records of each state that are searched for lines. More find weaker lines and take longer."""
 _LONGEST: Final = 1 << 18
@@ -86,7 +92,7 @@ def measured(
     names: Collection[str],
     rounds: int = ROUNDS,
     *,
-    by_fault: bool = False,
+    by: By = "all",
 ) -> tuple[Simulator, Chain] | None:
     """The twin with transfer path, background or lines as measured on the fit part.
 
@@ -100,47 +106,55 @@ def measured(
         Which of `MEASURED` to add.
     rounds : int
         Simulations by which path and background are corrected.
-    by_fault : bool
-        Whether each fault has its own, as different bearings in different mountings have.
+    by : {"all", "fault", "unit"}
+        Whose records have their own, as different bearings in different mountings have. Lines are not measured by unit.
 
     Returns
     -------
     (Simulator, tuple of Effect) or None
         None where nothing of them can be measured.
     """
-    spectra = evidence.spectra
-    names = {name for name in names if evidence.can_add(name) is None}
-    states = [state for state in spectra.real if state != "None"] if by_fault else [""]
-    if "healthy" not in spectra.real:
+    spectra = evidence.spectra(by)
+    names = {name for name in names if evidence.can_add(name) is None and not (by == "unit" and name == LINES)}
+    states = [State("")] if by == "all" else spectra.states
+    if _HEALTHY not in spectra.real:
         names.discard(BACKGROUND)
     if not names:
         return None
     kept = tuple(effect for effect in effects if effect.name not in names)
     known = {effect.name: effect for effect in effects}
     paths = {state: _path_of(known.get(PATH), state, spectra) for state in states} if PATH in names else {}
-    densities: dict[str, Array | None] = dict.fromkeys(states if BACKGROUND in names else ())
+    densities: dict[State, Array | None] = dict.fromkeys(states if BACKGROUND in names else ())
     if BACKGROUND in names and (own := known.get(BACKGROUND)) is not None:
         densities = {state: _density_of(own, state, spectra, _reference(simulator)) for state in states}
-    conditions = evidence.trial_records.conditions
+    # Impact amplitudes of the twin differ between faults, not between units.
+    has_levels = isinstance(simulator, TwinSimulator) and by != "unit"
     # Without lines, their power would be taken for that of impacts.
     lines = _all_lines(evidence, simulator, kept, states) if LINES in names and paths else ()
+    over = known if by == "unit" else {}
     for _ in range(rounds if paths or densities else 0):
-        chain = _with((*kept, *lines), spectra, paths, densities, _reference(simulator))
-        made = spectra.of(evidence.simulated(simulator, chain, conditions, 3))
+        chain = _with((*kept, *lines), spectra, paths, densities, _reference(simulator), over)
+        made = spectra.of(evidence.simulated(simulator, chain, spectra.records.conditions, 3))
         if paths:
-            steps, levels = _path_steps(spectra, made, states, has_levels=isinstance(simulator, TwinSimulator))
+            steps, levels = _path_steps(spectra, made, states, has_levels=has_levels)
             paths = {state: path + steps[state] for state, path in paths.items()}
             simulator = _louder(evidence, simulator, kept, levels)
         for state, density in densities.items():
-            side = state or "healthy"
+            side = state if state.fault else _HEALTHY
             wanted, now = np.exp(spectra.real[side].between), np.exp(made[side].between)
             # What impacts, other effects and a finished waveform have between lines stays.
             rest = 0.0 if density is None else np.maximum(now - density, 0.0)
             densities[state] = np.maximum(wanted - rest, _LEAST_NOISE * wanted)
-    chain = _with(kept, spectra, paths, densities, _reference(simulator))
+    chain = _with(kept, spectra, paths, densities, _reference(simulator), over)
     if LINES in names:
         chain = (*chain, *_all_lines(evidence, simulator, chain, states))
     return None if chain == kept else (simulator, chain)
+
+
+def by_of(effects: Iterable[Effect]) -> By:
+    """Whose records have values of their own in these effects."""
+    own = [effect for effect in effects if isinstance(effect, ByState)]
+    return "unit" if any(effect.has_units for effect in own) else "fault" if own else "all"
 
 
 class StateLevels(NamedTuple):
@@ -159,22 +173,34 @@ class StateLevels(NamedTuple):
 
 
 class Spectra:
-    """Mean log spectra of the states of the trial records, and how to compute those of simulated ones."""
+    """Mean log spectra of the states of some records of the fit part, and how to compute those of simulated ones.
 
-    def __init__(self, evidence: Evidence) -> None:
-        self.evidence = evidence
-        self.top_hz = min(c.fs_hz for c in evidence.trial_records.conditions) / 2
+    Parameters
+    ----------
+    evidence : Evidence
+    by : {"all", "fault", "unit"}
+        By unit, records of every unit are used, else the trial records.
+    """
+
+    def __init__(self, evidence: Evidence, by: By) -> None:
+        self.evidence, self.by = evidence, by
+        self.records = evidence.trial_records if by != "unit" else evidence.shortened(_of_units(evidence))
+        self.top_hz = min(c.fs_hz for c in self.records.conditions) / 2
         self.middles_hz = (np.arange(_BANDS) + 0.5) * (self.top_hz / _BANDS)
-        self.real = self.of(evidence.trial_records)
+        self.real = self.of(self.records)
 
-    @property
-    def faults(self) -> list[str]:
-        """States with impacts."""
-        return [fault for fault in self.real if fault not in ("healthy", "None")]
+    @cached_property
+    def states(self) -> list[State]:
+        """States whose fault is known."""
+        return list(dict.fromkeys(s for c in self.records.conditions if (s := self.state_of(c)).fault != "None"))
 
-    def of(self, records: Iterable[Record]) -> dict[str, StateLevels]:
-        """State -> levels of its records."""
-        rows: dict[str, list[tuple[Array, Array]]] = {}
+    def state_of(self, condition: Condition) -> State:
+        """State of a record."""
+        return State(str(condition.fault), unit_of(condition) if self.by == "unit" else "")
+
+    def of(self, records: Iterable[Record]) -> dict[State, StateLevels]:
+        """State -> levels of its records; also those of all healthy records."""
+        rows: dict[State, list[tuple[Array, Array]]] = {}
         for record in records:
             one = RecordTransforms(record.samples, record.condition, self.evidence.frame)
             power = np.square(np.abs(one.transform[1:])) * (2 / (one.fs_hz * one.x.size))
@@ -182,7 +208,9 @@ class Spectra:
             density = one.tones[1:] * (2 * one.x.size / (3 * one.fs_hz))
             between = band_medians(density, SMOOTH_SEGMENTS) / math.log(2)
             both = self._banded(power, one.fs_hz), self._banded(between, one.fs_hz)
-            rows.setdefault(str(record.condition.fault), []).append(both)
+            state = self.state_of(record.condition)
+            for key in dict.fromkeys((state, _HEALTHY) if state.fault == "healthy" else (state,)):
+                rows.setdefault(key, []).append(both)
         return {state: StateLevels(*np.mean(own, axis=0)) for state, own in rows.items()}
 
     def _banded(self, power: Array, fs_hz: float) -> Array:
@@ -194,39 +222,41 @@ class Spectra:
         return np.asarray(np.log(sums / np.maximum(np.diff((*starts, stop)), 1) + 1e-300))
 
 
-def _path_of(effect: Effect | None, state: str, spectra: Spectra) -> Array:
+def _path_of(effect: Effect | None, state: State, spectra: Spectra) -> Array:
     """[bands] Log power gain of the path for records of a state; 0 without a path."""
-    if effect is None or not isinstance(own := of_fault(effect, state), TransferPath):
+    if effect is None or not isinstance(own := of_state(effect, state), TransferPath):
         return np.zeros(_BANDS)
     return np.asarray(own.depth * _NEPERS_PER_DB * np.interp(spectra.middles_hz, own.frequencies_hz, own.gains_db))
 
 
-def _density_of(effect: Effect, state: str, spectra: Spectra, reference: float) -> Array:
+def _density_of(effect: Effect, state: State, spectra: Spectra, reference: float) -> Array:
     """[bands] Power density of the background for records of a state."""
-    own = of_fault(effect, state)
+    own = of_state(effect, state)
     assert isinstance(own, BackgroundSpectrum)
     levels = np.interp(spectra.middles_hz, own.frequencies_hz, own.densities_db) * _NEPERS_PER_DB
     return np.asarray(np.exp(levels) * (own.level * reference) ** 2)
 
 
 def _path_steps(
-    spectra: Spectra, made: Mapping[str, StateLevels], states: Sequence[str], *, has_levels: bool
-) -> tuple[dict[str, Array], dict[str, float]]:
+    spectra: Spectra, made: Mapping[State, StateLevels], states: Sequence[State], *, has_levels: bool
+) -> tuple[dict[State, Array], dict[str, float]]:
     """Corrections of each state's path, log power [bands], and of each fault's impacts, as logarithms of amplitude."""
     total, weights = np.zeros(_BANDS), np.zeros(_BANDS)
     levels: dict[str, float] = {}
-    own_steps: dict[str, Array] = {}
-    for fault in spectra.faults:
-        real, own = _excess(spectra.real, fault), _excess(made, fault)
+    own_steps: dict[State, Array] = {}
+    for state in spectra.states:
+        if state.fault == "healthy":
+            continue
+        real, own = _excess(spectra.real, state), _excess(made, state)
         # Bands without impacts say nothing of the path.
-        weight = np.minimum(*(np.maximum(e - of[fault].all - math.log(_LEAST_EXCESS), 0.0) for e, of in
+        weight = np.minimum(*(np.maximum(e - of[state].all - math.log(_LEAST_EXCESS), 0.0) for e, of in
                               ((real, spectra.real), (own, made)))) + 1e-4  # fmt: skip
         off = np.clip(real - own, -_LARGEST_STEP, _LARGEST_STEP)
         if has_levels:
             # A gain common to all bands belongs to the impacts, which may differ between faults.
             common = float(np.average(off, weights=weight))
-            levels[fault], off = 0.5 * common, off - common
-        own_steps[fault] = _between_bands(weight * off, weight)
+            levels[state.fault], off = 0.5 * common, off - common
+        own_steps[state] = _between_bands(weight * off, weight)
         total, weights = total + weight * off, weights + weight
     shared = _between_bands(total, weights)
     return {state: own_steps.get(state, shared) for state in states}, levels
@@ -245,40 +275,63 @@ def _between_bands(total: Array, weights: Array) -> Array:
     return out
 
 
-def _excess(of: Mapping[str, StateLevels], fault: str) -> Array:
+def _excess(of: Mapping[State, StateLevels], state: State) -> Array:
     """[bands] Log power of a faulty state over its background, which is no louder than what lies between its lines."""
-    faulty = np.exp(of[fault].all)
-    background = np.exp(np.minimum(of["healthy"].between, of[fault].between)) if "healthy" in of else 0.0
+    faulty, healthy = np.exp(of[state].all), of.get(State("healthy", state.unit), of.get(_HEALTHY))
+    background = 0.0 if healthy is None else np.exp(np.minimum(healthy.between, of[state].between))
     return np.asarray(np.log(np.maximum(faulty - background, _LEAST_EXCESS * faulty)))
 
 
 def _with(
-    kept: Chain, spectra: Spectra, paths: Mapping[str, Array], densities: Mapping[str, Array | None], reference: float
+    kept: Chain,
+    spectra: Spectra,
+    paths: Mapping[State, Array],
+    densities: Mapping[State, Array | None],
+    reference: float,
+    over: Mapping[str, Effect],
 ) -> Chain:
-    """The effects with these paths (log power) and backgrounds (power density) of the states added."""
+    """The effects with these paths (log power) and backgrounds (power density) of the states added.
+
+    Records of other states have those of `over`.
+    """
     places = tuple(float(f) for f in spectra.middles_hz)
     chain = list(kept)
     if paths:
         gains = {state: np.clip(path / _NEPERS_PER_DB, -80.0, 80.0).round(3) for state, path in paths.items()}
-        chain.append(_stated({s: TransferPath(frequencies_hz=places, gains_db=tuple(g)) for s, g in gains.items()}))
+        own = {s: TransferPath(frequencies_hz=places, gains_db=tuple(g)) for s, g in gains.items()}
+        chain.append(_stated(own, over.get(PATH)))
     known = {state: density for state, density in densities.items() if density is not None}
     if known:
         levels = {s: (10 * np.log10(np.maximum(d / reference**2, 1e-25))).round(3) for s, d in known.items()}
-        chain.append(
-            _stated(
-                {
-                    s: BackgroundSpectrum(replaced=1.0, frequencies_hz=places, densities_db=tuple(d))
-                    for s, d in levels.items()
-                }
-            )
-        )
+        noise = {
+            s: BackgroundSpectrum(replaced=1.0, frequencies_hz=places, densities_db=tuple(d)) for s, d in levels.items()
+        }
+        chain.append(_stated(noise, over.get(BACKGROUND)))
     return tuple(chain)
 
 
-def _stated(of: Mapping[str, Effect]) -> Effect:
-    """One effect from those of the states: that of healthy records or of the first state, and those that differ."""
-    base = of.get("", of.get("healthy", next(iter(of.values()))))
-    return per_fault(base, {state: effect for state, effect in of.items() if state not in ("", "healthy")})
+def _stated(of: Mapping[State, Effect], over: Effect | None = None) -> Effect:
+    """One effect from those of the states: that of `over`, healthy or first records, and those that differ."""
+    base = over or of.get(State(""), of.get(_HEALTHY, next(iter(of.values()))))
+    known = dict(base.states) if isinstance(base, ByState) else {}
+    plain = base.base if isinstance(base, ByState) else base
+    return by_state(plain, {**known, **{s: effect for s, effect in of.items() if s not in (State(""), _HEALTHY)}})
+
+
+def _of_units(evidence: Evidence) -> RecordSet:
+    """A few records of each unit of the fit part, spread over its speeds."""
+    fit = evidence.calibrated.fit
+    places: dict[State, list[int]] = {}
+    for place, condition in enumerate(fit.conditions):
+        places.setdefault(State(str(condition.fault), unit_of(condition)), []).append(place)
+    return fit.take(sorted(i for own in places.values() for i in _spread(own, fit.conditions)))
+
+
+def _spread(places: Sequence[int], conditions: Sequence[Condition]) -> list[int]:
+    """At most `_UNIT_RECORDS` of these places, spread over their speeds."""
+    ordered = sorted(places, key=lambda i: (conditions[i].speed_rpm, i))
+    chosen = np.linspace(0, len(ordered) - 1, min(_UNIT_RECORDS, len(ordered))).round().astype(int)
+    return [ordered[i] for i in chosen]
 
 
 def _reference(simulator: Simulator) -> float:
@@ -302,20 +355,20 @@ def _louder(evidence: Evidence, simulator: Simulator, effects: Chain, levels: Ma
     return evidence.with_values(simulator, effects, values) if values else simulator
 
 
-def _all_lines(evidence: Evidence, simulator: Simulator, chain: Chain, states: Sequence[str]) -> Chain:
+def _all_lines(evidence: Evidence, simulator: Simulator, chain: Chain, states: Sequence[State]) -> Chain:
     """Lines of all states as one effect, or nothing."""
-    found = {state: _lines(evidence, simulator, chain, state or None) for state in states}
+    found = {state: _lines(evidence, simulator, chain, state.fault) for state in states}
     if all(one is None for one in found.values()):
         return ()
     none = LineSpectrum(frequencies_hz=(), amplitudes=(), orders=(), order_amplitudes=())
     return (_stated({state: one or none for state, one in found.items()}),)
 
 
-def _lines(evidence: Evidence, simulator: Simulator, effects: Chain, only: str | None) -> LineSpectrum | None:
-    """Lines of the fit part that the twin lacks; None without any."""
+def _lines(evidence: Evidence, simulator: Simulator, effects: Chain, fault: str) -> LineSpectrum | None:
+    """Lines that the twin lacks in records of the fit part with a fault, or in all (""); None without any."""
     others = tuple(effect for effect in effects if not isinstance(effect, LineSpectrum))
     fit = evidence.calibrated.fit
-    fit = fit if only is None else fit.take([i for i, c in enumerate(fit.conditions) if str(c.fault) == only])
+    fit = fit.take([i for i, c in enumerate(fit.conditions) if str(c.fault) == fault]) if fault else fit
     records = thinned(fit, _LINE_RECORDS)
     longest = [replace(c, n_samples=min(c.n_samples, _LONGEST)) for c in records.conditions]
     real = [

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from twingap.effects import Effect, make_effect
 from twingap.effects.base import WEAKER
-from twingap.effects.per_fault import PerFault
+from twingap.effects.by_state import ByState
 from twingap.errors import TwingapError
 from twingap.gap.distance.paired import Paired
 from twingap.gap.search.evidence import level_of
@@ -246,7 +246,7 @@ class ValueSearch:
     def gather_effects(self, effects: Sequence[Effect], errors: Mapping[Key, float]) -> None:
         """Add the parameters of effects as numbers, with first steps and plausible ranges."""
         for effect in effects:
-            if isinstance(effect, PerFault):  # measured by fault
+            if isinstance(effect, ByState):  # measured by fault or unit
                 continue
             for key in coordinates():
                 if key[0] != effect.name:

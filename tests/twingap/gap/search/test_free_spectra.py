@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -9,9 +10,9 @@ import pytest
 
 from twingap.bearing import BEARINGS
 from twingap.effects import Effect, make_effect
-from twingap.effects.per_fault import PerFault, of_fault
+from twingap.effects.by_state import ByState, State, of_state
 from twingap.gap.search.evidence import Evidence, simulator_of
-from twingap.gap.search.free_spectra import BACKGROUND, LINES, MEASURED, PATH, measured
+from twingap.gap.search.free_spectra import BACKGROUND, LINES, MEASURED, PATH, By, by_of, measured
 from twingap.identification.calibrate import calibrate
 from twingap.records import Condition, RecordSet
 from twingap.twins.phenomenological import PhenomenologicalParameters, PhenomenologicalTwin
@@ -22,8 +23,10 @@ SPEC = TwinSpec("phenomenological", bearing=BEARINGS["6205"])
 FAULTS = ("healthy", "inner", "outer")
 
 
-def evidence_of(*effects: Effect, faults: tuple[str, ...] = FAULTS, n: int = 12) -> Evidence:
-    conditions = [
+def evidence_of(
+    *effects: Effect, faults: tuple[str, ...] = FAULTS, n: int = 12, conditions: Sequence[Condition] = ()
+) -> Evidence:
+    conditions = conditions or [
         Condition(f"{fault}{i}", 1500.0 + 37.0 * i, 10000.0, 10000, fault) for fault in faults for i in range(n)
     ]
     made = PhenomenologicalTwin(BEARINGS["6205"], OWN, effects).simulate(conditions, np.random.default_rng(4))
@@ -32,10 +35,10 @@ def evidence_of(*effects: Effect, faults: tuple[str, ...] = FAULTS, n: int = 12)
     return Evidence(calibrated, simulator_of(calibrated), SPEC, 7)
 
 
-def closes(evidence: Evidence, names: tuple[str, ...], by_fault: bool = False) -> tuple[float, dict[str, Any]]:
+def closes(evidence: Evidence, names: tuple[str, ...], by: By = "all") -> tuple[float, dict[str, Any]]:
     """Misfit with these spectra measured over that without, and the effects."""
     bare = evidence.against().simulator
-    made = measured(evidence, bare, (), names, by_fault=by_fault)
+    made = measured(evidence, bare, (), names, by=by)
     assert made is not None
     return evidence.misfit(*made) / evidence.misfit(bare, ()), {effect.name: effect for effect in made[1]}
 
@@ -109,16 +112,41 @@ def test_each_fault_has_its_own_where_bearings_differ() -> None:
     )  # fmt: skip
     evidence = evidence_of(up)
     shared, _ = closes(evidence, MEASURED)
-    own, found = closes(evidence, MEASURED, by_fault=True)
+    own, found = closes(evidence, MEASURED, by="fault")
     assert own < 0.8 * shared
     path = found[PATH]
-    assert isinstance(path, PerFault)
+    assert isinstance(path, ByState)
     tilts = []
     for fault in ("inner", "outer"):
-        one = of_fault(path, fault)
+        one = of_state(path, State(fault))
         low, high = np.interp([1000.0, 4000.0], one.frequencies_hz, one.gains_db)
         tilts.append(high - low)
     assert tilts[0] - tilts[1] > 8.0
+
+
+def test_each_unit_has_its_own_where_bearings_of_a_fault_differ() -> None:
+    """Two bearings of a fault have opposite paths, whose mean is flat."""
+    tilted = {"frequencies_hz": (500.0, 2000.0, 4500.0), "gains_db": (-6.0, 0.0, 6.0)}
+    path = make_effect(PATH, {**tilted, "outer": {"units": {"two": {"gains_db": (6.0, 0.0, -6.0)}}}})
+    conditions = [
+        Condition(f"{fault}{unit}{i}", 1500.0 + 37.0 * i, 10000.0, 10000, fault, extra={"bearing_id": unit})
+        for fault, unit in (("healthy", "none"), ("outer", "one"), ("outer", "two"))
+        for i in range(8)
+    ]
+    evidence = evidence_of(path, conditions=conditions)
+    bare = evidence.against().simulator
+    simulator, chain = measured(evidence, bare, (), (PATH, BACKGROUND), by="fault") or (bare, ())
+    made = measured(evidence, simulator, chain, (PATH, BACKGROUND), by="unit")
+    assert made is not None and by_of(made[1]) == "unit" and by_of(chain) != "unit"
+    own = next(effect for effect in made[1] if effect.name == PATH)
+    tilts = []
+    for unit in ("one", "two"):
+        one = of_state(own, State("outer", unit))
+        low, high = np.interp([1000.0, 4000.0], one.frequencies_hz, one.gains_db)
+        tilts.append(high - low)
+    assert tilts[0] - tilts[1] == pytest.approx(16.0, abs=4.0)  # 8 dB from 1 to 4 kHz, up and down
+    shared = next(effect for effect in chain if effect.name == PATH)
+    assert of_state(own, State("outer", "three")) == of_state(shared, State("outer")), "a bearing never seen"
 
 
 def test_lines_that_the_twin_has_are_not_found_again() -> None:
