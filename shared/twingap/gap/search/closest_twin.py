@@ -145,7 +145,7 @@ def closest_twin(
     for one in stages[1:]:
         if one is not best and (left := validation_distance(evidence, one.simulator, one.effects)) < SIMPLER * least:
             best, least = one, left
-    best = _with_units(evidence, best, least)
+    best = _with_units(evidence, best, least, learnt)
     return Compared(evidence, best.effects, best.simulator)
 
 
@@ -193,16 +193,19 @@ def _with_spectra(evidence: Evidence, now: _Twin, choices: Sequence[tuple[str, .
     return best
 
 
-def _with_units(evidence: Evidence, now: _Twin, left: float) -> _Twin:
-    """The twin with path and background by unit, where there are several units of a fault and it brings it closer."""
+def _with_units(evidence: Evidence, now: _Twin, left: float, learnt: Learnt) -> _Twin:
+    """The twin with path and background by unit, where a fault has several units and it is no farther for it."""
     units = {(c.fault, unit_of(c)) for c in evidence.calibrated.fit.conditions}
     names = [name for name in (PATH, BACKGROUND) if name in now.names]
     if not names or len(units) == len({fault for fault, _ in units}):
         return now
     made = measured(evidence, now.simulator, now.effects, names, by="unit")
-    if made is None or validation_distance(evidence, *made) >= SIMPLER * left:
+    if made is None:
         return now
-    return _Twin(*made, evidence.misfit(*made), "unit")
+    # Values of other effects made up for what the units have in their own paths now.
+    moved = optimise(evidence, *made, learnt.errors, passes=2)
+    last = measured(evidence, moved.simulator, moved.effects, names, 2, by="unit") or made
+    return now if validation_distance(evidence, *last) > left else _Twin(*last, evidence.misfit(*last), "unit")
 
 
 def _without_idle(evidence: Evidence, now: _Twin) -> _Twin:
