@@ -21,7 +21,7 @@ from twingap.effects.draft import Draft
 from twingap.effects.drawing import healthy_density, log_uniform
 from twingap.effects.machine import Machine
 from twingap.effects.modes import Mode
-from twingap.effects.observations import Observations
+from twingap.effects.observations import Observations, SpectrumRatio
 from twingap.effects.registry import register
 
 Array = NDArray[np.float64]
@@ -31,6 +31,14 @@ _GAINS: Final = (0.1, 0.4, 1.6)
 """Trial values of a search, all combinations, in phase with the first mode and in opposition. More are slower."""
 _APART: Final = 0.2
 """Log ratio of both frequencies below which two modes cannot be distinguished. A larger value draws fewer."""
+
+_HUMPS: Final = 3
+"""Modes that are proposed from a ratio of spectra. More take a simulation each."""
+_HUMP_DAMPINGS: Final = (0.012, 0.025, 0.05, 0.1)
+_HUMP_GAINS: Final = (0.15, 40.0, 14)
+"""Damping ratios, and ends and number of the gains, that are fitted to it. More fit better and take longer."""
+_LOWEST, _HIGHEST = 0.02, 0.96
+"""Ends of the frequencies that are fitted, as parts of the highest one."""
 
 
 @register
@@ -96,14 +104,48 @@ class SecondResonance(Effect):
                     yield dataclasses.replace(self, opposed=opposed, damping_ratio=damping, gain=gain)
 
     def spectral_values(self, seen: Observations) -> Sequence[Effect]:
-        """The second modes that explain the spectra best, in phase and in opposition; either may be the twin's."""
+        """The second modes that explain the spectra best, in phase and in opposition.
+
+        Of two modes of the records either may be the twin's. A twin without a mode as a parameter has it at the humps
+        of the records' spectra over its own.
+        """
+        if seen.own_mode is None:
+            return [
+                self.moved(frequency_hz=place_hz, damping_ratio=damping, gain=abs(gain), opposed=gain < 0)
+                for place_hz, damping, gain in _humps(seen.spectrum_ratio())
+            ]
         return [
             self.moved(frequency_hz=place_hz, damping_ratio=damping, gain=abs(gain), opposed=gain < 0)
-            for pair in (seen.mode_pairs() if seen.own_mode is not None else ())
+            for pair in seen.mode_pairs()
             for place_hz, damping, gain in zip(
                 pair.frequencies_hz, pair.dampings, (1 / pair.gain, pair.gain), strict=True
             )
         ]
+
+
+def _humps(of: SpectrumRatio) -> Iterator[tuple[float, float, float]]:
+    """Frequency (Hz), damping ratio and gain of the modes that explain a ratio of spectra best, the best first."""
+    f, top_hz = of.middles_hz, float(of.middles_hz[-1])
+    gains = np.geomspace(*_HUMP_GAINS)
+    choices = [
+        (float(centre), damping, sign * float(gain))
+        for centre in f[(f > _LOWEST * top_hz) & (f < _HIGHEST * top_hz)]
+        for damping in _HUMP_DAMPINGS for gain in gains for sign in (1, -1)
+    ]  # fmt: skip
+    centre, damping, gain = np.array(choices).T[:, :, None]
+    band = 2j * damping * f * centre
+    curves = 2 * np.log(np.abs(1 + gain * band / (centre**2 - f**2 + band)))
+    rest = of.log_ratio - curves
+    rest = rest - np.median(rest, axis=1, keepdims=True)
+    misfit = np.minimum(np.abs(rest), 2.0).mean(axis=1)
+    found: list[float] = []
+    for place in np.argsort(misfit, kind="stable"):
+        here = choices[place]
+        if all(abs(np.log(here[0] / other)) > _APART for other in found):
+            found.append(here[0])
+            yield here
+        if len(found) == _HUMPS:
+            return
 
 
 @lru_cache(maxsize=16)

@@ -28,7 +28,6 @@ from twingap.gap.distance.curves import curves
 from twingap.gap.distance.localisation import followed, locate, new_ones, presentable
 from twingap.gap.distance.paired import Paired
 from twingap.gap.distance.two_sample_tests import two_sample_tests
-from twingap.gap.external_simulator import ExternalSimulator
 from twingap.gap.held_out import HeldOut
 from twingap.gap.knowledge import shipped
 from twingap.gap.knowledge.learnt import Learnt
@@ -230,7 +229,7 @@ def _confirmed(found: Explanation, evidence: Evidence) -> tuple[Explanation, lis
 
     The test is skipped where an effect is certainly missing.
     """
-    own = isinstance(found.before.simulator, ExternalSimulator)
+    own = found.before.simulator.makes_waveforms
     if not own or not found.gap or max(found.probability.values(), default=0.0) >= SURE:
         return found, []
     p = exchange_p_value(evidence)

@@ -25,7 +25,9 @@ from twingap.effects import Effect, Stage, apply_to_waveform
 from twingap.effects.angle import at_angles
 from twingap.effects.background import Background
 from twingap.errors import TwingapError
+from twingap.identification.baseline import level_of_own, levels_of
 from twingap.records import Condition, Record, RecordSet
+from twingap.signal.record_transforms import Frame
 from twingap.streams import Streams
 from twingap.twins.simulator import streams_of, why_not
 
@@ -164,6 +166,11 @@ class ExternalSimulator:
         own = copy.copy(self)
         own.gain = gain
         return own
+
+    @property
+    def makes_waveforms(self) -> bool:
+        """True: its records are finished."""
+        return True
 
     def can_add(self, name: str) -> str | None:
         """See `Simulator.can_add`."""
@@ -308,20 +315,35 @@ class ExternalSimulator:
         shared = [i for i, c in enumerate(real.conditions) if c.fault is not None and c.fault not in self.missing]
         healthy = [i for i in shared if real.conditions[i].fault == "healthy"]
         self.gain = 1.0
-        ratios = []
-        for i in (healthy or shared)[:_MOST_MEASURED]:
-            condition = real.conditions[i]
-            made, _ = self._waveform(condition, streams_of(condition, 0, 0), 0)
-            ratios.append(0.5 * math.log(max(float(real[i].samples.var()), 1e-300) / max(float(made.var()), 1e-300)))
-        log_gain = float(np.median(ratios)) if ratios else 0.0
+        used = real.take((healthy or shared)[:_MOST_MEASURED])
         same = real.unit == self.sim.unit and real.unit != ""
-        if same and abs(log_gain) < SAME_GAIN:
+        gain = self._level_between_tones(used) if same else self._level(used)
+        if same and abs(math.log(gain)) < SAME_GAIN:
             return 1.0
-        gain = math.exp(log_gain)
         of = "healthy records" if healthy else "all records, none of which is healthy"
         why = "" if same else f" (units: simulated {self.sim.unit!r}, real {real.unit!r})"
         notes.append(f"simulated samples were multiplied by {gain:.4g}, from the levels of {of}{why}")
         return gain
+
+    def _level(self, real: RecordSet) -> float:
+        """Median ratio of the RMS of real records to that of simulated ones."""
+        ratios = []
+        for record in real:
+            made, _ = self._waveform(record.condition, streams_of(record.condition, 0, 0), 0)
+            ratios.append(0.5 * math.log(max(float(record.samples.var()), 1e-300) / max(float(made.var()), 1e-300)))
+        return math.exp(float(np.median(ratios))) if ratios else 1.0
+
+    def _level_between_tones(self, real: RecordSet) -> float:
+        """Ratio of levels band by band, without tones: hum of the machine is no reason for a louder simulator."""
+        if not len(real):
+            return 1.0
+        frame = Frame(self.bearing, (0.0, min(c.fs_hz for c in real.conditions) / 2), 1.0)
+
+        def at(level: float, conditions: Sequence[Condition]) -> list[Record]:
+            made = (self._waveform(c, streams_of(c, 0, 0), 0)[0] for c in conditions)
+            return [Record(c, level * x) for c, x in zip(conditions, made, strict=True)]
+
+        return level_of_own(at, levels_of(real, frame), frame)
 
 
 class _SimulatedConditions:

@@ -36,10 +36,20 @@ class Simulator(Protocol):
         For the report.
     has : tuple[str, ...]
         Effects that it models already.
+    makes_waveforms : bool
+        Whether it is the user's own, which makes finished waveforms: a record set or a function.
+    reference_rms : float
+        RMS of its healthy vibration, in the unit of the records, to which effects are relative.
     """
 
     name: str
     has: tuple[str, ...]
+
+    @property
+    def makes_waveforms(self) -> bool: ...
+
+    @property
+    def reference_rms(self) -> float: ...
 
     def simulate(
         self, effects: tuple[Effect, ...], conditions: Sequence[Condition], streams_root: int, replicate: int
@@ -108,6 +118,16 @@ class TwinSimulator:
         self.name = spec.model
         self.has = tuple(effect.name for effect in self.twin.effects)
         self.conditions = tuple(conditions)
+
+    @property
+    def makes_waveforms(self) -> bool:
+        """Whether the twin is a function of the user's."""
+        return self.twin.excitation == "waveform"
+
+    @property
+    def reference_rms(self) -> float:
+        """RMS of its healthy vibration, in the unit of the records."""
+        return self.twin.reference_rms
 
     def simulate(
         self, effects: tuple[Effect, ...], conditions: Sequence[Condition], streams_root: int, replicate: int

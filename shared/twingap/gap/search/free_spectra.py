@@ -23,7 +23,6 @@ from scipy.stats import norm
 
 from twingap.effects import BackgroundSpectrum, Effect, LineSpectrum, TransferPath
 from twingap.effects.per_fault import of_fault, per_fault
-from twingap.gap.external_simulator import ExternalSimulator
 from twingap.identification.calibrate import thinned
 from twingap.records import Record
 from twingap.signal.record_transforms import SMOOTH_SEGMENTS, RecordTransforms, band_medians
@@ -120,12 +119,12 @@ def measured(
     paths = {state: _path_of(known.get(PATH), state, spectra) for state in states} if PATH in names else {}
     densities: dict[str, Array | None] = dict.fromkeys(states if BACKGROUND in names else ())
     if BACKGROUND in names and (own := known.get(BACKGROUND)) is not None:
-        densities = {state: _density_of(own, state, spectra, _reference(simulator)) for state in states}
+        densities = {state: _density_of(own, state, spectra, simulator.reference_rms) for state in states}
     conditions = evidence.trial_records.conditions
     # Without lines, their power would be taken for that of impacts.
     lines = _all_lines(evidence, simulator, kept, states) if LINES in names and paths else ()
     for _ in range(rounds if paths or densities else 0):
-        chain = _with((*kept, *lines), spectra, paths, densities, _reference(simulator))
+        chain = _with((*kept, *lines), spectra, paths, densities, simulator.reference_rms)
         made = spectra.of(evidence.simulated(simulator, chain, conditions, 3))
         if paths:
             steps, levels = _path_steps(spectra, made, states, has_levels=isinstance(simulator, TwinSimulator))
@@ -137,7 +136,7 @@ def measured(
             # What impacts, other effects and a finished waveform have between lines stays.
             rest = 0.0 if density is None else np.maximum(now - density, 0.0)
             densities[state] = np.maximum(wanted - rest, _LEAST_NOISE * wanted)
-    chain = _with(kept, spectra, paths, densities, _reference(simulator))
+    chain = _with(kept, spectra, paths, densities, simulator.reference_rms)
     if LINES in names:
         chain = (*chain, *_all_lines(evidence, simulator, chain, states))
     return None if chain == kept else (simulator, chain)
@@ -281,14 +280,6 @@ def _stated(of: Mapping[str, Effect]) -> Effect:
     return per_fault(base, {state: effect for state, effect in of.items() if state not in ("", "healthy")})
 
 
-def _reference(simulator: Simulator) -> float:
-    """RMS that amplitudes of disturbances are relative to."""
-    if isinstance(simulator, TwinSimulator):
-        return simulator.twin.reference_rms
-    assert isinstance(simulator, ExternalSimulator)
-    return simulator.reference_rms
-
-
 def _louder(evidence: Evidence, simulator: Simulator, effects: Chain, levels: Mapping[str, float]) -> Simulator:
     """The twin with impact amplitudes changed by these logarithms, where they are free."""
     if not levels or not isinstance(simulator, TwinSimulator):
@@ -343,7 +334,7 @@ def _lines(evidence: Evidence, simulator: Simulator, effects: Chain, only: str |
         near = taken.size > 0 and place * spread <= 3 * resolution
         if not (near and float(np.abs(taken - place).min()) < _SAME_BINS * resolution):
             hz.append((place, amplitude))
-    reference = _reference(simulator)
+    reference = simulator.reference_rms
     kept = sorted([(a, 0, p) for p, a in hz] + [(a, 1, p) for p, a in orders], reverse=True)[:_MOST_LINES]
     if not kept:
         return None
