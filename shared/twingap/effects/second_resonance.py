@@ -20,7 +20,8 @@ from twingap.effects.base import Effect, Stage, parameter
 from twingap.effects.draft import Draft
 from twingap.effects.drawing import healthy_density, log_uniform
 from twingap.effects.machine import Machine
-from twingap.effects.modes import Mode
+from twingap.effects.impact_train import train_of
+from twingap.effects.modes import PAST, Mode, modal_response
 from twingap.effects.observations import Observations, SpectrumRatio
 from twingap.effects.registry import register
 
@@ -32,11 +33,13 @@ _GAINS: Final = (0.1, 0.4, 1.6)
 _APART: Final = 0.2
 """Log ratio of both frequencies below which two modes cannot be distinguished. A larger value draws fewer."""
 
-_HUMPS: Final = 3
+_HUMPS: Final = 2
 """Modes that are proposed from a ratio of spectra. More take a simulation each."""
 _HUMP_DAMPINGS: Final = (0.012, 0.025, 0.05, 0.1)
 _HUMP_GAINS: Final = (0.15, 40.0, 14)
 """Damping ratios, and ends and number of the gains, that are fitted to it. More fit better and take longer."""
+_HUMP_TRIED: Final = (0.1, 0.4, 1.6, -0.4)
+"""Gains that are tried at the best place, negative in opposition."""
 _LOWEST, _HIGHEST = 0.02, 0.96
 """Ends of the frequencies that are fitted, as parts of the highest one."""
 
@@ -48,7 +51,8 @@ class SecondResonance(Effect):
 
     Impacts, rollers' contacts and broadband forces pass through both modes in parallel. Where the sensor is not at the
     point of the force, a mode may have the opposite sign: the two then cancel on the other sides of their peaks. A
-    finished waveform has passed a path already: its spectrum around the frequency is raised by up to 1 + gain.
+    finished waveform has passed a path already: impacts and force are read off it (`impact_train`) and pass the second
+    mode too; where its impacts are not known, its spectrum around the frequency is raised by up to 1 + gain.
     """
 
     stage: ClassVar[Stage] = Stage.PATH
@@ -77,6 +81,14 @@ class SecondResonance(Effect):
         gain = -self.gain if self.opposed else self.gain
         if draft.excitation != "waveform":
             draft.modes.append(Mode(self.frequency_hz, self.damping_ratio, gain))
+            return
+        if (train := train_of(draft)) is not None:
+            n, mode = draft.x.size, Mode(self.frequency_hz, self.damping_ratio, gain)
+            force, past = (train.force_rms * rng.standard_normal(size) for size in (n, PAST))
+            added = modal_response(
+                [mode], draft.condition.fs_hz, n, train.times_s, train.amplitudes, force=force, past=past
+            )
+            draft.x = draft.x + added
             return
         fs_hz, band = draft.condition.fs_hz, (self.frequency_hz, self.damping_ratio, gain)
         draft.filters.append(lambda x: filtered(x, _raised(fast_length(x.size), fs_hz, *band)))
@@ -110,9 +122,12 @@ class SecondResonance(Effect):
         of the records' spectra over its own.
         """
         if seen.own_mode is None:
+            first, *others = list(_humps(seen.spectrum_ratio()))
+            # Gains of a filter, as fitted, and those of impacts through a mode beside the path.
+            choices = [first, *((*first[:2], gain) for gain in _HUMP_TRIED), *((*o[:2], _GAINS[1]) for o in others)]
             return [
                 self.moved(frequency_hz=place_hz, damping_ratio=damping, gain=abs(gain), opposed=gain < 0)
-                for place_hz, damping, gain in _humps(seen.spectrum_ratio())
+                for place_hz, damping, gain in choices
             ]
         return [
             self.moved(frequency_hz=place_hz, damping_ratio=damping, gain=abs(gain), opposed=gain < 0)

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import copy
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from fractions import Fraction
 from typing import Final
@@ -24,8 +24,9 @@ from twingap.bearing import Bearing
 from twingap.effects import Effect, Stage, apply_to_waveform
 from twingap.effects.angle import at_angles
 from twingap.effects.background import Background
+from twingap.effects.impact_train import response_of
 from twingap.errors import TwingapError
-from twingap.identification.baseline import level_of_own, levels_of
+from twingap.identification.baseline import level_of_own
 from twingap.records import Condition, Record, RecordSet
 from twingap.signal.record_transforms import Frame
 from twingap.streams import Streams
@@ -54,6 +55,8 @@ _MOST_HEALTHY: Final = 5
 less similar speeds."""
 _MOST_KEPT: Final = 96
 """Largest number of records whose background is cached. A larger number takes more memory and saves time."""
+_MOST_RESPONSES: Final = 4
+"""Largest number of records of each fault for the response to an impact. A larger number reduces its noise."""
 _MOST_MEASURED: Final = 40
 """Largest number of records for the matching of levels. A larger number takes longer and reduces noise."""
 
@@ -116,6 +119,7 @@ class ExternalSimulator:
         self._simulated_conditions = _SimulatedConditions(sim.conditions)
         self._backgrounds: dict[tuple[float, ...], Background | None] = {}
         self._known_background: dict[tuple[object, ...], NDArray[np.float32]] = {}
+        self._responses: dict[float, Array | None] = {}
         notes: list[str] = []
         self.missing = frozenset(wanted - faults)
         self._first, self._alike = self._shared_out([*real.conditions, *others])
@@ -152,7 +156,7 @@ class ExternalSimulator:
             record = Record(replace(condition, speed_rpm=speed_rpm), samples)
             if effects:
                 background = self._background_of(record, effects, (streams_root, replicate))
-                record = apply_to_waveform(effects, record, self.bearing, self.reference_rms, streams, background)
+                record = apply_to_waveform(effects, record, self.bearing, self.reference_rms, streams, background, self._response(condition.fs_hz))
             out.append(record)
         return out
 
@@ -239,6 +243,23 @@ class ExternalSimulator:
                     continue
             self._backgrounds[key] = Background.of(waveforms)
         return self._backgrounds[key]
+
+    def _response(self, fs_hz: float) -> Callable[[], Array | None]:
+        """Response to one impact at this rate, from a few records of each fault; found when it is first needed."""
+
+        def found() -> Array | None:
+            if fs_hz not in self._responses:
+                waves, passes = [], []
+                for fault in dict.fromkeys(c.fault for c in self.sim.conditions if c.fault not in (None, "healthy")):
+                    own = [i for i, c in enumerate(self.sim.conditions) if c.fault == fault and c.fs_hz >= 0.999 * fs_hz]
+                    for place in own[:_MOST_RESPONSES]:
+                        waves.append(self._at_rate(place, fs_hz))
+                        c = self.sim.conditions[place]
+                        passes.append(fs_hz / (self.bearing.fault_order(str(fault)) * c.speed_rpm / 60))
+                self._responses[fs_hz] = response_of(waves, passes) if waves else None
+            return self._responses[fs_hz]
+
+        return found
 
     def _of_healthy(self) -> float | None:
         """RMS of the simulated healthy records about their means, without gain; None without any."""
@@ -343,7 +364,7 @@ class ExternalSimulator:
             made = (self._waveform(c, streams_of(c, 0, 0), 0)[0] for c in conditions)
             return [Record(c, level * x) for c, x in zip(conditions, made, strict=True)]
 
-        return level_of_own(at, levels_of(real, frame), frame)
+        return level_of_own(at, list(real), frame)
 
 
 class _SimulatedConditions:

@@ -57,6 +57,8 @@ _SAME_LEVEL: Final = math.log(1.1)
 _AGREES, _AGREEING = 0.15, 0.2
 """Largest log ratio of power densities that agree, and part of the bands that has to. A smaller part keeps the level of
 simulators that agree by chance."""
+_LEAST_BETWEEN: Final = 0.3
+"""Part of a simulator's power between tones from which its level is matched there."""
 _BESIDE: Final = 0.06
 """Log ratio of frequencies below which they share one initial value of a search; larger is faster and less thorough."""
 
@@ -194,12 +196,30 @@ def match_level(
 
 
 def level_of_own(
-    made: Callable[[float, Sequence[Condition]], Sequence[Record]], sides: Sequence[StateSpectrum], frame: Frame
+    made: Callable[[float, Sequence[Condition]], Sequence[Record]], records: Sequence[Record], frame: Frame
 ) -> float:
-    """Level of a simulator of the user's own, as `match_level`, but 1 where its spectra agree in many bands as they are.
+    """Level of a simulator of the user's own, from healthy records, or from all where none is healthy.
 
-    Then its samples are in the unit of the records, which have more in the other bands. Parameters as `match_level`.
+    As `match_level`, so that hum of the machine is no reason for a louder simulator. It is 1 where the spectra agree in
+    many bands as they are: the samples are then in the unit of the records, which have more in the other bands. Where
+    the simulator makes tones and little else, it is the ratio of RMS.
+
+    Parameters
+    ----------
+    made : callable
+        As for `match_level`.
+    records : sequence of Record
+    frame : Frame
     """
+    records = [r for r in records if r.condition.fault == "healthy"] or list(records)
+    plain = made(1.0, [r.condition for r in records])
+    noise, power = (
+        np.array([_bands(r, frame)[0].mean() * r.condition.fs_hz / 2 for r in plain]),
+        np.array([r.samples.var() for r in plain], float),
+    )
+    if noise.sum() < _LEAST_BETWEEN * power.sum():
+        return math.sqrt(float(np.median([r.samples.var() for r in records] / np.maximum(power, 1e-300))))
+    sides = state_spectra(records, frame)
     found = match_level(made, sides, frame, 1.0, FINE_STEPS)
     if abs(math.log(found)) < _SAME_LEVEL:
         return found

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from twingap.bearing import FAULTS, Bearing
 from twingap.errors import TwingapError
-from twingap.identification.baseline import level_of_own, levels_of, match_baseline
+from twingap.identification.baseline import level_of_own, match_baseline
 from twingap.identification.impact_band import impact_hz, mode_band
 from twingap.identification.phenomenological import quick_identify
 from twingap.identification.speed import Speeds, estimate_speeds
@@ -445,7 +445,7 @@ def scaled(
         def at(level: float, conditions: Sequence[Condition]) -> list[Record]:
             return [Record(c, level * by_name[c.name].samples) for c in conditions]
 
-        found["scale"] = float(names["scale"]) * level_of_own(at, levels_of(own, frame), frame)
+        found["scale"] = float(names["scale"]) * level_of_own(at, list(own), frame)
         notes.append(f"model {spec.model!r}: its level was brought to the records' by scale = {found['scale']:.4g}")
     return replace(spec, parameters=nested(flat(spec.parameters) | found)), found
 
