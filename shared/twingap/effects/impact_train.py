@@ -43,13 +43,17 @@ _ALIGNMENTS: Final = 3
 _AWAY: Final = 10
 """Largest number of samples by which a stretch is moved when it is aligned with the mean of all."""
 _STANDS_OUT: Final = 3.0
-"""RMS of the mean response's first samples over that of what differs between stretches, from which impacts are known."""
+"""RMS of the mean response's first samples, over its standard error, from which impacts are known."""
 _FINER: Final = 8
 """Positions between two samples at which an impact may lie."""
 _IN_BAND: Final = 0.1
 """Power of the response over its maximum from which a frequency tells of the force."""
 _FORCED: Final = 0.2
 """Quantile, over these frequencies, of the rest's spectrum over the response's: noise of other origin only adds."""
+_SEGMENT: Final = 256
+"""Samples of a segment of that spectrum."""
+_FINE: Final = 4096
+"""Length of the transform that places the response's strongest mode."""
 _KEPT: Final = 96
 """Largest number of waveforms whose impacts are kept."""
 
@@ -67,14 +71,33 @@ class ImpactTrain:
     force_rms : float
         Standard deviation of a force, independent from sample to sample, that the same response turns into the
         waveform's own noise.
+    known_force : Array [samples]
+        The part of that force that the waveform shows, in bands where its noise has passed the response.
+    unknown : Array [samples // 2 + 1]
+        Amplitude of the other part at the frequencies of a real transform, over that of the whole force.
+    through : Array [samples // 2 + 1]
+        Response from the force to the waveform, at these frequencies.
     impacts : Array [samples]
-        Their sum in the waveform.
+        Sum of the responses to the impacts.
     """
 
     times_s: Array
     amplitudes: Array
     force_rms: float
+    known_force: Array
+    unknown: Array
+    through: NDArray[np.complex128]
     impacts: Array
+
+    def force(self, rng: np.random.Generator) -> Array:
+        """[samples] The force: what is known of it, and independent noise elsewhere."""
+        n = self.known_force.size
+        noise = scipy.fft.rfft(self.force_rms * rng.standard_normal(n))
+        return np.asarray(self.known_force + scipy.fft.irfft(noise * self.unknown, n))
+
+    def forced(self, rng: np.random.Generator) -> Array:
+        """[samples] Response to the force."""
+        return np.asarray(scipy.fft.irfft(scipy.fft.rfft(self.force(rng)) * self.through, self.known_force.size))
 
 
 def response_of(waveforms: Sequence[Array], passes: Sequence[float]) -> Array | None:
@@ -139,13 +162,33 @@ def _train(waveform: bytes, response: bytes, spacing: float, fs_hz: float) -> Im
     x, h = np.frombuffer(waveform), np.frombuffer(response)
     places, amplitudes = _impacts(x - x.mean(), h, spacing) if spacing else (np.empty(0), np.empty(0))
     impacts = _sum(places, amplitudes, h, x.size)
-    power = np.abs(scipy.fft.rfft(h, 256)) ** 2
-    rest = welch(x - impacts, nperseg=256, return_onesided=False, detrend="constant", average="median")[1][:129]
+    rest = x - x.mean() - impacts
+    begin = BEFORE - _rise(h)
+    f = scipy.fft.rfftfreq(x.size)
+    through = scipy.fft.rfft(h, x.size) * np.exp(2j * np.pi * f * begin)
+    power = np.abs(through) ** 2
+    welched = welch(rest, nperseg=_SEGMENT, return_onesided=False, detrend="constant", average="median")[1]
+    density = np.exp(
+        np.interp(f, np.arange(_SEGMENT // 2 + 1) / _SEGMENT, np.log(welched[: _SEGMENT // 2 + 1] + 1e-300))
+    )
     inside = power > _IN_BAND * power.max()
-    force = math.sqrt(float(np.quantile(rest[inside] / power[inside], _FORCED)))
-    # A response of one mode reaches its first maximum a quarter of a period after the impact.
-    quarter = 0.25 * 256 / max(int(power.argmax()), 1)
-    return ImpactTrain((places - quarter) / fs_hz, amplitudes, force, impacts)
+    variance = float(np.quantile(density[inside] / power[inside], _FORCED))
+    # Wiener filter: in bands of other noise the waveform does not show the force.
+    known = np.clip(variance * power / density, 0.0, 1.0)
+    shown = scipy.fft.irfft(known * scipy.fft.rfft(rest) / (through + 1e-12), x.size)
+    times = (places - BEFORE + begin) / fs_hz
+    return ImpactTrain(times, amplitudes, math.sqrt(variance), shown, np.sqrt(1 - known), through, impacts)
+
+
+def _rise(h: Array) -> float:
+    """Samples from an impact to the maximum of the response of its strongest mode."""
+    power = np.abs(scipy.fft.rfft(h, _FINE)) ** 2
+    top = max(int(power.argmax()), 1)
+    half = np.flatnonzero(power < 0.5 * power[top])
+    above, below = half[half > top], half[half < top]
+    ends = (int(below[-1]) if below.size else 0), (int(above[0]) if above.size else power.size)
+    damping = min((ends[1] - ends[0]) / (2 * top), 0.5)
+    return (0.5 * math.pi - damping) / (2 * math.pi * top / _FINE)
 
 
 def _impacts(x: Array, h: Array, spacing: float) -> tuple[Array, Array]:

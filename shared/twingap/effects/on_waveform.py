@@ -71,7 +71,9 @@ def apply_to_waveform(
     t = np.arange(condition.n_samples) / condition.fs_hz
     evenly = t * (condition.speed_rpm / 60)
     x = np.array(record.samples, dtype=float)
-    draft = Draft(condition, bearing, reference_rms, t, evenly.copy(), excitation="waveform", impact_response=impact_response, x=x)
+    draft = Draft(
+        condition, bearing, reference_rms, t, evenly.copy(), excitation="waveform", impact_response=impact_response, x=x
+    )
     chain = in_order(tuple(effects))
     for stage in Stage:
         if stage is Stage.EXCITATION and background is not None and draft.faulty:

@@ -19,8 +19,8 @@ from twingap.effects._references import RANDALL_ANTONI
 from twingap.effects.base import Effect, Stage, parameter
 from twingap.effects.draft import Draft
 from twingap.effects.drawing import healthy_density, log_uniform
-from twingap.effects.machine import Machine
 from twingap.effects.impact_train import train_of
+from twingap.effects.machine import Machine
 from twingap.effects.modes import PAST, Mode, modal_response
 from twingap.effects.observations import Observations, SpectrumRatio
 from twingap.effects.registry import register
@@ -84,10 +84,8 @@ class SecondResonance(Effect):
             return
         if (train := train_of(draft)) is not None:
             n, mode = draft.x.size, Mode(self.frequency_hz, self.damping_ratio, gain)
-            force, past = (train.force_rms * rng.standard_normal(size) for size in (n, PAST))
-            added = modal_response(
-                [mode], draft.condition.fs_hz, n, train.times_s, train.amplitudes, force=force, past=past
-            )
+            force, past = train.force(rng), train.force_rms * rng.standard_normal(PAST)
+            added = modal_response([mode], draft.condition.fs_hz, n, train.times_s, train.amplitudes, force, past)
             draft.x = draft.x + added
             return
         fs_hz, band = draft.condition.fs_hz, (self.frequency_hz, self.damping_ratio, gain)

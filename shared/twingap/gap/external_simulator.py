@@ -11,9 +11,10 @@ from __future__ import annotations
 
 import copy
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from fractions import Fraction
+from functools import partial
 from typing import Final
 
 import numpy as np
@@ -156,7 +157,15 @@ class ExternalSimulator:
             record = Record(replace(condition, speed_rpm=speed_rpm), samples)
             if effects:
                 background = self._background_of(record, effects, (streams_root, replicate))
-                record = apply_to_waveform(effects, record, self.bearing, self.reference_rms, streams, background, self._response(condition.fs_hz))
+                record = apply_to_waveform(
+                    effects,
+                    record,
+                    self.bearing,
+                    self.reference_rms,
+                    streams,
+                    background,
+                    partial(self._response, condition.fs_hz),
+                )
             out.append(record)
         return out
 
@@ -244,22 +253,24 @@ class ExternalSimulator:
             self._backgrounds[key] = Background.of(waveforms)
         return self._backgrounds[key]
 
-    def _response(self, fs_hz: float) -> Callable[[], Array | None]:
-        """Response to one impact at this rate, from a few records of each fault; found when it is first needed."""
-
-        def found() -> Array | None:
-            if fs_hz not in self._responses:
-                waves, passes = [], []
-                for fault in dict.fromkeys(c.fault for c in self.sim.conditions if c.fault not in (None, "healthy")):
-                    own = [i for i, c in enumerate(self.sim.conditions) if c.fault == fault and c.fs_hz >= 0.999 * fs_hz]
-                    for place in own[:_MOST_RESPONSES]:
-                        waves.append(self._at_rate(place, fs_hz))
-                        c = self.sim.conditions[place]
-                        passes.append(fs_hz / (self.bearing.fault_order(str(fault)) * c.speed_rpm / 60))
-                self._responses[fs_hz] = response_of(waves, passes) if waves else None
-            return self._responses[fs_hz]
-
-        return found
+    def _response(self, fs_hz: float) -> Array | None:
+        """Response to one impact at this rate, from some records of each fault; None if impacts do not stand out."""
+        if fs_hz not in self._responses:
+            waves: list[Array] = []
+            passes: list[float] = []
+            counts: dict[str, int] = {}
+            for place, c in enumerate(self.sim.conditions):
+                fault = c.fault or "healthy"
+                if fault == "healthy" or counts.get(fault, 0) == _MOST_RESPONSES or c.fs_hz < 0.999 * fs_hz:
+                    continue
+                try:
+                    waves.append(self._at_rate(place, fs_hz))
+                except TwingapError:  # no simple ratio of rates
+                    continue
+                counts[fault] = counts.get(fault, 0) + 1
+                passes.append(fs_hz / (self.bearing.fault_order(fault) * c.speed_rpm / 60))
+            self._responses[fs_hz] = response_of(waves, passes) if waves else None
+        return self._responses[fs_hz]
 
     def _of_healthy(self) -> float | None:
         """RMS of the simulated healthy records about their means, without gain; None without any."""

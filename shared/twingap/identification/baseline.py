@@ -233,7 +233,7 @@ def log_ratios(
     frame: Frame,
     level: float,
 ) -> list[Array]:
-    """[states] Logarithms of the simulator's power densities over the records', in bands. Parameters as `match_level`."""
+    """[states] Log ratios of power densities, simulator over records, in bands. Parameters as `match_level`."""
     inside, rest = slice(2, int(0.92 * BANDS)), []
     for side in sides:
         records = made(level, side.conditions[:MOST_SIMULATED])

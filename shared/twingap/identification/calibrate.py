@@ -22,17 +22,16 @@ from numpy.typing import NDArray
 
 from twingap.bearing import FAULTS, Bearing
 from twingap.errors import TwingapError
-from twingap.identification.baseline import level_of_own, match_baseline
+from twingap.identification.baseline import match_baseline
 from twingap.identification.impact_band import impact_hz, mode_band
 from twingap.identification.phenomenological import quick_identify
 from twingap.identification.speed import Speeds, estimate_speeds
 from twingap.identification.speed_reading import comb_heights
-from twingap.records import Condition, Record, RecordSet
+from twingap.identification.user_model import levelled
+from twingap.records import RecordSet
 from twingap.signal import most_impulsive_band
 from twingap.signal.record_transforms import Frame
-from twingap.streams import root_entropy
-from twingap.twins.simulator import TwinSimulator
-from twingap.twins.twin_file import TwinSpec, all_parameters, build_twin, flat, in_unit, nested
+from twingap.twins.twin_file import TwinSpec, build_twin, flat, in_unit
 
 Array = NDArray[np.float64]
 
@@ -397,57 +396,7 @@ def _identified(
         outcome = identify(thinned(fit), spec, seed=rng)
         notes += outcome.notes
         return outcome.spec, frame
-    return scaled(spec, fit, frame, rng, notes)[0], frame
-
-
-def scaled(
-    spec: TwinSpec, records: RecordSet, frame: Frame, rng: np.random.Generator, notes: list[str]
-) -> tuple[TwinSpec, dict[str, float]]:
-    """A user's model with its level matched to the records, where it has a parameter `scale`.
-
-    Its `healthy_rms`, to which effects are relative, is that of its own healthy records. The level is matched band by
-    band without tones (`baseline.match_level`): hum of the machine is no reason for a louder simulator.
-
-    Parameters
-    ----------
-    spec : TwinSpec
-    records : RecordSet
-    frame : Frame
-    rng : numpy.random.Generator
-    notes : list of str
-        Notes are added.
-
-    Returns
-    -------
-    TwinSpec, dict[str, float]
-        The twin, and the values that were found.
-    """
-    names = flat(all_parameters(spec))
-    free = [name for name in ("scale", "healthy_rms") if name in names and not spec.given(name)]
-    if not free:
-        notes.append(f"model {spec.model!r} has no free parameters: its parameters are not changed")
-        return spec, {}
-    own, root = thinned(records, MOST_LEVELLED), root_entropy(rng)
-    made = TwinSimulator(spec, frame.bearing, own.unit).simulate((), own.conditions, root, 0)
-    found: dict[str, float] = {}
-    if "healthy_rms" in free:
-        kept = {name: value for name, value in spec.parameters.items() if name not in spec.effects}
-        bare = made
-        if spec.effects:
-            plain = TwinSimulator(replace(spec, effects=(), parameters=kept), frame.bearing, own.unit)
-            bare = plain.simulate((), own.conditions, root, 0)
-        power = [float(m.samples.var()) for m in bare if m.condition.fault == "healthy"]
-        if power:
-            found["healthy_rms"] = math.sqrt(float(np.mean(power))) / float(names["scale"])
-    if "scale" in free:
-        by_name = {m.condition.name: m for m in made}
-
-        def at(level: float, conditions: Sequence[Condition]) -> list[Record]:
-            return [Record(c, level * by_name[c.name].samples) for c in conditions]
-
-        found["scale"] = float(names["scale"]) * level_of_own(at, list(own), frame)
-        notes.append(f"model {spec.model!r}: its level was brought to the records' by scale = {found['scale']:.4g}")
-    return replace(spec, parameters=nested(flat(spec.parameters) | found)), found
+    return levelled(spec, thinned(fit, MOST_LEVELLED), rng, notes)[0], frame
 
 
 def recalibrate(

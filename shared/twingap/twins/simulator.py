@@ -117,6 +117,8 @@ class TwinSimulator:
         self.bearing = self.twin.bearing
         self.name = spec.model
         self.has = tuple(effect.name for effect in self.twin.effects)
+        if self.makes_waveforms:  # stated by whom it was registered
+            self.has = (*self.has, *sorted(self.twin.inherent_effects))
         self.conditions = tuple(conditions)
 
     @property
@@ -150,10 +152,10 @@ class TwinSimulator:
 
     def can_add(self, name: str) -> str | None:
         """See `Simulator.can_add`."""
-        if name in self.has:
-            return "the twin already has it"
         if name in self.twin.inherent_effects:
             return "it follows from the twin's own physics"
+        if name in self.has:
+            return "the twin already has it"
         return why_not(name, self.conditions, self.bearing, self.twin.reference_rms, self.twin.excitation)
 
 
