@@ -78,6 +78,7 @@ def _interval(ci: tuple[float, float]) -> str:
 def _print(report: GapReport) -> None:
     """Print the verdict, the most probable candidates and the metrics."""
     from twingap.gap.report.advice import next_steps, place_words
+    from twingap.gap.report.formats import closure
 
     say(report.sentence)
     if report.closest.sentence:
@@ -94,7 +95,7 @@ def _print(report: GapReport) -> None:
             {
                 "effect": c.effect,
                 "probability": f"{c.probability:.0%}",
-                "closes": "cannot be added" if c.acts is not None else f"{round(100 * c.closure)}%",
+                "closes": "cannot be added" if c.acts is not None else closure(c.closure),
                 "90% interval": "" if c.acts is not None else _interval(c.closure_ci),
                 "named": "yes" if c.effect in report.verdict.effects else "",
             }

@@ -27,7 +27,7 @@ import math
 import numbers
 import re
 from abc import ABC, abstractmethod
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, ClassVar, Final, Literal, Self, cast
 
 import numpy as np
@@ -40,6 +40,7 @@ if TYPE_CHECKING:
     from twingap.effects.draft import Draft
     from twingap.effects.machine import Machine
     from twingap.effects.observations import Observations
+    from twingap.records import Record
 
 RelativeTo = Literal["", "rate", "run", "speed"]
 
@@ -137,6 +138,8 @@ def profile(default: tuple[float, ...], *, unit: str, doc: str, allowed: tuple[f
     return dataclasses.field(default=default, metadata=about)
 
 
+HEALTHY_RMS: Final = "healthy rms"
+"""Unit of amplitudes that are relative to the healthy vibration."""
 _PLACE_IN_SPECTRUM_HZ: Final = 400.0
 """Highest plausible value from which a frequency is relative to the sampling rate. A lower value would include rates
 of slow processes."""
@@ -252,6 +255,23 @@ class Effect(ABC):
         subclass that is not registered; it has the name of its base.
         """
         return None
+
+    @classmethod
+    def read_off(cls, records: Iterable[Record], simulated: Iterable[Record]) -> Mapping[str, float]:
+        """Values that the records show exactly, such as a rail: they are set, not searched. None by default.
+
+        Parameters
+        ----------
+        records : iterable of Record
+        simulated : iterable of Record
+            Records of the twin without the effect under the same conditions, simulated as they are iterated over.
+
+        Returns
+        -------
+        Mapping[str, float]
+            By parameter; those in units of the healthy rms in the unit of the records.
+        """
+        return {}
 
     def initial_values(self, seen: Observations) -> Iterator[Effect]:
         """Further initial values of a search for the effect's values, besides this estimate.

@@ -115,6 +115,8 @@ class Draft:
         that sensor makes of it.
     own_noise : float
         Factor on the noises that the twin has of its own; below 1 where an effect brings noise in their place.
+    impact_response : callable
+        Finished waveforms: the simulator's response to one impact, see `impact_train.response_of`; None where unknown.
     x : Array [samples]
         The waveform. Before the path has acted it is empty, except for simulators that make all of it.
     """
@@ -137,6 +139,7 @@ class Draft:
     filters: list[Callable[[Array], Array]] = field(default_factory=list)
     sensed_noise: list[tuple[float, Callable[[Array], Array]]] = field(default_factory=list)
     own_noise: float = 1.0
+    impact_response: Callable[[], Array | None] = lambda: None
     x: Array = field(default_factory=lambda: np.empty(0))
 
     @property

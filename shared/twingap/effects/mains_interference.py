@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import math
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import ClassVar, Final
 
@@ -12,17 +13,27 @@ from numpy.typing import NDArray
 from twingap.effects import measurements
 from twingap.effects._features import TONES
 from twingap.effects._references import RANDALL_BOOK
-from twingap.effects._tones import UnevenHarmonics, add_harmonics, uneven_factors
+from twingap.effects._tones import UnevenHarmonics, add_harmonics, common_levels, uneven_factors
 from twingap.effects.base import Effect, Stage, parameter
 from twingap.effects.draft import Draft
 from twingap.effects.drawing import tone_level
 from twingap.effects.machine import Machine
 from twingap.effects.registry import register
+from twingap.records import Record
 
 Array = NDArray[np.float64]
 
 _RECTIFIED: Final = 0.5
 """Part of the uneven hums that come from rectifiers and transformers: twice the mains frequency and its multiples."""
+
+_OF_TWIN: Final = 0.1
+"""Largest level of the twin's own line at the mains frequency, over the records', where the level is read off. A larger
+value ignores stronger lines of the twin."""
+_MOST_HARMONICS: Final = 20
+"""Largest number of harmonics that is read off."""
+_GEOMETRIC: Final = 0.4
+"""Largest deviation of the logarithm of an amplitude from a geometric decay. A larger value reads off less regular
+hums, whose harmonics the effect does not describe."""
 
 
 @register
@@ -65,6 +76,29 @@ class MainsInterference(Effect):
         return {
             "level": tone_level(rng, machine, 2.0), "decay": rng.uniform(0.2, 0.9),
             "mains_hz": float(rng.choice([50.0, 60.0])), "n_harmonics": int(rng.integers(1, 9)),
+        }  # fmt: skip
+
+    @classmethod
+    def read_off(cls, records: Iterable[Record], simulated: Iterable[Record]) -> Mapping[str, float]:
+        """Frequency and amplitudes, where all records have the same line at 50 or 60 Hz and the twin has none."""
+        numbers = np.arange(1, _MOST_HARMONICS + 1)
+        records = list(records)
+        found = {base_hz: common_levels(records, np.asarray(base_hz * numbers, float)) for base_hz in (50.0, 60.0)}
+        mains_hz = max(found, key=lambda base_hz: found[base_hz][0])
+        levels = found[mains_hz]
+        level = float(levels[0])
+        if level <= 0 or common_levels(simulated, np.array([mains_hz]))[0] > _OF_TWIN * level:
+            return {}
+        numbers, levels = numbers[1:], levels[1:]
+        there = levels > 0
+        if not there.any():
+            return {"level": level, "mains_hz": mains_hz, "n_harmonics": 1}
+        fall, steps = np.log(levels[there] / level), numbers[there] - 1
+        slope = float(fall @ steps / (steps @ steps))
+        if slope >= 0 or np.abs(fall - slope * steps).max() > _GEOMETRIC:
+            return {}
+        return {
+            "level": level, "mains_hz": mains_hz, "n_harmonics": int(numbers[there].max()), "decay": math.exp(slope)
         }  # fmt: skip
 
     def variant(self, machine: Machine, rng: np.random.Generator) -> Effect:

@@ -60,6 +60,20 @@ class HealthySpectrum:
         return np.asarray((np.arange(self.density.size) + 0.5) / (2 * self.density.size))
 
 
+class SpectrumRatio(NamedTuple):
+    """Spectra of the records over those of the given twin, averaged over the states.
+
+    Parameters
+    ----------
+    middles_hz : Array [bands]
+    log_ratio : Array [bands]
+        Logarithm of the ratio of powers.
+    """
+
+    middles_hz: Array
+    log_ratio: Array
+
+
 @dataclass(frozen=True)
 class Observations:
     """Observations of the records for initial values of an effect.
@@ -83,6 +97,8 @@ class Observations:
         Spectrum of the healthy records; None without any.
     mode_pairs : callable
         Pairs of modes that explain all spectra, the best first.
+    spectrum_ratio : callable
+        Spectra of the records over those of the given twin; calling it runs a simulation.
     """
 
     features: Mapping[str, float]
@@ -95,3 +111,4 @@ class Observations:
     own_mode: tuple[float, float] | None
     healthy: Callable[[], HealthySpectrum | None]
     mode_pairs: Callable[[], Sequence[ModePair]]
+    spectrum_ratio: Callable[[], SpectrumRatio]

@@ -6,7 +6,7 @@ x --> SHAFT: resampled over the new angle --> EXCITATION: impacts delayed over t
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,6 +31,7 @@ def apply_to_waveform(
     reference_rms: float,
     streams: Streams,
     background: Array | None = None,
+    impact_response: Callable[[], Array | None] = lambda: None,
 ) -> Record:
     """The record with these effects added to what it holds already.
 
@@ -50,6 +51,8 @@ def apply_to_waveform(
     background : Array [samples], optional
         The part of a record with a defect that is not impacts, see `Background`; effects on impacts leave it unchanged.
         None: they act on the whole record.
+    impact_response : callable, optional
+        The simulator's response to one impact, see `impact_train.response_of`; None where unknown.
 
     Returns
     -------
@@ -68,7 +71,9 @@ def apply_to_waveform(
     t = np.arange(condition.n_samples) / condition.fs_hz
     evenly = t * (condition.speed_rpm / 60)
     x = np.array(record.samples, dtype=float)
-    draft = Draft(condition, bearing, reference_rms, t, evenly.copy(), excitation="waveform", x=x)
+    draft = Draft(
+        condition, bearing, reference_rms, t, evenly.copy(), excitation="waveform", impact_response=impact_response, x=x
+    )
     chain = in_order(tuple(effects))
     for stage in Stage:
         if stage is Stage.EXCITATION and background is not None and draft.faulty:

@@ -19,9 +19,10 @@ from twingap.effects._references import RANDALL_ANTONI
 from twingap.effects.base import Effect, Stage, parameter
 from twingap.effects.draft import Draft
 from twingap.effects.drawing import healthy_density, log_uniform
+from twingap.effects.impact_train import train_of
 from twingap.effects.machine import Machine
-from twingap.effects.modes import Mode
-from twingap.effects.observations import Observations
+from twingap.effects.modes import PAST, Mode, modal_response
+from twingap.effects.observations import Observations, SpectrumRatio
 from twingap.effects.registry import register
 
 Array = NDArray[np.float64]
@@ -32,6 +33,16 @@ _GAINS: Final = (0.1, 0.4, 1.6)
 _APART: Final = 0.2
 """Log ratio of both frequencies below which two modes cannot be distinguished. A larger value draws fewer."""
 
+_HUMPS: Final = 2
+"""Modes that are proposed from a ratio of spectra. More take a simulation each."""
+_HUMP_DAMPINGS: Final = (0.012, 0.025, 0.05, 0.1)
+_HUMP_GAINS: Final = (0.15, 40.0, 14)
+"""Damping ratios, and ends and number of the gains, that are fitted to it. More fit better and take longer."""
+_HUMP_TRIED: Final = (0.1, 0.4, 1.6, -0.4)
+"""Gains that are tried at the best place, negative in opposition."""
+_LOWEST, _HIGHEST = 0.02, 0.96
+"""Ends of the frequencies that are fitted, as parts of the highest one."""
+
 
 @register
 @dataclass(frozen=True)
@@ -40,7 +51,8 @@ class SecondResonance(Effect):
 
     Impacts, rollers' contacts and broadband forces pass through both modes in parallel. Where the sensor is not at the
     point of the force, a mode may have the opposite sign: the two then cancel on the other sides of their peaks. A
-    finished waveform has passed a path already: its spectrum around the frequency is raised by up to 1 + gain.
+    finished waveform has passed a path already: impacts and force are read off it (`impact_train`) and pass the second
+    mode too; where its impacts are not known, its spectrum around the frequency is raised by up to 1 + gain.
     """
 
     stage: ClassVar[Stage] = Stage.PATH
@@ -70,6 +82,12 @@ class SecondResonance(Effect):
         if draft.excitation != "waveform":
             draft.modes.append(Mode(self.frequency_hz, self.damping_ratio, gain))
             return
+        if (train := train_of(draft)) is not None:
+            n, mode = draft.x.size, Mode(self.frequency_hz, self.damping_ratio, gain)
+            force, past = train.force(rng), train.force_rms * rng.standard_normal(PAST)
+            added = modal_response([mode], draft.condition.fs_hz, n, train.times_s, train.amplitudes, force, past)
+            draft.x = draft.x + added
+            return
         fs_hz, band = draft.condition.fs_hz, (self.frequency_hz, self.damping_ratio, gain)
         draft.filters.append(lambda x: filtered(x, _raised(fast_length(x.size), fs_hz, *band)))
 
@@ -96,14 +114,51 @@ class SecondResonance(Effect):
                     yield dataclasses.replace(self, opposed=opposed, damping_ratio=damping, gain=gain)
 
     def spectral_values(self, seen: Observations) -> Sequence[Effect]:
-        """The second modes that explain the spectra best, in phase and in opposition; either may be the twin's."""
+        """The second modes that explain the spectra best, in phase and in opposition.
+
+        Of two modes of the records either may be the twin's. A twin without a mode as a parameter has it at the humps
+        of the records' spectra over its own.
+        """
+        if seen.own_mode is None:
+            first, *others = list(_humps(seen.spectrum_ratio()))
+            # Gains of a filter, as fitted, and those of impacts through a mode beside the path.
+            choices = [first, *((*first[:2], gain) for gain in _HUMP_TRIED), *((*o[:2], _GAINS[1]) for o in others)]
+            return [
+                self.moved(frequency_hz=place_hz, damping_ratio=damping, gain=abs(gain), opposed=gain < 0)
+                for place_hz, damping, gain in choices
+            ]
         return [
             self.moved(frequency_hz=place_hz, damping_ratio=damping, gain=abs(gain), opposed=gain < 0)
-            for pair in (seen.mode_pairs() if seen.own_mode is not None else ())
+            for pair in seen.mode_pairs()
             for place_hz, damping, gain in zip(
                 pair.frequencies_hz, pair.dampings, (1 / pair.gain, pair.gain), strict=True
             )
         ]
+
+
+def _humps(of: SpectrumRatio) -> Iterator[tuple[float, float, float]]:
+    """Frequency (Hz), damping ratio and gain of the modes that explain a ratio of spectra best, the best first."""
+    f, top_hz = of.middles_hz, float(of.middles_hz[-1])
+    gains = np.geomspace(*_HUMP_GAINS)
+    choices = [
+        (float(centre), damping, sign * float(gain))
+        for centre in f[(f > _LOWEST * top_hz) & (f < _HIGHEST * top_hz)]
+        for damping in _HUMP_DAMPINGS for gain in gains for sign in (1, -1)
+    ]  # fmt: skip
+    centre, damping, gain = np.array(choices).T[:, :, None]
+    band = 2j * damping * f * centre
+    curves = 2 * np.log(np.abs(1 + gain * band / (centre**2 - f**2 + band)))
+    rest = of.log_ratio - curves
+    rest = rest - np.median(rest, axis=1, keepdims=True)
+    misfit = np.minimum(np.abs(rest), 2.0).mean(axis=1)
+    found: list[float] = []
+    for place in np.argsort(misfit, kind="stable"):
+        here = choices[place]
+        if all(abs(np.log(here[0] / other)) > _APART for other in found):
+            found.append(here[0])
+            yield here
+        if len(found) == _HUMPS:
+            return
 
 
 @lru_cache(maxsize=16)

@@ -17,6 +17,8 @@ from twingap.effects._filtering import fast_length, filtered
 from twingap.effects._references import RANDALL_ANTONI
 from twingap.effects.base import Effect, Stage, parameter, profile
 from twingap.effects.draft import Draft
+from twingap.effects.impact_train import train_of
+from twingap.effects.modes import LEAD
 from twingap.effects.registry import register
 from twingap.errors import TwingapError
 
@@ -34,7 +36,8 @@ class TransferPath(Effect):
     The gain is given in dB at some frequencies, with straight lines between them and constant beyond. The filter is
     that of minimum phase with this gain, so that an impact stays the beginning of its response. Only the product of
     path and impact strength can be identified, so that a constant gain is left to the impacts. All vibration of the
-    bearing passes it, noise of the measuring chain does not; on a finished waveform all samples do.
+    bearing passes it, noise of the measuring chain does not. Of a finished waveform impacts and force are read off
+    (`impact_train`) and pass it; where its impacts are not known, all samples do.
     """
 
     stage: ClassVar[Stage] = Stage.PATH
@@ -74,6 +77,11 @@ class TransferPath(Effect):
         if not self.frequencies_hz or (self.depth == 0 and not self.inverted):
             return
         fs_hz, sign = draft.condition.fs_hz, -1.0 if self.inverted else 1.0
+        if draft.excitation == "waveform" and (train := train_of(draft)) is not None:
+            vibration = np.pad(train.impacts + train.forced(rng), (LEAD, 0), mode="reflect")
+            gain = minimum_phase(fast_length(vibration.size), fs_hz, self.frequencies_hz, self.gains_db, self.depth)
+            draft.x = draft.x + filtered(vibration, sign * gain - 1)[LEAD:]
+            return
         draft.filters.append(
             lambda x: filtered(
                 x, sign * minimum_phase(fast_length(x.size), fs_hz, self.frequencies_hz, self.gains_db, self.depth)

@@ -28,15 +28,24 @@ from twingap.gap.distance.curves import curves
 from twingap.gap.distance.localisation import followed, locate, new_ones, presentable
 from twingap.gap.distance.paired import Paired
 from twingap.gap.distance.two_sample_tests import two_sample_tests
-from twingap.gap.external_simulator import ExternalSimulator
 from twingap.gap.held_out import HeldOut
 from twingap.gap.knowledge import shipped
 from twingap.gap.knowledge.learnt import Learnt
-from twingap.gap.report.model import Candidate, GapReport, ParameterValue, Place, Status, Verdict
+from twingap.gap.report.model import (
+    REFERENCE,
+    Candidate,
+    GapReport,
+    ParameterValue,
+    Place,
+    Status,
+    TwoSampleTest,
+    Verdict,
+)
 from twingap.gap.search.effect_search import ALPHA, ALPHA_REST, SURE, Explanation, explain
 from twingap.gap.search.evidence import THOROUGH, Evidence, simulator_of
 from twingap.gap.search.exchange_test import exchange_p_value
 from twingap.gap.search.group_names import groups_of
+from twingap.gap.search.measured_effects import with_measured
 from twingap.gap.search.modelled_effects import completed
 from twingap.identification.calibrate import Calibrated, calibrate_prepared, prepare
 from twingap.provenance import versions
@@ -156,6 +165,8 @@ def _diagnosed(
     progress("exchange of records", 0.6)
     found, exchange_notes = _confirmed(found, evidence)
     notes += exchange_notes
+    progress("path, lines and background", 0.62)
+    found = with_measured(evidence, found)
     progress("places and tests", 0.65)
     held_out = HeldOut(evidence, found)
     before = held_out.replicates(found.before.simulator, found.before.effects, held_out.most)
@@ -174,6 +185,9 @@ def _diagnosed(
         held_out.real, before[:count], after[:count], rng, more=held_out.training_sets(), floors=floors
     )
     closed = closure_interval(*pairs, floor, rng)
+    found, exchange_notes = _significant(found, closed, tests, located.places)
+    notes += exchange_notes
+    held_out.found = found
     progress("candidates", 0.8)
     candidates = tuple(held_out.candidates(learnt, floor, rng, lambda part: progress("candidates", 0.8 + 0.18 * part)))
     second = Paired(held_out.real, after)
@@ -230,7 +244,7 @@ def _confirmed(found: Explanation, evidence: Evidence) -> tuple[Explanation, lis
 
     The test is skipped where an effect is certainly missing.
     """
-    own = isinstance(found.before.simulator, ExternalSimulator)
+    own = found.before.simulator.makes_waveforms
     if not own or not found.gap or max(found.probability.values(), default=0.0) >= SURE:
         return found, []
     p = exchange_p_value(evidence)
@@ -243,6 +257,24 @@ def _confirmed(found: Explanation, evidence: Evidence) -> tuple[Explanation, lis
     sets = ((), *(effects for effects in found.confidence_set if effects))
     nothing = replace(found, gap=False, effects=(), p_value=p, confidence_set=sets, after=found.before)
     return nothing, [note]
+
+
+def _significant(
+    found: Explanation, closed: Closure, tests: Sequence[TwoSampleTest], places: Sequence[Place]
+) -> tuple[Explanation, list[str]]:
+    """The explanation, or no gap where no effect is named and nothing else shows a gap, and notes.
+
+    That is where the distance is below its floor, no place differs, and no two-sample test is significant.
+    """
+    p = min((test.p_value for test in tests), default=1.0)
+    if not found.gap or found.effects or closed.before > closed.floor or places or p <= ALPHA:
+        return found, []
+    note = (
+        f"scores like these are rare on the simulated machines without a gap (p = {found.p_value:.2g}), but the "
+        "distance is below its floor, no place differs, and no two-sample test is significant"
+    )
+    sets = ((), *(effects for effects in found.confidence_set if effects))
+    return replace(found, gap=False, p_value=max(p, found.p_value), confidence_set=sets, after=found.before), [note]
 
 
 def _with_closure_of_verdict(candidate: Candidate, named: tuple[str, ...], closed: Closure) -> Candidate:
@@ -311,6 +343,8 @@ def _calibration(calibrated: Calibrated, found: Explanation) -> dict[str, Parame
     gain = getattr(before, "gain", None)
     if gain is not None:
         out["unit_gain"] = ParameterValue(float(gain), "records over simulation")
+    reference = (found.after if found.gap else found.before).simulator.reference_rms
+    out[REFERENCE] = ParameterValue(float(reference), calibrated.fit.unit)
     return out
 
 

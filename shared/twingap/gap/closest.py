@@ -90,7 +90,9 @@ def closest_of(
         for share in shares
     )  # fmt: skip
     report = ClosestTwin(
-        effects=tuple(ClosestEffect(one.name, values_of(one) | line_counts(one, held_out)) for one in now.effects),
+        effects=tuple(
+            ClosestEffect(one.name, {**values_of_effect(one, {}), **line_counts(one, held_out)}) for one in now.effects
+        ),
         closure=closed.closure, closure_ci=closed.ci, attribution=groups if closed.closure > 0 else (),
         ceiling=ceiling(held_out, first, floor),
         twin=CLOSEST_FILE if isinstance(now.simulator, TwinSimulator) else "",
@@ -102,25 +104,10 @@ def closest_of(
 def of_verdict(held_out: HeldOut, closed: float, ci: tuple[float, float]) -> ClosestTwin:
     """The verdict's twin as the closest one, without attribution."""
     found = held_out.found
-    effects = tuple(ClosestEffect(one.name, values_of(one)) for one in (found.after.effects if found.gap else ()))
+    effects = tuple(
+        ClosestEffect(one.name, values_of_effect(one, {})) for one in (found.after.effects if found.gap else ())
+    )
     return ClosestTwin(effects, closed, ci)
-
-
-def values_of(effect: Effect) -> dict[str, ParameterValue]:
-    """Values of an effect of the closest twin; of lists, which its twin file holds, the number of values."""
-    base = effect.base if isinstance(effect, ByState) else effect
-    values = dict(values_of_effect(base, {}))
-    for field in base.profiles():
-        values[field.name] = ParameterValue(float(len(getattr(base, field.name))), "values in closest.toml")
-    if isinstance(effect, ByState):
-        for state, own in effect.states:
-            for field in own.parameters():
-                if not state.unit and getattr(own, field.name) != getattr(base, field.name):
-                    value = ParameterValue(float(getattr(own, field.name)), field.metadata["unit"])
-                    values[f"{field.name} ({state.fault})"] = value
-        if units := {state.unit for state, _ in effect.states if state.unit}:
-            values["units"] = ParameterValue(float(len(units)), "with values of their own in closest.toml")
-    return values
 
 
 def line_counts(effect: Effect, held_out: HeldOut) -> dict[str, ParameterValue]:

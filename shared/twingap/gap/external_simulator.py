@@ -14,6 +14,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import replace
 from fractions import Fraction
+from functools import partial
 from typing import Final
 
 import numpy as np
@@ -24,8 +25,11 @@ from twingap.bearing import Bearing
 from twingap.effects import Effect, Stage, apply_to_waveform
 from twingap.effects.angle import at_angles
 from twingap.effects.background import Background
+from twingap.effects.impact_train import response_of
 from twingap.errors import TwingapError
+from twingap.identification.baseline import level_of_own
 from twingap.records import Condition, Record, RecordSet
+from twingap.signal.record_transforms import Frame
 from twingap.streams import Streams
 from twingap.twins.simulator import streams_of, why_not
 
@@ -52,6 +56,8 @@ _MOST_HEALTHY: Final = 5
 less similar speeds."""
 _MOST_KEPT: Final = 96
 """Largest number of records whose background is cached. A larger number takes more memory and saves time."""
+_MOST_RESPONSES: Final = 4
+"""Largest number of records of each fault for the response to an impact. A larger number reduces its noise."""
 _MOST_MEASURED: Final = 40
 """Largest number of records for the matching of levels. A larger number takes longer and reduces noise."""
 
@@ -114,6 +120,7 @@ class ExternalSimulator:
         self._simulated_conditions = _SimulatedConditions(sim.conditions)
         self._backgrounds: dict[tuple[float, ...], Background | None] = {}
         self._known_background: dict[tuple[object, ...], NDArray[np.float32]] = {}
+        self._responses: dict[float, Array | None] = {}
         notes: list[str] = []
         self.missing = frozenset(wanted - faults)
         self._first, self._alike = self._shared_out([*real.conditions, *others])
@@ -150,7 +157,15 @@ class ExternalSimulator:
             record = Record(replace(condition, speed_rpm=speed_rpm), samples)
             if effects:
                 background = self._background_of(record, effects, (streams_root, replicate))
-                record = apply_to_waveform(effects, record, self.bearing, self.reference_rms, streams, background)
+                record = apply_to_waveform(
+                    effects,
+                    record,
+                    self.bearing,
+                    self.reference_rms,
+                    streams,
+                    background,
+                    partial(self._response, condition.fs_hz),
+                )
             out.append(record)
         return out
 
@@ -164,6 +179,11 @@ class ExternalSimulator:
         own = copy.copy(self)
         own.gain = gain
         return own
+
+    @property
+    def makes_waveforms(self) -> bool:
+        """True: its records are finished."""
+        return True
 
     def can_add(self, name: str) -> str | None:
         """See `Simulator.can_add`."""
@@ -232,6 +252,25 @@ class ExternalSimulator:
                     continue
             self._backgrounds[key] = Background.of(waveforms)
         return self._backgrounds[key]
+
+    def _response(self, fs_hz: float) -> Array | None:
+        """Response to one impact at this rate, from some records of each fault; None if impacts do not stand out."""
+        if fs_hz not in self._responses:
+            waves: list[Array] = []
+            passes: list[float] = []
+            counts: dict[str, int] = {}
+            for place, c in enumerate(self.sim.conditions):
+                fault = c.fault or "healthy"
+                if fault == "healthy" or counts.get(fault, 0) == _MOST_RESPONSES or c.fs_hz < 0.999 * fs_hz:
+                    continue
+                try:
+                    waves.append(self._at_rate(place, fs_hz))
+                except TwingapError:  # no simple ratio of rates
+                    continue
+                counts[fault] = counts.get(fault, 0) + 1
+                passes.append(fs_hz / (self.bearing.fault_order(fault) * c.speed_rpm / 60))
+            self._responses[fs_hz] = response_of(waves, passes) if waves else None
+        return self._responses[fs_hz]
 
     def _of_healthy(self) -> float | None:
         """RMS of the simulated healthy records about their means, without gain; None without any."""
@@ -308,20 +347,35 @@ class ExternalSimulator:
         shared = [i for i, c in enumerate(real.conditions) if c.fault is not None and c.fault not in self.missing]
         healthy = [i for i in shared if real.conditions[i].fault == "healthy"]
         self.gain = 1.0
-        ratios = []
-        for i in (healthy or shared)[:_MOST_MEASURED]:
-            condition = real.conditions[i]
-            made, _ = self._waveform(condition, streams_of(condition, 0, 0), 0)
-            ratios.append(0.5 * math.log(max(float(real[i].samples.var()), 1e-300) / max(float(made.var()), 1e-300)))
-        log_gain = float(np.median(ratios)) if ratios else 0.0
+        used = real.take((healthy or shared)[:_MOST_MEASURED])
         same = real.unit == self.sim.unit and real.unit != ""
-        if same and abs(log_gain) < SAME_GAIN:
+        gain = self._level_between_tones(used) if same else self._level(used)
+        if same and abs(math.log(gain)) < SAME_GAIN:
             return 1.0
-        gain = math.exp(log_gain)
         of = "healthy records" if healthy else "all records, none of which is healthy"
         why = "" if same else f" (units: simulated {self.sim.unit!r}, real {real.unit!r})"
         notes.append(f"simulated samples were multiplied by {gain:.4g}, from the levels of {of}{why}")
         return gain
+
+    def _level(self, real: RecordSet) -> float:
+        """Median ratio of the RMS of real records to that of simulated ones."""
+        ratios = []
+        for record in real:
+            made, _ = self._waveform(record.condition, streams_of(record.condition, 0, 0), 0)
+            ratios.append(0.5 * math.log(max(float(record.samples.var()), 1e-300) / max(float(made.var()), 1e-300)))
+        return math.exp(float(np.median(ratios))) if ratios else 1.0
+
+    def _level_between_tones(self, real: RecordSet) -> float:
+        """Ratio of levels band by band, without tones: hum of the machine is no reason for a louder simulator."""
+        if not len(real):
+            return 1.0
+        frame = Frame(self.bearing, (0.0, min(c.fs_hz for c in real.conditions) / 2), 1.0)
+
+        def at(level: float, conditions: Sequence[Condition]) -> list[Record]:
+            made = (self._waveform(c, streams_of(c, 0, 0), 0)[0] for c in conditions)
+            return [Record(c, level * x) for c, x in zip(conditions, made, strict=True)]
+
+        return level_of_own(at, list(real), frame)
 
 
 class _SimulatedConditions:

@@ -13,6 +13,7 @@ from typing import Final
 import numpy as np
 
 from twingap.effects import Effect, trainable
+from twingap.effects.by_state import ByState
 from twingap.errors import TwingapError
 from twingap.gap.distance.closure import closure_interval, paired
 from twingap.gap.distance.closure_metrics import TrainingSets
@@ -24,6 +25,7 @@ from twingap.gap.knowledge.learnt import Learnt
 from twingap.gap.report.model import Candidate, ParameterValue
 from twingap.gap.search.effect_search import Estimated, Explanation, estimate
 from twingap.gap.search.evidence import Compared, Evidence, replicates_of
+from twingap.gap.search.measured_effects import ASKED
 from twingap.records import Condition
 from twingap.twins.simulator import Simulator
 
@@ -95,10 +97,13 @@ class HeldOut:
         """
         found = self.found
         named = {one.effect.name: one for one in found.effects}
-        # Baselines are matched in the same way without and with an effect, so that only effects differ.
-        after = self.evidence.against(found.after.effects)
+        # Baselines are matched in the same way without and with an effect, so that only effects differ. What was
+        # measured from spectra is relative to the baseline, which stays then.
+        fixed = any(name in ASKED for name in named)
+        after = found.after if fixed else self.evidence.against(found.after.effects)
         base = self._pair(after)
         names = [name for name in trainable() if name not in self.evidence.modelled]
+        names += [name for name in named if name not in names]
         for done, name in enumerate(names):
             progress(done / len(names))
             probability = min(max(found.probability.get(name, 0.0), 0.0), 1.0)
@@ -112,14 +117,17 @@ class HeldOut:
                 yield Candidate(name, probability, gap, gap, 0.0, (0.0, 0.0), values, why, others)
                 continue
             if name in named:
-                without = self.evidence.against(tuple(named[o].effect for o in others if o not in found.cannot))
+                chain = tuple(named[o].effect for o in others if o not in found.cannot)
+                without = Compared(self.evidence, chain, after.simulator) if fixed else self.evidence.against(chain)
                 pair = paired(self.real, self._pair(without)[0], base[0])
                 value = named[name]
             else:
                 fitted = found.fitted.get(name)
                 value = Estimated(fitted, {}) if fitted else estimate(name, after.fit, self.evidence, learnt)
                 few = base[0][: 1 + (probability > _LIKELY)]
-                pair = paired(self.real, few, self._with_effect(value.effect, probability, len(few)))
+                pair = paired(
+                    self.real, few, self._with_effect(after, value.effect, probability * (not fixed), len(few))
+                )
             closed = closure_interval(*pair, floor, rng, draws=200)
             yield Candidate(
                 name, probability, closed.before, closed.after, closed.closure, closed.ci, values_of_estimate(value),
@@ -131,9 +139,8 @@ class HeldOut:
         vectors = self.replicates(compared.simulator, compared.effects, min(self.most, 2))
         return vectors, Paired(self.real, vectors)
 
-    def _with_effect(self, effect: Effect, probability: float, count: int) -> list[FeatureVectors]:
-        """Feature vectors of the twin with the named effects and one more."""
-        after = self.evidence.against(self.found.after.effects)
+    def _with_effect(self, after: Compared, effect: Effect, probability: float, count: int) -> list[FeatureVectors]:
+        """Feature vectors of the twin with the named effects and one more, the baseline matched anew for a likely one."""
         effects = (*after.effects, effect)
         simulator = self.evidence.against(effects).simulator if probability > _LIKELY else after.simulator
         try:
@@ -148,7 +155,7 @@ def values_of_estimate(found: Estimated) -> Mapping[str, ParameterValue]:
 
 
 def values_of_effect(effect: Effect, intervals: Mapping[str, tuple[float, float]]) -> Mapping[str, ParameterValue]:
-    """Values of an effect, with unit and, where given, interval.
+    """Values of an effect, with unit and, where given, interval; of lists, which a twin file holds, their lengths.
 
     Parameters
     ----------
@@ -160,9 +167,19 @@ def values_of_effect(effect: Effect, intervals: Mapping[str, tuple[float, float]
     -------
     Mapping[str, ParameterValue]
     """
-    return {
-        field.name: ParameterValue(
-            float(getattr(effect, field.name)), field.metadata["unit"], intervals.get(field.name)
-        )
-        for field in effect.parameters()
+    base = effect.base if isinstance(effect, ByState) else effect
+    values = {
+        field.name: ParameterValue(float(getattr(base, field.name)), field.metadata["unit"], intervals.get(field.name))
+        for field in base.parameters()
     }
+    for field in base.profiles():
+        values[field.name] = ParameterValue(float(len(getattr(base, field.name))), "values in closest.toml")
+    if isinstance(effect, ByState):
+        for state, own in effect.states:
+            for field in own.parameters():
+                if not state.unit and getattr(own, field.name) != getattr(base, field.name):
+                    value = ParameterValue(float(getattr(own, field.name)), field.metadata["unit"])
+                    values[f"{field.name} ({state.fault})"] = value
+        if units := {state.unit for state, _ in effect.states if state.unit}:
+            values["units"] = ParameterValue(float(len(units)), "with values of their own in closest.toml")
+    return values

@@ -50,6 +50,15 @@ _IMPULSE: Final = 20.0
 sharp mode, whose power is nearly exponential."""
 _MOST_IMPULSES: Final = 0.08
 """Largest fraction of a record's segments that is left out; with more loud ones, their mean is reliable."""
+FINE_STEPS: Final = (0.15, 0.05, 0.02, 0.007)
+"""Steps of `match_level` where the result is not refined any further."""
+_SAME_LEVEL: Final = math.log(1.1)
+"""Log ratio of levels below which a simulator of the user's own is matched without asking whether its unit is right."""
+_AGREES, _AGREEING = 0.15, 0.2
+"""Largest log ratio of power densities that agree, and part of the bands that has to. A smaller part keeps the level of
+simulators that agree by chance."""
+_LEAST_BETWEEN: Final = 0.3
+"""Part of a simulator's power between tones from which its level is matched there."""
 _BESIDE: Final = 0.06
 """Log ratio of frequencies below which they share one initial value of a search; larger is faster and less thorough."""
 
@@ -149,6 +158,7 @@ def match_level(
     sides: Sequence[StateSpectrum],
     frame: Frame,
     now: float,
+    steps: Sequence[float] = (0.15, 0.05, 0.02),
 ) -> float:
     """Factor on a simulator's waveforms that matches its spectra to those of records, effects included.
 
@@ -164,6 +174,8 @@ def match_level(
     frame : Frame
     now : float
         Initial level.
+    steps : sequence of float
+        Steps of its logarithm, tried one after the other.
 
     Returns
     -------
@@ -171,21 +183,69 @@ def match_level(
         Minimiser of the mean square log ratio over bands, each clipped at one, so that strong tones and disturbances
         in a few bands have little influence.
     """
-    inside = slice(2, int(0.92 * BANDS))
 
     def tried(level: float) -> tuple[float, float, Array]:
-        rest = []
-        for side in sides:
-            records = made(level, side.conditions[:MOST_SIMULATED])
-            psd = np.mean([_bands(r, frame)[0] for r in records], axis=0)
-            rest.append(np.log(np.maximum(psd, 1e-300) / np.maximum(side.psd, 1e-300))[inside])
+        rest = log_ratios(made, sides, frame, level)
         return float(np.mean(np.minimum(np.square(rest), 1.0))), level, np.concatenate(rest)
 
     best = tried(now)
     best = min(best, tried(now * math.exp(-0.5 * float(np.median(best[2])))), key=lambda t: t[0])
-    for step in (0.15, 0.05, 0.02):
+    for step in steps:
         best = min([best, *(tried(best[1] * math.exp(sign * step)) for sign in (-1, 1))], key=lambda t: t[0])
     return best[1]
+
+
+def level_of_own(
+    made: Callable[[float, Sequence[Condition]], Sequence[Record]], records: Sequence[Record], frame: Frame
+) -> float:
+    """Level of a simulator of the user's own, from healthy records, or from all where none is healthy.
+
+    As `match_level`, so that hum of the machine is no reason for a louder simulator. It is 1 where the spectra agree in
+    many bands as they are: the samples are then in the unit of the records, which have more in the other bands. Where
+    the simulator makes tones and little else, it is the ratio of RMS.
+
+    Parameters
+    ----------
+    made : callable
+        As for `match_level`.
+    records : sequence of Record
+    frame : Frame
+    """
+    records = [r for r in records if r.condition.fault == "healthy"] or list(records)
+    plain = made(1.0, [r.condition for r in records])
+    noise, power = (
+        np.array([_bands(r, frame)[0].mean() * r.condition.fs_hz / 2 for r in plain]),
+        np.array([r.samples.var() for r in plain], float),
+    )
+    if noise.sum() < _LEAST_BETWEEN * power.sum():
+        return math.sqrt(float(np.median([r.samples.var() for r in records] / np.maximum(power, 1e-300))))
+    sides = state_spectra(records, frame)
+    found = match_level(made, sides, frame, 1.0, FINE_STEPS)
+    if abs(math.log(found)) < _SAME_LEVEL:
+        return found
+    here = np.abs(log_ratios(made, sides, frame, 1.0)) < _AGREES
+    return 1.0 if here.mean() >= _AGREEING else found
+
+
+def log_ratios(
+    made: Callable[[float, Sequence[Condition]], Sequence[Record]],
+    sides: Sequence[StateSpectrum],
+    frame: Frame,
+    level: float,
+) -> list[Array]:
+    """[states] Log ratios of power densities, simulator over records, in bands. Parameters as `match_level`."""
+    inside, rest = slice(2, int(0.92 * BANDS)), []
+    for side in sides:
+        records = made(level, side.conditions[:MOST_SIMULATED])
+        psd = np.mean([_bands(r, frame)[0] for r in records], axis=0)
+        rest.append(np.log(np.maximum(psd, 1e-300) / np.maximum(side.psd, 1e-300))[inside])
+    return rest
+
+
+def levels_of(records: RecordSet, frame: Frame) -> list[StateSpectrum]:
+    """Spectra for `match_level`: of the healthy records, or of all where none is healthy."""
+    sides = state_spectra(list(records), frame)
+    return [side for side in sides if side.fault == "healthy"] or sides
 
 
 def _mode_search(

@@ -27,17 +27,18 @@ from twingap.identification.impact_band import impact_hz, mode_band
 from twingap.identification.phenomenological import quick_identify
 from twingap.identification.speed import Speeds, estimate_speeds
 from twingap.identification.speed_reading import comb_heights
+from twingap.identification.user_model import levelled
 from twingap.records import RecordSet
 from twingap.signal import most_impulsive_band
 from twingap.signal.record_transforms import Frame
-from twingap.streams import root_entropy
-from twingap.twins.simulator import TwinSimulator
-from twingap.twins.twin_file import TwinSpec, all_parameters, build_twin, flat, in_unit, nested
+from twingap.twins.twin_file import TwinSpec, build_twin, flat, in_unit
 
 Array = NDArray[np.float64]
 
 MOST_FIT: Final = 12
 """Most records of each state from which parameters are identified: more are slower and hardly more accurate."""
+MOST_LEVELLED: Final = 6
+"""Most records of each state from which the level of a user's model is matched: more are slower and more accurate."""
 CLEAR_COMB: Final = 6.0
 """Height of a fault's comb (see `speed_reading.COMB`) from which a record of unknown state is assigned to that fault;
 a larger value assigns weak faults to the healthy state."""
@@ -395,23 +396,7 @@ def _identified(
         outcome = identify(thinned(fit), spec, seed=rng)
         notes += outcome.notes
         return outcome.spec, frame
-    return _scaled(spec, fit, rng, notes), frame
-
-
-def _scaled(spec: TwinSpec, fit: RecordSet, rng: np.random.Generator, notes: list[str]) -> TwinSpec:
-    """A user's model with its level matched to the records, where it has a parameter `scale`."""
-    names = flat(all_parameters(spec))
-    if "scale" not in names or spec.given("scale"):
-        notes.append(f"model {spec.model!r} has no free parameters: its parameters are not changed")
-        return spec
-    own = thinned(fit, 6)
-    made = TwinSimulator(spec, own.bearing, own.unit).simulate((), own.conditions, root_entropy(rng), 0)
-    pairs = [(r.samples.var(), m.samples.var(), r.condition.fault == "healthy") for r, m in zip(own, made, strict=True)]
-    chosen = [p for p in pairs if p[2]] or pairs
-    gain = math.sqrt(sum(p[0] for p in chosen) / max(sum(p[1] for p in chosen), 1e-300))
-    level = float(names["scale"]) * gain
-    notes.append(f"model {spec.model!r}: its level was brought to the records' by scale = {level:.4g}")
-    return replace(spec, parameters=nested(flat(spec.parameters) | {"scale": level}))
+    return levelled(spec, thinned(fit, MOST_LEVELLED), rng, notes)[0], frame
 
 
 def recalibrate(

@@ -6,13 +6,15 @@ records + TwinSpec --(the model's own identification)--> values, intervals, curv
 from __future__ import annotations
 
 import os
+from dataclasses import fields
 from typing import Any, Protocol
 
 import numpy as np
 
 from twingap import __version__
 from twingap.errors import TwingapError
-from twingap.identification.result import Identified, Outcome, Progress
+from twingap.identification.result import Estimate, Identified, Outcome, Progress
+from twingap.identification.user_model import first_of_each_state, fits_of, levelled
 from twingap.records import RecordSet, read_record_set
 from twingap.twins.twin_file import Provenance, TwinSpec, in_unit, model_of, read_twin
 
@@ -45,6 +47,16 @@ def _contact() -> Identification:
     from twingap.identification.contact import identify_contact
 
     return identify_contact
+
+
+def _user_model(
+    spec: TwinSpec, records: RecordSet, rng: np.random.Generator, *, level: float, method: str, progress: Progress
+) -> Outcome:
+    """Level and healthy vibration of a registered function, without intervals."""
+    notes: list[str] = []
+    few = first_of_each_state(records)
+    twin, found = levelled(spec, few, rng, notes)
+    return Outcome({name: Estimate(value) for name, value in found.items()}, fits_of(twin, few), tuple(notes))
 
 
 IDENTIFICATIONS = {"phenomenological": _phenomenological, "contact": _contact}
@@ -105,7 +117,9 @@ def identify(
     rng = np.random.default_rng(seed)
     if not 0.5 <= level <= 0.999:
         raise TwingapError(f"level = {level:g}, a number between 0.5 and 0.999 expected", where="identification")
-    if model_of(spec).name not in IDENTIFICATIONS:
+    known = model_of(spec)
+    own = known.name not in IDENTIFICATIONS and {"scale", "healthy_rms"} <= {f.name for f in fields(known.parameters)}
+    if known.name not in IDENTIFICATIONS and not own:
         raise TwingapError(
             f"model {spec.model!r} has no identification",
             where="[twin] model",
@@ -119,7 +133,8 @@ def identify(
             )
         chosen["optimiser"] = optimiser
     spec = in_unit(spec, records.unit)
-    outcome = IDENTIFICATIONS[spec.model]()(
+    run = _user_model if own else IDENTIFICATIONS[spec.model]()
+    outcome = run(
         spec, records, rng, level=level, method=method, progress=progress or (lambda what, fraction: None), **chosen
     )
     if not outcome.estimates:

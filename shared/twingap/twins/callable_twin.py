@@ -9,14 +9,16 @@ import math
 import zlib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any, ClassVar, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from twingap.bearing import Bearing
+from twingap.bearing import FAULTS, Bearing
 from twingap.effects import Draft, Effect, Stage, catalogue
 from twingap.effects.angle import at_angles
+from twingap.effects.impact_train import response_of
 from twingap.effects.modes import LEAD
 from twingap.errors import TwingapError
 from twingap.records import Condition
@@ -109,6 +111,7 @@ class CallableTwin(Twin):
         if not np.ptp(x) > 0:
             raise TwingapError("the function gave samples that are all equal", where=where)
         draft.x = self.parameters.scale * x
+        draft.impact_response = lambda: _response(self.function, self.bearing, condition)
         # Resampled first, so that angles of later effects refer to the resampled waveform.
         evenly = draft.t * draft.shaft_hz
         if any(e.stage == Stage.SHAFT for e in self.effects) and not np.array_equal(draft.turns, evenly):
@@ -126,6 +129,29 @@ class CallableTwin(Twin):
                 for act in draft.filters:
                     x = act(x)
                 draft.x = x[LEAD:].copy()
+
+
+@lru_cache(maxsize=64)
+def _response_at(function: Function, bearing: Bearing, speed_rpm: float, fs_hz: float, n_samples: int) -> Array | None:
+    """Response of a function to one impact, from a record of each fault that it can simulate."""
+    waves, passes = [], []
+    for fault in FAULTS[1:]:
+        condition = Condition("response", speed_rpm, fs_hz, n_samples, fault)
+        try:
+            (x,) = function([condition], np.random.default_rng(0))
+            x = np.array(x, dtype=float)
+        except Exception:  # a fault that it does not simulate
+            continue
+        if x.shape == (n_samples,) and np.isfinite(x).all() and np.ptp(x) > 0:
+            waves.append(x)
+            passes.append(fs_hz / (bearing.fault_order(fault) * speed_rpm / 60))
+    return response_of(waves, passes) if waves else None
+
+
+def _response(function: Function, bearing: Bearing, condition: Condition) -> Array | None:
+    """As `_response_at`, at the speed of a condition, rounded so that few records are simulated."""
+    speed_rpm = float(f"{condition.speed_rpm:.1g}")
+    return _response_at(function, bearing, speed_rpm, condition.fs_hz, condition.n_samples)
 
 
 def register_callable(name: str, function: Function, *, has: Sequence[str] = ()) -> Model:

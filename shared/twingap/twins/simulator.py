@@ -36,10 +36,20 @@ class Simulator(Protocol):
         For the report.
     has : tuple[str, ...]
         Effects that it models already.
+    makes_waveforms : bool
+        Whether it is the user's own, which makes finished waveforms: a record set or a function.
+    reference_rms : float
+        RMS of its healthy vibration, in the unit of the records, to which effects are relative.
     """
 
     name: str
     has: tuple[str, ...]
+
+    @property
+    def makes_waveforms(self) -> bool: ...
+
+    @property
+    def reference_rms(self) -> float: ...
 
     def simulate(
         self, effects: tuple[Effect, ...], conditions: Sequence[Condition], streams_root: int, replicate: int
@@ -107,7 +117,19 @@ class TwinSimulator:
         self.bearing = self.twin.bearing
         self.name = spec.model
         self.has = tuple(effect.name for effect in self.twin.effects)
+        if self.makes_waveforms:  # stated by whom it was registered
+            self.has = (*self.has, *sorted(self.twin.inherent_effects))
         self.conditions = tuple(conditions)
+
+    @property
+    def makes_waveforms(self) -> bool:
+        """Whether the twin is a function of the user's."""
+        return self.twin.excitation == "waveform"
+
+    @property
+    def reference_rms(self) -> float:
+        """RMS of its healthy vibration, in the unit of the records."""
+        return self.twin.reference_rms
 
     def simulate(
         self, effects: tuple[Effect, ...], conditions: Sequence[Condition], streams_root: int, replicate: int
@@ -130,10 +152,10 @@ class TwinSimulator:
 
     def can_add(self, name: str) -> str | None:
         """See `Simulator.can_add`."""
-        if name in self.has:
-            return "the twin already has it"
         if name in self.twin.inherent_effects:
             return "it follows from the twin's own physics"
+        if name in self.has:
+            return "the twin already has it"
         return why_not(name, self.conditions, self.bearing, self.twin.reference_rms, self.twin.excitation)
 
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, Final
 
+from twingap.effects.base import HEALTHY_RMS
 from twingap.gap.report.model import ParameterValue
 
 _SUFFIXES: Final[Mapping[str, str]] = {"Hz": "_hz", "rpm": "_rpm", "s": "_s", "N": "_n", "deg": "_deg", "1/s": "_per_s"}
@@ -35,9 +36,15 @@ def value(parameter: ParameterValue) -> str:
     return text if parameter.ci is None else f"{text} ({number(parameter.ci[0])} to {number(parameter.ci[1])})"
 
 
-def parameters(values: Mapping[str, ParameterValue]) -> tuple[str, ...]:
-    """One line for each parameter: name = value."""
-    return tuple(f"{quantity(n, p.unit)} = {value(p)}" for n, p in values.items())
+def parameters(values: Mapping[str, ParameterValue], reference: ParameterValue | None = None) -> tuple[str, ...]:
+    """One line for each parameter: name = value, and in the unit of the records where it is relative to `reference`."""
+
+    def absolute(one: ParameterValue) -> str:
+        if reference is None or one.unit != HEALTHY_RMS:
+            return ""
+        return f", that is {number(one.value * reference.value, reference.unit)}"
+
+    return tuple(f"{quantity(n, p.unit)} = {value(p)}{absolute(p)}" for n, p in values.items())
 
 
 def percent(part: float, interval: tuple[float, float] | None = None) -> str:
@@ -45,6 +52,13 @@ def percent(part: float, interval: tuple[float, float] | None = None) -> str:
     shown, *ends = (round(100 * v) for v in (part, *(interval or ())))
     text = f"{shown} %" + (f" ({ends[0]} to {ends[1]} %)" if ends else "")
     return text.replace("-", "−").replace(" ", "\u00a0").replace("\u00a0(", " (")
+
+
+def closure(part: float, interval: tuple[float, float] | None = None) -> str:
+    """A closure with its interval in per cent; in words where the gap more than doubles."""
+    if part < -1:
+        return "widens the gap"
+    return percent(part, interval if interval is None else (max(interval[0], -1.0), interval[1]))
 
 
 def p_value(value: float) -> str:

@@ -26,6 +26,9 @@ Change = Literal["gone", "smaller", "same", "larger", "new"]
 Interval = tuple[float, float]
 _LEAST_CLOSURE, _MOST_CLOSURE = -10.0, 2.0
 """Bounds of closures: values beyond occur where there is hardly anything to close."""
+REFERENCE = "healthy_vibration"
+"""Entry of the calibration: RMS of the twin's healthy vibration in the unit of the records, of which "healthy rms" in
+values of effects is a multiple."""
 Numbers = tuple[float, ...]
 """NaN where nothing was measured, written as null."""
 
@@ -101,15 +104,17 @@ class Verdict:
         if self.status == "no_gap":
             return f"After calibration these records and the twin cannot be distinguished ({p})."
         if self.status == "unexplained":
-            return f"The twin differs from the records ({p}), and no effect of the catalogue shrinks the gap."
+            return f"The twin differs from the records ({p}), and no effect of the catalogue can be named as the cause."
         it = "it" if len(self.effects) == 1 else "them"
         closes = f"how far adding {it} would shrink the gap could not be measured"
         if self.closure is not None:
             closes = f"adding {it} closes {_percent(self.closure)} of the gap"
             widens = round(100 * self.closure) < 0  # less than half a per cent is neither
+            far = self.closure < -1  # of a gap that is more than doubled, the percentage tells nothing
             if widens:
-                closes = f"adding {it} at the values found widens the gap by {_percent(-self.closure)}"
-            if self.closure_ci is not None:
+                by = "" if far else f" by {_percent(-self.closure)}"
+                closes = f"adding {it} at the values found widens the gap{by}"
+            if self.closure_ci is not None and not far:
                 ends = self.closure_ci if not widens else (-self.closure_ci[1], -self.closure_ci[0])
                 closes += " (90 % interval {} to {})".format(*map(_percent, ends))
         rest = "a significant rest remains" if self.status == "partly_explained" else "little of it remains"

@@ -10,7 +10,6 @@ together. What the closest twin closes, and which group of effects closes it, is
 from __future__ import annotations
 
 import math
-from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Final
@@ -21,7 +20,7 @@ from twingap.errors import TwingapError
 from twingap.gap.knowledge.learnt import Learnt
 from twingap.gap.search.effect_search import Explanation, estimate
 from twingap.gap.search.evidence import Compared, Evidence
-from twingap.gap.search.free_spectra import BACKGROUND, LINES, MEASURED, PATH, By, measured
+from twingap.gap.search.free_spectra import BACKGROUND, LINES, MEASURED, PATH, By, by_fault_or_all, measured
 from twingap.gap.search.initial_values import observations
 from twingap.gap.search.joint import fitted_together
 from twingap.gap.search.optimise import optimise, validation_distance
@@ -47,9 +46,6 @@ _RANDOM_IMPACTS: Final[tuple[dict[str, dict[str, float]], ...]] = (
     {"slip_jitter": {"sigma": 0.01}, "impact_scatter": {"sigma": 0.2}},
 )
 """Random impacts with which path and background are measured. More take longer and fit more kinds of machines."""
-ENOUGH: Final = 3
-"""Records of each fault from which path, background and lines are measured by fault: different faults are mostly
-different bearings, mounted anew. A smaller value does so from noisier spectra."""
 OWN_WORTH: Final = 0.93
 """Factor on the misfit that spectra by fault have to reach where records are few, and spectra of all faults where
 they are enough. Closer to 1, chance decides more often."""
@@ -103,8 +99,7 @@ def closest_twin(
     bare = evidence.without_added(begin.simulator)
     start = _Twin(bare, begin.effects, evidence.misfit(bare, begin.effects))
     progress("spectra of path and background", 0.0)
-    counts = Counter(c.fault for c in evidence.trial_records.conditions if c.fault != "healthy")
-    preferred: By = "fault" if counts and min(counts.values()) >= ENOUGH else "all"
+    preferred = by_fault_or_all(evidence)
     sides: tuple[By, By] = ("fault", "all")
     now, least = start, math.inf
     for given in _rhythms(evidence, start, found):

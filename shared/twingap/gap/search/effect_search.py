@@ -22,7 +22,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twingap.effects import Effect, catalogue, trainable
-from twingap.gap.external_simulator import ExternalSimulator
 from twingap.gap.knowledge.learnt import Learnt
 from twingap.gap.knowledge.score_calibration import Outcome
 from twingap.gap.search import unlearnt
@@ -278,7 +277,7 @@ def _with_unlearnt(
 
 def level_of_gap(evidence: Evidence, surest: float = 0.0) -> float:
     """Level of the test for a gap, where `surest` is the largest probability of a missing effect."""
-    exchange_test_follows = not isinstance(evidence.against().simulator, ExternalSimulator) or evidence.exchangeable
+    exchange_test_follows = not evidence.against().simulator.makes_waveforms or evidence.exchangeable
     return ALPHA if exchange_test_follows or surest >= SURE else CAUTIOUS_ALPHA
 
 
@@ -513,7 +512,8 @@ def estimate(name: str, features: Array, evidence: Evidence, learnt: Learnt) -> 
     Returns
     -------
     Estimated
-        Parameters without an estimator have their defaults and no interval.
+        Parameters without an estimator have their defaults and no interval, values that the records show exactly no
+        interval.
     """
     setting = evidence.setting
     default = catalogue()[name]()
@@ -540,7 +540,10 @@ def estimate(name: str, features: Array, evidence: Evidence, learnt: Learnt) -> 
             break
         numbers = {p: 0.5 * (n + to_number(default, p, setting)) for p, n in numbers.items()}
         made = to_effect(name, numbers, setting)
-    priors = {(name, p): Prior(to_number(made, p, setting), off) for p, off in within.items()}
+    read = evidence.read_off(name)
+    made = evidence.at_read_values(made, evidence.against().simulator)
+    intervals = {p: ends for p, ends in intervals.items() if p not in read}
+    priors = {(name, p): Prior(to_number(made, p, setting), off) for p, off in within.items() if p not in read}
     return Estimated(made, intervals, priors)
 
 

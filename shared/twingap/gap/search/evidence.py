@@ -14,7 +14,9 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from twingap.effects import Draft, Effect
+from twingap.effects import Draft, Effect, catalogue
+from twingap.effects.base import HEALTHY_RMS
+from twingap.effects.by_state import ByState
 from twingap.gap.distance.feature_vectors import FeatureVectors, measure_vectors
 from twingap.gap.distance.grid import Grid
 from twingap.gap.distance.paired import Paired
@@ -27,7 +29,7 @@ from twingap.gap.features.pooled.trends import Levels
 from twingap.gap.features.spectrum.record_summary import RecordSummary, summarise
 from twingap.gap.search.free_spectra import By, Spectra
 from twingap.gap.search.parameter_scale import Setting
-from twingap.identification.baseline import MOST_SIMULATED, StateSpectrum, match_level, state_spectra
+from twingap.identification.baseline import MOST_SIMULATED, StateSpectrum, levels_of, match_level, state_spectra
 from twingap.identification.calibrate import Calibrated, recalibrate, thinned
 from twingap.records import Condition, Record, RecordSet
 from twingap.signal.record_transforms import RecordTransforms
@@ -97,7 +99,7 @@ class Compared:
             both = self._pooled(part, simulated.summaries)
             self._levels = pooled.levels(of.pooled, both)
             of_pooled = pooled.compare(of.pooled, both, self._levels)
-        pair = Pair(real, simulated, isinstance(self.simulator, ExternalSimulator))
+        pair = Pair(real, simulated, self.simulator.makes_waveforms)
         return comparison.compare(pair, of.calibrated.speeds, of_pooled, has_effects=bool(of.modelled))
 
     def _pooled(self, part: int, summaries: Sequence[RecordSummary]) -> PooledRecords:
@@ -172,7 +174,8 @@ class Evidence:
         self.setting = Setting.of(conditions)
         self._simulator = simulator
         self._known: dict[tuple[Effect, ...], Compared] = {}
-        self._spectra: dict[By, Spectra] = {}
+        self._spectra: dict[bool, Spectra] = {}
+        self._read_off: dict[str, Mapping[str, float]] = {}
 
     def pool(self, fit: Sequence[RecordSummary], held_out: Sequence[RecordSummary]) -> PooledRecords:
         """Pooled records of both parts; records that are in both count once."""
@@ -205,6 +208,24 @@ class Evidence:
         """Reason why the simulator cannot add this effect, or None."""
         return self._simulator.can_add(name)
 
+    def read_off(self, name: str) -> Mapping[str, float]:
+        """Values of an effect that the fit part shows exactly, in the unit of the records; see `Effect.read_off`."""
+        if name not in self._read_off:
+            fit = self.calibrated.fit
+            bare = self.simulated(self._simulator, (), fit.conditions, 0)
+            self._read_off[name] = catalogue()[name].read_off(fit, bare)
+        return self._read_off[name]
+
+    def at_read_values(self, effect: Effect, simulator: Simulator) -> Effect:
+        """The effect at the values that records show exactly, relative to the healthy vibration of this simulator."""
+        found = {} if isinstance(effect, ByState) else self.read_off(effect.name)
+        if not found:
+            return effect
+        units = {field.name: field.metadata["unit"] for field in effect.parameters()}
+        return effect.moved(
+            **{n: v / simulator.reference_rms if units[n] == HEALTHY_RMS else v for n, v in found.items()}
+        )
+
     def fits(self, effect: Effect) -> bool:
         """Whether every record can be simulated with the effect at these values."""
         t = np.zeros(2)
@@ -226,9 +247,10 @@ class Evidence:
 
     def spectra(self, by: By) -> Spectra:
         """Mean spectra of records of the fit part, computed on first use."""
-        if by not in self._spectra:
-            self._spectra[by] = Spectra(self, by)
-        return self._spectra[by]
+        by_unit = by == "unit"
+        if by_unit not in self._spectra:
+            self._spectra[by_unit] = Spectra(self, by_unit=by_unit)
+        return self._spectra[by_unit]
 
     @property
     def trials(self) -> int:
@@ -382,8 +404,7 @@ class Evidence:
     @cached_property
     def _levels_of(self) -> list[StateSpectrum]:
         """Spectra for the matching of levels: of healthy records of the fit part, or of all where none is healthy."""
-        sides = state_spectra(list(thinned(self.calibrated.fit, 6)), self.frame)
-        return [side for side in sides if side.fault == "healthy"] or sides
+        return levels_of(thinned(self.calibrated.fit, 6), self.frame)
 
     def simulated(
         self, simulator: Simulator, effects: Sequence[Effect], conditions: Sequence[Condition], replicate: int

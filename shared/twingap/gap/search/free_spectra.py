@@ -11,6 +11,7 @@ background is not measured.
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
@@ -24,7 +25,6 @@ from scipy.stats import norm
 
 from twingap.effects import BackgroundSpectrum, Effect, LineSpectrum, TransferPath
 from twingap.effects.by_state import ByState, State, by_state, of_state, unit_of
-from twingap.gap.external_simulator import ExternalSimulator
 from twingap.identification.calibrate import thinned
 from twingap.records import Condition, Record, RecordSet
 from twingap.signal.record_transforms import SMOOTH_SEGMENTS, RecordTransforms, band_medians
@@ -69,6 +69,9 @@ _PART: Final = 0.3
 """Quantile over records of a line's height that is tested. A smaller value asks for the line in more of them."""
 _LOUDER: Final = 2.0
 """Power of a line over that of the twin at its place from which it is missing in the twin."""
+_ENOUGH_RECORDS: Final = 3
+"""Records of each fault from which path, background and lines are measured by fault: different faults are mostly
+different bearings, mounted anew. A smaller value does so from noisier spectra."""
 _UNIT_RECORDS: Final = 3
 """Records of each unit by which its path and background are measured. More reduce noise and take longer."""
 _HEALTHY: Final = State("healthy")
@@ -126,14 +129,14 @@ def measured(
     paths = {state: _path_of(known.get(PATH), state, spectra) for state in states} if PATH in names else {}
     densities: dict[State, Array | None] = dict.fromkeys(states if BACKGROUND in names else ())
     if BACKGROUND in names and (own := known.get(BACKGROUND)) is not None:
-        densities = {state: _density_of(own, state, spectra, _reference(simulator)) for state in states}
+        densities = {state: _density_of(own, state, spectra, simulator.reference_rms) for state in states}
     # Impact amplitudes of the twin differ between faults, not between units.
     has_levels = isinstance(simulator, TwinSimulator) and by != "unit"
     # Without lines, their power would be taken for that of impacts.
     lines = _all_lines(evidence, simulator, kept, states) if LINES in names and paths else ()
     over = known if by == "unit" else {}
     for _ in range(rounds if paths or densities else 0):
-        chain = _with((*kept, *lines), spectra, paths, densities, _reference(simulator), over)
+        chain = _with((*kept, *lines), spectra, paths, densities, simulator.reference_rms, over)
         made = spectra.of(evidence.simulated(simulator, chain, spectra.records.conditions, 3))
         if paths:
             steps, levels = _path_steps(spectra, made, states, has_levels=has_levels)
@@ -145,7 +148,7 @@ def measured(
             # What impacts, other effects and a finished waveform have between lines stays.
             rest = 0.0 if density is None else np.maximum(now - density, 0.0)
             densities[state] = np.maximum(wanted - rest, _LEAST_NOISE * wanted)
-    chain = _with(kept, spectra, paths, densities, _reference(simulator), over)
+    chain = _with(kept, spectra, paths, densities, simulator.reference_rms, over)
     if LINES in names:
         chain = (*chain, *_all_lines(evidence, simulator, chain, states))
     return None if chain == kept else (simulator, chain)
@@ -155,6 +158,12 @@ def by_of(effects: Iterable[Effect]) -> By:
     """Whose records have values of their own in these effects."""
     own = [effect for effect in effects if isinstance(effect, ByState)]
     return "unit" if any(effect.has_units for effect in own) else "fault" if own else "all"
+
+
+def by_fault_or_all(evidence: Evidence) -> By:
+    """Whether each fault has its own path and background: where it has records enough to measure them."""
+    counts = Counter(c.fault for c in evidence.trial_records.conditions if c.fault != "healthy")
+    return "fault" if counts and min(counts.values()) >= _ENOUGH_RECORDS else "all"
 
 
 class StateLevels(NamedTuple):
@@ -178,13 +187,13 @@ class Spectra:
     Parameters
     ----------
     evidence : Evidence
-    by : {"all", "fault", "unit"}
-        By unit, records of every unit are used, else the trial records.
+    by_unit : bool
+        Whether each unit is a state of its own; its records are used then, else the trial records.
     """
 
-    def __init__(self, evidence: Evidence, by: By) -> None:
-        self.evidence, self.by = evidence, by
-        self.records = evidence.trial_records if by != "unit" else evidence.shortened(_of_units(evidence))
+    def __init__(self, evidence: Evidence, *, by_unit: bool) -> None:
+        self.evidence, self.by_unit = evidence, by_unit
+        self.records = evidence.shortened(_of_units(evidence)) if by_unit else evidence.trial_records
         self.top_hz = min(c.fs_hz for c in self.records.conditions) / 2
         self.middles_hz = (np.arange(_BANDS) + 0.5) * (self.top_hz / _BANDS)
         self.real = self.of(self.records)
@@ -196,7 +205,7 @@ class Spectra:
 
     def state_of(self, condition: Condition) -> State:
         """State of a record."""
-        return State(str(condition.fault), unit_of(condition) if self.by == "unit" else "")
+        return State(str(condition.fault), unit_of(condition) if self.by_unit else "")
 
     def of(self, records: Iterable[Record]) -> dict[State, StateLevels]:
         """State -> levels of its records; also those of all healthy records."""
@@ -334,14 +343,6 @@ def _spread(places: Sequence[int], conditions: Sequence[Condition]) -> list[int]
     return [ordered[i] for i in chosen]
 
 
-def _reference(simulator: Simulator) -> float:
-    """RMS that amplitudes of disturbances are relative to."""
-    if isinstance(simulator, TwinSimulator):
-        return simulator.twin.reference_rms
-    assert isinstance(simulator, ExternalSimulator)
-    return simulator.reference_rms
-
-
 def _louder(evidence: Evidence, simulator: Simulator, effects: Chain, levels: Mapping[str, float]) -> Simulator:
     """The twin with impact amplitudes changed by these logarithms, where they are free."""
     if not levels or not isinstance(simulator, TwinSimulator):
@@ -396,7 +397,7 @@ def _lines(evidence: Evidence, simulator: Simulator, effects: Chain, fault: str)
         near = taken.size > 0 and place * spread <= 3 * resolution
         if not (near and float(np.abs(taken - place).min()) < _SAME_BINS * resolution):
             hz.append((place, amplitude))
-    reference = _reference(simulator)
+    reference = simulator.reference_rms
     kept = sorted([(a, 0, p) for p, a in hz] + [(a, 1, p) for p, a in orders], reverse=True)[:_MOST_LINES]
     if not kept:
         return None

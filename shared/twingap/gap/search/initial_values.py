@@ -8,7 +8,7 @@ the estimate, where it increases the distance --Effect.weaker--> reduced strengt
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Final, NamedTuple
 
@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twingap.effects import Effect
-from twingap.effects.observations import HealthySpectrum, ModePair, Observations
+from twingap.effects.observations import HealthySpectrum, ModePair, Observations, SpectrumRatio
 from twingap.gap.distance.feature_vectors import FeatureVectors
 from twingap.gap.distance.grid import Grid
 from twingap.gap.distance.paired import Paired
@@ -86,9 +86,10 @@ def better_initial(
     (given,) = (effect for effect in effects if effect.name == name)
     others = tuple(effect for effect in effects if effect.name != name)
     seen = observations(evidence, features)
-    places = [place for place in given.initial_values(seen) if evidence.fits(place)]
-    spectral = [place for place in given.spectral_values(seen) if evidence.fits(place)]
-    weaker = [place for place in given.weaker() if evidence.fits(place)]
+    places, spectral, weaker = (
+        _possible(evidence, given, others, proposed)
+        for proposed in (given.initial_values(seen), given.spectral_values(seen), given.weaker())
+    )
     if not (places or spectral or weaker):
         return None
     misfit_of: Callable[[Simulator, tuple[Effect, ...]], float] = evidence.misfit
@@ -113,6 +114,18 @@ def better_initial(
         if misfit < least:
             least, best = misfit, start
     return best
+
+
+def _possible(
+    evidence: Evidence, given: Effect, others: tuple[Effect, ...], proposed: Iterable[Effect]
+) -> list[Effect]:
+    """Proposed values at which all records can be simulated, other than the given ones but for what was read off."""
+    places = [place for place in proposed if evidence.fits(place)]
+    if not places or not evidence.read_off(given.name):
+        return places
+    simulator = evidence.against(others).simulator
+    read = dict.fromkeys(evidence.at_read_values(place, simulator) for place in places)
+    return [place for place in read if place != evidence.at_read_values(given, simulator)]
 
 
 def _averaged_misfit(
@@ -158,7 +171,16 @@ def observations(evidence: Evidence, features: Array) -> Observations:
         bearing=evidence.frame.bearing, faults=faults, fs_hz=setting.fs_hz, begin_s=setting.begin_s,
         span_s=setting.span_s, speed_rpm=setting.speed_rpm, own_mode=own_mode,
         healthy=lambda: _healthy_spectrum(evidence), mode_pairs=mode_pairs,
+        spectrum_ratio=lambda: _spectrum_ratio(evidence),
     )  # fmt: skip
+
+
+def _spectrum_ratio(evidence: Evidence) -> SpectrumRatio:
+    """Mean log spectra of the trial records over those of the given twin."""
+    spectra, given = evidence.spectra("all"), evidence.against().simulator
+    made = spectra.of(evidence.simulated(given, (), evidence.trial_records.conditions, 3))
+    ratios = [spectra.real[state].between - made[state].between for state in spectra.real]
+    return SpectrumRatio(np.asarray(spectra.middles_hz, float), np.mean(np.array(ratios, float), axis=0))
 
 
 def _own_mode(evidence: Evidence) -> tuple[float, float] | None:

@@ -252,7 +252,7 @@ class ValueSearch:
                 if key[0] != effect.name:
                     continue
                 kind = next(field for field in effect.parameters() if field.name == key[1])
-                if not kind.metadata["searched"]:
+                if not kind.metadata["searched"] or key[1] in self.evidence.read_off(effect.name):
                     continue
                 self.at[key] = to_number(effect, key[1], self.setting)
                 integer = kind.type in ("int", int, "bool", bool)
@@ -300,7 +300,11 @@ class ValueSearch:
             return None
         levels = {name: math.exp(value) for (of, name), value in at.items() if not of}
         try:
-            return self.evidence.with_values(self.simulator, effects, levels), tuple(effects)
+            simulator = self.evidence.with_values(self.simulator, effects, levels)
+            read = [self.evidence.at_read_values(effect, simulator) for effect in effects]
+            if read != effects:  # a level has moved, to which they are relative
+                simulator = self.evidence.with_values(self.simulator, read, levels)
+            return simulator, tuple(read)
         except TwingapError:
             return None
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from twingap.gap.report.formats import name, p_value, parameters, percent
+from twingap.gap.report.formats import closure, name, p_value, parameters, percent
 from twingap.gap.report.model import GapReport, GroupShare
 from twingap.gap.report.sections.parts import Cell, Line, Part, Section, Table, figure
 from twingap.gap.report.sections.shrink import metrics_table
@@ -18,7 +18,7 @@ def section(report: GapReport, figures: Mapping[str, str]) -> Section | None:
     named = report.verdict.effects
     rows: list[tuple[Cell, ...]] = [_row(share) for share in found.attribution]
     limits = [
-        (words, percent(value))
+        (words, closure(value))
         for words, value in (
             ("other real records of the same bearing", found.ceiling.same_unit),
             ("real records of other bearings", found.ceiling.other_unit),

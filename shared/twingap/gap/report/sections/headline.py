@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from twingap.gap.report.advice import contradictions, warnings
-from twingap.gap.report.formats import p_value, percent
+from twingap.gap.report.formats import closure, p_value
 from twingap.gap.report.model import GapReport, Verdict
 
 STATUS: Final[Mapping[str, tuple[str, str]]] = {
@@ -18,7 +18,7 @@ STATUS: Final[Mapping[str, tuple[str, str]]] = {
     ),
     "partly_explained": ("Gap partly explained", "A significant rest remains once the named effects are added."),
     "unexplained": (
-        "Gap unexplained", "There is a significant gap, and nothing in the catalogue shrinks it significantly."
+        "Gap unexplained", "There is a significant gap, and no effect of the catalogue is certain enough to be named."
     ),
 }  # fmt: skip
 """Status -> title and meaning."""
@@ -46,9 +46,9 @@ def headline(report: GapReport) -> Headline:
     title, meaning = STATUS[verdict.status]
     facts = [("p-value of no gap", verdict.p_words.removeprefix("p ").removeprefix("= "))]
     if verdict.closure is not None:
-        facts.append(("gap closed", percent(verdict.closure, verdict.closure_ci)))
+        facts.append(("gap closed", closure(verdict.closure, verdict.closure_ci)))
     if report.closest.attribution:
-        facts.append(("closest twin", percent(report.closest.closure, report.closest.closure_ci)))
+        facts.append(("closest twin", closure(report.closest.closure, report.closest.closure_ci)))
     if (total := stated.get("n_records")) is not None:
         held_out = stated.get("n_held_out")
         facts.append(("records", f"{total}" + (f", evaluated on {held_out}" if held_out is not None else "")))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from twingap.gap.report.formats import name, number
+from twingap.gap.report.formats import closure, name, number
 from twingap.gap.report.model import GapReport, Metric, listed
 from twingap.gap.report.sections.parts import Section, Table, figure
 
@@ -28,7 +28,7 @@ def metrics_table(metrics: Sequence[Metric]) -> Table:
             number(m.before, m.unit),
             f"{number(m.after, m.unit)} ({m.ci_after[0]:.3g} to {m.ci_after[1]:.3g})",
             number(m.floor, m.unit),
-            "–" if m.closure is None else f"{100 * m.closure:.0f} %",
+            "–" if m.closure is None else closure(m.closure),
         )
         for m in metrics
     ]

@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from typing import Final
 
 from twingap.effects import catalogue
-from twingap.gap.report.formats import name, parameters, percent
-from twingap.gap.report.model import Candidate, GapReport, listed
+from twingap.gap.report.formats import closure, name, parameters
+from twingap.gap.report.model import REFERENCE, Candidate, GapReport, listed
 from twingap.gap.report.sections.parts import Cell, Line, Section, Table, figure
 
 _SHOWN: Final = 6
@@ -53,9 +53,9 @@ def _row(candidate: Candidate, report: GapReport) -> tuple[Cell, ...]:
     return (
         [line for line in effect if line.text],
         f"{100 * candidate.probability:.0f} %",
-        percent(candidate.closure, candidate.closure_ci) if measured else "–",
+        closure(candidate.closure, candidate.closure_ci) if measured else "–",
         f"{candidate.gap_before:.3g} → {candidate.gap_after:.3g}" if measured else "–",
-        parameters(candidate.parameters) or "–",
+        parameters(candidate.parameters, report.calibration.get(REFERENCE)) or "–",
     )
 
 

@@ -1,0 +1,168 @@
+"""A simulator of the user's own: levels, values read off the records, impacts in finished waveforms, verdicts."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from scipy.signal import welch
+
+from tests.twingap.gap.own_simulator import (
+    BEARING,
+    FS_HZ,
+    HUM,
+    RAIL,
+    SECOND_MODE,
+    conditions,
+    diagnosed,
+    function,
+    machine,
+    record_set,
+    simulated,
+    waveform,
+)
+from twingap.effects import make_effect
+from twingap.effects.impact_train import response_of
+from twingap.gap.external_simulator import ExternalSimulator
+from twingap.gap.report.model import REFERENCE
+from twingap.gap.search.closest_twin import closest_spec
+from twingap.gap.search.evidence import Compared, Evidence, simulator_of
+from twingap.gap.search.initial_values import observations
+from twingap.identification import identify
+from twingap.identification.calibrate import calibrate
+from twingap.records import Record, RecordSet
+from twingap.twins import TwinSpec, register_callable
+from twingap.twins.simulator import TwinSimulator
+from twingap.twins.twin_file import flat
+
+WAYS = ("sim", "function")
+
+
+def evidence(records: RecordSet, way: str, sim: RecordSet | None = None) -> Evidence:
+    register_callable("own simulator", function)
+    spec = TwinSpec("own simulator", bearing=BEARING)
+    sim = None if way == "function" else sim or simulated()
+    calibrated = calibrate(records, spec if sim is None else None, np.random.default_rng(0), sim=sim)
+    return Evidence(calibrated, simulator_of(calibrated, sim), spec, 7)
+
+
+def level(of: Evidence) -> float:
+    simulator = of.against().simulator
+    if isinstance(simulator, ExternalSimulator):
+        return simulator.gain
+    assert isinstance(simulator, TwinSimulator)
+    return float(flat(simulator.spec.parameters)["scale"])
+
+
+# ---------------------------------------------------------------------------------------------------------------- level
+
+
+@pytest.mark.parametrize("way", WAYS)
+@pytest.mark.parametrize("more", [{"hum": HUM}, {"modes": (SECOND_MODE,)}])
+def test_what_the_machine_has_more_is_no_reason_for_a_louder_simulator(way: str, more: dict[str, object]) -> None:
+    records = record_set("machine", conditions(), 100, **more)
+    assert level(evidence(records, way)) == pytest.approx(1.0, rel=0.03)
+
+
+def test_a_simulator_in_another_unit_is_still_matched() -> None:
+    quiet = (Record(r.condition, 0.25 * r.samples) for r in simulated())
+    sim = RecordSet.from_records("quiet", "g", BEARING, quiet)
+    assert level(evidence(machine("hum"), "sim", sim)) == pytest.approx(4.0, rel=0.03)
+
+
+@pytest.mark.parametrize("way", WAYS)
+def test_effects_are_relative_to_the_simulators_own_healthy_vibration(way: str) -> None:
+    healthy = [r.samples.std() for r in simulated() if r.condition.fault == "healthy"]
+    own = evidence(machine("hum"), way).against().simulator
+    assert own.reference_rms == pytest.approx(float(np.sqrt(np.mean(np.square(healthy)))), rel=0.1)
+
+
+def test_the_calibration_of_a_function_is_kept_in_its_twin_file() -> None:
+    of = evidence(machine("hum"), "function")
+    spec = closest_spec(Compared(of, (), of.against().simulator))
+    assert spec is not None
+    again = calibrate(machine("hum"), spec, np.random.default_rng(1)).spec
+    assert again is not None
+    assert flat(again.parameters) == flat(spec.parameters)
+    found = identify(machine("hum"), TwinSpec("own simulator", bearing=BEARING))
+    assert found.estimates["scale"].value == pytest.approx(float(flat(spec.parameters)["scale"]), rel=0.03)
+    assert flat(found.spec.parameters).keys() == {"scale", "healthy_rms"}
+
+
+# ----------------------------------------------------------------------------------------------------------- read off
+
+
+@pytest.mark.parametrize("way", WAYS)
+def test_a_rail_and_a_line_of_the_mains_are_read_off_in_the_records_unit(way: str) -> None:
+    of = evidence(machine("hum, clipping"), way)
+    simulator = of.against().simulator
+    rail = of.at_read_values(make_effect("clipping"), simulator).parameter_values()["rail"]
+    hum = of.at_read_values(make_effect("mains_interference"), simulator).parameter_values()
+    assert rail * simulator.reference_rms == pytest.approx(RAIL, rel=1e-6)
+    assert hum["level"] * simulator.reference_rms == pytest.approx(HUM, rel=0.03)
+    assert (hum["mains_hz"], hum["n_harmonics"]) == (50.0, 1)
+
+
+def test_nothing_is_read_off_where_records_show_nothing_exactly() -> None:
+    plain = evidence(machine("nothing"), "sim")
+    assert not plain.read_off("clipping")
+    assert not plain.read_off("mains_interference")
+    steps = (Record(r.condition, np.round(r.samples / 0.3) * 0.3) for r in machine("nothing"))
+    coarse = RecordSet.from_records("coarse", "g", BEARING, steps)
+    assert not evidence(coarse, "sim").read_off("clipping")
+    hum = machine("hum")
+    assert not evidence(hum, "sim", hum).read_off("mains_interference")  # the simulator has it
+
+
+# --------------------------------------------------------------------------------------------------------------- modes
+
+
+@pytest.mark.parametrize("seed", [100, 101])
+def test_a_second_mode_is_sought_at_the_hump_of_the_spectra(seed: int) -> None:
+    of = evidence(record_set("machine", conditions(), seed, modes=(SECOND_MODE,)), "sim")
+    first = vars(make_effect("second_resonance").spectral_values(observations(of, of.against().fit))[0])
+    assert first["frequency_hz"] == pytest.approx(SECOND_MODE[0], rel=0.04)
+
+
+def test_the_response_to_an_impact_is_read_off_waveforms() -> None:
+    at = [c for c in conditions() if c.fault != "healthy"]
+    waves = [waveform(c, np.random.default_rng(i)) for i, c in enumerate(at)]
+    passes = [FS_HZ / (BEARING.fault_order(str(c.fault)) * c.speed_rpm / 60) for c in at]
+    response = response_of(waves, passes)
+    assert response is not None
+    power = np.abs(np.fft.rfft(response, 4096)) ** 2
+    assert power.argmax() / 4096 * FS_HZ == pytest.approx(1850.0, rel=0.02)
+    noise = [np.random.default_rng(i).standard_normal(25_600) for i in range(12)]
+    assert response_of(noise, passes) is None
+
+
+@pytest.mark.parametrize("way", WAYS)
+@pytest.mark.parametrize("fault", ["healthy", "outer"])
+def test_impacts_and_force_of_a_finished_waveform_pass_a_second_mode(way: str, fault: str) -> None:
+    """A filter that raises impacts as the mode does would raise the noise of healthy records too much."""
+    at = [c for c in conditions() if c.fault == fault]
+    f_hz, damping, gain = SECOND_MODE
+    mode = make_effect("second_resonance", {"frequency_hz": f_hz, "damping_ratio": damping, "gain": gain})
+    made = evidence(machine("nothing"), way).against().simulator.simulate((mode,), at, 5, 0)
+    real = [r for r in machine("second mode") if r.condition.fault == fault]
+    place, theirs = welch(np.array([r.samples for r in made]), FS_HZ, nperseg=512)
+    _, ours = welch(np.array([r.samples for r in real]), FS_HZ, nperseg=512)
+    off_db = 10 * np.log10(theirs.mean(axis=0) / ours.mean(axis=0))
+    assert np.abs(off_db[(place > 4800) & (place < 5600)]).mean() < 1.0
+    assert np.abs(off_db[(place > 300) & (place < 12_000)]).mean() < 0.8
+
+
+# ------------------------------------------------------------------------------------------------------------- verdicts
+
+
+def test_a_function_that_made_the_records_is_no_gap() -> None:
+    assert diagnosed(machine("nothing"), "function").verdict.status == "no_gap"
+
+
+def test_hum_and_clipping_are_named_and_close_the_gap() -> None:
+    report = diagnosed(machine("hum, clipping"), "sim")
+    assert set(report.verdict.effects) == {"mains_interference", "clipping"}
+    assert (report.verdict.closure or math.nan) > 0.75
+    (rail,) = (c.parameters["rail"] for c in report.candidates if c.effect == "clipping")
+    assert rail.value * report.calibration[REFERENCE].value == pytest.approx(RAIL, rel=1e-3)
