@@ -140,7 +140,7 @@ class HeldOut:
         return vectors, Paired(self.real, vectors)
 
     def _with_effect(self, after: Compared, effect: Effect, probability: float, count: int) -> list[FeatureVectors]:
-        """Feature vectors of the twin with the named effects and one more, the baseline matched anew for a likely one."""
+        """Feature vectors of the twin with the named effects and one more, baseline matched anew for a likely one."""
         effects = (*after.effects, effect)
         simulator = self.evidence.against(effects).simulator if probability > _LIKELY else after.simulator
         try:
