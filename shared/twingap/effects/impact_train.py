@@ -37,6 +37,9 @@ _STRONG: Final = 0.5
 """Amplitude over that of strong ones (90 % quantile) from which an impact takes part in the mean response."""
 _WEAK: Final = 0.12
 """The same from which it is an impact at all. A smaller value takes noise for weak impacts."""
+_ABOVE: Final = 3.8
+"""Median strong impact, in standard deviations of the waveform (from its median magnitude), from which these are
+impacts. The largest sample of each pass of Gaussian noise is about three."""
 _FEWEST: Final = 8
 """Smallest number of strong impacts in all waveforms together."""
 _ALIGNMENTS: Final = 3
@@ -121,6 +124,8 @@ def response_of(waveforms: Sequence[Array], passes: Sequence[float]) -> Array | 
         if not places.size:
             continue
         strong = places[size[places] > _STRONG * np.quantile(size[places], 0.9)]
+        if np.median(size[strong]) < _ABOVE * 1.4826 * np.median(size):
+            continue
         own = [x[p - BEFORE - _AWAY : p - BEFORE + length + _AWAY] / size[p] for p in strong]
         stretches += [one * np.sign(one[BEFORE + _AWAY]) for one in own]
     if len(stretches) < _FEWEST:
@@ -134,7 +139,7 @@ def response_of(waveforms: Sequence[Array], passes: Sequence[float]) -> Array | 
         signs = np.sign(fits[best, rows])
         aligned = np.stack([one[k : k + length] for one, k in zip(all_, best, strict=True)]) * signs[:, None]
         mean = aligned.mean(axis=0)
-    near = slice(BEFORE, BEFORE + 2 * BEFORE)
+    near = slice(BEFORE + 3, BEFORE + 3 + 2 * BEFORE)  # the strongest sample stands out of noise too
     differs = aligned.std(axis=0) / math.sqrt(len(aligned))
     if np.sqrt((mean[near] ** 2).mean()) < _STANDS_OUT * np.sqrt((differs[near] ** 2).mean()):
         return None
