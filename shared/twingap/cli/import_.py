@@ -97,7 +97,11 @@ def import_(
         notes.append(f"records are in {held}: written in {unit_of(found) or 'the units they have'}")
     if not as_json:
         common = [key for key in rows[0] if any(row.get(key) is not None for row in rows)]
-        show([{key: row.get(key) for key in common} for row in rows], False, title=f"{len(rows)} records understood")
+        show(
+            [{key: row.get(key) for key in common} for row in rows],
+            False,
+            title=f"{len(rows)} record{'s' * (len(rows) != 1)} understood",
+        )
         for note in dict.fromkeys(notes):
             say(f"note: {note}")
     if not dry_run:

@@ -27,8 +27,11 @@ from twingap.signal import repaired_tacho
 Array = NDArray[np.float64]
 
 _TIME: Final = re.compile(
-    r"\W*(time|zeit|temps|tiempo|t|x_value|x-value|timestamp|datetime|seconds?|elapsed time)\b.*", re.IGNORECASE
+    r"\W*(time|zeit|temps|tiempo|t|x_value|x-value|timestamp|datetime|seconds?|elapsed time)(?![^\W_]).*", re.IGNORECASE
 )
+_TACHO: Final = re.compile(r"\W*(tacho|keyphasor|key phasor|tach|once.per.(rev|turn))", re.IGNORECASE)
+_OF_NAME: Final = {"mps2": "m/s2", "ms2": "m/s2", "m_s2": "m/s2"}
+"""Units as they are written at the end of a name."""
 _TIME_UNITS: Final = {
     "": 1.0, "s": 1.0, "sec": 1.0, "seconds": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "μs": 1e-6, "min": 60.0,
 }  # fmt: skip
@@ -204,6 +207,10 @@ def _of_file(
     chosen = [file.find(name) for name in options.channels]
     if not chosen:
         chosen = [c for c in file.channels if c.problem is None and c.name not in aside and c.n_samples > 1]
+        tachos = [c for c in chosen if _TACHO.match(c.name)]
+        if len(tachos) < len(chosen):
+            chosen = [c for c in chosen if c not in tachos]
+            notes += [f"channel {c.name!r} is left out: give --tacho-channel if it is a tacho" for c in tachos]
     if not chosen:
         file.find()  # says what is wrong
         raise TwingapError("holds no channel but time, speed and tacho", where=path, mend="name one with --channel")
@@ -260,7 +267,7 @@ def _rate_of(time: Channel, notes: list[str]) -> float | None:
     except TwingapError:
         notes.append(f"channel {time.name!r} holds no numbers: no sampling rate is taken from it")
         return None
-    unit = time.unit.strip("[]() ").lower()
+    unit = _stated_unit(time).lower()
     if unit not in _TIME_UNITS:
         notes.append(f"channel {time.name!r} is in {time.unit!r}: no sampling rate is taken from it")
         return None
@@ -344,11 +351,20 @@ def _pulse_times(x: Array, low: float, high: float) -> Array:
     return np.asarray(before + np.where(step > 0, (middle - x[before]) / np.where(step > 0, step, 1), 0.0)).clip(0)
 
 
+def _stated_unit(channel: Channel) -> str:
+    """Unit that a channel states, beside its name or at the end of it ("time_ms", "acc_g")."""
+    if stated := channel.unit.strip("[]() "):
+        return stated
+    ending = re.search(r"_(m_s2|[^_\W]+)$", channel.name.strip())
+    unit = _OF_NAME.get(ending[1].lower(), ending[1].lower()) if ending else ""
+    return unit if unit in _UNITS or unit in _TIME_UNITS else ""
+
+
 def _unit(channel: Channel, options: ImportOptions, notes: list[str]) -> tuple[str, float]:
     """Unit of the record set and the factor to it."""
     if options.unit is not None:
         return options.unit, 1.0
-    stated = channel.unit.strip("[]() ")
+    stated = _stated_unit(channel)
     found = _UNITS.get(stated.lower())
     if found is not None:
         return found

@@ -176,7 +176,7 @@ def _diagnosed(
     after = before
     if found.gap and found.after.effects:
         after = held_out.replicates(found.after.simulator, found.after.effects, held_out.fewer)
-    count = min(len(before), len(after))
+    count = min(len(before), len(after), held_out.fewer)
     progress("closure", 0.75)
     pairs = paired(held_out.real, before[:count], after[:count])
     floors = pairs[1].floor(rng)
@@ -198,7 +198,14 @@ def _diagnosed(
         near = replace(near, twin=CLOSEST_FILE)
     if found.gap and not quick:
         near, closest = closest_of(
-            held_out, learnt, before, closed, rng, lambda what, part: steps(what, 0.5 + 0.5 * part)
+            held_out,
+            learnt,
+            before,
+            closed,
+            metrics,
+            pairs[0].scale,
+            rng,
+            lambda what, part: steps(what, 0.5 + 0.5 * part),
         )
     status = _status(found, closed, rest, near.ceiling.same_unit)
     closes = {candidate.effect: candidate.closure for candidate in candidates}

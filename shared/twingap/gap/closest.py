@@ -9,9 +9,11 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from twingap.effects import Effect, LineSpectrum
 from twingap.effects.by_state import UNIT_COLUMNS, ByState
@@ -22,13 +24,23 @@ from twingap.gap.distance.paired import Paired
 from twingap.gap.held_out import HeldOut, values_of_effect
 from twingap.gap.knowledge.learnt import Learnt
 from twingap.gap.line_names import named_lines
-from twingap.gap.report.model import Ceiling, ClosestEffect, ClosestTwin, EffectShare, GroupShare, ParameterValue
+from twingap.gap.report.model import (
+    Ceiling,
+    ClosestEffect,
+    ClosestTwin,
+    EffectShare,
+    GroupShare,
+    Metric,
+    ParameterValue,
+)
 from twingap.gap.search.attribution import attribution
 from twingap.gap.search.closest_twin import closest_twin
 from twingap.gap.search.evidence import Compared
 from twingap.gap.search.free_spectra import BACKGROUND, PATH, by_of, measured
 from twingap.records import Condition
 from twingap.twins.simulator import Simulator, TwinSimulator
+
+Array = NDArray[np.float64]
 
 CLOSEST_FILE: Final = "closest.toml"
 """Twin file of the closest twin, beside gap.json."""
@@ -41,8 +53,8 @@ _FEWEST: Final = 0.5
 
 
 def closest_of(
-    held_out: HeldOut, learnt: Learnt, before: Sequence[FeatureVectors], of_named: Closure, rng: np.random.Generator,
-    progress: Callable[[str, float], None],
+    held_out: HeldOut, learnt: Learnt, before: Sequence[FeatureVectors], of_named: Closure, measures: Sequence[Metric],
+    scale: Array, rng: np.random.Generator, progress: Callable[[str, float], None],
 ) -> tuple[ClosestTwin, Compared]:  # fmt: skip
     """The closest twin with its closure, attribution and ceiling.
 
@@ -54,6 +66,10 @@ def closest_of(
         Replicates of the twin as given.
     of_named : Closure
         Of the verdict's effects; also that of the closest twin where nothing else brings the twin closer.
+    measures : sequence of Metric
+        Of the verdict; the twin as given and the floor are the same for both.
+    scale : Array [bins]
+        Of the verdict's comparisons.
     rng : numpy.random.Generator
     progress : callable
         Called with a description of the current step and the completed part, 0 to 1.
@@ -63,8 +79,7 @@ def closest_of(
     count = min(len(before), held_out.fewer)
     first = list(before[:count])
     after = held_out.replicates(now.simulator, now.effects, count)
-    pairs = paired(held_out.real, first, after)
-    floor = pairs[1].floor(rng)[0]
+    pairs, floor = paired(held_out.real, first, after, scale), of_named.floor
     same = found.gap and bool(now.effects) and now.effects == found.after.effects
     closed = of_named if same else closure_interval(*pairs, floor, rng)
     few = min(count, 2)
@@ -96,9 +111,21 @@ def closest_of(
         closure=closed.closure, closure_ci=closed.ci, attribution=groups if closed.closure > 0 else (),
         ceiling=ceiling(held_out, first, floor),
         twin=CLOSEST_FILE if isinstance(now.simulator, TwinSimulator) else "",
-        metrics=closure_metrics(held_out.real, first, after, rng, more=held_out.training_sets(now)),
+        metrics=_aligned(
+            closure_metrics(held_out.real, first, after, rng, more=held_out.training_sets(now), scale=scale), measures
+        ),
     )  # fmt: skip
     return report, now
+
+
+def _aligned(metrics: Sequence[Metric], measures: Sequence[Metric]) -> tuple[Metric, ...]:
+    """The measures of the closest twin, with the twin as given and the floor as in those of the verdict."""
+    of = {measure.metric: measure for measure in measures}
+    return tuple(
+        replace(m, before=of[m.metric].before, ci_before=of[m.metric].ci_before, floor=of[m.metric].floor)
+        if m.metric in of else m
+        for m in metrics
+    )  # fmt: skip
 
 
 def of_verdict(held_out: HeldOut, closed: float, ci: tuple[float, float]) -> ClosestTwin:

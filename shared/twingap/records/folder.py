@@ -112,6 +112,9 @@ def read_description(folder: str | os.PathLike[str]) -> Description:
         what = "no such folder" if kind == "missing" else "is not a folder"
         raise TwingapError(what, where=folder, mend="name the folder that holds recordset.toml and records.csv")
     path = folder / "recordset.toml"
+    if not path.exists():
+        mend = f"make a record set of other files: twingap import {folder}/* --out SET"
+        raise TwingapError("holds no recordset.toml", where=folder, mend=mend)
     about = build(Description, read_toml(path), path)
     if about.recordset.unit not in UNITS:
         mend = 'use "m/s^2", "g" or "" (unknown)'

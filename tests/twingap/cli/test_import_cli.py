@@ -115,3 +115,27 @@ def test_what_is_missing_or_wrong_is_one_line(twingap: Run, tmp_path: Path) -> N
     file.write_text("\n".join(rows[:900] + rows[950:]), encoding="cp1252")
     refused(twingap(file, "--speed-rpm", 1, "--out", out), "the time axis 'Zeit' is", "samples are missing")
     assert not out.exists()
+
+
+@pytest.mark.parametrize(
+    ("head", "step", "unit", "factor"), [("time_s,acc_g", 1.0, "g", 1.0), ("time_ms,acc_mg", 1e3, "g", 1e-3)]
+)
+def test_units_at_the_end_of_names(
+    twingap: Run, tmp_path: Path, head: str, step: float, unit: str, factor: float
+) -> None:
+    table = np.column_stack([step * T, X])
+    np.savetxt(tmp_path / "a.csv", table, delimiter=",", header=head, comments="", fmt="%.7f")
+    said = twingap(tmp_path / "a.csv", "--speed-rpm", 1500, "--out", tmp_path / "set")
+    assert said.status == 0, said.err
+    (record,) = read_record_set(tmp_path / "set")
+    assert record.condition.fs_hz == FS
+    assert read_record_set(tmp_path / "set").unit == unit
+    np.testing.assert_allclose(record.samples, factor * X, rtol=1e-6)
+
+
+def test_a_tacho_is_no_record(twingap: Run, tmp_path: Path) -> None:
+    table = np.column_stack([T, X, TACHO])
+    np.savetxt(tmp_path / "a.csv", table, delimiter=",", header="Time (s),acc (g),Tacho (V)", comments="", fmt="%.7f")
+    said = twingap(tmp_path / "a.csv", "--speed-rpm", 1500, "--dry-run")
+    assert "1 record understood" in said.out and "'Tacho (V)' is left out: give --tacho-channel" in said.out
+    assert "Tacho" in twingap(tmp_path / "a.csv", "--speed-rpm", 1500, "--channel", "Tacho (V)", "--dry-run").out

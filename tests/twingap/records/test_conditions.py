@@ -133,7 +133,7 @@ def test_faults_are_named_by_row_and_column(tmp_path: Path, text: str, reason: s
 def test_what_is_neither_a_record_set_nor_a_table(tmp_path: Path) -> None:
     for path, reason in (
         (tmp_path / "gone", "gone: no such file or folder; name a record set or a CSV of conditions"),
-        (tmp_path, "recordset.toml: cannot be read: No such file"),
+        (tmp_path, "holds no recordset.toml"),
         (_csv(tmp_path / "c.txt", ""), "c.txt: is neither a record set nor a CSV"),
     ):
         with pytest.raises(TwingapError) as caught:

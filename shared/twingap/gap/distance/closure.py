@@ -62,11 +62,14 @@ def closure(before: float, after: float, floor: float) -> float:
 
 
 def paired(
-    real: FeatureVectors, before: Sequence[FeatureVectors], after: Sequence[FeatureVectors]
+    real: FeatureVectors,
+    before: Sequence[FeatureVectors],
+    after: Sequence[FeatureVectors],
+    scale: Array | None = None,
 ) -> tuple[Paired, Paired]:
-    """Comparisons before and after, both standardised by the smaller of their spreads."""
+    """Comparisons before and after, both standardised by `scale` [bins], or by the smaller of their spreads."""
     first, second = Paired(real, before), Paired(real, after)
-    scale = np.minimum(first.scale, second.scale)
+    scale = np.minimum(first.scale, second.scale) if scale is None else scale
     return Paired(real, before, scale), Paired(real, after, scale)
 
 

@@ -42,6 +42,7 @@ def closure_metrics(
     *,
     more: TrainingSets | None = None,
     floors: tuple[float, Mapping[DomainName, float]] | None = None,
+    scale: Array | None = None,
 ) -> tuple[Metric, ...]:
     """The gap before and after, in several measures; the first is the overall gap, which closures refer to.
 
@@ -55,6 +56,8 @@ def closure_metrics(
         Further simulated records to train on, where those of the held-out conditions are few.
     floors : (float, Mapping), optional
         Of the comparison after, overall and by domain, from `Paired.floor`; drawn anew when None.
+    scale : Array [bins], optional
+        Of the comparisons, see `paired`.
 
     Returns
     -------
@@ -62,7 +65,7 @@ def closure_metrics(
         Overall gap, gap in each domain, AUC of the classifier two-sample test, MMD^2, and, with at least two known
         faults of two records or more each, the accuracy on the records of a classifier trained on the twin alone.
     """
-    pairs = paired(real, before, after)
+    pairs = paired(real, before, after, scale)
     floor, of_domains = pairs[1].floor(rng) if floors is None else floors
     signs = pairs[0].draw_residuals(rng, _DRAWS)
     (b, domains_b), (a, domains_a) = (p.over_domains(p.squares()) for p in pairs)

@@ -20,6 +20,10 @@ _HIDDEN_DB: Final = 6.0
 """Level by which the records' peak must exceed that at the calibrated resonance for a warning."""
 _CAREFUL: Final = "Careful"
 """First word of a contradiction that the reader has to resolve."""
+_IMPROBABLE: Final = 0.1
+"""Probability below which an effect is not advised to be decided. A smaller value asks for more measurements."""
+_PERFECT: Final = 0.99
+"""Accuracy of a classifier that no twin can improve."""
 _SMALL_P: Final = 0.05
 """P-value below which a single test is mentioned beside a verdict of no gap."""
 
@@ -43,11 +47,7 @@ def next_steps(report: GapReport) -> tuple[str, ...]:
         them = "it" if len(verdict.effects) == 1 else "them"
         added = [c for c in report.candidates if c.effect in verdict.effects and c.acts is None]
         if added and (verdict.closure or 0.0) > 0:
-            steps.append(
-                f"Add {listed(c.effect for c in added)} to your twin: the lines below go into TWIN.toml. Then run "
-                "the diagnosis again; the gap should shrink as shown. `twingap close` does both, until nothing more "
-                "closes."
-            )
+            steps.append(_add(report, added))
         elif added:
             steps.append(
                 f"{_upper(listed(c.effect for c in added))} show{'s' * (len(added) == 1)} in the records, and at the "
@@ -59,9 +59,9 @@ def next_steps(report: GapReport) -> tuple[str, ...]:
             for c in report.candidates
             if c.effect in verdict.effects and c.acts is not None
         )
-        if not added:
+        if not added or _own_simulator(report):
             steps.append(f"Model {listed(verdict.effects)} in your simulator and compare {them} again.")
-    open_ones = undecided(report)
+    open_ones = tuple(name for name in undecided(report) if _is_open(report, name))
     known = [catalogue()[name] for name in open_ones if name in catalogue()]
     deciding = list(dict.fromkeys(kind.deciding_measurement for kind in known))
     if deciding:
@@ -86,6 +86,28 @@ def next_steps(report: GapReport) -> tuple[str, ...]:
     return tuple(steps)
 
 
+def _add(report: GapReport, added: Iterable[Candidate]) -> str:
+    """Advice to add effects to the twin file, or to the user's own simulator."""
+    names = listed(c.effect for c in added)
+    if _own_simulator(report):
+        return f"Add {names} to your simulator, at the values below, and compare again: the gap should shrink as shown."
+    return (
+        f"Add {names} to your twin: in its file replace the table [twin] by that below, and append the others. Then "
+        "run the diagnosis again; the gap should shrink as shown. `twingap close` does both, until nothing more closes."
+    )
+
+
+def _own_simulator(report: GapReport) -> bool:
+    """Whether the simulated records were given, so that there is no twin file to change."""
+    return bool(report.provenance.get("simulator"))
+
+
+def _is_open(report: GapReport, name: str) -> bool:
+    """Whether an effect of some explanations may well be missing: it is not named, and not improbable."""
+    probability = next((c.probability for c in report.candidates if c.effect == name), 1.0)
+    return name not in report.verdict.effects and probability >= _IMPROBABLE
+
+
 def _closest(report: GapReport) -> str:
     """Advice on the closest twin, from the accuracy of a classifier trained on it."""
     found = report.closest
@@ -96,7 +118,7 @@ def _closest(report: GapReport) -> str:
         )
     use = f"If a twin for training matters more than names, use the closest one, `{found.twin}`" if found.twin else ""
     accuracy = next((m for m in found.metrics if m.higher_is_better), None)
-    if accuracy is None or not use:
+    if accuracy is None or not use or accuracy.before >= _PERFECT:
         return f"{use or 'The closest twin has no twin file, since your simulator has none'}."
     verdict = next((m.after for m in report.metrics if m.metric == accuracy.metric), accuracy.before)
     named, as_it_was, by_verdict = (f"{100 * part:.0f} %" for part in (accuracy.after, accuracy.before, verdict))
@@ -170,10 +192,13 @@ def undecided(report: GapReport) -> tuple[str, ...]:
 def snippet(report: GapReport) -> str | None:
     """Lines for TWIN.toml with the verdict's effects and their fitted parameters; None when there are none to add.
 
+    Effects with lists, such as a transfer path, are left out: their values are in the closest twin's file.
+
     Effects that the twin has already (provenance ``twin_effects``) are kept in the list.
     """
     added = [c for c in report.candidates if c.effect in report.verdict.effects and c.acts is None]
-    if not added:
+    added = [c for c in added if c.effect not in catalogue() or not catalogue()[c.effect].profiles()]
+    if not added or _own_simulator(report):
         return None
     had = report.provenance.get("twin_effects", ())
     present = [str(name) for name in had] if isinstance(had, (list, tuple)) else []

@@ -14,6 +14,7 @@ from typing import Any, Final
 
 from twingap.gap.distance.domains import DOMAIN
 from twingap.gap.report.advice import place_words
+from twingap.gap.report.formats import undetermined
 from twingap.gap.report.model import Candidate, Curve, GapReport, GroupShare, Metric, Place
 
 REAL: Final = "#000000"
@@ -149,7 +150,8 @@ def closures_figure(candidates: Sequence[Candidate], effects: Sequence[str]) -> 
 
     tried = [c for c in candidates if c.acts is None] or list(candidates)
     shown = [c for c in tried if c.effect in effects]
-    shown += [c for c in tried if c.effect not in effects][: max(MOST_CANDIDATES - len(shown), 0)]
+    others = [c for c in tried if c.effect not in effects and not undetermined(c.closure_ci)]
+    shown += others[: max(MOST_CANDIDATES - len(shown), 0)]
     figure = go.Figure()
     for named, colour, symbol, label in (
         (True, AFTER, "diamond", "named in the verdict"),

@@ -14,6 +14,10 @@ from twingap.gap.report.model import ParameterValue
 _SUFFIXES: Final[Mapping[str, str]] = {"Hz": "_hz", "rpm": "_rpm", "s": "_s", "N": "_n", "deg": "_deg", "1/s": "_per_s"}
 
 
+_WIDEST: Final = 1.2
+"""Width of the interval of a closure from which the closure is not stated. A larger value states more of them."""
+
+
 def name(text: str) -> str:
     """A name from the code, without underscores."""
     return text.replace("_", " ")
@@ -55,10 +59,17 @@ def percent(part: float, interval: tuple[float, float] | None = None) -> str:
 
 
 def closure(part: float, interval: tuple[float, float] | None = None) -> str:
-    """A closure with its interval in per cent; in words where the gap more than doubles."""
+    """A closure with its interval in per cent; in words where it is not determined or the gap more than doubles."""
+    if interval is not None and undetermined(interval):
+        return "not determined"
     if part < -1:
         return "widens the gap"
     return percent(part, interval if interval is None else (max(interval[0], -1.0), interval[1]))
+
+
+def undetermined(interval: tuple[float, float]) -> bool:
+    """Whether the interval of a closure holds too much to tell anything, as that of an effect that acts by chance."""
+    return interval[0] < 0 and interval[1] - max(interval[0], -1.0) > _WIDEST
 
 
 def p_value(value: float) -> str:

@@ -26,6 +26,8 @@ Change = Literal["gone", "smaller", "same", "larger", "new"]
 Interval = tuple[float, float]
 _LEAST_CLOSURE, _MOST_CLOSURE = -10.0, 2.0
 """Bounds of closures: values beyond occur where there is hardly anything to close."""
+_LEFT_OUT = 0.03
+"""Part of the gap from which what groups that are not listed close is stated too."""
 REFERENCE = "healthy_vibration"
 """Entry of the calibration: RMS of the twin's healthy vibration in the unit of the records, of which "healthy rms" in
 values of effects is a multiple."""
@@ -362,6 +364,8 @@ class ClosestTwin:
             + (f" ({listed((e.effect for e in share.effects), 'or')} cannot be told apart)" * (len(share.effects) > 1))
             for share in shown
         )
+        if parts and abs(left := self.closure - sum(share.share for share in shown)) >= _LEFT_OUT:
+            parts += f"; all others {_percent(left)}"
         ends = "{} to {}".format(*map(_percent, self.closure_ci))
         closes = f"The closest twin closes {_percent(self.closure)} of the gap (90 % interval {ends})"
         by = f": {parts}" if parts else "; no group of effects alone is shown to"

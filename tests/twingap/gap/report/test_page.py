@@ -129,7 +129,7 @@ def test_the_closest_twin_is_shown_apart_from_the_verdict(make_report: MakeRepor
     told = dataclasses.replace(report, closest=near)
     before, shown = (" ".join(Reader(own(page(one))).words.split()) for one in (report, told))
     assert "The closest twin" not in before and "leave out --quick" in before
-    assert "The closest twin closes 60 % of the gap (90 % interval 50 % to 70 %): path 45 %." in shown
+    assert "The closest twin closes 60 % of the gap (90 % interval 50 % to 70 %): path 45 %; all others 15 %." in shown
     assert "0.7654" in shown and "0.3171" in shown and "not shown to close any" in shown
     assert "other real records of the same bearing" in shown and "94" in shown
     assert "leave out --quick" not in shown and "use the closest one, closest.toml" in shown

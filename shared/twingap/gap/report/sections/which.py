@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import Final
 
 from twingap.effects import catalogue
-from twingap.gap.report.formats import closure, name, parameters
+from twingap.gap.report.formats import closure, name, parameters, undetermined
 from twingap.gap.report.model import REFERENCE, Candidate, GapReport, listed
 from twingap.gap.report.sections.parts import Cell, Line, Section, Table, figure
 
@@ -50,11 +50,12 @@ def _row(candidate: Candidate, report: GapReport) -> tuple[Cell, ...]:
     ]
     # Without a gap, closures mean nothing.
     measured = not candidate.acts and report.verdict.status != "no_gap"
+    told = measured and not undetermined(candidate.closure_ci)
     return (
         [line for line in effect if line.text],
         f"{100 * candidate.probability:.0f} %",
         closure(candidate.closure, candidate.closure_ci) if measured else "–",
-        f"{candidate.gap_before:.3g} → {candidate.gap_after:.3g}" if measured else "–",
+        f"{candidate.gap_before:.3g} → {candidate.gap_after:.3g}" if told else "–",
         parameters(candidate.parameters, report.calibration.get(REFERENCE)) or "–",
     )
 
