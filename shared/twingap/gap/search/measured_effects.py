@@ -11,6 +11,8 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Final
 
+import numpy as np
+
 from twingap.gap.distance.feature_vectors import FeatureVectors
 from twingap.gap.distance.grid import Grid
 from twingap.gap.distance.paired import Paired
@@ -30,6 +32,8 @@ LEAST: Final = 0.15
 _LEFT: Final = 0.25
 """Part of the fit part's distance that effects with detectors have to leave. A smaller value asks more often, which
 takes time, and names some that make up for errors of other values."""
+_CLEAR: Final = 2.0
+"""Distance, over its floor, from which a part of it can be told. A smaller value names some that fit chance."""
 _REPLICATES: Final = 3
 """Simulations of every held-out record that a test averages. A larger number gives the test more power."""
 
@@ -61,7 +65,8 @@ def with_measured(evidence: Evidence, found: Explanation) -> Explanation:
         ]
 
     before = Paired(real, made(found.before))
-    if (whole := _distance(before)) <= 0:
+    whole, floor = _distance(before), before.floor(np.random.default_rng(evidence.root))[0]
+    if whole < _CLEAR * floor:
         return found
     now, here = found.after, before if found.after.effects == () else Paired(real, made(found.after), before.scale)
     named: list[Estimated] = []
@@ -73,7 +78,7 @@ def with_measured(evidence: Evidence, found: Explanation) -> Explanation:
         compared = Compared(evidence, one[1], one[0])
         there = Paired(real, made(compared), before.scale)
         p = p_of_gain(here, there, evidence.root)
-        gain = (_distance(here) - _distance(there)) / whole
+        gain = (_distance(here) - _distance(there)) / (whole - floor)
         if p <= LEVEL and gain >= LEAST:
             now, here = compared, there
             tested[name] = p

@@ -1,0 +1,64 @@
+"""Path, lines and background are named where they are missing, and not where something else is."""
+
+from __future__ import annotations
+
+import pytest
+
+from tests.twingap.gap.search.test_free_spectra import evidence_of
+from twingap.effects import Effect, make_effect
+from twingap.gap.search.effect_search import Estimated, Explanation
+from twingap.gap.search.free_spectra import BACKGROUND, LINES, PATH
+from twingap.gap.search.measured_effects import with_measured
+
+ROUGH = make_effect(
+    PATH,
+    {"frequencies_hz": (0.0, 900.0, 1600.0, 3200.0, 4200.0, 5000.0), "gains_db": (0.0, 10.0, -12.0, 12.0, -8.0, -8.0)},
+)
+TONES = make_effect(
+    LINES,
+    {
+        "frequencies_hz": (1237.0, 3311.0),
+        "amplitudes": (0.6, 0.4),
+        "orders": (1.0, 9.7),
+        "order_amplitudes": (1.0, 0.5),
+    },
+)
+
+
+def named(*effects: Effect, known: tuple[Effect, ...] = ()) -> tuple[str, ...]:
+    """What is named on a machine with these effects, of which the search has found some."""
+    evidence = evidence_of(*effects, *known)
+    before, after = evidence.against(), evidence.against(known)
+    values = tuple(Estimated(effect, {}) for effect in known)
+    found = with_measured(evidence, Explanation(0.01, True, values, {}, ((),), 0.01, before, after, {}))
+    assert found.names[: len(known)] == tuple(effect.name for effect in known)
+    assert {effect.name for effect in found.after.effects} == set(found.names)
+    assert all(found.probability[name] > 0.85 for name in found.names[len(known) :])
+    assert all(set(found.names[len(known) :]) <= set(one) for one in found.confidence_set)
+    return found.names
+
+
+def test_lines_are_named() -> None:
+    assert named(TONES) == (LINES,)
+
+
+def test_a_path_is_named() -> None:
+    assert PATH in named(ROUGH) and LINES not in named(ROUGH)
+
+
+@pytest.mark.parametrize(
+    "missing", [("impact_scatter", {"sigma": 0.6}), ("clipping", {"rail": 3.0}), ("load_zone", {"depth": 0.9})]
+)
+def test_what_acts_on_impacts_or_samples_is_no_path_and_no_line(missing: tuple[str, dict[str, float]]) -> None:
+    assert not {PATH, LINES} & set(named(make_effect(*missing)))
+
+
+def test_what_the_search_has_explained_is_not_named_again() -> None:
+    hum = make_effect("mains_interference", {"level": 0.8})
+    assert named(known=(hum,)) == ("mains_interference",)
+
+
+def test_background_is_named_beside_what_is_known() -> None:
+    noise = make_effect("coloured_noise", {"level": 2.0, "slope": 0.0, "low_hz": 3500.0, "high_hz": 4500.0})
+    scatter = make_effect("impact_scatter", {"sigma": 0.6})
+    assert BACKGROUND in named(noise, known=(scatter,))
