@@ -14,6 +14,7 @@ from twingap.cli.progress import steps
 
 if TYPE_CHECKING:
     from twingap.records import Condition
+    from twingap.twins.twin_file import TwinSpec
 
 
 def simulate(
@@ -54,6 +55,7 @@ def simulate(
     if bearing is None:
         raise _no_bearing(twin, records)
     notes = [note] if (note := overruled(spec, stated.bearing)) else []
+    notes += _without_amplitude(spec, conditions)
     spec, of_scale = scaled_for(spec, unit)
     made = simulated(spec, conditions, bearing, unit, seed, population)
     count = len(conditions) * (population or 1)
@@ -75,6 +77,16 @@ def simulate(
     if of_scale:
         print(f"note: {of_scale}", file=sys.stderr)
     wrote(out, as_json=as_json)
+
+
+def _without_amplitude(spec: TwinSpec, conditions: Iterable[Condition]) -> list[str]:
+    """A note on faults whose impacts were not identified, unlike those of other faults."""
+    stated = spec.parameters.get("impact_amplitude")
+    if spec.identified is None or not stated:
+        return []
+    missing = dict.fromkeys(str(c.fault) for c in conditions if c.fault not in ("healthy", *stated))
+    note = f"the twin was not identified with faults of {' and '.join(missing)}: their impacts have default amplitudes"
+    return [note] if missing else []
 
 
 def _refuse_unknown_faults(conditions: Iterable[Condition], where: Path) -> None:

@@ -149,6 +149,9 @@ def _diagnosed(
     stated = spec if sim is None else replace(spec, bearing=sim.bearing)
     notes = [note] if (note := overruled(stated, records.bearing, "twin file" if sim is None else sim.name)) else []
     used = _thinned(records, notes)
+    if len(rates := sorted({c.fs_hz for c in records.conditions})) > 1:
+        of = " and ".join(f"{rate:g}" for rate in rates) if len(rates) < 4 else f"{rates[0]:g} to {rates[-1]:g}"
+        notes.append(f"records have sampling rates of {of} Hz: places near half of one may be those of its filter")
     progress("calibration", 0.02)
     prepared = prepare(used, None if sim is not None else spec, rng, sim=sim)
     learnt = shipped() if learnt is None else learnt
@@ -220,7 +223,6 @@ def _diagnosed(
         candidates = tuple(_with_closure_of_verdict(c, named, closed) for c in candidates)
         places = followed(places, rest, first, second)
         rest = new_ones(rest, located.places)
-    rates = sorted({c.fs_hz for c in records.conditions})
     report = GapReport(
         verdict=verdict,
         places=places,

@@ -203,3 +203,14 @@ def test_a_population_has_a_record_per_machine_and_condition(
     said = simulate(twingap, twin, table, tmp_path / "none", "--population", 4)
     refused(said, "no values of several units", "bearing_id")
     assert not (tmp_path / "none").exists()
+
+
+def test_impacts_that_were_never_identified_are_noted(twingap: Run, twin: Path, table: Path, tmp_path: Path) -> None:
+    spec = TwinSpec(
+        "phenomenological", parameters={"impact_amplitude": {"outer": 4.0}}, bearing=BEARINGS["6205"],
+        identified=Provenance(unit="g"),
+    )  # fmt: skip
+    write_twin(tmp_path / "closest.toml", spec)
+    said = simulate(twingap, tmp_path / "closest.toml", table, tmp_path / "a")
+    assert said.status == 0 and "not identified with faults of inner: their impacts have default" in said.out
+    assert "default" not in simulate(twingap, twin, table, tmp_path / "b").out
