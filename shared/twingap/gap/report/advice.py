@@ -13,6 +13,7 @@ from typing import Any, Final
 
 from twingap.config import to_toml
 from twingap.effects import catalogue
+from twingap.gap.distance.domain_names import DomainName
 from twingap.gap.distance.domains import DOMAIN
 from twingap.gap.report.model import Candidate, GapReport, Place, listed
 
@@ -24,6 +25,9 @@ _IMPROBABLE: Final = 0.1
 """Probability below which an effect is not advised to be decided. A smaller value asks for more measurements."""
 _PERFECT: Final = 0.99
 """Accuracy of a classifier that no twin can improve."""
+_LEVEL_ADVICE: Final = (
+    "Records are louder or quieter than the twin throughout: check sensitivity, gain and unit of the channel."
+)
 _SMALL_P: Final = 0.05
 """P-value below which a single test is mentioned beside a verdict of no gap."""
 
@@ -73,17 +77,24 @@ def next_steps(report: GapReport) -> tuple[str, ...]:
     if verdict.status in ("unexplained", "partly_explained"):
         left = report.rest or report.places
         subject = "rest" if verdict.effects else "gap"
-        for domain, twin_higher in dict.fromkeys((p.domain, p.sign == "twin_higher") for p in left[:6]):
-            own = [p for p in left if p.domain == domain and (p.sign == "twin_higher") == twin_higher]
+        for kind in dict.fromkeys(_kind(p) for p in left[:6]):
+            own = [p for p in left if _kind(p) == kind]
             at = "; ".join(place_words(p) for p in own[:3])
-            lies = f"The {subject} lies in {DOMAIN[domain].phrase}: {at}."
-            steps.append(f"{lies} {_twin_has_more(report, own) if twin_higher else DOMAIN[domain].advice}")
+            domain, level, twin_higher = kind
+            lies = f"The {subject} lies in {'' if level else DOMAIN[domain].phrase + ': '}{at}."
+            advice = _LEVEL_ADVICE if level else DOMAIN[domain].advice
+            steps.append(f"{lies} {_twin_has_more(report, own) if twin_higher else advice}")
         steps.append(_closest(report))
         steps.append(
             "Once you have a suspicion, write it as an effect of your own (five lines, see `twingap.effects`) and "
             "register it: the diagnosis tries it like any other."
         )
     return tuple(steps)
+
+
+def _kind(place: Place) -> tuple[DomainName, bool, bool]:
+    """Places that get one advice: domain, whether it is a level, whether the twin has more there."""
+    return place.domain, place.domain == "time" and place.lo is None, place.sign == "twin_higher"
 
 
 def _add(report: GapReport, added: Iterable[Candidate]) -> str:
@@ -208,14 +219,14 @@ def snippet(report: GapReport) -> str | None:
     parameters = {c.effect: _fitted(c) for c in added if c.parameters}
     if parameters:
         tables["parameters"] = parameters
-    return to_toml(tables)
+    return to_toml(tables).replace("[parameters]\n\n", "")
 
 
 def place_words(place: Place) -> str:
     """A place in words: "2150 to 2870 Hz (inner)"."""
     if place.domain == "time" and place.lo is None and place.hi is None:
         named = condition_words(place.condition)
-        return "level of the whole record" + (f" ({named})" if named else "")
+        return "the level of the whole record" + (f" ({named})" if named else "")
     unit = "" if place.unit in ("", "1") else f" {place.unit}"
     # Of frequencies beyond 10 kHz four digits would be written with an exponent.
     lo, hi = (None if v is None else f"{v:.0f}" if 1e4 <= v < 1e7 else f"{v:.4g}" for v in (place.lo, place.hi))

@@ -278,7 +278,7 @@ _AXES: Final[Mapping[str, str]] = {
     "Hz": "frequency (Hz)",
     "s": "time within the record (s)",
     "quantile": "quantile of |x|",
-    "shaft orders": "shaft orders (multiples of shaft speed)",
+    "shaft orders": "multiples of shaft speed",
     "condition": "",
 }
 """Units of curves that deserve a quantity."""
