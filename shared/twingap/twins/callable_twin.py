@@ -41,7 +41,7 @@ class CallableParameters:
     scale : float
         Factor on all that it makes, positive; calibration brings it to the records.
     healthy_rms : float
-        RMS of its healthy vibration before that factor, positive; effects are relative to it.
+        RMS of its healthy vibration before that factor, positive; effects are relative to it. Calibration measures it.
     """
 
     scale: float = 1.0

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -26,9 +27,13 @@ from twingap.effects import make_effect
 from twingap.effects.clipping import Clipping
 from twingap.effects.impact_train import response_of
 from twingap.effects.mains_interference import MainsInterference
+from twingap.gap.api import _significant
+from twingap.gap.distance.closure import Closure
 from twingap.gap.external_simulator import ExternalSimulator
-from twingap.gap.report.model import REFERENCE
+from twingap.gap.report.formats import closure
+from twingap.gap.report.model import REFERENCE, Place, TwoSampleTest, Verdict
 from twingap.gap.search.closest_twin import closest_spec
+from twingap.gap.search.effect_search import Explanation
 from twingap.gap.search.evidence import Compared, Evidence, simulator_of
 from twingap.gap.search.initial_values import observations
 from twingap.identification import identify
@@ -162,6 +167,36 @@ def test_impacts_and_force_of_a_finished_waveform_pass_a_second_mode(way: str, f
 
 
 # ------------------------------------------------------------------------------------------------------------- verdicts
+
+
+def test_what_a_function_is_stated_to_model_is_no_candidate() -> None:
+    register_callable("clips", function, has=["clipping"])
+    assert "clipping" in TwinSimulator(TwinSpec("clips"), BEARING).has
+
+
+def test_a_gap_that_nothing_shows_is_none() -> None:
+    compared = evidence("nothing", "sim").against()
+    found = Explanation(0.03, True, (), {}, (("clipping",),), 1.0, compared, compared, {})
+    below = Closure(0.0, 0.0, 0.14, 0.0, (0.0, 0.0), (0.0, 0.0))
+    quiet = (TwoSampleTest("a", 0.5, 0.7),)
+    changed, notes = _significant(found, below, quiet, ())
+    assert not changed.gap
+    assert changed.p_value == 0.7
+    assert len(notes) == 1
+    place = Place("frequency", 100.0, 200.0, "Hz", 1.0, 0.01)
+    for closed, tests, places in (
+        (replace(below, before=0.3), quiet, ()),
+        (below, (TwoSampleTest("a", 0.9, 0.01),), ()),
+        (below, quiet, (place,)),
+    ):
+        assert _significant(found, closed, tests, places) == (found, [])
+
+
+def test_a_gap_that_is_more_than_doubled_has_no_percentage() -> None:
+    assert closure(-1.9, (-3.0, -1.2)) == "widens the gap"
+    assert closure(0.5, (-3.0, 0.7)).endswith("(−100\u00a0to\u00a070\u00a0%)")
+    verdict = Verdict("partly_explained", ("clipping",), (("clipping",),), 0.01, -3.7, (-5.0, -2.0))
+    assert "widens the gap, a significant rest remains" in verdict.sentence
 
 
 def test_a_function_that_made_the_records_is_no_gap() -> None:
