@@ -215,8 +215,12 @@ def open_cluster(address: str | None, n_jobs: int | None) -> Iterator[Cluster]:
     logging.getLogger("distributed").setLevel(logging.CRITICAL)
     with contextlib.ExitStack() as stack:
         if address is None:
-            with deaf_to_interrupts():
-                local = distributed().LocalCluster(n_workers=n_jobs, threads_per_worker=1, dashboard_address=None)
+            try:
+                with deaf_to_interrupts():
+                    local = distributed().LocalCluster(n_workers=n_jobs, threads_per_worker=1, dashboard_address=None)
+            except RuntimeError as error:
+                mend = "use the backend loky, or start a cluster and give its address"
+                raise TwingapError(f"no dask cluster starts on this machine: {error}", mend=mend) from error
             address, n_jobs = stack.enter_context(local).scheduler_address, None
         own = Cluster(address, n_jobs)
         stack.callback(own.close)
