@@ -7,9 +7,11 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, Final
@@ -48,13 +50,19 @@ class Ended:
         return lines[0]
 
 
+def _permitted(*words: str) -> bool:
+    """Whether a program is there and allowed."""
+    return shutil.which(words[0]) is not None and subprocess.run(words, capture_output=True).returncode == 0
+
+
 class Forks:
-    """A server of `tests/faults/forking.py`."""
+    """A server of `tests/faults/forking.py`, in a namespace without network where that is permitted."""
 
     def __init__(self) -> None:
         paths = os.pathsep.join(path for path in sys.path if path)
+        self.isolated = _permitted("unshare", "-n", "true")
         self._server = subprocess.Popen(
-            [sys.executable, str(Path(__file__).with_name("forking.py"))],
+            [*["unshare", "-n"][: 2 * self.isolated], sys.executable, str(Path(__file__).with_name("forking.py"))],
             stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, env={**os.environ, "PYTHONPATH": paths},
         )  # fmt: skip
         assert self._server.stdout is not None
@@ -99,7 +107,7 @@ def inputs(tmp_path_factory: pytest.TempPathFactory) -> Path:
     conditions = [Condition(f"r{i}", (1500.0, 1800.0)[i // 4 % 2], 8192.0, 8192, faults[i % 4]) for i in range(8)]
     for name, seed in (("set", 0), ("fleet/one", 1), ("fleet/two", 2)):
         made = PhenomenologicalTwin(BEARINGS["6205"]).stream(conditions, np.random.default_rng(seed))
-        write_records(top / name, "made", "g", BEARINGS["6205"], None, made)
+        write_records(top / name, "<script>alert(7)</script>", "g", BEARINGS["6205"], None, made)
     (top / "exports").mkdir()
     for i in range(6):
         values = np.random.default_rng(i).normal(size=500)
@@ -107,6 +115,36 @@ def inputs(tmp_path_factory: pytest.TempPathFactory) -> Path:
         path = top / "exports" / f"inner_{1500 + i}.csv"
         path.write_text("\n".join(["time,acc", *lines]) + "\n", encoding="utf-8")
     return top
+
+
+@dataclass(frozen=True)
+class Diagnosed:
+    """A diagnosis that was tracked."""
+
+    out: Path
+    ended: Ended
+
+
+@pytest.fixture(scope="session")
+def diagnosed(twingap: Forks, inputs: Path, tmp_path_factory: pytest.TempPathFactory) -> Diagnosed:
+    """A diagnosis, tracked in a new store, whose attempts to reach other machines are noted."""
+    folder = tmp_path_factory.mktemp("diagnosed")
+    words = ["gap", inputs / "set", "--twin", inputs / "twin.toml", "--quick", "--out", folder / "gap"]
+    ended = twingap(folder, *words, "--tracking-uri", f"sqlite:///{folder / 'runs.db'}", watch_network=True)
+    assert ended.status == 0, ended.err
+    return Diagnosed(folder / "gap", ended)
+
+
+@contextmanager
+def small_disk(folder: Path, kilobytes: int) -> Iterator[Callable[[], None]]:
+    """A new file system of that size at a folder; yields what makes it read-only. Skips where that is not permitted."""
+    folder.mkdir()
+    if not _permitted("mount", "-t", "tmpfs", "-o", f"size={kilobytes}k,mode=0755", "tmpfs", str(folder)):
+        pytest.skip("mounting a file system is not permitted here")
+    try:
+        yield lambda: subprocess.run(["mount", "-o", "remount,ro", str(folder)], check=True) and None
+    finally:
+        subprocess.run(["umount", "-l", str(folder)], check=True)
 
 
 def tree(folder: Path) -> dict[str, bytes]:

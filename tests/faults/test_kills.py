@@ -61,7 +61,8 @@ COMMANDS = {
         lambda at: ["train", "--machines", 20, "--jobs", 1, "--out", "new/learnt"], "new/learnt", (0, 8), resumes=True,
     ),
     "study": Command(
-        lambda at: ["study", "blind", "--cases", 6, "--rival-worlds", 0, "--jobs", 1, "--no-track", "--out", "new/study"],
+        lambda at: ["study", "blind", "--cases", 6, "--rival-worlds", 0, "--jobs", 1, "--no-track", "--out",
+                    "new/study"],
         "new/study", (0, 8), resumes=True,
     ),
     "run": Command(
