@@ -148,7 +148,7 @@ class _MlflowRun(Run):
 def _quiet_mlflow() -> Any:
     """MLflow without migration logs, telemetry, or long silent retries (unless the user has set those)."""
     os.environ.setdefault("MLFLOW_DISABLE_TELEMETRY", "true")
-    os.environ.setdefault("MLFLOW_HTTP_REQUEST_MAX_RETRIES", "4")
+    os.environ.setdefault("MLFLOW_HTTP_REQUEST_MAX_RETRIES", "6")  # two minutes: a server may restart
     os.environ.setdefault("MLFLOW_HTTP_REQUEST_TIMEOUT", "30")
     import mlflow
 

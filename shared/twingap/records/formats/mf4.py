@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import functools
+import logging
 from collections import Counter
 from collections.abc import Callable
 from pathlib import Path
@@ -27,8 +28,9 @@ def _signals(file: Any) -> list[tuple[str, int, int]]:
 
 
 @functools.cache
-def _silence_finalisers() -> None:
-    """Keep asammdf's finalisers from printing a traceback for each damaged file, which they fail to close."""
+def _silence() -> None:
+    """Keep asammdf from logging, and its finalisers from printing a traceback, for each damaged file."""
+    logging.getLogger("asammdf").disabled = True
     from asammdf.blocks import mdf_v3, mdf_v4
 
     for kind in (mdf_v3.MDF3, mdf_v4.MDF4):
@@ -46,7 +48,7 @@ def _finaliser(close: Callable[[Any], None]) -> Callable[[Any], None]:
 def _open(path: Path) -> Any:
     with needed_for(".mf4", "asammdf"):
         from asammdf import MDF
-    _silence_finalisers()
+    _silence()
     return MDF(str(path), use_display_names=False)
 
 
