@@ -33,6 +33,20 @@ def free_port() -> int:
         return int(probe.getsockname()[1])
 
 
+def _wait_for(port: int) -> None:
+    """Wait until the database answers."""
+    import psycopg
+
+    until = time.monotonic() + 60
+    while True:
+        try:
+            psycopg.connect(host="127.0.0.1", port=port, user="twingap", dbname="postgres").close()
+            return
+        except psycopg.OperationalError:
+            assert time.monotonic() < until
+            time.sleep(0.2)
+
+
 @pytest.fixture
 def database() -> Iterator[str]:
     """Address of a PostgreSQL server started here."""
@@ -40,8 +54,8 @@ def database() -> Iterator[str]:
     programs = shutil.which("initdb") or (beside and str(beside[-1] / "initdb"))
     if not programs:
         pytest.skip("PostgreSQL is not installed")
-    if importlib.util.find_spec("psycopg2") is None:
-        pytest.skip("psycopg2 is not installed")
+    if importlib.util.find_spec("psycopg") is None:
+        pytest.skip("psycopg is not installed")
     programs = Path(programs).resolve().parent
     place = Path(tempfile.mkdtemp(prefix="twingap-postgres-"))  # where another user may enter, and paths are short
     own = {}
@@ -56,11 +70,7 @@ def database() -> Iterator[str]:
         subprocess.run([programs / "initdb", "-D", data, "-U", "twingap", "-A", "trust", "-N"], check=True, **quiet)
         options = ["-D", data, "-p", str(port), "-k", place, "-c", "listen_addresses=127.0.0.1"]
         server = subprocess.Popen([programs / "postgres", *options], **quiet)
-        for _ in range(300):
-            with socket.socket() as probe:
-                if probe.connect_ex(("127.0.0.1", port)) == 0:
-                    break
-            time.sleep(0.1)
+        _wait_for(port)
         yield f"postgresql://twingap@127.0.0.1:{port}/postgres"
     finally:
         if server is not None:
@@ -73,7 +83,7 @@ class Server:
     """`mlflow server`, which can be ended and started again at the same address."""
 
     def __init__(self, database: str, artifacts: Path) -> None:
-        self.port = free_port()
+        self.port, self.log = free_port(), artifacts.with_name("server.log")
         self.uri = f"http://127.0.0.1:{self.port}"
         self.words = [
             sys.executable, "-m", "mlflow", "server", "--backend-store-uri", database, "--artifacts-destination",
@@ -83,17 +93,17 @@ class Server:
 
     def start(self) -> None:
         quiet = {"MLFLOW_DISABLE_TELEMETRY": "true", "MLFLOW_SERVER_ENABLE_JOB_EXECUTION": "false"}
-        self.process = subprocess.Popen(
-            self.words, env={**os.environ, **quiet}, start_new_session=True, stdout=subprocess.DEVNULL,
-            stderr=subprocess.DEVNULL,
-        )  # fmt: skip
+        with self.log.open("ab") as log:
+            self.process = subprocess.Popen(
+                self.words, env={**os.environ, **quiet}, start_new_session=True, stdout=log, stderr=log
+            )
         until = time.monotonic() + 180
         while time.monotonic() < until:
             try:
                 with urllib.request.urlopen(f"{self.uri}/health", timeout=2):
                     return
             except OSError:
-                assert self.process.poll() is None
+                assert self.process.poll() is None, self.log.read_text()[-3000:]
                 time.sleep(0.3)
         raise AssertionError("the server does not start")
 
