@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 from scipy.io import savemat
 
-from tests.faults.conftest import Diagnosed, Forks
+from tests.faults.conftest import FULL, Diagnosed, Forks
 from twingap.data.manifest import FilePattern
 from twingap.data.unpack import unpack
 from twingap.errors import TwingapError
@@ -238,7 +238,7 @@ def _columns(path: Path) -> None:
     ("suffix", "write"),
     [
         (".npy", _npy), (".npz", _npz), (".npz", _npz_header), (".wav", _wav), (".mat", _mat), (".mat", _mat_bomb),
-        (".h5", _hdf5), (".parquet", _parquet), (".csv", _csv), (".csv", _columns),
+        (".h5", _hdf5), *([(".parquet", _parquet)] * FULL), (".csv", _csv), (".csv", _columns),
     ],
 )  # fmt: skip
 def test_huge_claims_are_refused_with_little_memory(

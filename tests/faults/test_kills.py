@@ -42,11 +42,11 @@ SIMULATE = ("--fs-hz", 8000, "--duration-s", 0.25)
 COMMANDS = {
     "simulate": Command(
         lambda at: ["simulate", at / "twin.toml", "--records", at / "table.csv", *SIMULATE, "--out", "new/sim"],
-        "new/sim", (5, 18),
+        "new/sim", (4, 18),
     ),
     "import": Command(
         lambda at: ["import", at / "exports", "--names", "{fault}_{speed_rpm:d}.csv", "--out", "new/set"],
-        "new/set", (5, 18),
+        "new/set", (4, 18),
     ),
     "gap": Command(
         lambda at: ["gap", at / "set", "--twin", at / "twin.toml", "--out", "new/gap", "--quick", "--no-track"],
@@ -129,7 +129,7 @@ def test_interrupted_command_leaves_nothing_half_written(
 ) -> None:
     command = COMMANDS[name]
     whole, ended = uninterrupted(name)
-    for part in (0.5, 0.95) if FULL else (0.6,):
+    for part in (0.05, 0.2, 0.5, 0.95) if FULL else (0.1, 0.6):
         folder = tmp_path / str(part)
         folder.mkdir()
         said = twingap(folder, *command.words(inputs), env=command.env, signals=[(part * ended.seconds, signal.SIGINT)])
