@@ -9,7 +9,8 @@ from __future__ import annotations
 import signal
 import sys
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated, Any, Final, NoReturn
 
@@ -48,14 +49,24 @@ class _InterruptedError(Exception):
     """Ctrl-C as an error that typer does not handle; it would end without a message on KeyboardInterrupt."""
 
 
+@contextmanager
+def _uninterrupted_by_typer() -> Iterator[None]:
+    try:
+        yield
+    except KeyboardInterrupt as interruption:
+        raise _InterruptedError from interruption
+
+
 class _Commands(TyperGroup):
     """Group of commands whose interruption reaches `main`."""
 
+    def make_context(self, *arguments: Any, **options: Any) -> Any:
+        with _uninterrupted_by_typer():
+            return super().make_context(*arguments, **options)
+
     def invoke(self, ctx: Any) -> Any:
-        try:
+        with _uninterrupted_by_typer():
             return super().invoke(ctx)
-        except KeyboardInterrupt as interruption:
-            raise _InterruptedError from interruption
 
 
 app = typer.Typer(

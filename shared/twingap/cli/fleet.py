@@ -2,25 +2,29 @@
 
 from __future__ import annotations
 
-from enum import Enum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from twingap.cli.options import Effects, Json, Seed, TrackingUri, say, say_json, show, wrote
+from twingap.cli.options import (
+    Address,
+    Backend,
+    Effects,
+    Json,
+    Seed,
+    TrackingUri,
+    Where,
+    say,
+    say_json,
+    show,
+    wrote,
+)
 from twingap.cli.progress import resumable
 from twingap.cli.tracking import Track, Tracking
 
 if TYPE_CHECKING:
     from twingap.fleet import Fleet
-
-
-class Backend(Enum):
-    """Where machines are diagnosed."""
-
-    loky = "loky"
-    dask = "dask"
 
 
 def fleet(
@@ -33,13 +37,8 @@ def fleet(
     jobs: Annotated[
         int | None, typer.Option(metavar="J", help="Machines at once; one per core when absent.", min=1)
     ] = None,
-    backend: Annotated[
-        Backend,
-        typer.Option(help="Where to run: processes of this machine (loky), or a dask cluster that sees FOLDER too."),
-    ] = Backend.loky,
-    address: Annotated[
-        str | None, typer.Option(help="Address of a running dask scheduler.", show_default=False)
-    ] = None,
+    backend: Where = Backend.loky,
+    address: Address = None,
     track: Track = True,
     tracking_uri: TrackingUri = None,
     effects: Effects = None,
@@ -50,7 +49,7 @@ def fleet(
 
     Each machine has its own report in DIR, at the path of its record set. Machines that DIR holds already, with the
     same records, twin and settings, are not diagnosed again. A record set that cannot be diagnosed is a row that says
-    why.
+    why. Workers of a cluster must see FOLDER at the same path.
     """
     from twingap.files import try_outputs
     from twingap.twins.twin_file import read_twin

@@ -8,6 +8,7 @@ import json
 import math
 import sys
 from collections.abc import Iterator
+from enum import Enum
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -41,6 +42,22 @@ TrackingUri = Annotated[
         "Default: MLFLOW_TRACKING_URI, else .twingap/mlflow.db here (TWINGAP_HOME moves it).",
         show_default=False,
     ),
+]
+
+
+class Backend(Enum):
+    """Where jobs run."""
+
+    loky = "loky"
+    dask = "dask"
+
+
+Where = Annotated[
+    Backend,
+    typer.Option("--backend", help="Where to run: processes of this machine (loky), or a dask cluster."),
+]
+Address = Annotated[
+    str | None, typer.Option("--address", help="Address of a running dask scheduler.", show_default=False)
 ]
 
 Effects = Annotated[

@@ -9,7 +9,19 @@ from typing import Annotated
 
 import typer
 
-from twingap.cli.options import Effects, Json, Seed, TrackingUri, say, say_json, show, wrote
+from twingap.cli.options import (
+    Address,
+    Backend,
+    Effects,
+    Json,
+    Seed,
+    TrackingUri,
+    Where,
+    say,
+    say_json,
+    show,
+    wrote,
+)
 from twingap.cli.progress import progress
 
 
@@ -33,8 +45,8 @@ def run(
     profile: Annotated[
         ProfileName, typer.Option(help="smoke: minutes; full: all tasks and seeds.")
     ] = ProfileName.smoke,
-    backend: Annotated[str, typer.Option(help="Where trainings run: loky (local processes) or dask.")] = "loky",
-    address: Annotated[str | None, typer.Option(help="Address of a running dask cluster.")] = None,
+    backend: Where = Backend.loky,
+    address: Address = None,
     out: Annotated[Path | None, typer.Option(help="Folder of tables, figures and results [.twingap/PAPER].")] = None,
     root: Annotated[Path | None, typer.Option(help="Data root; TWINGAP_DATA when absent.")] = None,
     effects: Effects = None,
@@ -63,7 +75,7 @@ def run(
                 out=out or state_folder() / paper.value,
                 root=root,
                 seed=seed,
-                backend=backend,
+                backend=backend.value,
                 address=address,
                 tracker=tracker,
                 progress=shown.count,

@@ -7,7 +7,20 @@ from typing import Annotated
 
 import typer
 
-from twingap.cli.options import Effects, Json, Seed, TrackingUri, examples, say, say_json, show, wrote
+from twingap.cli.options import (
+    Address,
+    Backend,
+    Effects,
+    Json,
+    Seed,
+    TrackingUri,
+    Where,
+    examples,
+    say,
+    say_json,
+    show,
+    wrote,
+)
 from twingap.cli.progress import resumable
 from twingap.cli.tracking import Track, Tracking
 
@@ -23,6 +36,8 @@ def blind(
     effects: Effects = None,
     seed: Seed = 0,
     jobs: Jobs = None,
+    backend: Where = Backend.loky,
+    address: Address = None,
     rivals: Annotated[
         int | None,
         typer.Option(
@@ -48,6 +63,8 @@ def blind(
             seed,
             training_count=min(1500, 5 * cases) if rivals is None else rivals,
             jobs=jobs,
+            backend=backend.value,
+            address=address,
             command=command_line(),
             progress=shown.count,
         )
@@ -93,6 +110,8 @@ def public(
     effects: Effects = None,
     seed: Seed = 0,
     jobs: Jobs = None,
+    backend: Where = Backend.loky,
+    address: Address = None,
     track: Track = True,
     tracking_uri: TrackingUri = None,
     json: Json = False,
@@ -112,6 +131,8 @@ def public(
             plan,
             root=None if root is None else str(root),
             jobs=jobs,
+            backend=backend.value,
+            address=address,
             command=command_line(),
             progress=shown.count,
         )

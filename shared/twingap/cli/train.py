@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from twingap.cli.options import Effects, Json, say_json, wrote
+from twingap.cli.options import Address, Backend, Effects, Json, Where, say_json, wrote
 from twingap.cli.progress import progress
 
 
@@ -26,10 +26,8 @@ def train(
             min=20,
         ),
     ] = None,
-    backend: Annotated[str, typer.Option(help="Where simulations run: loky (this machine) or dask.")] = "loky",
-    address: Annotated[
-        str | None, typer.Option(help="Address of a running dask scheduler.", show_default=False)
-    ] = None,
+    backend: Where = Backend.loky,
+    address: Address = None,
     jobs: Annotated[
         int | None, typer.Option(metavar="J", help="Parallel simulations; one per core when absent.", min=1)
     ] = None,
@@ -53,7 +51,7 @@ def train(
             out,
             seed=training.SEED if seed is None else seed,
             machines=machines or training.MACHINES,
-            backend=backend,
+            backend=backend.value,
             address=address,
             jobs=jobs,
             progress=shown.share,

@@ -12,6 +12,7 @@ import shutil
 import subprocess
 import tempfile
 import zipfile
+import zlib
 from collections.abc import Iterable
 from pathlib import Path, PurePosixPath
 from typing import Final
@@ -19,6 +20,8 @@ from typing import Final
 from twingap.data.manifest import FilePattern
 from twingap.errors import TwingapError
 
+_DEEPEST: Final = 6
+"""Levels of archives within archives that are unpacked; a larger value lets hostile archives take longer."""
 _PROGRAMS: Final = {
     # IMS uses an old RAR method that 7z cannot read, so it comes last for .rar.
     ".rar": ("unar", "unrar", "bsdtar", "7z"),
@@ -82,7 +85,7 @@ def unpack(archive: Path, folder: Path, name: str, patterns: Iterable[FilePatter
     Raises
     ------
     TwingapError
-        When an archive is damaged, holds none of the files, or no program can unpack it.
+        When an archive is damaged or hostile, holds none of the files, or no program can unpack it.
     """
     wanted = list(patterns)
     folder.mkdir(parents=True, exist_ok=True)
@@ -114,23 +117,37 @@ def _place(path: Path, name: str, patterns: list[FilePattern]) -> PurePosixPath 
     return None
 
 
-def _extract(archive: Path, folder: Path, done: set[str]) -> None:
+def _extract(archive: Path, folder: Path, done: set[str], depth: int = 0) -> None:
     """Extract an archive and the archives inside it; names in `done` are skipped."""
+    if depth > _DEEPEST:
+        raise TwingapError(f"holds archives within archives, more than {_DEEPEST} deep", where=archive)
     folder.mkdir(parents=True, exist_ok=True)
     if archive.suffix.lower() == ".zip":
         try:
             with zipfile.ZipFile(archive) as held:
+                _refuse_bombs(held, archive, folder)
                 held.extractall(folder)
-        except (zipfile.BadZipFile, OSError, EOFError, ValueError) as error:
+        except (zipfile.BadZipFile, zlib.error, OSError, EOFError, ValueError, RuntimeError) as error:
             raise TwingapError(f"cannot be unpacked: {error}", where=archive, mend="fetch it anew") from error
     else:
         _by_program(archive, folder)
+    for path in sorted(folder.rglob("*")):
+        if path.is_symlink():  # may lead out of the folder
+            path.unlink()
     inner = [p for p in sorted(folder.rglob("*")) if p.is_file() and p.suffix.lower() in (".zip", *_PROGRAMS)]
     for path in inner:
         if path.name not in done:
             done.add(path.name)
-            _extract(path, path.parent / f"{path.stem}.unpacked", done)
+            _extract(path, path.parent / f"{path.stem}.unpacked", done, depth + 1)
         path.unlink()
+
+
+def _refuse_bombs(held: zipfile.ZipFile, archive: Path, folder: Path) -> None:
+    """Refuse a zip file whose content has no space here; members never unpack to more than they state."""
+    needed, free = sum(member.file_size for member in held.infolist()), shutil.disk_usage(folder).free
+    if needed > free:
+        what = f"unpacks to {needed / 1e9:.1f} GB, {free / 1e9:.1f} GB are free"
+        raise TwingapError(what, where=archive, mend="make space, or fetch the archive anew if that is not its size")
 
 
 def _by_program(archive: Path, folder: Path) -> None:

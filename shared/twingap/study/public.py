@@ -66,6 +66,8 @@ def run_public(
     *,
     root: str | None = None,
     jobs: int | None = None,
+    backend: str = "loky",
+    address: str | None = None,
     command: str = "",
     progress: Progress = lambda what, done, total: None,
 ) -> dict[str, Any]:
@@ -78,8 +80,8 @@ def run_public(
     plan : Plan
     root : str or None
         Data root; TWINGAP_DATA when None.
-    jobs : int, optional
-        Processes; None = one per core.
+    jobs, backend, address
+        Where to run; see `twingap.sweep.backends.open_pool`. Workers of a cluster must see the data at the same path.
     command : str
         Command line, for the provenance.
     progress : callable
@@ -103,7 +105,13 @@ def run_public(
     files.try_folder(out)
     code, data = _digests(held)
     run = functools.partial(
-        _swept, store=Path(out) / "work", code=code, data=data, root=root, workers=jobs, progress=progress
+        _swept,
+        store=Path(out) / "work",
+        code=code,
+        data=data,
+        root=root,
+        where={"n_jobs": jobs, "backend": backend, "address": address},
+        progress=progress,
     )
     work = [j for name in held for j in _first_jobs(plan, name, held[name])]
     results = dict(zip(work, run(work, "records diagnosed"), strict=True))
@@ -172,7 +180,7 @@ def _digests(held: Mapping[str, PublicSet]) -> tuple[str, dict[str, str]]:
 
 def _swept(
     work: Sequence[PublicJob], what: str, *, store: Path, code: str, data: Mapping[str, str], root: str | None,
-    workers: int | None, progress: Progress,
+    where: Mapping[str, Any], progress: Progress,
 ) -> list[dict[str, Any]]:  # fmt: skip
     from twingap.sweep import sweep
 
@@ -185,7 +193,7 @@ def _swept(
 
     progress(what, 0, len(work))
     results = sweep(
-        functools.partial(run_job, root=root), work, store=store, n_jobs=workers, version=code, data=data,
+        functools.partial(run_job, root=root), work, store=store, **where, version=code, data=data,
         on_result=one_more, describe=lambda job: job.description,
     )  # fmt: skip
     return [dict(result.value) for result in results]

@@ -15,7 +15,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from types import ModuleType
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any, Final, TypedDict
 
 import numpy as np
 
@@ -40,6 +40,14 @@ BOTH: Final = "extra-trees detectors with two-sample test"
 
 Progress = Callable[[str, int, int], None]
 """Progress callback: progress(stage, done, total)."""
+
+
+class Where(TypedDict):
+    """Where jobs run; see `twingap.sweep.backends.open_pool`."""
+
+    n_jobs: int | None
+    backend: str
+    address: str | None
 
 
 @dataclass(frozen=True)
@@ -84,6 +92,8 @@ def run_study(
     rivals: Sequence[Rival] | None = None,
     permutations: int = PERMUTATIONS,
     jobs: int | None = None,
+    backend: str = "loky",
+    address: str | None = None,
     command: str = "",
     progress: Progress = lambda what, done, total: None,
 ) -> Study:
@@ -108,8 +118,8 @@ def run_study(
         None = `default_rivals()`.
     permutations : int
         Permutations of the rivals' two-sample test; with fewer than 19 it can never claim a gap.
-    jobs : int, optional
-        Processes; None = one per core.
+    jobs, backend, address
+        Where to run; see `twingap.sweep.backends.open_pool`.
     command : str
         Command line, for the provenance.
     progress : callable
@@ -128,26 +138,27 @@ def run_study(
         When a diagnosis ended with an error other than `TwingapError`; results of the other worlds are kept.
     """
     begin, folder = time.perf_counter(), Path(out)
+    where: Where = {"n_jobs": jobs, "backend": backend, "address": address}
     names = [case.name for case in cases]
     if len(set(names)) < len(names):
         raise TwingapError("two cases of one name", where="study", mend="give every case its own name")
     diagnose = diagnose or diagnosis()
     code = {"diagnosis": digest_of(diagnose), "worlds": digest_of_worlds()}
 
-    sealed = _seal(folder, cases, seed, code, jobs, progress)
+    sealed = _seal(folder, cases, seed, code, where, progress)
     learnt_from = learnt_digest(diagnose)
     diagnoses = _diagnosed(
-        folder, cases, seed, sealed, diagnose, prepare, permutations, {**code, "learnt": learnt_from}, jobs, progress
+        folder, cases, seed, sealed, diagnose, prepare, permutations, {**code, "learnt": learnt_from}, where, progress
     )
     found = {DIAGNOSIS: [_found(d) for d in diagnoses], TWO_SAMPLE: [_tested(d) for d in diagnoses]}
-    learnt, skipped = _learnt(folder, seed, training, training_count, rivals, code, jobs, progress)
+    learnt, skipped = _learnt(folder, seed, training, training_count, rivals, code, where, progress)
     x = np.array([d["statistics"] for d in diagnoses])
     for rival in learnt:
         found[rival.name] = rival.predict(x)
         if isinstance(rival, Detectors):
             found[BOTH] = with_two_sample(found[rival.name], found[TWO_SAMPLE])
 
-    was = _opened(folder, cases, seed, sealed, code, jobs, progress)
+    was = _opened(folder, cases, seed, sealed, code, where, progress)
     rows = {method: [Row(w, f) for w, f in zip(was, findings, strict=True)] for method, findings in found.items()}
     provenance = {
         "seed": seed, "cases": len(cases), "command": command, "versions": versions(), "code_sha256": code,
@@ -188,7 +199,7 @@ def _table(
 
 
 def _seal(
-    folder: Path, cases: Sequence[Case], seed: int, code: Mapping[str, str], jobs: int | None, progress: Progress
+    folder: Path, cases: Sequence[Case], seed: int, code: Mapping[str, str], where: Where, progress: Progress
 ) -> dict[str, Any]:
     """Content of sealed.json, written here unless the folder holds one."""
     identity = {"seed": seed, "cases": digest_of_value([plain(case) for case in cases]), "worlds": code["worlds"]}
@@ -204,7 +215,7 @@ def _seal(
         folder / "work" / "sealing",
         code["worlds"],
         {},
-        jobs,
+        where,
         functools.partial(progress, "worlds sealed"),
     )
     sealed = {"asked": identity, "code_sha256": dict(code),
@@ -228,7 +239,7 @@ def _resumed(held: Path, identity: Mapping[str, Any]) -> dict[str, Any]:
 
 def _diagnosed(
     folder: Path, cases: Sequence[Case], seed: int, sealed: Mapping[str, Any], diagnose: worker.Diagnose,
-    prepare: worker.Prepare, permutations: int, code: Mapping[str, str], jobs: int | None, progress: Progress,
+    prepare: worker.Prepare, permutations: int, code: Mapping[str, str], where: Where, progress: Progress,
 ) -> list[dict[str, Any]]:  # fmt: skip
     return _sweep(
         functools.partial(worker.diagnose_world, diagnose=diagnose, prepare=prepare),
@@ -236,14 +247,14 @@ def _diagnosed(
         folder / "work" / "diagnoses",
         digest_of(worker.diagnose_world, "blind", "rivals", "statistics", "worker"),
         {**code, "prepare": digest_of(prepare)},
-        jobs,
+        where,
         functools.partial(progress, "worlds diagnosed"),
     )
 
 
 def _opened(
     folder: Path, cases: Sequence[Case], seed: int, sealed: Mapping[str, Any], code: Mapping[str, str],
-    jobs: int | None, progress: Progress,
+    where: Where, progress: Progress,
 ) -> list[Any]:  # fmt: skip
     """Truths of the worlds, each verified against its seal."""
     from twingap.rigs.worlds import open_seal
@@ -251,7 +262,7 @@ def _opened(
     nonces = json.loads((folder / "nonces.json").read_text(encoding="utf-8"))
     version = digest_of_value([code["worlds"], digest_of(worker.open_world, "closure"), _digest_of_references()])
     results = _sweep(worker.open_world, [worker.OpenJob(c, seed) for c in cases], folder / "work" / "opening",
-                     version, {}, jobs, functools.partial(progress, "seals opened"))  # fmt: skip
+                     version, {}, where, functools.partial(progress, "seals opened"))  # fmt: skip
     was, opened = [], {}
     for case, value in zip(cases, results, strict=True):
         seal = sealed["worlds"][case.name]["seal"]
@@ -264,7 +275,7 @@ def _opened(
 
 def _learnt(
     folder: Path, seed: int, training: worker.Triples, count: int, rivals: Sequence[Rival] | None,
-    code: Mapping[str, str], jobs: int | None, progress: Progress,
+    code: Mapping[str, str], where: Where, progress: Progress,
 ) -> tuple[list[Rival], dict[str, str]]:  # fmt: skip
     """Trained rivals, and the reasons why others were skipped."""
     wanted = list(default_rivals() if rivals is None else rivals)
@@ -279,7 +290,7 @@ def _learnt(
         folder / "work" / "training",
         digest_of(worker.learn_from, "statistics"),
         {"training": digest_of(training), "diagnosis": code["diagnosis"]},
-        jobs,
+        where,
         functools.partial(progress, "training worlds of rivals"),
     )
     examples = Examples(
@@ -295,7 +306,7 @@ def _learnt(
 
 def _sweep(
     function: Callable[[Any], Any], work: Sequence[Any], store: Path, version: str, data: dict[str, str],
-    jobs: int | None, progress: Callable[[int, int], None],
+    where: Where, progress: Callable[[int, int], None],
 ) -> list[Any]:  # fmt: skip
     from twingap.sweep import sweep
 
@@ -307,7 +318,7 @@ def _sweep(
         progress(done, len(work))
 
     progress(0, len(work))
-    results = sweep(function, work, store=store, n_jobs=jobs, version=version, data=data, on_result=one_more,
+    results = sweep(function, work, store=store, **where, version=version, data=data, on_result=one_more,
                     describe=_in_words)  # fmt: skip
     return [result.value for result in results]
 

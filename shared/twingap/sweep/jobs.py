@@ -20,20 +20,24 @@ from collections import deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Generic, TypeVar
+from typing import TYPE_CHECKING, Any, Final, Generic, TypeVar
 
 from numpy.typing import NDArray
 
 from twingap.errors import TwingapError
 from twingap.provenance import canonical, digest_of_code, plain
-from twingap.sweep.backends import WORKER_DIED, Pool, deaf_to_interrupts, end_with, limited_threads, open_pool
+from twingap.sweep.backends import Inside, Pool, open_pool
+from twingap.sweep.cluster import WorkerDiedError
+from twingap.sweep.processes import deaf_to_interrupts, end_with, limited_threads
 from twingap.sweep.store import Identity, ResultStore, decode, encode
 
 if TYPE_CHECKING:
     from twingap.effects.handover import HandedEffects
 
 J = TypeVar("J")
-DIED = "its worker process died (killed, out of memory, or crashed in compiled code)"
+DIED: Final = "its worker process died (killed, out of memory, or crashed in compiled code)"
+WORKER_DIED: Final = frozenset({"TerminatedWorkerError", "BrokenProcessPool"})
+"""Names of the errors with which joblib reports a dead worker process."""
 
 
 @dataclass(frozen=True)
@@ -218,21 +222,20 @@ class _Raised:
 
 
 def _attempt(
-    effects: HandedEffects | None, key: str, function: Callable[[Any], Any], job: Any, pool: Pool
+    effects: HandedEffects | None, key: str, function: Callable[[Any], Any], job: Any, inside: Inside
 ) -> tuple[str, _Returned | _Raised]:
     """Run one job in a worker. Exceptions are returned as text, as not every exception can be pickled."""
-    if pool.leader is not None:
-        end_with(pool.leader)
+    if inside.leader is not None:
+        end_with(inside.leader)
     begin = time.perf_counter()
     try:
         if effects is not None:
             effects.check()
-        with contextlib.nullcontext() if pool.threads_inside is None else limited_threads(pool.threads_inside):
+        with contextlib.nullcontext() if inside.threads is None else limited_threads(inside.threads):
             value = function(job)
         text, arrays = encode(value)
     except (Exception, SystemExit) as error:
-        line = str(error) if isinstance(error, TwingapError) else f"{type(error).__name__}: {error}"
-        return key, _Raised(" ".join(line.split())[:500], traceback.format_exc())
+        return key, _Raised(_line(error), traceback.format_exc())
     return key, _Returned(text, arrays, time.perf_counter() - begin)
 
 
@@ -244,21 +247,41 @@ def _outcomes(
     A dead worker aborts all jobs that run in parallel and does not identify the one that killed it. Run alone, that
     job is identified, and jobs that failed only because many together ran out of memory succeed.
     """
+    if pool.cluster is not None:
+        yield from _on_cluster(pool, effects, function, jobs)
+        return
     waiting = deque(jobs)
     while waiting:
         under_way: set[str] = set()
         try:
             yield from _parallel(pool, effects, function, jobs, waiting, under_way)
-        except _WorkerDiedError:
+        except WorkerDiedError:
             for key in [key for key in jobs if key in under_way]:
                 try:
                     yield from _parallel(pool, effects, function, jobs, deque([key]), set())
-                except _WorkerDiedError as error:
+                except WorkerDiedError as error:
                     yield key, _Raised(DIED, f"{DIED}\n{error.__cause__!r}")
 
 
-class _WorkerDiedError(Exception):
-    """A worker process has died."""
+def _on_cluster(
+    pool: Pool, effects: HandedEffects | None, function: Callable[[J], Any], jobs: Mapping[str, J]
+) -> Iterator[tuple[str, _Returned | _Raised]]:
+    """Outcome of each job as it finishes on a dask cluster."""
+    assert pool.cluster is not None
+    arguments = {key: (effects, key, function, job, pool.inside) for key, job in jobs.items()}
+    for key, outcome in pool.cluster.run(_attempt, arguments):
+        if isinstance(outcome, WorkerDiedError):
+            yield key, _Raised(DIED, f"{DIED}\n{outcome}")
+        elif isinstance(outcome, BaseException):  # the worker could not load the job
+            yield key, _Raised(_line(outcome), "".join(traceback.format_exception(outcome)))
+        else:
+            yield outcome
+
+
+def _line(error: BaseException) -> str:
+    """An error in one line."""
+    line = str(error) if isinstance(error, TwingapError) else f"{type(error).__name__}: {error}"
+    return " ".join(line.split())[:500]
 
 
 def _parallel(
@@ -273,7 +296,7 @@ def _parallel(
     if pool.backend == "sequential":
         while waiting:
             key = waiting.popleft()
-            yield _attempt(None, key, function, jobs[key], pool)
+            yield _attempt(None, key, function, jobs[key], pool.inside)
         return
     import joblib
 
@@ -281,11 +304,11 @@ def _parallel(
         while waiting:
             key = waiting.popleft()
             under_way.add(key)
-            yield joblib.delayed(_attempt)(effects, key, function, jobs[key], pool)
+            yield joblib.delayed(_attempt)(effects, key, function, jobs[key], pool.inside)
 
     # One job at a time per worker and a short queue, so that little is lost when a worker dies.
     # Only this process handles an interruption: workers that are still starting would each print a traceback.
-    with deaf_to_interrupts() if pool.backend == "loky" else contextlib.nullcontext():
+    with deaf_to_interrupts():
         outcomes = joblib.Parallel(return_as="generator_unordered", batch_size=1, pre_dispatch="2*n_jobs")(tasks())
     try:
         while True:
@@ -295,7 +318,7 @@ def _parallel(
                 return
             except Exception as error:
                 if type(error).__name__ in WORKER_DIED:
-                    raise _WorkerDiedError from error
+                    raise WorkerDiedError from error
                 raise _backend_failed(pool, error) from error
             under_way.discard(key)
             yield key, outcome

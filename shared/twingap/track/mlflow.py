@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import logging
 import os
+import threading
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from datetime import UTC, datetime
@@ -19,6 +20,8 @@ from twingap.track.database import check_database
 from twingap.track.store import sqlite_path, tracking_uri
 from twingap.track.tidy import clean_file
 from twingap.track.tracker import Run, Status, ending
+
+_ONE_AT_A_TIME = threading.Lock()
 
 
 class MlflowTracker:
@@ -41,6 +44,7 @@ class MlflowTracker:
     def __init__(self, uri: str | None = None, experiment: str = "twingap") -> None:
         self.uri, self.experiment = tracking_uri(uri), experiment
         database = sqlite_path(self.uri)
+        _settle()
         if database is None:
             with _patience(retries=0, seconds=5):
                 self._open(None)
@@ -145,11 +149,15 @@ class _MlflowRun(Run):
             self._client.set_terminated(self.id, status)
 
 
-def _quiet_mlflow() -> Any:
-    """MLflow without migration logs, telemetry, or long silent retries (unless the user has set those)."""
+def _settle() -> None:
+    """Settings of MLflow that users have not made: no telemetry, and two minutes for a server to come back."""
     os.environ.setdefault("MLFLOW_DISABLE_TELEMETRY", "true")
-    os.environ.setdefault("MLFLOW_HTTP_REQUEST_MAX_RETRIES", "4")
+    os.environ.setdefault("MLFLOW_HTTP_REQUEST_MAX_RETRIES", "6")
     os.environ.setdefault("MLFLOW_HTTP_REQUEST_TIMEOUT", "30")
+
+
+def _quiet_mlflow() -> Any:
+    """MLflow without migration logs."""
     import mlflow
 
     for name in ("alembic", "mlflow"):
@@ -174,18 +182,15 @@ def _created(client: Any, experiment: str, artifacts: str | None) -> str:
 
 @contextmanager
 def _patience(retries: int, seconds: int) -> Iterator[None]:
-    """Limit MLflow's retries and timeouts within the block."""
+    """Limit MLflow's retries and timeouts within the block, in which one thread is at a time."""
     wanted = {"MLFLOW_HTTP_REQUEST_MAX_RETRIES": str(retries), "MLFLOW_HTTP_REQUEST_TIMEOUT": str(seconds)}
-    before = {name: os.environ.get(name) for name in wanted}
-    os.environ.update(wanted)
-    try:
-        yield
-    finally:
-        for name, value in before.items():
-            if value is None:
-                os.environ.pop(name, None)
-            else:
-                os.environ[name] = value
+    with _ONE_AT_A_TIME:
+        before = {name: os.environ[name] for name in wanted}
+        os.environ.update(wanted)
+        try:
+            yield
+        finally:
+            os.environ.update(before)
 
 
 @contextmanager

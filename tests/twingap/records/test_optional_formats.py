@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import subprocess
 import sys
 from pathlib import Path
@@ -152,3 +153,13 @@ def test_a_missing_extra_is_named(tmp_path: Path) -> None:
     )
     ended = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
     assert 'files of type .tdms need the package npTDMS; install it: pip install "twingap[formats]"' in ended.stderr
+
+
+def test_damaged_mf4_is_one_line(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    pytest.importorskip("asammdf")
+    (tmp_path / "x.mf4").write_bytes(b"MDF     4.10    " + bytes(200))
+    with pytest.raises(TwingapError) as caught:
+        inspect(tmp_path / "x.mf4")
+    del caught
+    gc.collect()
+    assert capfd.readouterr().err == ""

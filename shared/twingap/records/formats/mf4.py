@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import contextlib
+import functools
+import logging
 from collections import Counter
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -23,9 +27,28 @@ def _signals(file: Any) -> list[tuple[str, int, int]]:
     return [(name if counts[name] == 1 else f"{g}/{name}", g, i) for name, g, i in found]
 
 
+@functools.cache
+def _silence() -> None:
+    """Keep asammdf from logging, and its finalisers from printing a traceback, for each damaged file."""
+    logging.getLogger("asammdf").disabled = True
+    from asammdf.blocks import mdf_v3, mdf_v4
+
+    for kind in (mdf_v3.MDF3, mdf_v4.MDF4):
+        kind.__del__ = _finaliser(kind.__del__)
+
+
+def _finaliser(close: Callable[[Any], None]) -> Callable[[Any], None]:
+    def finalise(file: Any) -> None:
+        with contextlib.suppress(Exception):
+            close(file)
+
+    return finalise
+
+
 def _open(path: Path) -> Any:
     with needed_for(".mf4", "asammdf"):
         from asammdf import MDF
+    _silence()
     return MDF(str(path), use_display_names=False)
 
 

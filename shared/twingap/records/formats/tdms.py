@@ -2,15 +2,26 @@
 
 from __future__ import annotations
 
+import functools
+import logging
 from pathlib import Path
 from typing import Any
 
 from twingap.records.formats.base import MOST_SAMPLES, Contents, Entry, Format, needed_for, not_real
 
 
-def _inspect(path: Path) -> Contents:
+@functools.cache
+def _package() -> Any:
+    """npTDMS, without its warnings about damaged files."""
     with needed_for(".tdms", "npTDMS"):
-        import nptdms as tdms
+        import nptdms
+        from nptdms.log import log_manager
+    log_manager.set_level(logging.ERROR)
+    return nptdms
+
+
+def _inspect(path: Path) -> Contents:
+    tdms = _package()
     entries, rates = [], set()
     with path.open("rb") as stream:  # a stream, so that no index file beside it is used
         for group in tdms.TdmsFile.read_metadata(stream).groups():
@@ -27,8 +38,7 @@ def _inspect(path: Path) -> Contents:
 
 
 def _load(path: Path, name: str, place: int) -> Any:
-    with needed_for(".tdms", "npTDMS"):
-        import nptdms as tdms
+    tdms = _package()
     with path.open("rb") as stream, tdms.TdmsFile.open(stream) as file:
         channels = [channel for group in file.groups() for channel in group.channels()]
         return channels[place][:]
