@@ -172,7 +172,7 @@ def follow(
         notes.append(_why_none(life, usable))
     if life.end_row is not None:
         notes.append(f"{REACHED} at record {run.rows[life.end_row].name!r}: remaining life is 0 from there on")
-    outcome = outcome_of(run.name, life, estimates, lived, frozenset(fingerprints))
+    outcome = outcome_of(run.name, life, estimates, lived, frozenset(fingerprints), run.load_n())
     names = [None if place is None else run.rows[place].name for place in (life.alarm_row, life.onset_row)]
     return Followed(run, tuple(estimates), tuple(notes), outcome, names[0], names[1])
 

@@ -12,6 +12,7 @@ and the end of life is a ratio to them, the lower end of intervals is 0.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from itertools import pairwise
 from typing import Final
@@ -26,7 +27,9 @@ from twingap.prognosis.columns import Columns
 from twingap.prognosis.estimate import Estimate, LifeOptions
 from twingap.prognosis.growth import Observations, lives
 from twingap.prognosis.healthy_start import rises, shown_healthy
-from twingap.prognosis.prior import Prior
+from twingap.prognosis.life_law import QUANTILES
+from twingap.prognosis.past_errors import Interval
+from twingap.prognosis.prior import Prior, quantiles_of
 from twingap.prognosis.revolutions import RevolutionCount
 from twingap.prognosis.speed_influence import SAME_SPEED, SpeedInfluence, fit_speed_influence
 
@@ -84,7 +87,7 @@ class OnlineLife:
         self._settled_at = 0
         self._beyond = False
         self._log = _no_monitored_rows()
-        self._last: tuple[float, float, float, float] | None = None
+        self._last: tuple[float, Interval, float] | None = None
         self._highest_gain = 0.0
         self._ended_at = 0
         self._gains_beyond: list[float] = []
@@ -163,15 +166,32 @@ class OnlineLife:
             return self._before(speed)
         if self.timeless:
             return replace(self._before(speed), anomaly=True)
-        if len(self._log) and (self._last is None or self._last[0] != self._log["turns"][-1]):
-            self._last = self._after()
-        if self._last is None:
+        low, middle, high = self.quantiles()
+        if not np.isfinite(middle):
             return Estimate(True, speed_rpm=speed)
-        since = self.revolutions - self._last[0]
-        middle, low, high = (max(v - since, 0.0) for v in self._last[1:])
         if self.open_below:
             return Estimate(True, middle, 0.0, high, speed, closed_lo=low)
         return Estimate(True, middle, low, high, speed)
+
+    def quantiles(self, shares: Sequence[float] = QUANTILES) -> tuple[float, ...]:
+        """Quantiles of remaining revolutions after the rows so far; NaN where there is no estimate."""
+        if self.end_row is not None:
+            return (0.0,) * len(shares)
+        if self.alarm_row is None or self.timeless:
+            return (float("nan"),) * len(shares) if self.prior is None else self.prior.before(self.revolutions, shares)
+        if len(self._log) and (self._last is None or self._last[0] != self._log["turns"][-1]):
+            found = self.posterior()
+            assert found is not None
+            self._last = (float(self._log["turns"][-1]), calibrated(found), found.per_row)
+        if self._last is None:
+            return (float("nan"),) * len(shares)
+        at, growth, per_row = self._last
+        if self.prior is None:
+            values = growth if shares is QUANTILES else quantiles_of(growth, per_row / 2, shares)
+        else:
+            values = self.prior.joined(growth, at, at - self.revolutions_at_onset, per_row, shares)
+        since = self.revolutions - at
+        return tuple(max(v - since, 0.0) for v in values)
 
     def update(
         self, time_s: float, speed_rpm: float, peak_to_peak: float, *, full_peak_to_peak: float | None = None
@@ -515,16 +535,6 @@ class OnlineLife:
         found = lives(observed, end)
         low, middle, high = (found.quantile(q) for q in (0.05, 0.5, 0.95))
         return Posterior(low, middle, high, observed.per_row, rows, found.level / max(end, 1e-9), observed.since_onset)
-
-    def _after(self) -> tuple[float, float, float, float]:
-        """Revolutions at the last monitored row, and median and interval of the remaining life there."""
-        found = self.posterior()
-        assert found is not None
-        low, middle, high = calibrated(found)
-        if self.prior is not None:
-            since = self.revolutions - self.revolutions_at_onset
-            low, middle, high = self.prior.joined((low, middle, high), self.revolutions, since, found.per_row)
-        return float(self._log["turns"][-1]), middle, low, high
 
     def _observations(self) -> tuple[Observations, int]:
         """Observations since the onset and from as many rows before it, and the number of rows since the onset."""

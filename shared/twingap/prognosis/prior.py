@@ -16,31 +16,18 @@ A product of densities would suppress the evidence of early growth where lives d
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from scipy.special import ndtr, ndtri
+from scipy.special import ndtri
 
+from twingap.prognosis.life_law import QUANTILES, LifeLaw, LogNormal
 from twingap.prognosis.past_errors import Interval, widened
 
 LEARNT: Final = ("growth_weight", "widening", "joined_widening")
 """Fields of `Prior` that are chosen on ended runs, in addition to the laws of lives; see `outcomes.prior_from`."""
-
-
-@dataclass(frozen=True)
-class LogNormal:
-    """Log-normal law of a number of revolutions: mean and standard deviation of its natural logarithm."""
-
-    mean: float
-    std: float
-
-    def remaining(self, revolutions: float) -> Interval:
-        """Quantiles of 5 %, 50 % and 95 % of the remaining life, given that it is longer than `revolutions`."""
-        below = min(float(ndtr((np.log(max(revolutions, 1e-9)) - self.mean) / self.std)), 1 - 1e-9)
-        ends = (np.exp(self.mean + self.std * ndtri(below + (1 - below) * q)) for q in (0.05, 0.5, 0.95))
-        low, middle, high = (max(float(v) - revolutions, 0.0) for v in ends)
-        return low, middle, high
 
 
 @dataclass(frozen=True)
@@ -49,7 +36,7 @@ class Prior:
 
     Parameters
     ----------
-    life : LogNormal
+    life : LogNormal or Mixture
         Revolutions from the first row to the end.
     after_onset : LogNormal or None
         Revolutions from the onset of the anomaly to the end; None when no run had one.
@@ -61,32 +48,56 @@ class Prior:
         Factor on the width of the joined intervals, in logarithms.
     """
 
-    life: LogNormal
+    life: LifeLaw
     after_onset: LogNormal | None = None
     growth_weight: float = 0.75
     widening: float = 1.0
     joined_widening: float = 1.0
 
-    def before(self, lived: float) -> Interval:
-        """Quantiles of 5 %, 50 % and 95 % of remaining revolutions before an anomaly, after `lived` revolutions."""
-        return self.life.remaining(lived)
+    def before(self, lived: float, shares: Sequence[float] = QUANTILES) -> tuple[float, ...]:
+        """Quantiles of remaining revolutions before an anomaly, after `lived` revolutions."""
+        return self.life.remaining(lived, shares)
 
-    def joined(self, growth: Interval, lived: float, since_onset: float, per_row: float) -> Interval:
-        """Quantiles of 5 %, 50 % and 95 % of remaining revolutions after the onset.
+    def joined(
+        self, growth: Interval, lived: float, since_onset: float, per_row: float, shares: Sequence[float] = QUANTILES
+    ) -> tuple[float, ...]:
+        """Quantiles of remaining revolutions after the onset.
 
         Parameters
         ----------
         growth : tuple of float
-            The same quantiles by growth alone.
+            Quantiles of 5 %, 50 % and 95 % by growth alone.
         lived, since_onset : float
             Revolutions since the first row, and since the onset.
         per_row : float
             Mean revolutions between rows; half of them are added before taking logarithms.
+        shares : sequence of float
+            Quantiles that are returned.
         """
-        law, since = self.life, lived
+        law: LifeLaw = self.life
+        since = lived
         if self.after_onset is not None and self.after_onset.std < self.life.std:
             law, since = self.after_onset, since_onset
         unit, w = per_row / 2, self.growth_weight
-        own, usual = (np.log(np.add(v, unit)) for v in (widened(growth, self.widening, unit), law.remaining(since)))
-        low, middle, high = (max(float(v) - unit, 0.0) for v in np.exp(w * own + (1 - w) * usual))
-        return widened((low, middle, high), self.joined_widening, unit)
+        asked = (*shares, 0.5)
+        own = np.log(np.add(quantiles_of(widened(growth, self.widening, unit), unit, asked), unit))
+        usual = np.log(np.add(law.remaining(since, asked), unit))
+        logs = w * own + (1 - w) * usual
+        logs = logs[-1] + self.joined_widening * (logs - logs[-1])
+        return tuple(max(float(v) - unit, 0.0) for v in np.exp(logs[:-1]))
+
+
+def quantiles_of(interval: Interval, unit: float, shares: Sequence[float]) -> tuple[float, ...]:
+    """Quantiles of a law of which those of 5 %, 50 % and 95 % are known: log-normal on either side of the median.
+
+    Parameters
+    ----------
+    interval : tuple of float
+    unit : float
+        Added before taking logarithms.
+    shares : sequence of float
+    """
+    low, middle, high = np.log(np.add(interval, unit))
+    z = ndtri(np.asarray(shares, float)) / ndtri(0.95)
+    logs = middle + z * np.where(z > 0, high - middle, middle - low)
+    return tuple(max(float(v) - unit, 0.0) for v in np.exp(logs))

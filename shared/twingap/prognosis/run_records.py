@@ -78,12 +78,15 @@ class RunRow:
         Time, s, and speed; 0 while the machine stands still.
     channel : Channel or None
         Source of the samples; None when the row names no file.
+    load_n : float or None
+        Load, N.
     """
 
     name: str
     time_s: float
     speed_rpm: float
     channel: Channel | None
+    load_n: float | None = None
 
     def amplitude(self, n_samples: int | None = None) -> Amplitude:
         """Peak to peak, kurtosis and rms of the record.
@@ -134,6 +137,17 @@ class Run:
     def __iter__(self) -> Iterator[RunRow]:
         return iter(self.rows)
 
+    def load_n(self, rows: int | None = None) -> float | None:
+        """Equivalent load of the first rows of the running machine, or of all, N: cube root of the mean cube (ISO 281).
+
+        None where a load is not known.
+        """
+        loads = [row.load_n for row in self.rows if row.speed_rpm > 0][:rows]
+        known = [load for load in loads if load]
+        if not known or len(known) < len(loads):
+            return None
+        return known[0] if len(set(known)) == 1 else float(np.mean(np.power(known, 3.0)) ** (1 / 3))
+
 
 def read_run(
     folder: str | os.PathLike[str], group: str | None = None, *, several: str = "choose one by --group"
@@ -182,10 +196,10 @@ def read_run(
         channel = _channel(folder, row, rate, opened, needed=turning)
         # Other cells of a row at standstill are checked in the same way.
         checked = row if turning else replace(row, cells={**row.cells, "speed_rpm": "1"})
-        checked.condition(rate, 1 if channel is None else channel.n_samples, {})
+        load_n = checked.condition(rate, 1 if channel is None else channel.n_samples, {}).load_n
         if turning:
             rates.add(rate)
-        found.append(RunRow(name, time_s, speed_rpm, channel))
+        found.append(RunRow(name, time_s, speed_rpm, channel, load_n))
     order, sorting = in_order([row.time_s for row in found], [row.name for row in found], table)
     notes += sorting
     times = [found[place].time_s for place in order]

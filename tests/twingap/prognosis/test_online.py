@@ -17,7 +17,8 @@ from twingap.prognosis.follow import _shortened
 from twingap.prognosis.interval_study import check_bench, covered, learn, study, with_other_runs
 from twingap.prognosis.online import OnlineLife
 from twingap.prognosis.outcomes import past_intervals
-from twingap.prognosis.prior import LogNormal, Prior
+from twingap.prognosis.life_law import LogNormal
+from twingap.prognosis.prior import Prior
 from twingap.prognosis.simulated_runs import LAWS, SimulatedRun, simulate_run
 
 Array = NDArray[np.float64]

@@ -10,7 +10,8 @@ import pytest
 from twingap.prognosis.estimate import Estimate
 from twingap.prognosis.outcomes import Outcome, past_intervals, prior_from
 from twingap.prognosis.past_errors import ROWS, PastIntervals, errors, widened, widening
-from twingap.prognosis.prior import LogNormal, Prior
+from twingap.prognosis.life_law import LogNormal
+from twingap.prognosis.prior import Prior
 
 
 def test_errors_are_at_most_one_exactly_where_the_interval_holds() -> None:
