@@ -25,9 +25,9 @@ QUANTILES: Final = (0.05, 0.5, 0.95)
 """Shares of the 90 % interval and the median."""
 FEWEST_WITH_KERNELS: Final = 4
 """Fewest lives with kernels; with fewer, groups are chance."""
-BANDWIDTHS: Final = (0.1, 0.15, 0.2, 0.3, 0.5, 0.7)
-"""Standard deviations of a kernel in log life that are compared; narrower ones would trust two lives that happen to
-agree."""
+BANDWIDTHS: Final = (0.2, 0.3, 0.5, 0.7)
+"""Standard deviations of a kernel in log life that are compared; a smaller least one narrows intervals, which then miss
+lives of the same group as those of few runs."""
 _SPREAD: Final = 0.7
 """Prior standard deviation of log life over bearings of one kind, with the weight of two runs. A Weibull life of slope
 1.5 (rolling bearings: 1.1 to 1.5) has 0.85, one of slope 2 has 0.64. Larger gives wider laws from few runs."""

@@ -41,6 +41,9 @@ _RUN_IN: Final = 0.15
 """Decrease of healthy log amplitude from which it is estimated again; larger ignores more running in."""
 _CALM: Final = 40
 """Rows of which nine tenths must be within the healthy limit for an anomaly to be withdrawn; more keep it longer."""
+_FADED: Final = 0.2
+"""Amplitude relative to that of the first rows below which a sensor is taken as failing; larger takes running in as
+that, lower follows a fading sensor longer."""
 _BINS: Final = 36
 """Bins of the amplitudes that enter the posterior; more follow amplitude more closely and are slower."""
 
@@ -60,6 +63,8 @@ class OnlineLife:
         Unusual properties of the run so far, and how they are treated.
     onset_row, alarm_row : int or None
         First row of the anomaly, and row of the alarm, counted from 0.
+    faded : int
+        Rows that were left out since amplitude is far below that of the first rows.
     """
 
     def __init__(self, options: LifeOptions | None = None, prior: Prior | None = None) -> None:
@@ -92,6 +97,8 @@ class OnlineLife:
         self._ended_at = 0
         self._gains_beyond: list[float] = []
         self._been_below = False
+        self.faded = 0
+        self._ran_in = 0.0
 
     def take(
         self, time_s: float, speed_rpm: float, peak_to_peak: float, *, full_peak_to_peak: float | None = None
@@ -418,6 +425,9 @@ class OnlineLife:
         assert self._influence is not None
         gain = float(self._influence.amplitude(speed_rpm))
         normalised = peak_to_peak / gain
+        if np.log(normalised) - self._reference[0] + self._ran_in < np.log(_FADED):
+            self.faded += 1
+            return
         self._log.append(row, self.revolutions, float(np.log(normalised)) - self._reference[0])
         if self.alarm_row is None and self._settled():
             return
@@ -491,6 +501,7 @@ class OnlineLife:
             return False
         self._influence = SpeedInfluence(old.speeds_rpm, old.c * np.exp(fallen + self._reference[0]), old.counts)
         self._limit = found.limit
+        self._ran_in += fallen
         self._set_reference(normalised)
         self._run, self._log, self._settled_at = [], _no_monitored_rows(), 0
         self._seen_rows.keep_last(count)

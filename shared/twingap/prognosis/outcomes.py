@@ -16,18 +16,18 @@ import numpy as np
 
 from twingap.errors import TwingapError
 from twingap.prognosis.estimate import Estimate
-from twingap.prognosis.online import OnlineLife
-from twingap.prognosis.past_errors import Array, PastIntervals, widening
 from twingap.prognosis.life_law import law_of, log_normal
+from twingap.prognosis.online import OnlineLife
+from twingap.prognosis.past_errors import PastIntervals, widening
 from twingap.prognosis.prior import Prior
 from twingap.records.table import read_table
 
-WEIGHTS: Final = (0.0, 0.25, 0.5, 0.75, 0.9, 1.0)
+WEIGHTS: Final = (0.0, 0.1, 0.25, 0.5, 0.75, 1.0)
 """Weights of growth in `prognosis.prior` that are compared on ended runs."""
 _SHARED: Final = 0.1
 """Fraction of shared records, relative to the shorter run, from which two runs count as the same."""
 FEWEST_WITH_INTERVALS: Final = 3
-"""Fewest runs with past intervals for which the weight of growth and the width of joined intervals are chosen."""
+"""Fewest runs with past intervals for which the weight of growth and the width of pooled intervals are chosen."""
 _SHORTEST: Final = 1.0
 _LONGEST: Final = 1e14
 """Bounds of a life in revolutions; values outside are input errors."""
@@ -168,9 +168,10 @@ def prior_from(outcomes: Sequence[Outcome], load_n: float | None = None) -> Prio
     Returns
     -------
     Prior
-        Predictive laws of lives (see `life_law`), and the factor on the width of intervals by growth. Where `FEWEST_WITH_INTERVALS` runs have past intervals, each of them is joined with the estimate from
-        the others: the weight of growth minimises the error of log life, and the width of joined intervals is that
-        which these runs needed.
+        Predictive laws of lives (see `life_law`), and the factor on the width of intervals by growth. Where
+        `FEWEST_WITH_INTERVALS` runs have past intervals, each of them is pooled with the lives of the others: the
+        weight of growth maximises the log density of their ends, and the width of pooled intervals is that which these
+        runs needed.
     """
     prior = _laws(outcomes, load_n)
     if sum(own.past is not None for own in outcomes) < FEWEST_WITH_INTERVALS:
@@ -180,21 +181,22 @@ def prior_from(outcomes: Sequence[Outcome], load_n: float | None = None) -> Prio
         for place, own in enumerate(outcomes) if own.past is not None
     ]  # fmt: skip
 
-    def joined(weight: float) -> list[tuple[PastIntervals, Array]]:
-        return [(past, _joined(past, dataclasses.replace(others, growth_weight=weight))) for past, others in each]
+    def weighted(weight: float) -> list[tuple[PastIntervals, Prior]]:
+        return [(past, dataclasses.replace(others, growth_weight=weight)) for past, others in each]
 
-    by_weight = {weight: joined(weight) for weight in WEIGHTS}
-    best = min(WEIGHTS, key=lambda weight: float(np.mean([past.log_error(both) for past, both in by_weight[weight]])))
-    wider = widening([past.errors(both) for past, both in by_weight[best]])
-    return dataclasses.replace(prior, growth_weight=best, joined_widening=wider)
+    def density(weight: float) -> float:
+        found = [
+            others.log_density(past.growth, past.lived, past.since_onset, past.per_row, past.left).mean()
+            for past, others in weighted(weight)
+        ]
+        return float(np.mean(found))
 
-
-def _joined(past: PastIntervals, prior: Prior) -> Array:
-    """Intervals [rows, 3] of an ended run, joined with the prior of other runs."""
-    rows = zip(past.growth, past.lived, past.since_onset, strict=True)
-    return np.array(
-        [prior.joined((float(a), float(b), float(c)), lived, since, past.per_row) for (a, b, c), lived, since in rows]
-    )
+    best = max(WEIGHTS, key=density)
+    pooled = [
+        past.errors(others.joined_rows(past.growth, past.lived, past.since_onset, past.per_row))
+        for past, others in weighted(best)
+    ]
+    return dataclasses.replace(prior, growth_weight=best, joined_widening=widening(pooled))
 
 
 def _laws(ended: Sequence[Outcome], load_n: float | None) -> Prior:
@@ -274,4 +276,3 @@ def read_outcomes(path: str | os.PathLike[str]) -> list[Outcome]:
         ratio, load_n = row.number_in("end_ratio", positive=True), row.number_in("load_n", positive=True)
         found.append(Outcome(row.text("record", needed=True) or "", life, after, ratio, load_n=load_n))
     return found
-

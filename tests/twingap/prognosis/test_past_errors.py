@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from twingap.prognosis.estimate import Estimate
+from twingap.prognosis.life_law import LogNormal
 from twingap.prognosis.outcomes import Outcome, past_intervals, prior_from
 from twingap.prognosis.past_errors import ROWS, PastIntervals, errors, widened, widening
-from twingap.prognosis.life_law import LogNormal
 from twingap.prognosis.prior import Prior
 
 
@@ -61,8 +61,11 @@ def test_ends_move_in_logarithms_about_the_median() -> None:
     assert (low, middle, high) == pytest.approx((1.0, 100.0, 1600.0))
     assert widened((10.0, 100.0, 400.0), 1.0, 3.0) == pytest.approx((10.0, 100.0, 400.0))
     assert widened((0.0, 0.0, 0.0), 3.0, 0.5) == (0.0, 0.0, 0.0)
-    prior = Prior(LogNormal(5.0, 1.0), None, 1.0, 2.0)
-    assert prior.joined((10.0, 100.0, 400.0), 10.0, 10.0, 0.0) == pytest.approx((1.0, 100.0, 1600.0))
+    narrow, wide = (
+        np.log(Prior(LogNormal(5.0, 1.0), None, 1.0, 1.0, factor).joined((10.0, 100.0, 400.0), 10.0, 10.0, 0.0))
+        for factor in (1.0, 2.0)
+    )
+    assert wide - wide[1] == pytest.approx(2 * (narrow - narrow[1])) and wide[1] == pytest.approx(narrow[1])
 
 
 def test_a_run_that_ended_tells_how_far_off_it_was() -> None:
@@ -137,8 +140,7 @@ def test_a_run_is_judged_by_what_the_others_say_and_not_by_its_own_life() -> Non
         for place, own in enumerate(ended):
             assert own.past is not None
             others = replace(prior_from([*ended[:place], *ended[place + 1 :]]), growth_weight=found.growth_weight)
-            rows = zip(own.past.growth, own.past.lived, own.past.since_onset, strict=True)
-            said = np.array([others.joined(tuple(g), lived, since, own.past.per_row) for g, lived, since in rows])
+            said = others.joined_rows(own.past.growth, own.past.lived, own.past.since_onset, own.past.per_row)
             told_errors.append(own.past.errors(said))
         assert found.joined_widening == pytest.approx(widening(told_errors))
 
