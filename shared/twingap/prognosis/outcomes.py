@@ -170,8 +170,8 @@ def prior_from(outcomes: Sequence[Outcome], load_n: float | None = None) -> Prio
     Prior
         Predictive laws of lives (see `life_law`), and the factor on the width of intervals by growth. Where
         `FEWEST_WITH_INTERVALS` runs have past intervals, each of them is pooled with the lives of the others: the
-        weight of growth maximises the log density of their ends, and the width of pooled intervals is that which these
-        runs needed.
+        weight of growth maximises the log density of their ends, and pooled intervals are as wide as these runs needed,
+        but not narrower than the product.
     """
     prior = _laws(outcomes, load_n)
     if sum(own.past is not None for own in outcomes) < FEWEST_WITH_INTERVALS:
@@ -196,7 +196,7 @@ def prior_from(outcomes: Sequence[Outcome], load_n: float | None = None) -> Prio
         past.errors(others.joined_rows(past.growth, past.lived, past.since_onset, past.per_row))
         for past, others in weighted(best)
     ]
-    return dataclasses.replace(prior, growth_weight=best, joined_widening=widening(pooled))
+    return dataclasses.replace(prior, growth_weight=best, joined_widening=max(widening(pooled), 1.0))
 
 
 def _laws(ended: Sequence[Outcome], load_n: float | None) -> Prior:
