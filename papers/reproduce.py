@@ -27,6 +27,7 @@ PAPERS: Final[Mapping[str, Mapping[str, tuple[str, ...]]]] = {
     "paper1": {
         "paper1_rul_varying_speed.lives": BOTH,
         "extra.femto": ("full",),
+        "extra.femto_score": ("full",),
         "extra.rig_lives": ("full",),
         "paper1_rul_varying_speed.ablation": ("full",),
         "extra.life_gap": ("full",),

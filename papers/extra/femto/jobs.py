@@ -89,11 +89,13 @@ class Measured:
     ----------
     features : Array [rows, len(FEATURES)]
     time_s, speed_rpm : Array [rows]
+    load_n : float or None
     """
 
     features: Array
     time_s: Array
     speed_rpm: Array
+    load_n: float | None = None
 
     @property
     def remaining_s(self) -> Array:
@@ -107,7 +109,7 @@ def take_features(job: Features, *, root: str | Path | None) -> dict[str, Any]:
     rows = [time_features(record.samples).select(FEATURES).values for record in records]
     return {
         "features": np.array(rows), "time_s": np.array([c.time_s for c in records.conditions], float),
-        "speed_rpm": np.array([c.speed_rpm for c in records.conditions]),
+        "speed_rpm": np.array([c.speed_rpm for c in records.conditions]), "load_n": records.conditions[0].load_n,
     }  # fmt: skip
 
 
@@ -130,7 +132,7 @@ def outcome(name: str, run: Measured, alone: dict[str, Any] | None = None) -> Ou
         lived = turns[rows]
         per_row = float(turns[-1] / (turns.size - 1))
         told = PastIntervals(growth, lived, lived - turns[alone["onset"]], turns[-1] - lived, per_row).thinned()
-    return Outcome(name, life.revolutions, after, float(np.exp(life.level)), told)
+    return Outcome(name, life.revolutions, after, float(np.exp(life.level)), told, load_n=run.load_n)
 
 
 def predict(job: Prediction, *, runs: dict[str, Measured]) -> dict[str, Any]:
@@ -144,7 +146,7 @@ def predict(job: Prediction, *, runs: dict[str, Measured]) -> dict[str, Any]:
     """
     run = runs[job.bearing]
     others = {name: other for name, other in runs.items() if name != job.bearing}
-    prior = prior_from([outcome(name, other) for name, other in others.items()])
+    prior = prior_from([outcome(name, other) for name, other in others.items()], run.load_n)
     alone = followed(run, OnlineLife())
     passed = sum("has passed" in note for note in alone.notes)
     if job.method == ALONE:
@@ -232,7 +234,8 @@ def files(work: Work) -> Inputs:
 def measured(work: Work) -> dict[str, Measured]:
     """Every run's features and times."""
     names = ("features", "time_s", "speed_rpm")
-    return {r.job.bearing: Measured(*(np.asarray(r.value[k], float) for k in names)) for r in work["features"]}
+    found = {r.job.bearing: r.value for r in work["features"]}
+    return {n: Measured(*(np.asarray(v[k], float) for k in names), v["load_n"]) for n, v in found.items()}
 
 
 def predictions(work: Work) -> Iterator[Prediction]:

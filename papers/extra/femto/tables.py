@@ -27,7 +27,9 @@ def pooled(bearing: str, runs: dict[str, Measured], alone: dict[str, dict[str, A
     alone : dict
         `predict` of each bearing by growth alone.
     """
-    prior = prior_from([outcome(name, run, alone[name]) for name, run in runs.items() if name != bearing])
+    prior = prior_from(
+        [outcome(name, run, alone[name]) for name, run in runs.items() if name != bearing], runs[bearing].load_n
+    )
     return _pool(runs[bearing], alone[bearing], prior) | {what: getattr(prior, what) for what in LEARNT}
 
 

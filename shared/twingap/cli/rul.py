@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -62,6 +63,10 @@ def rul(
     group: Annotated[
         str | None, typer.Option(help="Group of the run, where RECORDSET contains several bearings.")
     ] = None,
+    alone: Annotated[
+        bool,
+        typer.Option("--alone", help="Leave out the other groups of RECORDSET, a prior unless --prior is given."),
+    ] = False,
     effects: Effects = None,
     seed: AnySeed = 0,
     as_json: Json = False,
@@ -75,7 +80,9 @@ def rul(
     rows may not have been healthy and no --limit is given, a note says so, and the lower end of the interval is 0.
 
     rul.csv has the columns record, anomaly (0 or 1), remaining_revolutions, remaining_time_s, remaining_time_s_lo and
-    remaining_time_s_hi, rows in order of time; estimates are empty before the anomaly unless --prior is given.
+    remaining_time_s_hi, rows in order of time. Estimates are empty before the anomaly unless there are other runs:
+    those of --prior, or with --group the other groups of RECORDSET that end with an anomaly. Lives at other loads
+    (load_n) are converted by ISO 281.
     """
     import math
     import sys
@@ -104,22 +111,29 @@ def rul(
                 (f"--prior {path}", outcome) for outcome in _outcomes(path, options, recordset, run.unit, prior_notes)
             ]
             refuse_repeats(ended)
+        if prior is None and not alone:
+            ended = _of_the_set(recordset, group, options, prior_notes)
         before = [outcome for _, outcome in ended]
-        learnt = prior_from(before) if before else None
+        load_n = run.load_n(healthy_rows)
+        learnt = prior_from(before, load_n) if before else None
         with progress(f"{run.name}: remaining life") as shown:
             found = follow(run, options, learnt, progress=shown.share)
         refuse_repeats(ended, found.outcome)
         rows = found.rows()
         write_table(table, rows, COLUMNS)
     notes = [*found.notes, _meaning(options, run.unit), *prior_notes]
+    if before and load_n and any(outcome.at_load(load_n).life != outcome.life for outcome in before):
+        notes.append(f"lives of other runs are converted to {load_n:g} N (ISO 281, exponent 3)")
     if (usual := usual_end(before)) is not None:
-        notes.append(f"the runs given by --prior ended at {usual:.3g} times their healthy peak to peak (median)")
+        notes.append(f"the other runs ended at {usual:.3g} times their healthy peak to peak (median)")
     if learnt is not None and learnt.widening != 1:
-        notes.append(f"intervals by growth are {learnt.widening:.2g} times as wide, in logarithms, as without --prior")
-    if learnt is not None:
-        wide = "" if learnt.joined_widening == 1 else f", joined intervals {learnt.joined_widening:.2g} times as wide"
         notes.append(
-            f"weight of growth {learnt.growth_weight:g}, of the lives of other runs {1 - learnt.growth_weight:g}{wide}"
+            f"intervals by growth are {learnt.widening:.2g} times as wide, in logarithms, as without other runs"
+        )
+    if learnt is not None:
+        wide = "" if learnt.joined_widening == 1 else f", intervals {learnt.joined_widening:.2g} times as wide"
+        notes.append(
+            f"after an anomaly, lives of other runs are pooled with growth of weight {learnt.growth_weight:g}{wide}"
         )
     if len({row.speed_rpm for row in run.rows if row.speed_rpm > 0}) > 1:
         notes.append("speed varies: remaining time is at the speed of each row and varies with it; revolutions do not")
@@ -138,10 +152,37 @@ def rul(
     wrote(out, as_json=as_json)
 
 
+def _of_the_set(
+    recordset: Path, group: str | None, options: LifeOptions, notes: list[str]
+) -> list[tuple[str, Outcome]]:
+    """Outcomes of the other groups of a record set that end with an anomaly; appends a note on which are used."""
+    from twingap.errors import TwingapError
+    from twingap.prognosis.follow import follow
+    from twingap.prognosis.run_records import other_groups, read_run
+
+    ended, left_out = [], []
+    for name in other_groups(recordset, group):
+        try:
+            with progress(f"{name}: prior") as shown:
+                found = follow(read_run(recordset, name), options, progress=shown.share)
+        except TwingapError:
+            left_out.append(name)
+            continue
+        if found.alarm is None:
+            left_out.append(name)
+        else:
+            ended.append((f"group {name!r}", replace(found.outcome, name=name)))
+    if ended:
+        names = ", ".join(where.removeprefix("group ") for where, _ in ended[:8])
+        notes.append(f"groups {names} end with an anomaly and are taken as ended runs of the same kind (--alone: not)")
+    if left_out:
+        them = ", ".join(repr(name) for name in left_out[:8])
+        notes.append(f"groups without an anomaly at their end are no ended runs and not used: {them}")
+    return ended
+
+
 def _outcomes(path: Path, options: LifeOptions, recordset: Path, unit: str, notes: list[str]) -> list[Outcome]:
     """Outcomes of ended runs, from a table or from one record set; appends notes, for instance on units."""
-    from dataclasses import replace
-
     from twingap.errors import TwingapError
     from twingap.prognosis.follow import REACHED, follow
     from twingap.prognosis.outcomes import read_outcomes

@@ -15,9 +15,10 @@ from twingap.prognosis.estimate import Estimate, LifeOptions
 from twingap.prognosis.feature_table import read_feature_table
 from twingap.prognosis.follow import Followed, follow
 from twingap.prognosis.health_indicator import Indicators, features_of, offline_indicators, online_indicators
+from twingap.prognosis.life_law import LogNormal, Mixture
 from twingap.prognosis.online import OnlineLife
 from twingap.prognosis.outcomes import Outcome, prior_from, read_outcomes
-from twingap.prognosis.prior import LogNormal, Prior
+from twingap.prognosis.prior import Prior
 from twingap.prognosis.speed_influence import (
     SpeedInfluence,
     fit_speed_influence,
@@ -38,6 +39,7 @@ __all__ = [
     "Indicators",
     "LifeOptions",
     "LogNormal",
+    "Mixture",
     "OnlineLife",
     "Outcome",
     "Prior",

@@ -27,6 +27,8 @@ _OUTLIER: Final = 0.5
 """Length relative to the median below which a healthy record does not determine the common length."""
 _IMPULSIVE: Final = 6.0
 """Median kurtosis of the first rows from which a note warns that they may not be healthy; higher warns less often."""
+_DROPOUT: Final = 0.1
+"""Share of equal consecutive samples from which a record is left out; larger keeps records with shorter dropouts."""
 REACHED: Final = "end of life is reached"
 """Beginning of the note that names the record at which life ends."""
 
@@ -98,6 +100,8 @@ def follow(
     usable = timeless = 0
     clipped: list[tuple[int, str, int]] = []
     settled: list[str] = []
+    spiky: list[str] = []
+    dropped: list[str] = []
     censored = 0
     for place, row in enumerate(run.rows):
         cut_off = False
@@ -112,11 +116,16 @@ def follow(
                 fingerprints.add(fingerprint)
             if amplitude.settling:
                 settled.append(row.name)
-            if amplitude.clipped and row.speed_rpm > 0:
+            if amplitude.spikes:
+                spiky.append(row.name)
+            if _DROPOUT <= amplitude.constant < 1 and row.speed_rpm > 0:
+                dropped.append(row.name)
+                height, shape = float("nan"), float("nan")
+            elif amplitude.clipped and row.speed_rpm > 0:
                 clipped.append((place, row.name, amplitude.clipped))
                 # The true amplitude is larger: only that the end is reached is certain.
                 cut_off = life.alarm_row is not None and not life.reaches_end(row.speed_rpm, height)
-            if row.speed_rpm > 0 and not height > 0:
+            if row.speed_rpm > 0 and height <= 0:
                 skipped.append(f"record {row.name!r} has no vibration")
             elif row.speed_rpm > 0 and row.channel and n_samples and row.channel.n_samples < _NEARLY * n_samples:
                 short.append(row.name)
@@ -137,6 +146,8 @@ def follow(
         if progress is not None:
             progress("remaining life", (place + 1) / len(run.rows))
     left_out = skipped[0] + (f", and {len(skipped) - 1} more" if len(skipped) > 1 else "") if skipped else None
+    if not usable and dropped:
+        left_out = left_out or f"in record {dropped[0]!r} the signal stands still"
     if left_out and not usable:
         raise TwingapError(f"no record can be used: {left_out}", where=f"run {run.name!r}")
     notes = [*run.notes, *_shortened(life.notes)]
@@ -148,9 +159,14 @@ def follow(
         )
     if clipped:
         notes.append(_clipping(clipped, censored))
-    if settled:
-        them = f"record {settled[0]!r}" if len(settled) == 1 else f"{len(settled)} records, the first {settled[0]!r},"
-        notes.append(f"in {them} the sensor settles after power-on: its exponential offset is taken out")
+    for names, what in (
+        (settled, "the sensor settles after power-on: its exponential offset is taken out"),
+        (spiky, "single samples stand out as of a loose contact: they are taken out"),
+        (dropped, "the signal stands still as of a failing sensor or cable: left out"),
+    ):
+        if names:
+            them = f"record {names[0]!r}" if len(names) == 1 else f"{len(names)} records, the first {names[0]!r},"
+            notes.append(f"in {them} {what}")
     if short:
         them = f"record {short[0]!r} has" if len(short) == 1 else f"{len(short)} records, the first {short[0]!r}, have"
         notes.append(
@@ -170,9 +186,14 @@ def follow(
         )
     if life.alarm_row is None:
         notes.append(_why_none(life, usable))
+    if life.faded:
+        notes.append(
+            f"in {life.faded} rows amplitude is less than a fifth of that of the first rows, as of a failing sensor: "
+            "left out, so no anomaly can be detected there"
+        )
     if life.end_row is not None:
         notes.append(f"{REACHED} at record {run.rows[life.end_row].name!r}: remaining life is 0 from there on")
-    outcome = outcome_of(run.name, life, estimates, lived, frozenset(fingerprints))
+    outcome = outcome_of(run.name, life, estimates, lived, frozenset(fingerprints), run.load_n())
     names = [None if place is None else run.rows[place].name for place in (life.alarm_row, life.onset_row)]
     return Followed(run, tuple(estimates), tuple(notes), outcome, names[0], names[1])
 

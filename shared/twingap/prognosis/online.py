@@ -12,6 +12,7 @@ and the end of life is a ratio to them, the lower end of intervals is 0.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from itertools import pairwise
 from typing import Final
@@ -26,7 +27,9 @@ from twingap.prognosis.columns import Columns
 from twingap.prognosis.estimate import Estimate, LifeOptions
 from twingap.prognosis.growth import Observations, lives
 from twingap.prognosis.healthy_start import rises, shown_healthy
-from twingap.prognosis.prior import Prior
+from twingap.prognosis.life_law import QUANTILES
+from twingap.prognosis.past_errors import Interval
+from twingap.prognosis.prior import Prior, quantiles_of
 from twingap.prognosis.revolutions import RevolutionCount
 from twingap.prognosis.speed_influence import SAME_SPEED, SpeedInfluence, fit_speed_influence
 
@@ -38,6 +41,9 @@ _RUN_IN: Final = 0.15
 """Decrease of healthy log amplitude from which it is estimated again; larger ignores more running in."""
 _CALM: Final = 40
 """Rows of which nine tenths must be within the healthy limit for an anomaly to be withdrawn; more keep it longer."""
+_FADED: Final = 0.2
+"""Amplitude relative to that of the first rows below which a sensor is taken as failing; larger takes running in as
+that, lower follows a fading sensor longer."""
 _BINS: Final = 36
 """Bins of the amplitudes that enter the posterior; more follow amplitude more closely and are slower."""
 
@@ -57,6 +63,8 @@ class OnlineLife:
         Unusual properties of the run so far, and how they are treated.
     onset_row, alarm_row : int or None
         First row of the anomaly, and row of the alarm, counted from 0.
+    faded : int
+        Rows that were left out since amplitude is far below that of the first rows.
     """
 
     def __init__(self, options: LifeOptions | None = None, prior: Prior | None = None) -> None:
@@ -84,11 +92,13 @@ class OnlineLife:
         self._settled_at = 0
         self._beyond = False
         self._log = _no_monitored_rows()
-        self._last: tuple[float, float, float, float] | None = None
+        self._last: tuple[float, Interval, float] | None = None
         self._highest_gain = 0.0
         self._ended_at = 0
         self._gains_beyond: list[float] = []
         self._been_below = False
+        self.faded = 0
+        self._ran_in = 0.0
 
     def take(
         self, time_s: float, speed_rpm: float, peak_to_peak: float, *, full_peak_to_peak: float | None = None
@@ -163,15 +173,32 @@ class OnlineLife:
             return self._before(speed)
         if self.timeless:
             return replace(self._before(speed), anomaly=True)
-        if len(self._log) and (self._last is None or self._last[0] != self._log["turns"][-1]):
-            self._last = self._after()
-        if self._last is None:
+        low, middle, high = self.quantiles()
+        if not np.isfinite(middle):
             return Estimate(True, speed_rpm=speed)
-        since = self.revolutions - self._last[0]
-        middle, low, high = (max(v - since, 0.0) for v in self._last[1:])
         if self.open_below:
             return Estimate(True, middle, 0.0, high, speed, closed_lo=low)
         return Estimate(True, middle, low, high, speed)
+
+    def quantiles(self, shares: Sequence[float] = QUANTILES) -> tuple[float, ...]:
+        """Quantiles of remaining revolutions after the rows so far; NaN where there is no estimate."""
+        if self.end_row is not None:
+            return (0.0,) * len(shares)
+        if self.alarm_row is None or self.timeless:
+            return (float("nan"),) * len(shares) if self.prior is None else self.prior.before(self.revolutions, shares)
+        if len(self._log) and (self._last is None or self._last[0] != self._log["turns"][-1]):
+            found = self.posterior()
+            assert found is not None
+            self._last = (float(self._log["turns"][-1]), calibrated(found), found.per_row)
+        if self._last is None:
+            return (float("nan"),) * len(shares)
+        at, growth, per_row = self._last
+        if self.prior is None:
+            values = growth if shares is QUANTILES else quantiles_of(growth, per_row / 2, shares)
+        else:
+            values = self.prior.joined(growth, at, at - self.revolutions_at_onset, per_row, shares)
+        since = self.revolutions - at
+        return tuple(max(v - since, 0.0) for v in values)
 
     def update(
         self, time_s: float, speed_rpm: float, peak_to_peak: float, *, full_peak_to_peak: float | None = None
@@ -398,6 +425,9 @@ class OnlineLife:
         assert self._influence is not None
         gain = float(self._influence.amplitude(speed_rpm))
         normalised = peak_to_peak / gain
+        if np.log(normalised) - self._reference[0] + self._ran_in < np.log(_FADED):
+            self.faded += 1
+            return
         self._log.append(row, self.revolutions, float(np.log(normalised)) - self._reference[0])
         if self.alarm_row is None and self._settled():
             return
@@ -471,6 +501,7 @@ class OnlineLife:
             return False
         self._influence = SpeedInfluence(old.speeds_rpm, old.c * np.exp(fallen + self._reference[0]), old.counts)
         self._limit = found.limit
+        self._ran_in += fallen
         self._set_reference(normalised)
         self._run, self._log, self._settled_at = [], _no_monitored_rows(), 0
         self._seen_rows.keep_last(count)
@@ -515,16 +546,6 @@ class OnlineLife:
         found = lives(observed, end)
         low, middle, high = (found.quantile(q) for q in (0.05, 0.5, 0.95))
         return Posterior(low, middle, high, observed.per_row, rows, found.level / max(end, 1e-9), observed.since_onset)
-
-    def _after(self) -> tuple[float, float, float, float]:
-        """Revolutions at the last monitored row, and median and interval of the remaining life there."""
-        found = self.posterior()
-        assert found is not None
-        low, middle, high = calibrated(found)
-        if self.prior is not None:
-            since = self.revolutions - self.revolutions_at_onset
-            low, middle, high = self.prior.joined((low, middle, high), self.revolutions, since, found.per_row)
-        return float(self._log["turns"][-1]), middle, low, high
 
     def _observations(self) -> tuple[Observations, int]:
         """Observations since the onset and from as many rows before it, and the number of rows since the onset."""

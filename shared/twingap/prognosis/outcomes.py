@@ -16,23 +16,24 @@ import numpy as np
 
 from twingap.errors import TwingapError
 from twingap.prognosis.estimate import Estimate
+from twingap.prognosis.life_law import law_of, log_normal
 from twingap.prognosis.online import OnlineLife
-from twingap.prognosis.past_errors import Array, PastIntervals, widening
-from twingap.prognosis.prior import LogNormal, Prior
+from twingap.prognosis.past_errors import PastIntervals, widening
+from twingap.prognosis.prior import Prior
 from twingap.records.table import read_table
 
-WEIGHTS: Final = (0.0, 0.25, 0.5, 0.75, 0.9, 1.0)
+WEIGHTS: Final = (0.0, 0.1, 0.25, 0.5, 0.75, 1.0)
 """Weights of growth in `prognosis.prior` that are compared on ended runs."""
 _SHARED: Final = 0.1
 """Fraction of shared records, relative to the shorter run, from which two runs count as the same."""
 FEWEST_WITH_INTERVALS: Final = 3
-"""Fewest runs with past intervals for which the weight of growth and the width of joined intervals are chosen."""
+"""Fewest runs with past intervals for which the weight of growth and the width of pooled intervals are chosen."""
 _SHORTEST: Final = 1.0
 _LONGEST: Final = 1e14
 """Bounds of a life in revolutions; values outside are input errors."""
-_USUAL_SPREAD: Final = 0.7
-"""Prior standard deviation of log life over bearings of one kind, with the weight of two runs. A Weibull life of slope
-1.5 (rolling bearings: 1.1 to 1.5) has 0.85, one of slope 2 has 0.64. Larger gives wider priors from few runs."""
+LOAD_EXPONENT: Final = 3.0
+"""Exponent p of ISO 281, life ~ load^-p: 3 for ball bearings. Roller bearings have 10/3, a difference of 8 % of life
+where loads differ by a quarter."""
 
 
 @dataclass(frozen=True)
@@ -53,6 +54,8 @@ class Outcome:
     fingerprints : frozenset
         Fingerprints of its records, by which repeated runs are detected; see `run_records.Amplitude`. Empty when the
         run is a row of a table.
+    load_n : float or None
+        Load of the run, N; None where it is not known.
     """
 
     name: str
@@ -61,6 +64,19 @@ class Outcome:
     end_ratio: float | None
     past: PastIntervals | None = None
     fingerprints: frozenset[tuple[float, float]] = frozenset()
+    load_n: float | None = None
+
+    def at_load(self, load_n: float | None) -> Outcome:
+        """The outcome with its revolutions as they would be at another load, by ISO 281.
+
+        Revolutions stay as they are where one of the loads is not known or 0.
+        """
+        if not self.load_n or not load_n or self.load_n == load_n:
+            return self
+        factor = (self.load_n / load_n) ** LOAD_EXPONENT
+        after = None if self.after_onset is None else factor * self.after_onset
+        past = None if self.past is None else self.past.scaled(factor)
+        return dataclasses.replace(self, life=factor * self.life, after_onset=after, past=past, load_n=load_n)
 
     def same_as(self, other: Outcome) -> bool:
         """Whether both are of the same run, or of overlapping parts of it."""
@@ -76,6 +92,7 @@ def outcome_of(
     estimates: Sequence[Estimate],
     lived: Sequence[float],
     fingerprints: frozenset[tuple[float, float]] = frozenset(),
+    load_n: float | None = None,
 ) -> Outcome:
     """Outcome of a run.
 
@@ -89,6 +106,7 @@ def outcome_of(
     lived : sequence of float [rows]
         Revolutions since the first row.
     fingerprints : frozenset, optional
+    load_n : float, optional
         See `Outcome`.
 
     Notes
@@ -104,7 +122,7 @@ def outcome_of(
         name, lived[rows - 1],
         None if life.onset_row is None else max(lived[rows - 1] - onset, 0.0),
         float(np.exp(level)) if np.isfinite(level) else None,
-        past_intervals(estimates[:rows], lived[:rows], onset), fingerprints,
+        past_intervals(estimates[:rows], lived[:rows], onset), fingerprints, load_n,
     )  # fmt: skip
 
 
@@ -137,59 +155,62 @@ def refuse_repeats(ended: Sequence[tuple[str, Outcome]], run: Outcome | None = N
                 )  # fmt: skip
 
 
-def prior_from(outcomes: Sequence[Outcome]) -> Prior:
+def prior_from(outcomes: Sequence[Outcome], load_n: float | None = None) -> Prior:
     """Prior of a run from ended runs of its kind.
 
     Parameters
     ----------
     outcomes : sequence of Outcome
         At least one. For runs without an anomaly only the life is used.
+    load_n : float, optional
+        Load of the run, N, to which lives at other loads are converted.
 
     Returns
     -------
     Prior
-        Log-normal predictive laws (standard deviation times sqrt(1 + 1/n)), and the factor on the width of intervals by
-        growth. Where `FEWEST_WITH_INTERVALS` runs have past intervals, each of them is joined with the estimate from
-        the others: the weight of growth minimises the error of log life, and the width of joined intervals is that
-        which these runs needed.
+        Predictive laws of lives (see `life_law`), and the factor on the width of intervals by growth. Where
+        `FEWEST_WITH_INTERVALS` runs have past intervals, each of them is pooled with the lives of the others: the
+        weight of growth maximises the log density of their ends, and pooled intervals are as wide as these runs needed,
+        but not narrower than the product.
     """
-    prior = _laws(outcomes)
+    prior = _laws(outcomes, load_n)
     if sum(own.past is not None for own in outcomes) < FEWEST_WITH_INTERVALS:
         return prior
     each = [
-        (own.past, _laws([*outcomes[:place], *outcomes[place + 1 :]]))
+        (own.past, _laws([*outcomes[:place], *outcomes[place + 1 :]], own.load_n))
         for place, own in enumerate(outcomes) if own.past is not None
     ]  # fmt: skip
 
-    def joined(weight: float) -> list[tuple[PastIntervals, Array]]:
-        return [(past, _joined(past, dataclasses.replace(others, growth_weight=weight))) for past, others in each]
+    def weighted(weight: float) -> list[tuple[PastIntervals, Prior]]:
+        return [(past, dataclasses.replace(others, growth_weight=weight)) for past, others in each]
 
-    by_weight = {weight: joined(weight) for weight in WEIGHTS}
-    best = min(WEIGHTS, key=lambda weight: float(np.mean([past.log_error(both) for past, both in by_weight[weight]])))
-    wider = widening([past.errors(both) for past, both in by_weight[best]])
-    return dataclasses.replace(prior, growth_weight=best, joined_widening=wider)
+    def density(weight: float) -> float:
+        found = [
+            others.log_density(past.growth, past.lived, past.since_onset, past.per_row, past.left).mean()
+            for past, others in weighted(weight)
+        ]
+        return float(np.mean(found))
+
+    best = max(WEIGHTS, key=density)
+    pooled = [
+        past.errors(others.joined_rows(past.growth, past.lived, past.since_onset, past.per_row))
+        for past, others in weighted(best)
+    ]
+    return dataclasses.replace(prior, growth_weight=best, joined_widening=max(widening(pooled), 1.0))
 
 
-def _joined(past: PastIntervals, prior: Prior) -> Array:
-    """Intervals [rows, 3] of an ended run, joined with the prior of other runs."""
-    rows = zip(past.growth, past.lived, past.since_onset, strict=True)
-    return np.array(
-        [prior.joined((float(a), float(b), float(c)), lived, since, past.per_row) for (a, b, c), lived, since in rows]
-    )
-
-
-def _laws(outcomes: Sequence[Outcome]) -> Prior:
-    """Prior with the default weight of growth: laws of lives, and widening of intervals by growth."""
-    if not outcomes:
+def _laws(ended: Sequence[Outcome], load_n: float | None) -> Prior:
+    """Prior with the default weight of growth: laws of lives at a load, and widening of intervals by growth."""
+    if not ended:
         raise TwingapError("no run has ended", where="prior", mend="give at least one run to failure")
+    outcomes = [o.at_load(load_n) for o in ended]
     lives = [o.life for o in outcomes if o.life > 0]
     after = [o.after_onset for o in outcomes if o.after_onset]
     if not lives:
         raise TwingapError("no run has any revolutions", where="prior", mend="give runs with speed_rpm above 0")
-    life = _log_normal(lives)
     return Prior(
-        life,
-        _log_normal(after) if after else None,
+        law_of(lives),
+        log_normal(after) if after else None,
         widening=widening([o.past.errors() for o in outcomes if o.past is not None]),
     )
 
@@ -231,9 +252,9 @@ def usual_end(outcomes: Sequence[Outcome]) -> float | None:
 
 
 def read_outcomes(path: str | os.PathLike[str]) -> list[Outcome]:
-    """Outcomes from a table with the columns record, life_revolutions, after_anomaly_revolutions, end_ratio.
+    """Outcomes from a table with the columns record, life_revolutions, after_anomaly_revolutions, end_ratio, load_n.
 
-    The last two may be empty or absent.
+    The last three may be empty or absent.
     """
     found = []
     for row in read_table(Path(path), ("record", "life_revolutions")):
@@ -252,17 +273,6 @@ def read_outcomes(path: str | os.PathLike[str]) -> list[Outcome]:
                 f"{after:g} revolutions after the anomaly of {life:g} in all",
                 where=row.where("after_anomaly_revolutions"),
             )
-        found.append(
-            Outcome(row.text("record", needed=True) or "", life, after, row.number_in("end_ratio", positive=True))
-        )
+        ratio, load_n = row.number_in("end_ratio", positive=True), row.number_in("load_n", positive=True)
+        found.append(Outcome(row.text("record", needed=True) or "", life, after, ratio, load_n=load_n))
     return found
-
-
-def _log_normal(values: Sequence[float]) -> LogNormal:
-    return LogNormal(*_mean_std(values))
-
-
-def _mean_std(values: Sequence[float]) -> tuple[float, float]:
-    logs = np.log(values)
-    squares = float(np.sum((logs - logs.mean()) ** 2)) + 2 * _USUAL_SPREAD**2
-    return float(logs.mean()), float(np.sqrt(squares / (logs.size + 1) * (1 + 1 / logs.size)))

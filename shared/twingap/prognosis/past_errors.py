@@ -57,6 +57,11 @@ class PastIntervals:
         rows = spaced(np.isfinite(self.growth[:, 1]) & np.isfinite(self.left))
         return PastIntervals(self.growth[rows], self.lived[rows], self.since_onset[rows], self.left[rows], self.per_row)
 
+    def scaled(self, factor: float) -> PastIntervals:
+        """The same with all revolutions multiplied."""
+        values = (self.growth, self.lived, self.since_onset, self.left)
+        return PastIntervals(*(factor * v for v in values), factor * self.per_row)
+
     def errors(self, intervals: Array | None = None) -> Array:
         """`errors` of these intervals [rows, 3]; of growth alone when absent."""
         low, middle, high = (self.growth if intervals is None else intervals).T

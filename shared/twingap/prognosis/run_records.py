@@ -18,7 +18,7 @@ import numpy as np
 
 from twingap.errors import TwingapError
 from twingap.prognosis.one_run import in_order, side_by_side
-from twingap.records.artefacts import clipped_samples, without_settling
+from twingap.records.artefacts import clipped_samples, constant_share, without_settling, without_spikes
 from twingap.records.folder import channel_of, read_description
 from twingap.records.measurable import refuse_unmeasurable
 from twingap.records.samples import Channel, SampleFile
@@ -51,6 +51,10 @@ class Amplitude(NamedTuple):
         Samples at the ends of the converter's range: the true peak to peak is larger.
     settling : float
         Offset at the first sample with which the sensor settled, which is taken out; 0 where it did not.
+    constant : float
+        Longest run of equal samples, as a share of the record.
+    spikes : int
+        Spikes of a single sample, which are taken out.
     """
 
     peak_to_peak: float
@@ -59,6 +63,8 @@ class Amplitude(NamedTuple):
     full_peak_to_peak: float
     clipped: int = 0
     settling: float = 0.0
+    constant: float = 0.0
+    spikes: int = 0
 
     def fingerprint(self, unit: str) -> tuple[float, float] | None:
         """Values that identify a record independently of file, name and unit; None without vibration."""
@@ -78,12 +84,15 @@ class RunRow:
         Time, s, and speed; 0 while the machine stands still.
     channel : Channel or None
         Source of the samples; None when the row names no file.
+    load_n : float or None
+        Load, N.
     """
 
     name: str
     time_s: float
     speed_rpm: float
     channel: Channel | None
+    load_n: float | None = None
 
     def amplitude(self, n_samples: int | None = None) -> Amplitude:
         """Peak to peak, kurtosis and rms of the record.
@@ -103,13 +112,15 @@ class RunRow:
         x = self.channel.load()
         refuse_unmeasurable(x, f"record {self.name!r}")
         clipped = clipped_samples(x)
+        constant = constant_share(x)
+        x, spikes = without_spikes(x)
         x, settling = without_settling(x)
         centred = x - x.mean()
         power = float(np.mean(centred**2))
         kurtosis = float(np.mean(centred**4)) / power**2 if power > 0 else float("nan")
         full = float(np.ptp(x))
         part = full if n_samples is None else float(np.ptp(x[:n_samples]))
-        return Amplitude(part, kurtosis, float(np.sqrt(power)), full, clipped, settling)
+        return Amplitude(part, kurtosis, float(np.sqrt(power)), full, clipped, settling, constant, spikes)
 
 
 @dataclass(frozen=True)
@@ -133,6 +144,17 @@ class Run:
 
     def __iter__(self) -> Iterator[RunRow]:
         return iter(self.rows)
+
+    def load_n(self, rows: int | None = None) -> float | None:
+        """Equivalent load of the first rows of the running machine, or of all, N: cube root of the mean cube (ISO 281).
+
+        None where a load is not known.
+        """
+        loads = [row.load_n for row in self.rows if row.speed_rpm > 0][:rows]
+        known = [load for load in loads if load]
+        if not known or len(known) < len(loads):
+            return None
+        return known[0] if len(set(known)) == 1 else float(np.mean(np.power(known, 3.0)) ** (1 / 3))
 
 
 def read_run(
@@ -182,10 +204,10 @@ def read_run(
         channel = _channel(folder, row, rate, opened, needed=turning)
         # Other cells of a row at standstill are checked in the same way.
         checked = row if turning else replace(row, cells={**row.cells, "speed_rpm": "1"})
-        checked.condition(rate, 1 if channel is None else channel.n_samples, {})
+        load_n = checked.condition(rate, 1 if channel is None else channel.n_samples, {}).load_n
         if turning:
             rates.add(rate)
-        found.append(RunRow(name, time_s, speed_rpm, channel))
+        found.append(RunRow(name, time_s, speed_rpm, channel, load_n))
     order, sorting = in_order([row.time_s for row in found], [row.name for row in found], table)
     notes += sorting
     times = [found[place].time_s for place in order]
@@ -230,6 +252,17 @@ def _one_run(rows: tuple[Row, ...], table: Path, group: str | None, several: str
         f"{len(named)} groups that follow one another in time ({', '.join(sorted(named)[:6])}): assumed to be "
         f"recordings of one run; if they are not, {several}"
     ]
+
+
+def other_groups(folder: str | os.PathLike[str], group: str | None) -> list[str]:
+    """Other groups of a record set whose times overlap with each other's: other runs, and not parts of one."""
+    if group is None:
+        return []
+    rows = read_table(Path(folder) / "records.csv", ("record", "file", "speed_rpm", "time_s"))
+    groups = [row.text("group") for row in rows]
+    if not side_by_side(groups, (row.number_in("time_s") for row in rows)):
+        return []
+    return [name for name in dict.fromkeys(groups) if name is not None and name != group]
 
 
 def in_unit(limit: float, unit: str, wanted: str) -> float | None:

@@ -1,4 +1,4 @@
-"""Artefacts of the measuring chain in one record: clipped samples, and the settling of a sensor after power-on."""
+"""Artefacts of the measuring chain in one record: clipped samples, settling after power-on, dropouts, spikes."""
 
 from __future__ import annotations
 
@@ -13,6 +13,10 @@ _PILE: Final = 4
 """Ratio of the samples at an extreme to those at the next value from which they are clipped: a sinusoid that is
 quantised has at most 2.4, noise less than 1. A larger value misses slight clipping."""
 _LEAST_CLIPPED: Final = 3
+_SPIKE: Final = 12.0
+"""Height of a spike in robust standard deviations; lower ones hardly change peak to peak."""
+_ALONE: Final = 0.15
+"""Largest height of the samples beside a spike, relative to it: the response of a structure lasts several samples."""
 _BLOCKS: Final = 64
 _EXPLAINED: Final = 0.9
 """Share of the variance of block means that an exponential explains where the sensor settles; a larger value misses
@@ -88,3 +92,33 @@ def without_settling(x: Array) -> tuple[Array, float]:
     if abs(a) < _LEAST_SETTLING * float(settled.std()):
         return x, 0.0
     return settled, a
+
+
+def constant_share(x: Array) -> float:
+    """Longest run of equal consecutive samples, as a share of the record; large in a dropout."""
+    changes = np.flatnonzero(np.diff(x))
+    edges = np.concatenate(([-1], changes, [x.size - 1]))
+    return float(np.diff(edges).max() / x.size)
+
+
+def without_spikes(x: Array) -> tuple[Array, int]:
+    """A record with spikes of a single sample replaced by the mean of their neighbours, and their number.
+
+    Notes
+    -----
+    An impact makes the structure ring for several samples. A single sample far outside the scatter between two small
+    ones is electrical, as of a loose contact.
+    """
+    if x.size < 8:
+        return x, 0
+    centred = x - np.median(x)
+    scatter = 1.4826 * float(np.median(np.abs(centred)))
+    height = np.abs(centred)
+    beside = np.maximum(np.roll(height, 1), np.roll(height, -1))
+    places = np.flatnonzero((height > _SPIKE * scatter) & (beside < _ALONE * height) & (scatter > 0))
+    places = places[(places > 0) & (places < x.size - 1)]
+    if not places.size:
+        return x, 0
+    out = x.copy()
+    out[places] = (x[places - 1] + x[places + 1]) / 2
+    return out, int(places.size)

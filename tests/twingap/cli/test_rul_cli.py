@@ -216,12 +216,39 @@ def test_other_runs_fill_the_rows_before_the_anomaly(twingap: Run, folder: Path,
     table = tmp_path / "runs.csv"
     table.write_text("record,life_revolutions,after_anomaly_revolutions,end_ratio\na,200000,,\nb,3e5,1e5,9\n", "utf-8")
     done = twingap(folder, "--out", tmp_path / "a.csv", "--prior", other, "--prior", table)
-    assert done.status == 0 and "--prior ended at" in done.err
-    assert "times as wide, in logarithms, as without --prior" in done.err
-    assert "weight of growth 0.75, of the lives of other runs 0.25" in done.err
+    assert done.status == 0 and "the other runs ended at" in done.err
+    assert "times as wide, in logarithms, as without other runs" in done.err
+    assert "pooled with growth of weight 0.75" in done.err
     for row in rows_of(tmp_path / "a.csv")[1:]:
         low, high = float(row[4]), float(row[5])
         assert low <= float(row[3]) <= high
+
+
+def test_other_groups_of_the_set_are_a_prior_by_default(twingap: Run, tmp_path: Path) -> None:
+    """Those that end with an anomaly, at their loads; one that is still healthy is none."""
+    rng = np.random.default_rng(1)
+
+    def records() -> list[Record]:
+        made = []
+        for place, (law, load_n) in enumerate((("bent", 1000.0), ("exponential", 1000.0), ("power", 2000.0))):
+            run = simulate_run(np.random.default_rng(place), law, rows=60, varying=False)
+            for row, (time_s, speed, p) in enumerate(zip(run.time_s, run.speed_rpm, run.peak_to_peak, strict=True)):
+                if place == 1 and row == run.onset_row:
+                    break
+                x = rng.normal(size=256)
+                condition = Condition(
+                    f"{place} {row}", float(speed), 1e4, 256, time_s=float(time_s), load_n=load_n, group=law
+                )
+                made.append(Record(condition, x * p / np.ptp(x)))
+        return made
+
+    rig = write_records(tmp_path / "rig", "rig", "g", None, None, records())
+    done = twingap(rig, "--group", "bent", "--out", tmp_path / "a.csv", "--healthy-rows", 30)
+    assert done.status == 0 and all(all(row[2:]) for row in rows_of(tmp_path / "a.csv")[1:])
+    assert "groups 'power' end with an anomaly" in done.err and "converted to 1000 N" in done.err
+    assert "no ended runs and not used: 'exponential'" in done.err
+    alone = twingap(rig, "--group", "bent", "--out", tmp_path / "b.csv", "--healthy-rows", 30, "--alone")
+    assert "end with an anomaly" not in alone.err and rows_of(tmp_path / "b.csv")[1][2:] == [""] * 4
 
 
 def test_the_limit_is_converted_to_the_unit_of_other_runs(twingap: Run, folder: Path, tmp_path: Path) -> None:
@@ -334,7 +361,7 @@ def test_the_limit_among_the_healthy_rows_is_reached_whatever_is_recorded_later(
     for row in range(60):
         x = 0.1 * np.random.default_rng(row).normal(size=1200 if row == 40 else 2000)
         if row == 20:
-            x[1500] = 30.0
+            x[1500:1504] = 30.0, -30.0, 20.0, -10.0
         made.append(Record(Condition(f"r{row}", 1500.0, 5000.0, x.size, time_s=600.0 * row), x))
     done = []
     for rows in (60, 30):

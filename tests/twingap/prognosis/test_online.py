@@ -15,9 +15,10 @@ from twingap.prognosis.calibration_table import TABLE
 from twingap.prognosis.estimate import Estimate, LifeOptions
 from twingap.prognosis.follow import _shortened
 from twingap.prognosis.interval_study import check_bench, covered, learn, study, with_other_runs
+from twingap.prognosis.life_law import LogNormal
 from twingap.prognosis.online import OnlineLife
 from twingap.prognosis.outcomes import past_intervals
-from twingap.prognosis.prior import LogNormal, Prior
+from twingap.prognosis.prior import Prior
 from twingap.prognosis.simulated_runs import LAWS, SimulatedRun, simulate_run
 
 Array = NDArray[np.float64]
@@ -281,12 +282,13 @@ def test_other_runs_speak_before_the_anomaly_and_are_pooled_after_it() -> None:
     low, middle, high = law.remaining(0.0)
     assert middle == pytest.approx(1000.0) and np.log(high / 1000) == pytest.approx(0.5 * 1.645, rel=1e-3)
     assert law.remaining(3000.0)[1] > 0 and low < middle
-    prior = Prior(law, None, 0.5)
-    unit = 0.5
+    prior = Prior(law, None, 1.0)
+    sure, vague, lives = (60.0, 66.0, 72.0), (1.0, 66.0, 4000.0), law.remaining(400.0)
+    assert prior.joined(sure, 400.0, 200.0, 1.0) == pytest.approx(sure, rel=0.05)
+    assert prior.joined(vague, 400.0, 200.0, 1.0)[1] == pytest.approx(lives[1], rel=0.3)
+    assert Prior(law, None, 0.0).joined(sure, 400.0, 200.0, 1.0) == pytest.approx(lives, rel=0.05)
     found = prior.joined((10.0, 100.0, 1000.0), 400.0, 200.0, 1.0)
-    expected = np.sqrt((100 + unit) * (law.remaining(400.0)[1] + unit)) - unit
-    assert found[1] == pytest.approx(expected) and found[0] < found[1] < found[2]
-    assert Prior(law, None, 1.0).joined((10.0, 100.0, 1000.0), 400.0, 200.0, 1.0) == pytest.approx((10, 100, 1000))
+    assert 100 < found[1] < lives[1] and found[0] < found[1] < found[2]
     life = OnlineLife(prior=prior)
     assert life.update(0.0, 60.0, 1.0).revolutions == pytest.approx(1000.0)
 

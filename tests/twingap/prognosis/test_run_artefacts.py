@@ -58,3 +58,39 @@ def test_a_settling_sensor_is_no_anomaly(tmp_path: Path, tau_s: float) -> None:
     settling = followed(tmp_path, lambda i, x: x + offset * (i >= 70), onset=999)
     assert settling.alarm is None
     assert any("in 80 records, the first '070', the sensor settles after power-on" in note for note in settling.notes)
+
+
+def test_dropouts_are_left_out_and_said(tmp_path: Path) -> None:
+    def hold(i: int, x: Array) -> Array:
+        return np.where(np.arange(x.size) > 1000, 40.0, x) if i >= 80 else x
+
+    found = followed(tmp_path, hold, onset=999)
+    assert found.alarm is None
+    assert any("in 70 records, the first '080', the signal stands still" in note for note in found.notes)
+
+
+def test_spikes_of_a_loose_contact_are_no_anomaly(tmp_path: Path) -> None:
+    def spike(i: int, x: Array) -> Array:
+        return x + 200.0 * (np.arange(x.size) == 7 * i) if i >= 80 else x
+
+    found = followed(tmp_path, spike, onset=999)
+    assert found.alarm is None
+    assert any("in 70 records, the first '080', single samples stand out" in note for note in found.notes)
+
+
+def test_impacts_that_ring_are_no_spikes(tmp_path: Path) -> None:
+    ring = 60 * np.exp(-np.arange(300) / 20) * np.sin(2 * np.pi * np.arange(300) * 4000 / 25600)
+
+    def impacts(i: int, x: Array) -> Array:
+        return x + np.pad(ring, (500, 4096 - 800)) if i >= 80 else x
+
+    found = followed(tmp_path, impacts, onset=999)
+    assert found.alarm is not None and not any("single samples" in note for note in found.notes)
+
+
+@pytest.mark.parametrize("rows", [1, 60])
+def test_a_sensor_that_fades_is_said_and_is_no_running_in(tmp_path: Path, rows: int) -> None:
+    """At once and slowly, while the bearing's amplitude grows from row 90 on."""
+    found = followed(tmp_path, lambda i, x: x * np.exp(-7 * min(max(i - 70, 0) / rows, 1)))
+    assert any("as of a failing sensor" in note for note in found.notes)
+    assert found.alarm is None

@@ -1,0 +1,25 @@
+"""Declaration of the study of the challenge's score."""
+
+from pathlib import Path
+
+from papers.extra.femto_score import jobs, tables
+from papers.framework import Step, Study
+
+STUDY = Study(
+    name="femto_score",
+    title="score of the PHM 2012 challenge on the FEMTO learning bearings",
+    data="FEMTO",
+    config=Path(__file__).with_name("config.toml"),
+    options=jobs.Options,
+    at_hand=jobs.at_hand,
+    steps=(
+        Step("measure", jobs.measure, jobs.bearings, jobs.files),
+        Step("runs", jobs.measured),
+        Step("cuts", jobs.cuts_of),
+        Step("follow", jobs.follow, jobs.growths, jobs.of_runs),
+        Step("grown", jobs.grown),
+        Step("predict", jobs.predict, jobs.predictions, jobs.of_growth),
+    ),
+    tables=tables.all_tables,
+    headlines=("femto_score", "femto_score_bounds", "femto_score_lives"),
+)
