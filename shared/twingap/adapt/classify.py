@@ -137,7 +137,11 @@ def classify(
 
         found = classify_by_network(records, twin, bearing, length, seed, options, notes, progress)
     else:
-        from twingap.adapt.order_classifier import rows_at_speeds, shipped_classifier  # slow to import
+        from twingap.adapt.order_classifier import (
+            rows_at_speeds,
+            shipped_classifier,
+            weighed_by_lines,
+        )  # slow to import
         from twingap.adapt.windows import cut
         from twingap.identification.speed_without_labels import as_stated, speeds_without_labels
 
@@ -153,6 +157,7 @@ def classify(
         trees = shipped_classifier()
         rows, weights = rows_at_speeds(cut(records, length, options.windows), speeds, bearing)
         probabilities = trees.predict_proba(rows, weights)[:, np.searchsorted(trees.classes_, CLASSES)]
+        probabilities = weighed_by_lines(probabilities, speeds)
         assert trees.calibration_ is not None and trees.reliability_ is not None
         found = probabilities, trees.calibration_.temperature, trees.reliability_
     return Classified(tuple(c.name for c in records.conditions), CLASSES, *found, length, tuple(notes))

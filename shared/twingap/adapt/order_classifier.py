@@ -29,7 +29,7 @@ from twingap.adapt.windows import Windows
 from twingap.bearing import BEARINGS, Bearing
 from twingap.errors import TwingapError
 from twingap.files import replacing
-from twingap.identification.speed_without_labels import SpeedProbabilities
+from twingap.identification.speed_without_labels import FAULTS, SpeedProbabilities
 from twingap.trees import Trees
 
 Array = NDArray[np.float64]
@@ -40,6 +40,8 @@ the least of (at most `MOST_COMPARED`)."""
 MOST_COMPARED: Final = 8
 SPEEDS: Final = 5
 """Most candidates of a record's speed; more cover more of what is possible where records hardly show it."""
+LINE_WEIGHT: Final = 0.2
+"""Log odds of two faults per unit of difference of their lines' scores; larger trusts lines more than trees."""
 SPEED_WIDTH: Final = 0.01
 """Half the relative range of speeds that a candidate stands for: what the search for lines tolerates."""
 FEATURES: Final = (*names(next(iter(BEARINGS.values()))), *(f"level: {name}" for name in NAMES), *SETTING)
@@ -109,6 +111,28 @@ def rows_at_speeds(windows: Windows, speeds: SpeedProbabilities, bearing: Bearin
     found = features_at(windows, windows.speed_rpm * np.repeat(ratios, each, axis=1), bearing)
     rows = found.reshape(count, records, each, -1).swapaxes(0, 1).reshape(records, count * each, -1)
     return rows, np.repeat(weights.T, each, axis=1)
+
+
+def weighed_by_lines(probabilities: Array, speeds: SpeedProbabilities) -> Array:
+    """Probabilities of `CLASSES`, those of faults weighed against each other by the lines of whole records.
+
+    A window has few turns, in which lines of different faults hardly differ; a record has many. The probability of a
+    healthy record stays.
+
+    Parameters
+    ----------
+    probabilities : Array [records, classes]
+    speeds : SpeedProbabilities
+        Of the records.
+    """
+    if speeds.lines is None:
+        return probabilities
+    places = [CLASSES.index(fault) for fault in FAULTS]
+    faulty = probabilities[:, places]
+    weighed = faulty * np.exp(LINE_WEIGHT * (speeds.lines - speeds.lines.max(axis=1, keepdims=True)))
+    out = probabilities.copy()
+    out[:, places] = weighed * faulty.sum(axis=1, keepdims=True) / weighed.sum(axis=1, keepdims=True)
+    return out
 
 
 def write_classifier(classifier: FaultClassifier, folder: Path, made: Mapping[str, Any]) -> None:

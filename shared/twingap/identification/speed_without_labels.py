@@ -18,6 +18,7 @@ from typing import Final
 import numpy as np
 import scipy.fft
 from numpy.typing import NDArray
+from scipy.ndimage import maximum_filter1d
 
 from twingap.bearing import Bearing
 from twingap.identification.speed import Samples
@@ -39,6 +40,8 @@ ASIDE: Final = 0.5
 """Weight of a sideband, and of a line of the shaft, relative to a harmonic of the fault."""
 SEGMENT_TURNS: Final = 64.0
 """Turns in a segment of the envelope. Longer segments resolve orders better, and smear where the speed varies."""
+LEAST_TURNS: Final = 3.0
+"""Turns of a record from which its lines are searched; in fewer, lines of different faults are one."""
 MOST_SAMPLES: Final = 1 << 20
 """Samples of a record that are read, at most."""
 FLOOR_BINS: Final = 65
@@ -69,9 +72,12 @@ class SpeedProbabilities:
     ----------
     weights : Array [records, ratios]
         Of `RATIOS`; each row sums to 1.
+    lines : Array [records, faults], optional
+        How much higher each fault's lines score at these ratios than at others, in the order of `FAULTS`.
     """
 
     weights: Array
+    lines: Array | None = None
 
     @property
     def ratio(self) -> Array:
@@ -154,10 +160,16 @@ def speeds_without_labels(records: RecordSet, bearing: Bearing) -> SpeedProbabil
     -------
     SpeedProbabilities
     """
-    evidence = np.array([
-        _evidence(record.samples[:MOST_SAMPLES], record.condition, bearing) for record in records.without_labels()
-    ])  # fmt: skip
-    return combine(evidence)
+    scores, evidence = [], []
+    for record in records.without_labels():
+        x = record.samples[:MOST_SAMPLES]
+        scores.append(line_scores(x, record.condition, bearing))
+        evidence.append(_evidence(scores[-1], x, record.condition, bearing))
+    found = combine(np.array(evidence))
+    # A slipping cage moves lines by up to a per cent against the shaft.
+    over = maximum_filter1d(np.array(scores), round(2 * 0.01 / STEP) + 1, axis=2)
+    over -= np.median(scores, axis=2)[:, :, None]
+    return replace(found, lines=np.einsum("rfg,rg->rf", over, found.weights))
 
 
 def combine(evidence: Array) -> SpeedProbabilities:
@@ -187,12 +199,9 @@ def combine(evidence: Array) -> SpeedProbabilities:
     return SpeedProbabilities(np.asarray(found) / np.sum(found, axis=1, keepdims=True))
 
 
-def _evidence(x: Array, condition: Condition, bearing: Bearing) -> Array:
+def _evidence(scores: Array, x: Array, condition: Condition, bearing: Bearing) -> Array:
     """Log likelihood of each ratio [ratios]: lines of the likeliest faults, and tones of the shaft."""
-    turns = condition.speed_rpm / 60 * x.size / condition.fs_hz
-    if turns < 3 or not np.ptp(x) > 0:
-        return np.zeros(RATIOS.size)
-    scores = SHARPNESS * line_scores(x, condition, bearing)
+    scores = SHARPNESS * scores
     highest = scores.max()
     found = highest + np.log(np.exp(scores - highest).mean(axis=0))
     tones = read_speed(x, condition, bearing)
@@ -216,9 +225,11 @@ def line_scores(x: Array, condition: Condition, bearing: Bearing) -> Array:
     Returns
     -------
     Array [faults, ratios]
-        In the order of `FAULTS`.
+        In the order of `FAULTS`; 0 for a record of less than `LEAST_TURNS` turns.
     """
     shaft_hz = condition.speed_rpm / 60
+    if shaft_hz * x.size / condition.fs_hz < LEAST_TURNS or not np.ptp(x) > 0:
+        return np.zeros((len(FAULTS), RATIOS.size))
     out = np.full((len(FAULTS), RATIOS.size), -np.inf)
     for height, df in _line_heights(x, condition.fs_hz, shaft_hz, bearing):
         bins = height.size - 2
